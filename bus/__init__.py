@@ -1,0 +1,1 @@
+"""Moving CAN frames: the frame, the transport interface, transports, absolute ticks."""

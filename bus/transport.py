@@ -1,0 +1,60 @@
+"""The interface behind which every bus stands: SocketCAN, the hub, a virtual bus in one process."""
+
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Protocol, Self
+
+from bus.frame import Frame
+
+
+class BusClosed(ConnectionError):
+    """The bus is gone: the hub ended, the interface went away, or `close` was called."""
+
+
+class BusUnavailable(ConnectionError):
+    """The bus cannot be opened; the message says what is missing and what would help."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Statistics:
+    """Counters since the transport was opened; frames unless said otherwise."""
+
+    received: int = 0
+    sent: int = 0
+    dropped_in: int = 0  # lost before we could read them (receive buffer full)
+    dropped_out: int = 0  # not accepted for sending (send buffer full)
+    errors: int = 0  # error frames
+
+
+class Transport(Protocol):
+    """Five methods; none of them blocks."""
+
+    def send(self, frame: Frame) -> bool:
+        """Hand one frame to the bus. False: not accepted, and counted in `dropped_out`.
+
+        Raises BusClosed when the bus is gone.
+        """
+
+    def drain(self, limit: int = 64) -> list[Frame]:
+        """At most `limit` frames that have arrived, oldest first; [] if there are none.
+
+        Raises BusClosed when the bus is gone and everything that arrived has been read.
+        """
+
+    def fileno(self) -> int:
+        """A file descriptor that is readable when `drain` has something to give."""
+
+    def statistics(self) -> Statistics:
+        """Counters since opening."""
+
+    def close(self) -> None:
+        """Release the bus; a second call does nothing."""
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None: ...

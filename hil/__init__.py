@@ -1,0 +1,1 @@
+"""The bench: lockstep, processes, decoding, report and command line; composes everything."""
