@@ -1,6 +1,11 @@
-"""Tests run stricter than use: floating-point trouble is an error."""
+"""Tests run stricter than use: floating-point trouble is an error, and what must run may not skip.
+
+$LOADERHIL_MUST_RUN names markers (socketcan, browser, processes, ...); a test that carries one of
+them and skips is then a failure. Continuous integration sets it.
+"""
 
 import os
+from collections.abc import Generator
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +14,21 @@ import pytest
 np.seterr(divide="raise", over="raise", invalid="raise")
 
 ROOT = Path(__file__).resolve().parent.parent
+MUST_RUN = frozenset(os.environ.get("LOADERHIL_MUST_RUN", "").split())
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Turn a skip into a failure where the machine was said to have what the test needs."""
+    report = yield
+    needed = MUST_RUN.intersection(mark.name for mark in item.iter_markers())
+    if report.skipped and needed and not hasattr(report, "wasxfail"):
+        report.outcome = "failed"
+        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else report.longrepr
+        report.longrepr = f"must run here (LOADERHIL_MUST_RUN has {', '.join(sorted(needed))}): {reason}"
+    return report
 
 
 @pytest.fixture(scope="session")

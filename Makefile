@@ -1,0 +1,53 @@
+# Two commands do all the set-up: `make demo` and `make test`. Others: `make help`.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+NICE   := $(shell command -v nice)
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test check fast slow-tests socketcan bench results docs clean lock
+
+help: ## list the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
+
+$(BIN)/.run: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "loaderhil needs Python 3.11 or newer: make PYTHON=python3.11 ..." >&2; exit 2; }
+	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || { echo "$(PYTHON) cannot make virtual environments: install its venv package (Debian: python3-venv)" >&2; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[render]'
+	@touch $@
+
+$(BIN)/.test: $(BIN)/.run
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
+	@touch $@
+
+demo: $(BIN)/.run ## roll-over with the ECU's limits off and on; writes out/demo/report.html
+	$(BIN)/loaderhil demo --out out/demo
+
+test: check fast slow-tests socketcan ## every test, linter and import contract
+
+check: $(BIN)/.test ## format, lint, types, import contracts
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+fast: $(BIN)/.test ## tests that need no real time, browser or CAN in the kernel
+	$(BIN)/pytest -n 2 --dist loadfile -m 'not processes and not browser and not socketcan'
+
+slow-tests: $(BIN)/.test ## tests with processes in real time and in a real browser
+	$(BIN)/pytest -m 'processes or browser'
+
+socketcan: $(BIN)/.test ## SocketCAN tests: natively where the kernel has CAN, else under user-mode Linux
+	scripts/with-vcan $(BIN)/pytest -m socketcan
+
+bench: $(BIN)/.test ## every benchmark, each against its peer
+	@for b in bench/bench_*.py; do echo "== $$b"; $(BIN)/python $$b || exit 1; done
+
+results: $(BIN)/.test ## regenerate the tables under docs/results (minutes)
+	$(BIN)/loaderhil campaign normal-force --out docs/results
+	$(BIN)/loaderhil campaign roll-over --out docs/results
+
+clean: ## remove what was built, not the environment
+	rm -rf out build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	find . -name __pycache__ -not -path './$(VENV)/*' -type d -prune -exec rm -rf {} +
