@@ -1,0 +1,67 @@
+"""When a frame arrives: one shared wire, arbitration by identifier, time by length.
+
+Classic CAN at a constant bit rate. A frame occupies the wire for its nominal length
+without stuff bits (ISO 11898-1: 47 bits of frame and interframe space with an 11-bit
+identifier, 67 with a 29-bit one, and 8 per data byte); stuffing would add 0..23 %.
+Frames of both sides queue together and the lowest identifier goes first. Lockstep runs
+use it, so that the order and the age of what each side reads are those of a real bus.
+"""
+
+import heapq
+from collections.abc import Iterable
+
+from bus.frame import EXTENDED, EXTENDED_MASK, STANDARD_MASK, Frame
+
+SECOND = 1_000_000_000
+
+
+def wire_bits(frame: Frame) -> int:
+    """Bits that a classic frame occupies, interframe space included, stuff bits not."""
+    return (67 if frame.can_id & EXTENDED else 47) + 8 * len(frame.data)
+
+
+def arbitration_key(can_id: int) -> int:
+    """Smaller wins the bus: the identifier's bits in the order sent, standard before extended."""
+    if can_id & EXTENDED:
+        identifier = can_id & EXTENDED_MASK
+        return (identifier >> 18) << 20 | 1 << 19 | identifier & 0x3FFFF
+    return (can_id & STANDARD_MASK) << 20
+
+
+class Wire:
+    """Frames in, the same frames out with their sender and the stamp of their last bit."""
+
+    def __init__(self, bit_rate: int = 500_000) -> None:
+        if bit_rate <= 0:
+            raise ValueError(
+                f"bit_rate={bit_rate} bit/s is not positive; CAN runs at 10_000 to 1_000_000 bit/s"
+            )
+        self._bit_ns = SECOND / bit_rate
+        self._pending: list[tuple[int, int, str, Frame]] = []
+        self._queued = 0
+        self._free_ns = 0
+
+    def put(self, frames: Iterable[Frame], now_ns: int, sender: str) -> None:
+        """Queue frames at `now_ns`; the wire cannot have carried them before that."""
+        for frame in frames:
+            heapq.heappush(self._pending, (arbitration_key(frame.can_id), self._queued, sender, frame))
+            self._queued += 1
+        self._free_ns = max(self._free_ns, now_ns)
+
+    def take(self, until_ns: int) -> list[tuple[str, Frame]]:
+        """(sender, frame) of what has arrived by `until_ns`, in order, stamped with the arrival."""
+        arrived = []
+        while self._pending:
+            _, _, sender, frame = self._pending[0]
+            at_ns = self._free_ns + round(wire_bits(frame) * self._bit_ns)
+            if at_ns > until_ns:
+                break
+            heapq.heappop(self._pending)
+            self._free_ns = at_ns
+            arrived.append((sender, Frame(frame.can_id, frame.data, at_ns, frame.flags)))
+        return arrived
+
+    @property
+    def backlog(self) -> int:
+        """Frames still waiting."""
+        return len(self._pending)

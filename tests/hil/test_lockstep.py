@@ -1,0 +1,67 @@
+"""Order, latency and completeness of the lockstep loop, with cores small enough to predict."""
+
+import itertools
+
+import pytest
+
+from hil.lockstep import ECU_PHASE_NS, PERIOD_NS, Lockstep
+from tests.hil.fakes import ANSWER, SENSOR, SPEEDS, FakeEcu, FakePlant
+
+
+def run(ticks=20):
+    plant, ecu = FakePlant(ticks), FakeEcu()
+    return plant, ecu, Lockstep(plant, ecu).run()
+
+
+def test_the_ecu_tick_of_a_period_knows_that_periods_sensor_frames():
+    _, _, recording = run()
+    answers = [f.data for f in recording.bus if f.can_id == ANSWER]
+    assert answers == [n.to_bytes(8, "little") for n in range(20)]
+
+
+def test_the_answer_arrives_before_the_next_plant_tick():
+    plant, _, _ = run()
+    for number, (_, now_ns) in enumerate(plant.heard):
+        assert number * PERIOD_NS + ECU_PHASE_NS < now_ns <= (number + 1) * PERIOD_NS
+
+
+def test_ticks_are_exactly_periodic():
+    plant, ecu, _ = run()
+    assert plant.ticked == [n * PERIOD_NS for n in range(20)]
+    assert ecu.ticked == [n * PERIOD_NS + ECU_PHASE_NS for n in range(20)]
+
+
+def test_nobody_hears_what_it_sent_itself_and_everybody_hears_the_rest():
+    plant, ecu, recording = run()
+    assert {f.can_id for f, _ in plant.heard} == {ANSWER}
+    assert {f.can_id for f, _ in ecu.heard} == {SENSOR, SPEEDS}
+    assert len(recording.bus) == len(plant.heard) + len(ecu.heard)
+
+
+def test_stamps_increase_strictly_and_are_those_that_the_receiver_was_told():
+    plant, ecu, recording = run()
+    stamps = [f.at_ns for f in recording.bus]
+    assert all(a < b for a, b in itertools.pairwise(stamps))
+    assert all(frame.at_ns == now_ns for frame, now_ns in plant.heard + ecu.heard)
+
+
+def test_truth_and_reference_are_recorded_once_per_tick():
+    _, _, recording = run()
+    assert [t.time_s for t in recording.truth] == [n * PERIOD_NS * 1e-9 for n in range(20)]
+    assert [f.at_ns for f in recording.reference] == [n * PERIOD_NS for n in range(20)]
+
+
+def test_findings_of_both_sides_are_kept():
+    _, _, recording = run(3)
+    assert recording.ecu_findings == ["heard", "heard", "ticked"] * 3
+    assert recording.plant_findings == []
+
+
+def test_two_runs_are_equal():
+    assert run()[2] == run()[2]
+
+
+def test_progress_hears_simulated_time():
+    heard = []
+    Lockstep(FakePlant(20), FakeEcu()).run(heard.append, every=5)
+    assert heard == pytest.approx([0.05, 0.10, 0.15, 0.20])

@@ -1,0 +1,101 @@
+"""Whatever happens to one process, the others end and the reason is known."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from hil.supervisor import Child, StartFailed, Supervisor
+
+FAKE = str(Path(__file__).with_name("fake_child.py"))
+ROOT = Path(__file__).resolve().parents[2]
+pytestmark = pytest.mark.processes
+
+
+def start(supervisor: Supervisor, behaviour: str) -> Child:
+    return supervisor.start(behaviour, [sys.executable, FAKE, behaviour], {"PYTHONPATH": str(ROOT)})
+
+
+def running(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+
+
+def test_a_process_waits_for_go_then_reports_progress_and_figures():
+    heard = []
+    with Supervisor(lambda name, event: heard.append((name, event["event"]))) as supervisor:
+        child = start(supervisor, "work")
+        supervisor.wait_ready([child], 20)
+        assert heard == [("work", "ready")]
+        supervisor.go(child)
+        assert supervisor.wait_first_end(20) is child
+        assert child.finished
+        assert child.figures == {"ticks": 200}
+    assert heard == [("work", "ready"), ("work", "progress"), ("work", "finished")]
+
+
+def test_a_process_that_refuses_to_start_gives_its_reason_and_takes_the_others_along():
+    with Supervisor() as supervisor:
+        stays = start(supervisor, "stay")
+        refuses = start(supervisor, "refuse")
+        with pytest.raises(StartFailed, match=r"refuse process .* exit code 4: no bus at hub:/nowhere"):
+            supervisor.wait_ready([stays, refuses], 20)
+    assert not running(stays.process.pid)
+
+
+def test_a_process_that_is_never_ready_is_named():
+    with Supervisor() as supervisor:
+        child = start(supervisor, "never-ready")
+        with pytest.raises(StartFailed, match="never-ready"):
+            supervisor.wait_ready([child], 0.5)
+    assert not running(child.process.pid)
+
+
+def test_a_killed_process_is_noticed_at_once_and_named_with_its_signal():
+    with Supervisor() as supervisor:
+        one, other = start(supervisor, "stay"), start(supervisor, "stay")
+        supervisor.wait_ready([one, other], 20)
+        one.process.send_signal(signal.SIGKILL)
+        began = time.monotonic()
+        assert supervisor.wait_first_end(20) is one
+        assert time.monotonic() - began < 5
+        assert one.how_it_ended().endswith("was killed by SIGKILL")
+    assert not running(other.process.pid)
+
+
+def test_a_process_that_ignores_sigterm_is_killed():
+    with Supervisor() as supervisor:
+        child = start(supervisor, "deaf")
+        supervisor.wait_ready([child], 20)
+        supervisor.stop(child, timeout_s=0.2)
+        assert child.process.returncode == -signal.SIGKILL
+
+
+def test_processes_do_not_outlive_a_supervisor_that_is_killed():
+    script = (
+        "import sys\n"
+        "from hil.supervisor import Supervisor\n"
+        "s = Supervisor()\n"
+        f"c = s.start('stay', [sys.executable, {FAKE!r}, 'stay'])\n"
+        "s.wait_ready([c], 20)\n"
+        "print(c.process.pid, flush=True)\n"
+        "s.wait_first_end(60)\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    with subprocess.Popen(
+        [sys.executable, "-c", script], stdout=subprocess.PIPE, text=True, env=environment
+    ) as supervisor:
+        assert supervisor.stdout is not None
+        child = int(supervisor.stdout.readline())
+        supervisor.kill()
+    deadline = time.monotonic() + 10
+    while running(child) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert not running(child)
