@@ -1,0 +1,91 @@
+"""Ticks at absolute times, from the kernel's timerfd.
+
+A tick is due at `start_ns + k * period_ns` for k = 0, 1, 2, ..., however late the one
+before was served, so lateness never accumulates. The kernel counts the ticks that have
+come due; a count above one means that ticks were missed, and by how many. Python offers
+timerfd from 3.13 on, so libc is called directly.
+"""
+
+import ctypes
+import os
+import sys
+import time
+from types import TracebackType
+from typing import Self
+
+NS = 1_000_000_000
+TFD_TIMER_ABSTIME = 1  # include/uapi/linux/timerfd.h
+_LIBC = ctypes.CDLL(None, use_errno=True)
+
+
+class _Timespec(ctypes.Structure):
+    _fields_ = (("seconds", ctypes.c_long), ("nanoseconds", ctypes.c_long))
+
+
+class _Itimerspec(ctypes.Structure):
+    _fields_ = (("interval", _Timespec), ("value", _Timespec))
+
+
+def _timespec(time_ns: int) -> _Timespec:
+    return _Timespec(*divmod(time_ns, NS))
+
+
+class Ticks:
+    """A periodic timer with a file descriptor that is readable when a tick is due."""
+
+    def __init__(self, period_ns: int, start_ns: int | None = None) -> None:
+        """First tick at `start_ns` of CLOCK_MONOTONIC, by default one period from now.
+
+        A start in the past is allowed: the ticks since then count as due.
+        """
+        if period_ns <= 0:
+            raise ValueError(f"period_ns={period_ns} must be positive")
+        if start_ns is None:
+            start_ns = time.monotonic_ns() + period_ns
+        elif start_ns <= 0:
+            raise ValueError(f"start_ns={start_ns} must be positive: a time of CLOCK_MONOTONIC")
+        self.period_ns = period_ns
+        self._due_ns = start_ns - period_ns
+        self._fd: int = _LIBC.timerfd_create(time.CLOCK_MONOTONIC, os.O_NONBLOCK | os.O_CLOEXEC)
+        if self._fd < 0:
+            raise OSError(ctypes.get_errno(), "timerfd_create failed")
+        schedule = _Itimerspec(interval=_timespec(period_ns), value=_timespec(start_ns))
+        if _LIBC.timerfd_settime(self._fd, TFD_TIMER_ABSTIME, ctypes.byref(schedule), None) < 0:
+            code = ctypes.get_errno()
+            self.close()
+            raise OSError(code, f"timerfd_settime refused a period of {period_ns} ns from {start_ns} ns")
+
+    @property
+    def due_ns(self) -> int:
+        """When the latest tick that `expired` reported was due; one period before the first if none was."""
+        return self._due_ns
+
+    def fileno(self) -> int:
+        """The file descriptor to wait on."""
+        return self._fd
+
+    def expired(self) -> int:
+        """Ticks that came due since the last call: 0 none, 1 on time, n > 1 means n - 1 were missed."""
+        try:
+            count = int.from_bytes(os.read(self._fd, 8), sys.byteorder)
+        except BlockingIOError:
+            return 0
+        self._due_ns += count * self.period_ns
+        return count
+
+    def close(self) -> None:
+        """Stop ticking; a second call does nothing."""
+        if self._fd >= 0:
+            os.close(self._fd)
+            self._fd = -1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
