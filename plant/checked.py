@@ -1,0 +1,143 @@
+"""Checked reading of TOML: an error names file, key, value, unit and permitted range.
+
+A table is read key by key and then finished; keys nobody asked for are refused, because a
+misspelt key that is silently ignored changes a run without a word.
+"""
+
+import difflib
+import math
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Self, cast
+
+
+class ConfigurationError(ValueError):
+    """A configuration file cannot be used; the message says where and why."""
+
+
+class CheckedTable:
+    """One table of a TOML file, with the names needed for a good error."""
+
+    def __init__(self, values: Mapping[str, object], *, file: str, section: str = "") -> None:
+        self._values = values
+        self._file = file
+        self._section = section
+        self._asked: set[str] = set()
+
+    @classmethod
+    def from_file(cls, path: Path) -> Self:
+        """The top table of a TOML file."""
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ConfigurationError(f"{path}: cannot be read: {error}") from error
+        try:
+            return cls(tomllib.loads(text), file=str(path))
+        except tomllib.TOMLDecodeError as error:
+            raise ConfigurationError(f"{path}: not valid TOML: {error}") from error
+
+    @property
+    def file(self) -> str:
+        """The file this table is from, as given."""
+        return self._file
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._values
+
+    def keys(self) -> list[str]:
+        """The keys of the table in the order of the file."""
+        return list(self._values)
+
+    def number(
+        self,
+        key: str,
+        *,
+        unit: str,
+        low: float = -math.inf,
+        high: float = math.inf,
+        default: float | None = None,
+    ) -> float:
+        """The number at `key` in `unit`, within [low, high]; `default` where the key is absent."""
+        value = self._value(key, default)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self.error(key, f"= {value!r} is not a number of {unit}")
+        if not low <= value <= high:
+            raise self.error(key, f"= {value} {unit} is outside {low:g}..{high:g} {unit}")
+        return float(value)
+
+    def integer(self, key: str, *, low: int, high: int, default: int | None = None) -> int:
+        """The whole number at `key`, within [low, high]."""
+        value = self._value(key, default)
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise self.error(key, f"= {value!r} is not a whole number")
+        if not low <= value <= high:
+            raise self.error(key, f"= {value} is outside {low}..{high}")
+        return value
+
+    def text(self, key: str, *, default: str | None = None) -> str:
+        """The non-empty text at `key`."""
+        value = self._value(key, default)
+        if not isinstance(value, str) or not value.strip():
+            raise self.error(key, f"= {value!r} is not a text")
+        return value
+
+    def numbers(self, key: str, *, unit: str, count: int, low: float, high: float) -> tuple[float, ...]:
+        """The `count` numbers at `key`, each within [low, high]."""
+        value = self._value(key, None)
+        if not isinstance(value, list) or len(value) != count:
+            raise self.error(key, f"= {value!r} is not a list of {count} numbers of {unit}")
+        items = CheckedTable(
+            {f"{key}[{i}]": item for i, item in enumerate(value)}, file=self._file, section=self._section
+        )
+        return tuple(items.number(f"{key}[{i}]", unit=unit, low=low, high=high) for i in range(count))
+
+    def points(self, key: str, *, unit: str, low: float, high: float) -> tuple[tuple[float, float], ...]:
+        """The [time_s, value] pairs at `key`: times from 0 on, never falling; values within [low, high]."""
+        value = self._value(key, None)
+        if not isinstance(value, list) or not value:
+            raise self.error(key, f"= {value!r} is not a list of [time_s, value] pairs")
+        pairs: list[tuple[float, float]] = []
+        for i, pair in enumerate(value):
+            if not isinstance(pair, list) or len(pair) != 2:
+                raise self.error(f"{key}[{i}]", f"= {pair!r} is not a [time_s, value] pair")
+            item = CheckedTable(
+                {"time": pair[0], "value": pair[1]}, file=self._file, section=f"{self._path(key)}[{i}]"
+            )
+            time = item.number("time", unit="s", low=pairs[-1][0] if pairs else 0.0)
+            pairs.append((time, item.number("value", unit=unit, low=low, high=high)))
+        return tuple(pairs)
+
+    def table(self, key: str) -> "CheckedTable":
+        """The table at `key`; an empty one where it is absent."""
+        value = self._value(key, {})
+        if not isinstance(value, dict):
+            raise self.error(key, f"= {value!r} is not a table")
+        return CheckedTable(cast("dict[str, object]", value), file=self._file, section=self._path(key))
+
+    def finish(self) -> None:
+        """Refuse the keys that were not asked for."""
+        for key in self._values:
+            if key not in self._asked:
+                raise self.unknown(key, self._asked)
+
+    def unknown(self, key: str, known: Iterable[str]) -> ConfigurationError:
+        """The error for a key that means nothing here, with the nearest one that does."""
+        names = sorted(known)
+        near = difflib.get_close_matches(key, names, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(names)}"
+        return self.error(key, f"is not a known key; {hint}")
+
+    def error(self, key: str, what: str) -> ConfigurationError:
+        """An error about `key`, naming the file and the full key."""
+        return ConfigurationError(f"{self._file}: {self._path(key)} {what}")
+
+    def _path(self, key: str) -> str:
+        return f"{self._section}.{key}" if self._section else key
+
+    def _value(self, key: str, default: object) -> object:
+        self._asked.add(key)
+        value = self._values.get(key, default)
+        if value is None:
+            raise self.error(key, "is missing")
+        return value

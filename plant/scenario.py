@@ -1,0 +1,112 @@
+"""Scenarios: a drive case as a small, validated TOML file."""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from plant.checked import CheckedTable
+from plant.equipment import Equipment, find_file, load_equipment
+from plant.script import DEGREE, KMH, Script, read_script
+from plant.sensors import read_sensors
+from plant.surface import Surface
+
+FOLDER = Path(__file__).parent / "scenarios"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start:
+    """Pose and motion at the start, SI. None: the machine's carry position."""
+
+    speed: float = 0.0
+    articulation_angle: float = 0.0
+    lift_arm_angle: float | None = None
+    tilt_angle: float | None = None
+    heading: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """A drive case: which machine, on what ground, from where, and what its driver does. SI."""
+
+    name: str
+    sentence: str
+    duration_s: float
+    machine: str  # name or path for plant.machine.load_machine
+    payload_mass: float
+    surface: Surface
+    start: Start
+    script: Script
+    equipment: Equipment
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """One line of the list of scenarios."""
+
+    name: str
+    sentence: str
+    duration_s: float
+    path: Path
+
+
+def list_scenarios() -> list[Summary]:
+    """The shipped scenarios in the order of their names."""
+    return [
+        Summary(scenario.name, scenario.sentence, scenario.duration_s, path)
+        for path in sorted(FOLDER.glob("*.toml"))
+        for scenario in [load_scenario(path)]
+    ]
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """A scenario by name (a file of plant/scenarios/) or by path of a TOML file.
+
+    Raises ConfigurationError, which names file, key, value, unit and permitted range.
+    """
+    path = find_file(name_or_path, FOLDER, "scenario")
+    table = CheckedTable.from_file(path)
+    name = table.text("name")
+    if name != path.stem:
+        raise table.error("name", f"= {name!r} is not the name of the file, {path.stem!r}")
+    equipment = load_equipment(table.text("equipment", default="l60"))
+    scenario = Scenario(
+        name=name,
+        sentence=table.text("sentence"),
+        duration_s=table.number("duration_s", unit="s", low=0.1, high=3600.0),
+        machine=table.text("machine"),
+        payload_mass=table.number("payload_kg", unit="kg", low=0.0, high=20_000.0, default=0.0),
+        surface=_read_surface(table.table("surface")),
+        start=_read_start(table.table("start")),
+        script=read_script(table.table("driver")),
+        equipment=replace(equipment, sensors=read_sensors(table.table("sensors"), equipment.sensors)),
+        seed=table.integer("seed", low=0, high=2**32 - 1, default=0),
+    )
+    table.finish()
+    return scenario
+
+
+def _read_surface(table: CheckedTable) -> Surface:
+    surface = Surface(
+        friction=table.number("friction", unit="1", low=0.05, high=1.2, default=0.75),
+        grade=math.atan(table.number("grade_percent", unit="%", low=-60.0, high=60.0, default=0.0) / 100),
+        bank=table.number("bank_deg", unit="deg", low=-30.0, high=30.0, default=0.0) * DEGREE,
+    )
+    table.finish()
+    return surface
+
+
+def _read_start(table: CheckedTable) -> Start:
+    def pose(key: str) -> float | None:
+        return table.number(key, unit="deg", low=-90.0, high=90.0) * DEGREE if key in table else None
+
+    start = Start(
+        speed=table.number("speed_kmh", unit="km/h", low=-20.0, high=40.0, default=0.0) * KMH,
+        articulation_angle=table.number("articulation_deg", unit="deg", low=-40.0, high=40.0, default=0.0)
+        * DEGREE,
+        lift_arm_angle=pose("lift_arm_deg"),
+        tilt_angle=pose("tilt_deg"),
+        heading=table.number("heading_deg", unit="deg", low=-180.0, high=180.0, default=0.0) * DEGREE,
+    )
+    table.finish()
+    return start

@@ -1,0 +1,249 @@
+"""Sensors between the truth and the frames: scale, bias, lag, delay, noise, saturation, resolution, dropout.
+
+Each channel is sampled once per tick (the bank's step), in this order:
+
+    measured = truth (1 + scale error) + bias
+    lagged   = first-order low-pass, exact for an input held over the step
+    delayed  = lagged one delay ago, linear between samples (exact for whole steps)
+    noisy    = delayed + Gaussian noise, white at the sample rate
+    reading  = noisy, limited to the sensor's range, rounded to its resolution
+
+A dropped sample repeats the last reading. A parameter of zero switches its term off exactly:
+a bank of ideal sensors returns its input bit for bit. Random numbers come from a generator passed
+in, two per channel and step whatever the parameters, so that changing one channel leaves
+the noise of the others as it was.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plant.checked import CheckedTable
+from plant.truth import Truth
+
+Floats = NDArray[np.float64]
+
+WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
+
+
+class Health(IntEnum):
+    """State of a channel's reading, numbered as the DBC's State tables."""
+
+    OK = 0
+    DEGRADED = 1  # at the end of its range
+    ERROR = 2  # no sample: the last reading is repeated
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """Unit of a family of channels: suffix of its TOML keys, and its size in SI."""
+
+    suffix: str
+    label: str
+    si: float
+
+
+_DEGREE = Unit("deg", "deg", math.pi / 180)
+_DEGREE_PER_SECOND = Unit("deg_s", "deg/s", math.pi / 180)
+_RADIAN_PER_SECOND = Unit("rad_s", "rad/s", 1.0)
+_TORQUE = Unit("n_m", "N m", 1.0)
+_ACCELERATION = Unit("m_s2", "m/s2", 1.0)
+_PRESSURE = Unit("kpa", "kPa", 1e3)
+
+FAMILIES: Mapping[str, Unit] = {
+    "articulation_angle": _DEGREE,
+    "articulation_rate": _DEGREE_PER_SECOND,
+    "wheel_speed": _RADIAN_PER_SECOND,
+    "wheel_torque": _TORQUE,
+    "acceleration": _ACCELERATION,
+    "angular_rate": _DEGREE_PER_SECOND,
+    "slope_angle": _DEGREE,
+    "pressure": _PRESSURE,
+    "linkage_angle": _DEGREE,
+}
+
+CHANNELS: Mapping[str, str] = {
+    "articulation_angle": "articulation_angle",
+    "articulation_rate": "articulation_rate",
+    **{f"wheel_speed_{wheel}": "wheel_speed" for wheel in WHEELS},
+    **{f"wheel_torque_{wheel}": "wheel_torque" for wheel in WHEELS},
+    **{f"acceleration_{axis}": "acceleration" for axis in "xyz"},
+    "roll_rate": "angular_rate",
+    "pitch_rate": "angular_rate",
+    "yaw_rate": "angular_rate",
+    "pitch_angle": "slope_angle",
+    "roll_angle": "slope_angle",
+    "lift_pressure": "pressure",
+    "tilt_pressure": "pressure",
+    "lift_arm_angle": "linkage_angle",
+    "tilt_angle": "linkage_angle",
+}
+"""Channel name -> family, in the order of every vector of this module."""
+
+INDEX: Mapping[str, int] = {name: i for i, name in enumerate(CHANNELS)}
+WHEEL_SPEED = slice(INDEX["wheel_speed_front_left"], INDEX["wheel_speed_rear_right"] + 1)
+
+
+def measured_values(truth: Truth) -> list[float]:
+    """What ideal sensors would read, SI, in the order of CHANNELS."""
+    return [
+        truth.articulation_angle,
+        truth.articulation_rate,
+        *truth.wheel_speed,
+        *truth.wheel_torque,
+        *truth.imu_specific_force,
+        *truth.angular_velocity,
+        truth.pitch,
+        truth.roll,
+        truth.lift_pressure,
+        truth.tilt_pressure,
+        truth.lift_arm_angle,
+        truth.tilt_angle,
+    ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelParameters:
+    """One sensor in SI units of its quantity; the default is an ideal sensor."""
+
+    bias: float = 0.0
+    scale_error: float = 0.0  # reading per truth, minus one
+    lag: float = 0.0  # time constant [s]
+    delay: float = 0.0  # [s]
+    noise: float = 0.0  # standard deviation
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    resolution: float = 0.0
+    dropout: float = 0.0  # probability that a sample is missing
+
+
+@dataclass(frozen=True, slots=True)
+class SensorParameters:
+    """Parameters of all channels; those not named are ideal."""
+
+    channels: Mapping[str, ChannelParameters] = field(default_factory=dict)
+
+    def of(self, channel: str) -> ChannelParameters:
+        """Parameters of one channel."""
+        return self.channels.get(channel, ChannelParameters())
+
+
+def read_sensors(table: CheckedTable, base: SensorParameters) -> SensorParameters:
+    """`base` with what a [sensors] table says: a section per family or channel, the channel's word last."""
+    channels = {name: base.of(name) for name in CHANNELS}
+    for section in sorted(table.keys(), key=lambda name: name not in FAMILIES):
+        unit = FAMILIES.get(section) or FAMILIES.get(CHANNELS.get(section, ""))
+        if unit is None:
+            raise table.unknown(section, [*FAMILIES, *CHANNELS])
+        entry = table.table(section)
+        for name, family in CHANNELS.items():
+            if section in (name, family):
+                channels[name] = _read_channel(entry, unit, channels[name])
+        entry.finish()
+    return SensorParameters(channels)
+
+
+def _read_channel(entry: CheckedTable, unit: Unit, base: ChannelParameters) -> ChannelParameters:
+    """One section: the keys it has, over `base`."""
+
+    def quantity(name: str, current: float, low: float = -math.inf) -> float:
+        key = f"{name}_{unit.suffix}"
+        return entry.number(key, unit=unit.label, low=low, default=current / unit.si) * unit.si
+
+    def percent(key: str, current: float, low: float) -> float:
+        return entry.number(key, unit="%", low=low, high=100.0, default=current * 100) / 100
+
+    def milliseconds(key: str, current: float) -> float:
+        return entry.number(key, unit="ms", low=0.0, high=1000.0, default=current * 1e3) / 1e3
+
+    entry.text("confidence", default="-")
+    entry.text("source", default="-")
+    channel = ChannelParameters(
+        bias=quantity("bias", base.bias),
+        noise=quantity("noise", base.noise, 0.0),
+        resolution=quantity("resolution", base.resolution, 0.0),
+        minimum=quantity("minimum", base.minimum),
+        maximum=quantity("maximum", base.maximum),
+        scale_error=percent("scale_error_percent", base.scale_error, -100.0),
+        dropout=percent("dropout_percent", base.dropout, 0.0),
+        lag=milliseconds("lag_ms", base.lag),
+        delay=milliseconds("delay_ms", base.delay),
+    )
+    if not channel.minimum < channel.maximum:
+        low = channel.minimum / unit.si
+        raise entry.error(f"minimum_{unit.suffix}", f"= {low:g} {unit.label} is not below the maximum")
+    return channel
+
+
+@dataclass(frozen=True, slots=True)
+class Readings:
+    """One sample of every channel, in the order of CHANNELS."""
+
+    values: Floats  # SI
+    health: NDArray[np.int64]  # Health
+
+    def value(self, channel: str) -> float:
+        """The reading of one channel, SI."""
+        return float(self.values[INDEX[channel]])
+
+
+class SensorBank:
+    """All sensors of a machine, sampled together every `step` seconds."""
+
+    def __init__(self, parameters: SensorParameters, *, step: float, generator: np.random.Generator) -> None:
+        channels = [parameters.of(name) for name in CHANNELS]
+
+        def column(name: str) -> Floats:
+            return np.array([getattr(channel, name) for channel in channels], dtype=np.float64)
+
+        self._generator = generator
+        self._bias, self._noise, self._dropout = column("bias"), column("noise"), column("dropout")
+        self._minimum, self._maximum = column("minimum"), column("maximum")
+        self._gain = 1.0 + column("scale_error")
+        lag, resolution = column("lag"), column("resolution")
+        self._decay = np.exp(-step / np.where(lag > 0, lag, 1.0)) * (lag > 0)
+        self._stepped = resolution > 0
+        self._resolution = np.where(self._stepped, resolution, 1.0)
+        delay = np.round(column("delay") / step, 9)  # in steps; 0.03 / 0.01 is 3
+        self._whole = np.floor(delay).astype(np.int64)
+        self._part = delay - self._whole
+        self._columns = np.arange(len(channels))
+        self._history: Floats = np.empty((int(self._whole.max()) + 2, len(channels)))
+        self._newest = -1  # row of the newest sample; -1: none yet
+        self._last: Floats = np.empty(len(channels))
+
+    def sample(self, truth: list[float] | Floats) -> Readings:
+        """The readings one step later, for the true values `truth` held since the last call.
+
+        The first call finds every sensor settled at its input.
+        """
+        measured = np.asarray(truth, dtype=np.float64) * self._gain + self._bias
+        noisy = self._delayed(self._lagged(measured)) + self._noise * self._generator.standard_normal(
+            len(measured)
+        )
+        limited = np.minimum(np.maximum(noisy, self._minimum), self._maximum)
+        rounded = np.where(self._stepped, np.round(limited / self._resolution) * self._resolution, limited)
+        missing = self._generator.random(len(measured)) < self._dropout
+        values = np.where(missing, self._last, rounded)
+        self._last = values
+        health = np.where(missing, Health.ERROR, np.where(limited != noisy, Health.DEGRADED, Health.OK))
+        return Readings(values, health)
+
+    def _lagged(self, measured: Floats) -> Floats:
+        if self._newest < 0:
+            self._history[:] = measured
+            self._last = measured
+            return measured
+        return measured + self._decay * (self._history[self._newest] - measured)
+
+    def _delayed(self, lagged: Floats) -> Floats:
+        rows = len(self._history)
+        self._newest = (self._newest + 1) % rows
+        self._history[self._newest] = lagged
+        near = self._history[(self._newest - self._whole) % rows, self._columns]
+        far = self._history[(self._newest - self._whole - 1) % rows, self._columns]
+        return (1.0 - self._part) * near + self._part * far
