@@ -1,0 +1,228 @@
+"""Deadlines of cyclic messages, judged from the DBC's cycle times.
+
+Pure: stamps, counters and payloads in, verdicts out; the same for a running bus and for a recording.
+The period T of a message is its GenMsgCycleTime. Between two frames of a message, with gap g:
+
+- g > T (1 + tolerance): *late*, and where g >= 1.5 T, round(g/T) - 1 frames are *missing*;
+- g < T (1 - tolerance): *early*;
+- the alive counter stands still: *duplicate*, when the payload is the same too, else a *counter jump*;
+- the alive counter advances by n > 1: *counter jump*, n - 1 frames lost between sender and us.
+
+The silence before the first and after the last frame counts like a gap: a message that stops is late.
+A message is *stale* over every stretch that lasts longer than `stale_after` periods; the share of the
+judged time spent so is given. A NaN or a stamp that runs backwards is a failure, never a pass.
+
+What cannot be judged is inconclusive, with the reason: no period in the DBC, less than three periods of
+observation, an observer that lost frames, or a host that did not give the observer its time.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hil.verdict import Result, Verdict
+
+TOLERANCE = 0.5
+"""Permitted deviation of a gap from the period, as a share of it. ISO 11783-3 and J1939 leave it open;
+half a period is where the next frame would be nearer than this one."""
+STALE_AFTER = 3.0
+"""Periods without a frame after which its values must not be used."""
+LEAST_PERIODS = 3
+"""Shorter observations say nothing about a period."""
+COUNTER_MODULUS = 15
+"""AUTOSAR E2E profile 1 counts 0..14."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observation:
+    """What was seen of one message.
+
+    at_ns: (n,) stamps in the order of arrival; counters: (n,) alive counters or None where the message has
+    none; same_payload: (n,) whether a frame equals the one before it, or None where that was not kept.
+    """
+
+    name: str
+    period_ns: int | None
+    at_ns: NDArray[np.int64]
+    counters: NDArray[np.int64] | None = None
+    same_payload: NDArray[np.bool_] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observer:
+    """How far the observer itself can be trusted.
+
+    start_ns, end_ns: the judged window. lost: frames that it knows it lost. starved: why the host did not
+    give it (or the sender) time enough, '' when it did. unfinished: whether the run was cut off.
+    """
+
+    start_ns: int
+    end_ns: int
+    lost: int = 0
+    starved: str = ""
+    unfinished: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MessageVerdict:
+    """How one message kept its period. Counts of events; gaps [ns]; stale_share 0..1."""
+
+    name: str
+    period_ns: int | None
+    frames: int
+    late: int = 0
+    early: int = 0
+    missing: int = 0
+    duplicates: int = 0
+    counter_jumps: int = 0
+    lost_frames: int = 0
+    backwards: int = 0
+    stale_share: float = 0.0
+    median_gap_ns: float = float("nan")
+    worst_gap_ns: float = float("nan")
+    worst_at_ns: int | None = None
+    result: Result
+    reason: str
+
+
+def judge_message(
+    seen: Observation,
+    observer: Observer,
+    *,
+    tolerance: float = TOLERANCE,
+    stale_after: float = STALE_AFTER,
+) -> MessageVerdict:
+    """The verdict on one message over the observer's window."""
+    frames = int(seen.at_ns.size)
+    if seen.period_ns is None or seen.period_ns <= 0:
+        reason = "the DBC gives no cycle time: nothing to judge it by"
+        return MessageVerdict(
+            name=seen.name, period_ns=None, frames=frames, result=Result.INCONCLUSIVE, reason=reason
+        )
+    period = seen.period_ns
+    window = observer.end_ns - observer.start_ns
+    if window < LEAST_PERIODS * period:
+        wanted = f"{LEAST_PERIODS} periods of {period * 1e-6:.0f} ms"
+        reason = f"observed for {window * 1e-6:.0f} ms, less than {wanted}"
+        return MessageVerdict(
+            name=seen.name, period_ns=period, frames=frames, result=Result.INCONCLUSIVE, reason=reason
+        )
+    edges = np.concatenate(([observer.start_ns], seen.at_ns, [observer.end_ns])).astype(np.int64)
+    gaps = np.diff(edges)
+    inner = gaps[1:-1]
+    # The two outer gaps are cut by the window, so they can only be too long, never early.
+    late = gaps > period * (1 + tolerance)
+    missing = np.where(gaps >= 1.5 * period, np.rint(gaps / period) - 1, 0)
+    missing[[0, -1]] = np.floor(gaps[[0, -1]] / period)  # no neighbour outside the window to round towards
+    missing[[0, -1]] *= late[[0, -1]]
+    worst = int(np.argmax(gaps))
+    duplicates, jumps, lost = _counter_events(seen, period)
+    verdict = MessageVerdict(
+        name=seen.name,
+        period_ns=period,
+        frames=frames,
+        late=int(np.count_nonzero(late)),
+        early=int(np.count_nonzero((inner < period * (1 - tolerance)) & (inner >= 0))),
+        missing=int(missing.sum()),
+        duplicates=duplicates,
+        counter_jumps=jumps,
+        lost_frames=lost,
+        backwards=int(np.count_nonzero(inner < 0)),
+        stale_share=float(np.maximum(gaps - stale_after * period, 0).sum() / window),
+        median_gap_ns=float(np.median(inner)) if inner.size else float("nan"),
+        worst_gap_ns=float(gaps[worst]),
+        worst_at_ns=int(edges[worst]),
+        result=Result.PASSED,
+        reason="",
+    )
+    return _concluded(verdict, observer)
+
+
+def _counter_events(seen: Observation, period_ns: int) -> tuple[int, int, int]:
+    """Duplicates, counter jumps, and the frames that the jumps say were lost.
+
+    The counter knows a step only modulo 15; the time between the frames says which of the candidates it was.
+    """
+    if seen.counters is None or seen.counters.size < 2:
+        return 0, 0, 0  # without a counter a repeated value cannot be told from a repeated frame
+    modulo = np.diff(seen.counters) % COUNTER_MODULUS
+    periods = np.diff(seen.at_ns) / period_ns
+    turns = np.maximum(np.rint((periods - modulo) / COUNTER_MODULUS), 0)
+    step = (modulo + COUNTER_MODULUS * turns).astype(np.int64)
+    still = step == 0
+    duplicate = still if seen.same_payload is None else still & seen.same_payload[1:]
+    outside = (seen.counters < 0) | (seen.counters >= COUNTER_MODULUS)
+    jump = (step > 1) | (still & ~duplicate) | outside[1:]
+    return int(duplicate.sum()), int(jump.sum()), int((step[step > 1] - 1).sum())
+
+
+def _events(verdict: MessageVerdict) -> list[str]:
+    assert verdict.period_ns is not None
+    counts = (
+        (verdict.missing, "missing"),
+        (verdict.late, "late"),
+        (verdict.early, "early"),
+        (verdict.duplicates, "repeated"),
+        (verdict.counter_jumps, "counter jumps"),
+        (verdict.backwards, "stamps run backwards"),
+    )
+    found = [f"{count} {what}" for count, what in counts if count]
+    if found and verdict.worst_gap_ns > verdict.period_ns:
+        found.append(f"longest gap {verdict.worst_gap_ns * 1e-6:.1f} ms of {verdict.period_ns * 1e-6:.0f} ms")
+    return found
+
+
+def _concluded(verdict: MessageVerdict, observer: Observer) -> MessageVerdict:
+    """Passed, failed, or why it cannot be said."""
+    doubts = doubts_of(observer)
+    events = _events(verdict)
+    if events and not doubts:
+        result, reason = Result.FAILED, "; ".join(events)
+    elif doubts:
+        result, reason = Result.INCONCLUSIVE, "; ".join([*doubts, *events])
+    else:
+        result, reason = Result.PASSED, f"{verdict.frames} frames in time"
+    return replace(verdict, result=result, reason=reason)
+
+
+def doubts_of(observer: Observer) -> list[str]:
+    """Why this observer's findings decide nothing; [] when they do."""
+    doubts = []
+    if observer.lost:
+        doubts.append(f"the observer itself lost {observer.lost} frames")
+    if observer.starved:
+        doubts.append(f"the host was starved: {observer.starved}")
+    if observer.unfinished:
+        doubts.append("the run was cut off before its end")
+    return doubts
+
+
+def overall(verdicts: Sequence[MessageVerdict], question: str = "every message in time") -> Verdict:
+    """One verdict over all messages: failed if any failed, inconclusive if any could not be judged."""
+    if not verdicts:
+        return Verdict(question=question, result=Result.INCONCLUSIVE, reason="no message was judged")
+    count = Counter(verdict.result for verdict in verdicts)
+    for result in (Result.FAILED, Result.INCONCLUSIVE):
+        if count[result]:
+            named = [f"{v.name}: {v.reason}" for v in verdicts if v.result is result]
+            more = f" (and {len(named) - 3} more)" if len(named) > 3 else ""
+            return Verdict(question=question, result=result, reason="; ".join(named[:3]) + more)
+    frames = sum(verdict.frames for verdict in verdicts)
+    reason = f"{len(verdicts)} messages, {frames} frames, none late, early, missing or repeated"
+    return Verdict(question=question, result=Result.PASSED, reason=reason)
+
+
+def absent(names: Iterable[str], seen: Mapping[str, Observation]) -> list[str]:
+    """Messages that were expected and never came, in the order given."""
+    return [name for name in names if name not in seen or seen[name].at_ns.size == 0]
+
+
+def same_as_before(payloads: ArrayLike) -> NDArray[np.bool_]:
+    """Whether each payload equals the one before it; payloads: (n, width) bytes. The first never does."""
+    rows = np.asarray(payloads)
+    equal = np.zeros(rows.shape[0], np.bool_)
+    equal[1:] = (rows[1:] == rows[:-1]).all(axis=1)
+    return equal
