@@ -1,0 +1,210 @@
+"""Generalised least squares with bounds and priors, initial states of every window projected out (Gauss-Newton).
+
+All in whitened units: an SSE difference is twice a difference of log-likelihoods.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from discrepancy.model import Parameter
+from discrepancy.noise import Noise
+from discrepancy.problem import Problem, Values
+from discrepancy.recording import Array
+
+Mask = NDArray[np.bool_]
+STEP = 1e-3  # finite differences, in typical changes
+CONVERGED = 1e-2  # in whitened SSE: a hundredth of what matters statistically
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A fitted problem. sse includes the priors; residual and columns are whitened with initial states projected out.
+
+    columns: derivative by each of `names` (n, k); information: their normal matrix with priors (k, k).
+    """
+
+    names: tuple[str, ...]
+    values: Values
+    sse: float
+    data_sse: float
+    residual: Array
+    columns: Array
+    information: Array
+
+    def sd(self, name: str) -> float:
+        """Standard deviation of a fitted parameter."""
+        return float(np.sqrt(self.covariance[self.names.index(name), self.names.index(name)]))
+
+    @property
+    def covariance(self) -> Array:
+        return np.linalg.pinv(self.information)
+
+
+class WindowStates:
+    """Projection off the initial states of every window, for the rows of a mask."""
+
+    def __init__(self, local: Array, row_window: NDArray[np.intp], rows: Mask) -> None:
+        self._local, self.used = local, 0
+        self._parts: list[tuple[NDArray[np.intp], Array, Array]] = []
+        if local.shape[1] == 0:
+            return
+        chosen = np.flatnonzero(rows)
+        edges = np.flatnonzero(np.diff(row_window[chosen])) + 1
+        for part in np.split(chosen, edges):
+            if part.size:
+                U, s, Vt = np.linalg.svd(local[part], full_matrices=False)
+                sound = s > 1e-8 * max(float(s[0]), 1e-300)
+                self._parts.append((part, U[:, sound], (Vt[sound].T / s[sound])))
+                self.used += int(np.count_nonzero(sound))
+
+    def off(self, rows: Array) -> Array:
+        """rows minus what initial states can explain; rows outside the mask are left."""
+        out = rows.copy()
+        for part, U, _ in self._parts:
+            out[part] -= U @ (U.T @ rows[part])
+        return out
+
+    def solve(self, rows: Array, count: int, row_window: NDArray[np.intp]) -> Array:
+        """Changes of the initial states (windows, states) that explain rows best."""
+        change = np.zeros((count, self._local.shape[1]))
+        for part, U, back in self._parts:
+            change[row_window[part[0]]] = back @ (U.T @ rows[part])
+        return change
+
+
+def differences(problem: Problem, values: Values, base: Array, names: Sequence[str]) -> Array:
+    """Derivative of the raw rows by parameters (N, k); for local ones in all windows at once."""
+    return _columns(_one_by_one(problem, values, base, names), base.size)
+
+
+def _columns(parts: Iterator[Array], size: int) -> Array:
+    found = list(parts)
+    return np.stack(found, axis=1) if found else np.zeros((size, 0))
+
+
+def _one_by_one(problem: Problem, values: Values, base: Array, names: Sequence[str]) -> Iterator[Array]:
+    for name in names:
+        parameter = problem.model.parameter(name)
+        step = STEP * parameter.typical
+        if parameter.scope == "window":
+            moved = Values(values.shared, {**values.local, name: values.local[name] + step})
+        else:
+            now = values.shared[name]
+            step = step if now + step <= parameter.upper else -step
+            moved = values.with_shared({name: now + step})
+        yield (problem.predict(moved) - base) / step
+
+
+def fit(
+    problem: Problem,
+    noise: Noise,
+    names: Sequence[str],
+    start: Values,
+    *,
+    rows: Mask | None = None,
+    iterations: int = 8,
+) -> Fit:
+    """Fit shared parameters `names` and all initial states to the whitened rows of a mask (all, if None)."""
+    rows = np.ones(noise.keep.size, bool) if rows is None else rows
+    parameters = [problem.model.parameter(name) for name in names]
+    scale = np.array([p.typical for p in parameters])
+    prior = np.array([p.typical / p.prior_sd if p.prior_sd else 0.0 for p in parameters])
+    point = _Point.at(problem, noise, parameters, start, rows)
+    for _ in range(iterations):
+        A = np.concatenate([point.columns[rows] * scale, np.diag(prior)])
+        b = np.concatenate([point.residual[rows], -prior * point.deviation])
+        step = _bounded(A, b, parameters, point.values)
+        left = point.white - point.white_columns @ (step * scale)
+        local_step = point.states.solve(left, len(problem.windows), noise.row_window)
+        moved = (
+            _moved(problem, point.values, parameters, shrink * step * scale, shrink * local_step)
+            for shrink in (1.0, 0.4, 0.1)
+        )
+        better = next((v for v in moved if _misfit(problem, noise, parameters, v, rows) < point.sse), None)
+        if better is None:
+            break
+        before, point = point.sse, _Point.at(problem, noise, parameters, better, rows)
+        if before - point.sse < CONVERGED:
+            break
+    information = point.columns[rows].T @ point.columns[rows] + np.diag((prior / scale) ** 2)
+    data_sse = float(np.sum(point.residual[rows] ** 2))
+    total = data_sse + float(np.sum((prior * point.deviation) ** 2))
+    return Fit(tuple(names), point.values, total, data_sse, point.residual, point.columns, information)
+
+
+@dataclass(frozen=True, slots=True)
+class _Point:
+    """The problem linearised at some values; white is the residual before, residual after projection."""
+
+    values: Values
+    sse: float
+    deviation: Array  # of each parameter from its prior mean, in typical changes
+    white: Array
+    white_columns: Array
+    states: WindowStates
+    residual: Array
+    columns: Array
+
+    @classmethod
+    def at(
+        cls, problem: Problem, noise: Noise, parameters: Sequence[Parameter], values: Values, rows: Mask
+    ) -> "_Point":
+        base = problem.predict(values)
+        names = [p.name for p in parameters]
+        moved = noise.whiten(differences(problem, values, base, [*names, *problem.local_names]))
+        J, L = moved[:, : len(names)], moved[:, len(names) :]
+        e = noise.whiten(problem.measured - base)
+        states = WindowStates(L, noise.row_window, rows)
+        deviation = np.array([(values.shared[p.name] - p.value) / p.typical for p in parameters])
+        sse = _sse(e, parameters, values, rows)
+        return cls(values, sse, deviation, e, J, states, states.off(e), states.off(J))
+
+
+def _sse(e: Array, parameters: Sequence[Parameter], values: Values, rows: Mask) -> float:
+    prior = sum(((values.shared[p.name] - p.value) / p.prior_sd) ** 2 for p in parameters if p.prior_sd)
+    return float(np.sum(e[rows] ** 2)) + prior
+
+
+def _misfit(
+    problem: Problem, noise: Noise, parameters: Sequence[Parameter], values: Values, rows: Mask
+) -> float:
+    return _sse(noise.whiten(problem.measured - problem.predict(values)), parameters, values, rows)
+
+
+def held_out(problem: Problem, noise: Noise, values: Values, rows: Mask) -> tuple[float, Array]:
+    """SSE on rows with shared parameters as given and only the initial states refitted there; and the residual."""
+    scored = fit(problem, noise, (), values, rows=rows, iterations=2)
+    return scored.data_sse, scored.residual
+
+
+def _bounded(A: Array, b: Array, parameters: Sequence[Parameter], values: Values) -> Array:
+    if not parameters:
+        return np.zeros(0)
+    now = np.array([values.shared[p.name] for p in parameters])
+    scale = np.array([p.typical for p in parameters])
+    edges = np.array([[p.lower, p.upper] for p in parameters])
+    low, high = np.sort((edges - now[:, None]) / scale[:, None], axis=1).T
+    size = np.sqrt(np.sum(A**2, axis=0)) + 1e-12
+    tiny = 1e-9 * np.diag(size)  # a parameter without influence stays where it is
+    solved = lsq_linear(
+        np.concatenate([A, tiny]),
+        np.concatenate([b, np.zeros(len(parameters))]),
+        bounds=(np.minimum(low, -1e-12), np.maximum(high, 1e-12)),
+        tol=1e-8,
+    )
+    return np.asarray(solved.x, float)
+
+
+def _moved(
+    problem: Problem, values: Values, parameters: Sequence[Parameter], step: Array, local_step: Array
+) -> Values:
+    shared = {
+        p.name: float(np.clip(values.shared[p.name] + change, p.lower, p.upper))
+        for p, change in zip(parameters, step, strict=True)
+    }
+    local = {name: values.local[name] + local_step[:, i] for i, name in enumerate(problem.local_names)}
+    return Values({**values.shared, **shared}, local)

@@ -1,0 +1,179 @@
+"""What the engine must know of a model: a description and one function that turns inputs into outputs.
+
+`simulate` gets a Window (inputs resampled to the model's own even grid, from `lead_s` before the scored part), the
+values of all parameters by name, and what the open-ended search adds at the model's ports; it returns the outputs on
+the same grid. Effects are off at `Parameter.value`; sensor effects (discrepancy.sensors) are applied by the engine.
+A model may use measured outputs of the past (an observer gain, a measured speed as input): that is its predictor
+form. Short windows with free initial states (`scope='window'`) are the other way to keep errors from piling up.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+import numpy as np
+
+from discrepancy.recording import Array, Signal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """A number of the model. `value` is the baseline (for an effect: off), `typical` a change that matters.
+
+    name: unique in the model; lower, upper: physical bounds; prior_sd: standard deviation of what is known beforehand,
+    None if nothing; scope 'window': refitted in every window without prior (initial states), `guess` gives its
+    start there; shape: has no meaning while the effect is off (a time constant, a corner speed); probes: finite changes at
+    which an effect is scored, default (typical,), needed where the gradient vanishes at zero.
+    """
+
+    name: str
+    unit: str
+    value: float = 0.0
+    lower: float = -np.inf
+    upper: float = np.inf
+    typical: float = 1.0
+    prior_sd: float | None = None
+    scope: Literal["all", "window"] = "all"
+    shape: bool = False
+    probes: tuple[float, ...] = ()
+    guess: Callable[["Window"], float] | None = None
+
+    def __post_init__(self) -> None:
+        if not self.lower <= self.value <= self.upper:
+            raise ValueError(
+                f"parameter {self.name}={self.value} {self.unit} is outside [{self.lower}, {self.upper}]"
+            )
+        if self.typical == 0.0:
+            raise ValueError(
+                f"parameter {self.name}: typical must be a change that matters, not 0 {self.unit}"
+            )
+
+    @property
+    def tried(self) -> tuple[float, ...]:
+        """Values of the parameter at which the effect is scored."""
+        return tuple(self.value + probe for probe in (self.probes or (self.typical,)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effect:
+    """A term that is off by default, with all that a finding must say about it.
+
+    confusable: other effects' names and what would tell them apart; excited_by: what a recording must contain.
+    """
+
+    name: str
+    sentence: str
+    equation: str
+    parameters: tuple[Parameter, ...]
+    kind: Literal["physics", "sensor"]
+    place: str
+    excited_by: str = ""
+    confusable: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def size(self) -> int:
+        """Degrees of freedom it takes."""
+        return len(self.parameters)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(parameter.name for parameter in self.parameters)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Port:
+    """A place where an unknown quantity may act, for the open-ended search; `typical` is an amplitude that matters."""
+
+    name: str
+    unit: str
+    typical: float
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Window:
+    """A stretch of one recording on the model's even grid; scored from `start_s` to `end_s`, led in before it.
+
+    known: inputs and measured outputs that exist, resampled to `time_s` (shape (n,)).
+    """
+
+    recording: str
+    start_s: float
+    end_s: float
+    time_s: Array
+    step_s: float
+    known: Mapping[str, Array]
+    constants: Mapping[str, float]
+
+    def has(self, name: str) -> bool:
+        return name in self.known
+
+    def __getitem__(self, name: str) -> Array:
+        return self.known[name]
+
+    def at_start(self, name: str) -> float:
+        """The value of a known signal at the first grid point."""
+        return float(self.known[name][0])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Manoeuvre:
+    """A test that could be driven, to compare what two explanations would predict for it.
+
+    inputs: the model's inputs over the test; initial: the initial states (window-scoped nuisances); duration_s.
+    """
+
+    name: str
+    sentence: str
+    duration_s: float
+    inputs: Mapping[str, Signal] = field(default_factory=dict)
+    initial: Mapping[str, float] = field(default_factory=dict)
+
+
+class Simulate(Protocol):
+    def __call__(
+        self, window: Window, values: Mapping[str, float], extra: Mapping[str, Array]
+    ) -> Mapping[str, Array]:
+        """Outputs on window.time_s; `extra[port]`, where given, is added at that port."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Model:
+    """Inputs, outputs, units, nuisances, effects and the function. `optional` inputs may be missing."""
+
+    name: str
+    sentence: str
+    inputs: Mapping[str, str]
+    outputs: Mapping[str, str]
+    nuisances: tuple[Parameter, ...]
+    effects: tuple[Effect, ...]
+    simulate: Simulate
+    step_s: float
+    window_s: float | None = None
+    lead_s: float = 0.0
+    optional: Mapping[str, str] = field(default_factory=dict)
+    ports: tuple[Port, ...] = ()
+    manoeuvres: tuple[Manoeuvre, ...] = ()
+
+    def __post_init__(self) -> None:
+        names = [p.name for p in self.parameters]
+        if repeated := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(
+                f"model {self.name}: parameter names must be unique, repeated: {', '.join(repeated)}"
+            )
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return self.nuisances + tuple(p for effect in self.effects for p in effect.parameters)
+
+    def parameter(self, name: str) -> Parameter:
+        return next(p for p in self.parameters if p.name == name)
+
+    def effect(self, name: str) -> Effect:
+        for effect in self.effects:
+            if effect.name == name:
+                return effect
+        raise KeyError(
+            f"model {self.name} has no effect {name!r}; it has {', '.join(e.name for e in self.effects)}"
+        )

@@ -1,0 +1,1 @@
+"""Models with their libraries of effects: each a description, one function, and the physics it may have left out."""

@@ -1,0 +1,137 @@
+"""What the model is not expected to predict: a vector autoregression per group of channels, and its whitening.
+
+With its own past projected out, the residual is the error of a one-step predictor, so feedback through a driver or
+controller does not make noise look like physics (Ljung, System Identification, 2nd ed., section 8.4). The order is
+chosen by BIC. Holds for evenly spaced samples; jitter is neglected, gaps restart the filter.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discrepancy.problem import Block, Problem
+from discrepancy.recording import Array
+
+HIGHEST_ORDER = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Whitener:
+    """e_t = r_t - sum_i A_i r_(t-i), whitened by the inverse Cholesky factor of its covariance."""
+
+    past: Array  # A_i, shape (order, c, c)
+    inverse_factor: Array  # (c, c)
+
+    @property
+    def order(self) -> int:
+        return len(self.past)
+
+    @property
+    def innovation_sd(self) -> Array:
+        """Standard deviation of the one-step error per channel, in its unit."""
+        factor = np.linalg.inv(self.inverse_factor)
+        return np.asarray(np.sqrt(np.sum(factor**2, axis=1)))
+
+    def apply(self, rows: Array) -> Array:
+        """rows (n, c, k) -> whitened (n - order, c, k)."""
+        e = rows[self.order :].copy()
+        for i, A in enumerate(self.past, start=1):
+            e -= np.einsum("cd,ndk->nck", A, rows[self.order - i : len(rows) - i])
+        return np.einsum("cd,ndk->nck", self.inverse_factor, e)
+
+
+class Noise:
+    """Whitening of all rows of a problem; `keep` are the raw rows that remain (the first `order` of a run do not)."""
+
+    def __init__(self, problem: Problem, whiteners: Sequence[Whitener]) -> None:
+        self.whiteners = tuple(whiteners)
+        self._blocks = problem.blocks
+        kept = [
+            np.arange(b.start + self.whiteners[b.group].order * b.shape[1], max(b.stop, b.start))
+            for b in self._blocks
+        ]
+        self.keep: NDArray[np.intp] = np.concatenate(kept)
+        self.row_window = problem.row_window[self.keep]
+        self.row_channel = problem.row_channel[self.keep]
+        self.row_time = problem.row_time[self.keep]
+
+    def whiten(self, rows: Array) -> Array:
+        """Raw rows (N,) or (N, k) -> whitened rows (n,) or (n, k)."""
+        columns = rows.reshape(len(rows), -1)
+        parts = [
+            self.whiteners[b.group]
+            .apply(columns[b.start : b.stop].reshape(*b.shape, -1))
+            .reshape(-1, columns.shape[1])
+            for b in self._blocks
+        ]
+        white = np.concatenate(parts)
+        return white[:, 0] if rows.ndim == 1 else white
+
+    def innovation_sd(self, problem: Problem) -> dict[str, float]:
+        """One-step error per channel, in the channel's unit."""
+        return {
+            name: float(sd)
+            for block in problem.blocks
+            for name, sd in zip(block.channels, self.whiteners[block.group].innovation_sd, strict=True)
+        }
+
+
+def white_noise(problem: Problem, residual: Array) -> Noise:
+    """No memory yet: each channel scaled by the spread of its residual."""
+    whiteners = []
+    for blocks in by_group(problem.blocks):
+        spread = np.std(_stack(blocks, residual), axis=0)
+        size = np.maximum(spread, 1e-9 * (1.0 + np.abs(np.mean(_stack(blocks, problem.measured), axis=0))))
+        c = blocks[0].shape[1]
+        whiteners.append(Whitener(np.zeros((0, c, c)), np.diag(1.0 / size)))
+    return Noise(problem, whiteners)
+
+
+def estimate_noise(problem: Problem, residual: Array, used: float) -> Noise:
+    """Autoregression of the residual rows; `used` parameters were fitted to them (their share of freedom is given back)."""
+    inflation = residual.size / max(residual.size - used, 0.25 * residual.size)
+    return Noise(
+        problem, [_autoregression(blocks, residual, inflation) for blocks in by_group(problem.blocks)]
+    )
+
+
+def by_group(blocks: Sequence[Block]) -> list[list[Block]]:
+    count = 1 + max(block.group for block in blocks)
+    return [[block for block in blocks if block.group == g] for g in range(count)]
+
+
+def _stack(blocks: Sequence[Block], rows: Array) -> Array:
+    return np.concatenate([rows[b.start : b.stop].reshape(b.shape) for b in blocks])
+
+
+def _autoregression(blocks: Sequence[Block], residual: Array, inflation: float) -> Whitener:
+    c = blocks[0].shape[1]
+    shortest = min(b.shape[0] for b in blocks)
+    total = sum(b.shape[0] for b in blocks)
+    highest = max(0, min(HIGHEST_ORDER, shortest // 4, total // (15 * c)))
+    runs = [residual[b.start : b.stop].reshape(b.shape) for b in blocks]
+    best: tuple[float, Array, Array] | None = None
+    for order in range(highest + 1):
+        # the same rows for every order, or BIC would compare different data
+        target = np.concatenate([run[highest:] for run in runs])
+        past = np.concatenate(
+            [
+                np.concatenate([run[highest - i : len(run) - i] for i in range(1, order + 1)], axis=1)
+                if order
+                else np.zeros((len(run) - highest, 0))
+                for run in runs
+            ]
+        )
+        coefficients = np.linalg.lstsq(past, target, rcond=None)[0] if order else np.zeros((0, c))
+        error = target - past @ coefficients
+        covariance = error.T @ error / max(len(target) - order * c, 1)
+        floor = np.diag(1e-18 + 1e-12 * np.var(target, axis=0))
+        covariance += floor
+        score = len(target) * float(np.linalg.slogdet(covariance)[1]) + np.log(len(target)) * order * c * c
+        if best is None or score < best[0]:
+            best = (score, coefficients.reshape(order, c, c).transpose(0, 2, 1), covariance)
+    assert best is not None
+    _, past_matrices, covariance = best
+    return Whitener(past_matrices, np.linalg.inv(np.linalg.cholesky(covariance * inflation)))

@@ -1,0 +1,303 @@
+"""What no effect of the library explains: innovations regressed on functions of the known signals, with units.
+
+Each function may act at each port of the model (a force, a yaw moment) or directly on an output; through a port
+it is simulated, so that it reaches the outputs through the model's own dynamics. Terms are chosen one by one
+(orthogonal matching pursuit) under the same penalty and held-out test as the library; among terms that cannot be
+told apart the simplest is written down and the others are named with it.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import norm
+
+from discrepancy.fit import Fit, WindowStates, differences
+from discrepancy.model import Model, Window
+from discrepancy.problem import Problem
+from discrepancy.recording import Array
+from discrepancy.screen import Projector, inflation_of, penalty, time_blocks
+from discrepancy.search import Settings, State, folds
+from discrepancy.sensors import lagged
+from discrepancy.units import Unit, parse_unit
+
+MOST_TERMS = 3
+MOST_SIGNALS = 6
+LAG_S = (0.2, 1.0)
+PLAY = 0.3  # width of the hysteresis operator, in standard deviations of its signal
+
+Signals = Mapping[str, Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """f(signals) with its text, unit and complexity (1: plain); series per window come from `of`."""
+
+    text: str
+    unit: Unit
+    complexity: int
+    signals: tuple[str, ...]
+    of: Callable[[Signals, float], Array]
+
+
+@dataclass(frozen=True, slots=True)
+class OpenTerm:
+    """coefficient * function, acting at a place; sd of the coefficient; unit of the coefficient."""
+
+    place: str
+    place_unit: str
+    function: Function
+    coefficient: float
+    sd: float
+    unit: str
+    equally_good: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class OpenEnded:
+    """Terms found (none: nothing depends on the known signals), their gain, and the gain on held-out rows."""
+
+    terms: tuple[OpenTerm, ...]
+    gain: float
+    needed: float
+    held_out_gain: float
+    tried: int
+
+    def equation(self) -> str:
+        """All terms by place, as text."""
+        places = dict.fromkeys(term.place for term in self.terms)
+        return "; ".join(
+            f"{place} += "
+            + " + ".join(
+                f"({t.coefficient:.4g} {t.unit}) {t.function.text}" for t in self.terms if t.place == place
+            )
+            for place in places
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Candidate:
+    place: str
+    unit: str
+    function: Function
+    amplitude: float  # of the coefficient for which `raw` was simulated
+    raw: Array
+
+
+def functions(units: Mapping[str, str], spread: Mapping[str, float]) -> list[Function]:
+    """Unit-consistent functions of named signals; spread: standard deviation of each, for the operators with a width."""
+    one = parse_unit("1")
+    found = [Function("1", one, 0, (), lambda s, _: np.ones_like(next(iter(s.values()))))]
+    for name in list(units)[:MOST_SIGNALS]:
+        unit, sd = parse_unit(units[name]), max(spread[name], 1e-12)
+        per_second = unit / parse_unit("s")
+        found += [
+            Function(name, unit, 1, (name,), lambda s, _, n=name: s[n]),
+            Function(f"{name}·|{name}|", unit**2, 2, (name,), lambda s, _, n=name: s[n] * np.abs(s[n])),
+            Function(f"{name}²", unit**2, 2, (name,), lambda s, _, n=name: s[n] ** 2),
+            Function(f"sign({name})", one, 2, (name,), lambda s, _, n=name, w=sd: np.tanh(s[n] / (0.05 * w))),
+            Function(f"|{name}|", unit, 2, (name,), lambda s, _, n=name: np.abs(s[n])),
+            Function(f"d/dt {name}", per_second, 2, (name,), lambda s, h, n=name: np.gradient(s[n], h)),
+            Function(f"{name}³", unit**3, 3, (name,), lambda s, _, n=name: s[n] ** 3),
+            Function(
+                f"play({name}, {PLAY * sd:.3g} {units[name]})",
+                unit,
+                4,
+                (name,),
+                lambda s, _, n=name, w=sd: play(s[n], PLAY * w),
+            ),
+        ]
+        found += [
+            Function(
+                f"low-pass({name}, {tau:g} s)",
+                unit,
+                3,
+                (name,),
+                lambda s, h, n=name, T=tau: lagged(s[n], T, h),
+            )
+            for tau in LAG_S
+        ]
+    names = list(units)[:MOST_SIGNALS]
+    for i, a in enumerate(names):
+        found += [
+            Function(f"{a}·{b}", parse_unit(units[a]) * parse_unit(units[b]), 3, (a, b), _product(a, b))
+            for b in names[i + 1 :]
+        ]
+    return found
+
+
+def _product(a: str, b: str) -> Callable[[Signals, float], Array]:
+    return lambda s, _: s[a] * s[b]
+
+
+def play(x: Array, width: float) -> Array:
+    """Play (backlash) operator: follows x with a dead zone of +-width; the simplest memory without a time scale."""
+    out = np.empty_like(x)
+    now = float(x[0])
+    for i, value in enumerate(x.tolist()):
+        now = min(max(now, value - width), value + width)
+        out[i] = now
+    return out
+
+
+def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
+    """Search the innovations of a state for what the known signals could still explain."""
+    candidates = _candidates(problem, state.fit)
+    noise, fitted = state.noise, state.fit
+    blocks = time_blocks(noise)
+    projector = Projector(problem, noise, fitted)
+    white = np.stack([noise.whiten(c.raw) for c in candidates], axis=1)
+    X = projector.off(white)
+    size, before = np.sum(X**2, axis=0), np.sum(white**2, axis=0)
+    visible = size > 1e-6 * np.maximum(before, 1e-30)
+    needed = penalty(1, len(candidates), settings.alpha)
+    chosen: list[int] = []
+    equally: list[tuple[str, ...]] = []
+    left, gain = fitted.residual, 0.0
+    while len(chosen) < MOST_TERMS:
+        free = X - X[:, chosen] @ np.linalg.lstsq(X[:, chosen], X, rcond=None)[0] if chosen else X
+        power = np.sum(free**2, axis=0)
+        usable = visible & (power > 1e-6 * np.maximum(size, 1e-30))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            plain = np.where(usable, (free.T @ left) ** 2 / np.where(usable, power, 1.0), 0.0)
+        best = int(np.argmax(plain))
+        inflation = inflation_of(free[:, [best]], left, blocks)
+        if plain[best] / inflation < needed:
+            break
+        rivals = [i for i in np.flatnonzero(plain > plain[best] - settings.same) if i not in chosen]
+        simplest = min(rivals, key=lambda i: (candidates[i].function.complexity, -plain[i]))
+        if (
+            _held_out(problem, state, white[:, [*chosen, simplest]], settings)
+            < settings.held_out + gain * settings.confirmed
+        ):
+            break
+        equally.append(tuple(_place(candidates[i]) for i in rivals if i != simplest))
+        chosen.append(simplest)
+        c = np.linalg.lstsq(X[:, chosen], fitted.residual, rcond=None)[0]
+        left = fitted.residual - X[:, chosen] @ c
+        gain = float(np.sum(fitted.residual**2) - np.sum(left**2))
+    if not chosen:
+        return OpenEnded((), 0.0, needed, 0.0, len(candidates))
+    return OpenEnded(
+        tuple(_terms(candidates, chosen, equally, X, fitted.residual)),
+        gain,
+        needed,
+        _held_out(problem, state, white[:, chosen], settings),
+        len(candidates),
+    )
+
+
+def _place(candidate: _Candidate) -> str:
+    return f"{candidate.place} += {candidate.function.text}"
+
+
+def _terms(
+    candidates: Sequence[_Candidate],
+    chosen: Sequence[int],
+    equally: Sequence[tuple[str, ...]],
+    X: Array,
+    e: Array,
+) -> list[OpenTerm]:
+    gram = X[:, chosen].T @ X[:, chosen]
+    covariance = np.linalg.pinv(gram)
+    coefficient = covariance @ (X[:, chosen].T @ e)
+    return [
+        OpenTerm(
+            place=candidates[i].place,
+            place_unit=candidates[i].unit,
+            function=candidates[i].function,
+            coefficient=float(coefficient[k] * candidates[i].amplitude),
+            sd=float(np.sqrt(covariance[k, k]) * candidates[i].amplitude),
+            unit=str(parse_unit(candidates[i].unit) / candidates[i].function.unit),
+            equally_good=equally[k][:5],
+        )
+        for k, i in enumerate(chosen)
+    ]
+
+
+def _candidates(problem: Problem, fitted: Fit) -> list[_Candidate]:
+    model, base = problem.model, problem.predict(fitted.values)
+    units = {**model.inputs, **model.optional, **model.outputs}
+    known: list[dict[str, Array]] = []
+    for i, window in enumerate(problem.windows):
+        true = model.simulate(window, fitted.values.in_window(i), {})
+        inputs = {n: window[n] for n in (*model.inputs, *model.optional) if window.has(n)}
+        known.append({**inputs, **{n: y for n, y in true.items() if n in model.outputs}})
+    common = [n for n in units if all(n in k for k in known)]
+    spread = {n: float(np.std(np.concatenate([k[n] for k in known]))) for n in common}
+    moving = {n: units[n] for n in common if spread[n] > 0.0}
+    found = []
+    for function in functions(moving, spread):
+        series = [function.of(k, w.step_s) for k, w in zip(known, problem.windows, strict=True)]
+        rms = float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
+        if rms < 1e-12 or not np.isfinite(rms):
+            continue
+        for port in model.ports:
+            amplitude = port.typical / rms
+            extra = [{port.name: amplitude * s} for s in series]
+            raw = problem.predict(fitted.values, extra) - base
+            found.append(_Candidate(port.name, port.unit, function, amplitude, raw))
+        found += [
+            _Candidate(f"reading of {name}", model.outputs[name], function, spread[name] / rms, raw)
+            for name, raw in _on_outputs(problem, series, spread, rms)
+            if function.text != name
+        ]
+    return found
+
+
+def _on_outputs(
+    problem: Problem, series: Sequence[Array], spread: Mapping[str, float], rms: float
+) -> list[tuple[str, Array]]:
+    found = []
+    for name in [c for c in problem.channels if spread.get(c, 0.0) > 0.0]:
+        raw = np.zeros(problem.measured.size)
+        for block in problem.blocks:
+            if name in block.channels:
+                i, c = block.channels.index(name), len(block.channels)
+                grid = problem.windows[block.window].time_s
+                raw[block.start + i : block.stop : c] = np.interp(block.time_s, grid, series[block.window])
+        found.append((name, raw * spread[name] / rms))
+    return found
+
+
+def _held_out(problem: Problem, state: State, white: Array, settings: Settings) -> float:
+    """Gain in SSE on rows that coefficients and nuisances were not fitted to (linear in both)."""
+    noise, fitted, total = state.noise, state.fit, 0.0
+    base = problem.predict(fitted.values)
+    e = noise.whiten(problem.measured - base)
+    local = noise.whiten(differences(problem, fitted.values, base, problem.local_names)).reshape(e.size, -1)
+    for test in folds(problem, noise, settings.folds):
+        train_states = WindowStates(local, noise.row_window, ~test)
+        test_states = WindowStates(local, noise.row_window, test)
+        J, A, b = fitted.columns[~test], train_states.off(white)[~test], train_states.off(e)[~test]
+        prior = fitted.information - fitted.columns.T @ fitted.columns
+        H = np.block([[J.T @ J + prior, J.T @ A], [A.T @ J, A.T @ A]])
+        c = np.linalg.pinv(H, rcond=1e-12) @ np.concatenate([J.T @ b, A.T @ b])
+        with_terms = test_states.off(e - fitted.columns @ c[: J.shape[1]] - white @ c[J.shape[1] :])
+        plain = np.linalg.pinv(J.T @ J + prior, rcond=1e-12) @ (J.T @ b)
+        without = test_states.off(e - fitted.columns @ plain)
+        total += float(np.sum(without[test] ** 2) - np.sum(with_terms[test] ** 2))
+    return total
+
+
+def extended(model: Model, found: OpenEnded) -> Model:
+    """The model with the equation built in at its ports, so that it runs with it from then on."""
+    inner, places = model.simulate, {port.name for port in model.ports}
+    acting = [t for t in found.terms if t.place in places]
+
+    def simulate(
+        window: Window, values: Mapping[str, float], extra: Mapping[str, Array]
+    ) -> Mapping[str, Array]:
+        # terms see the outputs of the model without them: first order in the term, as they were fitted
+        true = {**window.known, **inner(window, values, extra)}
+        added = {name: extra.get(name, np.zeros(window.time_s.size)) for name in places}
+        for t in acting:
+            added[t.place] = added[t.place] + t.coefficient * t.function.of(true, window.step_s)
+        return inner(window, values, added)
+
+    return replace(model, simulate=simulate)
+
+
+def significance(term: OpenTerm) -> float:
+    """Two-sided p-value of one coefficient by itself."""
+    return float(2.0 * norm.sf(abs(term.coefficient) / term.sd))

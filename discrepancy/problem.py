@@ -1,0 +1,254 @@
+"""Recordings cut into windows for one model, and all predictions as one column of rows.
+
+Rows are ordered by window, then by group of channels that share their stamps, then by run without gaps, then by time;
+a block is one such run. The rows of a window are therefore contiguous, which lets its initial states be
+projected out by themselves.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discrepancy.model import Model, Window
+from discrepancy.recording import Array, Complaint, Recording, Signal, cleaned
+from discrepancy.sensors import through_sensors
+from discrepancy.units import parse_unit
+
+GAP = 3.5  # in median sample times: a longer pause starts a new run of the whitening filter
+FEWEST_SAMPLES = 8  # of a channel in a window; fewer say nothing beyond the initial state
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A run of n samples of c channels with common stamps: rows[start:stop], shape (n, c) in C order."""
+
+    window: int
+    group: int
+    channels: tuple[str, ...]
+    time_s: Array
+    start: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.time_s.size, len(self.channels)
+
+    @property
+    def stop(self) -> int:
+        return self.start + self.time_s.size * len(self.channels)
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """Parameters: `shared` by all windows, `local` one value per window (n_windows,)."""
+
+    shared: Mapping[str, float]
+    local: Mapping[str, Array]
+
+    def having(self, **changes: float) -> "Values":
+        """A copy with some shared values changed."""
+        return self.with_shared(changes)
+
+    def with_shared(self, changes: Mapping[str, float]) -> "Values":
+        return replace(self, shared={**self.shared, **changes})
+
+    def in_window(self, index: int) -> dict[str, float]:
+        return {**self.shared, **{name: float(values[index]) for name, values in self.local.items()}}
+
+
+class Unusable(ValueError):
+    """Nothing can be concluded from these recordings with this model; the message says why."""
+
+
+class Problem:
+    """One model on some recordings. `simulations` counts calls of predict, the unit of cost."""
+
+    def __init__(self, model: Model, recordings: Sequence[Recording]) -> None:
+        self.model = model
+        self.complaints: list[Complaint] = []
+        self.simulations = 0
+        self.windows: list[Window] = []
+        self.blocks: list[Block] = []
+        self._groups: dict[tuple[str, ...], int] = {}
+        measured: list[Array] = []
+        rows = 0
+        for recording in recordings:
+            clean, complaints = cleaned(recording)
+            self.complaints += complaints
+            usable = self._usable(clean)
+            if usable is None:
+                continue
+            outputs, interval = usable
+            for window in cut(model, clean, interval):
+                index = len(self.windows)
+                runs = list(_runs(window, {name: clean.signals[name] for name in outputs}))
+                if not runs:
+                    continue
+                self.windows.append(window)
+                for channels, time_s, values in runs:
+                    group = self._groups.setdefault(channels, len(self._groups))
+                    self.blocks.append(Block(index, group, channels, time_s, rows))
+                    measured.append(values.ravel())
+                    rows += values.size
+        if not self.windows:
+            reasons = "; ".join(f"{c.recording}: {c.signal} {c.text}" for c in self.complaints if c.fatal)
+            raise Unusable(reasons or "no recordings were given")
+        self.measured = np.concatenate(measured)
+        self.channels = tuple(dict.fromkeys(name for block in self.blocks for name in block.channels))
+        self.missing = tuple(name for name in model.outputs if name not in self.channels)
+        self.row_window, self.row_channel, self.row_time = self._labels()
+        self.local_names = tuple(p.name for p in model.nuisances if p.scope == "window")
+        self.nuisance_names = tuple(p.name for p in model.nuisances if p.scope == "all")
+
+    def _usable(self, recording: Recording) -> tuple[list[str], tuple[float, float]] | None:
+        """Channels to score and the interval in which all inputs exist; complaints say what is wrong."""
+
+        def complain(name: str, text: str, *, fatal: bool) -> None:
+            self.complaints.append(Complaint(recording.name, name, text, fatal))
+
+        model, fine = self.model, True
+        wanted = {**model.inputs, **model.optional, **model.outputs}
+        for name in [name for name in wanted if name in recording.signals]:
+            found, expected = recording.signals[name].unit, wanted[name]
+            if not parse_unit(found).same_quantity(parse_unit(expected)):
+                complain(name, f"is in {found}, the model {model.name} needs {expected}", fatal=True)
+                fine = False
+        for name in model.inputs:
+            if name not in recording.signals:
+                complain(
+                    name,
+                    f"is missing; the model {model.name} cannot be driven without this input",
+                    fatal=True,
+                )
+                fine = False
+            elif recording.signals[name].time_s.size < 2:
+                complain(name, "has fewer than 2 usable samples", fatal=True)
+                fine = False
+        outputs = []
+        for name in [name for name in model.outputs if name in recording.signals]:
+            found_signal = recording.signals[name]
+            if found_signal.time_s.size < FEWEST_SAMPLES:
+                complain(
+                    name,
+                    f"has {found_signal.time_s.size} usable samples, {FEWEST_SAMPLES} needed",
+                    fatal=False,
+                )
+            elif np.ptp(found_signal.value) == 0.0:
+                text = f"is constant at {found_signal.value[0]:g} {found_signal.unit}: a dead sensor or an unused column"
+                complain(name, text, fatal=False)
+            else:
+                outputs.append(name)
+        if fine and not outputs:
+            complain("outputs", f"none of {', '.join(model.outputs)} is usable", fatal=True)
+            fine = False
+        if not fine:
+            return None
+        driving = [recording.signals[name] for name in model.inputs] or [
+            recording.signals[name] for name in outputs
+        ]
+        start = max(s.time_s[0] for s in driving) if model.inputs else min(s.time_s[0] for s in driving)
+        end = min(s.time_s[-1] for s in driving) if model.inputs else max(s.time_s[-1] for s in driving)
+        if end - start < FEWEST_SAMPLES * model.step_s:
+            complain("inputs", f"exist together for only {end - start:.3g} s", fatal=True)
+            return None
+        return outputs, (float(start), float(end))
+
+    def _labels(self) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+        window = np.empty(self.measured.size, np.intp)
+        channel, time_s = np.empty_like(window), np.empty(self.measured.size)
+        number = {name: i for i, name in enumerate(self.channels)}
+        for block in self.blocks:
+            rows, (n, c) = slice(block.start, block.stop), block.shape
+            window[rows] = block.window
+            channel[rows] = np.tile([number[name] for name in block.channels], n)
+            time_s[rows] = np.repeat(block.time_s, c)
+        return window, channel, time_s
+
+    def start(self) -> Values:
+        """The baseline: every effect off, initial states at their guess."""
+        shared = {p.name: p.value for p in self.model.parameters if p.scope == "all"}
+        local = {
+            p.name: np.array([p.guess(w) if p.guess else p.value for w in self.windows])
+            for p in self.model.nuisances
+            if p.scope == "window"
+        }
+        return Values(shared, local)
+
+    def outputs(
+        self, index: int, values: Values, extra: Mapping[str, Array] | None = None
+    ) -> dict[str, Array]:
+        """Sensor outputs on the grid of one window."""
+        window, parameters = self.windows[index], values.in_window(index)
+        true = self.model.simulate(window, parameters, extra or {})
+        return through_sensors(true, parameters, window.time_s, window.step_s, self.windows[0].start_s)
+
+    def predict(self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None) -> Array:
+        """Rows of the predicted outputs; extra: per window, what is added at the model's ports."""
+        self.simulations += 1
+        rows = np.empty(self.measured.size)
+        current, seen = -1, dict[str, Array]()
+        for block in self.blocks:
+            if block.window != current:
+                current = block.window
+                seen = self.outputs(current, values, extra[current] if extra else None)
+            grid = self.windows[current].time_s
+            for i, name in enumerate(block.channels):
+                rows[block.start + i : block.stop : len(block.channels)] = np.interp(
+                    block.time_s, grid, seen[name]
+                )
+        return rows
+
+
+def cut(model: Model, recording: Recording, interval: tuple[float, float]) -> Iterable[Window]:
+    """Windows of equal length near model.window_s, each with its lead-in as far as the recording has one."""
+    start, end = interval
+    count = max(1, round((end - start) / model.window_s)) if model.window_s else 1
+    edges = np.linspace(start, end, count + 1)
+    names = {**model.inputs, **model.optional, **model.outputs}
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        lead = max(low - model.lead_s, start)
+        grid = lead + model.step_s * np.arange(int(np.ceil((high - lead) / model.step_s - 1e-9)) + 1)
+        known = {
+            name: resampled(s, grid)
+            for name, s in recording.signals.items()
+            if name in names and s.time_s.size > 1
+        }
+        yield Window(
+            recording=recording.name,
+            start_s=float(low),
+            end_s=float(high),
+            time_s=grid,
+            step_s=model.step_s,
+            known=known,
+            constants=recording.constants,
+        )
+
+
+def resampled(source: Signal, grid: Array) -> Array:
+    """Values on the grid: linear between samples, or the last value for held signals."""
+    if not source.held:
+        return np.interp(grid, source.time_s, source.value)
+    return source.value[np.clip(np.searchsorted(source.time_s, grid + 1e-9, side="right") - 1, 0, None)]
+
+
+def _runs(window: Window, outputs: Mapping[str, Signal]) -> Iterable[tuple[tuple[str, ...], Array, Array]]:
+    """Channels grouped by identical stamps, split at gaps: (names, stamps (n,), values (n, c))."""
+    groups: dict[bytes, list[str]] = {}
+    for name, output in outputs.items():
+        groups.setdefault(output.time_s.tobytes(), []).append(name)
+    last = outputs and max(s.time_s[-1] for s in outputs.values())
+    for names in groups.values():
+        stamps = outputs[names[0]].time_s
+        upto = stamps <= window.end_s if window.end_s >= float(last or 0.0) else stamps < window.end_s
+        inside = np.flatnonzero((stamps >= window.start_s) & upto)
+        if inside.size < FEWEST_SAMPLES:
+            continue
+        pauses = np.diff(stamps[inside])
+        for run in np.split(inside, np.flatnonzero(pauses > GAP * np.median(pauses)) + 1):
+            if run.size >= FEWEST_SAMPLES:
+                yield (
+                    tuple(names),
+                    stamps[run],
+                    np.stack([outputs[name].value[run] for name in names], axis=1),
+                )

@@ -1,0 +1,270 @@
+"""Forward selection: screen, shortlist, non-linear refit, penalty, held-out gate; noise re-estimated every round.
+
+Nothing here decides on names: gates that need the floor, the groups and the words come after (discrepancy.judge).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discrepancy.fit import Fit, Mask, WindowStates, differences, fit, held_out
+from discrepancy.model import Effect
+from discrepancy.noise import Noise, estimate_noise, white_noise
+from discrepancy.problem import Problem, Values
+from discrepancy.recording import Array
+from discrepancy.screen import (
+    Columns,
+    Projector,
+    Score,
+    active,
+    by_statistic,
+    inflation_of,
+    penalty,
+    score,
+    sensitivities,
+    time_blocks,
+)
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """How strict to be. alpha: chance of a false finding in a search; held_out: least gain in SSE on data not fitted;
+    confirmed: and least share of the gain on fitted data; same: likelihood difference (in SSE) that cannot be told apart.
+    """
+
+    alpha: float = 0.02
+    held_out: float = 4.0
+    confirmed: float = 0.3
+    same: float = 6.0
+    gap_closed: float = 0.5
+    shortlist: int = 6
+    most_effects: int = 4
+    folds: int = 2
+    open_ended: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One effect added to the nuisances and accepted effects: refitted, tested, confirmed or not."""
+
+    effect: str
+    fit: Fit
+    gain: float  # in SSE, all data, over inflation
+    needed: float
+    held_out_gain: float | None = None  # summed over folds, None if not reached
+    inflation: float = 1.0
+
+    def accepted(self, settings: Settings) -> bool:
+        confirmed = max(settings.held_out, settings.confirmed * self.gain)
+        return self.gain > self.needed and self.held_out_gain is not None and self.held_out_gain > confirmed
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """Where a search stands: noise, the fit with the accepted effects, the screen of the others, and what was tried."""
+
+    noise: Noise
+    fit: Fit
+    accepted: tuple[str, ...]
+    scores: tuple[Score, ...]
+    trials: tuple[Trial, ...] = ()
+    columns: tuple[Columns, ...] = field(default=(), repr=False)
+
+
+def search(
+    problem: Problem, settings: Settings, progress: Progress = lambda _: None
+) -> tuple[State, list[State]]:
+    """The final state, and the states on the way (the first is the baseline)."""
+    history: list[State] = []
+    accepted: tuple[str, ...] = ()
+    values = problem.start()
+    while True:
+        state = assess(problem, accepted, values, settings)
+        if len(accepted) < settings.most_effects:
+            progress(f"{len(state.scores)} effects screened, {problem.simulations} simulations")
+            state = replace(state, trials=tuple(try_shortlist(problem, state, settings)))
+        history.append(state)
+        passed = [t for t in state.trials if t.accepted(settings)]
+        if not passed:
+            return state, history
+        best = max(passed, key=lambda t: t.gain - t.needed)
+        progress(f"{best.effect}: gain {best.gain:.0f} ({best.needed:.0f} needed)")
+        accepted, values = (*accepted, best.effect), best.fit.values
+
+
+def free_names(problem: Problem, effects: Sequence[str]) -> tuple[str, ...]:
+    """Shared parameters fitted with these effects on."""
+    return problem.nuisance_names + tuple(n for name in effects for n in problem.model.effect(name).names)
+
+
+def assess(problem: Problem, accepted: tuple[str, ...], values: Values, settings: Settings) -> State:
+    """Noise with all candidates projected out, the fit under it, and the screen of what is not accepted."""
+    names = free_names(problem, accepted)
+    candidates = [e for e in problem.model.effects if e.name not in accepted]
+    noise = white_noise(problem, problem.measured - problem.predict(values))
+    fitted = fit(problem, noise, names, values)
+    columns: list[Columns] = []
+    for _ in range(2):
+        base = problem.predict(fitted.values)
+        columns = [sensitivities(problem, fitted.values, base, effect) for effect in candidates]
+        raw = problem.measured - base
+        noise = estimate_noise(problem, *_unexplained(problem, noise, fitted, raw, columns))
+        fitted = fit(problem, noise, names, fitted.values)
+    return State(
+        noise, fitted, accepted, tuple(screen(problem, noise, fitted, columns, settings)), (), tuple(columns)
+    )
+
+
+def _unexplained(
+    problem: Problem, noise: Noise, fitted: Fit, raw: Array, columns: Sequence[Columns]
+) -> tuple[Array, float]:
+    """Raw residual with every candidate projected out, and how many parameters that took.
+
+    Each candidate enters at each probe in units of that change, with a prior of a few such changes, so that a large
+    library cannot eat a short recording.
+    """
+    all_columns = np.concatenate(
+        [part for c in columns for part in c.raw] or [np.zeros((raw.size, 0))], axis=1
+    )
+    projector = Projector(problem, noise, fitted)
+    X = projector.off(noise.whiten(all_columns))
+    gram = X.T @ X
+    weak = gram + np.eye(len(gram)) / 5.0**2
+    coefficient = np.linalg.solve(weak, X.T @ fitted.residual) if len(gram) else np.zeros(0)
+    used = float(np.trace(np.linalg.solve(weak, gram))) if len(gram) else 0.0
+    left = raw - all_columns @ coefficient
+    # nuisances and initial states give way too
+    return _refitted(problem, noise, fitted, left), used + projector.states.used + len(fitted.names)
+
+
+def _refitted(problem: Problem, noise: Noise, fitted: Fit, left: Array) -> Array:
+    base = problem.predict(fitted.values)
+    raw = differences(problem, fitted.values, base, [*fitted.names, *problem.local_names])
+    J, L = raw[:, : len(fitted.names)], raw[:, len(fitted.names) :]
+    white = noise.whiten(left)
+    everything = np.ones(white.size, bool)
+    white_J, white_L = noise.whiten(J).reshape(white.size, -1), noise.whiten(L).reshape(white.size, -1)
+    states = WindowStates(white_L, noise.row_window, everything)
+    shared = fitted.covariance @ (fitted.columns.T @ states.off(white))
+    local = states.solve(white - white_J @ shared, len(problem.windows), noise.row_window)
+    return left - J @ shared - np.sum(L * local[problem.row_window], axis=1)
+
+
+def screen(
+    problem: Problem, noise: Noise, fitted: Fit, columns: Sequence[Columns], settings: Settings
+) -> list[Score]:
+    """Scores of all candidates, best first."""
+    projector, blocks = Projector(problem, noise, fitted), time_blocks(noise)
+    count = len(columns)
+    return by_statistic(
+        [
+            score(
+                noise,
+                projector,
+                fitted.residual,
+                c,
+                penalty(len(active(c.effect)), count, settings.alpha),
+                blocks,
+            )
+            for c in columns
+        ]
+    )
+
+
+def shortlisted(model_effects: Sequence[Effect], scores: Sequence[Score], settings: Settings) -> list[Score]:
+    """The best by score, and the partner of every lag or delay among them: their first-order scores are the same."""
+    best = [s for s in scores[: settings.shortlist] if s.statistic > 3.0]
+    named = {s.effect for s in best}
+    partners = {
+        swapped
+        for name in named
+        for swapped in (name.replace(" lag", " delay"), name.replace(" delay", " lag"))
+        if swapped not in named
+    }
+    return best + [s for s in scores if s.effect in partners]
+
+
+def try_shortlist(problem: Problem, state: State, settings: Settings) -> list[Trial]:
+    """Refit the shortlist; put those that gain enough to the held-out test."""
+    trials = [
+        refit(problem, state, s, settings) for s in shortlisted(problem.model.effects, state.scores, settings)
+    ]
+    best = max((t.gain - t.needed for t in trials), default=0.0)
+    return [
+        replace(t, held_out_gain=confirm(problem, state, t.effect, t.fit.values, settings))
+        if t.gain > t.needed and t.gain - t.needed > best - 3.0 * settings.same
+        else t
+        for t in trials
+    ]
+
+
+def refit(
+    problem: Problem, state: State, found: Score, settings: Settings, rows: Mask | None = None
+) -> Trial:
+    """Non-linear refit with one more effect, from the expected change and from the probe."""
+    effect = problem.model.effect(found.effect)
+    names = free_names(problem, (*state.accepted, effect.name))
+    fits = [
+        fit(problem, state.noise, names, start, rows=rows, iterations=6)
+        for start in starts(state, effect, found)
+    ]
+    best = min(fits, key=lambda f: f.sse)
+    switches = [names.index(name) for name in active(effect)]
+    direction = project_out(best, switches)
+    inflation = inflation_of(direction, best.residual, time_blocks(state.noise)) if direction.any() else 1.0
+    needed = penalty(effect.size, len(problem.model.effects), settings.alpha)
+    return Trial(effect.name, best, (state.fit.sse - best.sse) / inflation, needed, None, inflation)
+
+
+def starts(state: State, effect: Effect, found: Score) -> list[Values]:
+    """Where the refit begins: the expected change, within bounds; shapes at their typical value."""
+    shapes = {p.name: p.value + p.typical for p in effect.parameters if p.shape}
+    switches = [p for p in effect.parameters if not p.shape]
+    expected = {
+        p.name: float(np.clip(p.value + change, p.lower, p.upper))
+        for p, change in zip(switches, found.change, strict=True)
+    }
+    first = state.fit.values.with_shared({**shapes, **expected})
+    if any(len(p.probes) > 1 for p in switches):
+        probe = {p.name: p.tried[min(found.probe, len(p.tried) - 1)] for p in switches}
+        return [first, state.fit.values.with_shared({**shapes, **probe})]
+    return [first]
+
+
+def project_out(fitted: Fit, kept: Sequence[int]) -> Array:
+    """Columns `kept` of a fit, orthogonal to its other columns."""
+    others = [i for i in range(len(fitted.names)) if i not in kept]
+    X, J = fitted.columns[:, list(kept)], fitted.columns[:, others]
+    if not others:
+        return X
+    return X - J @ np.linalg.lstsq(J, X, rcond=None)[0]
+
+
+def folds(problem: Problem, noise: Noise, count: int) -> list[Mask]:
+    """Rows held out in turn: every count-th window, or stretches of time where windows are few."""
+    number: NDArray[np.intp] = noise.row_window
+    if len(problem.windows) < 2 * count:
+        number = time_blocks(noise, 4 * count) if len(problem.windows) < count else number
+    return [number % count == i for i in range(count)]
+
+
+def confirm(problem: Problem, state: State, effect: str, values: Values, settings: Settings) -> float:
+    """Gain in SSE on held-out rows, summed over the folds: everything shared is fitted on the other rows."""
+    return held_out_sse(problem, state.noise, state.accepted, state.fit.values, settings) - held_out_sse(
+        problem, state.noise, (*state.accepted, effect), values, settings
+    )
+
+
+def held_out_sse(
+    problem: Problem, noise: Noise, effects: Sequence[str], start: Values, settings: Settings
+) -> float:
+    """SSE on rows that the shared parameters were not fitted to."""
+    names, total = free_names(problem, effects), 0.0
+    for test in folds(problem, noise, settings.folds):
+        trained = fit(problem, noise, names, start, rows=~test, iterations=4)
+        total += held_out(problem, noise, trained.values, test)[0]
+    return total
