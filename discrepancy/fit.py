@@ -175,10 +175,9 @@ def _misfit(
     return _sse(noise.whiten(problem.measured - problem.predict(values)), parameters, values, rows)
 
 
-def held_out(problem: Problem, noise: Noise, values: Values, rows: Mask) -> tuple[float, Array]:
-    """SSE on rows with shared parameters as given and only the initial states refitted there; and the residual."""
-    scored = fit(problem, noise, (), values, rows=rows, iterations=2)
-    return scored.data_sse, scored.residual
+def held_out(problem: Problem, noise: Noise, values: Values, rows: Mask) -> Array:
+    """Residual (n,) with shared parameters as given and only the initial states refitted to `rows`."""
+    return fit(problem, noise, (), values, rows=rows, iterations=2).residual
 
 
 def _bounded(A: Array, b: Array, parameters: Sequence[Parameter], values: Values) -> Array:

@@ -254,17 +254,17 @@ def folds(problem: Problem, noise: Noise, count: int) -> list[Mask]:
 
 def confirm(problem: Problem, state: State, effect: str, values: Values, settings: Settings) -> float:
     """Gain in SSE on held-out rows, summed over the folds: everything shared is fitted on the other rows."""
-    return held_out_sse(problem, state.noise, state.accepted, state.fit.values, settings) - held_out_sse(
-        problem, state.noise, (*state.accepted, effect), values, settings
-    )
+    before = held_out_residual(problem, state.noise, state.accepted, state.fit.values, settings)
+    after = held_out_residual(problem, state.noise, (*state.accepted, effect), values, settings)
+    return float(np.sum(before**2) - np.sum(after**2))
 
 
-def held_out_sse(
+def held_out_residual(
     problem: Problem, noise: Noise, effects: Sequence[str], start: Values, settings: Settings
-) -> float:
-    """SSE on rows that the shared parameters were not fitted to."""
-    names, total = free_names(problem, effects), 0.0
+) -> Array:
+    """Whitened residual (n,), every row from a fit of the shared parameters that has not seen it."""
+    names, residual = free_names(problem, effects), np.empty(noise.keep.size)
     for test in folds(problem, noise, settings.folds):
         trained = fit(problem, noise, names, start, rows=~test, iterations=4)
-        total += held_out(problem, noise, trained.values, test)[0]
-    return total
+        residual[test] = held_out(problem, noise, trained.values, test)[test]
+    return residual

@@ -1,0 +1,110 @@
+"""Where a finding's evidence lies: gain in log-likelihood per channel, stretch of time and regime."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from discrepancy.fit import Fit
+from discrepancy.noise import Noise
+from discrepancy.problem import Problem
+from discrepancy.recording import Array
+
+BINS = 60  # of time, per recording
+SHARE = 0.8  # of the gain, that the reported stretch holds
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """A stretch of time in one recording [s, its own clock] and the share of all gain in it."""
+
+    recording: str
+    start_s: float
+    end_s: float
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class Regime:
+    """A third of the range of a known signal, and how much denser the gain is there than on average."""
+
+    text: str
+    share: float
+    density: float
+
+
+@dataclass(frozen=True, slots=True)
+class Location:
+    """Shares of the gain; `throughout` when no stretch of time stands out."""
+
+    channels: Mapping[str, float]
+    stretches: tuple[Stretch, ...]
+    throughout: bool
+    regimes: tuple[Regime, ...]
+
+
+def locate(problem: Problem, noise: Noise, without: Fit, with_it: Fit) -> Location:
+    """Compare innovations row by row, with and without the effect."""
+    gain = without.residual**2 - with_it.residual**2
+    total = max(float(np.sum(gain)), 1e-12)
+    channels = {
+        name: float(np.sum(gain[noise.row_channel == i])) / total for i, name in enumerate(problem.channels)
+    }
+    stretches = _stretches(problem, noise, gain, total)
+    length = sum(w.end_s - w.start_s for w in problem.windows)
+    covered = sum(s.end_s - s.start_s for s in stretches)
+    return Location(
+        dict(sorted(channels.items(), key=lambda item: -item[1])),
+        tuple(stretches),
+        covered > 0.5 * length,
+        tuple(_regimes(problem, noise, gain, total)),
+    )
+
+
+def _stretches(problem: Problem, noise: Noise, gain: Array, total: float) -> list[Stretch]:
+    """Per recording, the stretch where the gain outruns half its own average the most (maximum subarray)."""
+    owner = np.array([problem.windows[w].recording for w in noise.row_window])
+    found = []
+    for recording in dict.fromkeys(w.recording for w in problem.windows):
+        rows = owner == recording
+        time_s, share = noise.row_time[rows], gain[rows] / total
+        if float(np.sum(share)) < 0.5 * rows.mean():
+            continue
+        edges = np.linspace(time_s.min(), time_s.max() + 1e-9, BINS + 1)
+        per_bin = np.bincount(np.clip(np.digitize(time_s, edges) - 1, 0, BINS - 1), share, BINS)
+        low, high = densest(per_bin - 0.5 * np.sum(per_bin) / BINS)
+        found.append(
+            Stretch(recording, float(edges[low]), float(edges[high]), float(np.sum(per_bin[low:high])))
+        )
+    return found
+
+
+def densest(values: Array) -> tuple[int, int]:
+    """Half-open range with the largest sum (Kadane)."""
+    best, best_range, now, start = -np.inf, (0, len(values)), 0.0, 0
+    for i, value in enumerate(values.tolist()):
+        if now <= 0.0:
+            now, start = 0.0, i
+        now += value
+        if now > best:
+            best, best_range = now, (start, i + 1)
+    return best_range
+
+
+def _regimes(problem: Problem, noise: Noise, gain: Array, total: float) -> list[Regime]:
+    found = []
+    names = [n for n in (*problem.model.inputs, *problem.channels) if all(w.has(n) for w in problem.windows)]
+    units = {**problem.model.inputs, **problem.model.outputs}
+    for name in names:
+        value = np.empty(gain.size)
+        for i, window in enumerate(problem.windows):
+            rows = noise.row_window == i
+            value[rows] = np.interp(noise.row_time[rows], window.time_s, window[name])
+        low, high = np.quantile(value, [1 / 3, 2 / 3])
+        if low == high:
+            continue
+        for text, rows in ((f"below {low:.3g}", value < low), (f"above {high:.3g}", value > high)):
+            share, size = float(np.sum(gain[rows])) / total, float(rows.mean())
+            if size > 0.05 and share / size > 1.5:
+                found.append(Regime(f"{name} {text} {units[name]}", share, share / size))
+    return sorted(found, key=lambda r: -r.density)[:4]
