@@ -1,0 +1,97 @@
+"""Where the machine rests on its tyres: Newton's method on the plant's own equations.
+
+Standing, all accelerations of the rear frame and of the rear axle vanish while the brakes hold the
+wheels; the tyres' tangential forces balance the slope. Rolling, there are no tangential forces yet,
+and only heave, roll, pitch and oscillation are brought to rest.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from plant import state as s
+from plant.dynamics import Workspace, derivative
+from plant.parameters import P_FRICTION, P_GRAVITY, P_OSCILLATION_X, P_WHEELS, W_CENTRE, WHEEL_SIZE
+
+Array = NDArray[np.float64]
+
+STANDING = np.arange(7)
+ROLLING = np.array((2, 3, 4, 6))
+SLIP_PER_METRE = 3.0  # of a standing tyre pulled along: decides only where the machine comes to rest [1/m]
+LONGEST = np.array((0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 0.05))  # change of one iteration [m, rad]
+ITERATIONS = 100
+AT_REST = 1e-9  # [m/s2, rad/s2]
+
+
+class NoEquilibriumError(ValueError):
+    """The machine cannot rest like this: it would tip over or slide."""
+
+
+def settle(
+    state: Array, p: Array, work: Workspace, road: Array, *, heading: float, height: float, standing: bool
+) -> None:
+    """Put `state` (joint angles set, velocities zero) to rest on the road.
+
+    road: its axes in the world, (3, 3); heading: of the rear frame about the road's normal [rad];
+    height: first guess of the joint above the road [m]. Raises NoEquilibriumError.
+    """
+    command = np.zeros(s.COMMANDS)
+    free = STANDING if standing else ROLLING
+    rest = np.zeros(7)  # along, across, above [m], turn about x, y, z of the road, oscillation [rad]
+    rest[2] = height
+
+    def residual(unknowns: Array) -> Array:
+        _place(state, unknowns, road, heading, p)
+        derivative(state, command, p, 0.0, work)
+        rise = work.tree.acceleration[s.REAR_FRAME]
+        axes = work.world.T @ road
+        linear = axes.T @ rise[3:] - p[P_GRAVITY] * road[2]
+        return np.concatenate(
+            (linear, axes.T @ rise[:3], work.tree.joint_acceleration[s.REAR_AXLE : s.REAR_AXLE + 1])
+        )
+
+    for _ in range(ITERATIONS):
+        error = residual(rest)[free]
+        if np.max(np.abs(error)) < AT_REST:
+            return
+        try:
+            change = np.linalg.solve(_slopes(residual, rest, free), error)
+        except np.linalg.LinAlgError:
+            break
+        rest[free] -= change / max(1.0, float(np.max(np.abs(change) / LONGEST[free])))
+    raise NoEquilibriumError(
+        "the machine finds no rest: it would tip over or slide "
+        f"(road slope {math.degrees(math.acos(road[2, 2])):.1f} deg, friction scale {p[P_FRICTION]:.2f}); "
+        "payload, slope or articulation is too large, or friction too small"
+    )
+
+
+def _slopes(residual: Callable[[Array], Array], at: Array, free: Array) -> Array:
+    """Derivative of the residual by central differences; 1e-6 m or rad balances rounding and curvature."""
+    columns = []
+    for index in free:
+        ahead, behind = at.copy(), at.copy()
+        ahead[index] += 1e-6
+        behind[index] -= 1e-6
+        columns.append((residual(ahead)[free] - residual(behind)[free]) / 2e-6)
+    return np.column_stack(columns)
+
+
+def _place(state: Array, unknowns: Array, road: Array, heading: float, p: Array) -> None:
+    """Write pose and standing slips into the state."""
+    along, across, above, roll, pitch, yaw, oscillation = unknowns
+    state[s.POSITION : s.POSITION + 3] = above * road[:, 2]
+    attitude = Rotation.from_matrix(road) * Rotation.from_euler("ZYX", (heading, pitch, roll))
+    state[s.ATTITUDE : s.ATTITUDE + 4] = attitude.as_quat(scalar_first=True)
+    state[s.JOINT + s.REAR_AXLE] = oscillation
+    for wheel in range(4):
+        w = P_WHEELS + wheel * WHEEL_SIZE + W_CENTRE
+        angle, start = (state[s.JOINT + s.FRONT_FRAME], 0.0) if wheel < 2 else (0.0, p[P_OSCILLATION_X])
+        c, sn = math.cos(angle), math.sin(angle)
+        x, y = start + c * p[w] - sn * p[w + 1], sn * p[w] + c * p[w + 1]
+        moved_x, moved_y = along - yaw * y, across + yaw * x
+        state[s.KAPPA + wheel] = -SLIP_PER_METRE * (c * moved_x + sn * moved_y)
+        state[s.TAN_ALPHA + wheel] = -SLIP_PER_METRE * (c * moved_y - sn * moved_x)

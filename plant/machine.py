@@ -1,0 +1,354 @@
+"""A machine: frozen values read from a TOML file, checked, in SI.
+
+Every value of the file carries its unit in its key and its confidence and source beside it. A file
+with a missing, unknown or impossible value gives one error that names file, key, value and range.
+"""
+
+import math
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+from plant.checked import CheckedTable, ConfigurationError
+
+MACHINES = Path(__file__).resolve().parent / "machines"
+
+_T = TypeVar("_T")
+
+_SCALES = {"_deg": math.radians(1.0), "_deg_per_s": math.radians(1.0)}
+_UNITS = {
+    "_deg_per_s": "deg/s",
+    "_N_m_s_per_rad": "N m s/rad",
+    "_N_m_per_rad": "N m/rad",
+    "_N_m_per_s": "N m/s",
+    "_N_s_per_m": "N s/m",
+    "_N_per_m": "N/m",
+    "_m_per_s": "m/s",
+    "_kg_m2": "kg m2",
+    "_N_m": "N m",
+    "_deg": "deg",
+    "_bar": "bar",
+    "_kg": "kg",
+    "_Pa": "Pa",
+    "_N": "N",
+    "_m": "m",
+    "_s": "s",
+}
+
+
+def quantity(key: str, low: float, high: float) -> Any:
+    """A field read from `key` of the file, within [low, high] in the key's unit."""
+    return field(metadata={"key": key, "low": low, "high": high})
+
+
+def _suffix(key: str) -> str:
+    return next((suffix for suffix in _UNITS if key.endswith(suffix)), "")
+
+
+def _read(cls: type[_T], table: CheckedTable) -> _T:
+    """One dataclass of quantities from one table; unknown keys are refused."""
+    values = {}
+    for item in fields(cls):  # type: ignore[arg-type]
+        key, low, high = (item.metadata[name] for name in ("key", "low", "high"))
+        suffix = _suffix(key)
+        values[item.name] = table.number(key, unit=_UNITS.get(suffix, "1"), low=low, high=high) * _SCALES.get(
+            suffix, 1.0
+        )
+    table.finish()
+    return cls(**values)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Geometry:
+    """Where the joint, the axles and the inertial sensor are [m], in the straight machine."""
+
+    wheel_centre_height: float = quantity("wheel_centre_height_m", 0.1, 2.0)
+    joint_height: float = quantity("joint_height_m", 0.0, 3.0)
+    front_axle_x: float = quantity("front_axle_x_m", 0.1, 5.0)
+    rear_axle_x: float = quantity("rear_axle_x_m", -5.0, -0.1)
+    track: float = quantity("track_m", 0.5, 5.0)
+    imu_x: float = quantity("imu_x_m", -5.0, 1.0)
+    imu_z: float = quantity("imu_z_m", 0.0, 5.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Body:
+    """A rigid body: mass [kg], centre of gravity [m] (y = 0), principal inertias about it [kg m²]."""
+
+    mass: float = quantity("mass_kg", 1.0, 1e5)
+    x: float = quantity("x_m", -10.0, 10.0)
+    z: float = quantity("z_m", -2.0, 5.0)
+    ixx: float = quantity("ixx_kg_m2", 0.1, 1e6)
+    iyy: float = quantity("iyy_kg_m2", 0.1, 1e6)
+    izz: float = quantity("izz_kg_m2", 0.1, 1e6)
+
+    def __post_init__(self) -> None:
+        a, b, c = sorted((self.ixx, self.iyy, self.izz))
+        if a + b < c:
+            raise ValueError(
+                f"inertias {self.ixx:g}, {self.iyy:g}, {self.izz:g} kg m2: one exceeds the sum of the others"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Payload:
+    """What the bucket carries: centre [m] from the bucket's pin as carried, inertia at the reference mass."""
+
+    reference_mass: float = quantity("reference_mass_kg", 1.0, 1e5)
+    x: float = quantity("x_m", -3.0, 3.0)
+    z: float = quantity("z_m", -3.0, 3.0)
+    ixx: float = quantity("ixx_kg_m2", 0.0, 1e6)
+    iyy: float = quantity("iyy_kg_m2", 0.0, 1e6)
+    izz: float = quantity("izz_kg_m2", 0.0, 1e6)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wheel:
+    """One wheel: tyre, rim and hub, symmetric about its axle."""
+
+    mass: float = quantity("mass_kg", 1.0, 1e4)
+    spin_inertia: float = quantity("spin_inertia_kg_m2", 0.1, 1e5)
+    transverse_inertia: float = quantity("transverse_inertia_kg_m2", 0.1, 1e5)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Steering:
+    """Steering cylinders as a rate servo with cushioned end stops."""
+
+    limit: float = quantity("limit_deg", 1.0, 80.0)
+    rate_limit: float = quantity("rate_limit_deg_per_s", 0.1, 200.0)
+    time_constant: float = quantity("time_constant_s", 0.005, 5.0)
+    cushion_time_constant: float = quantity("cushion_time_constant_s", 0.02, 20.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Oscillation:
+    """Pivot and stops of the rear axle."""
+
+    pivot_height: float = quantity("pivot_height_m", 0.1, 3.0)
+    limit: float = quantity("limit_deg", 0.5, 45.0)
+    stop_stiffness: float = quantity("stop_stiffness_N_m_per_rad", 0.0, 2e7)
+    stop_damping: float = quantity("stop_damping_N_m_s_per_rad", 0.0, 2e5)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lift:
+    """Lift arm, its rate servo and its cylinders."""
+
+    pivot_x: float = quantity("pivot_x_m", -2.0, 5.0)
+    pivot_z: float = quantity("pivot_z_m", 0.1, 5.0)
+    arm_length: float = quantity("arm_length_m", 0.2, 10.0)
+    lower_limit: float = quantity("lower_limit_deg", -85.0, 85.0)
+    upper_limit: float = quantity("upper_limit_deg", -85.0, 85.0)
+    carry_angle: float = quantity("carry_angle_deg", -85.0, 85.0)
+    raise_rate_limit: float = quantity("raise_rate_limit_deg_per_s", 0.1, 200.0)
+    lower_rate_limit: float = quantity("lower_rate_limit_deg_per_s", 0.1, 200.0)
+    time_constant: float = quantity("time_constant_s", 0.005, 5.0)
+    cushion_time_constant: float = quantity("cushion_time_constant_s", 0.02, 20.0)
+    cylinder_count: float = quantity("cylinder_count", 1, 4)
+    bore: float = quantity("bore_m", 0.01, 0.5)
+    rod: float = quantity("rod_m", 0.0, 0.5)
+    base_x: float = quantity("base_x_m", -2.0, 5.0)
+    base_z: float = quantity("base_z_m", 0.0, 5.0)
+    rod_pin_along: float = quantity("rod_pin_along_m", 0.1, 10.0)
+    rod_pin_above: float = quantity("rod_pin_above_m", -2.0, 2.0)
+    back_pressure: float = quantity("back_pressure_Pa", 0.0, 5e6)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tilt:
+    """Bucket tilt, its rate servo and its cylinder."""
+
+    carry_angle: float = quantity("carry_angle_deg", -120.0, 120.0)
+    lower_limit: float = quantity("lower_limit_deg", -120.0, 120.0)
+    upper_limit: float = quantity("upper_limit_deg", -120.0, 120.0)
+    rate_limit: float = quantity("rate_limit_deg_per_s", 0.1, 400.0)
+    time_constant: float = quantity("time_constant_s", 0.005, 5.0)
+    cushion_time_constant: float = quantity("cushion_time_constant_s", 0.02, 20.0)
+    cylinder_count: float = quantity("cylinder_count", 1, 4)
+    bore: float = quantity("bore_m", 0.01, 0.5)
+    rod: float = quantity("rod_m", 0.0, 0.5)
+    stroke: float = quantity("stroke_m", 0.05, 3.0)
+    back_pressure: float = quantity("back_pressure_Pa", 0.0, 5e6)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drive:
+    """Wheel motors: what they can give at the wheel, and how fast."""
+
+    front_peak_torque: float = quantity("front_peak_torque_N_m", 0.0, 1e6)
+    rear_peak_torque: float = quantity("rear_peak_torque_N_m", 0.0, 1e6)
+    time_constant: float = quantity("time_constant_s", 0.005, 5.0)
+    rate_limit: float = quantity("rate_limit_N_m_per_s", 1.0, 1e8)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Brake:
+    """Friction brake of one wheel."""
+
+    capacity: float = quantity("capacity_N_m", 0.0, 1e6)
+    time_constant: float = quantity("time_constant_s", 0.005, 5.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tyre:
+    """Tyre properties; the names of the coefficients are those of the Magic Formula."""
+
+    radius: float = quantity("radius_m", 0.1, 3.0)
+    front_pressure: float = quantity("front_pressure_bar", 0.5, 10.0)
+    rear_pressure: float = quantity("rear_pressure_bar", 0.5, 10.0)
+    nominal_pressure: float = quantity("nominal_pressure_bar", 0.5, 10.0)
+    nominal_load: float = quantity("nominal_load_N", 100.0, 1e6)
+    qfz1: float = quantity("qfz1", 0.1, 1e6)
+    qfz2: float = quantity("qfz2", 0.0, 1e6)
+    pfz1: float = quantity("pfz1", 0.0, 2.0)
+    damping: float = quantity("damping_N_s_per_m", 0.0, 1e5)
+    nominal_friction: float = quantity("nominal_friction", 0.05, 2.0)
+    pkx1: float = quantity("pkx1", 0.1, 60.0)
+    pkx2: float = quantity("pkx2", -50.0, 50.0)
+    pkx3: float = quantity("pkx3", -2.0, 2.0)
+    pcx1: float = quantity("pcx1", 1.0, 3.0)
+    pdx1: float = quantity("pdx1", 0.01, 3.0)
+    pdx2: float = quantity("pdx2", -0.2, 0.2)
+    pex1: float = quantity("pex1", -20.0, 1.0)
+    ppx1: float = quantity("ppx1", -2.0, 2.0)
+    ppx2: float = quantity("ppx2", -2.0, 2.0)
+    ppx3: float = quantity("ppx3", -1.0, 1.0)
+    ppx4: float = quantity("ppx4", -1.0, 1.0)
+    pky1: float = quantity("pky1", 0.1, 100.0)
+    pky2: float = quantity("pky2", 0.1, 20.0)
+    pcy1: float = quantity("pcy1", 1.0, 3.0)
+    pdy1: float = quantity("pdy1", 0.01, 3.0)
+    pdy2: float = quantity("pdy2", -0.2, 0.2)
+    pey1: float = quantity("pey1", -20.0, 1.0)
+    rbx1: float = quantity("rbx1", 0.0, 100.0)
+    rbx2: float = quantity("rbx2", -100.0, 100.0)
+    rcx1: float = quantity("rcx1", 0.0, 1.0)
+    rex1: float = quantity("rex1", -20.0, 1.0)
+    rby1: float = quantity("rby1", 0.0, 100.0)
+    rby2: float = quantity("rby2", -100.0, 100.0)
+    rcy1: float = quantity("rcy1", 0.0, 1.0)
+    qbz1: float = quantity("qbz1", 0.0, 100.0)
+    qcz1: float = quantity("qcz1", 0.0, 3.0)
+    qdz1: float = quantity("qdz1", 0.0, 1.0)
+    qdz2: float = quantity("qdz2", -0.2, 0.2)
+    longitudinal_stiffness: float = quantity("longitudinal_stiffness_N_per_m", 1e4, 1e8)
+    lateral_stiffness: float = quantity("lateral_stiffness_N_per_m", 1e4, 1e8)
+    shortest_relaxation: float = quantity("shortest_relaxation_m", 0.02, 1.0)
+    carcass_damping: float = quantity("carcass_damping_N_s_per_m", 0.0, 3e4)
+    carcass_damping_speed: float = quantity("carcass_damping_speed_m_per_s", 0.05, 5.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Machine:
+    """Everything the plant knows about one machine."""
+
+    name: str
+    geometry: Geometry
+    rear_frame: Body
+    rear_axle: Body
+    front_frame: Body
+    front_axle: Body
+    lift_arm: Body
+    bucket: Body
+    payload: Payload
+    wheel: Wheel
+    steering: Steering
+    oscillation: Oscillation
+    lift: Lift
+    tilt: Tilt
+    drive: Drive
+    brake: Brake
+    tyre: Tyre
+
+    @property
+    def mass(self) -> float:
+        """Mass without payload [kg]."""
+        bodies = (
+            self.rear_frame,
+            self.rear_axle,
+            self.front_frame,
+            self.front_axle,
+            self.lift_arm,
+            self.bucket,
+        )
+        return sum(body.mass for body in bodies) + 4.0 * self.wheel.mass
+
+
+_TABLES: dict[str, type[Any]] = {
+    "geometry": Geometry,
+    "rear_frame": Body,
+    "rear_axle": Body,
+    "front_frame": Body,
+    "front_axle": Body,
+    "lift_arm": Body,
+    "bucket": Body,
+    "payload": Payload,
+    "wheel": Wheel,
+    "steering": Steering,
+    "oscillation": Oscillation,
+    "lift": Lift,
+    "tilt": Tilt,
+    "drive": Drive,
+    "brake": Brake,
+    "tyre": Tyre,
+}
+
+
+def machine_names() -> list[str]:
+    """Names of the machines that come with the package."""
+    return sorted(path.stem for path in MACHINES.glob("*.toml"))
+
+
+def load_machine(name_or_path: str | Path) -> Machine:
+    """A machine by name ("l60") or from a TOML file.
+
+    Raises ConfigurationError, naming file, key, value, unit and range, if the file cannot be used.
+    """
+    path = Path(name_or_path)
+    if path.suffix != ".toml":
+        path = MACHINES / f"{name_or_path}.toml"
+        if not path.is_file():
+            raise ConfigurationError(
+                f"no machine named {str(name_or_path)!r}; known: {', '.join(machine_names())}, or give a path to a .toml file"
+            )
+    top = CheckedTable.from_file(path)
+    name = top.text("name")
+    parts = {}
+    for section, cls in _TABLES.items():
+        if section not in top:
+            raise top.error(section, "is missing")
+        try:
+            parts[section] = _read(cls, top.table(section))
+        except ConfigurationError:
+            raise
+        except ValueError as error:
+            raise top.error(section, str(error)) from error
+    top.finish()
+    machine = Machine(name=name, **parts)
+    _check_order(machine, top)
+    return machine
+
+
+def _check_order(machine: Machine, top: CheckedTable) -> None:
+    """Refuse values that are possible each but not together."""
+    for section, part in (("lift", machine.lift), ("tilt", machine.tilt)):
+        if not part.lower_limit <= part.carry_angle <= part.upper_limit:
+            low, carry, high = (
+                math.degrees(a) for a in (part.lower_limit, part.carry_angle, part.upper_limit)
+            )
+            raise top.error(
+                f"{section}.carry_angle_deg",
+                f"= {carry:g} deg is outside its own limits {low:g}..{high:g} deg",
+            )
+        if part.rod >= part.bore:
+            raise top.error(
+                f"{section}.rod_m", f"= {part.rod:g} m is not smaller than the bore, {part.bore:g} m"
+            )
+    for section, servo in (("steering", machine.steering), ("lift", machine.lift), ("tilt", machine.tilt)):
+        if servo.cushion_time_constant < 4.0 * servo.time_constant:
+            raise top.error(
+                f"{section}.cushion_time_constant_s",
+                f"= {servo.cushion_time_constant:g} s is below {4.0 * servo.time_constant:g} s, four times "
+                "time_constant_s: the cylinder would overshoot its end stop",
+            )

@@ -1,0 +1,197 @@
+"""The plant: one machine on one road, advanced in fixed steps by compiled code.
+
+Holds until the body itself would touch the ground (a lean of about 60 degrees): bodies have no
+contact of their own, only tyres do.
+"""
+
+import math
+from dataclasses import dataclass, fields
+from typing import Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plant import state as s
+from plant.dynamics import advance, derivative, new_workspace
+from plant.equilibrium import settle
+from plant.machine import Machine
+from plant.parameters import P_BRAKE_CAPACITY, P_GRAVITY, parameter_vector
+from plant.surface import Surface
+from plant.truth import Truth, truth_of
+
+Integrator = Literal["semi-implicit", "rk4"]
+
+_STILL = (0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Commands:
+    """What the machine is asked for; beyond its own limits it gives what it can.
+
+    wheel_torque: demanded drive torque at each wheel [N m]; brake_torque: available friction torque
+    of each wheel, not negative [N m]; rates [rad/s]: articulation left, lift up, tilt back positive.
+    """
+
+    wheel_torque: tuple[float, float, float, float] = _STILL
+    brake_torque: tuple[float, float, float, float] = _STILL
+    articulation_rate: float = 0.0
+    lift_rate: float = 0.0
+    tilt_rate: float = 0.0
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            values = value if isinstance(value, tuple) else (value,)
+            if not all(map(math.isfinite, values)):
+                raise ValueError(f"Commands.{item.name}={value} is not finite")
+        if min(self.brake_torque) < 0.0:
+            raise ValueError(
+                f"Commands.brake_torque={self.brake_torque} N m: a friction torque cannot be negative"
+            )
+
+    def vector(self) -> NDArray[np.float64]:
+        """The command vector of the compiled dynamics."""
+        rates = (self.articulation_rate, self.lift_rate, self.tilt_rate)
+        return np.array((*self.wheel_torque, *self.brake_torque, *rates))
+
+
+class DivergedError(RuntimeError):
+    """The motion left the range of numbers: a parameter or a step is impossible."""
+
+
+class Plant:
+    """A loader in motion.
+
+    Starts at the world's origin, at rest on its deflected tyres, or at `speed` [m/s] of the rear
+    axle with all wheels rolling without slip along the circle of its articulation angle. A standing
+    machine starts with its brakes applied; they follow the commands from the first step on.
+    Angles in rad; lift arm and tilt default to the carry position. heading is about the road's normal.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        surface: Surface | None = None,
+        *,
+        payload_mass: float = 0.0,
+        speed: float = 0.0,
+        articulation_angle: float = 0.0,
+        lift_arm_angle: float | None = None,
+        tilt_angle: float | None = None,
+        heading: float = 0.0,
+        step_s: float = 1e-3,
+        integrator: Integrator = "semi-implicit",
+    ) -> None:
+        lift = machine.lift.carry_angle if lift_arm_angle is None else lift_arm_angle
+        tilt = machine.tilt.carry_angle if tilt_angle is None else tilt_angle
+        _check_range("payload_mass", payload_mass, "kg", 0.0, 10.0 * machine.payload.reference_mass)
+        _check_range("speed", speed, "m/s", -30.0, 30.0)
+        _check_range(
+            "articulation_angle", articulation_angle, "rad", -machine.steering.limit, machine.steering.limit
+        )
+        _check_range("lift_arm_angle", lift, "rad", machine.lift.lower_limit, machine.lift.upper_limit)
+        _check_range("tilt_angle", tilt, "rad", machine.tilt.lower_limit, machine.tilt.upper_limit)
+        _check_range("step_s", step_s, "s", 1e-6, 5e-3)
+        if integrator not in ("semi-implicit", "rk4"):
+            raise ValueError(f"integrator={integrator!r} is neither 'semi-implicit' nor 'rk4'")
+        self.machine = machine
+        self.surface = Surface() if surface is None else surface
+        self.payload_mass = payload_mass
+        self.step_s = step_s
+        self.integrator = integrator
+        self._steps = 0
+        self._parameters = parameter_vector(machine, self.surface, payload_mass)
+        self._work = new_workspace()
+        self._command = np.zeros(s.COMMANDS)
+        self._state = np.zeros(s.STATES)
+        self._state[s.JOINT + s.FRONT_FRAME] = articulation_angle
+        self._state[s.JOINT + s.LIFT_ARM] = lift
+        self._state[s.JOINT + s.BUCKET] = tilt
+        self._start(speed, heading)
+
+    @property
+    def time_s(self) -> float:
+        """Time since the start [s]."""
+        return self._steps * self.step_s
+
+    def advance(self, commands: Commands, duration_s: float) -> None:
+        """Move on by `duration_s`, a whole number of steps, with constant commands."""
+        count = round(duration_s / self.step_s)
+        if count < 0 or abs(count * self.step_s - duration_s) > 1e-6 * self.step_s + 1e-12 * abs(duration_s):
+            raise ValueError(f"duration_s={duration_s} s is not a whole number of steps of {self.step_s} s")
+        self._command = commands.vector()
+        fourth_order = self.integrator == "rk4"
+        advance(self._state, self._command, self._parameters, self.step_s, count, fourth_order, self._work)
+        self._steps += count
+        if not np.isfinite(self._state).all():
+            raise DivergedError(
+                f"the motion diverged before {self.time_s:.3f} s (step {self.step_s} s): "
+                "is a stiffness or damping too large for the step, or an inertia too small?"
+            )
+
+    def truth(self) -> Truth:
+        """Everything that is true now."""
+        self._evaluate()
+        gravity = float(self._parameters[P_GRAVITY])
+        return truth_of(self.time_s, self._state, self._work, self.machine, self.payload_mass, gravity)
+
+    def copy(self) -> Self:
+        """An independent plant in the same state."""
+        twin = object.__new__(type(self))
+        twin.__dict__.update(self.__dict__)
+        twin._parameters = self._parameters.copy()
+        twin._work = new_workspace()
+        twin._command = self._command.copy()
+        twin._state = self._state.copy()
+        return twin
+
+    def _evaluate(self) -> None:
+        derivative(self._state, self._command, self._parameters, 0.0, self._work)
+
+    def _start(self, speed: float, heading: float) -> None:
+        state, work, geometry = self._state, self._work, self.machine.geometry
+        standing = speed == 0.0
+        settle(
+            state,
+            self._parameters,
+            work,
+            self.surface.axes(),
+            heading=heading,
+            height=geometry.joint_height - 0.1 * self.machine.tyre.radius,
+            standing=standing,
+        )
+        if standing:
+            state[s.BRAKE : s.BRAKE + 4] = self._parameters[P_BRAKE_CAPACITY]
+            self._command[s.C_BRAKE : s.C_BRAKE + 4] = self._parameters[P_BRAKE_CAPACITY]
+        else:
+            self._roll(speed)
+
+    def _roll(self, speed: float) -> None:
+        """Velocities of rolling without slip, at `speed` of the rear axle."""
+        state, work, geometry = self._state, self._work, self.machine.geometry
+        delta = state[s.JOINT + s.FRONT_FRAME]
+        behind, ahead = -geometry.rear_axle_x, geometry.front_axle_x
+        yaw_rate = speed * math.sin(delta) / (ahead + behind * math.cos(delta))
+        normal = work.world.T @ self.surface.axes()[:, 2]
+        forward = np.array((1.0, 0.0, 0.0)) - normal[0] * normal
+        forward /= np.linalg.norm(forward)
+        left = np.array(
+            (
+                normal[1] * forward[2] - normal[2] * forward[1],
+                normal[2] * forward[0] - normal[0] * forward[2],
+                normal[0] * forward[1] - normal[1] * forward[0],
+            )
+        )
+        state[s.ANGULAR : s.ANGULAR + 3] = yaw_rate * normal
+        state[s.VELOCITY : s.VELOCITY + 3] = work.world @ (speed * forward + yaw_rate * behind * left)
+        state[s.STICK : s.STICK + 4] = 1.0
+        self._evaluate()
+        for wheel in range(4):
+            sliding, radius = work.tyres[wheel, [s.T_SLIDING_X, s.T_ROLLING_RADIUS]]
+            state[s.JOINT_RATE + s.WHEEL + wheel] = sliding / radius
+            state[s.STICK + wheel] = math.copysign(1.0, sliding)
+
+
+def _check_range(name: str, value: float, unit: str, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise ValueError(f"{name}={value} {unit} is outside {low:.4g}..{high:.4g} {unit}")
