@@ -1,0 +1,395 @@
+"""Calibration of the ECU for one machine: what the estimators know, thresholds, limits.
+
+Read once from TOML, checked, frozen, in SI. The ECU's own numbers: it never sees a machine file of
+the plant.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from ecu.estimators.parameters import (
+    Arm,
+    Axle,
+    Body,
+    Bucket,
+    Cylinders,
+    Geometry,
+    MagicFormula,
+    Parameters,
+    Prediction,
+    Sensors,
+    Wheel,
+)
+from ecu.quantity import CalibrationError, Quantity, read_table, read_toml
+
+CALIBRATIONS = Path(__file__).resolve().parent / "calibrations"
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitRules:
+    """How the limits answer to the margin, SI."""
+
+    front_torque: float  # no limit [N m]
+    rear_torque: float
+    torque_full_margin: float  # full torque from this predicted margin on
+    torque_least_margin: float  # least torque at and below this one
+    torque_least_share: float
+    engage_margin: float  # prevention begins below
+    release_margin: float  # and ends above
+    creep_speed: float  # the speed is never limited below this by prevention
+    safe_torque: float  # values when the roll-over state is unknown
+    safe_speed: float
+    safe_rate: float
+    speed_fall: float  # how fast the speed limit may fall [m/s2]
+    speed_rise: float
+    rate_rise: float  # how fast the rate limit may rise [rad/s2]
+    torque_rise: float  # [N m/s]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WarningRules:
+    """Thresholds of the warnings, SI."""
+
+    attention_margin: float
+    warning_margin: float
+    imminent_margin: float
+    imminent_time: float
+    spin_slip: float
+    lock_slip: float
+    lock_speed: float
+    axle_rating: float
+    stop_distance: float
+    slope: float
+    payload: float
+    payload_arm: float
+    payload_speed: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InputRules:
+    """When an input is stale or implausible, SI; steps are per frame."""
+
+    stale_cycles: float
+    articulation: float
+    articulation_rate: float
+    wheel_speed: float
+    wheel_torque: float
+    acceleration: float
+    rate: float
+    slope: float
+    pressure: float
+    arm: float
+    tilt: float
+    articulation_step: float
+    wheel_speed_step: float
+    linkage_step: float
+    slope_step: float
+    start_up: float  # inputs may be missing this long after the start
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """Everything that makes the ECU fit one machine."""
+
+    name: str
+    parameters: Parameters
+    limits: LimitRules
+    warnings: WarningRules
+    inputs: InputRules
+
+
+def _q(key: str, low: float, high: float) -> Quantity:
+    return Quantity(key, low, high)
+
+
+_INERTIAS = {
+    "roll_inertia": _q("roll_inertia_kg_m2", 1, 1e6),
+    "pitch_inertia": _q("pitch_inertia_kg_m2", 1, 1e6),
+    "yaw_inertia": _q("yaw_inertia_kg_m2", 1, 1e6),
+}
+_BODY = {"mass": _q("mass_kg", 1, 1e5), "x": _q("x_m", -10, 10), "z": _q("z_m", 0, 5), **_INERTIAS}
+
+_TABLES: Mapping[str, tuple[type, Mapping[str, Quantity]]] = {
+    "geometry": (
+        Geometry,
+        {
+            "front_length": _q("front_length_m", 0.1, 5),
+            "rear_length": _q("rear_length_m", 0.1, 5),
+            "front_track": _q("front_track_m", 0.5, 5),
+            "rear_track": _q("rear_track_m", 0.5, 5),
+            "pivot_height": _q("pivot_height_m", 0.1, 3),
+            "articulation_stop": _q("articulation_stop_deg", 1, 80),
+        },
+    ),
+    "front": (Body, _BODY),
+    "rear": (Body, _BODY),
+    "arm": (
+        Arm,
+        {
+            "pivot_x": _q("pivot_x_m", -2, 5),
+            "pivot_z": _q("pivot_z_m", 0.1, 5),
+            "length": _q("length_m", 0.2, 10),
+            "mass": _q("mass_kg", 1, 1e5),
+            "along": _q("along_m", -5, 10),
+            "above": _q("above_m", -2, 2),
+            **_INERTIAS,
+        },
+    ),
+    "bucket": (
+        Bucket,
+        {
+            "mass": _q("mass_kg", 1, 1e5),
+            "carried": _q("carried_deg", -120, 120),
+            "forward": _q("forward_m", -3, 3),
+            "above": _q("above_m", -3, 3),
+            "payload_forward": _q("payload_forward_m", -3, 3),
+            "payload_above": _q("payload_above_m", -3, 3),
+            **_INERTIAS,
+            "payload_roll_gyration": _q("payload_roll_gyration_m", 0, 3),
+            "payload_pitch_gyration": _q("payload_pitch_gyration_m", 0, 3),
+            "payload_yaw_gyration": _q("payload_yaw_gyration_m", 0, 3),
+        },
+    ),
+    "axle": (
+        Axle,
+        {
+            "mass": _q("mass_kg", 1, 1e5),
+            "height": _q("height_m", 0.1, 3),
+            "roll_inertia": _q("roll_inertia_kg_m2", 1, 1e6),
+        },
+    ),
+    "wheel": (
+        Wheel,
+        {
+            "unloaded_radius": _q("unloaded_radius_m", 0.1, 3),
+            "nominal_load": _q("nominal_load_kn", 0.1, 1000),
+            "radial_linear": _q("radial_linear", 0.1, 1e4),
+            "radial_quadratic": _q("radial_quadratic", 1e-3, 1e4),
+            "front_stiffening": _q("front_stiffening", 0.1, 3),
+            "rear_stiffening": _q("rear_stiffening", 0.1, 3),
+            "front_pressure": _q("front_pressure_bar", 0.5, 10),
+            "rear_pressure": _q("rear_pressure_bar", 0.5, 10),
+            "spin_inertia": _q("spin_inertia_kg_m2", 0.1, 1e5),
+            "rolling_resistance": _q("rolling_resistance", 0, 0.3),
+            "slip_stiffness": _q("slip_stiffness", 1, 60),
+            "cornering_stiffness": _q("cornering_stiffness_per_rad", 1, 60),
+            "lateral_peak": _q("lateral_peak", 0.05, 2),
+            "friction": _q("friction", 0.05, 2),
+            "pneumatic_trail": _q("pneumatic_trail_m", 0, 0.5),
+            "longitudinal_relaxation": _q("longitudinal_relaxation_m", 0.01, 5),
+            "low_speed": _q("low_speed_m_s", 0.05, 2),
+        },
+    ),
+    "magic_formula": (
+        MagicFormula,
+        {
+            "nominal_load": _q("nominal_load_kn", 0.1, 1000),
+            "nominal_pressure": _q("nominal_pressure_bar", 0.5, 10),
+            "PCx1": _q("PCx1", 1, 3),
+            "PDx1": _q("PDx1", 0.01, 3),
+            "PEx1": _q("PEx1", -20, 1),
+            "PKx1": _q("PKx1", 0.1, 60),
+            **{
+                name: _q(name, -100, 100)
+                for name in "PDx2 PEx2 PEx3 PEx4 PKx2 PKx3 PHx1 PHx2 PVx1 PVx2 Ppx1 Ppx2 Ppx3 Ppx4".split()
+            },
+        },
+    ),
+    "sensors": (
+        Sensors,
+        {
+            "imu_x": _q("imu_x_m", -5, 5),
+            "imu_y": _q("imu_y_m", -3, 3),
+            "imu_z": _q("imu_z_m", 0, 5),
+            "rate_time": _q("rate_time_ms", 0, 500),
+            "wheel_time": _q("wheel_time_ms", 0, 500),
+            "speed_gain": _q("speed_gain_per_s", 0, 100),
+            "speed_scatter": _q("speed_scatter_m_s", 1e-3, 5),
+            "speed_scatter_slope": _q("speed_scatter_slope", 0, 1),
+        },
+    ),
+    "prediction": (
+        Prediction,
+        {
+            "horizon": _q("horizon_s", 0.1, 5),
+            "step": _q("step_ms", 5, 100),
+            "steering_lag": _q("steering_lag_ms", 1, 1000),
+            "acceleration_memory": _q("acceleration_memory_s", 0.01, 10),
+            "demand_hold": _q("demand_hold_s", 0, 5),
+            "limit_hold": _q("limit_hold_s", 0.01, 5),
+            "tyre_stiffness": _q("tyre_stiffness_kn_per_m", 100, 5000),
+            "roll_damping": _q("roll_damping", 0, 1),
+            "margin_floor": _q("margin_floor", 0, 0.9),
+            "speed_floor": _q("speed_floor", 0, 0.9),
+            "largest_rate": _q("largest_rate_deg_s", 1, 51),
+            "largest_speed": _q("largest_speed_kmh", 1, 51),
+        },
+    ),
+    "limits": (
+        LimitRules,
+        {
+            "front_torque": _q("front_torque_kn_m", 0, 50.8),
+            "rear_torque": _q("rear_torque_kn_m", 0, 50.8),
+            "torque_full_margin": _q("torque_full_margin", 0, 1),
+            "torque_least_margin": _q("torque_least_margin", 0, 1),
+            "torque_least_share": _q("torque_least_share", 0, 1),
+            "engage_margin": _q("engage_margin", 0, 1),
+            "release_margin": _q("release_margin", 0, 1),
+            "creep_speed": _q("creep_speed_kmh", 0, 51),
+            "safe_torque": _q("safe_torque_kn_m", 0, 50.8),
+            "safe_speed": _q("safe_speed_kmh", 0, 51),
+            "safe_rate": _q("safe_rate_deg_s", 0, 51),
+            "speed_fall": _q("speed_fall_m_s2", 0.1, 100),
+            "speed_rise": _q("speed_rise_m_s2", 0.1, 100),
+            "rate_rise": _q("rate_rise_deg_s2", 1, 1e4),
+            "torque_rise": _q("torque_rise_kn_m_s", 0.1, 1e4),
+        },
+    ),
+    "warnings": (
+        WarningRules,
+        {
+            "attention_margin": _q("attention_margin", 0, 1),
+            "warning_margin": _q("warning_margin", 0, 1),
+            "imminent_margin": _q("imminent_margin", 0, 1),
+            "imminent_time": _q("imminent_time_s", 0, 5),
+            "spin_slip": _q("spin_slip", 0, 5),
+            "lock_slip": _q("lock_slip", -1, 0),
+            "lock_speed": _q("lock_speed_m_s", 0, 10),
+            "axle_rating": _q("axle_rating_kn", 1, 1000),
+            "stop_distance": _q("stop_distance_deg", 0, 40),
+            "slope": _q("slope_deg", 0, 60),
+            "payload": _q("payload_kg", 0, 1e5),
+            "payload_arm": _q("payload_arm_deg", -90, 90),
+            "payload_speed": _q("payload_speed_kmh", 0, 51),
+        },
+    ),
+    "inputs": (
+        InputRules,
+        {
+            "stale_cycles": _q("stale_cycles", 1, 100),
+            "articulation": _q("articulation_deg", 1, 65),
+            "articulation_rate": _q("articulation_rate_deg_s", 1, 160),
+            "wheel_speed": _q("wheel_speed_rad_s", 1, 32),
+            "wheel_torque": _q("wheel_torque_kn_m", 1, 65),
+            "acceleration": _q("acceleration_m_s2", 1, 65),
+            "rate": _q("rate_deg_s", 1, 160),
+            "slope": _q("slope_deg", 1, 64),
+            "pressure": _q("pressure_mpa", 1, 120),
+            "arm": _q("arm_deg", 1, 160),
+            "tilt": _q("tilt_deg", 1, 160),
+            "articulation_step": _q("articulation_step_deg", 0.1, 90),
+            "wheel_speed_step": _q("wheel_speed_step_rad_s", 0.1, 60),
+            "linkage_step": _q("linkage_step_deg", 0.1, 90),
+            "slope_step": _q("slope_step_deg", 0.1, 90),
+            "start_up": _q("start_up_s", 0, 10),
+        },
+    ),
+}
+_CYLINDERS: Mapping[str, Quantity] = {
+    "base_x": _q("base_x_m", -2, 5),
+    "base_z": _q("base_z_m", 0, 5),
+    "pin_along": _q("pin_along_m", 0.1, 10),
+    "pin_above": _q("pin_above_m", -2, 2),
+    "bore": _q("bore_mm", 10, 500),
+    "rod": _q("rod_mm", 0, 500),
+    "count": _q("count", 1, 4),
+    "back_pressure": _q("back_pressure_kpa", 0, 5000),
+    "settling_time": _q("settling_time_s", 0, 60),
+}
+_SECTIONS = frozenset(_TABLES) | {"cylinders", "name"}
+
+
+def load_calibration(name_or_path: str | Path = "l60") -> Calibration:
+    """A calibration by name, or from a TOML file. Raises CalibrationError."""
+    path = Path(name_or_path)
+    if path.suffix != ".toml":
+        path = CALIBRATIONS / f"{name_or_path}.toml"
+        if not path.is_file():
+            known = ", ".join(sorted(file.stem for file in CALIBRATIONS.glob("*.toml")))
+            raise CalibrationError(
+                f"no calibration named {str(name_or_path)!r}; known: {known}, or give a .toml file"
+            )
+    tables = read_toml(path)
+    for section in tables:
+        if section not in _SECTIONS:
+            raise CalibrationError(
+                f"{path}: [{section}] is not a known table; known: {', '.join(sorted(_SECTIONS))}"
+            )
+    name = tables.get("name")
+    if not isinstance(name, str) or not name:
+        raise CalibrationError(f"{path}: name is missing: name the machine this calibration fits")
+
+    def part(section: str, kind: type[T]) -> T:
+        return kind(**read_table(tables, section, _TABLES[section][1], path))
+
+    parameters = Parameters(
+        geometry=part("geometry", Geometry),
+        front=part("front", Body),
+        arm=part("arm", Arm),
+        bucket=part("bucket", Bucket),
+        rear=part("rear", Body),
+        axle=part("axle", Axle),
+        cylinders=_cylinders(read_table(tables, "cylinders", _CYLINDERS, path), path),
+        wheel=part("wheel", Wheel),
+        magic_formula=part("magic_formula", MagicFormula),
+        sensors=part("sensors", Sensors),
+        prediction=part("prediction", Prediction),
+    )
+    calibration = Calibration(
+        name=name,
+        parameters=parameters,
+        limits=part("limits", LimitRules),
+        warnings=part("warnings", WarningRules),
+        inputs=part("inputs", InputRules),
+    )
+    _check(calibration, path)
+    return calibration
+
+
+def _cylinders(values: dict[str, float], path: Path) -> Cylinders:
+    bore, rod, count = values.pop("bore"), values.pop("rod"), values.pop("count")
+    if not rod < bore:
+        raise CalibrationError(
+            f"{path}: cylinders.rod_mm = {rod * 1e3:g} mm is not below the bore of {bore * 1e3:g} mm: were they swapped?"
+        )
+    area = count * math.pi / 4
+    return Cylinders(**values, head_area=area * bore**2, rod_area=area * (bore**2 - rod**2))
+
+
+def _check(calibration: Calibration, path: Path) -> None:
+    """Refuse values that are possible each but not together."""
+    p, limits, warnings = calibration.parameters, calibration.limits, calibration.warnings
+    if not p.rear.x < 0 < p.front.x:
+        raise CalibrationError(
+            f"{path}: rear.x_m = {p.rear.x:g} m and front.x_m = {p.front.x:g} m do not lie on their own sides of the "
+            "joint (rear below 0, front above): x is forward of the joint"
+        )
+    ordered = (
+        (
+            "limits.torque_least_margin",
+            limits.torque_least_margin,
+            "limits.torque_full_margin",
+            limits.torque_full_margin,
+        ),
+        ("limits.engage_margin", limits.engage_margin, "limits.release_margin", limits.release_margin),
+        (
+            "warnings.imminent_margin",
+            warnings.imminent_margin,
+            "warnings.warning_margin",
+            warnings.warning_margin,
+        ),
+        (
+            "warnings.warning_margin",
+            warnings.warning_margin,
+            "warnings.attention_margin",
+            warnings.attention_margin,
+        ),
+    )
+    for low_key, low, high_key, high in ordered:
+        if not low < high:
+            raise CalibrationError(f"{path}: {low_key} = {low:g} is not below {high_key} = {high:g}")

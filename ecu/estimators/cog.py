@@ -1,0 +1,114 @@
+"""Centre of gravity of the front unit and of the whole machine (thesis 2.4.2), corrected and printed.
+
+Origin: the articulation joint on the ground, axes of the rear frame. Corrections: E-09 to E-12 of
+the errata (signs of the lateral distances, moment of the rear body, rotation about the real pivot).
+"""
+
+import math
+from typing import NamedTuple
+
+from ecu.estimators.compiled import compiled
+from ecu.estimators.parameters import Arm, Body, Bucket
+
+
+class Centre(NamedTuple):
+    """Mass [kg] and centre of gravity [m], in the axes of the rear frame."""
+
+    mass: float
+    x: float
+    y: float
+    z: float
+
+
+@compiled
+def rotated(x: float, z: float, angle: float) -> tuple[float, float]:
+    """(x, z) turned up by `angle` [rad] in the vertical plane."""
+    c, s = math.cos(angle), math.sin(angle)
+    return x * c - z * s, x * s + z * c
+
+
+@compiled
+def front_unit(
+    lift_arm_angle: float, tilt_angle: float, payload: float, frame: Body, arm: Arm, bucket: Bucket
+) -> Body:
+    """The front frame with arm, bucket and payload as one lump, in the axes of the front frame.
+
+    lift_arm_angle, tilt_angle [rad] above the front frame's horizontal; payload [kg].
+    (37), (42) with the full rotation about the arm's pivot (E-11, E-12).
+    """
+    ax, az = rotated(arm.along, arm.above, lift_arm_angle)
+    ax, az = arm.pivot_x + ax, arm.pivot_z + az
+    px, pz = rotated(arm.length, 0.0, lift_arm_angle)
+    px, pz = arm.pivot_x + px, arm.pivot_z + pz
+    bx, bz = rotated(bucket.forward, bucket.above, tilt_angle - bucket.carried)
+    bx, bz = px + bx, pz + bz
+    lx, lz = rotated(bucket.payload_forward, bucket.payload_above, tilt_angle - bucket.carried)
+    lx, lz = px + lx, pz + lz
+
+    mass = frame.mass + arm.mass + bucket.mass + payload
+    x = (frame.mass * frame.x + arm.mass * ax + bucket.mass * bx + payload * lx) / mass
+    z = (frame.mass * frame.z + arm.mass * az + bucket.mass * bz + payload * lz) / mass
+    fx, ax, bx, lx = frame.x - x, ax - x, bx - x, lx - x
+    fz, az, bz, lz = frame.z - z, az - z, bz - z, lz - z
+    about_z = frame.mass * fx * fx + arm.mass * ax * ax + bucket.mass * bx * bx + payload * lx * lx
+    about_x = frame.mass * fz * fz + arm.mass * az * az + bucket.mass * bz * bz + payload * lz * lz
+    kx, ky, kz = bucket.payload_roll_gyration, bucket.payload_pitch_gyration, bucket.payload_yaw_gyration
+    return Body(
+        mass,
+        x,
+        z,
+        frame.roll_inertia + arm.roll_inertia + bucket.roll_inertia + payload * kx * kx + about_x,
+        frame.pitch_inertia
+        + arm.pitch_inertia
+        + bucket.pitch_inertia
+        + payload * ky * ky
+        + about_x
+        + about_z,
+        frame.yaw_inertia + arm.yaw_inertia + bucket.yaw_inertia + payload * kz * kz + about_z,
+    )
+
+
+@compiled
+def machine_centre(articulation_angle: float, front: Body, rear: Body) -> Centre:
+    """Centre of gravity of front and rear unit together, (36), (40), (41) corrected (E-09, E-10)."""
+    mass = front.mass + rear.mass
+    x = (front.mass * front.x * math.cos(articulation_angle) + rear.mass * rear.x) / mass
+    y = front.mass * front.x * math.sin(articulation_angle) / mass
+    z = (front.mass * front.z + rear.mass * rear.z) / mass
+    return Centre(mass, x, y, z)
+
+
+@compiled
+def front_unit_printed(lift_arm_angle: float, payload: float, frame: Body, arm: Arm, bucket: Bucket) -> Body:
+    """Lump of the front unit by (37), (38), (42) as printed: only the level arm turns, about the
+    front frame's CoG, and the payload rises with the bucket's lever (E-11, E-12). The inertias are 0.
+    """
+    bucket_mass = arm.mass + bucket.mass
+    level_x = arm.pivot_x + arm.length
+    arm_x, arm_z = arm.pivot_x + arm.along, arm.pivot_z + arm.above
+    x_bucket = (arm.mass * arm_x + bucket.mass * (level_x + bucket.forward)) / bucket_mass
+    z_bucket = (arm.mass * arm_z + bucket.mass * (arm.pivot_z + bucket.above)) / bucket_mass
+    x_load = level_x + bucket.payload_forward
+    z_load = arm.pivot_z + bucket.payload_above
+    c, s = math.cos(lift_arm_angle), math.sin(lift_arm_angle)
+    lever = x_bucket - frame.x
+    both = bucket_mass + payload
+    x = (bucket_mass * (frame.x + lever * c) + payload * (frame.x + (x_load - frame.x) * c)) / both
+    z = (bucket_mass * (z_bucket + lever * s) + payload * (z_load + lever * s)) / both
+    mass = frame.mass + both
+    return Body(
+        mass,
+        (frame.mass * frame.x + both * x) / mass,
+        (frame.mass * frame.z + both * z) / mass,
+        0.0,
+        0.0,
+        0.0,
+    )
+
+
+@compiled
+def machine_centre_printed(articulation_angle: float, front: Body, rear: Body) -> Centre:
+    """(36), (40), (41) as printed, mapped to y left: (40) adds the rear body's *longitudinal* moment
+    to the lateral one (E-10)."""
+    centre = machine_centre(articulation_angle, front, rear)
+    return Centre(centre.mass, centre.x, centre.y - rear.mass * rear.x / centre.mass, centre.z)
