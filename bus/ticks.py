@@ -1,4 +1,4 @@
-"""Ticks at absolute times, from the kernel's timerfd.
+"""Ticks and alarms at absolute times, from the kernel's timerfd.
 
 A tick is due at `start_ns + k * period_ns` for k = 0, 1, 2, ..., however late the one
 before was served, so lateness never accumulates. The kernel counts the ticks that have
@@ -30,6 +30,46 @@ def _timespec(time_ns: int) -> _Timespec:
     return _Timespec(*divmod(time_ns, NS))
 
 
+def _create() -> int:
+    descriptor: int = _LIBC.timerfd_create(time.CLOCK_MONOTONIC, os.O_NONBLOCK | os.O_CLOEXEC)
+    if descriptor < 0:
+        raise OSError(ctypes.get_errno(), "timerfd_create failed")
+    return descriptor
+
+
+def _set(descriptor: int, first_ns: int, period_ns: int) -> None:
+    """Fire at `first_ns`, then every `period_ns` (0: never again); a first time of 0 disarms."""
+    schedule = _Itimerspec(interval=_timespec(period_ns), value=_timespec(first_ns))
+    if _LIBC.timerfd_settime(descriptor, TFD_TIMER_ABSTIME, ctypes.byref(schedule), None) < 0:
+        raise OSError(
+            ctypes.get_errno(), f"timerfd_settime refused {first_ns} ns with a period of {period_ns} ns"
+        )
+
+
+class Alarm:
+    """A timer that fires once, at an absolute time; its file descriptor is then readable."""
+
+    def __init__(self) -> None:
+        self._fd = _create()
+        self._at_ns: int | None = None
+
+    def fileno(self) -> int:
+        """The file descriptor to wait on."""
+        return self._fd
+
+    def set(self, at_ns: int | None) -> None:
+        """Fire at `at_ns` of CLOCK_MONOTONIC, at once if that is past; None: do not fire."""
+        if at_ns != self._at_ns:
+            _set(self._fd, at_ns or 0, 0)
+            self._at_ns = at_ns
+
+    def close(self) -> None:
+        """Release the timer; a second call does nothing."""
+        if self._fd >= 0:
+            os.close(self._fd)
+            self._fd = -1
+
+
 class Ticks:
     """A periodic timer with a file descriptor that is readable when a tick is due."""
 
@@ -46,14 +86,8 @@ class Ticks:
             raise ValueError(f"start_ns={start_ns} must be positive: a time of CLOCK_MONOTONIC")
         self.period_ns = period_ns
         self._due_ns = start_ns - period_ns
-        self._fd: int = _LIBC.timerfd_create(time.CLOCK_MONOTONIC, os.O_NONBLOCK | os.O_CLOEXEC)
-        if self._fd < 0:
-            raise OSError(ctypes.get_errno(), "timerfd_create failed")
-        schedule = _Itimerspec(interval=_timespec(period_ns), value=_timespec(start_ns))
-        if _LIBC.timerfd_settime(self._fd, TFD_TIMER_ABSTIME, ctypes.byref(schedule), None) < 0:
-            code = ctypes.get_errno()
-            self.close()
-            raise OSError(code, f"timerfd_settime refused a period of {period_ns} ns from {start_ns} ns")
+        self._fd = _create()
+        _set(self._fd, start_ns, period_ns)
 
     @property
     def due_ns(self) -> int:

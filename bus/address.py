@@ -1,0 +1,23 @@
+"""Opening a bus by its address: `hub:/path/to/socket`, `hub:@NAME`, `virtual:NAME`."""
+
+from bus.hub_client import HubTransport
+from bus.transport import BusUnavailable, Transport
+from bus.virtual import named_bus
+
+FORMS = "hub:/path/to/socket, hub:@NAME or virtual:NAME"
+
+
+def open_transport(address: str, *, name: str = "") -> Transport:
+    """The bus at `address`; name: what the hub calls this client in its list.
+
+    BusUnavailable if it cannot be opened, with the cause and what would help.
+    """
+    scheme, separator, rest = address.partition(":")
+    if not separator or not rest:
+        raise BusUnavailable(f"{address!r} is no address of a bus; write {FORMS}")
+    match scheme:
+        case "hub":
+            return HubTransport(rest, name=name)
+        case "virtual":
+            return named_bus(rest).connect()
+    raise BusUnavailable(f"{address!r}: there is no kind of bus {scheme!r}; write {FORMS}")

@@ -1,0 +1,268 @@
+"""The embedded hub: a CAN bus made of one process and Unix sockets, for machines without CAN.
+
+Each frame goes to every other client. The hub stamps it on arrival, strictly increasing,
+so all clients agree on the time and the order of the frames. A client that does not keep
+up loses frames, which are counted for it; nobody else notices. With a bit rate, the hub
+also takes the time that a real bus would take (see bus.arbitration).
+
+The loop is plain epoll with one buffer: a relay is two system calls and little else.
+"""
+
+import os
+import select
+import signal
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any, Self
+
+from bus import packet
+from bus.arbitration import Arbiter
+from bus.frame import Frame
+from bus.hub_peer import Peer
+from bus.hub_status import HubStatus
+from bus.listener import Listener
+from bus.ticks import Alarm
+
+BATCH = 64
+"""Packets taken from one client before the others get their turn."""
+WAITING_LIMIT = 64
+"""Frames of one client that may wait for the modelled wire before the hub stops reading from it."""
+CLIENT_LIMIT = 64
+"""Clients at a time."""
+
+
+class Hub:
+    """A hub that listens from construction on and relays while `run` runs."""
+
+    def __init__(self, path: str, *, bit_rate: int | None = None, data_bit_rate: int | None = None) -> None:
+        """path: of the socket, or @NAME; rates [bit/s], None: as fast as it goes.
+
+        BusUnavailable if the socket cannot be made.
+        """
+        self._arbiter: Arbiter[Peer] | None = Arbiter(bit_rate, data_bit_rate) if bit_rate else None
+        self._listener = Listener(path)
+        self._peers: dict[int, Peer] = {}
+        self._clients: tuple[Peer, ...] = ()
+        self._paused: set[Peer] = set()
+        self._buffer = bytearray(packet.CONTROL_LIMIT)
+        self._frame = memoryview(self._buffer)[: packet.SIZE]
+        self._stamp_ns = self._started_ns = time.monotonic_ns()
+        self._frames = 0
+        self._stopping = False
+        self._alarm = Alarm()
+        self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._epoll = select.epoll()
+        for source in (self._listener.socket.fileno(), self._alarm.fileno(), self._wake):
+            self._epoll.register(source, select.EPOLLIN)
+
+    @property
+    def path(self) -> str:
+        """The address of its socket."""
+        return self._listener.path
+
+    def run(self) -> None:
+        """Relay until `stop`."""
+        listening, alarm = self._listener.socket.fileno(), self._alarm.fileno()
+        while not self._stopping:
+            for number, events in self._epoll.poll():
+                peer = self._peers.get(number)
+                if peer is not None:
+                    self._serve(peer, events)
+                elif number == listening:
+                    self._accept()
+                elif number == alarm:
+                    self._advance()
+
+    def stop(self) -> None:
+        """End `run`; may be called from a signal handler or another thread."""
+        self._stopping = True
+        os.eventfd_write(self._wake, 1)
+
+    def close(self) -> None:
+        """Disconnect everybody and remove the socket; a second call does nothing."""
+        if self._epoll.closed:
+            return
+        self._listener.close()
+        for peer in self._peers.values():
+            peer.connection.close()
+        self._epoll.close()
+        self._alarm.close()
+        os.close(self._wake)
+
+    def status(self) -> HubStatus:
+        """Counters of the hub and of every client."""
+        return HubStatus(
+            frames=self._frames,
+            uptime_s=(time.monotonic_ns() - self._started_ns) * 1e-9,
+            bit_rate=self._arbiter.bit_rate if self._arbiter else None,
+            busy_s=self._arbiter.busy_ns * 1e-9 if self._arbiter else 0.0,
+            clients=tuple(client.status() for client in self._clients),
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _accept(self) -> None:
+        try:
+            connection, _ = self._listener.socket.accept()
+        except BlockingIOError:  # it left before we looked
+            return
+        peer = Peer(connection)
+        self._peers[peer.number] = peer
+        self._epoll.register(peer.number, select.EPOLLIN)
+
+    def _serve(self, peer: Peer, events: int) -> None:
+        if events & select.EPOLLOUT:
+            peer.flush()
+            self._watch(peer)
+        if events & ~select.EPOLLOUT:
+            self._read(peer)
+        if peer.gone:
+            self._remove(peer)
+
+    def _read(self, peer: Peer) -> None:
+        """Take over at most BATCH packets of one client."""
+        receive, buffer = peer.connection.recv_into, self._buffer
+        for _ in range(BATCH):
+            try:
+                size = receive(buffer)
+            except BlockingIOError:
+                return
+            except OSError:
+                peer.gone = True
+                return
+            if size == packet.SIZE:
+                if not peer.name:
+                    self._refuse(peer, "the first packet must be a hello")
+                elif not packet.well_formed(buffer):
+                    peer.malformed += 1
+                elif self._arbiter is None:
+                    self._relay(peer)
+                elif self._offer(peer, self._arbiter):
+                    return
+            elif size == 0:
+                peer.gone = True
+            else:
+                self._answer(peer, bytes(buffer[:size]))
+            if peer.gone:
+                return
+
+    def _relay(self, sender: Peer, at_ns: int = 0) -> None:
+        """Stamp the frame in the buffer (now, unless the wire has) and give it to every other client."""
+        frame = self._frame
+        self._stamp_ns = max(at_ns or time.monotonic_ns(), self._stamp_ns + 1)
+        packet.TAIL.pack_into(frame, packet.TAIL_AT, self._stamp_ns, 0)
+        frame[packet.OWN_AT] = 0
+        self._frames += 1
+        sender.sent += 1
+        for client in self._clients:
+            if client is not sender and not client.give(frame):
+                self._watch(client)
+        if sender.wants_own and not sender.gone:
+            frame[packet.OWN_AT] = 1
+            if not sender.give(frame):
+                self._watch(sender)
+
+    def _offer(self, peer: Peer, arbiter: Arbiter[Peer]) -> bool:
+        """Put the frame in the buffer on the modelled wire; True if the client has to wait now."""
+        can_id, length, flags, _, data, _, _ = packet.LAYOUT.unpack_from(self._buffer)
+        arrived = arbiter.offer(peer, Frame(can_id, data[:length], 0, flags), time.monotonic_ns())
+        self._deliver(arrived)
+        self._alarm.set(arbiter.due_ns)
+        if arbiter.waiting(peer) < WAITING_LIMIT:
+            return False
+        self._paused.add(peer)
+        self._watch(peer)
+        return True
+
+    def _advance(self) -> None:
+        """Deliver what the modelled wire has carried by now."""
+        if self._arbiter is None:
+            return
+        self._deliver(self._arbiter.advance(time.monotonic_ns()))
+        self._alarm.set(self._arbiter.due_ns)
+
+    def _deliver(self, arrived: list[tuple[Peer, Frame]]) -> None:
+        """Relay what the wire has carried; a sender that left meanwhile has still sent it."""
+        for sender, frame in arrived:
+            self._frame[:] = packet.pack(frame)
+            self._relay(sender, frame.at_ns)
+            if sender in self._paused:
+                self._paused.discard(sender)
+                self._watch(sender)
+
+    def _answer(self, peer: Peer, text: bytes) -> None:
+        """Serve a control message."""
+        try:
+            message = packet.read_control(text)
+        except ValueError as error:
+            self._refuse(peer, f"neither a frame ({packet.SIZE} bytes) nor a control message: {error}")
+            return
+        if "hello" in message:
+            self._welcome(peer, message)
+        elif "status" in message:
+            peer.say(packet.control(self.status().to_message()))
+        else:
+            self._refuse(peer, f"unknown control message with keys {', '.join(message) or 'none'}")
+
+    def _welcome(self, peer: Peer, message: dict[str, Any]) -> None:
+        if message.get("protocol") != packet.PROTOCOL:
+            self._refuse(
+                peer, f"protocol {message.get('protocol')} spoken, {packet.PROTOCOL} wanted: mixed versions?"
+            )
+            return
+        if len(self._clients) >= CLIENT_LIMIT:
+            self._refuse(peer, f"it already has {CLIENT_LIMIT} clients, as many as it takes")
+            return
+        peer.name = str(message["hello"]) or "unnamed"
+        peer.wants_own = bool(message.get("own"))
+        if peer not in self._clients:
+            self._clients = (*self._clients, peer)
+        peer.say(packet.control({"welcome": packet.PROTOCOL}))
+
+    def _refuse(self, peer: Peer, reason: str) -> None:
+        peer.say(packet.control({"refused": reason}))
+        peer.gone = True
+
+    def _watch(self, peer: Peer) -> None:
+        """Wait for exactly what this client's state calls for."""
+        reading = 0 if peer in self._paused else select.EPOLLIN
+        writing = select.EPOLLOUT if peer.behind else 0
+        self._epoll.modify(peer.number, reading | writing)
+
+    def _remove(self, peer: Peer) -> None:
+        self._epoll.unregister(peer.number)
+        self._clients = tuple(client for client in self._clients if client is not peer)
+        self._paused.discard(peer)
+        del self._peers[peer.number]
+        peer.connection.close()
+
+
+def serve(
+    path: str,
+    *,
+    bit_rate: int | None = None,
+    data_bit_rate: int | None = None,
+    on_ready: Callable[[], None] | None = None,
+) -> HubStatus:
+    """Run a hub until SIGINT or SIGTERM; its last counters. Call it from the main thread."""
+    with Hub(path, bit_rate=bit_rate, data_bit_rate=data_bit_rate) as hub:
+        signals = (signal.SIGINT, signal.SIGTERM)
+        before = [signal.signal(number, lambda *_: hub.stop()) for number in signals]
+        try:
+            if on_ready is not None:
+                on_ready()
+            hub.run()
+            return hub.status()
+        finally:
+            for number, handler in zip(signals, before, strict=True):
+                signal.signal(number, handler)

@@ -1,0 +1,260 @@
+"""The embedded hub, in this process on a thread, and as a process of its own."""
+
+import contextlib
+import json
+import os
+import socket
+import stat
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from bus import packet
+from bus.frame import ERROR, Frame
+from bus.hub import CLIENT_LIMIT, Hub
+from bus.hub_client import HubTransport, hub_status
+from bus.hub_peer import BACKLOG_LIMIT
+from bus.transport import BusClosed, BusUnavailable
+from tests.bus.laws import WAIT_S, TransportLaws, collect, numbered, readable, unstamped
+
+
+class RunningHub:
+    """A hub on a thread."""
+
+    def __init__(self, path: str, **options: int) -> None:
+        self.path = path
+        self.hub = Hub(path, **options)
+        self._thread = threading.Thread(target=self.hub.run, name="hub")
+        self._thread.start()
+
+    def connect(self) -> HubTransport:
+        return HubTransport(self.path)
+
+    def stop(self) -> None:
+        self.hub.stop()
+        self._thread.join(WAIT_S)
+        assert not self._thread.is_alive()
+        self.hub.close()
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> str:
+    return str(tmp_path / "hub")
+
+
+@pytest.fixture
+def hub(path: str) -> Iterator[RunningHub]:
+    running = RunningHub(path)
+    yield running
+    running.stop()
+
+
+class TestHub(TransportLaws):
+    @pytest.fixture
+    def bench(self, hub: RunningHub) -> RunningHub:
+        return hub
+
+
+def raw(path: str) -> socket.socket:
+    """A client that speaks the protocol by hand."""
+    client = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    client.settimeout(WAIT_S)
+    client.connect(path)
+    return client
+
+
+def test_a_name_without_a_file_works_too() -> None:
+    running = RunningHub(f"@loaderhil-test-{os.getpid()}")
+    try:
+        with running.connect() as sender, running.connect() as receiver:
+            sender.send(Frame(1, b"x"))
+            assert len(collect(receiver, 1)) == 1
+    finally:
+        running.stop()
+
+
+def test_the_hub_lists_its_clients_with_their_counters(hub: RunningHub) -> None:
+    with HubTransport(hub.path, name="plant") as plant, HubTransport(hub.path, name="ecu") as ecu:
+        for frame in numbered(3):
+            plant.send(frame)
+        collect(ecu, 3)
+        status = hub_status(hub.path)
+        assert [client.name for client in status.clients] == ["plant", "ecu"]
+        assert [client.pid for client in status.clients] == [os.getpid()] * 2
+        assert [(client.sent, client.delivered) for client in status.clients] == [(3, 0), (0, 3)]
+        assert status.frames == 3
+        assert status.bit_rate is None
+    assert hub_status(hub.path).clients == ()
+
+
+def test_own_frames_come_back_stamped_when_asked_for(hub: RunningHub) -> None:
+    with HubTransport(hub.path, own_messages=True) as sender, hub.connect() as receiver:
+        sender.send(Frame(5, b"mine"))
+        (seen,) = collect(receiver, 1)
+        assert readable(sender, WAIT_S)
+        assert sender.drain() == []
+        assert sender.confirmations() == [seen]
+        assert sender.confirmations() == []
+
+
+def test_error_frames_pass_and_are_counted(hub: RunningHub) -> None:
+    with hub.connect() as sender, hub.connect() as receiver:
+        sender.send(Frame(ERROR | 0x40, bytes(8)))
+        assert unstamped(collect(receiver, 1)) == [Frame(ERROR | 0x40, bytes(8))]
+        assert receiver.statistics().errors == 1
+
+
+def test_when_the_hub_ends_what_arrived_is_given_first(path: str) -> None:
+    running = RunningHub(path)
+    with running.connect() as sender, running.connect() as receiver, running.connect() as witness:
+        for frame in numbered(3):
+            sender.send(frame)
+        collect(witness, 3)
+        running.stop()
+        assert readable(receiver, WAIT_S)
+        assert unstamped(receiver.drain()) == numbered(3)
+        with pytest.raises(BusClosed, match="the hub is gone"):
+            receiver.drain()
+        with pytest.raises(BusClosed, match="the hub is gone"):
+            sender.send(Frame(1, b""))
+    assert not Path(path).exists()
+
+
+def test_frames_that_the_hub_never_read_do_not_cost_the_reader_its_own(path: str) -> None:
+    """Closing with unread packets resets the connection; what had been delivered must survive that."""
+    hub = Hub(path)
+    receiver = threading.Thread(target=hub.run)
+    receiver.start()
+    with HubTransport(path) as one, HubTransport(path) as other:
+        other.send(Frame(1, b"before"))
+        assert readable(one, WAIT_S)
+        hub.stop()
+        receiver.join()
+        one.send(Frame(2, b"unread"))
+        hub.close()
+        assert unstamped(collect(one, 1)) == [Frame(1, b"before")]
+        with pytest.raises(BusClosed):
+            one.drain()
+
+
+def test_a_socket_left_by_a_killed_hub_is_replaced(path: str) -> None:
+    left = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    left.bind(path)
+    left.close()
+    running = RunningHub(path)
+    running.connect().close()
+    running.stop()
+    assert not Path(path).exists()
+
+
+def test_a_socket_in_use_is_not_replaced(hub: RunningHub) -> None:
+    with pytest.raises(BusUnavailable, match="a hub already serves this address"):
+        Hub(hub.path)
+    hub.connect().close()
+
+
+def test_a_file_that_is_no_socket_is_left_alone(path: str) -> None:
+    Path(path).write_text("precious")
+    with pytest.raises(BusUnavailable, match="not a socket"):
+        Hub(path)
+    assert Path(path).read_text() == "precious"
+
+
+def test_a_hub_does_not_remove_the_socket_of_its_successor(path: str) -> None:
+    first = Hub(path)
+    Path(path).unlink()
+    second = RunningHub(path)
+    first.close()
+    assert stat.S_ISSOCK(Path(path).stat().st_mode)
+    second.connect().close()
+    second.stop()
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [("missing/hub", "cannot be made there: No such file"), ("x" * 120, "too long for a socket's name")],
+)
+def test_addresses_that_cannot_be_served_say_why(tmp_path: Path, name: str, says: str) -> None:
+    with pytest.raises(BusUnavailable, match=says):
+        Hub(str(tmp_path / name))
+
+
+def test_a_missing_hub_is_named_with_its_remedy(path: str) -> None:
+    with pytest.raises(
+        BusUnavailable, match=r"hub: there is no hub; start one there first \(loaderhil hub\)"
+    ):
+        HubTransport(path)
+    left = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    left.bind(path)
+    left.close()
+    with pytest.raises(BusUnavailable, match="no hub listens there"):
+        HubTransport(path)
+
+
+def test_something_else_at_the_address_is_not_taken_for_a_hub(path: str) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as other:
+        other.bind(path)
+        other.listen()
+        answer = threading.Thread(target=lambda: other.accept()[0].close())
+        answer.start()
+        with pytest.raises(BusUnavailable, match="does not behave like a hub"):
+            HubTransport(path)
+        answer.join()
+
+
+@pytest.mark.parametrize(
+    ("first", "reason"),
+    [
+        (packet.pack(Frame(1, b"")), "first packet must be a hello"),
+        (b"rubbish", "nor a control message"),
+        (b"[]", "not list"),
+        (b"{}", "unknown control message with keys none"),
+        (packet.control({"hello": "old", "protocol": 0}), "protocol 0 spoken, 1 wanted"),
+    ],
+)
+def test_a_client_that_speaks_nonsense_is_told_and_put_out(
+    hub: RunningHub, first: bytes, reason: str
+) -> None:
+    with hub.connect() as bystander, raw(hub.path) as client:
+        client.send(first)
+        assert reason in json.loads(client.recv(1000))["refused"]
+        assert client.recv(1000) == b""
+        assert bystander.drain() == []
+
+
+def test_malformed_frames_are_refused_and_counted(hub: RunningHub) -> None:
+    with hub.connect() as receiver, raw(hub.path) as client:
+        client.send(packet.control({"hello": "bad", "protocol": packet.PROTOCOL}))
+        client.recv(1000)
+        for length, flags in ((9, 0), (65, 4), (255, 4), (13, 4)):
+            client.send(packet.LAYOUT.pack(1, length, flags, 0, b"", 0, 0))
+        client.send(packet.pack(Frame(2, b"good")))
+        assert unstamped(collect(receiver, 1)) == [Frame(2, b"good")]
+        status = next(entry for entry in hub_status(hub.path).clients if entry.name == "bad")
+        assert (status.sent, status.malformed) == (1, 4)
+
+
+def test_one_client_too_many_is_refused(hub: RunningHub) -> None:
+    with contextlib.ExitStack() as clients:
+        for _ in range(CLIENT_LIMIT):
+            clients.enter_context(hub.connect())
+        with pytest.raises(BusUnavailable, match=f"already has {CLIENT_LIMIT} clients"):
+            hub.connect()
+
+
+def test_a_control_message_never_has_the_size_of_a_frame() -> None:
+    sizes = {len(packet.control({"hello": "x" * count})) for count in range(packet.SIZE)}
+    assert packet.SIZE not in sizes
+    assert packet.read_control(packet.control({"hello": "x" * 70})) == {"hello": "x" * 70}
+
+
+def test_what_a_slow_client_can_lose_is_bounded_by_its_backlog(hub: RunningHub) -> None:
+    """A pause of a second at full load of several buses loses nothing, whatever the kernel's limits are."""
+    with hub.connect() as sender, hub.connect() as sleeper, hub.connect() as reader:
+        for _ in range(BACKLOG_LIMIT // 64):
+            for frame in numbered(64):
+                assert sender.send(frame)
+            collect(reader, 64)
+        assert unstamped(collect(sleeper, BACKLOG_LIMIT)) == numbered(64) * (BACKLOG_LIMIT // 64)
