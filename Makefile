@@ -2,10 +2,9 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
-NICE   := $(shell command -v nice)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check fast slow-tests socketcan bench results docs clean lock
+.PHONY: help demo test check fast slow-tests socketcan bench results clean lock
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
@@ -47,6 +46,10 @@ bench: $(BIN)/.test ## every benchmark, each against its peer
 results: $(BIN)/.test ## regenerate the tables under docs/results (minutes)
 	$(BIN)/loaderhil campaign normal-force --out docs/results
 	$(BIN)/loaderhil campaign roll-over --out docs/results
+
+lock: $(BIN)/.test ## renew constraints.txt from the environment
+	@{ head -n 1 constraints.txt; $(BIN)/python -m pip list --format=freeze --exclude-editable --exclude pip --exclude setuptools; } > constraints.new
+	@mv constraints.new constraints.txt
 
 clean: ## remove what was built, not the environment
 	rm -rf out build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
