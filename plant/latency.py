@@ -1,7 +1,8 @@
 """Reaction time seen from the machine: sensor frame out to Limits frame in.
 
-Each sensor sample carries a sequence number; EcuStatus echoes the newest one its cycle consumed. The ECU sends Limits and
-EcuStatus in the same cycle, so the Limits frame that came since the previous EcuStatus belongs to the echo.
+Each sensor sample carries a sequence number; EcuStatus echoes the newest one its cycle consumed. The ECU
+sends Limits and EcuStatus in the same cycle, so the Limits frame that came since the previous EcuStatus
+belongs to the echo.
 """
 
 from array import array

@@ -89,7 +89,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
 def _read_surface(table: CheckedTable) -> Surface:
     surface = Surface(
         friction=table.number("friction", unit="1", low=0.05, high=1.2, default=0.75),
-        grade=math.atan(table.number("grade_percent", unit="%", low=-60.0, high=60.0, default=0.0) / 100),
+        grade=math.atan(table.number("grade_percent", unit="%", low=-100.0, high=100.0, default=0.0) / 100),
         bank=table.number("bank_deg", unit="deg", low=-30.0, high=30.0, default=0.0) * DEGREE,
     )
     table.finish()

@@ -75,7 +75,7 @@ def _check_complete(database: Database, sender: str, messages: Mapping[str, Sign
     missing, foreign = sorted(of_sender - set(messages)), sorted(set(messages) - of_sender)
     if missing or foreign:
         raise ValueError(
-            f"the DBC's messages of {sender} and those of the plant differ: {missing} not sent, {foreign} unknown"
+            f"the DBC and the plant differ on what {sender} sends: {missing} not made, {foreign} unknown"
         )
 
 

@@ -1,4 +1,4 @@
-"""Laws of the driver: hands and feet have bounded rates, loops close, the brake comes before reverse torque."""
+"""Laws of the driver: hands and feet have bounded rates, loops close, no reversing to brake."""
 
 import math
 from dataclasses import replace

@@ -1,0 +1,133 @@
+"""The machine as a process: ticks and frames in real time around the unit. A thin shell.
+
+Two tasks live and die together: one waits for frames, one for the absolute timer. Missed ticks are
+skipped and counted: the machine's own time then falls behind the clock, it never bursts.
+"""
+
+import asyncio
+import time
+from array import array
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bus.ticks import Ticks
+from bus.transport import BusClosed, Transport
+from plant.reception import Finding
+from plant.recorder import TruthRecorder
+from plant.unit import TICK_NS, PlantUnit
+
+
+class Timing:
+    """Per tick: how late it started and how long it took, integer nanoseconds; and the ticks missed."""
+
+    def __init__(self) -> None:
+        self._lateness = array("q")
+        self._execution = array("q")
+        self.missed = 0
+
+    def add(self, lateness_ns: int, execution_ns: int) -> None:
+        """One tick."""
+        self._lateness.append(lateness_ns)
+        self._execution.append(execution_ns)
+
+    def arrays(self) -> dict[str, NDArray[np.int64]]:
+        """Columns for timing.npz."""
+        return {
+            "lateness_ns": np.array(self._lateness, dtype=np.int64),
+            "execution_ns": np.array(self._execution, dtype=np.int64),
+            "missed": np.array(self.missed, dtype=np.int64),
+        }
+
+
+async def run(
+    transport: Transport,
+    unit: PlantUnit,
+    *,
+    period_ns: int = TICK_NS,
+    realtime: bool = True,
+    on_tick: Callable[[PlantUnit, int], None] | None = None,
+    on_finding: Callable[[Finding], None] | None = None,
+    timing: Timing | None = None,
+    truth_path: Path | None = None,
+) -> None:
+    """Run the unit on the bus until it has finished or the task is cancelled.
+
+    period_ns: real time between ticks; each advances the machine by its own 10 ms.
+    realtime: False ticks as fast as the loop permits, for tests.
+    on_tick: told the unit and the stamp after each tick.
+    truth_path: where the true motion is written at the end, however it comes: finished,
+    cancelled, or BusClosed, which is raised to the caller when the hub or interface is gone.
+    """
+    truth = TruthRecorder() if truth_path else None
+    timing = timing or Timing()
+
+    def receive() -> None:
+        while frames := transport.drain():
+            for frame in frames:
+                for finding in unit.receive(frame, frame.at_ns or time.monotonic_ns()):
+                    if on_finding:
+                        on_finding(finding)
+
+    def tick(due_ns: int) -> None:
+        started_ns = time.monotonic_ns()
+        receive()  # what has come is used now, not a tick later
+        frames = unit.tick(started_ns)
+        unit.reception.reactions.sent(unit.sequence, time.monotonic_ns())
+        for frame in frames:
+            transport.send(frame)
+        timing.add(started_ns - due_ns, time.monotonic_ns() - started_ns)
+        if truth is not None:
+            truth.append(unit.truth)
+        if on_tick:
+            on_tick(unit, started_ns)
+
+    async def listen() -> None:
+        while True:
+            await _readable(transport.fileno())
+            receive()
+
+    async def pace() -> None:
+        with Ticks(period_ns) as ticks:
+            while not unit.finished:
+                await _readable(ticks.fileno())
+                timing.missed += max(ticks.expired() - 1, 0)
+                tick(ticks.due_ns)
+
+    async def hurry() -> None:
+        while not unit.finished:
+            tick(time.monotonic_ns())
+            await asyncio.sleep(0)
+
+    try:
+        async with asyncio.TaskGroup() as group:
+            listener = group.create_task(listen(), name="plant-listen")
+            await (pace() if realtime else hurry())
+            listener.cancel()
+    except BaseExceptionGroup as errors:
+        closed, others = errors.split(BusClosed)
+        if closed is None or others is not None:
+            raise
+        raise _first(closed) from None
+    finally:
+        if truth is not None and truth_path is not None:
+            truth.save(truth_path)
+
+
+async def _readable(fd: int) -> None:
+    """Wait until `fd` has something to read."""
+    loop = asyncio.get_running_loop()
+    ready: asyncio.Future[None] = loop.create_future()
+    loop.add_reader(fd, lambda: ready.done() or ready.set_result(None))
+    try:
+        await ready
+    finally:
+        loop.remove_reader(fd)
+
+
+def _first(group: BaseExceptionGroup[BusClosed]) -> BusClosed:
+    """The first leaf of the group."""
+    error = group.exceptions[0]
+    return _first(error) if isinstance(error, BaseExceptionGroup) else error

@@ -1,0 +1,69 @@
+"""When frames go out: at their cycle times, evenly, and complete."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dbc import loader_database, reference_database
+from plant import interface
+from plant.schedule import FrameSchedule, phases
+
+TICK_NS = 10_000_000
+
+
+@given(st.lists(st.sampled_from([1, 2, 5, 10, 20]), min_size=1, max_size=20).map(sorted))
+def test_phases_lie_in_their_cycle_and_spread_the_load(cycles):
+    """Cycles that divide one another can be spread to one frame of difference between ticks at most."""
+    chosen = phases(cycles)
+    assert all(0 <= phase < every for phase, every in zip(chosen, cycles, strict=True))
+    if all(b % a == 0 for a, b in zip(cycles, cycles[1:], strict=False)):
+        span = math.lcm(*cycles)
+        load = [
+            sum(tick % every == phase for phase, every in zip(chosen, cycles, strict=True))
+            for tick in range(span)
+        ]
+        assert max(load) - min(load) <= 1
+
+
+@pytest.mark.parametrize(
+    ("database", "sender", "messages"),
+    [
+        (loader_database(), interface.MACHINE, interface.MACHINE_MESSAGES),
+        (reference_database(), interface.TEST_RIG, interface.REFERENCE_MESSAGES),
+    ],
+)
+def test_each_message_goes_out_at_its_cycle_time(database, sender, messages):
+    schedule = FrameSchedule(database, sender, messages, tick_ns=TICK_NS)
+    values = {source: 0.0 for signals in messages.values() for _, source in signals.values()}
+    sent: dict[int, list[int]] = {}
+    loads = []
+    for tick in range(400):
+        frames = schedule.frames(tick, values)
+        loads.append(len(frames))
+        for frame in frames:
+            sent.setdefault(frame.can_id, []).append(tick)
+    for name in messages:
+        codec = database.by_name[name]
+        ticks = sent[codec.can_id]
+        every = codec.cycle_ns // TICK_NS
+        assert {b - a for a, b in zip(ticks, ticks[1:], strict=False)} == {every}
+        assert ticks[0] < every
+    assert max(loads) - min(loads) <= 1
+
+
+def test_a_message_the_plant_does_not_make_or_the_dbc_does_not_have_is_refused():
+    without = {
+        name: signals for name, signals in interface.MACHINE_MESSAGES.items() if name != "LiftPressure"
+    }
+    with pytest.raises(ValueError, match="LiftPressure"):
+        FrameSchedule(loader_database(), interface.MACHINE, without, tick_ns=TICK_NS)
+    more = {**interface.MACHINE_MESSAGES, "Weather": {}}
+    with pytest.raises(ValueError, match="Weather"):
+        FrameSchedule(loader_database(), interface.MACHINE, more, tick_ns=TICK_NS)
+
+
+def test_a_cycle_time_that_is_no_multiple_of_the_tick_is_refused():
+    with pytest.raises(ValueError, match="no multiple of the tick"):
+        FrameSchedule(loader_database(), interface.MACHINE, interface.MACHINE_MESSAGES, tick_ns=3_000_000)
