@@ -10,10 +10,12 @@ from discrepancy.model import Manoeuvre, Model
 from discrepancy.noise import Noise, Whitener, by_group
 from discrepancy.problem import Problem, Unusable, Values
 from discrepancy.recording import Recording, Signal
-from discrepancy.screen import Score, active, collinearity
+from discrepancy.screen import Score, active, collinearity, time_blocks
 from discrepancy.search import Settings, State, free_names, project_out, starts
 
 ENOUGH = 20.0  # expected likelihood difference (in SSE) of a manoeuvre worth proposing
+ALIKE = 0.6  # cosine of sensitivities below which two effects are two effects, not one with two names
+UNSURE = 2.0  # standard deviations of a likelihood difference that do not decide
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +56,21 @@ def members(
         # a further parameter has to earn its keep
         extra = candidate.size - problem.model.effect(effect).size
         difference = best.sse - state.fit.sse + 2.0 * extra
-        if difference < settings.same and without.sse - best.sse > 0.5 * whole:
-            cosine = collinearity(own, _direction(problem, best, candidate.name))
+        limit = max(settings.same, UNSURE * doubt(state.noise, best, state.fit))
+        cosine = collinearity(own, _direction(problem, best, candidate.name))
+        if difference < limit and cosine > ALIKE and without.sse - best.sse > 0.5 * whole:
             found.append(Member(candidate.name, float(difference), cosine, best))
     return sorted(found, key=lambda m: m.difference)
+
+
+def doubt(noise: Noise, one: Fit, other: Fit) -> float:
+    """Standard deviation of the difference in SSE of two rival fits, from its spread over stretches of time.
+
+    After Vuong (1989): rivals that are both a little wrong take turns in being better.
+    """
+    blocks = time_blocks(noise)
+    per_block = np.bincount(blocks, one.residual**2 - other.residual**2)
+    return float(np.std(per_block) * np.sqrt(per_block.size)) if per_block.size > 5 else 0.0
 
 
 def _direction(problem: Problem, fitted: Fit, effect: str) -> np.ndarray:

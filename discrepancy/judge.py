@@ -33,6 +33,7 @@ from discrepancy.search import (
 
 ENOUGH_POWER = 0.8
 FEW_SAMPLES = 30
+TOUCHED = 0.1  # share of the gain that makes a channel one the effect acts on
 WHITE_LAGS = 20
 
 
@@ -54,7 +55,7 @@ def judge(problem: Problem, settings: Settings, progress: Progress = lambda _: N
     state, history = search(problem, settings, progress)
     state = backward(problem, state, settings)
     progress("looking for what the library does not explain")
-    beyond = explore(problem, state, settings) if settings.open_ended else OpenEnded((), 0.0, 0.0, 0.0, 0)
+    beyond = explore(problem, state, settings) if settings.open_ended else OpenEnded((), 0.0, 0.0, {}, 0)
     needed = [_weigh(problem, state, name, beyond, settings) for name in state.accepted]
     progress("locating, grouping")
     found = [_finding(problem, state, history[0], n, settings) for n in needed]
@@ -118,9 +119,12 @@ def _weigh(problem: Problem, state: State, name: str, beyond: OpenEnded, setting
     without = _without(problem, state, others)
     before = held_out_residual(problem, state.noise, others, without.values, settings)
     after = held_out_residual(problem, state.noise, state.accepted, state.fit.values, settings)
-    gained = float(np.sum(before**2) - np.sum(after**2))
-    gap = gained + max(beyond.held_out_gain, 0.0)
     rows = {c: state.noise.row_channel == i for i, c in enumerate(problem.channels)}
+    gains = {c: float(np.sum(before[r] ** 2) - np.sum(after[r] ** 2)) for c, r in rows.items()}
+    gained = sum(gains.values())
+    # what is left in channels the effect does not touch says nothing about it
+    touched = [c for c, gain in gains.items() if gain > TOUCHED * gained]
+    gap = gained + sum(max(beyond.held_out_gains.get(c, 0.0), 0.0) for c in touched)
     ratio = {c: float(np.sqrt(np.mean(after[r] ** 2) / np.mean(before[r] ** 2))) for c, r in rows.items() if r.any()}
     return _Needed(
         effect=name,

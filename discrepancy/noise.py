@@ -59,13 +59,12 @@ class Noise:
 
     def whiten(self, rows: Array) -> Array:
         """Raw rows (N,) or (N, k) -> whitened rows (n,) or (n, k)."""
-        columns = rows.reshape(len(rows), -1)
-        parts = [
-            self.whiteners[b.group]
-            .apply(columns[b.start : b.stop].reshape(*b.shape, -1))
-            .reshape(-1, columns.shape[1])
-            for b in self._blocks
-        ]
+        columns = rows[:, None] if rows.ndim == 1 else rows
+        parts = []
+        for b in self._blocks:
+            whitener, (n, c), k = self.whiteners[b.group], b.shape, columns.shape[1]
+            white = whitener.apply(columns[b.start : b.stop].reshape(n, c, k))
+            parts.append(white.reshape((n - whitener.order) * c, k))
         white = np.concatenate(parts)
         return white[:, 0] if rows.ndim == 1 else white
 
@@ -116,22 +115,34 @@ def _autoregression(blocks: Sequence[Block], residual: Array, inflation: float) 
     for order in range(highest + 1):
         # the same rows for every order, or BIC would compare different data
         target = np.concatenate([run[highest:] for run in runs])
-        past = np.concatenate(
-            [
-                np.concatenate([run[highest - i : len(run) - i] for i in range(1, order + 1)], axis=1)
-                if order
-                else np.zeros((len(run) - highest, 0))
-                for run in runs
-            ]
-        )
-        coefficients = np.linalg.lstsq(past, target, rcond=None)[0] if order else np.zeros((0, c))
-        error = target - past @ coefficients
+        lags = [np.concatenate([run[highest - i : len(run) - i] for run in runs]) for i in range(1, order + 1)]
+        past = np.concatenate([np.zeros((len(target), 0)), *lags], axis=1)
+        solved = np.linalg.lstsq(past, target, rcond=None)[0]
+        matrices = settled(solved.reshape(order, c, c).transpose(0, 2, 1), shortest)
+        error = target - sum((lag @ A.T for lag, A in zip(lags, matrices, strict=True)), np.zeros_like(target))
         covariance = error.T @ error / max(len(target) - order * c, 1)
-        floor = np.diag(1e-18 + 1e-12 * np.var(target, axis=0))
-        covariance += floor
+        covariance += np.diag(1e-18 + 1e-12 * np.var(target, axis=0))
         score = len(target) * float(np.linalg.slogdet(covariance)[1]) + np.log(len(target)) * order * c * c
         if best is None or score < best[0]:
-            best = (score, coefficients.reshape(order, c, c).transpose(0, 2, 1), covariance)
+            best = (score, matrices, covariance)
     assert best is not None
-    _, past_matrices, covariance = best
-    return Whitener(past_matrices, np.linalg.inv(np.linalg.cholesky(covariance * inflation)))
+    _, matrices, covariance = best
+    return Whitener(matrices, np.linalg.inv(np.linalg.cholesky(covariance * inflation)))
+
+
+def settled(past: Array, run: int) -> Array:
+    """The autoregression with its memory limited to a quarter of a run of `run` samples.
+
+    An autoregression that integrates, or grows, would call any slow mismatch noise.
+    """
+    order, c = past.shape[:2]
+    if order == 0:
+        return past
+    companion = np.zeros((order * c, order * c))
+    companion[:c] = np.concatenate(list(past), axis=1)
+    companion[c:, :-c] = np.eye((order - 1) * c)
+    radius = float(np.max(np.abs(np.linalg.eigvals(companion))))
+    allowed = 1.0 - 4.0 / max(run, 8)
+    if radius <= allowed:
+        return past
+    return past * ((allowed / radius) ** np.arange(1, order + 1))[:, None, None]

@@ -60,8 +60,12 @@ class OpenEnded:
     terms: tuple[OpenTerm, ...]
     gain: float
     needed: float
-    held_out_gain: float
+    held_out_gains: Mapping[str, float]  # by channel
     tried: int
+
+    @property
+    def held_out_gain(self) -> float:
+        return sum(self.held_out_gains.values())
 
     def equation(self) -> str:
         """All terms by place, as text."""
@@ -166,10 +170,8 @@ def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
             break
         rivals = [i for i in np.flatnonzero(plain > plain[best] - settings.same) if i not in chosen]
         simplest = min(rivals, key=lambda i: (candidates[i].function.complexity, -plain[i]))
-        if (
-            _held_out(problem, state, white[:, [*chosen, simplest]], settings)
-            < settings.held_out + gain * settings.confirmed
-        ):
+        confirmed = _held_out(problem, state, white[:, [*chosen, simplest]], settings)
+        if float(np.sum(confirmed)) < settings.held_out + gain * settings.confirmed:
             break
         equally.append(tuple(_place(candidates[i]) for i in rivals if i != simplest))
         chosen.append(simplest)
@@ -177,12 +179,13 @@ def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
         left = fitted.residual - X[:, chosen] @ c
         gain = float(np.sum(fitted.residual**2) - np.sum(left**2))
     if not chosen:
-        return OpenEnded((), 0.0, needed, 0.0, len(candidates))
+        return OpenEnded((), 0.0, needed, {}, len(candidates))
+    confirmed = _held_out(problem, state, white[:, chosen], settings)
     return OpenEnded(
         tuple(_terms(candidates, chosen, equally, X, fitted.residual)),
         gain,
         needed,
-        _held_out(problem, state, white[:, chosen], settings),
+        {name: float(np.sum(confirmed[noise.row_channel == i])) for i, name in enumerate(problem.channels)},
         len(candidates),
     )
 
@@ -218,11 +221,7 @@ def _terms(
 def _candidates(problem: Problem, fitted: Fit) -> list[_Candidate]:
     model, base = problem.model, problem.predict(fitted.values)
     units = {**model.inputs, **model.optional, **model.outputs}
-    known: list[dict[str, Array]] = []
-    for i, window in enumerate(problem.windows):
-        true = model.simulate(window, fitted.values.in_window(i), {})
-        inputs = {n: window[n] for n in (*model.inputs, *model.optional) if window.has(n)}
-        known.append({**inputs, **{n: y for n, y in true.items() if n in model.outputs}})
+    known = [driven(model, w, fitted.values.in_window(i)) for i, w in enumerate(problem.windows)]
     common = [n for n in units if all(n in k for k in known)]
     spread = {n: float(np.std(np.concatenate([k[n] for k in known]))) for n in common}
     moving = {n: units[n] for n in common if spread[n] > 0.0}
@@ -245,6 +244,19 @@ def _candidates(problem: Problem, fitted: Fit) -> list[_Candidate]:
     return found
 
 
+def driven(model: Model, window: Window, values: Mapping[str, float]) -> dict[str, Array]:
+    """Signals to build functions of: inputs, and outputs simulated without sight of the measured ones.
+
+    A measured output used as regressor would explain itself.
+    """
+    inputs = {n: window[n] for n in (*model.inputs, *model.optional) if window.has(n)}
+    try:
+        true = model.simulate(replace(window, known=inputs), values, {})
+    except KeyError:  # the model is driven by a measured output
+        return inputs
+    return {**inputs, **{n: y for n, y in true.items() if n in model.outputs}}
+
+
 def _on_outputs(
     problem: Problem, series: Sequence[Array], spread: Mapping[str, float], rms: float
 ) -> list[tuple[str, Array]]:
@@ -260,12 +272,12 @@ def _on_outputs(
     return found
 
 
-def _held_out(problem: Problem, state: State, white: Array, settings: Settings) -> float:
-    """Gain in SSE on rows that coefficients and nuisances were not fitted to (linear in both)."""
-    noise, fitted, total = state.noise, state.fit, 0.0
+def _held_out(problem: Problem, state: State, white: Array, settings: Settings) -> Array:
+    """Gain in squared error (n,) on rows that coefficients and nuisances were not fitted to (linear in both)."""
+    noise, fitted, gain = state.noise, state.fit, np.zeros(state.noise.keep.size)
     base = problem.predict(fitted.values)
     e = noise.whiten(problem.measured - base)
-    local = noise.whiten(differences(problem, fitted.values, base, problem.local_names)).reshape(e.size, -1)
+    local = noise.whiten(differences(problem, fitted.values, base, problem.local_names))
     for test in folds(problem, noise, settings.folds):
         train_states = WindowStates(local, noise.row_window, ~test)
         test_states = WindowStates(local, noise.row_window, test)
@@ -276,8 +288,8 @@ def _held_out(problem: Problem, state: State, white: Array, settings: Settings) 
         with_terms = test_states.off(e - fitted.columns @ c[: J.shape[1]] - white @ c[J.shape[1] :])
         plain = np.linalg.pinv(J.T @ J + prior, rcond=1e-12) @ (J.T @ b)
         without = test_states.off(e - fitted.columns @ plain)
-        total += float(np.sum(without[test] ** 2) - np.sum(with_terms[test] ** 2))
-    return total
+        gain[test] = without[test] ** 2 - with_terms[test] ** 2
+    return gain
 
 
 def extended(model: Model, found: OpenEnded) -> Model:

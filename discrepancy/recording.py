@@ -54,14 +54,17 @@ def signal(time_s: ArrayLike, value: ArrayLike, unit: str, *, held: bool = False
 
 
 def changes_only(time_s: ArrayLike, value: ArrayLike, unit: str) -> Signal:
-    """Undo a zero-order hold: keep the sample at which each new value first appears.
+    """Undo a zero-order hold: one sample per new value, stamped at the middle of the time it stood.
 
-    A slow sensor logged in fast rows repeats its value; taken as they are, the repeats look like a delay of half
-    the sensor's period and like noise that is not white. Identical consecutive readings are lost with them.
+    A slow sensor logged in fast rows repeats its value; the repeats are no information and their staircase is no white
+    noise. A hold of T is a mean delay of T/2 to whoever reads the rows, and the stamps keep it.
     """
     t, y = np.asarray(time_s, float), np.asarray(value, float)
-    new = np.concatenate(([False], np.diff(y) != 0.0))
-    return Signal(t[new], y[new], unit)
+    first = np.flatnonzero(np.diff(y) != 0.0) + 1
+    if first.size < 2:
+        return Signal(t[:0], y[:0], unit)
+    until = np.append(t[first[1:]], t[first[-1]] + np.median(np.diff(t[first])))
+    return Signal(0.5 * (t[first] + until), y[first], unit)
 
 
 def cleaned(recording: Recording) -> tuple[Recording, list[Complaint]]:

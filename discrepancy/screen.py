@@ -87,7 +87,7 @@ class Projector:
         chosen = np.ones(noise.keep.size, bool) if rows is None else rows
         base = problem.predict(at.values)
         local = noise.whiten(differences(problem, at.values, base, problem.local_names))
-        self.states = WindowStates(local.reshape(noise.keep.size, -1), noise.row_window, chosen)
+        self.states = WindowStates(local, noise.row_window, chosen)
         self._columns, self._inverse = at.columns, at.covariance
 
     def off(self, columns: Array) -> Array:

@@ -42,7 +42,7 @@ class Settings:
     same: float = 6.0
     gap_closed: float = 0.5
     shortlist: int = 6
-    most_effects: int = 4
+    most_effects: int = 6
     folds: int = 2
     open_ended: bool = True
 
@@ -147,7 +147,7 @@ def _refitted(problem: Problem, noise: Noise, fitted: Fit, left: Array) -> Array
     J, L = raw[:, : len(fitted.names)], raw[:, len(fitted.names) :]
     white = noise.whiten(left)
     everything = np.ones(white.size, bool)
-    white_J, white_L = noise.whiten(J).reshape(white.size, -1), noise.whiten(L).reshape(white.size, -1)
+    white_J, white_L = noise.whiten(J), noise.whiten(L)
     states = WindowStates(white_L, noise.row_window, everything)
     shared = fitted.covariance @ (fitted.columns.T @ states.off(white))
     local = states.solve(white - white_J @ shared, len(problem.windows), noise.row_window)

@@ -30,15 +30,12 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
     linear = 3.0 * np.pi * VISCOSITY * diameter * values["stokes"]
     weight = mass * G - values["buoyancy"] * displaced * G
     inertia = mass + values["added_mass"] * displaced
-    shake = values["wind"]
-    push = extra.get("force")
-    forces = push if push is not None else np.zeros(window.time_s.size)
+    forces = extra.get("force", np.zeros(window.time_s.size))
     z, v, h = values["height"], values["speed"], window.step_s
     heights, speeds = [z], [v]
 
     def acceleration(speed: float, force: float) -> float:
-        air = speed - shake
-        return (-weight - square * air * abs(air) - linear * air + force) / inertia
+        return (-weight - square * speed * abs(speed) - linear * speed + force) / inertia
 
     for now, then in zip(forces[:-1].tolist(), forces[1:].tolist(), strict=True):
         k1 = acceleration(v, now)
@@ -49,8 +46,13 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
         v += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         heights.append(z)
         speeds.append(v)
+    # held until it is let go: the same flight, later
+    flight = np.maximum(window.time_s - values["release"], window.time_s[0])
     camera = 1.0 + values["pixel_scale"]
-    return {"height": np.array(heights) * camera, "speed": np.array(speeds) * camera}
+    return {
+        "height": np.interp(flight, window.time_s, heights) * camera,
+        "speed": np.interp(flight, window.time_s, speeds) * camera,
+    }
 
 
 def _first_height(window: Window) -> float:
@@ -111,7 +113,19 @@ PHYSICS = (
         confusable={"buoyancy": "a ball thrown upwards fast"},
     ),
 )
+LAUNCH = Effect(
+    name="late release",
+    sentence="the ball is held for a time after the first sample",
+    equation="z(t) = z0 until t0 + t_r",
+    parameters=(
+        Parameter(name="release", unit="s", lower=0.0, upper=0.4, typical=0.05, probes=(0.05, 0.15)),
+    ),
+    kind="physics",
+    place="start of each drop",
+    excited_by="samples around the release",
+)
 CAMERA = sensor_effects("height", "m", bias=0.2, kinds=("lag",))
+LIBRARY = (*PHYSICS, LAUNCH, *CAMERA)
 
 
 def model(*, without: tuple[str, ...] = ()) -> Model:
@@ -125,7 +139,7 @@ def model(*, without: tuple[str, ...] = ()) -> Model:
             *NUISANCES,
             Parameter(name="wind", unit="m/s", lower=-1.0, upper=1.0, typical=0.1, prior_sd=0.1),
         ),
-        effects=tuple(e for e in (*PHYSICS, *CAMERA) if e.name not in without),
+        effects=tuple(e for e in LIBRARY if e.name not in without),
         simulate=_with_defaults,
         step_s=STEP_S,
         ports=(Port(name="force", unit="N", typical=0.1, sentence="vertical force on the ball, up"),),
@@ -140,7 +154,7 @@ def model(*, without: tuple[str, ...] = ()) -> Model:
 def _with_defaults(
     window: Window, values: Mapping[str, float], extra: Mapping[str, Array]
 ) -> dict[str, Array]:
-    off = {p.name: 0.0 for e in PHYSICS for p in e.parameters}
+    off = {p.name: 0.0 for e in (*PHYSICS, LAUNCH) for p in e.parameters}
     return simulate(window, {**off, **values}, extra)
 
 
