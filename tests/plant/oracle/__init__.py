@@ -1,0 +1,1 @@
+"""The loader once more, in an independent multibody engine."""
