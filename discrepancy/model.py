@@ -140,7 +140,11 @@ class Simulate(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Model:
-    """Inputs, outputs, units, nuisances, effects and the function. `optional` inputs may be missing."""
+    """Inputs, outputs, units, nuisances, effects and the function. `optional` inputs may be missing.
+
+    window_s, lead_s: length of a window and of what is simulated before it; held_out_s: stretches held out in turn,
+    None for whole windows (shorter ones where an effect is a profile along the recording).
+    """
 
     name: str
     sentence: str
@@ -152,6 +156,7 @@ class Model:
     step_s: float
     window_s: float | None = None
     lead_s: float = 0.0
+    held_out_s: float | None = None
     optional: Mapping[str, str] = field(default_factory=dict)
     ports: tuple[Port, ...] = ()
     manoeuvres: tuple[Manoeuvre, ...] = ()

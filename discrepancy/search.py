@@ -247,7 +247,9 @@ def project_out(fitted: Fit, kept: Sequence[int]) -> Array:
 def folds(problem: Problem, noise: Noise, count: int) -> list[Mask]:
     """Rows held out in turn: every count-th window, or stretches of time where windows are few."""
     number: NDArray[np.intp] = noise.row_window
-    if len(problem.windows) < 2 * count:
+    if problem.model.held_out_s is not None:
+        number = (noise.row_time // problem.model.held_out_s).astype(np.intp)
+    elif len(problem.windows) < 2 * count:
         number = time_blocks(noise, 4 * count) if len(problem.windows) < count else number
     return [number % count == i for i in range(count)]
 
