@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant.compiled import compiled
-from plant.kinematics import place_loader
+from plant.kinematics import Places, new_places, place_loader
 from plant.multibody import Tree, new_tree, solve_tree
 from plant.parameters import (
     P_BRAKE_CAPACITY,
@@ -75,24 +75,22 @@ class Workspace(NamedTuple):
     """What one evaluation leaves behind, beside the rate of the state."""
 
     tree: Tree
-    world: Array  # (3, 3) axes, world from rear frame
-    centres: Array  # (4, 3) wheel centres, rear-frame axes
-    axles: Array  # (4, 3) axle directions, rear-frame axes
+    places: Places
     tyres: Array  # (4, T_OUTPUTS)
     rate: Array  # (STATES,)
     whole: Array  # mass and centre of gravity (3) of the machine, rear-frame axes
+    normal: Array  # (3) road normal, rear-frame axes
 
 
 def new_workspace() -> Workspace:
     """An empty workspace."""
     return Workspace(
         new_tree(),
-        np.zeros((3, 3)),
-        np.zeros((4, 3)),
-        np.zeros((4, 3)),
+        new_places(),
         np.zeros((4, T_OUTPUTS)),
         np.zeros(STATES),
         np.zeros(4),
+        np.zeros(3),
     )
 
 
@@ -160,15 +158,15 @@ def set_joints(state: Array, command: Array, p: Array, tree: Tree) -> None:
 @compiled
 def apply_tyres(state: Array, p: Array, ahead: float, work: Workspace) -> None:
     """Tyre forces on the wheels, and the rates of the transient slips."""
-    normal = np.zeros(3)
+    normal, world = work.normal, work.places.world
     height = 0.0
-    for j in range(3):
-        n = p[P_NORMAL + j]
-        height += n * state[POSITION + j]
-        for i in range(3):
-            normal[i] += work.world[j, i] * n
+    for i in range(3):
+        height += p[P_NORMAL + i] * state[POSITION + i]
+        normal[i] = 0.0
+        for j in range(3):
+            normal[i] += world[j, i] * p[P_NORMAL + j]
     for wheel in range(4):
-        centre, out, bias = work.centres[wheel], work.tyres[wheel], work.tree.bias[WHEEL + wheel]
+        centre, out, bias = work.places.centres[wheel], work.tyres[wheel], work.tree.bias[WHEEL + wheel]
         above = height + normal[0] * centre[0] + normal[1] * centre[1] + normal[2] * centre[2]
         block = p[P_WHEELS + wheel * WHEEL_SIZE : P_WHEELS + (wheel + 1) * WHEEL_SIZE]
         kappa, tan_alpha = state[KAPPA + wheel], state[TAN_ALPHA + wheel]
@@ -178,7 +176,7 @@ def apply_tyres(state: Array, p: Array, ahead: float, work: Workspace) -> None:
             p[P_FRICTION],
             centre,
             above,
-            work.axles[wheel],
+            work.places.axles[wheel],
             normal,
             motion,
             kappa,
@@ -211,8 +209,8 @@ def derivative(state: Array, command: Array, p: Array, ahead: float, work: Works
 
     ahead: step [s] for which the transient slips are taken at its end, 0 for the true derivative.
     """
-    tree, world, rate = work.tree, work.world, work.rate
-    place_loader(state, p, tree, world, work.centres, work.axles)
+    tree, world, rate = work.tree, work.places.world, work.rate
+    place_loader(state, p, tree, work.places)
     centre_of_gravity(tree, work.whole)
     set_joints(state, command, p, tree)
     apply_tyres(state, p, ahead, work)
@@ -220,14 +218,13 @@ def derivative(state: Array, command: Array, p: Array, ahead: float, work: Works
 
     # The solution is relative to free fall and in the moving axes; the state is in the world's.
     a, v = tree.acceleration[REAR_FRAME], tree.motion[REAR_FRAME]
-    reading = np.empty(3)
-    reading[0] = a[3] + v[1] * v[5] - v[2] * v[4]
-    reading[1] = a[4] + v[2] * v[3] - v[0] * v[5]
-    reading[2] = a[5] + v[0] * v[4] - v[1] * v[3]
+    x = a[3] + v[1] * v[5] - v[2] * v[4]
+    y = a[4] + v[2] * v[3] - v[0] * v[5]
+    z = a[5] + v[0] * v[4] - v[1] * v[3]
     for i in range(3):
         rate[POSITION + i] = state[VELOCITY + i]
         rate[ANGULAR + i] = a[i]
-        rate[VELOCITY + i] = world[i, 0] * reading[0] + world[i, 1] * reading[1] + world[i, 2] * reading[2]
+        rate[VELOCITY + i] = world[i, 0] * x + world[i, 1] * y + world[i, 2] * z
     rate[VELOCITY + 2] -= p[P_GRAVITY]
     quaternion_rate(state, rate)
     for body in range(1, BODIES):

@@ -47,7 +47,7 @@ def settle(
         _place(state, unknowns, road, heading, p)
         derivative(state, command, p, 0.0, work)
         rise = work.tree.acceleration[s.REAR_FRAME]
-        axes = work.world.T @ road
+        axes = work.places.world.T @ road
         linear = axes.T @ rise[3:] - p[P_GRAVITY] * road[2]
         return np.concatenate(
             (linear, axes.T @ rise[:3], work.tree.joint_acceleration[s.REAR_AXLE : s.REAR_AXLE + 1])

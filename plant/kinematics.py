@@ -4,6 +4,7 @@ Origin: the articulation joint. Fills the tree's inertias, joint axes, velocitie
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,24 @@ from plant.state import (
 Array = NDArray[np.float64]
 
 
+class Places(NamedTuple):
+    """Where things are, in the rear frame's axes from the articulation joint."""
+
+    world: Array  # (3, 3) the world's axes: rotation matrix, world from rear frame
+    centres: Array  # (4, 3) wheel centres [m]
+    axles: Array  # (4, 3) directions of their axles, to the left
+    axes: Array  # (5, 3, 3) of rear frame, front frame, rear axle, arm, bucket, as columns
+    points: Array  # (5, 3) joint, oscillation pivot, arm's pivot, bucket's pin; direction of the lift axis
+
+
+def new_places() -> Places:
+    """Places with what never changes: the rear frame's own axes, and the axes of the vertical joint and the pivot."""
+    axes = np.zeros((5, 3, 3))
+    axes[0] = np.eye(3)
+    axes[1, 2, 2] = axes[2, 0, 0] = 1.0
+    return Places(np.zeros((3, 3)), np.zeros((4, 3)), np.zeros((4, 3)), axes, np.zeros((5, 3)))
+
+
 @compiled
 def rotation(state: Array, axes: Array) -> None:
     """Rotation matrix, world from rear frame, into `axes`."""
@@ -67,25 +86,19 @@ def nose_up(front: Array, angle: float, axes: Array) -> None:
 
 
 @compiled
-def place_loader(state: Array, p: Array, tree: Tree, world: Array, centres: Array, axles: Array) -> None:
-    """All bodies and joints of the loader at `state`.
-
-    world: (3, 3) axes of the world from rear frame; centres: (4, 3) wheel centres; axles: (4, 3)
-    their axle directions, to the left. All filled here.
-    """
+def place_loader(state: Array, p: Array, tree: Tree, place: Places) -> None:
+    """All bodies and joints of the loader at `state`: fills tree and places."""
+    world, centres, axles = place.world, place.centres, place.axles
     rotation(state, world)
-    rear, front, axle = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
-    arm, bucket, origin = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
-    for i in range(3):
-        rear[i, i] = 1.0
+    rear, front, axle, arm, bucket = place.axes[0], place.axes[1], place.axes[2], place.axes[3], place.axes[4]
+    origin, pivot, lift, pin, down = place.points[0], place.points[1], place.points[2], place.points[3], place.points[4]
     c, s = math.cos(state[JOINT + FRONT_FRAME]), math.sin(state[JOINT + FRONT_FRAME])
-    front[0, 0], front[1, 0], front[0, 1], front[1, 1], front[2, 2] = c, s, -s, c, 1.0
+    front[0, 0], front[1, 0], front[0, 1], front[1, 1] = c, s, -s, c
     c, s = math.cos(state[JOINT + REAR_AXLE]), math.sin(state[JOINT + REAR_AXLE])
-    axle[0, 0], axle[1, 1], axle[2, 1], axle[1, 2], axle[2, 2] = 1.0, c, s, -s, c
+    axle[1, 1], axle[2, 1], axle[1, 2], axle[2, 2] = c, s, -s, c
     nose_up(front, state[JOINT + LIFT_ARM], arm)
     nose_up(front, state[JOINT + BUCKET] - p[P_CARRY_TILT], bucket)
 
-    pivot, lift, pin, down = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     pivot[0], pivot[2] = p[P_OSCILLATION_X], p[P_OSCILLATION_Z]
     for i in range(3):
         lift[i] = p[P_LIFT_X] * front[i, 0] + p[P_LIFT_Z] * front[i, 2]

@@ -31,12 +31,17 @@ class Tree(NamedTuple):
     driven: Array  # (bodies,): 1 where the joint's acceleration is prescribed
     joint_acceleration: Array  # (bodies,): given where driven, result elsewhere
     effort: Array  # (bodies,): result where driven, given elsewhere
+    reach: Array  # (bodies, 6): scratch of the solver, inertia times axis
+    stiff: Array  # (bodies,): scratch, inertia along the axis
+    rest: Array  # (bodies,): scratch, effort left after the bias
+    about: Array  # (3, 3): scratch, inertia of the body being placed
+    centre: Array  # (6,): scratch, its centre; then a momentum
 
 
 def new_tree() -> Tree:
     """An empty workspace."""
     n = BODIES
-    shapes = ((n, 6, 6), (n, 6), (n, 6), (n, 6), (n, 6), (n, 6), (n,), (n,), (n,))
+    shapes = ((n, 6, 6), (n, 6), (n, 6), (n, 6), (n, 6), (n, 6), (n,), (n,), (n,), (n, 6), (n,), (n,), (3, 3), (6,))
     return Tree(*(np.zeros(shape) for shape in shapes))
 
 
@@ -48,10 +53,9 @@ def place_body(tree: Tree, body: int, block: Array, origin: Array, axes: Array) 
     origin: where these axes start [m]; axes: (3, 3), their unit vectors as columns.
     """
     m = block[0]
-    centre = np.empty(3)
+    centre, about = tree.centre, tree.about
     for i in range(3):
         centre[i] = origin[i] + axes[i, 0] * block[1] + axes[i, 1] * block[2] + axes[i, 2] * block[3]
-    about = np.empty((3, 3))
     for i in range(3):
         a, b, c = axes[i, 0], axes[i, 1], axes[i, 2]
         ta = block[4] * a + block[7] * b + block[8] * c
@@ -67,7 +71,7 @@ def place_wheel(
     tree: Tree, body: int, m: float, spin: float, transverse: float, centre: Array, axle: Array
 ) -> None:
     """Inertia of a body that is symmetric about its axle, whatever its spin angle."""
-    about = np.empty((3, 3))
+    about = tree.about
     for i in range(3):
         for j in range(3):
             about[i, j] = (spin - transverse) * axle[i] * axle[j]
@@ -124,10 +128,12 @@ def carry_motion(tree: Tree, body: int, rate: float) -> None:
 def gyroscopic_bias(tree: Tree, body: int) -> None:
     """Bias of one body without outside forces: rate of its momentum at constant velocity, v x* (I v)."""
     inertia, v, p = tree.inertia[body], tree.motion[body], tree.bias[body]
-    h = np.zeros(6)
+    h = tree.centre
     for i in range(6):
-        for j in range(6):
-            h[i] += inertia[i, j] * v[j]
+        h[i] = 0.0
+    for j in range(6):  # symmetric: row by row, so that the compiler can use vector instructions
+        for i in range(6):
+            h[i] += inertia[j, i] * v[j]
     p[0] = v[1] * h[2] - v[2] * h[1] + v[4] * h[5] - v[5] * h[4]
     p[1] = v[2] * h[0] - v[0] * h[2] + v[5] * h[3] - v[3] * h[5]
     p[2] = v[0] * h[1] - v[1] * h[0] + v[3] * h[4] - v[4] * h[3]
@@ -142,41 +148,41 @@ def solve_tree(tree: Tree) -> None:
 
     Inertia and bias of the workspace are overwritten by their articulated-body values.
     """
-    reach = np.empty((BODIES, 6))
-    stiff = np.empty(BODIES)
-    rest = np.empty(BODIES)
+    reach, stiff, rest = tree.reach, tree.stiff, tree.rest
     for body in range(BODIES - 1, 0, -1):
         inertia, p, s, c = tree.inertia[body], tree.bias[body], tree.axis[body], tree.drift[body]
         u = reach[body]
-        d, along = 0.0, 0.0
         for i in range(6):
             u[i] = 0.0
-            for j in range(6):
-                u[i] += inertia[i, j] * s[j]
+        for j in range(6):
+            for i in range(6):
+                u[i] += inertia[j, i] * s[j]
+        d, along = 0.0, 0.0
+        for i in range(6):
             d += s[i] * u[i]
             along += s[i] * p[i]
         stiff[body] = d
         rest[body] = tree.effort[body] - along
         upper, upper_bias = tree.inertia[PARENTS[body]], tree.bias[PARENTS[body]]
-        if tree.driven[body] > 0.0:
-            qdd = tree.joint_acceleration[body]
+        for i in range(6):
+            upper_bias[i] += p[i]
+        for j in range(6):
             for i in range(6):
-                extra = p[i] + u[i] * qdd
-                for j in range(6):
-                    extra += inertia[i, j] * c[j]
-                    upper[i, j] += inertia[i, j]
-                upper_bias[i] += extra
-        else:
+                upper_bias[i] += inertia[j, i] * c[j]
+                upper[j, i] += inertia[j, i]
+        if tree.driven[body] > 0.0:
+            share = tree.joint_acceleration[body]
+        else:  # the joint gives way along its axis
             along_drift = 0.0
             for i in range(6):
                 along_drift += u[i] * c[i]
             share = (rest[body] - along_drift) / d
-            for i in range(6):
-                extra = p[i] + u[i] * share
-                for j in range(6):
-                    extra += inertia[i, j] * c[j]
-                    upper[i, j] += inertia[i, j] - u[i] * u[j] / d
-                upper_bias[i] += extra
+            for j in range(6):
+                scaled = u[j] / d
+                for i in range(6):
+                    upper[j, i] -= scaled * u[i]
+        for i in range(6):
+            upper_bias[i] += u[i] * share
     solve_root(tree)
     for body in range(1, BODIES):
         parent, a = tree.acceleration[PARENTS[body]], tree.acceleration[body]
@@ -203,9 +209,9 @@ def solve_root(tree: Tree) -> None:
         for k in range(j):
             for i in range(j, 6):
                 factor[i, j] -= factor[i, k] * factor[j, k]
-        root = math.sqrt(factor[j, j])
+        scale = 1.0 / math.sqrt(factor[j, j])
         for i in range(j, 6):
-            factor[i, j] /= root
+            factor[i, j] *= scale
     for i in range(6):
         a[i] = -tree.bias[0, i]
         for k in range(i):

@@ -172,7 +172,7 @@ class Plant:
         delta = state[s.JOINT + s.FRONT_FRAME]
         behind, ahead = -geometry.rear_axle_x, geometry.front_axle_x
         yaw_rate = speed * math.sin(delta) / (ahead + behind * math.cos(delta))
-        normal = work.world.T @ self.surface.axes()[:, 2]
+        normal = work.places.world.T @ self.surface.axes()[:, 2]
         forward = np.array((1.0, 0.0, 0.0)) - normal[0] * normal
         forward /= np.linalg.norm(forward)
         left = np.array(
@@ -183,7 +183,7 @@ class Plant:
             )
         )
         state[s.ANGULAR : s.ANGULAR + 3] = yaw_rate * normal
-        state[s.VELOCITY : s.VELOCITY + 3] = work.world @ (speed * forward + yaw_rate * behind * left)
+        state[s.VELOCITY : s.VELOCITY + 3] = work.places.world @ (speed * forward + yaw_rate * behind * left)
         state[s.STICK : s.STICK + 4] = 1.0
         self._evaluate()
         for wheel in range(4):

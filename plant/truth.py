@@ -72,7 +72,7 @@ def truth_of(
     time_s: float, state: Array, work: Workspace, machine: Machine, payload_mass: float, gravity: float
 ) -> Truth:
     """The record of an evaluated state: `work` is what `derivative` left behind for it."""
-    world, tree, tyres = work.world, work.tree, work.tyres
+    world, tree, tyres = work.places.world, work.tree, work.tyres
     motion, rise = tree.motion[s.REAR_FRAME], tree.acceleration[s.REAR_FRAME]
     turning, velocity = motion[:3].copy(), motion[3:].copy()
     reading = rise[3:] + _cross(turning, velocity)  # specific force at the joint
@@ -113,7 +113,7 @@ def truth_of(
         lateral_force=tyres[:, s.T_LATERAL].copy(),
         aligning_moment=tyres[:, s.T_ALIGNING].copy(),
         slip=tyres[:, s.T_SLIP].copy(),
-        slip_angle=tyres[:, s.T_SLIP_ANGLE].copy(),
+        slip_angle=np.arctan(tyres[:, s.T_SIDE_SLIP]),
         tyre_deflection=tyres[:, s.T_DEFLECTION].copy(),
         joint_torque=float(tree.effort[s.FRONT_FRAME]),
         lift_pressure=lift_pressure(machine.lift, lift_angle, float(tree.effort[s.LIFT_ARM])),

@@ -63,30 +63,34 @@ from plant.state import (
     T_LONGITUDINAL,
     T_NORMAL,
     T_ROLLING_RADIUS,
+    T_SIDE_SLIP,
     T_SLIDING_X,
     T_SLIDING_Y,
     T_SLIP,
-    T_SLIP_ANGLE,
     T_TAN_ALPHA_RATE,
     T_WRENCH,
 )
+
+Array = NDArray[np.float64]
 
 SLOWEST = 0.1  # speed below which reported slip is sliding velocity over this [m/s]
 UPRIGHT = 0.2  # cosine of the lean beyond which a wheel has no defined contact: it lies on its side
 
 
 @compiled
-def magic_formula(
-    slip: float, stiffness: float, shape: float, peak: float, curvature: float
-) -> tuple[float, float]:
-    """Force and its slope over slip [N]: D sin(C atan(Bx - E (Bx - atan Bx))), B = K/(C D)."""
-    b = stiffness / (shape * peak)
-    bx = b * slip
+def magic_formula(slip: float, stiffness: float, shape: float, peak: float, curvature: float) -> float:
+    """Force [N]: D sin(C atan(Bx - E (Bx - atan Bx))) with B = K/(C D)."""
+    bx = stiffness / (shape * peak) * slip
+    return peak * math.sin(shape * math.atan(bx - curvature * (bx - math.atan(bx))))
+
+
+@compiled
+def magic_slope(slip: float, stiffness: float, shape: float, peak: float, curvature: float) -> float:
+    """Derivative of the Magic Formula by the slip [N]."""
+    bx = stiffness / (shape * peak) * slip
     inner = bx - curvature * (bx - math.atan(bx))
-    angle = shape * math.atan(inner)
-    slope = peak * math.cos(angle) * shape / (1.0 + inner * inner) * b
-    slope *= 1.0 - curvature + curvature / (1.0 + bx * bx)
-    return peak * math.sin(angle), slope
+    slope = stiffness * math.cos(shape * math.atan(inner)) / (1.0 + inner * inner)
+    return slope * (1.0 - curvature + curvature / (1.0 + bx * bx))
 
 
 @compiled
@@ -97,7 +101,13 @@ def weight(slip: float, steepness: float, shape: float, curvature: float) -> flo
 
 
 @compiled
-def radial_force(w: NDArray[np.float64], deflection: float, rate: float) -> float:
+def plain_weight(slip: float, steepness: float, shape: float) -> float:
+    """The same without curvature: cos(C atan(Bx))."""
+    return math.cos(shape * math.atan(steepness * slip))
+
+
+@compiled
+def radial_force(w: Array, deflection: float, rate: float) -> float:
     """Force of the tyre's radial spring and damper [N]; never pulls."""
     if deflection <= 0.0:
         return 0.0
@@ -113,42 +123,44 @@ def effective_radius(loaded: float, unloaded: float) -> float:
 
 
 @compiled
-def slip_stiffness(w: NDArray[np.float64], load: float) -> tuple[float, float]:
-    """Longitudinal [N] and cornering [N/rad] stiffness at a load."""
-    nominal, dp = w[W_NOMINAL_LOAD], w[W_PRESSURE]
-    df = load / nominal - 1.0
-    pressure = 1.0 + w[W_PPX1] * dp + w[W_PPX2] * dp * dp
-    along = load * (w[W_PKX1] + w[W_PKX2] * df) * math.exp(w[W_PKX3] * df) * pressure
-    z = load / (w[W_PKY2] * nominal)
-    across = w[W_PKY1] * nominal * 2.0 * z / (1.0 + z * z)  # sin(2 atan z)
-    return along, across
+def stiffness_and_peak(w: Array, friction: float, load: float) -> tuple[float, float, float, float]:
+    """Longitudinal [N] and cornering [N/rad] stiffness, longitudinal and lateral peak [N], at a load > 0.
 
-
-@compiled
-def steady_forces(
-    w: NDArray[np.float64], friction: float, load: float, kappa: float, tan_alpha: float
-) -> tuple[float, float, float, float, float]:
-    """Longitudinal and lateral force [N], aligning moment [N m] and the pure slopes of both forces.
-
-    w: wheel block; friction: scale of the peak; load > 0 [N]; kappa positive driving; tan_alpha
-    positive when the lateral force is (against ISO's slip angle).
+    w: wheel block; friction: scale of the peaks.
     """
     nominal, dp = w[W_NOMINAL_LOAD], w[W_PRESSURE]
     df = load / nominal - 1.0
-    stiffness_x, stiffness_y = slip_stiffness(w, load)
+    stiffness_x = load * (w[W_PKX1] + w[W_PKX2] * df) * math.exp(w[W_PKX3] * df)
+    stiffness_x *= 1.0 + w[W_PPX1] * dp + w[W_PPX2] * dp * dp
+    z = load / (w[W_PKY2] * nominal)
+    stiffness_y = w[W_PKY1] * nominal * 2.0 * z / (1.0 + z * z)  # sin(2 atan z)
     peak_x = friction * load * (w[W_PDX1] + w[W_PDX2] * df) * (1.0 + w[W_PPX3] * dp + w[W_PPX4] * dp * dp)
     peak_y = friction * load * (w[W_PDY1] + w[W_PDY2] * df)
-    pure_x, slope_x = magic_formula(kappa, stiffness_x, w[W_PCX1], peak_x, w[W_PEX1])
-    pure_y, slope_y = magic_formula(tan_alpha, stiffness_y, w[W_PCY1], peak_y, w[W_PEY1])
+    return stiffness_x, stiffness_y, peak_x, peak_y
+
+
+@compiled
+def combined_forces(
+    w: Array, load: float, curve: tuple[float, float, float, float], kappa: float, tan_alpha: float
+) -> tuple[float, float, float]:
+    """Longitudinal and lateral force [N] and aligning moment [N m] in steady slip.
+
+    curve: stiffnesses and peaks at this load; kappa positive driving; tan_alpha positive when the
+    lateral force is (against ISO's slip angle).
+    """
+    stiffness_x, stiffness_y, peak_x, peak_y = curve
+    pure_x = magic_formula(kappa, stiffness_x, w[W_PCX1], peak_x, w[W_PEX1])
+    pure_y = magic_formula(tan_alpha, stiffness_y, w[W_PCY1], peak_y, w[W_PEY1])
     narrowing_x = w[W_RBX2] * kappa
     narrowing_y = w[W_RBY2] * tan_alpha
     along = pure_x * weight(tan_alpha, w[W_RBX1] / math.sqrt(1.0 + narrowing_x**2), w[W_RCX1], w[W_REX1])
-    across = pure_y * weight(kappa, w[W_RBY1] / math.sqrt(1.0 + narrowing_y**2), w[W_RCY1], 0.0)
+    across = pure_y * plain_weight(kappa, w[W_RBY1] / math.sqrt(1.0 + narrowing_y**2), w[W_RCY1])
     ratio = stiffness_x / stiffness_y * kappa
     equivalent = math.sqrt(tan_alpha * tan_alpha + ratio * ratio)
-    trail = load * w[W_RADIUS] / nominal * (w[W_QDZ1] + w[W_QDZ2] * df)
-    trail *= max(weight(equivalent, w[W_QBZ1], w[W_QCZ1], 0.0), 0.0)  # none left in full sliding
-    return along, across, -trail * across, slope_x, slope_y
+    nominal = w[W_NOMINAL_LOAD]
+    trail = load * w[W_RADIUS] / nominal * (w[W_QDZ1] + w[W_QDZ2] * (load / nominal - 1.0))
+    trail *= max(plain_weight(equivalent, w[W_QBZ1], w[W_QCZ1]), 0.0)  # none left in full sliding
+    return along, across, -trail * across
 
 
 @compiled
@@ -167,7 +179,7 @@ def relax(slip: float, speed: float, sliding: float, length: float, ahead: float
 
 @compiled
 def tyre_forces(
-    w: NDArray[np.float64],
+    w: Array,
     friction: float,
     load: float,
     speed: float,
@@ -176,7 +188,7 @@ def tyre_forces(
     kappa: float,
     tan_alpha: float,
     ahead: float,
-    out: NDArray[np.float64],
+    out: Array,
 ) -> None:
     """Forces in the road plane and rates of the transient slips, into `out`.
 
@@ -184,39 +196,39 @@ def tyre_forces(
     kappa, tan_alpha: transient slips now; the forces belong to the slips `ahead` seconds later.
     """
     shortest = w[W_SHORTEST_RELAXATION]
-    length_x, length_y = shortest, shortest
-    if load > 0.0:
-        _, _, _, slope_x, slope_y = steady_forces(w, friction, load, kappa, tan_alpha)
-        length_x = max(slope_x / w[W_LONGITUDINAL_STIFFNESS], shortest)
-        length_y = max(slope_y / w[W_LATERAL_STIFFNESS], shortest)
-    out[T_KAPPA_RATE] = relax(kappa, speed, sliding_x, length_x, ahead)
-    out[T_TAN_ALPHA_RATE] = relax(tan_alpha, speed, sliding_y, length_y, ahead)
-    along, across, aligning = 0.0, 0.0, 0.0
-    if load > 0.0:
-        kappa += ahead * out[T_KAPPA_RATE]
-        tan_alpha += ahead * out[T_TAN_ALPHA_RATE]
-        if speed < w[W_CARCASS_DAMPING_SPEED]:
-            share = 0.5 + 0.5 * math.cos(math.pi * speed / w[W_CARCASS_DAMPING_SPEED])
-            stiffness_x, stiffness_y = slip_stiffness(w, load)
-            kappa -= share * w[W_CARCASS_DAMPING] * sliding_x / stiffness_x
-            tan_alpha -= share * w[W_CARCASS_DAMPING] * sliding_y / stiffness_y
-        along, across, aligning, _, _ = steady_forces(w, friction, load, kappa, tan_alpha)
-    out[T_LONGITUDINAL], out[T_LATERAL], out[T_ALIGNING] = along, across, aligning
+    if load <= 0.0:
+        out[T_KAPPA_RATE] = relax(kappa, speed, sliding_x, shortest, ahead)
+        out[T_TAN_ALPHA_RATE] = relax(tan_alpha, speed, sliding_y, shortest, ahead)
+        out[T_LONGITUDINAL] = out[T_LATERAL] = out[T_ALIGNING] = 0.0
+        return
+    curve = stiffness_and_peak(w, friction, load)
+    stiffness_x, stiffness_y, peak_x, peak_y = curve
+    length_x = magic_slope(kappa, stiffness_x, w[W_PCX1], peak_x, w[W_PEX1]) / w[W_LONGITUDINAL_STIFFNESS]
+    length_y = magic_slope(tan_alpha, stiffness_y, w[W_PCY1], peak_y, w[W_PEY1]) / w[W_LATERAL_STIFFNESS]
+    out[T_KAPPA_RATE] = relax(kappa, speed, sliding_x, max(length_x, shortest), ahead)
+    out[T_TAN_ALPHA_RATE] = relax(tan_alpha, speed, sliding_y, max(length_y, shortest), ahead)
+    kappa += ahead * out[T_KAPPA_RATE]
+    tan_alpha += ahead * out[T_TAN_ALPHA_RATE]
+    if speed < w[W_CARCASS_DAMPING_SPEED]:
+        share = 0.5 + 0.5 * math.cos(math.pi * speed / w[W_CARCASS_DAMPING_SPEED])
+        kappa -= share * w[W_CARCASS_DAMPING] * sliding_x / stiffness_x
+        tan_alpha -= share * w[W_CARCASS_DAMPING] * sliding_y / stiffness_y
+    out[T_LONGITUDINAL], out[T_LATERAL], out[T_ALIGNING] = combined_forces(w, load, curve, kappa, tan_alpha)
 
 
 @compiled
 def wheel_contact(
-    w: NDArray[np.float64],
+    w: Array,
     friction: float,
-    centre: NDArray[np.float64],
+    centre: Array,
     height: float,
-    axle: NDArray[np.float64],
-    normal: NDArray[np.float64],
-    motion: NDArray[np.float64],
+    axle: Array,
+    normal: Array,
+    motion: Array,
     kappa: float,
     tan_alpha: float,
     ahead: float,
-    out: NDArray[np.float64],
+    out: Array,
 ) -> None:
     """Everything one tyre does at the present state of its wheel, into `out` (T_OUTPUTS values).
 
@@ -267,7 +279,7 @@ def wheel_contact(
     out[T_NORMAL] = load
     out[T_DEFLECTION] = deflection
     out[T_SLIP] = -sliding_x / max(abs(speed), SLOWEST)
-    out[T_SLIP_ANGLE] = math.atan2(sliding_y, max(abs(speed), SLOWEST))
+    out[T_SIDE_SLIP] = sliding_y / max(abs(speed), SLOWEST)
     out[T_ROLLING_RADIUS] = rolling
     out[T_SLIDING_X] = sliding_x
     out[T_SLIDING_Y] = sliding_y
