@@ -4,7 +4,7 @@ All in whitened units: an SSE difference is twice a difference of log-likelihood
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from discrepancy.recording import Array
 
 Mask = NDArray[np.bool_]
 STEP = 1e-3  # finite differences, in typical changes
+FORECAST = 0.02  # share of a step's gain by which a linear forecast may be wrong and the step still count as linear
 CONVERGED = 1e-2  # in whitened SSE: a hundredth of what matters statistically
 
 
@@ -127,7 +128,11 @@ def fit(
         better = next((v for v in moved if _misfit(problem, noise, parameters, v, rows) < point.sse), None)
         if better is None:
             break
-        before, point = point.sse, _Point.at(problem, noise, parameters, better, rows)
+        before, promised = point.sse, float(np.sum((b - A @ step) ** 2))
+        sse = _misfit(problem, noise, parameters, better, rows)
+        # where the linear forecast held, the sensitivities still do (chord method)
+        linear = abs(sse - promised) < FORECAST * (before - sse) + CONVERGED
+        point = point.renewed(problem, noise, better, rows) if linear else _Point.at(problem, noise, parameters, better, rows)
         if before - point.sse < CONVERGED:
             break
     information = point.columns[rows].T @ point.columns[rows] + np.diag((prior / scale) ** 2)
@@ -140,9 +145,9 @@ def fit(
 class _Point:
     """The problem linearised at some values; white is the residual before, residual after projection."""
 
+    parameters: tuple[Parameter, ...]
     values: Values
     sse: float
-    deviation: Array  # of each parameter from its prior mean, in typical changes
     white: Array
     white_columns: Array
     states: WindowStates
@@ -159,9 +164,19 @@ class _Point:
         J, L = moved[:, : len(names)], moved[:, len(names) :]
         e = noise.whiten(problem.measured - base)
         states = WindowStates(L, noise.row_window, rows)
-        deviation = np.array([(values.shared[p.name] - p.value) / p.typical for p in parameters])
         sse = _sse(e, parameters, values, rows)
-        return cls(values, sse, deviation, e, J, states, states.off(e), states.off(J))
+        return cls(tuple(parameters), values, sse, e, J, states, states.off(e), states.off(J))
+
+    def renewed(self, problem: Problem, noise: Noise, values: Values, rows: Mask) -> "_Point":
+        """The residual at new values, with the sensitivities of the old."""
+        e = noise.whiten(problem.measured - problem.predict(values))
+        sse = _sse(e, self.parameters, values, rows)
+        return replace(self, values=values, sse=sse, white=e, residual=self.states.off(e))
+
+    @property
+    def deviation(self) -> Array:
+        """Distance of each parameter from its prior mean, in typical changes."""
+        return np.array([(self.values.shared[p.name] - p.value) / p.typical for p in self.parameters])
 
 
 def _sse(e: Array, parameters: Sequence[Parameter], values: Values, rows: Mask) -> float:

@@ -31,14 +31,14 @@ RAD = np.pi / 180.0
 def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Array]) -> dict[str, Array]:
     """Specific forces [m/s²] and nose-up pitch rate [rad/s] on the grid."""
     speed, step = window["wheel_speed"], window.step_s
-    acceleration = savgol_filter(speed, min(SMOOTH, speed.size // 2 * 2 - 1), 2, deriv=1, delta=step)
+    acceleration = savgol_filter(speed, min(SMOOTH, speed.size // 2 * 2 - 1), 2, deriv=1, delta=step, mode="nearest")
     knots = [values[name] for name in sorted(n for n in values if n.startswith("grade."))]
     grade = np.zeros(speed.size)
     if knots:
         grade = np.interp(window["distance"], KNOT_M * np.arange(len(knots)), knots)
     squat = values.get("squat", 0.0) * acceleration
     pitch = grade + squat
-    pitch_rate = savgol_filter(pitch, min(SMOOTH, pitch.size // 2 * 2 - 1), 2, deriv=1, delta=step)
+    pitch_rate = savgol_filter(pitch, min(SMOOTH, pitch.size // 2 * 2 - 1), 2, deriv=1, delta=step, mode="nearest")
     force = acceleration * (1.0 + values.get("wheel_radius", 0.0)) + G * np.sin(pitch)
     force = force + extra.get("specific force", 0.0)
     drag = values.get("drag", 0.0) * speed**2
