@@ -1,0 +1,166 @@
+"""A DBC file, and for each of its messages functions between frame bytes and physical values.
+
+cantools reads the file; the functions are generated at load time (`dbc.codegen`) and give
+cantools' values bit for bit, with value tables left as numbers.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Self
+
+import cantools.database
+from bus.frame import EXTENDED
+
+from dbc import codegen
+from dbc.errors import DatabaseError, DecodeError, EncodeError
+from dbc.j1939 import pgn
+from dbc.signal import Signal
+
+Number = int | float
+_MS = 1_000_000
+
+
+class MessageCodec:
+    """One message: what the DBC says of it, and its codec.
+
+    can_id: Linux `can_id` word. length: bytes. cycle_ns: 0 where the DBC gives no cycle time.
+    e2e_data_id: data id of AUTOSAR E2E profile 1, None for an unprotected message.
+    neighbour_data_ids: the other protected messages of the same database, data id -> name.
+    decode(data): tuple of physical values in the order of `signals` (unmultiplexed messages).
+    encode(values): frame bytes from physical values in that order (unmultiplexed messages).
+    """
+
+    decode: Callable[[bytes], tuple[Number, ...]]
+    encode: Callable[[Sequence[Number]], bytes]
+
+    def __init__(self, message: Any) -> None:
+        self.name: str = message.name
+        self.comment: str = message.comment or ""
+        self.can_id: int = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
+        self.length: int = message.length
+        self.is_fd: bool = bool(message.is_fd) or message.length > 8
+        self.cycle_ns: int = (message.cycle_time or 0) * _MS
+        self.senders: tuple[str, ...] = tuple(message.senders)
+        self.receivers: tuple[str, ...] = tuple(sorted(message.receivers))
+        self.layout: tuple[Signal, ...] = tuple(Signal.from_cantools(signal) for signal in message.signals)
+        self.signals: tuple[str, ...] = tuple(signal.name for signal in self.layout)
+        self.by_signal: Mapping[str, Signal] = {signal.name: signal for signal in self.layout}
+        self.is_multiplexed: bool = any(signal.multiplexer is not None for signal in self.layout)
+        self.send_type: str = _attribute(message, "GenMsgSendType") or "cyclic"
+        self.is_j1939: bool = message.is_extended_frame and _attribute(message, "VFrameFormat") == "J1939PG"
+        self.e2e_data_id: int | None = _data_id(message)
+        self.neighbour_data_ids: Mapping[int, str] = {}
+        self._compile()
+
+    def __repr__(self) -> str:
+        return f"<{self.name} 0x{self.can_id & ~EXTENDED:X}, {self.length} bytes: {', '.join(self.signals)}>"
+
+    def _compile(self) -> None:
+        layout, length = self.layout, self.length
+        if self.is_multiplexed:
+            self.decode, self.encode = self._refuse_decode, self._refuse_encode
+        else:
+            self.decode = codegen.compile_function(codegen.decode_source(layout, length), self.name, layout)
+            self.encode = codegen.compile_function(codegen.encode_source(layout, length), self.name, layout)
+
+    @cached_property
+    def _decode_branches(self) -> Callable[[bytes], dict[str, Number]]:
+        return codegen.compile_function(
+            codegen.decode_dict_source(self.layout, self.length), self.name, self.layout
+        )
+
+    @cached_property
+    def _encode_branches(self) -> Callable[[Mapping[str, Number]], bytes]:
+        return codegen.compile_function(
+            codegen.encode_dict_source(self.layout, self.length), self.name, self.layout
+        )
+
+    def decode_dict(self, data: bytes) -> dict[str, Number]:
+        """Physical values by signal name; of a multiplexed message those that are present."""
+        return (
+            self._decode_branches(data)
+            if self.is_multiplexed
+            else dict(zip(self.signals, self.decode(data), strict=True))
+        )
+
+    def encode_dict(self, values: Mapping[str, Number]) -> bytes:
+        """Frame bytes from physical values by signal name; bits of absent signals are 0."""
+        try:
+            return self._encode_branches(values)
+        except KeyError as missing:
+            raise EncodeError(f"{self.name}: no value for signal {missing.args[0]}") from None
+
+    def _refuse_decode(self, data: bytes) -> tuple[Number, ...]:
+        raise DecodeError(
+            f"{self.name} is multiplexed, its signals vary from frame to frame: use decode_dict"
+        )
+
+    def _refuse_encode(self, values: Sequence[Number]) -> bytes:
+        raise EncodeError(
+            f"{self.name} is multiplexed, its signals vary from frame to frame: use encode_dict"
+        )
+
+
+class Database:
+    """The messages of one DBC file, by name and by `can_id` word."""
+
+    def __init__(self, source: str, codecs: Iterable[MessageCodec]) -> None:
+        self.source = source
+        self.by_name: dict[str, MessageCodec] = {codec.name: codec for codec in codecs}
+        self.by_id: dict[int, MessageCodec] = {codec.can_id: codec for codec in self.by_name.values()}
+        self.by_pgn: dict[int, MessageCodec] = {
+            pgn(codec.can_id): codec for codec in reversed(self.by_name.values()) if codec.is_j1939
+        }
+        protected = {c.e2e_data_id: c.name for c in self.by_name.values() if c.e2e_data_id is not None}
+        for codec in self.by_name.values():
+            codec.neighbour_data_ids = {i: name for i, name in protected.items() if i != codec.e2e_data_id}
+
+    @classmethod
+    def from_file(cls, path: str | Path, *, strict: bool = True) -> Self:
+        """Read a DBC file; `strict` refuses signals that overlap or do not fit their message."""
+        try:
+            read = cantools.database.load_file(str(path), database_format="dbc", strict=strict)
+        except OSError as error:
+            raise DatabaseError(f"{path}: cannot read the DBC: {error.strerror or error}") from error
+        except (cantools.database.Error, UnicodeDecodeError, ValueError) as error:
+            raise DatabaseError(f"{path}: not a usable DBC: {error}") from error
+        try:
+            return cls(str(path), [MessageCodec(message) for message in read.messages])
+        except ValueError as error:
+            raise DatabaseError(f"{path}: {error}") from error
+
+    def match(self, can_id: int) -> MessageCodec | None:
+        """The message of a frame: by exact id, else a J1939 one by parameter group.
+
+        J1939 puts priority and source address into the identifier; another sender's or
+        priority's frame carries the same signals.
+        """
+        codec = self.by_id.get(can_id)
+        return codec if codec is not None or not can_id & EXTENDED else self.by_pgn.get(pgn(can_id))
+
+
+def _attribute(message: Any, name: str) -> Any:
+    """A DBC attribute of the message, or the file's default; ENUM values as their text."""
+    if message.dbc is None:
+        return None
+    own, definitions = message.dbc.attributes, message.dbc.attribute_definitions
+    definition = own[name].definition if name in own else definitions.get(name)
+    if definition is None:
+        return None
+    value = own[name].value if name in own else definition.default_value
+    is_index = definition.type_name == "ENUM" and isinstance(value, int)
+    return definition.choices[value] if is_index else value
+
+
+def _data_id(message: Any) -> int | None:
+    """E2E data id of a message with E2EProfile P01; any other profile is refused rather than left unchecked."""
+    profile = _attribute(message, "E2EProfile")
+    if profile in (None, "none"):
+        return None
+    if profile != "P01":
+        raise ValueError(f"message {message.name}: E2EProfile {profile} is not implemented; P01 or none")
+    data_id = _attribute(message, "E2EDataId")
+    if data_id is None:
+        raise ValueError(f"message {message.name}: E2EProfile P01 without E2EDataId")
+    return int(data_id)

@@ -1,0 +1,19 @@
+"""SAE J1939 identifiers: priority, parameter group number (PGN), addresses (J1939-21, 5.2)."""
+
+_PDU2 = 240  # PDU formats from here on are broadcast: PDU specific belongs to the PGN
+
+
+def pgn(can_id: int) -> int:
+    """Parameter group number of a 29-bit identifier (flags of a `can_id` word are ignored)."""
+    number = can_id >> 8 & 0x3FFFF
+    return number if number >> 8 & 0xFF >= _PDU2 else number & 0x3FF00
+
+
+def source_address(can_id: int) -> int:
+    """Address of the sender."""
+    return can_id & 0xFF
+
+
+def priority(can_id: int) -> int:
+    """Priority, 0 (first) to 7."""
+    return can_id >> 26 & 7
