@@ -80,7 +80,8 @@ def fd_lengths(frame: Frame) -> tuple[int, int]:
     before = "0" + _identifier_bits(frame.can_id, "0") + reserved
     after = "0" + f"{code:04b}" + "".join(f"{byte:08b}" for byte in frame.data)  # ESI, DLC, data
     slow = len(stuffed(before))
-    fast = len(stuffed(before + after)) - slow
+    # A run of five that ends with the data is broken by the fixed stuff bit that follows anyway.
+    fast = len(stuffed((before + after)[:-1])) + 1 - slow
     crc = 17 if length <= 16 else 21
     fixed = 1 + (4 + crc) // 4  # one before the stuff count, then one after every fourth bit
     return slow + FD_TAIL, fast + 4 + crc + fixed + 1

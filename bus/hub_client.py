@@ -60,7 +60,7 @@ class HubTransport:
         receive, unpack = self._socket.recv, packet.LAYOUT.unpack
         dropped = self._dropped_in
         try:
-            while len(frames) < limit and not self._ended:
+            for _ in range(0 if self._ended else limit):
                 data = receive(_RECEIVE)
                 if len(data) != packet.SIZE:
                     self._note_end(data)

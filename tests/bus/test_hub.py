@@ -1,10 +1,14 @@
 """The embedded hub, in this process on a thread, and as a process of its own."""
 
 import contextlib
+import itertools
 import json
 import os
+import signal
 import socket
 import stat
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from bus import packet
+from bus.bits import duration_ns
 from bus.frame import ERROR, Frame
 from bus.hub import CLIENT_LIMIT, Hub
 from bus.hub_client import HubTransport, hub_status
@@ -258,3 +263,70 @@ def test_what_a_slow_client_can_lose_is_bounded_by_its_backlog(hub: RunningHub) 
                 assert sender.send(frame)
             collect(reader, 64)
         assert unstamped(collect(sleeper, BACKLOG_LIMIT)) == numbered(64) * (BACKLOG_LIMIT // 64)
+
+
+def test_a_bit_rate_makes_the_hub_as_slow_as_a_bus_with_the_lowest_identifier_first(path: str) -> None:
+    """Ends of frames are at least their own length apart, and what waits is sent by priority."""
+    running = RunningHub(path, bit_rate=20_000)
+    try:
+        with running.connect() as low, running.connect() as high, running.connect() as receiver:
+            for index in range(10):
+                low.send(Frame(0x700, bytes([index] * 8)))
+            high.send(Frame(0x010, b"urgent"))
+            frames = collect(receiver, 11)
+            for earlier, later in itertools.pairwise(frames):
+                assert later.at_ns - earlier.at_ns >= duration_ns(later, 20_000)
+            assert [frame.data[0] for frame in frames if frame.can_id == 0x700] == list(range(10))
+            assert frames[-1].can_id == 0x700  # the urgent frame came last and was not carried last
+            status = hub_status(path)
+            assert status.bit_rate == 20_000
+            assert status.busy_s == pytest.approx(sum(duration_ns(frame, 20_000) for frame in frames) * 1e-9)
+    finally:
+        running.stop()
+
+
+def test_a_client_that_floods_a_slow_bus_is_held_back_and_loses_nothing(path: str) -> None:
+    """More than the hub queues for one client waits in its socket; it may even leave meanwhile."""
+    running = RunningHub(path, bit_rate=1_000_000)
+    try:
+        with running.connect() as receiver:
+            with running.connect() as flood:
+                for frame in numbered(500):
+                    assert flood.send(frame)
+            assert unstamped(collect(receiver, 500)) == numbered(500)
+    finally:
+        running.stop()
+
+
+SERVE = (
+    "import sys; from bus.hub import serve; serve(sys.argv[1], on_ready=lambda: print('ready', flush=True))"
+)
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_hub_process_and_leaves_nothing_behind(path: str, number: signal.Signals) -> None:
+    with subprocess.Popen([sys.executable, "-c", SERVE, path], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        with HubTransport(path) as client:
+            process.send_signal(number)
+            assert process.wait(WAIT_S) == 0
+            with pytest.raises(BusClosed):
+                client.drain()
+    assert not Path(path).exists()
+
+
+@pytest.mark.processes
+def test_a_killed_hub_is_noticed_and_its_address_can_be_served_again(path: str) -> None:
+    with subprocess.Popen([sys.executable, "-c", SERVE, path], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        with HubTransport(path) as client:
+            process.kill()
+            assert readable(client, WAIT_S)
+            with pytest.raises(BusClosed, match="the hub is gone"):
+                client.drain()
+    running = RunningHub(path)
+    running.connect().close()
+    running.stop()
