@@ -34,15 +34,22 @@ class Tree(NamedTuple):
     reach: Array  # (bodies, 6): scratch of the solver, inertia times axis
     stiff: Array  # (bodies,): scratch, inertia along the axis
     rest: Array  # (bodies,): scratch, effort left after the bias
-    about: Array  # (3, 3): scratch, inertia of the body being placed
-    centre: Array  # (6,): scratch, its centre; then a momentum
 
 
 def new_tree() -> Tree:
     """An empty workspace."""
     n = BODIES
-    shapes = ((n, 6, 6), (n, 6), (n, 6), (n, 6), (n, 6), (n, 6), (n,), (n,), (n,), (n, 6), (n,), (n,), (3, 3), (6,))
+    shapes = ((n, 6, 6), (n, 6), (n, 6), (n, 6), (n, 6), (n, 6), (n,), (n,), (n,), (n, 6), (n,), (n,))
     return Tree(*(np.zeros(shape) for shape in shapes))
+
+
+@compiled
+def turned(block: Array, row: Array, column: Array) -> float:
+    """One element of the inertia about the centre after turning: row R, element R I R^T column."""
+    a, b, c = column[0], column[1], column[2]
+    along = row[0] * (block[4] * a + block[7] * b + block[8] * c)
+    along += row[1] * (block[7] * a + block[5] * b + block[9] * c)
+    return along + row[2] * (block[8] * a + block[9] * b + block[6] * c)
 
 
 @compiled
@@ -52,51 +59,54 @@ def place_body(tree: Tree, body: int, block: Array, origin: Array, axes: Array) 
     block: mass, centre (3), inertia about the centre xx, yy, zz, xy, xz, yz, in the body's axes;
     origin: where these axes start [m]; axes: (3, 3), their unit vectors as columns.
     """
-    m = block[0]
-    centre, about = tree.centre, tree.about
-    for i in range(3):
-        centre[i] = origin[i] + axes[i, 0] * block[1] + axes[i, 1] * block[2] + axes[i, 2] * block[3]
-    for i in range(3):
-        a, b, c = axes[i, 0], axes[i, 1], axes[i, 2]
-        ta = block[4] * a + block[7] * b + block[8] * c
-        tb = block[7] * a + block[5] * b + block[9] * c
-        tc = block[8] * a + block[9] * b + block[6] * c
-        for j in range(3):
-            about[i, j] = ta * axes[j, 0] + tb * axes[j, 1] + tc * axes[j, 2]
-    shift_inertia(tree, body, m, centre, about)
+    rx, ry, rz = axes[0], axes[1], axes[2]
+    x = origin[0] + rx[0] * block[1] + rx[1] * block[2] + rx[2] * block[3]
+    y = origin[1] + ry[0] * block[1] + ry[1] * block[2] + ry[2] * block[3]
+    z = origin[2] + rz[0] * block[1] + rz[1] * block[2] + rz[2] * block[3]
+    xx, yy, zz = turned(block, rx, rx), turned(block, ry, ry), turned(block, rz, rz)
+    xy, xz, yz = turned(block, rx, ry), turned(block, rx, rz), turned(block, ry, rz)
+    set_inertia(tree.inertia[body], block[0], x, y, z, xx, yy, zz, xy, xz, yz)
 
 
 @compiled
-def place_wheel(
-    tree: Tree, body: int, m: float, spin: float, transverse: float, centre: Array, axle: Array
-) -> None:
+def place_wheel(tree: Tree, body: int, m: float, spin: float, transverse: float, centre: Array, axle: Array) -> None:
     """Inertia of a body that is symmetric about its axle, whatever its spin angle."""
-    about = tree.about
-    for i in range(3):
-        for j in range(3):
-            about[i, j] = (spin - transverse) * axle[i] * axle[j]
-        about[i, i] += transverse
-    shift_inertia(tree, body, m, centre, about)
+    more = spin - transverse
+    a, b, c = axle[0], axle[1], axle[2]
+    xx, yy, zz = transverse + more * a * a, transverse + more * b * b, transverse + more * c * c
+    xy, xz, yz = more * a * b, more * a * c, more * b * c
+    set_inertia(tree.inertia[body], m, centre[0], centre[1], centre[2], xx, yy, zz, xy, xz, yz)
 
 
 @compiled
-def shift_inertia(tree: Tree, body: int, m: float, centre: Array, about: Array) -> None:
-    """Spatial inertia about the origin from mass, centre and inertia about the centre."""
-    x, y, z = centre[0], centre[1], centre[2]
-    square = x * x + y * y + z * z
-    inertia = tree.inertia[body]
-    for i in range(3):
-        for j in range(3):
-            inertia[i, j] = about[i, j] - m * centre[i] * centre[j]
-            inertia[i, j + 3] = 0.0
-            inertia[i + 3, j + 3] = 0.0
-        inertia[i, i] += m * square
-        inertia[i + 3, i + 3] = m
-    inertia[0, 4], inertia[0, 5], inertia[1, 5] = -m * z, m * y, -m * x
-    inertia[1, 3], inertia[2, 3], inertia[2, 4] = m * z, -m * y, m * x
-    for i in range(3):
-        for j in range(3):
-            inertia[j + 3, i] = inertia[i, j + 3]
+def set_inertia(
+    inertia: Array,
+    m: float,
+    x: float,
+    y: float,
+    z: float,
+    xx: float,
+    yy: float,
+    zz: float,
+    xy: float,
+    xz: float,
+    yz: float,
+) -> None:
+    """Spatial inertia about the origin from mass, centre (x, y, z) and inertia about the centre."""
+    mx, my, mz = m * x, m * y, m * z
+    inertia[0, 0], inertia[1, 1], inertia[2, 2] = xx + my * y + mz * z, yy + mx * x + mz * z, zz + mx * x + my * y
+    inertia[0, 1] = inertia[1, 0] = xy - mx * y
+    inertia[0, 2] = inertia[2, 0] = xz - mx * z
+    inertia[1, 2] = inertia[2, 1] = yz - my * z
+    inertia[0, 3] = inertia[1, 4] = inertia[2, 5] = inertia[3, 0] = inertia[4, 1] = inertia[5, 2] = 0.0
+    inertia[0, 4] = inertia[4, 0] = -mz
+    inertia[0, 5] = inertia[5, 0] = my
+    inertia[1, 3] = inertia[3, 1] = mz
+    inertia[1, 5] = inertia[5, 1] = -mx
+    inertia[2, 3] = inertia[3, 2] = -my
+    inertia[2, 4] = inertia[4, 2] = mx
+    inertia[3, 3] = inertia[4, 4] = inertia[5, 5] = m
+    inertia[3, 4] = inertia[3, 5] = inertia[4, 3] = inertia[4, 5] = inertia[5, 3] = inertia[5, 4] = 0.0
 
 
 @compiled
@@ -127,19 +137,18 @@ def carry_motion(tree: Tree, body: int, rate: float) -> None:
 @compiled
 def gyroscopic_bias(tree: Tree, body: int) -> None:
     """Bias of one body without outside forces: rate of its momentum at constant velocity, v x* (I v)."""
-    inertia, v, p = tree.inertia[body], tree.motion[body], tree.bias[body]
-    h = tree.centre
-    for i in range(6):
-        h[i] = 0.0
-    for j in range(6):  # symmetric: row by row, so that the compiler can use vector instructions
-        for i in range(6):
-            h[i] += inertia[j, i] * v[j]
-    p[0] = v[1] * h[2] - v[2] * h[1] + v[4] * h[5] - v[5] * h[4]
-    p[1] = v[2] * h[0] - v[0] * h[2] + v[5] * h[3] - v[3] * h[5]
-    p[2] = v[0] * h[1] - v[1] * h[0] + v[3] * h[4] - v[4] * h[3]
-    p[3] = v[1] * h[5] - v[2] * h[4]
-    p[4] = v[2] * h[3] - v[0] * h[5]
-    p[5] = v[0] * h[4] - v[1] * h[3]
+    inertia, p, motion = tree.inertia[body], tree.bias[body], tree.motion[body]
+    a, b, c, x, y, z = motion[0], motion[1], motion[2], motion[3], motion[4], motion[5]
+    m, mx, my, mz = inertia[5, 5], inertia[2, 4], inertia[0, 5], inertia[1, 3]
+    # momentum: angular about the origin, linear
+    ha = inertia[0, 0] * a + inertia[0, 1] * b + inertia[0, 2] * c + my * z - mz * y
+    hb = inertia[1, 0] * a + inertia[1, 1] * b + inertia[1, 2] * c + mz * x - mx * z
+    hc = inertia[2, 0] * a + inertia[2, 1] * b + inertia[2, 2] * c + mx * y - my * x
+    hx, hy, hz = m * x + b * mz - c * my, m * y + c * mx - a * mz, m * z + a * my - b * mx
+    p[0] = b * hc - c * hb + y * hz - z * hy
+    p[1] = c * ha - a * hc + z * hx - x * hz
+    p[2] = a * hb - b * ha + x * hy - y * hx
+    p[3], p[4], p[5] = b * hz - c * hy, c * hx - a * hz, a * hy - b * hx
 
 
 @compiled
@@ -152,24 +161,23 @@ def solve_tree(tree: Tree) -> None:
     for body in range(BODIES - 1, 0, -1):
         inertia, p, s, c = tree.inertia[body], tree.bias[body], tree.axis[body], tree.drift[body]
         u = reach[body]
-        for i in range(6):
-            u[i] = 0.0
-        for j in range(6):
-            for i in range(6):
-                u[i] += inertia[j, i] * s[j]
         d, along = 0.0, 0.0
         for i in range(6):
-            d += s[i] * u[i]
+            total = 0.0
+            for j in range(6):
+                total += inertia[i, j] * s[j]
+            u[i] = total
+            d += s[i] * total
             along += s[i] * p[i]
         stiff[body] = d
         rest[body] = tree.effort[body] - along
         upper, upper_bias = tree.inertia[PARENTS[body]], tree.bias[PARENTS[body]]
         for i in range(6):
-            upper_bias[i] += p[i]
-        for j in range(6):
-            for i in range(6):
-                upper_bias[i] += inertia[j, i] * c[j]
-                upper[j, i] += inertia[j, i]
+            total = p[i]
+            for j in range(6):
+                total += inertia[i, j] * c[j]
+                upper[i, j] += inertia[i, j]
+            upper_bias[i] += total
         if tree.driven[body] > 0.0:
             share = tree.joint_acceleration[body]
         else:  # the joint gives way along its axis
