@@ -1,4 +1,4 @@
-"""From the driver's demand to the commands of the actuators.
+"""From the driver's demand to what is asked of the actuators.
 
 The dynamics own the lags and rate limits of motors, brakes and cylinders; here is what a full
 pedal or joystick means, and the power limit of the motors: peak torque up to the speed at which
@@ -8,6 +8,7 @@ the power is used up, then torque = power / speed, driving and retarding alike.
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from plant.checked import CheckedTable
 from plant.driver import Demand
@@ -58,10 +59,24 @@ def abilities_of(machine: Machine, parameters: ActuatorParameters) -> Abilities:
     )
 
 
-def commands_of(demand: Demand, abilities: Abilities) -> Commands:
+class Request(NamedTuple):
+    """What is asked of the actuators on its way through the limits, SI; in the end, the plant's Commands."""
+
+    wheel_torque: Four  # drive torque [N m]
+    brake_torque: Four  # available friction torque, >= 0 [N m]
+    articulation_rate: float = 0.0
+    lift_rate: float = 0.0
+    tilt_rate: float = 0.0
+
+    def commands(self) -> Commands:
+        """The same for the plant."""
+        return Commands(**self._asdict())
+
+
+def request_of(demand: Demand, abilities: Abilities) -> Request:
     """The driver's demand as torques and rates, before any limit."""
     a = abilities
-    return Commands(
+    return Request(
         wheel_torque=four(demand.torque * peak for peak in a.drive_torque),
         brake_torque=four(demand.brake * full for full in a.brake_torque),
         articulation_rate=min(max(demand.articulation_rate, -a.articulation_rate), a.articulation_rate),
@@ -70,12 +85,13 @@ def commands_of(demand: Demand, abilities: Abilities) -> Commands:
     )
 
 
-def within_power(torque: Four, wheel_speed: Four, power: float) -> Four:
-    """Drive torques cut to |torque speed| <= power, wheel by wheel."""
-    return four(
+def within_power(request: Request, wheel_speed: Four, power: float) -> Request:
+    """The request with drive torques cut to |torque speed| <= power [W], wheel by wheel."""
+    torque = four(
         math.copysign(power / speed, t) if abs(t) * speed > power else t
-        for t, speed in zip(torque, map(abs, wheel_speed), strict=True)
+        for t, speed in zip(request.wheel_torque, map(abs, wheel_speed), strict=True)
     )
+    return request._replace(wheel_torque=torque)
 
 
 def read_actuators(table: CheckedTable) -> ActuatorParameters:

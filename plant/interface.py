@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 
 from plant.driver import Demand
-from plant.sensors import CHANNELS, INDEX, WHEELS, Readings
+from plant.sensors import CHANNELS, INDEX, WHEELS, Health, Readings
 from plant.truth import Truth
 
 Signals = Mapping[str, tuple[str, str]]  # signal -> (SI unit, source)
@@ -44,6 +44,8 @@ HEALTH_GROUPS: Mapping[str, tuple[str, ...]] = {
     },
 }
 """State signals: a frame's state is the worst of its channels'."""
+
+_ALL_WELL: Mapping[str, float] = dict.fromkeys(HEALTH_GROUPS, Health.OK)
 
 MACHINE_MESSAGES: Mapping[str, Signals] = {
     "Articulation": {
@@ -121,9 +123,10 @@ def machine_values(
 ) -> dict[str, float]:
     """Everything the machine sends, SI, by source name."""
     values: dict[str, float] = dict(zip(CHANNELS, readings.values.tolist(), strict=True))
-    health = readings.health.tolist()
-    for name, channels in HEALTH_GROUPS.items():
-        values[name] = max(health[INDEX[channel]] for channel in channels)
+    values.update(_ALL_WELL)
+    if readings.health.any():
+        for name, channels in HEALTH_GROUPS.items():
+            values[name] = int(max(readings.health[INDEX[channel]] for channel in channels))
     values["sample sequence"] = sequence
     values["torque demand"] = demand.torque
     values["brake demand"] = demand.brake

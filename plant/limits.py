@@ -7,11 +7,10 @@ an ECU that dies cannot leave the machine unlimited.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from plant.actuators import Abilities, Four, four
+from plant.actuators import Abilities, Four, Request, four
 from plant.checked import CheckedTable
-from plant.plant import Commands
 from plant.script import DEGREE, KMH
 
 
@@ -59,31 +58,30 @@ def in_force(last: Limits | None, *, age: float, obedience: Obedience) -> Limits
 
 
 def obey(
-    commands: Commands, limits: Limits, obedience: Obedience, abilities: Abilities, *, speed: float
-) -> Commands:
-    """The commands as far as the limits permit.
+    request: Request, limits: Limits, obedience: Obedience, abilities: Abilities, *, speed: float
+) -> Request:
+    """The request as far as the limits permit.
 
     speed: as the machine measures it [m/s].
     """
-    commands = _govern(commands, limits.speed, obedience, abilities, speed)
+    request = _govern(request, limits.speed, obedience, abilities, speed)
     rate = limits.articulation_rate
-    return replace(
-        commands,
+    return request._replace(
         wheel_torque=four(
             min(max(torque, -limit), limit)
-            for torque, limit in zip(commands.wheel_torque, limits.wheel_torque, strict=True)
+            for torque, limit in zip(request.wheel_torque, limits.wheel_torque, strict=True)
         ),
-        articulation_rate=min(max(commands.articulation_rate, -rate), rate),
+        articulation_rate=min(max(request.articulation_rate, -rate), rate),
     )
 
 
 def _govern(
-    commands: Commands, limit: float, obedience: Obedience, abilities: Abilities, speed: float
-) -> Commands:
+    request: Request, limit: float, obedience: Obedience, abilities: Abilities, speed: float
+) -> Request:
     """Keep |speed| below `limit`: fade the torque that drives on, then retard, then brake."""
     over = abs(speed) - limit
     if over <= -obedience.fade:
-        return commands
+        return request
     direction = math.copysign(1.0, speed)
     driving = min(max(-over / obedience.fade, 0.0), 1.0)
     retarding = obedience.retard_share * min(max(over / obedience.retard, 0.0), 1.0)
@@ -96,10 +94,9 @@ def _govern(
     def braked(torque: float, full: float) -> float:
         return max(torque, braking * full)
 
-    return replace(
-        commands,
-        wheel_torque=four(map(permitted, commands.wheel_torque, abilities.drive_torque)),
-        brake_torque=four(map(braked, commands.brake_torque, abilities.brake_torque)),
+    return request._replace(
+        wheel_torque=four(map(permitted, request.wheel_torque, abilities.drive_torque)),
+        brake_torque=four(map(braked, request.brake_torque, abilities.brake_torque)),
     )
 
 

@@ -238,7 +238,8 @@ class SensorBank:
             self._history[:] = measured
             self._last = measured
             return measured
-        return measured + self._decay * (self._history[self._newest] - measured)
+        lagged: Floats = measured + self._decay * (self._history[self._newest] - measured)
+        return lagged
 
     def _delayed(self, lagged: Floats) -> Floats:
         rows = len(self._history)

@@ -11,7 +11,6 @@ Equal machine, scenario, seed and received frames give equal bytes.
 """
 
 import math
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -19,7 +18,7 @@ import numpy as np
 from bus.frame import Frame
 from dbc import loader_database, reference_database
 from plant import interface
-from plant.actuators import Four, abilities_of, commands_of, four, within_power
+from plant.actuators import Four, abilities_of, four, request_of, within_power
 from plant.driver import Demand, DriverState, drive
 from plant.limits import UNLIMITED, Limits, in_force, obey
 from plant.machine import Machine
@@ -154,15 +153,15 @@ class PlantUnit:
             articulation_angle=readings.value("articulation_angle"),
             dt=TICK_S,
         )
-        commands = obey(
-            commands_of(self.demand, self._abilities),
+        request = obey(
+            request_of(self.demand, self._abilities),
             self.limits_in_force(now_ns),
             equipment.obedience,
             self._abilities,
             speed=speed,
         )
-        torque = within_power(commands.wheel_torque, _wheel_speed(readings), self._abilities.drive_power)
-        self._plant.advance(replace(commands, wheel_torque=torque), TICK_S)
+        request = within_power(request, _wheel_speed(readings), self._abilities.drive_power)
+        self._plant.advance(request.commands(), TICK_S)
         self._truth = self._plant.truth()
 
     def _ground_speed(self, readings: Readings) -> float:

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.actuators import Abilities, within_power
+from plant.actuators import Abilities, Request, within_power
 from plant.limits import UNLIMITED, Limits, Obedience, in_force, obey
-from plant.plant import Commands
 
 ABILITIES = Abilities(
     drive_torque=(25e3, 25e3, 18e3, 18e3),
@@ -32,8 +31,8 @@ OBEDIENCE = Obedience(
 
 torques = st.tuples(*(st.floats(-25e3, 25e3) for _ in range(4)))
 brakes = st.tuples(*(st.floats(0, 14e3) for _ in range(4)))
-commands = st.builds(
-    Commands,
+requests = st.builds(
+    Request,
     wheel_torque=torques,
     brake_torque=brakes,
     articulation_rate=st.floats(-1, 1),
@@ -49,12 +48,12 @@ limits = st.builds(
 speeds = st.floats(-12, 12)
 
 
-@given(commands, speeds)
+@given(requests, speeds)
 def test_without_limits_nothing_is_changed(asked, speed):
     assert obey(asked, UNLIMITED, OBEDIENCE, ABILITIES, speed=speed) == asked
 
 
-@given(commands, limits, speeds)
+@given(requests, limits, speeds)
 def test_no_limit_is_exceeded(asked, limit, speed):
     done = obey(asked, limit, OBEDIENCE, ABILITIES, speed=speed)
     assert all(abs(t) <= m for t, m in zip(done.wheel_torque, limit.wheel_torque, strict=True))
@@ -62,7 +61,7 @@ def test_no_limit_is_exceeded(asked, limit, speed):
     assert (done.lift_rate, done.tilt_rate) == (asked.lift_rate, asked.tilt_rate)
 
 
-@given(commands, limits, speeds)
+@given(requests, limits, speeds)
 def test_at_and_above_the_speed_limit_no_wheel_drives_on(asked, limit, speed):
     done = obey(asked, limit, OBEDIENCE, ABILITIES, speed=speed)
     if abs(speed) >= limit.speed:
@@ -70,16 +69,16 @@ def test_at_and_above_the_speed_limit_no_wheel_drives_on(asked, limit, speed):
     assert all(after >= before for after, before in zip(done.brake_torque, asked.brake_torque, strict=True))
 
 
-@given(commands, limits, speeds)
+@given(requests, limits, speeds)
 def test_below_the_fading_band_the_speed_limit_does_nothing(asked, limit, speed):
     if abs(speed) <= limit.speed - OBEDIENCE.fade:
         slow = replace(limit, wheel_torque=(math.inf,) * 4, articulation_rate=math.inf)
         assert obey(asked, slow, OBEDIENCE, ABILITIES, speed=speed) == asked
 
 
-@given(commands, limits, st.floats(0, 12), st.floats(0, 3))
+@given(requests, limits, st.floats(0, 12), st.floats(0, 3))
 def test_the_faster_the_less_drive_and_the_more_brake(asked, limit, speed, more):
-    """Longitudinal force of the commands never rises with speed: the governor is stable."""
+    """Longitudinal force of the requests never rises with speed: the governor is stable."""
     free = replace(limit, wheel_torque=(math.inf,) * 4)
     slow = obey(asked, free, OBEDIENCE, ABILITIES, speed=speed)
     fast = obey(asked, free, OBEDIENCE, ABILITIES, speed=speed + more)
@@ -88,7 +87,7 @@ def test_the_faster_the_less_drive_and_the_more_brake(asked, limit, speed, more)
 
 
 def test_far_above_the_speed_limit_the_motors_retard_and_the_service_brake_helps():
-    asked = Commands(
+    asked = Request(
         wheel_torque=(1e4,) * 4, brake_torque=(0.0,) * 4, articulation_rate=0.0, lift_rate=0.0, tilt_rate=0.0
     )
     limit = Limits(wheel_torque=(math.inf,) * 4, speed=3.0, articulation_rate=1.0)
@@ -119,8 +118,10 @@ def test_a_limit_that_is_not_available_is_replaced_by_its_own_safe_value_only():
 
 @given(torques, st.tuples(*(st.floats(-15, 15) for _ in range(4))))
 def test_motor_power_is_bounded_and_torque_is_otherwise_untouched(torque, wheel_speed):
-    done = within_power(torque, wheel_speed, ABILITIES.drive_power)
-    for asked, given_torque, speed in zip(torque, done, wheel_speed, strict=True):
+    request = Request(wheel_torque=torque, brake_torque=(0.0,) * 4, articulation_rate=0.1)
+    done = within_power(request, wheel_speed, ABILITIES.drive_power)
+    assert done.articulation_rate == 0.1
+    for asked, given_torque, speed in zip(torque, done.wheel_torque, wheel_speed, strict=True):
         assert abs(given_torque * speed) <= ABILITIES.drive_power * (1 + 1e-12)
         if abs(asked * speed) <= ABILITIES.drive_power:
             assert given_torque == asked

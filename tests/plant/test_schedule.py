@@ -1,6 +1,7 @@
 """When frames go out: at their cycle times, evenly, and complete."""
 
 import math
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -18,7 +19,7 @@ def test_phases_lie_in_their_cycle_and_spread_the_load(cycles):
     """Cycles that divide one another can be spread to one frame of difference between ticks at most."""
     chosen = phases(cycles)
     assert all(0 <= phase < every for phase, every in zip(chosen, cycles, strict=True))
-    if all(b % a == 0 for a, b in zip(cycles, cycles[1:], strict=False)):
+    if all(b % a == 0 for a, b in pairwise(cycles)):
         span = math.lcm(*cycles)
         load = [
             sum(tick % every == phase for phase, every in zip(chosen, cycles, strict=True))
@@ -48,7 +49,7 @@ def test_each_message_goes_out_at_its_cycle_time(database, sender, messages):
         codec = database.by_name[name]
         ticks = sent[codec.can_id]
         every = codec.cycle_ns // TICK_NS
-        assert {b - a for a, b in zip(ticks, ticks[1:], strict=False)} == {every}
+        assert {b - a for a, b in pairwise(ticks)} == {every}
         assert ticks[0] < every
     assert max(loads) - min(loads) <= 1
 
