@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any, Self
 
 import cantools.database
-from bus.frame import EXTENDED
+import cantools.errors
 
+from bus.frame import EXTENDED
 from dbc import codegen
 from dbc.errors import DatabaseError, DecodeError, EncodeError
 from dbc.j1939 import pgn
@@ -120,10 +121,10 @@ class Database:
     def from_file(cls, path: str | Path, *, strict: bool = True) -> Self:
         """Read a DBC file; `strict` refuses signals that overlap or do not fit their message."""
         try:
-            read = cantools.database.load_file(str(path), database_format="dbc", strict=strict)
+            read: Any = cantools.database.load_file(str(path), database_format="dbc", strict=strict)
         except OSError as error:
             raise DatabaseError(f"{path}: cannot read the DBC: {error.strerror or error}") from error
-        except (cantools.database.Error, UnicodeDecodeError, ValueError) as error:
+        except (cantools.errors.Error, UnicodeDecodeError, ValueError) as error:
             raise DatabaseError(f"{path}: not a usable DBC: {error}") from error
         try:
             return cls(str(path), [MessageCodec(message) for message in read.messages])

@@ -11,8 +11,9 @@ with probability n/255: MASQUERADED is certain only when it repeats.
 import enum
 from typing import Final
 
-from dbc.database import MessageCodec
 from e2e.p01 import E2E_P01_DATAID_BOTH, e2e_p01_check, e2e_p01_protect
+
+from dbc.database import MessageCodec
 
 COUNTERS: Final = 15  # counter values; 15 itself is never sent
 _INVALID: Final = 15
