@@ -14,7 +14,18 @@ from scipy.spatial.transform import Rotation
 
 from plant import state as s
 from plant.dynamics import Workspace, derivative
-from plant.parameters import P_FRICTION, P_GRAVITY, P_OSCILLATION_X, P_WHEELS, W_CENTRE, WHEEL_SIZE
+from plant.parameters import (
+    P_FRICTION,
+    P_GRAVITY,
+    P_OSCILLATION_X,
+    P_WHEELS,
+    W_CENTRE,
+    W_NOMINAL_LOAD,
+    W_QFZ1,
+    W_QFZ2,
+    W_RADIUS,
+    WHEEL_SIZE,
+)
 
 Array = NDArray[np.float64]
 
@@ -30,18 +41,15 @@ class NoEquilibriumError(ValueError):
     """The machine cannot rest like this: it would tip over or slide."""
 
 
-def settle(
-    state: Array, p: Array, work: Workspace, road: Array, *, heading: float, height: float, standing: bool
-) -> None:
+def settle(state: Array, p: Array, work: Workspace, road: Array, *, heading: float, standing: bool) -> None:
     """Put `state` (joint angles set, velocities zero) to rest on the road.
 
-    road: its axes in the world, (3, 3); heading: of the rear frame about the road's normal [rad];
-    height: first guess of the joint above the road [m]. Raises NoEquilibriumError.
+    road: its axes in the world, (3, 3); heading: of the rear frame about the road's normal [rad].
+    Raises NoEquilibriumError.
     """
     command = np.zeros(s.COMMANDS)
     free = STANDING if standing else ROLLING
     rest = np.zeros(7)  # along, across, above [m], turn about x, y, z of the road, oscillation [rad]
-    rest[2] = height
 
     def residual(unknowns: Array) -> Array:
         _place(state, unknowns, road, heading, p)
@@ -49,19 +57,19 @@ def settle(
         rise = work.tree.acceleration[s.REAR_FRAME]
         axes = work.places.world.T @ road
         linear = axes.T @ rise[3:] - p[P_GRAVITY] * road[2]
-        return np.concatenate(
-            (linear, axes.T @ rise[:3], work.tree.joint_acceleration[s.REAR_AXLE : s.REAR_AXLE + 1])
-        )
+        return np.concatenate((linear, axes.T @ rise[:3], work.tree.joint_acceleration[s.REAR_AXLE : s.REAR_AXLE + 1]))
 
+    rest[2] = _resting_height(residual, p, work)
+    error = residual(rest)[free]
     for _ in range(ITERATIONS):
-        error = residual(rest)[free]
         if np.max(np.abs(error)) < AT_REST:
             return
         try:
             change = np.linalg.solve(_slopes(residual, rest, free), error)
         except np.linalg.LinAlgError:
             break
-        rest[free] -= change / max(1.0, float(np.max(np.abs(change) / LONGEST[free])))
+        change /= max(1.0, float(np.max(np.abs(change) / LONGEST[free])))
+        rest, error = _best_part(residual, rest, change, free, error)
     raise NoEquilibriumError(
         "the machine finds no rest: it would tip over or slide "
         f"(road slope {math.degrees(math.acos(road[2, 2])):.1f} deg, friction scale {p[P_FRICTION]:.2f}); "
@@ -69,14 +77,36 @@ def settle(
     )
 
 
-def _slopes(residual: Callable[[Array], Array], at: Array, free: Array) -> Array:
-    """Derivative of the residual by central differences; 1e-6 m or rad balances rounding and curvature."""
+def _resting_height(residual: Callable[[Array], Array], p: Array, work: Workspace) -> float:
+    """Height of the joint when every wheel carries a quarter of the weight, on the front tyres' spring."""
+    residual(np.zeros(7))
+    w = p[P_WHEELS : P_WHEELS + WHEEL_SIZE]
+    load = work.whole[0] * p[P_GRAVITY] / 4.0 / w[W_NOMINAL_LOAD]
+    share = 2.0 * load / (w[W_QFZ1] + math.sqrt(w[W_QFZ1] ** 2 + 4.0 * w[W_QFZ2] * load))
+    return float(w[W_RADIUS] * (1.0 - share) - w[W_CENTRE + 2])
+
+
+def _best_part(
+    residual: Callable[[Array], Array], at: Array, change: Array, free: NDArray[np.intp], error: Array
+) -> tuple[Array, Array]:
+    """The first of the full, half, quarter... step that lessens the residual; wheels leave the road in too long ones."""
+    for part in 0.5 ** np.arange(12):
+        trial = at.copy()
+        trial[free] -= part * change
+        left = residual(trial)[free]
+        if np.linalg.norm(left) < np.linalg.norm(error):
+            break
+    return trial, left
+
+
+def _slopes(residual: Callable[[Array], Array], at: Array, free: NDArray[np.intp]) -> Array:
+    """Derivative of the residual by central differences over 1e-7 m or rad."""
     columns = []
     for index in free:
         ahead, behind = at.copy(), at.copy()
-        ahead[index] += 1e-6
-        behind[index] -= 1e-6
-        columns.append((residual(ahead)[free] - residual(behind)[free]) / 2e-6)
+        ahead[index] += 1e-7
+        behind[index] -= 1e-7
+        columns.append((residual(ahead)[free] - residual(behind)[free]) / 2e-7)
     return np.column_stack(columns)
 
 

@@ -149,7 +149,7 @@ class Plant:
         derivative(self._state, self._command, self._parameters, 0.0, self._work)
 
     def _start(self, speed: float, heading: float) -> None:
-        state, work, geometry = self._state, self._work, self.machine.geometry
+        state, work = self._state, self._work
         standing = speed == 0.0
         settle(
             state,
@@ -157,7 +157,6 @@ class Plant:
             work,
             self.surface.axes(),
             heading=heading,
-            height=geometry.joint_height - 0.1 * self.machine.tyre.radius,
             standing=standing,
         )
         if standing:
