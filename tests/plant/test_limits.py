@@ -94,6 +94,9 @@ def test_far_above_the_speed_limit_the_motors_retard_and_the_service_brake_helps
     done = obey(asked, limit, OBEDIENCE, ABILITIES, speed=3.0 + 0.3 + 0.8)
     assert done.wheel_torque == pytest.approx((-7.5e3, -7.5e3, -5.4e3, -5.4e3))  # 30 % of the peaks
     assert done.brake_torque == pytest.approx((8.4e3, 8.4e3, 6.6e3, 6.6e3))  # 60 % of full braking
+    above = obey(asked, limit, OBEDIENCE, ABILITIES, speed=3.0 + 0.15)
+    assert above.wheel_torque == pytest.approx((-3.75e3, -3.75e3, -2.7e3, -2.7e3))  # half of the way
+    assert above.brake_torque == (0.0,) * 4
     reverse = obey(asked, limit, OBEDIENCE, ABILITIES, speed=-4.1)
     assert min(reverse.wheel_torque) >= 5.4e3  # reversing too fast: the motors push forward
 

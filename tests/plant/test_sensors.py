@@ -135,7 +135,7 @@ def test_saturation_holds_the_range_and_says_degraded():
 
 
 def test_a_dropped_sample_repeats_the_last_and_says_error():
-    n, share = 5000, 0.3
+    n, share = 20_000, 0.3
     sensors = bank(dropout=share)
     last, dropped = 0.0, 0
     for k in range(n):

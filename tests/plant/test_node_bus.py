@@ -1,0 +1,64 @@
+"""The real unit on a real transport with somebody who answers: the whole path but the ECU itself."""
+
+import asyncio
+from dataclasses import replace
+
+import pytest
+
+from bus.frame import Frame
+from bus.transport import Transport
+from bus.virtual import VirtualBus
+from dbc import loader_database
+from dbc.protection import Protector
+from plant import node
+from plant.machine import load_machine
+from plant.scenario import load_scenario
+from plant.unit import PlantUnit
+
+DATABASE = loader_database()
+
+
+class Answerer:
+    """Answers each Articulation frame with a Limits frame and an echo, as an ECU's cycle does."""
+
+    def __init__(self, transport: Transport) -> None:
+        self._transport = transport
+        self._limits, self._status = DATABASE.by_name["Limits"], DATABASE.by_name["EcuStatus"]
+        self._sign = {codec.name: Protector(codec) for codec in (self._limits, self._status)}
+        self._articulation = DATABASE.by_name["Articulation"]
+        torques = {f"{wheel}Torque": 50.0 for wheel in ("FrontLeft", "FrontRight", "RearLeft", "RearRight")}
+        self._limit = torques | {"Speed": 7.0, "ArticulationRate": 50.0}
+
+    def answer(self) -> None:
+        for frame in self._transport.drain():
+            if frame.can_id == self._articulation.can_id:
+                sequence = self._articulation.decode_dict(frame.data)["SampleSequence"]
+                self._send("Limits", self._limit)
+                self._send("EcuStatus", {"EchoSequence": sequence})
+
+    def _send(self, name: str, values: dict[str, float]) -> None:
+        codec = DATABASE.by_name[name]
+        data = codec.encode_dict(dict.fromkeys(codec.signals, 0.0) | values)
+        self._transport.send(Frame(codec.can_id, self._sign[name].protect(data)))
+
+
+def test_limits_reach_the_machine_and_every_sample_has_its_reaction():
+    scenario = replace(load_scenario("unloaded"), duration_s=1.0)
+    unit = PlantUnit(load_machine("l60"), scenario, seed=1)
+    bus = VirtualBus()
+    findings, in_force = [], []
+    with bus.connect() as near, bus.connect() as far:
+        ecu = Answerer(far)
+
+        def on_tick(ticked: PlantUnit, now_ns: int) -> None:
+            in_force.append(ticked.limits_in_force(now_ns).speed)
+            ecu.answer()
+
+        asyncio.run(node.run(near, unit, realtime=False, on_tick=on_tick, on_finding=findings.append))
+        assert near.statistics().dropped_out == 0
+    assert findings == []
+    assert in_force[1:] == pytest.approx([7.0 / 3.6] * 100)
+    reactions = unit.reception.reactions.reactions()
+    assert reactions.sequence.tolist() == list(range(100))  # the last answer comes after the end
+    assert (reactions.limits_ns > reactions.sent_ns).all()
+    assert (reactions.status_ns > reactions.limits_ns).all()
