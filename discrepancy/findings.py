@@ -80,10 +80,14 @@ class Separation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """One effect. named: the gap is closed, it is the cause; else it is the best proxy and the cause is unknown."""
+    """One effect. named: the gap is closed, it is the cause; else it is the best proxy and the cause is unknown.
+
+    doubts: why it is not named.
+    """
 
     effect: str
     named: bool
+    doubts: list[str]
     kind: Literal["physics", "sensor"]
     place: str
     sentence: str

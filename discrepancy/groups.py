@@ -1,7 +1,7 @@
 """Effects that this recording cannot tell apart, and the manoeuvre that would."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -95,7 +95,7 @@ def disagreement(problem: Problem, noise: Noise, manoeuvre: Manoeuvre, one: Memb
 
 
 def _left_over(problem: Problem, noise: Noise, manoeuvre: Manoeuvre, true: Member, assumed: Member) -> float:
-    model = problem.model
+    model = replace(problem.model, window_s=None)
     staged = Problem(model, [_staged(problem, manoeuvre)])
     values = Values(true.fit.values.shared, {n: np.array([v]) for n, v in _initial(model, manoeuvre).items()})
     staged.measured = staged.predict(values)

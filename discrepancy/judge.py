@@ -33,6 +33,7 @@ from discrepancy.search import (
 
 ENOUGH_POWER = 0.8
 FEW_SAMPLES = 30
+STRAINED = 3.0  # standard deviations of its prior beyond which a nuisance stands in for something else
 TOUCHED = 0.1  # share of the gain that makes a channel one the effect acts on
 WHITE_LAGS = 20
 
@@ -145,10 +146,13 @@ def _finding(problem: Problem, state: State, baseline: State, needed: _Needed, s
     effect = problem.model.effect(best.effect)
     where = locate(problem, state.noise, needed.without, best.fit)
     absorbed = next((s.absorbed for s in baseline.scores if s.effect == effect.name), 0.0)
-    named = needed.gap_closed >= settings.gap_closed and not _implausible(problem, effect, best.fit)
+    doubts = _doubts(problem, effect, best.fit)
+    if needed.gap_closed < settings.gap_closed:
+        doubts.insert(0, f"closes {needed.gap_closed:.0%} of the gap on held-out data")
     return f.Finding(
         effect=effect.name,
-        named=named,
+        named=not doubts,
+        doubts=doubts,
         kind=effect.kind,
         place=effect.place,
         sentence=effect.sentence,
@@ -193,10 +197,18 @@ def _scores_without(
     return screen(problem, state.noise, without, columns, settings)
 
 
-def _implausible(problem: Problem, effect: Effect, fitted: Fit) -> bool:
-    """Every switch of the effect stopped at a bound: physics asks for more than can be."""
-    ends = [estimate(problem.model.parameter(n), fitted).at_bound for n in active(effect)]
-    return all(end is not None for end in ends)
+def _doubts(problem: Problem, effect: Effect, fitted: Fit) -> list[str]:
+    """Reasons not to trust a name: physics asked for more than can be, from the effect or from a nuisance."""
+    ends = [estimate(problem.model.parameter(n), fitted) for n in active(effect)]
+    doubts = []
+    if all(e.at_bound is not None and e.value != problem.model.parameter(e.name).value for e in ends):
+        doubts.append(f"{ends[0].name} stops at its physical bound, {ends[0].value:g} {ends[0].unit}")
+    for p in [p for p in problem.model.nuisances if p.prior_sd is not None and p.name in fitted.names]:
+        value = fitted.values.shared[p.name]
+        away = abs(value - p.value) / (p.prior_sd or 1.0)
+        if away > STRAINED or estimate(p, fitted).at_bound is not None:
+            doubts.append(f"the nuisance {p.name} was pushed to {value:.4g} {p.unit}, {away:.1f} sd from its prior")
+    return doubts
 
 
 def _separation(
@@ -297,10 +309,8 @@ def _status(
     reasons: list[str] = []
     if beyond.terms:
         reasons.append(f"the library leaves something that depends on known signals: {beyond.equation()}")
-    proxies = [x.effect for x in found if not x.named]
-    if proxies:
-        text = "close less than half of the gap, or stop at a physical bound"
-        reasons.append(f"{', '.join(proxies)} {text}: best proxy, cause unknown")
+    for x in [x for x in found if not x.named]:
+        reasons.append(f"{x.effect} is the best proxy, cause unknown: {'; '.join(x.doubts)}")
     if any(x.named for x in found):
         return "explained", reasons or ["what was found brings held-out errors to the floor"]
     if found or beyond.terms:

@@ -205,9 +205,11 @@ def cut(model: Model, recording: Recording, interval: tuple[float, float]) -> It
     start, end = interval
     count = max(1, round((end - start) / model.window_s)) if model.window_s else 1
     edges = np.linspace(start, end, count + 1)
+    # on one grid through the recording: even sampling then meets even steps
+    edges[1:-1] = start + model.step_s * np.round((edges[1:-1] - start) / model.step_s)
     names = {**model.inputs, **model.optional, **model.outputs}
     for low, high in zip(edges[:-1], edges[1:], strict=True):
-        lead = max(low - model.lead_s, start)
+        lead = max(low - model.step_s * round(model.lead_s / model.step_s), start)
         grid = lead + model.step_s * np.arange(int(np.ceil((high - lead) / model.step_s - 1e-9)) + 1)
         known = {
             name: resampled(s, grid)

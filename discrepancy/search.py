@@ -177,7 +177,11 @@ def screen(
 
 def shortlisted(model_effects: Sequence[Effect], scores: Sequence[Score], settings: Settings) -> list[Score]:
     """The best by score, and the partner of every lag or delay among them: their first-order scores are the same."""
-    best = [s for s in scores[: settings.shortlist] if s.statistic > 3.0]
+    half = settings.shortlist // 2
+    sure = list(scores[:half])
+    # a doubtful noise estimate must not keep an effect from being tried: the best before inflation come too
+    loud = sorted((s for s in scores[half:]), key=lambda s: -s.statistic * s.inflation)[: settings.shortlist - half]
+    best = [s for s in sure + loud if s.statistic * s.inflation > 3.0]
     named = {s.effect for s in best}
     partners = {
         swapped
