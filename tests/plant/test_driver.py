@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant.driver import Demand, DriverParameters, DriverState, drive
@@ -70,10 +70,10 @@ def test_standing_with_no_speed_wanted_the_brake_holds_and_the_integral_is_empty
 
 
 def test_the_integral_does_not_wind_up_while_the_pedal_is_on_the_floor():
-    state = hold(Wish(speed=10.0), speed=0.0, seconds=20)
+    """3 m/s of error ask for 120 % from the first step on, so nothing is ever integrated."""
+    state = hold(Wish(speed=3.0), speed=0.0, seconds=20)
     assert state.demand.torque == pytest.approx(1.0)
-    assert DRIVER.speed_gain * 10.0 + state.integral <= 1 + DRIVER.speed_gain * 10.0
-    assert state.integral == 0  # 0.4 * 10 > 1 from the first step on
+    assert state.integral == 0
 
 
 def test_while_the_script_brakes_the_accelerator_is_up():
@@ -96,6 +96,7 @@ def test_steering_closes_the_loop_on_the_angle(target):
     assert angle == pytest.approx(target, abs=1e-3)
 
 
+@settings(max_examples=20)
 @given(st.floats(1, 8))
 def test_speed_is_held_without_offset_against_a_constant_drag(target):
     """A point mass of 12 t with 30 kN m/(0.72 m) full force and 3 kN of drag settles at the target."""

@@ -77,6 +77,8 @@ lift_arm_deg = 45
 speed_kmh = { points = [[0, 18]] }
 articulation_deg = { points = [[0, 0], [1, 30]] }
 brake_percent = { points = [[0, 50]] }
+lift_percent = { points = [[0, 25]] }
+tilt_percent = { points = [[0, -75]] }
 [sensors.yaw_rate]
 bias_deg_s = 9
 """
@@ -91,8 +93,24 @@ bias_deg_s = 9
     assert wish.speed == pytest.approx(5.0)
     assert wish.articulation_angle == pytest.approx(math.pi / 12)
     assert wish.articulation_angle_rate == pytest.approx(math.pi / 6)
-    assert wish.brake == pytest.approx(0.5)
+    assert (wish.brake, wish.lift, wish.tilt) == pytest.approx((0.5, 0.25, -0.75))
     assert scenario.equipment.sensors.of("yaw_rate").bias == pytest.approx(math.pi / 20)
+
+
+def test_the_other_way_to_drive_and_steer_has_its_units_too(write):
+    scenario = load_scenario(
+        write(
+            MINIMAL
+            + """
+[driver]
+torque_percent = { points = [[0, 40]], sine = { amplitude = 10, frequency_hz = 0.5, start_s = 0, end_s = 1 } }
+articulation_rate_deg_s = { points = [[0, -18]] }
+"""
+        )
+    )
+    wish = scenario.script.at(0.5, step=0.01)
+    assert wish.torque == pytest.approx(0.5)  # a quarter of a period: the sine is at its amplitude
+    assert wish.articulation_rate == pytest.approx(-math.pi / 10)
 
 
 @pytest.mark.parametrize(

@@ -280,3 +280,97 @@ def test_frames_that_are_not_for_the_machine_are_ignored():
     unit.tick(0)
     assert unit.receive(Frame(0x123, b""), 0) == []
     assert unit.receive(Frame(reference_database().by_name["JointLoad"].can_id, bytes(8)), 0) == []
+
+
+def decoded(frames: list[Frame]) -> dict[str, dict[str, float]]:
+    """Signals by message, read by cantools."""
+    reader = cantools.database.load_file(DBC_FOLDER / "loader.dbc")
+    messages = [(reader.get_message_by_frame_id(frame.identifier), frame.data) for frame in frames]
+    return {message.name: message.decode(data, decode_choices=False) for message, data in messages}
+
+
+def held(value: float) -> Profile:
+    return Profile(((0.0, value),))
+
+
+def test_the_driver_demand_is_on_the_bus_before_any_limit():
+    base = driving(speed=2.0)
+    script = replace(
+        base.script,
+        speed=None,
+        torque=held(0.2),
+        articulation_rate=held(math.radians(6.0)),
+        lift=held(0.5),
+        tilt=held(-0.3),
+    )
+    sent = run(unit_of(replace(base, script=script)), 1.0, Ecu(torque_kn_m=1.0, rate_deg_s=1.0))
+    values = decoded(sent[-1] + sent[-2])["DriverDemand"]
+    assert values["TorqueDemand"] == pytest.approx(20.0)
+    assert values["BrakeDemand"] == 0
+    assert values["ArticulationRateDemand"] == pytest.approx(6.0)
+    assert (values["LiftDemand"], values["TiltDemand"]) == (50, -30)
+    braking = unit_of(replace(base, script=replace(base.script, brake=held(0.4))))
+    sent = run(braking, 1.0, Ecu())
+    assert decoded(sent[-1] + sent[-2])["DriverDemand"]["BrakeDemand"] == pytest.approx(40.0)
+
+
+def test_the_speed_for_displays_is_the_magnitude_from_the_wheels():
+    unit = unit_of(driving(speed=-2.0, ideal=True))
+    sent = run(unit, 0.2, Ecu())
+    values = decoded([frame for frames in sent for frame in frames])
+    assert values["VehicleSpeed"]["WheelBasedVehicleSpeed"] == pytest.approx(
+        2.0 * 3.6, rel=0.03
+    )  # 0.72 m is nominal
+
+
+def test_healthy_sensors_say_ok():
+    sent = run(unit_of(driving(speed=2.0)), 0.05, Ecu())
+    states = [
+        value
+        for values in decoded(sent[-1] + sent[-2]).values()
+        for name, value in values.items()
+        if name.endswith("State")
+    ]
+    assert states == [0] * 12
+
+
+def test_the_satellite_course_is_the_direction_of_travel_over_ground():
+    """Independent: the direction of the change of position between two ticks."""
+    reader = cantools.database.load_file(DBC_FOLDER / "reference.dbc")
+    unit = unit_of(driving(speed=4.0, rate=0.3))
+    run(unit, 1.5, Ecu())
+    checked = 0
+    for tick in range(151, 171):
+        before = unit.truth.position
+        unit.tick(tick * TICK_NS)
+        for frame in unit.reference_frames():
+            message = reader.get_message_by_frame_id(frame.identifier)
+            if message.name == "SatelliteSpeed":
+                east, north, _ = unit.truth.position - before
+                values = message.decode(frame.data)
+                assert values["Course"] == pytest.approx(math.degrees(math.atan2(north, east)) % 360, abs=1.0)
+                assert values["GroundSpeed"] == pytest.approx(math.hypot(east, north) / 0.01, rel=0.01)
+                assert math.degrees(unit.truth.yaw) + 5.0 < values["Course"]  # the joint moves into the turn
+                checked += 1
+    assert checked == 1
+
+
+@pytest.mark.parametrize(
+    ("lift", "tilt", "lift_rate", "tilt_rate"),
+    [(0.5, -0.25, 0.5 * 16.7, -0.25 * 80), (-0.1, 0.0, -0.1 * 31.7, 0.0)],
+)
+def test_lift_and_tilt_move_at_their_share_of_full_speed(lift, tilt, lift_rate, tilt_rate):
+    base = driving(speed=0.0)
+    script = replace(base.script, lift=held(lift), tilt=held(tilt))
+    unit = unit_of(replace(base, script=script))
+    run(unit, 1.0, Ecu())
+    assert math.degrees(unit.truth.lift_arm_rate) == pytest.approx(lift_rate, rel=0.01)
+    assert math.degrees(unit.truth.tilt_rate) == pytest.approx(tilt_rate, rel=0.01)
+
+
+def test_the_grace_before_the_first_limits_counts_from_the_start_on_any_clock():
+    unit = unit_of(driving(speed=2.0))
+    start_ns = 10**15
+    unit.tick(start_ns)
+    assert unit.limits_in_force(start_ns + 50_000_000).speed == math.inf
+    assert unit.limits_in_force(start_ns + 50_000_001).speed == pytest.approx(8 / 3.6)
