@@ -56,9 +56,9 @@ class Lifeline:
         """Simulated time reached, of the time planned [s]."""
         self._say({"event": "progress", "time_s": time_s, "of_s": of_s})
 
-    def finished(self, **figures: Any) -> None:
-        """The work is done; figures go into the run's record."""
-        self._say({"event": "finished", **figures})
+    def finished(self, *, complete: bool, **figures: Any) -> None:
+        """The end: whether the work is done, and figures for the run's record."""
+        self._say({"event": "finished", "complete": complete, "figures": figures})
 
     def error(self, message: str) -> None:
         """Why this process ends early: to the supervisor, or to standard error without one."""

@@ -14,26 +14,28 @@ import contextlib
 import json
 import os
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, Self
 
 import numpy as np
-from dbc.columns import ColumnDecoder, Columns
-from dbc.database import Database
-from dbc.logfile import read_candump
 from numpy.typing import NDArray
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from dbc import loader_database, reference_database
+from dbc.columns import ColumnDecoder, Columns
+from dbc.database import Database
+from dbc.logfile import read_candump
 
 RECORD, TRUTH, BUS, REFERENCE, TIMING = "run.json", "truth.npz", "bus.log", "reference.log", "timing.npz"
 FILES = (RECORD, TRUTH, BUS, REFERENCE, TIMING)
 
 Mode = Literal["lockstep", "realtime"]
 Outcome = Literal["running", "finished", "interrupted", "failed"]
+Clock = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
+"""Stamps of a log and its first stamp [s] to times of the run [s]."""
 
 
 class RunError(ValueError):
@@ -44,7 +46,6 @@ class RunError(ValueError):
 class RunRecord:
     """The content of run.json.
 
-    epoch_ns: stamp of the bus clock at truth time zero; None until the plant has started.
     duration_s: simulated time that was recorded. outcome "running" in a file that nobody
     writes any more means that the run was killed.
     """
@@ -57,7 +58,6 @@ class RunRecord:
     seed: int
     payload_kg: float
     started: str
-    epoch_ns: int | None = None
     duration_s: float = 0.0
     outcome: Outcome = "running"
     reason: str = ""
@@ -117,11 +117,11 @@ class RunDirectory:
         problems: list[str] = []
         if record.outcome == "running":
             problems.append(f"{path / RECORD}: the run was killed before it ended, or is still running")
-        epoch_s = None if record.epoch_ns is None else record.epoch_ns * 1e-9
         truth = _read_table(path / TRUTH, problems, optional=False)
-        messages = _read_log(path / BUS, loader_database(), epoch_s, problems, optional=False)
-        reference = _read_log(path / REFERENCE, reference_database(), epoch_s, problems, optional=True)
         timing = _read_table(path / TIMING, problems, optional=record.mode == "lockstep")
+        clock = _run_clock(record, truth, timing)
+        messages = _read_log(path / BUS, loader_database(), clock, problems, optional=False)
+        reference = _read_log(path / REFERENCE, reference_database(), clock, problems, optional=True)
         return cls(
             path=path,
             record=record,
@@ -164,8 +164,8 @@ def begin(path: Path, record: RunRecord) -> None:
     if path.is_dir() and not (path / RECORD).exists() and any(path.iterdir()):
         raise RunError(f"{path}: is not empty and holds no earlier run; name a new folder")
     path.mkdir(parents=True, exist_ok=True)
-    for name in FILES:
-        (path / name).unlink(missing_ok=True)
+    for file in (*(path / name for name in FILES), *path.glob("timing.*.npz")):
+        file.unlink(missing_ok=True)
     write_record(path, record)
 
 
@@ -188,9 +188,22 @@ def write_truth(path: Path, rows: Sequence[Any]) -> None:
     write_table(path / TRUTH, {name: np.array([getattr(row, name) for row in rows], float) for name in names})
 
 
-def ended(record: RunRecord, outcome: Outcome, **changes: Any) -> RunRecord:
-    """The record of a run that is over."""
-    return replace(record, outcome=outcome, **changes)
+def part_of_timing(path: Path, process: str) -> Path:
+    """Where one process of a run leaves its part of timing.npz."""
+    return path / f"timing.{process}.npz"
+
+
+def merge_timing(path: Path, processes: Sequence[str] = ("plant", "ecu")) -> None:
+    """One timing.npz from what the processes left; its columns are named PROCESS_COLUMN."""
+    merged: dict[str, NDArray[Any]] = {}
+    for process in processes:
+        part = part_of_timing(path, process)
+        if part.exists():
+            with np.load(part, allow_pickle=False) as archive:
+                merged |= {f"{process}_{name}": archive[name] for name in archive.files}
+            part.unlink()
+    if merged:
+        write_table(path / TIMING, merged)
 
 
 @contextlib.contextmanager
@@ -205,7 +218,7 @@ def _replacing(file: Path) -> Iterator[Path]:
 
 def _read_table(file: Path, problems: list[str], *, optional: bool) -> Table:
     try:
-        with np.load(file, allow_pickle=False) as archive:
+        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             return Table(file, {name: archive[name] for name in archive.files})
     except FileNotFoundError:
         if not optional:
@@ -215,8 +228,27 @@ def _read_table(file: Path, problems: list[str], *, optional: bool) -> Table:
     return Table(file, {})
 
 
+def _run_clock(record: RunRecord, truth: Table, timing: Table) -> Clock:
+    """From stamps of the bus [s] to the clock of the truth [s].
+
+    In lockstep they are one. In real time the plant notes the stamp at which each of its
+    ticks was due; its own clock stands still during a tick it missed. Without that the
+    first frame is time zero.
+    """
+    if record.mode == "lockstep":
+        return lambda stamp_s, _: stamp_s
+    if "plant_due_ns" not in timing or "time_s" not in truth or not truth["time_s"].size:
+        return lambda stamp_s, first_s: stamp_s - first_s
+    count = min(truth["time_s"].size, timing["plant_due_ns"].size)
+    due_s, run_s = timing["plant_due_ns"][:count] * 1e-9, truth["time_s"][:count]
+    beyond = np.array([1e6])  # before the first and after the last tick both clocks run alike
+    known_s = np.concatenate((due_s[:1] - beyond, due_s, due_s[-1:] + beyond))
+    known_run_s = np.concatenate((run_s[:1] - beyond, run_s, run_s[-1:] + beyond))
+    return lambda stamp_s, _: np.interp(stamp_s, known_s, known_run_s)
+
+
 def _read_log(
-    file: Path, database: Database, epoch_s: float | None, problems: list[str], *, optional: bool
+    file: Path, database: Database, clock: Clock, problems: list[str], *, optional: bool
 ) -> dict[str, Columns]:
     if not file.exists():
         if not optional:
@@ -224,7 +256,8 @@ def _read_log(
         return {}
     table = read_candump(file)
     problems.extend(f"{file}: {damage}" for damage in table.damaged)
+    if (more := table.damaged_count - len(table.damaged)) > 0:
+        problems.append(f"{file}: {more} more damaged lines")
+    first_s = float(table.time_ns[0]) * 1e-9 if len(table.time_ns) else 0.0
     columns = ColumnDecoder(database).decode(table)
-    if epoch_s is None:
-        epoch_s = min((float(c.time_s[0]) for c in columns.values() if c.time_s.size), default=0.0)
-    return {name: replace(c, time_s=c.time_s - epoch_s) for name, c in columns.items()}
+    return {name: replace(c, time_s=clock(c.time_s, first_s)) for name, c in columns.items()}

@@ -35,7 +35,8 @@ class StartFailed(RuntimeError):
 class Child:
     """One supervised process.
 
-    error: what it reported before it ended; figures: what it measured; silent: it closed its lifeline.
+    finished: its work is done; figures: what it measured; error: what it reported before it ended;
+    silent: it closed its lifeline.
     """
 
     name: str
@@ -130,6 +131,12 @@ class Supervisor:
             self._listen(left)
         return None
 
+    def wait_end(self, child: Child, timeout_s: float) -> None:
+        """Until `child` has ended, at most `timeout_s`."""
+        deadline = time.monotonic() + timeout_s
+        while not child.ended and (left := deadline - time.monotonic()) > 0:
+            self._listen(left)
+
     def _listen(self, timeout_s: float) -> None:
         for key, _ in self._selector.select(max(timeout_s, 0)):
             child: Child = key.data
@@ -145,8 +152,8 @@ class Supervisor:
                 case "ready":
                     child.ready = True
                 case "finished":
-                    child.finished = True
-                    child.figures = {key: value for key, value in event.items() if key != "event"}
+                    child.finished = event["complete"]
+                    child.figures = event["figures"]
                 case "error":
                     child.error = event["message"]
             if self._on_event is not None:

@@ -3,14 +3,17 @@
 Classic CAN at a constant bit rate. A frame occupies the wire for its nominal length
 without stuff bits (ISO 11898-1: 47 bits of frame and interframe space with an 11-bit
 identifier, 67 with a 29-bit one, and 8 per data byte); stuffing would add 0..23 %.
-Frames of both sides queue together and the lowest identifier goes first. Lockstep runs
-use it, so that the order and the age of what each side reads are those of a real bus.
+Frames of both sides queue together and the lowest identifier goes first, as with
+controllers that have a mailbox per message. Lockstep runs use it, so that the order and
+the age of what each side reads are those of a real bus. (bus.arbitration counts the very
+stuff bits, which costs more than a whole lockstep tick may.)
 """
 
 import heapq
 from collections.abc import Iterable
 
-from bus.frame import EXTENDED, EXTENDED_MASK, STANDARD_MASK, Frame
+from bus.arbitration import priority
+from bus.frame import EXTENDED, Frame
 
 SECOND = 1_000_000_000
 
@@ -18,14 +21,6 @@ SECOND = 1_000_000_000
 def wire_bits(frame: Frame) -> int:
     """Bits that a classic frame occupies, interframe space included, stuff bits not."""
     return (67 if frame.can_id & EXTENDED else 47) + 8 * len(frame.data)
-
-
-def arbitration_key(can_id: int) -> int:
-    """Smaller wins the bus: the identifier's bits in the order sent, standard before extended."""
-    if can_id & EXTENDED:
-        identifier = can_id & EXTENDED_MASK
-        return (identifier >> 18) << 20 | 1 << 19 | identifier & 0x3FFFF
-    return (can_id & STANDARD_MASK) << 20
 
 
 class Wire:
@@ -44,7 +39,7 @@ class Wire:
     def put(self, frames: Iterable[Frame], now_ns: int, sender: str) -> None:
         """Queue frames at `now_ns`; the wire cannot have carried them before that."""
         for frame in frames:
-            heapq.heappush(self._pending, (arbitration_key(frame.can_id), self._queued, sender, frame))
+            heapq.heappush(self._pending, (priority(frame.can_id), self._queued, sender, frame))
             self._queued += 1
         self._free_ns = max(self._free_ns, now_ns)
 

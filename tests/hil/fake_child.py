@@ -21,7 +21,7 @@ def main(behaviour: str) -> int:
     if behaviour == "work":
         line.wait_for_go()
         line.progress(1.0, 2.0)
-        line.finished(ticks=200)
+        line.finished(complete=True, ticks=200)
         return 0
     time.sleep(60)
     return 1

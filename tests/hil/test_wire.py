@@ -4,8 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bus.bits import CLASSIC_TAIL, classic_bits
 from bus.frame import EXTENDED, Frame
-from hil.wire import Wire, arbitration_key, wire_bits
+from hil.wire import Wire, wire_bits
 
 frames = st.builds(
     lambda extended, identifier, data: Frame(
@@ -28,6 +29,11 @@ def test_the_length_of_a_frame_is_that_of_the_standard():
     assert wire_bits(Frame(0x123, b"")) == 47
 
 
+@given(frames)
+def test_the_length_is_that_of_the_bus_model_without_its_stuff_bits(frame):
+    assert wire_bits(frame) == len(classic_bits(frame)) + CLASSIC_TAIL
+
+
 @given(st.lists(frames, max_size=20))
 def test_frames_follow_one_another_without_overlap_and_none_is_lost(sent):
     wire = Wire(500_000)
@@ -38,21 +44,6 @@ def test_frames_follow_one_another_without_overlap_and_none_is_lost(sent):
     for frame in arrived:
         assert frame.at_ns == end + 2000 * wire_bits(frame)
         end = frame.at_ns
-
-
-@given(frames, frames)
-def test_the_first_dominant_bit_wins(one, other):
-    """Reference: the identifier bits as they go out, SRR and IDE recessive in an extended frame."""
-
-    def bits(frame):
-        if frame.extended:
-            text = f"{frame.identifier:029b}"
-            return text[:11] + "11" + text[11:]
-        return f"{frame.identifier:011b}" + "00"  # RTR and IDE dominant
-
-    a, b = bits(one), bits(other)
-    if a != b:
-        assert (arbitration_key(one.can_id) < arbitration_key(other.can_id)) == (a < b)
 
 
 def test_what_waits_is_sent_later_and_keeps_its_place():

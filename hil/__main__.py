@@ -1,0 +1,5 @@
+"""`python -m hil` is `loaderhil`."""
+
+from hil.cli import main
+
+main()

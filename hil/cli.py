@@ -1,0 +1,289 @@
+"""The command line: read what is wanted, call what does it, tell how it ended.
+
+Exit codes: 0 passed, 1 failed, 2 misused, 3 a process of the bench died, 4 the bus was lost,
+130 interrupted. Modules are imported by the command that needs them, so that the hub or the
+recorder does not load a plant.
+"""
+
+import importlib.metadata
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from hil.ending import Ending
+
+DEFAULT_BUS = "hub:/tmp/loaderhil.hub"  # a Unix socket; every user can name another
+EPILOG = "Exit codes: 0 passed, 1 failed, 2 misused, 3 a process died, 4 bus lost, 130 interrupted."
+
+app = typer.Typer(
+    name="loaderhil",
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog=EPILOG,
+    help="Hardware-in-the-loop CAN bench for articulated wheel loaders.",
+)
+
+ScenarioArgument = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="A name from `loaderhil scenarios`, or a TOML file.")
+]
+BusOption = Annotated[
+    str, typer.Option("--bus", metavar="ADDRESS", help="hub:PATH, socketcan:INTERFACE or virtual:NAME.")
+]
+PayloadOption = Annotated[
+    float | None,
+    typer.Option("--payload-kg", min=0, max=20_000, help="Payload in the bucket instead of the scenario's."),
+]
+SeedOption = Annotated[
+    int | None,
+    typer.Option("--seed", min=0, max=2**32 - 1, help="Seed of the sensor noise instead of the scenario's."),
+]
+FormOption = Annotated[
+    str,
+    typer.Option(
+        "--form", metavar="FORM", help="Estimator equations: corrected, or printed as in the thesis."
+    ),
+]
+LimitsOption = Annotated[
+    bool, typer.Option("--limits/--no-limits", help="Whether the ECU limits the machine, or only warns.")
+]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"loaderhil {importlib.metadata.version('loaderhil')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and end.")
+    ] = False,
+) -> None:
+    """Hardware-in-the-loop CAN bench for articulated wheel loaders."""
+
+
+@app.command()
+def demo(
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Where the runs and report.html go.")
+    ] = Path("out/demo"),
+    fast: Annotated[
+        bool, typer.Option("--fast", help="In lockstep instead of real time: seconds, no timing.")
+    ] = False,
+) -> None:
+    """Roll-over with the ECU's limits off, then on: was it announced, was it prevented.
+
+    Plant and ECU run as processes over a CAN hub in real time. Example: `loaderhil demo --out out/demo`
+    """
+    from hil.demo import run_demo
+
+    raise typer.Exit(run_demo(out, fast=fast))
+
+
+@app.command()
+def run(
+    scenario: ScenarioArgument,
+    realtime: Annotated[
+        bool, typer.Option("--realtime/--lockstep", help="As processes in real time, or on a virtual clock.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Run directory; by default out/SCENARIO.")
+    ] = None,
+    limits: LimitsOption = True,
+    form: FormOption = "corrected",
+    payload_kg: PayloadOption = None,
+    seed: SeedOption = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Timing that could not be judged counts as failed.")
+    ] = False,
+) -> None:
+    """Run one scenario and say what happened.
+
+    Examples: `loaderhil run hard_braking` or `loaderhil run abrupt_articulation --no-limits --realtime`
+    """
+    from hil.compose import Choice
+    from hil.console import tell_run
+
+    choice = Choice(scenario=scenario, form=_form(form), limits=limits, payload_kg=payload_kg, seed=seed)
+    folder = out or Path("out") / Path(scenario).stem
+    raise typer.Exit(tell_run(choice, folder, realtime=realtime, strict=strict))
+
+
+@app.command()
+def plant(
+    scenario: ScenarioArgument,
+    bus: BusOption = DEFAULT_BUS,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Leave truth and timing here.")
+    ] = None,
+    payload_kg: PayloadOption = None,
+    seed: SeedOption = None,
+) -> None:
+    """The machine alone, as a process on a bus, until its scenario is over.
+
+    Example: `loaderhil plant loaded --bus socketcan:can0` against a real ECU.
+    """
+    from hil.compose import Choice
+    from hil.processes import plant as process
+    from hil.processes.shell import ending_of
+
+    choice = Choice(scenario=scenario, payload_kg=payload_kg, seed=seed)
+    raise typer.Exit(ending_of(lambda line: process.run(line, choice, bus, out)))
+
+
+@app.command()
+def ecu(
+    bus: BusOption = DEFAULT_BUS,
+    form: FormOption = "corrected",
+    limits: LimitsOption = True,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Leave timing here.")] = None,
+) -> None:
+    """The virtual ECU alone, as a process on a bus, until Ctrl-C.
+
+    Example: `loaderhil ecu --bus hub:/tmp/loaderhil.hub`
+    """
+    from hil.processes import ecu as process
+    from hil.processes.shell import ending_of
+
+    checked = _form(form)
+    raise typer.Exit(ending_of(lambda line: process.run(line, checked, limits, bus, out)))
+
+
+@app.command()
+def hub(
+    bus: BusOption = DEFAULT_BUS,
+    bit_rate: Annotated[
+        int | None,
+        typer.Option(
+            "--bit-rate", min=5_000, max=20_000_000, help="Also take the time of a real bus [bit/s]."
+        ),
+    ] = None,
+) -> None:
+    """The CAN bus of machines without CAN, as a process, until Ctrl-C.
+
+    Example: `loaderhil hub --bit-rate 500000`
+    """
+    from hil.processes import hub as process
+    from hil.processes.shell import ending_of
+
+    raise typer.Exit(ending_of(lambda line: process.run(line, bus, bit_rate)))
+
+
+@app.command()
+def record(
+    log: Annotated[Path, typer.Argument(metavar="FILE", help="Log to write, candump -L format.")],
+    bus: BusOption = DEFAULT_BUS,
+) -> None:
+    """Every frame of a bus into a log, until Ctrl-C; a killed recorder leaves a readable file.
+
+    Example: `loaderhil record drive.log --bus socketcan:can0`
+    """
+    from hil.processes import recorder as process
+    from hil.processes.shell import ending_of
+
+    raise typer.Exit(ending_of(lambda line: process.run(line, bus, log)))
+
+
+@app.command()
+def scenarios() -> None:
+    """List the drive cases that come with loaderhil."""
+    from hil.console import tell_scenarios
+
+    tell_scenarios()
+
+
+@app.command()
+def report(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run directories.")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The page to write.")] = Path(
+        "out/report.html"
+    ),
+) -> None:
+    """One self-contained HTML page about one or more runs.
+
+    Example: `loaderhil report out/loaded out/unloaded --out both.html`
+    """
+    from hil.report import write_report
+
+    print(write_report(runs, out))
+
+
+campaign = typer.Typer(no_args_is_help=True, help="Tables over many runs; each by one command, reproducible.")
+app.add_typer(campaign, name="campaign")
+
+JobsOption = Annotated[
+    int | None, typer.Option("--jobs", min=1, help="Processes; by default one per processor.")
+]
+ResultsOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the table goes.")]
+
+
+@campaign.command("normal-force")
+def campaign_normal_force(out: ResultsOption = Path("docs/results"), jobs: JobsOption = None) -> None:
+    """Normal force estimates against plant truth in every drive case, both forms."""
+    from hil.campaign.normal_force import run_campaign
+
+    print(run_campaign(out, jobs))
+
+
+@campaign.command("roll-over")
+def campaign_roll_over(out: ResultsOption = Path("docs/results"), jobs: JobsOption = None) -> None:
+    """Warning, lead and prevention over a grid of speed, load and articulation rate."""
+    from hil.campaign.roll_over import run_campaign
+
+    print(run_campaign(out, jobs))
+
+
+def _form(form: str) -> Any:
+    forms = ("corrected", "printed")
+    if form not in forms:
+        raise typer.BadParameter(f"'{form}' is not one of {', '.join(forms)}", param_hint="--form")
+    return form
+
+
+def _register_decode() -> None:
+    """Add `decode`, whose options live with it; it loads much, so only where it can be asked for."""
+    others = {command.callback.__name__ for command in app.registered_commands if command.callback}
+    if not others.intersection(sys.argv[1:2]):
+        from hil.decode import register
+
+        register(app)
+
+
+def main() -> None:
+    """Entry point: everything a user can get wrong ends in one line, not in a traceback."""
+    try:
+        _register_decode()
+        app()
+    except KeyboardInterrupt:
+        sys.exit(Ending.INTERRUPTED)
+    except Exception as error:
+        if not _is_the_users(error):
+            raise
+        print(f"loaderhil: {error}", file=sys.stderr)
+        sys.exit(Ending.MISUSED)
+
+
+def _is_the_users(error: Exception) -> bool:
+    """Whether an error is about input, not about us: these classes carry a message for the user."""
+    from bus.transport import BusUnavailable
+    from dbc.errors import DatabaseError, LogError
+    from ecu.quantity import CalibrationError
+    from hil.compose import ChoiceError
+    from hil.rundir import RunError
+    from plant.checked import ConfigurationError
+
+    named = (
+        BusUnavailable,
+        CalibrationError,
+        ChoiceError,
+        ConfigurationError,
+        DatabaseError,
+        LogError,
+        RunError,
+    )
+    return isinstance(error, named)

@@ -1,0 +1,90 @@
+"""The composition root: from what a user chose to a plant unit, an ECU cycle and a run's record.
+
+Besides the command line the only place of the bench that knows both sides.
+"""
+
+import datetime
+import importlib.metadata
+import platform
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from hil.ecu_side import Form, ecu_cycle
+from hil.lockstep import Lockstep
+from hil.rundir import Mode, RunRecord
+from plant.machine import load_machine
+from plant.scenario import Scenario, load_scenario
+from plant.unit import PlantUnit
+
+
+class ChoiceError(ValueError):
+    """What the user chose cannot be run; the message says which option and what is permitted."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """What to run. None takes the scenario's own value.
+
+    scenario: a shipped name or the path of a TOML file; limits: whether the ECU limits the machine.
+    """
+
+    scenario: str
+    form: Form = "corrected"
+    limits: bool = True
+    payload_kg: float | None = None
+    seed: int | None = None
+
+    def load(self) -> Scenario:
+        """The scenario with the choices applied."""
+        scenario = load_scenario(_named(self.scenario))
+        if self.payload_kg is not None:
+            if not 0 <= self.payload_kg <= 20_000:
+                raise ChoiceError(f"--payload-kg {self.payload_kg:g} kg is outside 0 .. 20000 kg")
+            scenario = replace(scenario, payload_mass=self.payload_kg)
+        return scenario if self.seed is None else replace(scenario, seed=self.seed)
+
+    def arguments(self) -> list[str]:
+        """The same choice as command-line arguments of `loaderhil plant`."""
+        words = [self.scenario]
+        if self.payload_kg is not None:
+            words += ["--payload-kg", repr(self.payload_kg)]
+        if self.seed is not None:
+            words += ["--seed", str(self.seed)]
+        return words
+
+
+def _named(scenario: str) -> str | Path:
+    return Path(scenario) if scenario.endswith(".toml") else scenario
+
+
+def plant_unit(scenario: Scenario) -> PlantUnit:
+    """The machine of a scenario, settled and ready for its first tick."""
+    return PlantUnit(load_machine(scenario.machine), scenario, seed=scenario.seed)
+
+
+def lockstep(scenario: Scenario, *, form: Form = "corrected", limits: bool = True) -> Lockstep:
+    """The two on one virtual clock."""
+    return Lockstep(plant_unit(scenario), ecu_cycle(form=form, limits=limits))
+
+
+def record_of(scenario: Scenario, *, form: Form, limits: bool, mode: Mode) -> RunRecord:
+    """The record of a run that starts now."""
+    return RunRecord(
+        scenario=scenario.name,
+        machine=scenario.machine,
+        mode=mode,
+        form=form,
+        limits=limits,
+        seed=scenario.seed,
+        payload_kg=float(scenario.payload_mass),
+        started=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        versions=versions(),
+    )
+
+
+def versions() -> dict[str, str]:
+    """Of what the result depends on."""
+    packages = ("loaderhil", "numpy", "numba", "python-can")
+    return {"python": platform.python_version()} | {
+        name: importlib.metadata.version(name) for name in packages
+    }

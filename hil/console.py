@@ -1,0 +1,164 @@
+"""What the commands show: progress while a run lasts, tables and verdict lines after it."""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from hil.compose import Choice
+from hil.ending import Ending
+from hil.judgement import judge_run, timing_of
+from hil.realtime import run_realtime
+from hil.rundir import RunDirectory
+from hil.runs import RunResult, run_lockstep
+from hil.supervisor import Event
+from hil.timing import Spread, Timing, judge_timing
+from hil.verdict import WHEELS, Result, RunVerdict, Verdict, judge_warning
+from plant.scenario import list_scenarios
+
+console = Console(highlight=False)
+COLOUR = {Result.PASSED: "green", Result.FAILED: "red", Result.INCONCLUSIVE: "yellow"}
+
+
+def tell_scenarios() -> None:
+    """The shipped drive cases, one line each."""
+    table = Table("scenario", "s", "what happens", box=None, header_style="bold")
+    for summary in list_scenarios():
+        table.add_row(summary.name, f"{summary.duration_s:g}", escape(summary.sentence))
+    console.print(table)
+
+
+def tell_run(choice: Choice, out: Path, *, realtime: bool, strict: bool) -> Ending:
+    """Run one scenario, show what happened, and say how it ended."""
+    result = perform(choice, out, realtime=realtime, title=Path(choice.scenario).stem)
+    if result.ending is not Ending.PASSED:
+        return result.ending
+    run = RunDirectory.read(out)
+    seen = judge_run(run)
+    table = two_columns()
+    add_roll_over_rows(table, [seen])
+    verdicts = [judge_warning(seen)] if seen.lifted else []
+    if realtime:
+        timing = timing_of(run)
+        add_timing_rows(table, [timing])
+        verdicts.append(judge_timing(timing))
+    console.print(table)
+    tell_verdicts(verdicts)
+    console.print(f"run directory: {out}")
+    return exit_code(verdicts, strict=strict)
+
+
+def exit_code(verdicts: Sequence[Verdict], *, strict: bool) -> Ending:
+    """FAILED if any verdict failed; one that could not be reached fails only when asked to."""
+    bad = {Result.FAILED, Result.INCONCLUSIVE} if strict else {Result.FAILED}
+    return Ending.FAILED if any(verdict.result in bad for verdict in verdicts) else Ending.PASSED
+
+
+def perform(choice: Choice, out: Path, *, realtime: bool, title: str) -> RunResult:
+    """Run with a progress bar; a run that did not end well says why on standard error."""
+    duration_s = choice.load().duration_s
+    with _bar(title, duration_s) as advance:
+        if realtime:
+            result = run_realtime(choice, out, _to_progress(advance))
+        else:
+            result = run_lockstep(choice, out, advance)
+    if result.ending is not Ending.PASSED:
+        print(f"loaderhil: {result.reason}", file=sys.stderr)
+    return result
+
+
+@contextmanager
+def _bar(title: str, duration_s: float) -> Iterator[Callable[[float], None]]:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:5.1f} of {task.total:.1f} s"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task(title, total=duration_s)
+        yield lambda time_s: progress.update(task, completed=min(time_s, duration_s))
+
+
+def _to_progress(advance: Callable[[float], None]) -> Callable[[str, Event], None]:
+    def on_event(_: str, event: Event) -> None:
+        if event["event"] == "progress":
+            advance(event["time_s"])
+
+    return on_event
+
+
+def two_columns(*headings: str) -> Table:
+    """A table of named figures with one column per run."""
+    return Table("", *(headings or ("",)), box=None, header_style="bold", pad_edge=False)
+
+
+def add_roll_over_rows(table: Table, runs: Sequence[RunVerdict]) -> None:
+    """What happened to the machine, one column per run."""
+    rows: dict[str, Callable[[RunVerdict], str]] = {
+        "true lift-off": _lift_off,
+        "first warning": lambda run: _seconds(run.warned_s),
+        "warning ahead of lift-off": lambda run: _seconds(run.lead_s),
+        "rolls over (45°) at": lambda run: _seconds(run.rolled_over_s),
+        "largest roll angle": lambda run: f"{run.largest_roll * 57.2958:.1f}°",
+        "smallest wheel load": lambda run: f"{100 * run.margin:.0f} % of standing",
+        "largest load-transfer ratio": lambda run: f"{run.largest_load_transfer:.2f}",
+    }
+    for name, cell in rows.items():
+        table.add_row(name, *(cell(run) for run in runs))
+
+
+def _lift_off(run: RunVerdict) -> str:
+    if run.lift_off_s is None or run.lifting_wheel is None:
+        return "none"
+    return f"{run.lift_off_s:.2f} s, {WHEELS[run.lifting_wheel]}"
+
+
+def _seconds(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2f} s"
+
+
+def add_timing_rows(table: Table, timings: Sequence[Timing]) -> None:
+    """How the processes kept their times, one column per run."""
+    for process in ("plant", "ecu"):
+        table.add_row(
+            f"{process}: tick starts late, p50 / p99",
+            *(_spread(timing.lateness.get(process)) for timing in timings),
+        )
+        table.add_row(
+            f"{process}: execution, p50 / p99",
+            *(_spread(timing.execution.get(process)) for timing in timings),
+        )
+    table.add_row("reaction, p50 / p99", *(_spread(timing.reaction) for timing in timings))
+    table.add_row("ticks skipped (plant, ecu)", *(_counts(timing.overruns.values()) for timing in timings))
+    table.add_row("frames lost", *(str(timing.dropped) for timing in timings))
+    table.add_row("processor time stolen", *(f"{100 * timing.stolen:.1f} %" for timing in timings))
+    table.add_row(
+        "waited for a processor (plant, ecu)",
+        *(", ".join(f"{100 * share:.1f} %" for share in timing.waited.values()) for timing in timings),
+    )
+
+
+def _spread(spread: Spread | None) -> str:
+    if spread is None or spread.count == 0:
+        return "–"
+    return f"{spread.median * 1e-6:.2f} / {spread.p99 * 1e-6:.2f} ms"
+
+
+def _counts(values: object) -> str:
+    return ", ".join(str(value) for value in values)  # type: ignore[attr-defined]
+
+
+def tell_verdicts(verdicts: Sequence[Verdict]) -> None:
+    """One line each: the result, the question, the reason."""
+    for verdict in verdicts:
+        colour = COLOUR[verdict.result]
+        console.print(
+            f"[{colour}]{verdict.result.value:<12}[/] {escape(verdict.question)}: {escape(verdict.reason)}",
+            soft_wrap=True,
+        )

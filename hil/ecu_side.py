@@ -1,0 +1,18 @@
+"""The virtual ECU that the bench runs; a module of its own, so that its process never loads the plant."""
+
+from typing import Literal
+
+from ecu.calibration import load_calibration
+from ecu.cycle import EcuCycle
+
+Form = Literal["corrected", "printed"]
+FORMS: tuple[Form, ...] = ("corrected", "printed")
+CALIBRATION = "l60"
+
+
+def ecu_cycle(*, form: Form, limits: bool) -> EcuCycle:
+    """A fresh ECU.
+
+    form: the estimators' equations, corrected or as printed in the thesis; limits: whether it limits.
+    """
+    return EcuCycle(load_calibration(CALIBRATION), form=form, limits_enabled=limits)

@@ -1,0 +1,73 @@
+"""From the files of a run to its verdicts: which column and which signal answers which question."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.rundir import RunDirectory, RunError
+from hil.timing import Spread, Timing, reaction_ns
+from hil.verdict import RunVerdict, first_true, judge, roll_over_warning
+
+PROCESSES = ("plant", "ecu")
+
+
+def judge_run(run: RunDirectory) -> RunVerdict:
+    """Roll-over in a run: truth against the ECU's warnings."""
+    if not len(run.truth):
+        raise RunError(f"{run.path}: nothing to judge by, {'; '.join(run.problems) or 'the truth is empty'}")
+    truth = run.truth
+    return judge(
+        time_s=truth["time_s"],
+        normal_force=truth["normal_force"],
+        roll=truth["roll"],
+        load_transfer_ratio=truth["load_transfer_ratio"],
+        warned_s=first_warning(run),
+    )
+
+
+def first_warning(run: RunDirectory) -> float | None:
+    """When the ECU first warned of roll-over [s on the run's clock], by either of its two messages."""
+    moments = []
+    if (state := run.messages.get("RollOver")) is not None:
+        warns = roll_over_warning(state.signals["State"], state.signals["Valid"])
+        moments.append(first_true(state.time_s, warns))
+    if (flags := run.messages.get("Warnings")) is not None:
+        raised = np.asarray(flags.signals["RollOverPredicted"], bool) | np.asarray(
+            flags.signals["RollOverNow"], bool
+        )
+        moments.append(first_true(flags.time_s, raised))
+    return min((moment for moment in moments if moment is not None), default=None)
+
+
+def timing_of(run: RunDirectory) -> Timing:
+    """The timing of a real-time run, from timing.npz, the log's echoes and the processes' counters."""
+    counts = run.record.statistics
+    return Timing(
+        lateness={
+            name: Spread.of(column)
+            for name in PROCESSES
+            if (column := _column(run, f"{name}_lateness_ns")).size
+        },
+        execution={
+            name: Spread.of(column)
+            for name in PROCESSES
+            if (column := _column(run, f"{name}_execution_ns")).size
+        },
+        reaction=Spread.of(_reactions(run)),
+        overruns={name: int(counts.get(f"{name}_missed", 0)) for name in PROCESSES},
+        dropped=sum(int(counts.get(f"{name}_dropped", 0)) for name in (*PROCESSES, "recorder")),
+        stolen=float(counts.get("plant_stolen", float("nan"))),
+        waited={name: float(counts[f"{name}_waited"]) for name in PROCESSES if f"{name}_waited" in counts},
+    )
+
+
+def _column(run: RunDirectory, name: str) -> NDArray[np.float64]:
+    return np.asarray(run.timing[name], float) if name in run.timing else np.empty(0)
+
+
+def _reactions(run: RunDirectory) -> NDArray[np.int64]:
+    samples, answers = run.messages.get("Articulation"), run.messages.get("EcuStatus")
+    if samples is None or answers is None:
+        return np.empty(0, np.int64)
+    return reaction_ns(
+        samples.time_s, samples.signals["SampleSequence"], answers.time_s, answers.signals["EchoSequence"]
+    )

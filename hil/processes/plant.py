@@ -1,0 +1,77 @@
+"""The plant process: the machine of one scenario on the bus, in real time."""
+
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bus.address import open_transport
+from dbc.writer import CandumpWriter
+from hil import rundir
+from hil.compose import Choice, plant_unit
+from hil.ending import Ending
+from hil.lifeline import Lifeline
+from hil.processes.shell import HostShare, counters, run_until_signal
+from plant import node
+from plant.scenario import Scenario
+from plant.unit import TICK_NS, PlantUnit
+
+REFERENCE_CHANNEL = "reference"
+PROGRESS_TICKS = 20
+WARM_TICKS = 5
+
+
+def run(line: Lifeline, choice: Choice, address: str, out: Path | None) -> Ending:
+    """The machine of one scenario on the bus; with `out`, its truth and timing are left there."""
+    scenario = choice.load()
+    unit = plant_unit(scenario)
+    _warm_plant(scenario)
+    line.ready()
+    line.wait_for_go()
+    timing = node.Timing()
+    started_ns: list[int] = []
+    host = HostShare()
+    with ExitStack() as stack:
+        bus = stack.enter_context(open_transport(address))
+        reference = out and stack.enter_context(CandumpWriter(out / rundir.REFERENCE))
+
+        def on_tick(ticked: PlantUnit, now_ns: int) -> None:
+            started_ns.append(now_ns)
+            if reference:
+                for frame in ticked.reference_frames():
+                    reference.write(frame._replace(at_ns=now_ns), REFERENCE_CHANNEL)
+            if ticked.sequence % PROGRESS_TICKS == 0:
+                line.progress(ticked.truth.time_s, scenario.duration_s)
+
+        truth_path = out and out / rundir.TRUTH
+        try:
+            interrupted = run_until_signal(
+                node.run(bus, unit, on_tick=on_tick, timing=timing, truth_path=truth_path)
+            )
+        finally:
+            if out:
+                rundir.write_table(rundir.part_of_timing(out, "plant"), _columns(timing, started_ns))
+            line.finished(
+                complete=unit.finished,
+                duration_s=unit.truth.time_s,
+                missed=timing.missed,
+                **host.figures(),
+                **counters(bus),
+            )
+    return Ending.INTERRUPTED if interrupted else Ending.PASSED
+
+
+def _columns(timing: node.Timing, started_ns: list[int]) -> dict[str, NDArray[np.int64]]:
+    """Of timing.npz; `due_ns` says which stamp of the bus clock each row of the truth belongs to."""
+    columns = timing.arrays()
+    due_ns = np.array(started_ns, np.int64) - columns["lateness_ns"][: len(started_ns)]
+    return {**columns, "due_ns": due_ns}
+
+
+def _warm_plant(scenario: Scenario) -> None:
+    """Compile everything on a plant of its own, so that the first real tick is like every other."""
+    unit = plant_unit(scenario)
+    for number in range(WARM_TICKS):
+        unit.tick(number * TICK_NS)
+        unit.reference_frames()

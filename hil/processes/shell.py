@@ -1,0 +1,110 @@
+"""What the processes have in common: how they are told to end, and how they say why they did.
+
+By hand they run until Ctrl-C and speak on standard error; under a supervisor they speak
+through their lifeline.
+"""
+
+import asyncio
+import gc
+import os
+import selectors
+import signal
+import time
+from collections.abc import Callable, Coroutine, Iterator
+from typing import Any, Self
+
+from bus.transport import BusClosed, BusUnavailable, Transport
+from hil.ending import Ending
+from hil.host import HostClock, waited_ns
+from hil.lifeline import Lifeline, SupervisorGone
+
+
+def ending_of(body: Callable[[Lifeline], Ending]) -> Ending:
+    """Run a body; what the bus or the supervisor did to it becomes one line and an exit code."""
+    line = Lifeline.from_environment()
+    try:
+        return body(line)
+    except BusUnavailable as error:
+        line.error(str(error))
+    except BusClosed as error:
+        line.error(f"lost the bus: {error}")
+    except SupervisorGone as error:
+        line.error(str(error))
+        return Ending.PEER_DIED
+    return Ending.HUB_LOST
+
+
+def run_until_signal(work: Coroutine[Any, Any, None]) -> bool:
+    """Run `work`; SIGTERM and Ctrl-C cancel it. Whether that happened."""
+
+    async def guarded() -> bool:
+        task = asyncio.ensure_future(work)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            asyncio.get_running_loop().add_signal_handler(number, task.cancel)
+        try:
+            await task
+        except asyncio.CancelledError:
+            return True
+        return False
+
+    gc.collect()
+    gc.freeze()  # what is loaded stays: no collection has to look at it again
+    return asyncio.run(guarded())
+
+
+class Stop:
+    """SIGTERM and Ctrl-C as a file descriptor, for a loop that waits on a bus."""
+
+    def __init__(self) -> None:
+        self._reader, self._writer = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+
+    def __enter__(self) -> Self:
+        self._before = {
+            number: signal.signal(number, lambda *_: None) for number in (signal.SIGINT, signal.SIGTERM)
+        }
+        self._wakeup = signal.set_wakeup_fd(self._writer)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        signal.set_wakeup_fd(self._wakeup)
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        os.close(self._reader)
+        os.close(self._writer)
+
+    def readable(self, descriptor: int) -> Iterator[None]:
+        """Yield whenever `descriptor` is readable, and once more after the signal."""
+        with selectors.DefaultSelector() as selector:
+            selector.register(descriptor, selectors.EVENT_READ)
+            selector.register(self._reader, selectors.EVENT_READ)
+            while True:
+                ready = {key.fd for key, _ in selector.select()}
+                yield
+                if self._reader in ready:
+                    return
+
+
+class HostShare:
+    """What the host kept from this process since construction."""
+
+    def __init__(self) -> None:
+        self._start_ns, self._waited_ns = time.monotonic_ns(), waited_ns()
+        self._host = HostClock.read()
+
+    def figures(self) -> dict[str, float]:
+        """waited: share of time ready to run without a processor; stolen: of the machine's time, by other guests."""
+        elapsed_ns = time.monotonic_ns() - self._start_ns
+        return {
+            "waited": (waited_ns() - self._waited_ns) / max(elapsed_ns, 1),
+            "stolen": HostClock.read().stolen_since(self._host),
+        }
+
+
+def counters(bus: Transport) -> dict[str, int]:
+    """Frames of a transport, as figures of the process."""
+    counts = bus.statistics()
+    return {
+        "sent": counts.sent,
+        "received": counts.received,
+        "dropped": counts.dropped_in + counts.dropped_out,
+    }

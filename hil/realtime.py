@@ -1,0 +1,127 @@
+"""One run as processes: hub, recorder, ECU and plant, each its own `loaderhil` command, in real time.
+
+The supervisor starts them, waits until all are ready (compiled, connected), says go, and
+ends all of them with the first that ends. What is left is a run directory, complete or
+with the reason why not.
+"""
+
+import shutil
+import signal
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from hil import rundir
+from hil.compose import Choice, record_of
+from hil.ending import Ending
+from hil.rundir import RunRecord
+from hil.runs import RunResult
+from hil.supervisor import Child, Event, StartFailed, Supervisor, loaderhil
+
+HUB_READY_S = 20.0
+READY_S = 180.0
+"""Compilation of plant and estimators included, which is slow the first time on a small machine."""
+SLACK_S = 20.0
+"""How much longer than its scenario a run may take."""
+LAST_WORDS_S = 1.0
+"""How long to look for the real cause when processes fall like dominoes."""
+
+
+@contextmanager
+def _sigterm_interrupts() -> Iterator[None]:
+    """SIGTERM ends a run as Ctrl-C does: with its processes stopped and its files written."""
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def hub_address() -> Iterator[str]:
+    """The address of a hub in a folder of its own; Unix socket paths have to be short."""
+    folder = Path(tempfile.mkdtemp(prefix="loaderhil-"))
+    try:
+        yield f"hub:{folder / 'hub'}"
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def run_realtime(
+    choice: Choice, out: Path, on_event: Callable[[str, Event], None] | None = None
+) -> RunResult:
+    """Run `choice` as processes and leave the run directory `out`."""
+    scenario = choice.load()
+    record = record_of(scenario, form=choice.form, limits=choice.limits, mode="realtime")
+    rundir.begin(out, record)
+    with _sigterm_interrupts(), hub_address() as address, Supervisor(on_event) as supervisor:
+        try:
+            ending, reason = _drive(supervisor, choice, scenario.duration_s, address, out)
+        except StartFailed as error:
+            ending, reason = Ending.FAILED, str(error)
+        except KeyboardInterrupt:
+            ending, reason = Ending.INTERRUPTED, "interrupted"
+        figures = _stop_in_order(supervisor)
+    record = _ended(record, ending, reason, figures)
+    rundir.merge_timing(out)
+    rundir.write_record(out, record)
+    return RunResult(ending, reason, record)
+
+
+def _drive(
+    supervisor: Supervisor, choice: Choice, duration_s: float, address: str, out: Path
+) -> tuple[Ending, str]:
+    """Start everything, let the plant run, say how it ended."""
+    hub = supervisor.start("hub", loaderhil("hub", "--bus", address))
+    supervisor.wait_ready([hub], HUB_READY_S)
+    recorder = supervisor.start("recorder", loaderhil("record", str(out / rundir.BUS), "--bus", address))
+    ecu_options = ["--form", choice.form, *([] if choice.limits else ["--no-limits"])]
+    ecu = supervisor.start("ecu", loaderhil("ecu", "--bus", address, *ecu_options, "--out", str(out)))
+    plant = supervisor.start(
+        "plant", loaderhil("plant", *choice.arguments(), "--bus", address, "--out", str(out))
+    )
+    supervisor.wait_ready([recorder, ecu, plant], READY_S)
+    supervisor.go(plant)
+    first = supervisor.wait_first_end(duration_s + SLACK_S)
+    if first is None:
+        return Ending.FAILED, f"the plant did not end within {duration_s + SLACK_S:.0f} s"
+    if first is plant and plant.finished:
+        return Ending.PASSED, ""
+    return _cause(supervisor, hub, first)
+
+
+def _cause(supervisor: Supervisor, hub: Child, first: Child) -> tuple[Ending, str]:
+    """Which process began it: one that only reports the loss of the hub is not the cause."""
+    if first is not hub and first.process.returncode == Ending.HUB_LOST:
+        supervisor.wait_end(hub, LAST_WORDS_S)
+        if hub.ended:
+            first = hub
+    lost_hub = first is hub or first.process.returncode == Ending.HUB_LOST
+    return (Ending.HUB_LOST if lost_hub else Ending.PEER_DIED), first.how_it_ended()
+
+
+def _stop_in_order(supervisor: Supervisor) -> dict[str, Event]:
+    """Plant and ECU first, so that the recorder hears their last frames and the hub outlives them all."""
+    supervisor.stop_all()
+    return {child.name: child.figures for child in supervisor.children}
+
+
+OUTCOMES: dict[Ending, rundir.Outcome] = {Ending.PASSED: "finished", Ending.INTERRUPTED: "interrupted"}
+
+
+def _ended(record: RunRecord, ending: Ending, reason: str, figures: dict[str, Event]) -> RunRecord:
+    """The record of a run that is over, with the figures of its processes as PROCESS_FIGURE."""
+    named = {f"{name}_{key}": value for name, event in figures.items() for key, value in event.items()}
+    return replace(
+        record,
+        outcome=OUTCOMES.get(ending, "failed"),
+        reason=reason,
+        duration_s=float(named.get("plant_duration_s", 0.0)),
+        statistics=named,
+    )

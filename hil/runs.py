@@ -1,0 +1,73 @@
+"""One run in lockstep, from a choice to a run directory."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from bus.frame import Frame
+from dbc.writer import CandumpWriter
+from hil import rundir
+from hil.compose import Choice, lockstep, record_of
+from hil.ending import Ending
+from hil.lockstep import Recording
+from hil.rundir import RunRecord
+
+BUS_CHANNEL = "loader"
+REFERENCE_CHANNEL = "reference"
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """How a run ended, why, and its record as written."""
+
+    ending: Ending
+    reason: str
+    record: RunRecord
+
+
+def run_lockstep(choice: Choice, out: Path, progress: Callable[[float], None] | None = None) -> RunResult:
+    """Run `choice` on the virtual clock and leave the run directory `out`; `progress` hears simulated seconds."""
+    scenario = choice.load()
+    record = record_of(scenario, form=choice.form, limits=choice.limits, mode="lockstep")
+    rundir.begin(out, record)
+    bench = lockstep(scenario, form=choice.form, limits=choice.limits)
+    ending = Ending.PASSED
+    try:
+        bench.run(progress)
+    except KeyboardInterrupt:
+        ending = Ending.INTERRUPTED
+    recording = bench.recording
+    write_recording(out, recording)
+    record = replace(
+        record,
+        outcome="finished" if ending is Ending.PASSED else "interrupted",
+        duration_s=float(recording.truth[-1].time_s) if recording.truth else 0.0,
+        statistics=_statistics(recording),
+    )
+    rundir.write_record(out, record)
+    return RunResult(ending, "" if ending is Ending.PASSED else "interrupted", record)
+
+
+def write_recording(out: Path, recording: Recording) -> None:
+    """truth.npz, bus.log and reference.log of a lockstep run."""
+    rundir.write_truth(out, recording.truth)
+    _write_log(out / rundir.BUS, recording.bus, BUS_CHANNEL)
+    _write_log(out / rundir.REFERENCE, recording.reference, REFERENCE_CHANNEL)
+
+
+def _write_log(file: Path, frames: Sequence[Frame], channel: str) -> None:
+    with CandumpWriter(file) as writer:
+        for frame in frames:
+            writer.write(frame, channel)
+
+
+def _statistics(recording: Recording) -> dict[str, float | int | str]:
+    counts: dict[str, float | int | str] = {"ticks": len(recording.truth), "frames": len(recording.bus)}
+    for side, findings in (("plant", recording.plant_findings), ("ecu", recording.ecu_findings)):
+        counts |= {f"{side}_finding_{name}": count for name, count in sorted(_kinds(findings).items())}
+    return counts
+
+
+def _kinds(findings: Iterable[object]) -> Counter[str]:
+    return Counter(type(finding).__name__ for finding in findings)

@@ -1,0 +1,142 @@
+"""Did the processes keep their times, and could that be judged at all.
+
+Per process: lateness (start of a tick after its due time) and execution of the tick.
+Across the bus: reaction, from a sample's frame to the ECU's first status frame that echoes
+its sequence number, both by the recorder's stamps. A starved host makes the verdict
+inconclusive whatever the figures say: good ones were luck, bad ones are not the software's.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hil.verdict import Result, Verdict
+
+PERIOD_NS = 10_000_000
+LATEST_START = 0.5
+"""Permitted lateness of a tick as a share of the period, 99th percentile."""
+LONGEST_EXECUTION = 0.5
+"""Permitted execution of a tick as a share of the period, 99th percentile."""
+LONGEST_REACTION = 2.0
+"""Permitted reaction in periods, 99th percentile: wait for the ECU's tick, compute, send."""
+STARVED = 0.01
+"""Share of stolen or waited-for processor time from which the host decides, not the software."""
+QUESTION = "every tick in time"
+SEQUENCES = 65_536
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Percentiles of a sample [ns]; NaN when it is empty."""
+
+    median: float
+    p99: float
+    largest: float
+    count: int
+
+    @classmethod
+    def of(cls, values_ns: ArrayLike) -> "Spread":
+        """The spread of `values_ns`."""
+        values = np.asarray(values_ns, float)
+        if values.size == 0:
+            return cls(float("nan"), float("nan"), float("nan"), 0)
+        median, p99 = np.percentile(values, (50, 99))
+        return cls(float(median), float(p99), float(values.max()), values.size)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timing:
+    """The timing of one real-time run. Spreads [ns] by process name; counts; shares 0..1."""
+
+    lateness: Mapping[str, Spread]
+    execution: Mapping[str, Spread]
+    reaction: Spread
+    overruns: Mapping[str, int]
+    dropped: int
+    stolen: float
+    waited: Mapping[str, float]
+
+
+def reaction_ns(
+    sample_s: ArrayLike, sample_sequence: ArrayLike, answer_s: ArrayLike, echo_sequence: ArrayLike
+) -> NDArray[np.int64]:
+    """Time from each sample that was echoed to the first answer that echoes it [ns].
+
+    Both in the order of arrival; sequences are 16 bit and wrap. A sample that was overtaken
+    by a newer one before the ECU ticked has no reaction of its own.
+    """
+    samples = np.asarray(sample_s, float)
+    sample = np.unwrap(np.asarray(sample_sequence, float), period=SEQUENCES)
+    answers = np.asarray(answer_s, float)
+    echo = np.asarray(echo_sequence, float)
+    if samples.size == 0 or answers.size == 0:
+        return np.empty(0, np.int64)
+    newest = np.searchsorted(samples, answers, side="right") - 1
+    known = newest >= 0
+    answers, echo, newest = answers[known], echo[known], newest[known]
+    behind = (sample[newest] - echo) % SEQUENCES
+    index = np.searchsorted(sample, sample[newest] - behind)
+    echoed = (index < sample.size) & (behind < SEQUENCES / 2)
+    answers, index = answers[echoed], index[echoed]
+    _, first = np.unique(index, return_index=True)
+    delays: NDArray[np.int64] = np.rint((answers[first] - samples[index[first]]) * 1e9).astype(np.int64)
+    return delays
+
+
+def judge_timing(timing: Timing, period_ns: int = PERIOD_NS) -> Verdict:
+    """Whether every tick came, started and ended in time, or why that cannot be said."""
+    if starved := _starvation(timing):
+        return Verdict(
+            question=QUESTION, result=Result.INCONCLUSIVE, reason=f"the host was starved: {starved}"
+        )
+    if unmeasured := _unmeasured(timing):
+        return Verdict(question=QUESTION, result=Result.INCONCLUSIVE, reason=f"not measured: {unmeasured}")
+    misses = _misses(timing, period_ns)
+    if misses:
+        return Verdict(question=QUESTION, result=Result.FAILED, reason="; ".join(misses))
+    worst = max(spread.p99 for spread in timing.lateness.values())
+    return Verdict(
+        question=QUESTION,
+        result=Result.PASSED,
+        reason=f"99 % of ticks start within {worst * 1e-6:.2f} ms, no overrun, no frame lost",
+    )
+
+
+def _starvation(timing: Timing) -> str:
+    if not timing.stolen <= STARVED:
+        return f"{100 * timing.stolen:.1f} % of processor time went to other guests"
+    waiting = [f"{name} waited {100 * share:.1f} % of the time" for name, share in timing.waited.items()
+               if not share <= STARVED]  # fmt: skip
+    return f"{', '.join(waiting)} for a processor" if waiting else ""
+
+
+def _unmeasured(timing: Timing) -> str:
+    missing = [f"lateness of {name}" for name, spread in timing.lateness.items() if spread.count == 0]
+    if not timing.lateness:
+        missing.append("lateness")
+    if timing.reaction.count == 0:
+        missing.append("reaction")
+    return ", ".join(missing)
+
+
+def _misses(timing: Timing, period_ns: int) -> list[str]:
+    misses = [f"{name}: {count} ticks skipped" for name, count in timing.overruns.items() if count]
+    for what, spreads, share in (
+        ("starts late", timing.lateness, LATEST_START),
+        ("takes too long", timing.execution, LONGEST_EXECUTION),
+    ):
+        misses += [
+            f"{name} {what}: p99 {spread.p99 * 1e-6:.2f} ms, permitted {share * period_ns * 1e-6:.1f} ms"
+            for name, spread in spreads.items()
+            if not spread.p99 <= share * period_ns
+        ]
+    if not timing.reaction.p99 <= LONGEST_REACTION * period_ns:
+        misses.append(
+            f"reaction p99 {timing.reaction.p99 * 1e-6:.1f} ms, "
+            f"permitted {LONGEST_REACTION * period_ns * 1e-6:.0f} ms"
+        )
+    if timing.dropped:
+        misses.append(f"{timing.dropped} frames lost")
+    return misses
