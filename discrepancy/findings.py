@@ -201,7 +201,9 @@ class Findings:
         for found in self.findings:
             if effect in (found.effect, *(m.effect for m in found.group)):
                 return found
-        raise KeyError(f"no finding on {effect!r}; found: {', '.join(f.effect for f in self.findings) or 'nothing'}")
+        raise KeyError(
+            f"no finding on {effect!r}; found: {', '.join(f.effect for f in self.findings) or 'nothing'}"
+        )
 
     @property
     def named(self) -> list[str]:

@@ -17,7 +17,9 @@ from discrepancy.recording import Array
 
 Mask = NDArray[np.bool_]
 STEP = 1e-3  # finite differences, in typical changes
-FORECAST = 0.02  # share of a step's gain by which a linear forecast may be wrong and the step still count as linear
+FORECAST = (
+    0.02  # share of a step's gain by which a linear forecast may be wrong and the step still count as linear
+)
 CONVERGED = 1e-2  # in whitened SSE: a hundredth of what matters statistically
 
 
@@ -132,7 +134,11 @@ def fit(
         sse = _misfit(problem, noise, parameters, better, rows)
         # where the linear forecast held, the sensitivities still do (chord method)
         linear = abs(sse - promised) < FORECAST * (before - sse) + CONVERGED
-        point = point.renewed(problem, noise, better, rows) if linear else _Point.at(problem, noise, parameters, better, rows)
+        point = (
+            point.renewed(problem, noise, better, rows)
+            if linear
+            else _Point.at(problem, noise, parameters, better, rows)
+        )
         if before - point.sse < CONVERGED:
             break
     information = point.columns[rows].T @ point.columns[rows] + np.diag((prior / scale) ** 2)

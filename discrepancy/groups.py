@@ -51,7 +51,9 @@ def members(
             continue
         candidate = problem.model.effect(score.effect)
         names = free_names(problem, (*others, candidate.name))
-        fits = [fit(problem, state.noise, names, start, iterations=6) for start in starts(alone, candidate, score)]
+        fits = [
+            fit(problem, state.noise, names, start, iterations=6) for start in starts(alone, candidate, score)
+        ]
         best = min(fits, key=lambda f: f.sse)
         # a further parameter has to earn its keep
         extra = candidate.size - problem.model.effect(effect).size
@@ -81,7 +83,8 @@ def _direction(problem: Problem, fitted: Fit, effect: str) -> np.ndarray:
 def separating(problem: Problem, noise: Noise, one: Member, other: Member) -> Separation | None:
     """The model's manoeuvre for which two explanations, each as fitted, disagree most beyond the nuisances."""
     found = [
-        Separation(m.name, m.sentence, disagreement(problem, noise, m, one, other)) for m in problem.model.manoeuvres
+        Separation(m.name, m.sentence, disagreement(problem, noise, m, one, other))
+        for m in problem.model.manoeuvres
     ]
     return max(found, key=lambda s: s.difference, default=None)
 
@@ -101,7 +104,10 @@ def _left_over(problem: Problem, noise: Noise, manoeuvre: Manoeuvre, true: Membe
     staged.measured = staged.predict(values)
     spread = noise.innovation_sd(problem)
     whiteners = [
-        Whitener(np.zeros((0, len(b[0].channels), len(b[0].channels))), np.diag([1.0 / spread[c] for c in b[0].channels]))
+        Whitener(
+            np.zeros((0, len(b[0].channels), len(b[0].channels))),
+            np.diag([1.0 / spread[c] for c in b[0].channels]),
+        )
         for b in by_group(staged.blocks)
     ]
     flat = Noise(staged, whiteners)

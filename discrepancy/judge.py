@@ -16,10 +16,11 @@ from discrepancy.fit import Fit, fit
 from discrepancy.groups import ENOUGH, Member, members, separating
 from discrepancy.locate import locate
 from discrepancy.model import Effect, Parameter
+from discrepancy.noise import Noise
 from discrepancy.openended import OpenEnded, explore
 from discrepancy.problem import Problem, Unusable
 from discrepancy.recording import Array
-from discrepancy.screen import Score, active, penalty, sensitivities
+from discrepancy.screen import Score, active, inflation_of, penalty, sensitivities, time_blocks
 from discrepancy.search import (
     Progress,
     Settings,
@@ -27,6 +28,7 @@ from discrepancy.search import (
     assess,
     free_names,
     held_out_residual,
+    project_out,
     screen,
     search,
 )
@@ -126,7 +128,11 @@ def _weigh(problem: Problem, state: State, name: str, beyond: OpenEnded, setting
     # what is left in channels the effect does not touch says nothing about it
     touched = [c for c, gain in gains.items() if gain > TOUCHED * gained]
     gap = gained + sum(max(beyond.held_out_gains.get(c, 0.0), 0.0) for c in touched)
-    ratio = {c: float(np.sqrt(np.mean(after[r] ** 2) / np.mean(before[r] ** 2))) for c, r in rows.items() if r.any()}
+    ratio = {
+        c: float(np.sqrt(np.mean(after[r] ** 2) / np.mean(before[r] ** 2)))
+        for c, r in rows.items()
+        if r.any()
+    }
     return _Needed(
         effect=name,
         without=without,
@@ -138,7 +144,9 @@ def _weigh(problem: Problem, state: State, name: str, beyond: OpenEnded, setting
     )
 
 
-def _finding(problem: Problem, state: State, baseline: State, needed: _Needed, settings: Settings) -> f.Finding:
+def _finding(
+    problem: Problem, state: State, baseline: State, needed: _Needed, settings: Settings
+) -> f.Finding:
     others = tuple(n for n in state.accepted if n != needed.effect)
     scores = _scores_without(problem, state, others, needed.without, settings)
     alike = members(problem, state, needed.effect, needed.without, scores, settings)
@@ -157,7 +165,7 @@ def _finding(problem: Problem, state: State, baseline: State, needed: _Needed, s
         place=effect.place,
         sentence=effect.sentence,
         equation=effect.equation,
-        parameters=[estimate(p, best.fit) for p in effect.parameters],
+        parameters=[estimate(p, best.fit, state.noise) for p in effect.parameters],
         gain=needed.gain,
         needed=needed.needed,
         held_out_gain=needed.held_out_gain,
@@ -169,7 +177,9 @@ def _finding(problem: Problem, state: State, baseline: State, needed: _Needed, s
                 effect=m.effect,
                 likelihood_difference=m.difference,
                 collinearity=m.collinearity,
-                parameters=[estimate(p, m.fit) for p in problem.model.effect(m.effect).parameters],
+                parameters=[
+                    estimate(p, m.fit, state.noise) for p in problem.model.effect(m.effect).parameters
+                ],
             )
             for m in rest
         ],
@@ -207,7 +217,9 @@ def _doubts(problem: Problem, effect: Effect, fitted: Fit) -> list[str]:
         value = fitted.values.shared[p.name]
         away = abs(value - p.value) / (p.prior_sd or 1.0)
         if away > STRAINED or estimate(p, fitted).at_bound is not None:
-            doubts.append(f"the nuisance {p.name} was pushed to {value:.4g} {p.unit}, {away:.1f} sd from its prior")
+            doubts.append(
+                f"the nuisance {p.name} was pushed to {value:.4g} {p.unit}, {away:.1f} sd from its prior"
+            )
     return doubts
 
 
@@ -224,18 +236,19 @@ def _separation(
     return f.Separation(effect=other.effect, manoeuvre=text, expected_difference=None) if text else None
 
 
-def estimate(parameter: Parameter, fitted: Fit) -> f.Estimate:
-    """Value and 95 % interval within the bounds."""
+def estimate(parameter: Parameter, fitted: Fit, noise: Noise | None = None) -> f.Estimate:
+    """Value and 95 % interval within the bounds, wider where the scores are correlated over time."""
     value, sd = fitted.values.shared[parameter.name], fitted.sd(parameter.name)
+    if noise is not None:
+        direction = project_out(fitted, [fitted.names.index(parameter.name)])
+        sd *= (
+            float(np.sqrt(inflation_of(direction, fitted.residual, time_blocks(noise))))
+            if direction.any()
+            else 1.0
+        )
     close = 1e-3 * abs(parameter.typical)
     # the end of a sign or a time constant's zero is its meaning, not a wall
-    at = (
-        "lower"
-        if value - parameter.lower < close
-        else "upper"
-        if parameter.upper - value < close
-        else None
-    )
+    at = "lower" if value - parameter.lower < close else "upper" if parameter.upper - value < close else None
     return f.Estimate(
         name=parameter.name,
         value=value,
@@ -266,7 +279,9 @@ def _candidates(
         elif last.power < ENOUGH_POWER:
             text = f"a typical {effect.name} would be noticed with probability {last.power:.2f}"
             verdict, reason = "could not be judged", f"{text}; needs {effect.excited_by or 'more data'}"
-        elif first[score.effect].statistic > penalty(len(active(effect)), len(problem.model.effects), settings.alpha):
+        elif first[score.effect].statistic > penalty(
+            len(active(effect)), len(problem.model.effects), settings.alpha
+        ):
             verdict, reason = "not needed", "what speaks for it is explained better by a finding"
         else:
             verdict, reason = "ruled out", "a typical one would have been noticed"
@@ -367,9 +382,7 @@ def _nuisances(problem: Problem, state: State) -> list[f.Nuisance]:
 
 def _noise(problem: Problem, state: State) -> list[f.ChannelNoise]:
     spread = state.noise.innovation_sd(problem)
-    orders = {
-        name: state.noise.whiteners[b.group].order for b in problem.blocks for name in b.channels
-    }
+    orders = {name: state.noise.whiteners[b.group].order for b in problem.blocks for name in b.channels}
     return [
         f.ChannelNoise(
             channel=name,
@@ -396,5 +409,6 @@ def whiteness(innovations: Array, order: int) -> float:
 
 def _complaints(problem: Problem) -> list[f.Complaint]:
     return [
-        f.Complaint(recording=c.recording, signal=c.signal, text=c.text, fatal=c.fatal) for c in problem.complaints
+        f.Complaint(recording=c.recording, signal=c.signal, text=c.text, fatal=c.fatal)
+        for c in problem.complaints
     ]

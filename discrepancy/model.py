@@ -16,6 +16,9 @@ import numpy as np
 from discrepancy.recording import Array, Signal
 
 
+NEARLY_NONE = 0.02  # of a typical change: the local gradient
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
     """A number of the model. `value` is the baseline (for an effect: off), `typical` a change that matters.
@@ -50,8 +53,10 @@ class Parameter:
 
     @property
     def tried(self) -> tuple[float, ...]:
-        """Values of the parameter at which the effect is scored."""
-        return tuple(self.value + probe for probe in (self.probes or (self.typical,)))
+        """Values of the parameter at which the effect is scored: finite changes, and nearly none."""
+        return tuple(
+            self.value + probe for probe in (*(self.probes or (self.typical,)), NEARLY_NONE * self.typical)
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

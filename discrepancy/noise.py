@@ -115,11 +115,15 @@ def _autoregression(blocks: Sequence[Block], residual: Array, inflation: float) 
     for order in range(highest + 1):
         # the same rows for every order, or BIC would compare different data
         target = np.concatenate([run[highest:] for run in runs])
-        lags = [np.concatenate([run[highest - i : len(run) - i] for run in runs]) for i in range(1, order + 1)]
+        lags = [
+            np.concatenate([run[highest - i : len(run) - i] for run in runs]) for i in range(1, order + 1)
+        ]
         past = np.concatenate([np.zeros((len(target), 0)), *lags], axis=1)
         solved = np.linalg.lstsq(past, target, rcond=None)[0]
         matrices = settled(solved.reshape(order, c, c).transpose(0, 2, 1), shortest)
-        error = target - sum((lag @ A.T for lag, A in zip(lags, matrices, strict=True)), np.zeros_like(target))
+        error = target - sum(
+            (lag @ A.T for lag, A in zip(lags, matrices, strict=True)), np.zeros_like(target)
+        )
         covariance = error.T @ error / max(len(target) - order * c, 1)
         covariance += np.diag(1e-18 + 1e-12 * np.var(target, axis=0))
         score = len(target) * float(np.linalg.slogdet(covariance)[1]) + np.log(len(target)) * order * c * c

@@ -19,6 +19,7 @@ from discrepancy.problem import Problem, Values
 from discrepancy.recording import Array
 
 INVISIBLE = 1e-6  # share of an effect left after projection, below which only rounding is seen
+FEW = 3  # parameters; longer profiles are linear and scored at one size
 BLOCKS = 30  # of time, for the spread of the scores
 
 
@@ -67,7 +68,8 @@ def sensitivities(problem: Problem, values: Values, base: Array, effect: Effect)
     shapes = {p.name: p.value + p.typical for p in effect.parameters if p.shape}
     switches = [p for p in effect.parameters if not p.shape]
     raw, changes = [], []
-    for probe in range(max(len(p.tried) for p in switches)):
+    probes = max(len(p.tried) for p in switches) if len(switches) <= FEW else 1
+    for probe in range(probes):
         tried = {p.name: p.tried[min(probe, len(p.tried) - 1)] for p in switches}
         columns = [
             problem.predict(values.with_shared({**shapes, name: value})) - base

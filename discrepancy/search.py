@@ -180,7 +180,9 @@ def shortlisted(model_effects: Sequence[Effect], scores: Sequence[Score], settin
     half = settings.shortlist // 2
     sure = list(scores[:half])
     # a doubtful noise estimate must not keep an effect from being tried: the best before inflation come too
-    loud = sorted((s for s in scores[half:]), key=lambda s: -s.statistic * s.inflation)[: settings.shortlist - half]
+    loud = sorted((s for s in scores[half:]), key=lambda s: -s.statistic * s.inflation)[
+        : settings.shortlist - half
+    ]
     best = [s for s in sure + loud if s.statistic * s.inflation > 3.0]
     named = {s.effect for s in best}
     partners = {
@@ -233,7 +235,7 @@ def starts(state: State, effect: Effect, found: Score) -> list[Values]:
         for p, change in zip(switches, found.change, strict=True)
     }
     first = state.fit.values.with_shared({**shapes, **expected})
-    if any(len(p.probes) > 1 for p in switches):
+    if any(p.probes for p in switches):
         probe = {p.name: p.tried[min(found.probe, len(p.tried) - 1)] for p in switches}
         return [first, state.fit.values.with_shared({**shapes, **probe})]
     return [first]

@@ -56,7 +56,9 @@ def _speed(window: Window, values: Mapping[str, float]) -> Array:
     return lagged(values["speed_gain"] * push, values["speed_lag"], window.step_s)
 
 
-def _lag(name: str, sentence: str, equation: str, parameter: str, place: str, twin: Mapping[str, str]) -> Effect:
+def _lag(
+    name: str, sentence: str, equation: str, parameter: str, place: str, twin: Mapping[str, str]
+) -> Effect:
     return Effect(
         name=name,
         sentence=sentence,
@@ -103,9 +105,7 @@ PHYSICS = (
         name="understeer",
         sentence="slip angles make the car turn less with speed squared",
         equation="r = v tan(delta) / (L (1 + K v²))",
-        parameters=(
-            Parameter(name="understeer", unit="s^2/m^2", lower=-0.1, upper=2.0, typical=0.03),
-        ),
+        parameters=(Parameter(name="understeer", unit="s^2/m^2", lower=-0.1, upper=2.0, typical=0.03),),
         kind="physics",
         place="yaw motion of the body",
         excited_by="the same steering at several speeds",
@@ -116,7 +116,9 @@ PHYSICS = (
         sentence="the lateral acceleration saturates at the floor's grip",
         equation="r = r0 / sqrt(1 + (v r0 / (mu g))²)",
         parameters=(
-            Parameter(name="grip_loss", unit="m/s^2", lower=0.0, upper=60.0, typical=10.0, probes=(10.0, 20.0)),
+            Parameter(
+                name="grip_loss", unit="m/s^2", lower=0.0, upper=60.0, typical=10.0, probes=(10.0, 20.0)
+            ),
         ),
         kind="physics",
         place="tyres",
@@ -195,9 +197,20 @@ def load_dart(path: Path, *, reference: bool = True) -> Recording:
     opener = gzip.open if path.suffix == ".gz" else open
     with opener(path, "rt", newline="") as file:
         rows = list(csv.DictReader(file))
-    needed = ("vicon time", "vicon x", "vicon y", "vicon yaw", "W (IMU)", "vel encoder", "throttle", "steering")
+    needed = (
+        "vicon time",
+        "vicon x",
+        "vicon y",
+        "vicon yaw",
+        "W (IMU)",
+        "vel encoder",
+        "throttle",
+        "steering",
+    )
     if not rows or (gone := [name for name in needed if name not in rows[0]]):
-        raise ValueError(f"{path.name}: not a DART recording; missing columns: {', '.join(gone) if rows else 'all'}")
+        raise ValueError(
+            f"{path.name}: not a DART recording; missing columns: {', '.join(gone) if rows else 'all'}"
+        )
     column = {name: np.array([float(row[name]) for row in rows]) for name in needed}
     time_s = column["vicon time"] - column["vicon time"][0]
     moving = slice(*_moving(column["vel encoder"]))
@@ -212,7 +225,8 @@ def load_dart(path: Path, *, reference: bool = True) -> Recording:
         yaw = np.unwrap(column["vicon yaw"])
         step = float(np.median(np.diff(column["vicon time"])))
         rate, vx, vy = (
-            savgol_filter(v, SMOOTH, 3, deriv=1, delta=step) for v in (yaw, column["vicon x"], column["vicon y"])
+            savgol_filter(v, SMOOTH, 3, deriv=1, delta=step)
+            for v in (yaw, column["vicon x"], column["vicon y"])
         )
         forward = vx * np.cos(yaw) + vy * np.sin(yaw)
         signals["yaw_rate_reference"] = signal(

@@ -31,14 +31,18 @@ RAD = np.pi / 180.0
 def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Array]) -> dict[str, Array]:
     """Specific forces [m/s²] and nose-up pitch rate [rad/s] on the grid."""
     speed, step = window["wheel_speed"], window.step_s
-    acceleration = savgol_filter(speed, min(SMOOTH, speed.size // 2 * 2 - 1), 2, deriv=1, delta=step, mode="nearest")
+    acceleration = savgol_filter(
+        speed, min(SMOOTH, speed.size // 2 * 2 - 1), 2, deriv=1, delta=step, mode="nearest"
+    )
     knots = [values[name] for name in sorted(n for n in values if n.startswith("grade."))]
     grade = np.zeros(speed.size)
     if knots:
         grade = np.interp(window["distance"], KNOT_M * np.arange(len(knots)), knots)
     squat = values.get("squat", 0.0) * acceleration
     pitch = grade + squat
-    pitch_rate = savgol_filter(pitch, min(SMOOTH, pitch.size // 2 * 2 - 1), 2, deriv=1, delta=step, mode="nearest")
+    pitch_rate = savgol_filter(
+        pitch, min(SMOOTH, pitch.size // 2 * 2 - 1), 2, deriv=1, delta=step, mode="nearest"
+    )
     force = acceleration * (1.0 + values.get("wheel_radius", 0.0)) + G * np.sin(pitch)
     force = force + extra.get("specific force", 0.0)
     drag = values.get("drag", 0.0) * speed**2
@@ -49,9 +53,7 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
     }
 
 
-NUISANCES = (
-    Parameter(name="mounting", unit="rad", lower=-0.2, upper=0.2, typical=0.01, prior_sd=0.03),
-)
+NUISANCES = (Parameter(name="mounting", unit="rad", lower=-0.2, upper=0.2, typical=0.01, prior_sd=0.03),)
 
 
 def grade_profile(length_m: float) -> Effect:
@@ -62,9 +64,7 @@ def grade_profile(length_m: float) -> Effect:
         sentence="the road climbs and falls: gravity is in the accelerometer but not in the wheels",
         equation="f = dv/dt + g sin(theta(s)), pitch rate = v dtheta/ds",
         parameters=tuple(
-            Parameter(
-                name=f"grade.{i:03d}", unit="rad", lower=-0.3, upper=0.3, typical=0.02, prior_sd=0.05
-            )
+            Parameter(name=f"grade.{i:03d}", unit="rad", lower=-0.3, upper=0.3, typical=0.02, prior_sd=0.05)
             for i in range(count)
         ),
         kind="physics",
@@ -83,9 +83,7 @@ PHYSICS = (
         name="squat",
         sentence="the body pitches nose up under acceleration, and the sensors with it",
         equation="theta_body = k dv/dt",
-        parameters=(
-            Parameter(name="squat", unit="rad.s^2/m", lower=-0.01, upper=0.05, typical=0.005),
-        ),
+        parameters=(Parameter(name="squat", unit="rad.s^2/m", lower=-0.01, upper=0.05, typical=0.005),),
         kind="physics",
         place="suspension",
         excited_by="braking and accelerating",
@@ -134,7 +132,9 @@ def model(recordings: Sequence[Recording], *, without: tuple[str, ...] = ()) -> 
         optional={"distance": "m"},
         outputs={"accel_x": "m/s^2", "imu_x": "m/s^2", "pitch_rate": "rad/s"},
         nuisances=NUISANCES,
-        effects=tuple(e for e in library(length) if e.name not in without and "turn" not in e.parameters[0].name),
+        effects=tuple(
+            e for e in library(length) if e.name not in without and "turn" not in e.parameters[0].name
+        ),
         simulate=simulate,
         step_s=STEP_S,
         window_s=10.0,
