@@ -1,10 +1,11 @@
-"""Opening a bus by its address: `hub:/path/to/socket`, `hub:@NAME`, `virtual:NAME`."""
+"""Opening a bus by its address: `hub:/path/to/socket`, `hub:@NAME`, `socketcan:can0`, `virtual:NAME`."""
 
 from bus.hub_client import HubTransport
+from bus.socketcan import SocketCanTransport
 from bus.transport import BusUnavailable, Transport
 from bus.virtual import named_bus
 
-FORMS = "hub:/path/to/socket, hub:@NAME or virtual:NAME"
+FORMS = "hub:/path/to/socket, hub:@NAME, socketcan:INTERFACE or virtual:NAME"
 
 
 def open_transport(address: str, *, name: str = "") -> Transport:
@@ -18,6 +19,8 @@ def open_transport(address: str, *, name: str = "") -> Transport:
     match scheme:
         case "hub":
             return HubTransport(rest, name=name)
+        case "socketcan":
+            return SocketCanTransport(rest)
         case "virtual":
             return named_bus(rest).connect()
     raise BusUnavailable(f"{address!r}: there is no kind of bus {scheme!r}; write {FORMS}")

@@ -28,6 +28,8 @@ from tests.bus.laws import WAIT_S, TransportLaws, collect, numbered, readable, u
 class RunningHub:
     """A hub on a thread."""
 
+    slack_ns = 0
+
     def __init__(self, path: str, **options: int) -> None:
         self.path = path
         self.hub = Hub(path, **options)

@@ -9,6 +9,8 @@ from tests.bus.laws import TransportLaws, readable
 
 
 class Virtual:
+    slack_ns = 0
+
     def __init__(self) -> None:
         self.bus = VirtualBus()
 

@@ -1,0 +1,273 @@
+"""A bus of the Linux kernel: raw AF_CAN, classic and FD, with the kernel's stamps and drop counts.
+
+Error frames come as frames (ERROR in the identifier), and in words as findings. An
+interface that goes down, or away, and comes back is a finding, not an end: meanwhile
+nothing is received, and what is sent is counted as dropped. `fileno` stays the same
+throughout; it is an epoll of the socket and, while the interface is down, of the
+kernel's notices about interfaces.
+
+Documentation/networking/can.rst of Linux; constants that Python's socket lacks are for
+64-bit kernels on architectures with the generic socket options (x86-64, ARM, RISC-V).
+"""
+
+import errno
+import select
+import socket
+import struct
+import time
+from collections import deque
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Self
+
+from bus import errors, packet
+from bus.errors import BusFinding, Fault
+from bus.frame import ERROR, FD, Frame
+from bus.link import LinkWatch, can_interfaces, is_up
+from bus.transport import BusClosed, BusUnavailable, Statistics
+from bus.wallclock import SHARED
+
+RECEIVE_BUFFER = 4 << 20
+"""Receive buffer asked for [bytes]; without privilege the kernel grants at most net.core.rmem_max."""
+FINDINGS_LIMIT = 1024
+"""Findings kept until they are asked for; the oldest go first."""
+_SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_RXQ_OVFL, _CAN_RAW_ERR_FILTER = 33, 35, 40, 2
+_CLASSIC = struct.Struct("=IB3x8s")
+_FD = struct.Struct("=IBBxx64s")
+_TIMESPEC = struct.Struct("=qq")
+_COUNT = struct.Struct("=I")
+_ANCILLARY = socket.CMSG_SPACE(_TIMESPEC.size) + socket.CMSG_SPACE(_COUNT.size)
+_LINK_ERRORS = {errno.ENETDOWN: Fault.LINK_DOWN, errno.ENODEV: Fault.LINK_GONE, errno.ENXIO: Fault.LINK_GONE}
+_FULL = (errno.ENOBUFS, errno.EAGAIN)
+
+
+class SocketCanTransport:
+    """A Transport on a CAN interface of this machine."""
+
+    def __init__(
+        self,
+        interface: str,
+        *,
+        filters: Sequence[tuple[int, int]] | None = None,
+        own_messages: bool = False,
+        receive_buffer: int = RECEIVE_BUFFER,
+    ) -> None:
+        """filters: (can_id, mask) words of what the kernel lets through, None: everything.
+
+        own_messages: our frames come back, stamped when the controller sent them, for `confirmations`.
+        BusUnavailable if there is no CAN, no such interface, or it is down.
+        """
+        self.interface = interface
+        self._received = self._sent = self._dropped_in = self._dropped_out = self._errors = 0
+        self._overflows = 0
+        self._confirmed: list[Frame] = []
+        self._findings: deque[BusFinding] = deque(maxlen=FINDINGS_LIMIT)
+        self._trouble: Fault | None = None
+        self._watch: LinkWatch | None = None
+        self._filters = None if filters is None else b"".join(struct.pack("=II", *pair) for pair in filters)
+        self._socket = _can_socket()
+        try:
+            self._set_options(own_messages, receive_buffer)
+            self._bind()
+            if not is_up(interface):
+                raise BusUnavailable(f"{interface} is down; bring it up: {_bring_up(interface)}")
+        except BaseException:
+            self._socket.close()
+            raise
+        self._epoll = select.epoll()
+        self._epoll.register(self._socket.fileno(), select.EPOLLIN)
+
+    def _set_options(self, own_messages: bool, receive_buffer: int) -> None:
+        raw, option = socket.SOL_CAN_RAW, self._socket.setsockopt
+        option(raw, socket.CAN_RAW_FD_FRAMES, 1)
+        option(raw, socket.CAN_RAW_RECV_OWN_MSGS, int(own_messages))
+        option(raw, _CAN_RAW_ERR_FILTER, socket.CAN_ERR_MASK)
+        option(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+        option(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+        try:
+            option(socket.SOL_SOCKET, _SO_RCVBUFFORCE, receive_buffer)
+        except PermissionError:
+            option(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
+
+    def _bind(self) -> None:
+        """Attach to the interface; its filters go with the interface, so they are set each time."""
+        if self._filters is not None:
+            self._socket.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, self._filters)
+        try:
+            self._socket.bind((self.interface,))
+        except OSError as error:
+            raise BusUnavailable(_no_interface(self.interface)) from error
+
+    def send(self, frame: Frame) -> bool:
+        """Hand one frame to the kernel. False: its queue is full or the interface is down, and it is lost."""
+        packet.check(frame)
+        can_id, data, _, flags = frame
+        if flags & FD:
+            content = _FD.pack(can_id, len(data), flags, data)
+        else:
+            content = _CLASSIC.pack(can_id, len(data), data)
+        try:
+            self._socket.send(content)
+        except OSError as error:
+            if error.errno == errno.EINVAL and flags & FD:
+                raise ValueError(
+                    f"{self.interface} carries no CAN FD frames; set it up with fd on, or mtu 72"
+                ) from error
+            self._dropped_out += 1
+            if error.errno not in _FULL:
+                self._note_trouble(error)
+            return False
+        self._sent += 1
+        return True
+
+    def drain(self, limit: int = 64) -> list[Frame]:
+        """At most `limit` frames that have arrived, with the kernel's stamps; [] if there are none."""
+        if self._trouble is not None:
+            self._look_for_recovery()
+        SHARED.check()
+        frames: list[Frame] = []
+        receive, fd_size, ahead_ns = self._socket.recvmsg, _FD.size, SHARED.ahead_ns
+        try:
+            for _ in range(limit):
+                data, ancillary, message_flags, _ = receive(fd_size, _ANCILLARY)
+                at_ns = 0
+                for _, kind, value in ancillary:
+                    if kind == _SO_TIMESTAMPNS:
+                        seconds, nanoseconds = _TIMESPEC.unpack(value)
+                        at_ns = seconds * 1_000_000_000 + nanoseconds - ahead_ns
+                    elif kind == _SO_RXQ_OVFL:
+                        self._note_drops(_COUNT.unpack(value)[0])
+                if len(data) == fd_size:
+                    can_id, length, flags, content = _FD.unpack(data)
+                    frame = Frame(can_id, content[:length], at_ns, flags | FD)
+                else:
+                    can_id, length, content = _CLASSIC.unpack(data)
+                    frame = Frame(can_id, content[:length], at_ns)
+                if message_flags & socket.MSG_CONFIRM:
+                    self._confirmed.append(frame)
+                    continue
+                frames.append(frame)
+                if can_id & ERROR:
+                    self._errors += 1
+                    self._findings += errors.findings(frame)
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            self._note_trouble(error)
+        self._received += len(frames)
+        return frames
+
+    def _note_drops(self, count: int) -> None:
+        """Take over the kernel's count of lost frames, which wraps at 32 bits."""
+        self._dropped_in += (count - self._overflows) & 0xFFFF_FFFF
+        self._overflows = count
+
+    def _note_trouble(self, error: OSError) -> None:
+        """The interface is down or gone: tell it once, and watch for its return."""
+        fault = _LINK_ERRORS.get(error.errno or 0)
+        if fault is None:
+            raise BusClosed(f"{self.interface}: {error.strerror}; was the transport closed?") from error
+        if fault is self._trouble:
+            return
+        self._trouble = fault
+        self._findings.append(BusFinding(fault, time.monotonic_ns(), self.interface))
+        if self._watch is None:
+            self._watch = LinkWatch()
+            self._epoll.register(self._watch.fileno(), select.EPOLLIN)
+
+    def _look_for_recovery(self) -> None:
+        """Go on as before once the interface is up again, even if it was removed and made anew."""
+        if self._watch is not None:
+            self._watch.clear()
+        if not is_up(self.interface):
+            return
+        try:
+            self._bind()
+        except BusUnavailable:  # removed again meanwhile
+            return
+        if self._watch is not None:
+            self._epoll.unregister(self._watch.fileno())
+            self._watch.close()
+            self._watch = None
+        self._trouble = None
+        self._findings.append(BusFinding(Fault.LINK_UP, time.monotonic_ns(), self.interface))
+
+    @property
+    def link_up(self) -> bool:
+        """Whether the interface was usable when last looked at."""
+        return self._trouble is None
+
+    def findings(self) -> list[BusFinding]:
+        """What went wrong, or right again, since the last call: error frames in words, the interface's state."""
+        found = list(self._findings)
+        self._findings.clear()
+        return found
+
+    def confirmations(self) -> list[Frame]:
+        """Own frames that the controller has sent, with its stamps, as far as `drain` has met them."""
+        confirmed, self._confirmed = self._confirmed, []
+        return confirmed
+
+    def fileno(self) -> int:
+        """Readable when `drain` has something to give, or something to see to."""
+        return self._epoll.fileno() if not self._epoll.closed else -1
+
+    def statistics(self) -> Statistics:
+        """Counters since opening."""
+        return Statistics(
+            received=self._received,
+            sent=self._sent,
+            dropped_in=self._dropped_in,
+            dropped_out=self._dropped_out,
+            errors=self._errors,
+        )
+
+    def close(self) -> None:
+        """Leave the bus; a second call does nothing."""
+        self._epoll.close()
+        self._socket.close()
+        if self._watch is not None:
+            self._watch.close()
+            self._watch = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def kernel_has_can() -> bool:
+    """Whether this kernel offers raw CAN sockets."""
+    try:
+        _can_socket().close()
+    except BusUnavailable:
+        return False
+    return True
+
+
+def _can_socket() -> socket.socket:
+    try:
+        return socket.socket(socket.AF_CAN, socket.SOCK_RAW | socket.SOCK_NONBLOCK, socket.CAN_RAW)
+    except OSError as error:
+        raise BusUnavailable(
+            f"this kernel offers no CAN ({error.strerror}): load its modules (modprobe can_raw), "
+            "or use a hub instead (hub:PATH), or run under scripts/uml-run"
+        ) from error
+
+
+def _no_interface(name: str) -> str:
+    there = ", ".join(can_interfaces()) or "none"
+    remedy = "scripts/vcan-up makes virtual ones" if name.startswith("vcan") else "is the adapter plugged in?"
+    return f"{name}: no such CAN interface (there are: {there}); {remedy}"
+
+
+def _bring_up(name: str) -> str:
+    if name.startswith("v"):
+        return f"ip link set {name} up"
+    return f"ip link set {name} up type can bitrate 500000"

@@ -1,0 +1,42 @@
+"""From the kernel's wall-clock stamps to the monotonic clock that everything else uses.
+
+Their difference is a constant of the kernel until somebody sets the clock: NTP slews
+both alike. It is measured once and again after a jump.
+"""
+
+import time
+
+JUMP_NS = 1_000_000
+_READINGS = 32
+
+
+class WallClock:
+    """The difference between CLOCK_REALTIME and CLOCK_MONOTONIC [ns]."""
+
+    def __init__(self) -> None:
+        self.ahead_ns = measure()
+
+    def monotonic_ns(self, wall_ns: int) -> int:
+        """The monotonic time of a wall-clock time."""
+        return wall_ns - self.ahead_ns
+
+    def check(self) -> None:
+        """Measure again if the clock has been set by more than a millisecond."""
+        if abs(time.time_ns() - time.monotonic_ns() - self.ahead_ns) > JUMP_NS:
+            self.ahead_ns = measure()
+
+
+def measure() -> int:
+    """The difference, from the tightest of some readings of one clock between two of the other."""
+    best_ns, ahead_ns = 1 << 62, 0
+    for _ in range(_READINGS):
+        before = time.monotonic_ns()
+        wall = time.time_ns()
+        after = time.monotonic_ns()
+        if after - before < best_ns:
+            best_ns, ahead_ns = after - before, wall - (before + after) // 2
+    return ahead_ns
+
+
+SHARED = WallClock()
+"""One for the process, so that the stamps of its buses agree exactly."""
