@@ -196,7 +196,22 @@ _TABLES: Mapping[str, tuple[type, Mapping[str, Quantity]]] = {
             "PKx1": _q("PKx1", 0.1, 60),
             **{
                 name: _q(name, -100, 100)
-                for name in "PDx2 PEx2 PEx3 PEx4 PKx2 PKx3 PHx1 PHx2 PVx1 PVx2 Ppx1 Ppx2 Ppx3 Ppx4".split()
+                for name in [
+                    "PDx2",
+                    "PEx2",
+                    "PEx3",
+                    "PEx4",
+                    "PKx2",
+                    "PKx3",
+                    "PHx1",
+                    "PHx2",
+                    "PVx1",
+                    "PVx2",
+                    "Ppx1",
+                    "Ppx2",
+                    "Ppx3",
+                    "Ppx4",
+                ]
             },
         },
     ),

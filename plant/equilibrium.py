@@ -57,7 +57,9 @@ def settle(state: Array, p: Array, work: Workspace, road: Array, *, heading: flo
         rise = work.tree.acceleration[s.REAR_FRAME]
         axes = work.places.world.T @ road
         linear = axes.T @ rise[3:] - p[P_GRAVITY] * road[2]
-        return np.concatenate((linear, axes.T @ rise[:3], work.tree.joint_acceleration[s.REAR_AXLE : s.REAR_AXLE + 1]))
+        return np.concatenate(
+            (linear, axes.T @ rise[:3], work.tree.joint_acceleration[s.REAR_AXLE : s.REAR_AXLE + 1])
+        )
 
     rest[2] = _resting_height(residual, p, work)
     error = residual(rest)[free]

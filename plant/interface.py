@@ -6,11 +6,10 @@ Signal names of the DBC meet names of the plant here and in `plant.reception`, a
 import math
 from collections.abc import Mapping
 
+from dbc.schedule import Signals
 from plant.driver import Demand
 from plant.sensors import CHANNELS, INDEX, WHEELS, Health, Readings
 from plant.truth import Truth
-
-Signals = Mapping[str, tuple[str, str]]  # signal -> (SI unit, source)
 
 MACHINE = "Machine"
 TEST_RIG = "TestRig"

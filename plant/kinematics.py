@@ -91,7 +91,13 @@ def place_loader(state: Array, p: Array, tree: Tree, place: Places) -> None:
     world, centres, axles = place.world, place.centres, place.axles
     rotation(state, world)
     rear, front, axle, arm, bucket = place.axes[0], place.axes[1], place.axes[2], place.axes[3], place.axes[4]
-    origin, pivot, lift, pin, down = place.points[0], place.points[1], place.points[2], place.points[3], place.points[4]
+    origin, pivot, lift, pin, down = (
+        place.points[0],
+        place.points[1],
+        place.points[2],
+        place.points[3],
+        place.points[4],
+    )
     c, s = math.cos(state[JOINT + FRONT_FRAME]), math.sin(state[JOINT + FRONT_FRAME])
     front[0, 0], front[1, 0], front[0, 1], front[1, 1] = c, s, -s, c
     c, s = math.cos(state[JOINT + REAR_AXLE]), math.sin(state[JOINT + REAR_AXLE])

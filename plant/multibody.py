@@ -69,7 +69,9 @@ def place_body(tree: Tree, body: int, block: Array, origin: Array, axes: Array) 
 
 
 @compiled
-def place_wheel(tree: Tree, body: int, m: float, spin: float, transverse: float, centre: Array, axle: Array) -> None:
+def place_wheel(
+    tree: Tree, body: int, m: float, spin: float, transverse: float, centre: Array, axle: Array
+) -> None:
     """Inertia of a body that is symmetric about its axle, whatever its spin angle."""
     more = spin - transverse
     a, b, c = axle[0], axle[1], axle[2]
@@ -94,7 +96,11 @@ def set_inertia(
 ) -> None:
     """Spatial inertia about the origin from mass, centre (x, y, z) and inertia about the centre."""
     mx, my, mz = m * x, m * y, m * z
-    inertia[0, 0], inertia[1, 1], inertia[2, 2] = xx + my * y + mz * z, yy + mx * x + mz * z, zz + mx * x + my * y
+    inertia[0, 0], inertia[1, 1], inertia[2, 2] = (
+        xx + my * y + mz * z,
+        yy + mx * x + mz * z,
+        zz + mx * x + my * y,
+    )
     inertia[0, 1] = inertia[1, 0] = xy - mx * y
     inertia[0, 2] = inertia[2, 0] = xz - mx * z
     inertia[1, 2] = inertia[2, 1] = yz - my * z

@@ -100,12 +100,16 @@ _FROM_TYRE = {
     W_DAMPING: "damping",
     **{
         W_PKX1 + i: name
-        for i, name in enumerate(["pkx1", "pkx2", "pkx3", "pcx1", "pdx1", "pdx2", "pex1", "ppx1", "ppx2", "ppx3", "ppx4"])
+        for i, name in enumerate(
+            ["pkx1", "pkx2", "pkx3", "pcx1", "pdx1", "pdx2", "pex1", "ppx1", "ppx2", "ppx3", "ppx4"]
+        )
     },
     **{W_PKY1 + i: name for i, name in enumerate(["pky1", "pky2", "pcy1", "pdy1", "pdy2", "pey1"])},
     **{
         W_RBX1 + i: name
-        for i, name in enumerate(["rbx1", "rbx2", "rcx1", "rex1", "rby1", "rby2", "rcy1", "qbz1", "qcz1", "qdz1", "qdz2"])
+        for i, name in enumerate(
+            ["rbx1", "rbx2", "rcx1", "rex1", "rby1", "rby2", "rcy1", "qbz1", "qcz1", "qdz1", "qdz2"]
+        )
     },
     W_LONGITUDINAL_STIFFNESS: "longitudinal_stiffness",
     W_LATERAL_STIFFNESS: "lateral_stiffness",

@@ -17,6 +17,7 @@ import numpy as np
 
 from bus.frame import Frame
 from dbc import loader_database, reference_database
+from dbc.schedule import FrameSchedule
 from plant import interface
 from plant.actuators import Four, abilities_of, four, request_of, within_power
 from plant.driver import Demand, DriverState, drive
@@ -25,7 +26,6 @@ from plant.machine import Machine
 from plant.plant import Plant
 from plant.reception import Finding, Reception
 from plant.scenario import Scenario
-from plant.schedule import FrameSchedule
 from plant.sensors import WHEEL_SPEED, Readings, SensorBank, measured_values
 from plant.truth import Truth
 

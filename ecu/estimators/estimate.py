@@ -19,12 +19,12 @@ from ecu.estimators.acceleration import (
     yaw_acceleration,
     yaw_rate,
 )
-from ecu.estimators.cog import Centre, front_unit, front_unit_printed, machine_centre
+from ecu.estimators.cog import front_unit, front_unit_printed, machine_centre
 from ecu.estimators.compiled import compiled
 from ecu.estimators.normal_force import NormalForces, Support
-from ecu.estimators.parameters import GRAVITY, Body, Geometry, Parameters, Wheel
+from ecu.estimators.parameters import GRAVITY, Body, Parameters, Wheel
 from ecu.estimators.payload import payload
-from ecu.estimators.rollover import NEVER, Course, Outlook
+from ecu.estimators.rollover import NEVER, Course
 from ecu.estimators.turning import WheelForces
 
 
@@ -550,7 +550,6 @@ def printed(i: Inputs, s: State, p: Parameters) -> tuple[Estimates, State]:
     g, w = p.geometry, p.wheel
     m = motion(i, s, p)
     d = i.articulation_angle
-    c, sn = math.cos(d), math.sin(d)
     load = s.payload
     if i.pressure_usable != 0.0:
         fresh = payload(

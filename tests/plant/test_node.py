@@ -196,7 +196,7 @@ def test_a_bug_in_the_unit_is_not_hidden(bus):
 
 def test_in_real_time_ticks_are_never_early_and_every_one_is_timed(bus):
     """Not a test of speed: however starved the host is, due times and counts have to agree."""
-    timing, stamps, missed = node.Timing(), [], []
+    timing, stamps, missed = node.TickTiming(), [], []
 
     def note(_: FakeUnit, now_ns: int) -> None:
         stamps.append(now_ns)

@@ -12,7 +12,9 @@ from bus.frame import Frame
 from dbc.binding import Binding
 from dbc.database import Database, MessageCodec
 from dbc.protection import Protector
-from plant.interface import Signals
+
+Signals = Mapping[str, tuple[str, str]]
+"""Of one message: signal -> (SI unit, name of the value that goes into it)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +77,7 @@ def _check_complete(database: Database, sender: str, messages: Mapping[str, Sign
     missing, foreign = sorted(of_sender - set(messages)), sorted(set(messages) - of_sender)
     if missing or foreign:
         raise ValueError(
-            f"the DBC and the plant differ on what {sender} sends: {missing} not made, {foreign} unknown"
+            f"the DBC and this side differ on what {sender} sends: {missing} not made, {foreign} unknown"
         )
 
 

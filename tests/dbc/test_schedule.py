@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dbc import loader_database, reference_database
+from dbc.schedule import FrameSchedule, phases
 from plant import interface
-from plant.schedule import FrameSchedule, phases
 
 TICK_NS = 10_000_000
 

@@ -1,0 +1,196 @@
+"""The ECU's cycle: frames and times in, frames and findings out.
+
+No clock, bus, asyncio or logging here. The shell calls `receive` for every frame and `tick` every
+10 ms, and tells how long the last tick took and how many were skipped.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from bus.frame import Frame
+from dbc import loader_database
+from dbc.database import Database
+from ecu import alarms, limits
+from ecu.answers import TICK_NS, Answers
+from ecu.calibration import Calibration
+from ecu.estimators.estimate import INITIAL, Estimates, corrected, printed
+from ecu.findings import Finding, ProtectionFailed, Stale, StateChanged
+from ecu.inputs import Group, Heard, Hearing, estimator_inputs
+from ecu.states import Event, State, after
+from ecu.validity import NOTHING, valid
+
+Form = Literal["corrected", "printed"]
+REASON_HELD_NS: Final = 500_000_000
+"""A momentary reason (a failed frame, an overrun) stays set this long, so that a 20 ms message shows it."""
+NO_ESTIMATES: Final = Estimates(*([0.0] * len(Estimates._fields)))
+MOST_OVERRUNS: Final = 1023
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """What one cycle gives: frames to send, findings to log, and the estimates themselves."""
+
+    frames: list[Frame]
+    findings: list[Finding]
+    estimates: Estimates
+
+
+class EcuCycle:
+    """One ECU. form: estimator equations, corrected or as printed; limits_enabled: False only warns."""
+
+    def __init__(
+        self,
+        calibration: Calibration,
+        *,
+        form: Form = "corrected",
+        limits_enabled: bool = True,
+        database: Database | None = None,
+    ) -> None:
+        database = database or loader_database()
+        self._calibration = calibration
+        self._parameters = calibration.parameters
+        self._estimate = corrected if form == "corrected" else printed
+        self._limits_enabled = limits_enabled
+        self._hearing = Hearing(calibration.inputs, database)
+        self._answers = Answers(database)
+        self._state = State.INIT
+        self._estimator_state = INITIAL
+        self._limits = limits.safe(calibration.limits)
+        self._stale: frozenset[Group] = frozenset()
+        self._ticks = 0
+        self._started_ns: int | None = None
+        self._previous_ns: int | None = None
+        self._execution_ns = 0
+        self._overruns = 0
+        self._overran_ns: int | None = None
+        self._protection_ns: int | None = None
+
+    @property
+    def state(self) -> State:
+        """The state of the cycle."""
+        return self._state
+
+    def warm_up(self) -> None:
+        """Compile the estimators, so that the first cycle is as fast as the others."""
+        heard = self._hearing.gather(0)
+        self._estimate(estimator_inputs(heard, TICK_NS * 1e-9, 1.0), INITIAL, self._parameters)
+
+    def receive(self, frame: Frame, now_ns: int) -> list[Finding]:
+        """Take one frame from the bus."""
+        found = self._hearing.receive(frame, now_ns)
+        if any(isinstance(finding, ProtectionFailed) for finding in found):
+            self._protection_ns = now_ns
+        return found
+
+    def executed(self, execution_ns: int) -> None:
+        """The last tick took this long."""
+        self._execution_ns = execution_ns
+
+    def overran(self, skipped: int, now_ns: int) -> None:
+        """The shell had to skip ticks."""
+        self._overruns = min(self._overruns + skipped, MOST_OVERRUNS)
+        self._overran_ns = now_ns
+
+    def reset(self) -> None:
+        """Leave the fault state, as an operator would."""
+        self._state = after(self._state, Event.RESET)
+        self._estimator_state = INITIAL
+        self._started_ns = None
+
+    def tick(self, now_ns: int) -> Tick:
+        """One cycle at `now_ns`."""
+        if self._started_ns is None:
+            self._started_ns = now_ns
+        heard = self._hearing.gather(now_ns)
+        findings: list[Finding] = [Stale(g.name.lower(), now_ns) for g in sorted(heard.stale - self._stale)]
+        self._stale = heard.stale
+        findings += self._move(self._input_event(heard, now_ns), now_ns)
+        estimates, flags = self._estimates(heard, now_ns)
+        if not all(map(math.isfinite, estimates)):
+            findings += self._move(Event.INTERNAL_ERROR, now_ns)
+            estimates, flags = NO_ESTIMATES, NOTHING
+        self._limits = self._next_limits(estimates, flags, self._period(now_ns))
+        values = self._values(estimates, flags, heard, now_ns)
+        frames = self._answers.frames(self._ticks, values)
+        self._previous_ns = now_ns
+        self._ticks += 1
+        return Tick(frames, findings, estimates)
+
+    def _input_event(self, heard: Heard, now_ns: int) -> Event:
+        unusable = (heard.stale | heard.implausible) - {Group.DEMAND}
+        if not unusable:
+            return Event.INPUTS_GOOD
+        assert self._started_ns is not None
+        waited = (now_ns - self._started_ns) * 1e-9 > self._calibration.inputs.start_up
+        return Event.START_UP_OVER if self._state is State.INIT and waited else Event.INPUTS_BAD
+
+    def _move(self, event: Event, now_ns: int) -> list[Finding]:
+        before, self._state = self._state, after(self._state, event)
+        return [StateChanged(before, self._state, event, now_ns)] if before is not self._state else []
+
+    def _period(self, now_ns: int) -> float:
+        """Time since the previous cycle [s], in whole periods: the sensors sample by the same clock."""
+        if self._previous_ns is None:
+            return TICK_NS * 1e-9
+        return max(round((now_ns - self._previous_ns) / TICK_NS), 1) * TICK_NS * 1e-9
+
+    def _estimates(self, heard: Heard, now_ns: int) -> tuple[Estimates, Mapping[str, bool]]:
+        if self._state not in (State.RUNNING, State.DEGRADED):
+            return NO_ESTIMATES, NOTHING
+        inputs = estimator_inputs(heard, self._period(now_ns), self._limits.rate)
+        estimates, self._estimator_state = self._estimate(inputs, self._estimator_state, self._parameters)
+        return estimates, valid(heard)
+
+    def _next_limits(self, estimates: Estimates, flags: Mapping[str, bool], dt: float) -> limits.Limits:
+        rules, prediction = self._calibration.limits, self._parameters.prediction
+        if not self._limits_enabled:
+            return limits.unlimited(rules, prediction)
+        if not flags["roll_over"]:
+            return limits.safe(rules)
+        before = self._limits
+        if (
+            before.cause is limits.Cause.SAFE_VALUES
+            and self._state is State.RUNNING
+            and self._ticks_running == 0
+        ):
+            before = limits.unlimited(rules, prediction)
+        return limits.next_limits(before, estimates, dt, rules, prediction)
+
+    @property
+    def _ticks_running(self) -> int:
+        """Cycles since the estimators last started: 0 in the first one after init."""
+        return 0 if self._estimator_state.started == 0.0 else 1
+
+    def _values(self, e: Estimates, flags: Mapping[str, bool], heard: Heard, now_ns: int) -> dict[str, float]:
+        """Everything that goes into a frame, by name, SI."""
+        rules = self._calibration.warnings
+        raised = alarms.reasons(e, heard, flags, self._parameters.geometry.articulation_stop, rules)
+        raised["ProtectionError"] = _recent(self._protection_ns, now_ns)
+        raised["CycleOverrun"] = _recent(self._overran_ns, now_ns)
+        acting, now = self._limits, limits.unlimited(self._calibration.limits, self._parameters.prediction)
+        prevents = acting.cause in (limits.Cause.ROLL_OVER_PREVENTION, limits.Cause.SAFE_VALUES)
+        return {
+            **e._asdict(),
+            **{f"{name} valid": float(flag) for name, flag in flags.items()},
+            **{f"reason {name}": float(flag) for name, flag in raised.items()},
+            "warning level": float(alarms.level(raised)),
+            "roll-over state": float(alarms.roll_over_state(e, flags["roll_over"], rules)),
+            "limit front torque": acting.front_torque,
+            "limit rear torque": acting.rear_torque,
+            "limit speed": acting.speed,
+            "limit rate": acting.rate,
+            "limit cause": float(acting.cause),
+            "prevention limits torque": float(prevents and acting.front_torque < now.front_torque),
+            "prevention limits speed": float(prevents and acting.speed < now.speed),
+            "echo": heard.values["sequence"],
+            "execution time": self._execution_ns * 1e-9,
+            "overruns": float(self._overruns),
+            "state": float(self._state),
+            "stale inputs": float(sum(1 << group for group in heard.stale if group is not Group.DEMAND)),
+        }
+
+
+def _recent(at_ns: int | None, now_ns: int) -> bool:
+    return at_ns is not None and now_ns - at_ns <= REASON_HELD_NS

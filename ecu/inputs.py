@@ -1,0 +1,285 @@
+"""What the ECU hears: the machine's frames, checked one by one, gathered once per cycle.
+
+A frame is used when its protection holds. A signal is plausible when it is available, inside the
+range the machine can reach, no further from the one before than the machine can move in a frame,
+and not reported as faulty by its sensor. An implausible or stale message keeps its last good values,
+marked unusable; nothing else is touched by it. Signal names of the DBC end here.
+"""
+
+import enum
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from bus.frame import Frame
+from dbc.binding import Binding
+from dbc.database import Database, MessageCodec
+from dbc.protection import Checker
+from dbc.protection import Finding as Check
+from ecu.calibration import InputRules
+from ecu.estimators.estimate import Inputs
+from ecu.estimators.parameters import GRAVITY
+from ecu.findings import Finding, Implausible, ProtectionFailed
+
+FAULTY: Final = 2
+"""Sensor states from here on (error, not available) make a signal unusable."""
+
+
+class Group(enum.IntEnum):
+    """Input groups; values are the bits of EcuStatus.StaleInputs. DEMAND has none."""
+
+    ARTICULATION = 0
+    WHEEL_SPEEDS = 1
+    WHEEL_TORQUES = 2
+    ACCELERATION = 3
+    RATES = 4
+    SLOPE = 5
+    PRESSURES = 6
+    LINKAGE = 7
+    DEMAND = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One signal: its SI unit, where its value goes, and what is plausible (SI; step per frame)."""
+
+    unit: str
+    target: str
+    limit: float
+    step: float = math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """One message of the machine."""
+
+    message: str
+    group: Group
+    fields: Mapping[str, Field]
+    states: Mapping[str, tuple[str, ...]]  # state signal -> targets it vouches for
+
+
+def _pair(
+    message: str, group: Group, unit: str, targets: tuple[str, str], limit: float, step: float
+) -> Source:
+    left, right = targets
+    return Source(
+        message,
+        group,
+        {"Left": Field(unit, left, limit, step), "Right": Field(unit, right, limit, step)},
+        {"LeftState": (left,), "RightState": (right,)},
+    )
+
+
+def sources(r: InputRules) -> tuple[Source, ...]:
+    """What is heard and what of it is plausible."""
+    speed, torque = r.wheel_speed, r.wheel_torque
+    spin, free = r.wheel_speed_step, math.inf
+    speeds, torques = Group.WHEEL_SPEEDS, Group.WHEEL_TORQUES
+    return (
+        Source(
+            "Articulation",
+            Group.ARTICULATION,
+            {
+                "ArticulationAngle": Field("rad", "articulation_angle", r.articulation, r.articulation_step),
+                "ArticulationRate": Field("rad/s", "articulation_rate", r.articulation_rate),
+                "SampleSequence": Field("1", "sequence", math.inf),
+            },
+            {"State": ("articulation_angle", "articulation_rate")},
+        ),
+        _pair("WheelSpeedsFront", speeds, "rad/s", ("wheel_speed_1", "wheel_speed_2"), speed, spin),
+        _pair("WheelSpeedsRear", speeds, "rad/s", ("wheel_speed_3", "wheel_speed_4"), speed, spin),
+        _pair("WheelTorquesFront", torques, "N.m", ("wheel_torque_1", "wheel_torque_2"), torque, free),
+        _pair("WheelTorquesRear", torques, "N.m", ("wheel_torque_3", "wheel_torque_4"), torque, free),
+        Source(
+            "BodyAcceleration",
+            Group.ACCELERATION,
+            {
+                "Longitudinal": Field("m/s2", "specific_force_x", r.acceleration),
+                "Lateral": Field("m/s2", "specific_force_y", r.acceleration),
+                "Vertical": Field("m/s2", "specific_force_z", r.acceleration),
+            },
+            {"State": ("specific_force_x", "specific_force_y", "specific_force_z")},
+        ),
+        Source(
+            "BodyRates",
+            Group.RATES,
+            {
+                "RollRate": Field("rad/s", "roll_rate", r.rate),
+                "PitchRate": Field("rad/s", "pitch_rate", r.rate),
+                "YawRate": Field("rad/s", "yaw_rate", r.rate),
+            },
+            {"State": ("roll_rate", "pitch_rate", "yaw_rate")},
+        ),
+        Source(
+            "SlopeSensor",
+            Group.SLOPE,
+            {
+                "PitchAngle": Field("rad", "pitch", r.slope, r.slope_step),
+                "RollAngle": Field("rad", "roll", r.slope, r.slope_step),
+            },
+            {},
+        ),
+        Source(
+            "LiftPressure",
+            Group.PRESSURES,
+            {"LiftCylinderPressure": Field("Pa", "lift_pressure", r.pressure)},
+            {},
+        ),
+        Source(
+            "TiltPressure",
+            Group.PRESSURES,
+            {"TiltCylinderPressure": Field("Pa", "tilt_pressure", r.pressure)},
+            {},
+        ),
+        Source(
+            "LinkageAngles",
+            Group.LINKAGE,
+            {
+                "LiftArmAngle": Field("rad", "lift_arm_angle", r.arm, r.linkage_step),
+                "TiltAngle": Field("rad", "tilt_angle", r.tilt, r.linkage_step),
+            },
+            {"State": ("lift_arm_angle", "tilt_angle")},
+        ),
+        Source(
+            "DriverDemand",
+            Group.DEMAND,
+            {"ArticulationRateDemand": Field("rad/s", "articulation_rate_demand", r.articulation_rate)},
+            {},
+        ),
+    )
+
+
+class _Listener:
+    """One message: its last good values, when they came, and which targets are implausible now."""
+
+    def __init__(self, source: Source, codec: MessageCodec) -> None:
+        units = {name: field.unit for name, field in source.fields.items()} | dict.fromkeys(
+            source.states, "1"
+        )
+        self.source = source
+        self.codec = codec
+        self.heard_ns: int | None = None
+        self.unusable: frozenset[str] = frozenset()
+        self._binding = Binding(codec, units)
+        self._checker = Checker(codec) if codec.e2e_data_id is not None else None
+        self._fields = tuple(source.fields.items())
+        self._states = tuple(source.states.values())
+        self._previous: tuple[float, ...] | None = None
+
+    def fresh(self, now_ns: int, stale_cycles: float) -> bool:
+        """Whether a good frame came within the permitted time."""
+        return self.heard_ns is not None and now_ns - self.heard_ns <= stale_cycles * self.codec.cycle_ns
+
+    def receive(self, frame: Frame, now_ns: int, values: dict[str, float]) -> list[Finding]:
+        """Check a frame and put its plausible values into `values`."""
+        found: list[Finding] = []
+        name = self.source.message
+        if self._checker is not None:
+            check = self._checker.check(frame.data, now_ns)
+            if check not in (Check.OK, Check.INITIAL):
+                found.append(ProtectionFailed(name, check, now_ns))
+            if not check.usable:
+                return found
+        elif len(frame.data) < self.codec.length:
+            return [ProtectionFailed(name, Check.WRONG_LENGTH, now_ns)]
+        self.heard_ns = now_ns
+        numbers = self._binding.decode(frame.data)
+        signals, states = numbers[: len(self._fields)], numbers[len(self._fields) :]
+        bad = dict.fromkeys(self._faulty(states), "its sensor reports a fault")
+        for k, (signal, field) in enumerate(self._fields):
+            value = signals[k]
+            reason = bad.get(field.target) or self._doubt(k, field, value)
+            if not reason:
+                values[field.target] = value
+                continue
+            bad[field.target] = reason
+            if field.target not in self.unusable:
+                found.append(Implausible(name, signal, value, reason, now_ns))
+        self._previous = signals
+        self.unusable = frozenset(bad)
+        return found
+
+    def _faulty(self, states: tuple[float, ...]) -> list[str]:
+        return [
+            t for state, targets in zip(states, self._states, strict=True) if state >= FAULTY for t in targets
+        ]
+
+    def _doubt(self, k: int, field: Field, value: float) -> str:
+        """Why a value is not plausible, '' if it is. The step is taken against the previous frame, good or bad."""
+        if math.isnan(value):
+            return "not available"
+        if abs(value) > field.limit:
+            return f"outside +-{field.limit:.4g} {field.unit}"
+        previous = self._previous[k] if self._previous is not None else value
+        if abs(value - previous) > field.step:
+            return f"moved {value - previous:.4g} {field.unit} in one frame, at most {field.step:.4g} is possible"
+        return ""
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """The inputs of one cycle.
+
+    usable: per target; stale: groups without a fresh frame; implausible: groups with a bad signal.
+    """
+
+    values: Mapping[str, float]
+    usable: Mapping[str, bool]
+    stale: frozenset[Group]
+    implausible: frozenset[Group]
+
+    def all_usable(self, *targets: str) -> bool:
+        """Whether every one of `targets` is."""
+        return all(self.usable[target] for target in targets)
+
+
+class Hearing:
+    """Every message the ECU uses; others are not looked at."""
+
+    def __init__(self, rules: InputRules, database: Database) -> None:
+        self._rules = rules
+        self._listeners = [_Listener(source, database.by_name[source.message]) for source in sources(rules)]
+        self._by_id = {listener.codec.can_id: listener for listener in self._listeners}
+        self._values: dict[str, float] = {
+            field.target: 0.0 for listener in self._listeners for field in listener.source.fields.values()
+        } | {"specific_force_z": GRAVITY}
+
+    def receive(self, frame: Frame, now_ns: int) -> list[Finding]:
+        """Use one frame, if the ECU uses it at all and it is sound."""
+        listener = self._by_id.get(frame.can_id)
+        return listener.receive(frame, now_ns, self._values) if listener else []
+
+    def gather(self, now_ns: int) -> Heard:
+        """What can be relied on at this cycle."""
+        usable: dict[str, bool] = {}
+        stale: set[Group] = set()
+        implausible: set[Group] = set()
+        for listener in self._listeners:
+            fresh = listener.fresh(now_ns, self._rules.stale_cycles)
+            for field in listener.source.fields.values():
+                usable[field.target] = fresh and field.target not in listener.unusable
+            if not fresh:
+                stale.add(listener.source.group)
+            elif listener.unusable:
+                implausible.add(listener.source.group)
+        return Heard(dict(self._values), usable, frozenset(stale), frozenset(implausible))
+
+
+def estimator_inputs(heard: Heard, dt: float, rate_limit: float) -> Inputs:
+    """The estimators' inputs: values, and flags for what may be relied on. dt [s]; rate_limit [rad/s]."""
+    v = heard.values
+    flags = {
+        "demand_usable": heard.all_usable("articulation_rate_demand"),
+        **{f"wheel_{n}_usable": heard.all_usable(f"wheel_speed_{n}") for n in (1, 2, 3, 4)},
+        "torque_usable": heard.all_usable(*(f"wheel_torque_{n}" for n in (1, 2, 3, 4))),
+        "acceleration_usable": heard.all_usable("specific_force_x", "specific_force_y", "specific_force_z"),
+        "rates_usable": heard.all_usable("roll_rate", "pitch_rate", "yaw_rate"),
+        "slope_usable": heard.all_usable("pitch", "roll"),
+        "pressure_usable": heard.all_usable("lift_pressure", "tilt_pressure"),
+    }
+    known = {name: v[name] for name in Inputs._fields if name in v}
+    return Inputs(
+        dt=dt, rate_limit=rate_limit, **known, **{name: float(value) for name, value in flags.items()}
+    )

@@ -1,0 +1,90 @@
+"""Limits on wheel torque, speed and articulation rate that keep the machine on its wheels.
+
+The estimators say which articulation rate and which speed leave a margin over the prediction horizon;
+here they become limits that fall at once (or as fast as the machine can brake) and rise slowly, so that
+the driver feels one intervention and not a flutter. Where roll-over cannot be judged, safe values hold.
+"""
+
+import enum
+from dataclasses import dataclass, replace
+
+from ecu.calibration import LimitRules
+from ecu.estimators.estimate import Estimates
+from ecu.estimators.parameters import Prediction
+
+SPEED_HEADROOM = 0.3
+"""A falling speed limit starts this far above the present speed [m/s]: further up it would limit nothing."""
+
+
+class Cause(enum.IntEnum):
+    """Values are those of Limits.Cause in the DBC."""
+
+    NO_LIMIT = 0
+    PRECAUTION = 1
+    ROLL_OVER_PREVENTION = 2
+    SAFE_VALUES = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What the machine may do: torque of front and rear wheels [N m], speed [m/s], articulation rate [rad/s]."""
+
+    front_torque: float
+    rear_torque: float
+    speed: float
+    rate: float
+    cause: Cause
+    engaged: bool = False  # prevention is acting; carried to the next cycle for its hysteresis
+
+
+def unlimited(rules: LimitRules, prediction: Prediction) -> Limits:
+    """The machine's own limits only."""
+    return Limits(
+        front_torque=rules.front_torque,
+        rear_torque=rules.rear_torque,
+        speed=prediction.largest_speed,
+        rate=prediction.largest_rate,
+        cause=Cause.NO_LIMIT,
+    )
+
+
+def safe(rules: LimitRules) -> Limits:
+    """What the machine may do while nobody knows how close it is to rolling over."""
+    return Limits(
+        front_torque=min(rules.safe_torque, rules.front_torque),
+        rear_torque=min(rules.safe_torque, rules.rear_torque),
+        speed=rules.safe_speed,
+        rate=rules.safe_rate,
+        cause=Cause.SAFE_VALUES,
+    )
+
+
+def torque_share(margin: float, rules: LimitRules) -> float:
+    """Share of the full torque at a predicted margin: linear between the two thresholds."""
+    span = rules.torque_full_margin - rules.torque_least_margin
+    place = min(max((margin - rules.torque_least_margin) / span, 0.0), 1.0)
+    return rules.torque_least_share + (1.0 - rules.torque_least_share) * place
+
+
+def next_limits(
+    before: Limits, estimates: Estimates, dt: float, rules: LimitRules, prediction: Prediction
+) -> Limits:
+    """The limits of this cycle from a valid prediction. dt [s]."""
+    none = unlimited(rules, prediction)
+    margin = min(estimates.predicted_margin, estimates.lift_off_margin)
+    engaged = margin < (rules.release_margin if before.engaged else rules.engage_margin)
+    rate = min(estimates.permitted_rate, before.rate + rules.rate_rise * dt, none.rate)
+    permitted = max(estimates.permitted_speed, rules.creep_speed)
+    start = min(before.speed, max(abs(estimates.speed) + SPEED_HEADROOM, permitted))
+    speed = max(permitted, start - rules.speed_fall * dt)
+    speed = min(speed, before.speed + rules.speed_rise * dt, none.speed)
+    share = torque_share(margin, rules)
+    front = min(share * none.front_torque, before.front_torque + rules.torque_rise * dt)
+    rear = min(share * none.rear_torque, before.rear_torque + rules.torque_rise * dt)
+    now = Limits(
+        front_torque=front, rear_torque=rear, speed=speed, rate=rate, cause=Cause.NO_LIMIT, engaged=engaged
+    )
+    limited = rate < none.rate or speed < none.speed or front < none.front_torque or rear < none.rear_torque
+    if engaged:
+        return replace(now, cause=Cause.ROLL_OVER_PREVENTION)
+    return replace(now, cause=Cause.PRECAUTION) if limited else now

@@ -1,0 +1,88 @@
+"""The ECU as a process: frames and ticks in real time around the cycle. A thin shell.
+
+Two tasks live and die together: one waits for frames, one for the absolute timer. Missed ticks are
+skipped and told to the cycle; findings are logged as they come, and they come on changes only.
+"""
+
+import asyncio
+import gc
+import logging
+import time
+from collections.abc import Callable
+
+from bus.pacing import TickTiming, first_of, readable
+from bus.ticks import Ticks
+from bus.transport import BusClosed, Transport
+from ecu.answers import TICK_NS
+from ecu.cycle import EcuCycle
+from ecu.findings import Finding
+
+log = logging.getLogger(__name__)
+
+
+def log_finding(finding: Finding) -> None:
+    """One line per finding."""
+    log.warning("%s", finding)
+
+
+async def run(
+    bus: Transport,
+    cycle: EcuCycle,
+    *,
+    period_ns: int = TICK_NS,
+    found: Callable[[Finding], None] = log_finding,
+    timing: TickTiming | None = None,
+) -> None:
+    """Run the cycle on the bus until the task is cancelled; BusClosed when the bus is gone.
+
+    period_ns: real time between ticks. timing: filled with lateness and execution of every tick.
+    """
+    timing = timing if timing is not None else TickTiming()
+    cycle.warm_up()
+    gc.collect()
+    gc.freeze()  # what start-up made stays; the collector need not look at it in every generation
+
+    def receive() -> None:
+        while frames := bus.drain():
+            for frame in frames:
+                for finding in cycle.receive(frame, frame.at_ns or time.monotonic_ns()):
+                    found(finding)
+
+    def tick(due_ns: int) -> None:
+        started_ns = time.monotonic_ns()
+        receive()  # what has come is used now, not a tick later
+        result = cycle.tick(started_ns)
+        for frame in result.frames:
+            bus.send(frame)
+        for finding in result.findings:
+            found(finding)
+        execution_ns = time.monotonic_ns() - started_ns
+        cycle.executed(execution_ns)
+        timing.add(started_ns - due_ns, execution_ns)
+
+    async def listen() -> None:
+        while True:
+            await readable(bus.fileno())
+            receive()
+
+    async def pace() -> None:
+        with Ticks(period_ns) as ticks:
+            while True:
+                await readable(ticks.fileno())
+                skipped = max(ticks.expired() - 1, 0)
+                if skipped:
+                    timing.missed += skipped
+                    cycle.overran(skipped, time.monotonic_ns())
+                tick(ticks.due_ns)
+
+    try:
+        async with asyncio.TaskGroup() as group:
+            group.create_task(listen(), name="ecu-listen")
+            group.create_task(pace(), name="ecu-tick")
+    except BaseExceptionGroup as errors:
+        closed, others = errors.split(BusClosed)
+        if closed is None or others is not None:
+            raise
+        raise first_of(closed) from None
+    finally:
+        gc.unfreeze()
