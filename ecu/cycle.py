@@ -128,7 +128,11 @@ class EcuCycle:
 
     def _move(self, event: Event, now_ns: int) -> list[Finding]:
         before, self._state = self._state, after(self._state, event)
-        return [StateChanged(before, self._state, event, now_ns)] if before is not self._state else []
+        if before is self._state:
+            return []
+        if before is State.INIT and self._state is State.RUNNING:  # nothing to rise slowly from
+            self._limits = limits.unlimited(self._calibration.limits, self._parameters.prediction)
+        return [StateChanged(before, self._state, event, now_ns)]
 
     def _period(self, now_ns: int) -> float:
         """Time since the previous cycle [s], in whole periods: the sensors sample by the same clock."""
@@ -149,19 +153,7 @@ class EcuCycle:
             return limits.unlimited(rules, prediction)
         if not flags["roll_over"]:
             return limits.safe(rules)
-        before = self._limits
-        if (
-            before.cause is limits.Cause.SAFE_VALUES
-            and self._state is State.RUNNING
-            and self._ticks_running == 0
-        ):
-            before = limits.unlimited(rules, prediction)
-        return limits.next_limits(before, estimates, dt, rules, prediction)
-
-    @property
-    def _ticks_running(self) -> int:
-        """Cycles since the estimators last started: 0 in the first one after init."""
-        return 0 if self._estimator_state.started == 0.0 else 1
+        return limits.next_limits(self._limits, estimates, dt, rules, prediction)
 
     def _values(self, e: Estimates, flags: Mapping[str, bool], heard: Heard, now_ns: int) -> dict[str, float]:
         """Everything that goes into a frame, by name, SI."""

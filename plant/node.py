@@ -6,40 +6,15 @@ skipped and counted: the machine's own time then falls behind the clock, it neve
 
 import asyncio
 import time
-from array import array
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from bus.pacing import TickTiming, first_of, readable
 from bus.ticks import Ticks
 from bus.transport import BusClosed, Transport
 from plant.reception import Finding
 from plant.recorder import TruthRecorder
 from plant.unit import TICK_NS, PlantUnit
-
-
-class Timing:
-    """Per tick: how late it started and how long it took, integer nanoseconds; and the ticks missed."""
-
-    def __init__(self) -> None:
-        self._lateness = array("q")
-        self._execution = array("q")
-        self.missed = 0
-
-    def add(self, lateness_ns: int, execution_ns: int) -> None:
-        """One tick."""
-        self._lateness.append(lateness_ns)
-        self._execution.append(execution_ns)
-
-    def arrays(self) -> dict[str, NDArray[np.int64]]:
-        """Columns for timing.npz."""
-        return {
-            "lateness_ns": np.array(self._lateness, dtype=np.int64),
-            "execution_ns": np.array(self._execution, dtype=np.int64),
-            "missed": np.array(self.missed, dtype=np.int64),
-        }
 
 
 async def run(
@@ -50,7 +25,7 @@ async def run(
     realtime: bool = True,
     on_tick: Callable[[PlantUnit, int], None] | None = None,
     on_finding: Callable[[Finding], None] | None = None,
-    timing: Timing | None = None,
+    timing: TickTiming | None = None,
     truth_path: Path | None = None,
 ) -> None:
     """Run the unit on the bus until it has finished or the task is cancelled.
@@ -62,7 +37,7 @@ async def run(
     cancelled, or BusClosed, which is raised to the caller when the hub or interface is gone.
     """
     truth = TruthRecorder() if truth_path else None
-    timing = timing or Timing()
+    timing = timing or TickTiming()
 
     def receive() -> None:
         while frames := transport.drain():
@@ -86,13 +61,13 @@ async def run(
 
     async def listen() -> None:
         while True:
-            await _readable(transport.fileno())
+            await readable(transport.fileno())
             receive()
 
     async def pace() -> None:
         with Ticks(period_ns) as ticks:
             while not unit.finished:
-                await _readable(ticks.fileno())
+                await readable(ticks.fileno())
                 timing.missed += max(ticks.expired() - 1, 0)
                 tick(ticks.due_ns)
 
@@ -110,24 +85,7 @@ async def run(
         closed, others = errors.split(BusClosed)
         if closed is None or others is not None:
             raise
-        raise _first(closed) from None
+        raise first_of(closed) from None
     finally:
         if truth is not None and truth_path is not None:
             truth.save(truth_path)
-
-
-async def _readable(fd: int) -> None:
-    """Wait until `fd` has something to read."""
-    loop = asyncio.get_running_loop()
-    ready = asyncio.Event()
-    loop.add_reader(fd, ready.set)
-    try:
-        await ready.wait()
-    finally:
-        loop.remove_reader(fd)
-
-
-def _first(group: BaseExceptionGroup[BusClosed]) -> BusClosed:
-    """The first leaf of the group."""
-    error = group.exceptions[0]
-    return _first(error) if isinstance(error, BaseExceptionGroup) else error

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import ParamSpec, TypeVar
 
 import numba
-import numba.core.config
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -31,10 +30,10 @@ _CACHE = Path(__file__).parent / "__pycache__" / f"estimators-{_digest()}"
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile at the first call, without reordering floating point; same results as Python."""
-    folder = numba.core.config.CACHE_DIR
-    numba.core.config.CACHE_DIR = str(_CACHE)
+    folder = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(_CACHE)
     try:
         result: Callable[P, R] = numba.njit(cache=True, fastmath=False)(function)
     finally:
-        numba.core.config.CACHE_DIR = folder
+        numba.config.CACHE_DIR = folder
     return result

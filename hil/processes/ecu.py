@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from bus.address import open_transport
+from bus.pacing import TickTiming
 from ecu import node
 from hil import rundir
 from hil.ecu_side import Form, ecu_cycle
@@ -14,7 +15,7 @@ from hil.processes.shell import HostShare, counters, run_until_signal
 def run(line: Lifeline, form: Form, limits: bool, address: str, out: Path | None) -> Ending:
     """The virtual ECU on the bus, until it is told to end; with `out`, its timing is left there."""
     cycle = ecu_cycle(form=form, limits=limits)
-    timing = node.Timing()
+    timing = TickTiming()
     host = HostShare()
     with open_transport(address) as bus:
         line.ready()

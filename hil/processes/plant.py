@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bus.address import open_transport
+from bus.pacing import TickTiming
 from dbc.writer import CandumpWriter
 from hil import rundir
 from hil.compose import Choice, plant_unit
@@ -29,7 +30,7 @@ def run(line: Lifeline, choice: Choice, address: str, out: Path | None) -> Endin
     _warm_plant(scenario)
     line.ready()
     line.wait_for_go()
-    timing = node.Timing()
+    timing = TickTiming()
     started_ns: list[int] = []
     host = HostShare()
     with ExitStack() as stack:
@@ -62,7 +63,7 @@ def run(line: Lifeline, choice: Choice, address: str, out: Path | None) -> Endin
     return Ending.INTERRUPTED if interrupted else Ending.PASSED
 
 
-def _columns(timing: node.Timing, started_ns: list[int]) -> dict[str, NDArray[np.int64]]:
+def _columns(timing: TickTiming, started_ns: list[int]) -> dict[str, NDArray[np.int64]]:
     """Of timing.npz; `due_ns` says which stamp of the bus clock each row of the truth belongs to."""
     columns = timing.arrays()
     due_ns = np.array(started_ns, np.int64) - columns["lateness_ns"][: len(started_ns)]
