@@ -209,12 +209,14 @@ class SensorBank:
         self._stepped = resolution > 0
         self._resolution = np.where(self._stepped, resolution, 1.0)
         delay = np.round(column("delay") / step, 9)  # in steps; 0.03 / 0.01 is 3
-        self._whole = np.floor(delay).astype(np.int64)
-        self._part = delay - self._whole
-        self._columns = np.arange(len(channels))
-        self._history: Floats = np.empty((int(self._whole.max()) + 2, len(channels)))
+        self._late = np.flatnonzero(delay)
+        self._whole = np.floor(delay[self._late]).astype(np.int64)
+        self._part = delay[self._late] - self._whole
+        self._history: Floats = np.empty((int(delay.max()) + 2, len(channels)))
         self._newest = -1  # row of the newest sample; -1: none yet
         self._last: Floats = np.empty(len(channels))
+        self._well = np.full(len(channels), int(Health.OK))
+        self._well.flags.writeable = False  # shared by the readings of every healthy sample
 
     def sample(self, truth: list[float] | Floats) -> Readings:
         """The readings one step later, for the true values `truth` held since the last call.
@@ -226,11 +228,14 @@ class SensorBank:
             len(measured)
         )
         limited = np.minimum(np.maximum(noisy, self._minimum), self._maximum)
-        rounded = np.where(self._stepped, np.round(limited / self._resolution) * self._resolution, limited)
+        values = np.where(self._stepped, np.rint(limited / self._resolution) * self._resolution, limited)
         missing = self._generator.random(len(measured)) < self._dropout
-        values = np.where(missing, self._last, rounded)
+        clipped = limited != noisy
+        health = self._well
+        if missing.any() or clipped.any():
+            values[missing] = self._last[missing]
+            health = np.where(missing, int(Health.ERROR), np.where(clipped, int(Health.DEGRADED), self._well))
         self._last = values
-        health = np.where(missing, Health.ERROR, np.where(limited != noisy, Health.DEGRADED, Health.OK))
         return Readings(values, health)
 
     def _lagged(self, measured: Floats) -> Floats:
@@ -245,6 +250,12 @@ class SensorBank:
         rows = len(self._history)
         self._newest = (self._newest + 1) % rows
         self._history[self._newest] = lagged
-        near = self._history[(self._newest - self._whole) % rows, self._columns]
-        far = self._history[(self._newest - self._whole - 1) % rows, self._columns]
-        return (1.0 - self._part) * near + self._part * far
+        late = self._late
+        if not late.size:
+            return lagged
+        near = (self._newest - self._whole) % rows
+        delayed = lagged.copy()
+        delayed[late] = (1.0 - self._part) * self._history[near, late] + self._part * self._history[
+            near - 1, late
+        ]
+        return delayed
