@@ -9,13 +9,14 @@ the age of what each side reads are those of a real bus. (bus.arbitration counts
 stuff bits, which costs more than a whole lockstep tick may.)
 """
 
-import heapq
 from collections.abc import Iterable
+from operator import itemgetter
 
 from bus.arbitration import priority
 from bus.frame import EXTENDED, Frame
 
 SECOND = 1_000_000_000
+_priority = itemgetter(0)
 
 
 def wire_bits(frame: Frame) -> int:
@@ -32,28 +33,33 @@ class Wire:
                 f"bit_rate={bit_rate} bit/s is not positive; CAN runs at 10_000 to 1_000_000 bit/s"
             )
         self._bit_ns = SECOND / bit_rate
-        self._pending: list[tuple[int, int, str, Frame]] = []
-        self._queued = 0
+        self._pending: list[tuple[int, str, Frame]] = []
+        self._priorities: dict[int, int] = {}
         self._free_ns = 0
 
     def put(self, frames: Iterable[Frame], now_ns: int, sender: str) -> None:
         """Queue frames at `now_ns`; the wire cannot have carried them before that."""
+        known = self._priorities
         for frame in frames:
-            heapq.heappush(self._pending, (priority(frame.can_id), self._queued, sender, frame))
-            self._queued += 1
+            can_id = frame.can_id
+            if can_id not in known:
+                known[can_id] = priority(can_id)
+            self._pending.append((known[can_id], sender, frame))
+        self._pending.sort(key=_priority)  # stable: equal identifiers keep their order
         self._free_ns = max(self._free_ns, now_ns)
 
     def take(self, until_ns: int) -> list[tuple[str, Frame]]:
         """(sender, frame) of what has arrived by `until_ns`, in order, stamped with the arrival."""
         arrived = []
-        while self._pending:
-            _, _, sender, frame = self._pending[0]
-            at_ns = self._free_ns + round(wire_bits(frame) * self._bit_ns)
+        bit_ns, free_ns = self._bit_ns, self._free_ns
+        for _, sender, frame in self._pending:
+            at_ns = free_ns + round(wire_bits(frame) * bit_ns)
             if at_ns > until_ns:
                 break
-            heapq.heappop(self._pending)
-            self._free_ns = at_ns
             arrived.append((sender, Frame(frame.can_id, frame.data, at_ns, frame.flags)))
+            free_ns = at_ns
+        del self._pending[: len(arrived)]
+        self._free_ns = free_ns
         return arrived
 
     @property
