@@ -1,0 +1,137 @@
+"""How well the ECU estimates the normal forces: against plant truth, in every drive case, in both forms.
+
+Each case runs once per form with the limits off, so that both forms see the very same drive.
+The error of a frame is its value minus the true force at the moment the frame arrived: age of
+the sample, computation and wire count. Frames marked invalid and everything after the first
+lift-off are left out; there the estimate is the pull that would hold the wheel down.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bus.frame import Frame
+from dbc import loader_database
+from dbc.binding import Binding
+from hil.campaign.batch import Result, header, markdown_table, results_of
+from hil.compose import Choice, lockstep
+from hil.ecu_side import FORMS, Form
+from hil.lockstep import Recording
+from hil.verdict import WHEELS, first_lift_off
+from plant.scenario import list_scenarios
+
+COMMAND = "loaderhil campaign normal-force"
+FILE = "normal_force.md"
+WHEEL_SIGNALS = ("FrontLeft", "FrontRight", "RearLeft", "RearRight")
+CACHE = Path("out/campaign/normal-force")
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One drive case with one form of the estimators."""
+
+    scenario: str
+    form: Form
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """The estimates of a run: arrival (n,) [s], normal force (n, 4) [N], valid (n, 4)."""
+
+    time_s: NDArray[np.float64]
+    force: NDArray[np.float64]
+    valid: NDArray[np.bool_]
+
+
+def run_case(case: Case) -> Result:
+    """RMS error per wheel [N], standing load per wheel [N], share of frames that were valid, frames used."""
+    scenario = Choice(scenario=case.scenario).load()
+    recording = lockstep(scenario, form=case.form, limits=False).run()
+    time = np.array([truth.time_s for truth in recording.truth])
+    force = np.array([truth.normal_force for truth in recording.truth])
+    return errors_of(estimates_of(recording), time, force) | {"seed": scenario.seed}
+
+
+def estimates_of(recording: Recording) -> Series:
+    """The NormalForces frames of a run."""
+    codec = loader_database().by_name["NormalForces"]
+    binding = Binding(
+        codec, dict.fromkeys(WHEEL_SIGNALS, "N") | dict.fromkeys((f"{s}Valid" for s in WHEEL_SIGNALS), "1")
+    )
+    frames: list[Frame] = [frame for frame in recording.bus if frame.can_id == codec.can_id]
+    values = np.array([binding.decode(frame.data) for frame in frames], float).reshape(-1, 8)
+    return Series(np.array([frame.at_ns for frame in frames]) * 1e-9, values[:, :4], values[:, 4:] > 0)
+
+
+def errors_of(series: Series, time_s: NDArray[np.float64], force: NDArray[np.float64]) -> Result:
+    """Errors of the estimates against the truth (time_s (n,), force (n, 4) [N])."""
+    lift = first_lift_off(time_s, force)
+    end = lift[0] if lift else float(time_s[-1])
+    judged = series.time_s <= end
+    rms = []
+    for wheel in range(4):
+        used = judged & series.valid[:, wheel]
+        true = np.interp(series.time_s[used], time_s, force[:, wheel])
+        error = series.force[used, wheel] - true
+        rms.append(float(np.sqrt(np.mean(error**2))) if used.any() else float("nan"))
+    return {
+        "rms": rms,
+        "standing": force[0].tolist(),
+        "valid": float(np.mean(series.valid[judged])) if judged.any() else 0.0,
+        "until": end,
+        "lifts": lift is not None,
+    }
+
+
+def run_campaign(out: Path, jobs: int | None = None) -> Path:
+    """Run every case and write the table."""
+    cases = [Case(summary.name, form) for summary in list_scenarios() for form in FORMS]
+    results = results_of(cases, run_case, cache=CACHE, jobs=jobs, title="drive cases")
+    file = out / FILE
+    out.mkdir(parents=True, exist_ok=True)
+    file.write_text(table(cases, results))
+    return file
+
+
+def table(cases: Sequence[Case], results: Sequence[Result]) -> str:
+    """The document."""
+    rows = [_row(case, result) for case, result in zip(cases, results, strict=True)]
+    text = header("Normal force: estimate against plant truth", COMMAND, "seeds of the scenarios")
+    return (
+        text
+        + INTRODUCTION
+        + markdown_table(("drive case", "form", *WHEELS, "valid"), rows)
+        + _note(cases, results)
+    )
+
+
+INTRODUCTION = """
+RMS of estimate minus truth, per wheel, in N and in % of the load that the wheel carries standing in the same
+case. *Corrected*: the estimators' equations with their errata repaired; *printed*: as the thesis prints them.
+Both forms see the same drive (limits off) and the same noisy, quantised, delayed sensors; an estimate is compared
+with the truth of the moment its frame arrives. *valid*: share of frames that the ECU marks valid; others do not count.
+
+"""
+
+
+def _row(case: Case, result: dict[str, Any]) -> list[str]:
+    cells = [
+        f"{rms:.0f} ({100 * rms / standing:.1f} %)"
+        for rms, standing in zip(result["rms"], result["standing"], strict=True)
+    ]
+    name = case.scenario.replace("_", " ") + (" ¹" if result["lifts"] else "")
+    return [name, case.form, *cells, f"{100 * result['valid']:.1f} %"]
+
+
+def _note(cases: Sequence[Case], results: Sequence[Result]) -> str:
+    ends = {
+        case.scenario: result["until"] for case, result in zip(cases, results, strict=True) if result["lifts"]
+    }
+    if not ends:
+        return ""
+    named = ", ".join(f"{name.replace('_', ' ')} {end:.2f} s" for name, end in ends.items())
+    return f"\n¹ up to the first lift-off: {named}.\n"
