@@ -60,7 +60,7 @@ class EcuCycle:
         self._limits = limits.safe(calibration.limits)
         self._stale: frozenset[Group] = frozenset()
         self._ticks = 0
-        self._started_ns: int | None = None
+        self._started_ns: int | None = None  # when the bus was first heard
         self._previous_ns: int | None = None
         self._execution_ns = 0
         self._overruns = 0
@@ -79,6 +79,8 @@ class EcuCycle:
 
     def receive(self, frame: Frame, now_ns: int) -> list[Finding]:
         """Take one frame from the bus."""
+        if self._started_ns is None:
+            self._started_ns = now_ns
         found = self._hearing.receive(frame, now_ns)
         if any(isinstance(finding, ProtectionFailed) for finding in found):
             self._protection_ns = now_ns
@@ -101,8 +103,6 @@ class EcuCycle:
 
     def tick(self, now_ns: int) -> Tick:
         """One cycle at `now_ns`."""
-        if self._started_ns is None:
-            self._started_ns = now_ns
         heard = self._hearing.gather(now_ns)
         findings: list[Finding] = [Stale(g.name.lower(), now_ns) for g in sorted(heard.stale - self._stale)]
         self._stale = heard.stale
@@ -122,8 +122,8 @@ class EcuCycle:
         unusable = (heard.stale | heard.implausible) - {Group.DEMAND}
         if not unusable:
             return Event.INPUTS_GOOD
-        assert self._started_ns is not None
-        waited = (now_ns - self._started_ns) * 1e-9 > self._calibration.inputs.start_up
+        waiting_ns = now_ns - self._started_ns if self._started_ns is not None else 0
+        waited = waiting_ns * 1e-9 > self._calibration.inputs.start_up
         return Event.START_UP_OVER if self._state is State.INIT and waited else Event.INPUTS_BAD
 
     def _move(self, event: Event, now_ns: int) -> list[Finding]:

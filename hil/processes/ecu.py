@@ -1,28 +1,38 @@
 """The ECU process: the virtual ECU on the bus, in real time."""
 
+from collections import Counter
 from pathlib import Path
 
 from bus.address import open_transport
 from bus.pacing import TickTiming
 from ecu import node
+from ecu.findings import Finding
 from hil import rundir
 from hil.ecu_side import Form, ecu_cycle
 from hil.ending import Ending
 from hil.lifeline import Lifeline
-from hil.processes.shell import HostShare, counters, run_until_signal
+from hil.processes.shell import HostShare, counters, log_to, run_until_signal
 
 
 def run(line: Lifeline, form: Form, limits: bool, address: str, out: Path | None) -> Ending:
-    """The virtual ECU on the bus, until it is told to end; with `out`, its timing is left there."""
+    """The virtual ECU on the bus, until it is told to end; with `out`, its timing and log are left there."""
+    log_to(out and out / rundir.ECU_LOG)
     cycle = ecu_cycle(form=form, limits=limits)
+    cycle.warm_up()  # compiles on a fresh machine: before anybody waits for answers
     timing = TickTiming()
+    kinds: Counter[str] = Counter()
+
+    def found(finding: Finding) -> None:
+        kinds[f"finding_{type(finding).__name__}"] += 1
+        node.log_finding(finding)
+
     host = HostShare()
-    with open_transport(address) as bus:
+    with open_transport(address, name="ecu") as bus:
         line.ready()
         try:
-            run_until_signal(node.run(bus, cycle, timing=timing))
+            run_until_signal(node.run(bus, cycle, timing=timing, found=found))
         finally:
             if out:
                 rundir.write_table(rundir.part_of_timing(out, "ecu"), timing.arrays())
-            line.finished(complete=True, missed=timing.missed, **host.figures(), **counters(bus))
+            line.finished(complete=True, missed=timing.missed, **kinds, **host.figures(), **counters(bus))
     return Ending.PASSED if line.supervised else Ending.INTERRUPTED

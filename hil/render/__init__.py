@@ -48,7 +48,7 @@ def dimensions_of(machine: str) -> Dimensions:
 def scene_of(instant: Mapping[str, Any], dimensions: Dimensions, *, lifting: int | None = None) -> Scene:
     """The machine from in front, on the side of the wheel that lifts (index) or else the left."""
     side = 1 if lifting in (None, 0, 2) else -1
-    azimuth = np.degrees(float(instant["yaw"])) + 180 + side * 42
+    azimuth = np.degrees(float(instant["yaw"])) + 180 + side * 68
     centre = np.asarray(instant["position"], float)
     return Scene(
         shapes=tuple(machine_shapes(instant, dimensions)),

@@ -214,6 +214,13 @@ def bands(run: RunDirectory) -> list[Band]:
     return found
 
 
+def severity(value: int, words: Mapping[int, str]) -> int:
+    """Of a state by its number; a flag that is set counts as 2, a value without a word as quiet."""
+    if value not in words:
+        return 0
+    return min(value, 3) if len(words) > 2 else 2 * value
+
+
 def stretches(
     time_s: ArrayLike, value: ArrayLike, words: Mapping[int, str]
 ) -> tuple[tuple[float, float, str, int], ...]:
@@ -224,7 +231,12 @@ def stretches(
     starts = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1))
     ends = np.concatenate((time[starts[1:]], time[-1:]))
     return tuple(
-        (float(time[i]), float(end), words.get(int(values[i]), "not available"), min(int(values[i]), 3))
+        (
+            float(time[i]),
+            float(end),
+            words.get(int(values[i]), "not available"),
+            severity(int(values[i]), words),
+        )
         for i, end in zip(starts, ends, strict=True)
     )
 

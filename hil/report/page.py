@@ -157,13 +157,14 @@ def _band(band: content.Band, until_s: float) -> str:
 
 def _legend_of_severity() -> str:
     words = (
-        "stable, not set",
+        "stable, not set, not available",
         "attention, precaution, running",
-        "warning, prevention, degraded",
+        "warning, prevention, degraded, set",
         "imminent, lifted, safe values, fault",
     )
     spans = "".join(
-        f'<span class="swatch" style="background:var(--s{i})"></span>{word}' for i, word in enumerate(words)
+        f'<span class="key"><i class="swatch" style="background:var(--s{i})"></i>{word}</span> '
+        for i, word in enumerate(words)
     )
     return f'<p class="soft">{spans}</p>'
 
