@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from discrepancy_truth import COLOURED, QUANTISED, WHITE, Noise, record
+from discrepancy_truth import COLOURED, QUANTISED, WHITE, record
 from scipy.stats import beta
 
 from discrepancy.findings import Findings

@@ -37,7 +37,9 @@ QUANTISED = Noise(force_sd=300.0, speed_sd=0.004, acceleration_sd=0.03)
 
 
 @numba.njit
-def _drive(p: np.ndarray, target: np.ndarray, shake: np.ndarray, reading: np.ndarray, sense: np.ndarray) -> np.ndarray:
+def _drive(
+    p: np.ndarray, target: np.ndarray, shake: np.ndarray, reading: np.ndarray, sense: np.ndarray
+) -> np.ndarray:
     """Closed loop; rows: speed of the machine, wheel speed, acceleration, drive command, brake command.
 
     reading: error of the speed the driver acts on; sense: (scale, delay in steps) of the speed sensor.
@@ -46,7 +48,7 @@ def _drive(p: np.ndarray, target: np.ndarray, shake: np.ndarray, reading: np.nda
     n = target.size
     out = np.zeros((5, n))
     v, force, memory, command, brake = 0.0, 0.0, 0.0, 0.0, 0.0
-    delay = int(round(sense[1]))
+    delay = round(sense[1])
     for i in range(n):
         out[0, i] = v
         traction = force * (1.0 - loss)
@@ -65,11 +67,16 @@ def _drive(p: np.ndarray, target: np.ndarray, shake: np.ndarray, reading: np.nda
             force = command
         memory = min(max(memory, force - 6000.0), force + 6000.0)
         push = (
-            force * (1.0 - loss) - hysteresis * np.tanh((force - memory) / 2000.0) - mass * G * np.sin(slope) + shake[i]
+            force * (1.0 - loss)
+            - hysteresis * np.tanh((force - memory) / 2000.0)
+            - mass * G * np.sin(slope)
+            + shake[i]
         )
         k = np.zeros(4)
         for stage in range(4):
-            at = v + (0.0 if stage == 0 else (STEP_S if stage == 3 else 0.5 * STEP_S)) * (k[stage - 1] if stage else 0.0)
+            at = v + (0.0 if stage == 0 else (STEP_S if stage == 3 else 0.5 * STEP_S)) * (
+                k[stage - 1] if stage else 0.0
+            )
             resist = viscous * at + square * at * abs(at) + (reverse * at if at < 0.0 else 0.0)
             resist += (mass * G * rolling + brake * (1.0 - fade)) * at / np.sqrt(at * at + 0.05**2)
             k[stage] = (push - resist) / mass
@@ -79,12 +86,19 @@ def _drive(p: np.ndarray, target: np.ndarray, shake: np.ndarray, reading: np.nda
 
 
 def record(
-    truth: Mapping[str, float], noise: Noise, rng: np.random.Generator, *, duration_s: float = 96.0, one_way: bool = False
+    truth: Mapping[str, float],
+    noise: Noise,
+    rng: np.random.Generator,
+    *,
+    duration_s: float = 96.0,
+    one_way: bool = False,
 ) -> Recording:
     """Drive a random sequence of target speeds; truth: parameters by the model's names, mass and sensors included."""
     n = int(duration_s / STEP_S)
     p = np.array([truth.get(name, 0.0) for name in ORDER])
-    target = np.repeat(rng.choice([0.0, 1.5, 3.0, 5.0] if one_way else [-3.0, -1.5, 0.0, 2.0, 5.0], size=n // 600 + 1), 600)[:n]
+    target = np.repeat(
+        rng.choice([0.0, 1.5, 3.0, 5.0] if one_way else [-3.0, -1.5, 0.0, 2.0, 5.0], size=n // 600 + 1), 600
+    )[:n]
     target = np.convolve(target, np.ones(200) / 200.0, mode="same")
     shake = np.zeros(n)
     if noise.force_sd:

@@ -235,3 +235,8 @@ def _finite(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
     return [_finite(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def schema_text() -> str:
+    """The text of schema.json."""
+    return json.dumps(schema(), indent=2) + "\n"

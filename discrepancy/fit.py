@@ -44,7 +44,7 @@ class Fit:
 
     @property
     def covariance(self) -> Array:
-        return np.linalg.pinv(self.information)
+        return np.asarray(np.linalg.pinv(self.information), float)
 
 
 class WindowStates:

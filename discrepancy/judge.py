@@ -270,6 +270,7 @@ def _candidates(
     for score in baseline.scores:
         effect = problem.model.effect(score.effect)
         last = final.get(score.effect, score)
+        verdict: f.Verdict
         if score.effect in names:
             verdict, reason = "found", "see findings"
         elif score.effect in grouped:
@@ -324,8 +325,9 @@ def _status(
     reasons: list[str] = []
     if beyond.terms:
         reasons.append(f"the library leaves something that depends on known signals: {beyond.equation()}")
-    for x in [x for x in found if not x.named]:
-        reasons.append(f"{x.effect} is the best proxy, cause unknown: {'; '.join(x.doubts)}")
+    reasons += [
+        f"{x.effect} is the best proxy, cause unknown: {'; '.join(x.doubts)}" for x in found if not x.named
+    ]
     if any(x.named for x in found):
         return "explained", reasons or ["what was found brings held-out errors to the floor"]
     if found or beyond.terms:

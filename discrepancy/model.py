@@ -15,7 +15,6 @@ import numpy as np
 
 from discrepancy.recording import Array, Signal
 
-
 NEARLY_NONE = 0.02  # of a typical change: the local gradient
 
 

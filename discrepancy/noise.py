@@ -32,14 +32,14 @@ class Whitener:
     def innovation_sd(self) -> Array:
         """Standard deviation of the one-step error per channel, in its unit."""
         factor = np.linalg.inv(self.inverse_factor)
-        return np.asarray(np.sqrt(np.sum(factor**2, axis=1)))
+        return np.asarray(np.sqrt(np.sum(factor**2, axis=1)), float)
 
     def apply(self, rows: Array) -> Array:
         """rows (n, c, k) -> whitened (n - order, c, k)."""
         e = rows[self.order :].copy()
         for i, A in enumerate(self.past, start=1):
             e -= np.einsum("cd,ndk->nck", A, rows[self.order - i : len(rows) - i])
-        return np.einsum("cd,ndk->nck", self.inverse_factor, e)
+        return np.asarray(np.einsum("cd,ndk->nck", self.inverse_factor, e), float)
 
 
 class Noise:

@@ -8,6 +8,7 @@ told apart the simplest is written down and the others are named with it.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.stats import norm
@@ -93,34 +94,7 @@ def functions(units: Mapping[str, str], spread: Mapping[str, float]) -> list[Fun
     one = parse_unit("1")
     found = [Function("1", one, 0, (), lambda s, _: np.ones_like(next(iter(s.values()))))]
     for name in list(units)[:MOST_SIGNALS]:
-        unit, sd = parse_unit(units[name]), max(spread[name], 1e-12)
-        per_second = unit / parse_unit("s")
-        found += [
-            Function(name, unit, 1, (name,), lambda s, _, n=name: s[n]),
-            Function(f"{name}·|{name}|", unit**2, 2, (name,), lambda s, _, n=name: s[n] * np.abs(s[n])),
-            Function(f"{name}²", unit**2, 2, (name,), lambda s, _, n=name: s[n] ** 2),
-            Function(f"sign({name})", one, 2, (name,), lambda s, _, n=name, w=sd: np.tanh(s[n] / (0.05 * w))),
-            Function(f"|{name}|", unit, 2, (name,), lambda s, _, n=name: np.abs(s[n])),
-            Function(f"d/dt {name}", per_second, 2, (name,), lambda s, h, n=name: np.gradient(s[n], h)),
-            Function(f"{name}³", unit**3, 3, (name,), lambda s, _, n=name: s[n] ** 3),
-            Function(
-                f"play({name}, {PLAY * sd:.3g} {units[name]})",
-                unit,
-                4,
-                (name,),
-                lambda s, _, n=name, w=sd: play(s[n], PLAY * w),
-            ),
-        ]
-        found += [
-            Function(
-                f"low-pass({name}, {tau:g} s)",
-                unit,
-                3,
-                (name,),
-                lambda s, h, n=name, T=tau: lagged(s[n], T, h),
-            )
-            for tau in LAG_S
-        ]
+        found += _of_one(name, units[name], max(spread[name], 1e-12))
     names = list(units)[:MOST_SIGNALS]
     for i, a in enumerate(names):
         found += [
@@ -128,6 +102,29 @@ def functions(units: Mapping[str, str], spread: Mapping[str, float]) -> list[Fun
             for b in names[i + 1 :]
         ]
     return found
+
+
+def _of_one(name: str, unit_text: str, sd: float) -> list[Function]:
+    unit, one = parse_unit(unit_text), parse_unit("1")
+
+    def make(text: str, of_unit: Unit, complexity: int, of: Callable[[Array, float], Array]) -> Function:
+        return Function(text, of_unit, complexity, (name,), lambda signals, step: of(signals[name], step))
+
+    return [
+        make(name, unit, 1, lambda x, _: x),
+        make(f"{name}·|{name}|", unit**2, 2, lambda x, _: x * np.abs(x)),
+        make(f"{name}²", unit**2, 2, lambda x, _: x**2),
+        make(f"sign({name})", one, 2, lambda x, _: np.tanh(x / (0.05 * sd))),
+        make(f"|{name}|", unit, 2, lambda x, _: np.abs(x)),
+        make(f"d/dt {name}", unit / parse_unit("s"), 2, lambda x, step: np.gradient(x, step)),
+        make(f"{name}³", unit**3, 3, lambda x, _: x**3),
+        make(f"play({name}, {PLAY * sd:.3g} {unit_text})", unit, 4, lambda x, _: play(x, PLAY * sd)),
+        *(make(f"low-pass({name}, {T:g} s)", unit, 3, partial(_low_pass, time_constant_s=T)) for T in LAG_S),
+    ]
+
+
+def _low_pass(x: Array, step_s: float, time_constant_s: float) -> Array:
+    return lagged(x, time_constant_s, step_s)
 
 
 def _product(a: str, b: str) -> Callable[[Signals, float], Array]:
@@ -168,7 +165,8 @@ def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
         inflation = inflation_of(free[:, [best]], left, blocks)
         if plain[best] / inflation < needed:
             break
-        rivals = [i for i in np.flatnonzero(plain > plain[best] - settings.same) if i not in chosen]
+        close = np.flatnonzero(plain > plain[best] - settings.same).tolist()
+        rivals: list[int] = [i for i in close if i not in chosen]
         simplest = min(rivals, key=lambda i: (candidates[i].function.complexity, -plain[i]))
         confirmed = _held_out(problem, state, white[:, [*chosen, simplest]], settings)
         if float(np.sum(confirmed)) < settings.held_out + gain * settings.confirmed:

@@ -7,6 +7,7 @@ projected out by themselves.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -208,7 +209,7 @@ def cut(model: Model, recording: Recording, interval: tuple[float, float]) -> It
     # on one grid through the recording: even sampling then meets even steps
     edges[1:-1] = start + model.step_s * np.round((edges[1:-1] - start) / model.step_s)
     names = {**model.inputs, **model.optional, **model.outputs}
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges.tolist()):
         lead = max(low - model.step_s * round(model.lead_s / model.step_s), start)
         grid = lead + model.step_s * np.arange(int(np.ceil((high - lead) / model.step_s - 1e-9)) + 1)
         known = {

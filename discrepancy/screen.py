@@ -151,13 +151,15 @@ def score(
         seen, whole = float(np.sum(X**2)), float(np.sum(noise.whiten(raw) ** 2))
         if seen < INVISIBLE * whole or whole == 0.0:
             plausible, seen = False, 0.0  # nuisances or initial states can do exactly the same
+        typical = np.array([p.typical for p in switches])
+        noncentrality = seen * float(np.mean((typical / change) ** 2)) / inflation
         found = Score(
             effect=columns.effect.name,
             statistic=plain / inflation if plausible else 0.0,
             freedom=len(change),
             probe=probe,
             change=moved,
-            power=float(ncx2.sf(critical, len(change), max(seen / inflation, 1e-9))),
+            power=float(ncx2.sf(critical, len(change), max(noncentrality, 1e-9))),
             absorbed=1.0 - seen / whole if whole > 0.0 else 0.0,
             inflation=inflation,
             direction=X,

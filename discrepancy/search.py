@@ -151,7 +151,7 @@ def _refitted(problem: Problem, noise: Noise, fitted: Fit, left: Array) -> Array
     states = WindowStates(white_L, noise.row_window, everything)
     shared = fitted.covariance @ (fitted.columns.T @ states.off(white))
     local = states.solve(white - white_J @ shared, len(problem.windows), noise.row_window)
-    return left - J @ shared - np.sum(L * local[problem.row_window], axis=1)
+    return np.asarray(left - J @ shared - np.sum(L * local[problem.row_window], axis=1), float)
 
 
 def screen(

@@ -33,8 +33,8 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
     driven = _speed(window, values)
     speed = window["speed_reference"] if window.has("speed_reference") else driven
     yaw_rate = speed * np.tan(angle) / (WHEELBASE_M * (1.0 + values.get("understeer", 0.0) * speed**2))
-    grip = values.get("grip_loss", 0.0) * G  # 1/mu, 0 for endless grip
-    yaw_rate = yaw_rate / np.sqrt(1.0 + (grip * speed * yaw_rate / G**2) ** 2)
+    demanded = values.get("slipperiness", 0.0) * speed * yaw_rate / G  # lateral acceleration over mu g
+    yaw_rate = yaw_rate / np.sqrt(1.0 + demanded**2)
     yaw_rate = _relaxed(yaw_rate, speed, values.get("relaxation", 0.0), step) + extra.get("yaw rate", 0.0)
     turned = window["yaw_rate_reference"] if window.has("yaw_rate_reference") else yaw_rate
     return {"gyro": turned, "encoder": speed, "yaw_rate_reference": yaw_rate}
@@ -95,7 +95,7 @@ PHYSICS = (
         name="tyre relaxation",
         sentence="the side force, and with it the yaw rate, builds up over a rolled distance",
         equation="(sigma / v) dr/dt + r = v tan(delta) / L",
-        parameters=(Parameter(name="relaxation", unit="m", lower=0.0, upper=0.1, typical=0.03),),
+        parameters=(Parameter(name="relaxation", unit="m", lower=0.0, upper=0.04, typical=0.02),),
         kind="physics",
         place="tyres",
         excited_by="fast steering at several speeds",
@@ -114,11 +114,9 @@ PHYSICS = (
     Effect(
         name="grip limit",
         sentence="the lateral acceleration saturates at the floor's grip",
-        equation="r = r0 / sqrt(1 + (v r0 / (mu g))²)",
+        equation="r = r0 / sqrt(1 + (c v r0 / g)²), c = 1/mu",
         parameters=(
-            Parameter(
-                name="grip_loss", unit="m/s^2", lower=0.0, upper=60.0, typical=10.0, probes=(10.0, 20.0)
-            ),
+            Parameter(name="slipperiness", unit="1", lower=0.0, upper=6.0, typical=1.0, probes=(1.0, 2.0)),
         ),
         kind="physics",
         place="tyres",

@@ -10,14 +10,16 @@ Dynamics (SAE 1992), chapters 1 and 7 for drag and squat.
 import gzip
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import cantools
 import numpy as np
+from cantools.database.can import Message
 from scipy.signal import savgol_filter
 
 from discrepancy.model import Effect, Model, Parameter, Port, Window
 from discrepancy.recording import Array, Recording, Signal, signal
-from discrepancy.sensors import misalignment, sensor_effects
+from discrepancy.sensors import sensor_effects
 
 G = 9.81
 STEP_S = 0.02
@@ -25,7 +27,6 @@ KNOT_M = 40.0
 SMOOTH = 15  # grid points of the centred quadratic that differentiates the wheel speed: 0.3 s, no phase
 AVERAGED_S = 0.05  # vibration of the body is averaged out over this time
 KMH = 1.0 / 3.6
-RAD = np.pi / 180.0
 
 
 def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Array]) -> dict[str, Array]:
@@ -73,7 +74,7 @@ def grade_profile(length_m: float) -> Effect:
         confusable={
             "accel_x drift": "drive the same road back",
             "imu_x drift": "drive the same road back",
-            "aerodynamic drag": "drive the same road back",
+            "speed-squared force": "drive the same road back",
         },
     )
 
@@ -100,7 +101,7 @@ PHYSICS = (
         confusable={"squat": "constant speed on a climb"},
     ),
     Effect(
-        name="vertical curvature",
+        name="speed-squared force",
         sentence="an error in proportion to speed squared (cornering drag, rectified vibration)",
         equation="f += c v²",
         parameters=(Parameter(name="drag", unit="1/m", lower=-0.01, upper=0.01, typical=0.0005),),
@@ -118,7 +119,6 @@ def library(length_m: float) -> tuple[Effect, ...]:
         *sensor_effects("accel_x", "m/s^2", bias=0.2, delay_s=0.05),
         *sensor_effects("imu_x", "m/s^2", bias=0.2, kinds=("scale", "delay", "lag", "sign", "drift")),
         *sensor_effects("pitch_rate", "rad/s", bias=0.005, kinds=("bias", "scale", "sign")),
-        misalignment("imu_x", "accel_x"),
     )
 
 
@@ -132,9 +132,7 @@ def model(recordings: Sequence[Recording], *, without: tuple[str, ...] = ()) -> 
         optional={"distance": "m"},
         outputs={"accel_x": "m/s^2", "imu_x": "m/s^2", "pitch_rate": "rad/s"},
         nuisances=NUISANCES,
-        effects=tuple(
-            e for e in library(length) if e.name not in without and "turn" not in e.parameters[0].name
-        ),
+        effects=tuple(e for e in library(length) if e.name not in without),
         simulate=simulate,
         step_s=STEP_S,
         window_s=10.0,
@@ -183,7 +181,7 @@ def averaged(source: Signal, over_s: float = AVERAGED_S) -> Signal:
 def _decoded(folder: Path) -> tuple[Signal, Signal]:
     """Mean wheel speed [m/s] and KINEMATICS.ACCEL_X [m/s²], as the DBC says, of bus can0."""
     database = cantools.database.load_file(folder / "_toyota_2017.dbc", strict=False)
-    wheels, kinematics = (database.get_message_by_name(name) for name in ("WHEEL_SPEEDS", "KINEMATICS"))
+    wheels, kinematics = (_message(database, name) for name in ("WHEEL_SPEEDS", "KINEMATICS"))
     rows: dict[int, list[tuple[float, float]]] = {wheels.frame_id: [], kinematics.frame_id: []}
     with gzip.open(folder / "segment40_can.candump.log.gz", "rt") as log:
         for line in log:
@@ -193,11 +191,16 @@ def _decoded(folder: Path) -> tuple[Signal, Signal]:
             if channel != "can0" or number not in rows:
                 continue
             message = wheels if number == wheels.frame_id else kinematics
-            decoded = message.decode(bytes.fromhex(data), decode_choices=False)
+            decoded: Any = message.decode(bytes.fromhex(data), decode_choices=False)
             if message is wheels:
-                value = KMH * float(np.mean([decoded[f"WHEEL_SPEED_{w}"] for w in ("FL", "FR", "RL", "RR")]))
+                value = KMH * sum(float(decoded[f"WHEEL_SPEED_{w}"]) for w in ("FL", "FR", "RL", "RR")) / 4.0
             else:
                 value = float(decoded["ACCEL_X"])
             rows[number].append((float(stamp.strip("()")), value))
     (tw, v), (ta, a) = (np.array(rows[m.frame_id]).T for m in (wheels, kinematics))
     return signal(tw, v, "m/s"), signal(ta, a, "m/s^2")
+
+
+def _message(database: Any, name: str) -> Message:
+    message: Message = database.get_message_by_name(name)
+    return message

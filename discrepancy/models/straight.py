@@ -6,7 +6,9 @@ benchmark's truth uses another method.
 Sources of the effects: Gillespie (SAE 1992) chapters 1 and 4; typical values of a 12 t loader.
 """
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
+from typing import TypeVar
 
 import numba
 import numpy as np
@@ -22,9 +24,18 @@ SUBSTEPS = 2
 CORNER_M_S = 0.05  # speed below which friction and brakes fade out instead of switching
 
 
+F = TypeVar("F", bound=Callable[..., object])
+
+
+def compiled(function: F) -> F:
+    """numba.njit that keeps the signature."""
+    made: F = numba.njit(function)
+    return made
+
+
 def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Array]) -> dict[str, Array]:
     """Speed and specific force on the grid."""
-    drive = lagged(window["drive_force"], values.get("motor_lag", 0.0), window.step_s)
+    drive: Array = lagged(window["drive_force"], values.get("motor_lag", 0.0), window.step_s)
     drive = drive * (1.0 - values.get("drive_loss", 0.0))
     push = drive - values["mass"] * G * np.sin(values.get("slope", 0.0)) + extra.get("force", 0.0)
     brake = window["brake_force"] * (1.0 - values.get("brake_fade", 0.0))
@@ -42,14 +53,14 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
     }
 
 
-@numba.njit
+@compiled
 def _resistance(v: float, friction: float, viscous: float, square: float, reverse: float) -> float:
     """Force per speed [kg/s], never zero."""
     drag = viscous + square * abs(v) + (reverse if v < 0.0 else 0.0)
-    return drag + friction / np.sqrt(v * v + CORNER_M_S**2) + 1e-6
+    return drag + friction / math.sqrt(v * v + CORNER_M_S**2) + 1e-6
 
 
-@numba.njit
+@compiled
 def integrate(push: Array, brake: Array, coefficients: Array, start: float, step: float) -> Array:
     """Speed under push and resistances; resistances implicit, so that stopping needs no event."""
     mass, viscous, square, reverse, resist = coefficients
@@ -61,9 +72,9 @@ def integrate(push: Array, brake: Array, coefficients: Array, start: float, step
         for _ in range(SUBSTEPS):
             # exponential steps at a frozen resistance: a half step finds the middle, the whole one uses it
             a = _resistance(v, brake[i] + resist, viscous, square, reverse) / mass
-            middle = v + (push[i] / mass - a * v) * (1.0 - np.exp(-0.5 * a * h)) / a
+            middle = v + (push[i] / mass - a * v) * (1.0 - math.exp(-0.5 * a * h)) / a
             a = _resistance(middle, brake[i] + resist, viscous, square, reverse) / mass
-            v = v + (push[i] / mass - a * v) * (1.0 - np.exp(-a * h)) / a
+            v = v + (push[i] / mass - a * v) * (1.0 - math.exp(-a * h)) / a
     return speed
 
 

@@ -1,0 +1,115 @@
+"""Findings in plain words for the terminal."""
+
+from rich.console import Console
+from rich.markup import escape
+from rich.panel import Panel
+from rich.table import Table
+
+from discrepancy.findings import Estimate, Finding, Findings
+
+COLOUR = {"explained": "green", "unknown": "yellow", "nothing missing": "green", "inconclusive": "red"}
+
+
+def tell(result: Findings, console: Console, *, all_candidates: bool = False) -> None:
+    """Print the verdict, the findings, what else was considered, and what was wrong with the recordings."""
+    colour = COLOUR[result.status]
+    head = f"[bold {colour}]{result.status}[/]\n" + "\n".join(escape(reason) for reason in result.reasons)
+    title = f"{result.model}: {', '.join(result.recordings)}"
+    console.print(Panel(head, title=escape(title), title_align="left"))
+    for number, finding in enumerate(result.findings, start=1):
+        console.print(escape(_finding(number, finding)), highlight=False)
+    if result.open_ended is not None:
+        console.print(escape(_open(result)), highlight=False)
+    if result.missing_channels:
+        missing = ", ".join(result.missing_channels)
+        console.print(escape(f"Not recorded, would have helped: {missing}"), highlight=False)
+    for complaint in result.complaints:
+        mark = "[red]" if complaint.fatal else "[yellow]"
+        text = escape(f"{complaint.recording}: {complaint.signal} {complaint.text}")
+        console.print(f"{mark}{text}[/]", highlight=False)
+    if result.candidates:
+        console.print(_ranking(result, all_candidates))
+    strained = [n for n in result.nuisances if n.prior_sd and abs(n.after - n.before) > 2.0 * n.prior_sd]
+    for n in strained:
+        away = abs(n.after - n.before) / (n.prior_sd or 1.0)
+        text = f"Baseline parameter {n.name} moved to {n.after:.4g} {n.unit}, {away:.1f} standard deviations of its prior"
+        console.print(escape(text), highlight=False)
+    console.print(f"{result.samples} samples, {result.simulations} simulations", highlight=False)
+
+
+def number_and_unit(e: Estimate) -> str:
+    """'0.0970 s (95 %: 0.0950 to 0.0980)'."""
+    text = f"{e.name} = {e.value:.4g} {'' if e.unit == '1' else e.unit}".rstrip()
+    if e.low is not None and e.high is not None:
+        text += f" (95 %: {e.low:.4g} to {e.high:.4g})"
+    return text + (f", at its {e.at_bound} bound" if e.at_bound else "")
+
+
+def _finding(number: int, f: Finding) -> str:
+    kind = "sensor" if f.kind == "sensor" else "physics"
+    name = f"{f.effect} ({kind})" if f.named else f"best proxy {f.effect} ({kind}), cause unknown"
+    lines = [f"{number}. {name}: {f.sentence}", f"   {f.equation}   at: {f.place}"]
+    shown = f.parameters if len(f.parameters) <= 4 else f.parameters[:3]
+    lines += [f"   {number_and_unit(e)}" for e in shown]
+    if len(f.parameters) > len(shown):
+        sizes = [e.value for e in f.parameters]
+        unit = f.parameters[0].unit
+        lines.append(f"   ... {len(sizes)} values from {min(sizes):.3g} to {max(sizes):.3g} {unit}")
+    better = ", ".join(f"{c} error x {ratio:.2f}" for c, ratio in f.held_out_error.items())
+    lines.append(f"   on held-out data: {better}; closes {f.gap_closed:.0%} of the gap")
+    lines += [f"   doubt: {doubt}" for doubt in f.doubts]
+    lines.append(f"   evidence {f.gain:.0f} ({f.needed:.0f} needed), {_where(f)}")
+    for member in f.group:
+        values = ", ".join(number_and_unit(e) for e in member.parameters[:2])
+        lines.append(
+            f"   or: {member.effect}, {values}; likelihood difference {member.likelihood_difference:.1f}"
+        )
+    for way in f.separate_by:
+        expected = (
+            "" if way.expected_difference is None else f" (expected difference {way.expected_difference:.0f})"
+        )
+        lines.append(f"   to tell it from {way.effect}: {way.manoeuvre}{expected}")
+    return "\n".join(lines)
+
+
+def _where(f: Finding) -> str:
+    channels = ", ".join(f"{c} {s:.0%}" for c, s in f.where.channels.items() if s > 0.05)
+    text = f"seen in {channels}"
+    if f.where.throughout:
+        text += ", throughout"
+    else:
+        spans = [f"{i.start_s:.1f}-{i.end_s:.1f} s ({i.share:.0%})" for i in f.where.intervals[:3]]
+        text += f", mostly at {', '.join(spans)}" if spans else ""
+    if f.where.regimes:
+        text += f", strongest where {f.where.regimes[0].text}"
+    return text
+
+
+def _open(result: Findings) -> str:
+    found = result.open_ended
+    assert found is not None
+    lines = [f"Outside the library: {found.equation}"]
+    for term in found.terms:
+        lines.append(
+            f"   coefficient {term.coefficient:.4g} {term.unit} (95 %: {term.low:.4g} to {term.high:.4g})"
+        )
+        if term.equally_good:
+            lines.append(f"   as good on these data: {'; '.join(term.equally_good[:3])}")
+    return "\n".join(lines)
+
+
+def _ranking(result: Findings, everything: bool) -> Table:
+    table = Table(title="All candidates, by their score on the baseline", title_justify="left", box=None)
+    for column in ("effect", "verdict", "score", "power", "hidden by nuisances", "why"):
+        table.add_column(column, justify="right" if column in ("score", "power") else "left")
+    rows = result.candidates if everything else result.candidates[:12]
+    for c in rows:
+        table.add_row(
+            escape(c.effect),
+            c.verdict,
+            f"{c.statistic:.1f}",
+            f"{c.power:.2f}",
+            f"{c.absorbed:.0%}",
+            escape(c.reason),
+        )
+    return table

@@ -1,0 +1,169 @@
+"""Laws of the engine on a tank whose truth is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from discrepancy.command import examine
+from discrepancy.findings import Findings
+from discrepancy.fit import fit
+from discrepancy.noise import estimate_noise, white_noise
+from discrepancy.openended import explore, extended
+from discrepancy.problem import Problem
+from discrepancy.recording import Recording, Signal, signal
+from discrepancy.search import Settings, search
+from tests.discrepancy.toys import record, tank
+
+STRICT = Settings()
+
+
+def verdict(recording: Recording, *effects: str) -> Findings:
+    return examine(tank(*effects), [recording], STRICT)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.8])
+def test_nothing_is_found_where_nothing_is_left_out(memory: float) -> None:
+    """Ten nulls at 2 % each: more than two names would have a chance below one in a thousand."""
+    results = [verdict(record(seed, memory=memory)) for seed in range(10)]
+    assert sum(bool(r.named) for r in results) <= 2
+    assert sum(r.status == "nothing missing" for r in results) >= 7
+
+
+@pytest.mark.parametrize(
+    ("truth", "effect", "value"),
+    [
+        ({"leak": 0.05}, "leak", 0.05),
+        ({"delay_s": 0.35}, "level delay", 0.35),
+        ({"lag_s": 0.8}, "level lag", 0.8),
+        ({"sign": -1.0}, "level sign", 1.0),
+    ],
+)
+def test_what_was_left_out_is_named_with_its_value(
+    truth: dict[str, float], effect: str, value: float
+) -> None:
+    result = verdict(record(3, **truth))
+    assert result.status == "explained"
+    found = result.findings[0]
+    assert found.effect == effect
+    assert found.named
+    assert found.parameters[0].value == pytest.approx(value, rel=0.1)
+    assert found.held_out_error["level"] < 0.9
+
+
+def test_exact_twins_are_reported_as_one_group_with_the_same_value() -> None:
+    result = verdict(record(4, bias=0.3))
+    found = result.finding("level bias")
+    names = {found.effect, *(m.effect for m in found.group)}
+    assert {"offset", "level bias"} <= names
+    twin = next(m for m in found.group if m.effect in ("offset", "level bias"))
+    assert twin.collinearity == pytest.approx(1.0, abs=1e-3)
+    assert twin.parameters[0].value == pytest.approx(found.parameters[0].value, rel=0.02)
+
+
+def test_what_the_library_does_not_hold_is_unknown_and_comes_as_an_equation_with_its_unit() -> None:
+    """dx/dt gets -0.02 x|x|: coefficient 0.02 with unit (m/s) / m², weak because the search is of first order."""
+    recording = record(5, square=0.02, noise=0.005)
+    result = verdict(recording, "level scale", "level bias")
+    assert not result.named
+    assert result.status == "unknown"
+    assert result.open_ended is not None
+    term = result.open_ended.terms[0]
+    assert "level" in result.open_ended.depends_on
+    assert term.place == "inflow"
+    texts = " ".join([f"{term.place} += {term.function}", *term.equally_good])
+    assert "level·|level|" in texts or "level²" in texts or term.function == "level"
+    if term.function in ("level·|level|", "level²"):
+        assert term.unit == "1/(m.s)"
+        assert term.coefficient == pytest.approx(-0.02, rel=0.25)
+
+
+def test_a_found_equation_built_into_the_model_explains_the_recording() -> None:
+    model, recording = tank("level scale"), record(5, square=0.02, noise=0.005)
+    problem = Problem(model, [recording])
+    state, _ = search(problem, STRICT)
+    found = explore(problem, state, STRICT)
+    grown = Problem(extended(model, found), [recording])
+    noise = white_noise(problem, problem.measured)
+    before = fit(problem, noise, ("area",), problem.start())
+    after = fit(grown, noise, ("area",), grown.start())
+    assert after.sse < 0.6 * before.sse
+
+
+def test_location_points_at_the_half_in_which_the_sensor_was_late() -> None:
+    good, late = record(6, duration_s=160.0), record(6, duration_s=160.0, delay_s=0.6)
+    half = good.signals["level"].time_s < 80.0
+    mixed = np.where(half, good.signals["level"].value, late.signals["level"].value)
+    broken = replace(
+        good, signals={**good.signals, "level": signal(good.signals["level"].time_s, mixed, "m")}
+    )
+    where = verdict(broken).findings[0].where
+    assert not where.throughout
+    assert where.intervals[0].start_s > 60.0
+    assert where.intervals[0].share > 0.7
+
+
+def test_missing_inputs_foreign_units_and_dead_sensors_get_a_verdict_not_an_exception() -> None:
+    whole = record(7)
+    level, inflow = whole.signals["level"], whole.signals["inflow"]
+    empty = Signal(np.zeros(0), np.zeros(0), "m")
+    cases = {
+        "is missing": {"level": level},
+        "needs m/s": {"level": level, "inflow": replace(inflow, unit="kg")},
+        "constant": {"inflow": inflow, "level": replace(level, value=np.full(level.value.size, 2.0))},
+        "usable samples": {"inflow": inflow, "level": empty},
+        "none of level": {"inflow": inflow, "level": replace(level, value=np.full(level.value.size, np.nan))},
+    }
+    for reason, signals in cases.items():
+        result = verdict(Recording("broken", signals))
+        assert result.status == "inconclusive", reason
+        text = " ".join(result.reasons) + " ".join(c.text for c in result.complaints)
+        assert reason in text or "none of" in text, (reason, text)
+
+
+def test_nan_and_repeated_stamps_cost_their_samples_only() -> None:
+    whole = record(8, leak=0.08)
+    level = whole.signals["level"]
+    value, time_s = level.value.copy(), level.time_s.copy()
+    value[100:110] = np.nan
+    time_s[500] = time_s[499]
+    result = verdict(Recording("ridden", {**whole.signals, "level": Signal(time_s, value, "m")}))
+    assert result.findings[0].effect == "leak"
+    assert any("10 of 1200 samples are not numbers" in c.text for c in result.complaints)
+    assert any("do not advance" in c.text for c in result.complaints)
+
+
+def test_too_short_a_recording_is_inconclusive() -> None:
+    whole = record(9)
+    few = {n: Signal(s.time_s[:20], s.value[:20], s.unit, s.held) for n, s in whole.signals.items()}
+    assert verdict(Recording("short", few)).status == "inconclusive"
+
+
+def test_unevenly_sampled_channels_work() -> None:
+    whole = record(10, leak=0.08)
+    level = whole.signals["level"]
+    kept = np.sort(np.random.default_rng(0).choice(level.time_s.size, 700, replace=False))
+    result = verdict(
+        Recording("uneven", {**whole.signals, "level": signal(level.time_s[kept], level.value[kept], "m")})
+    )
+    assert result.findings[0].effect == "leak"
+    assert result.findings[0].parameters[0].value == pytest.approx(0.08, rel=0.15)
+
+
+def test_whitening_leaves_unit_white_innovations() -> None:
+    problem = Problem(tank(), [record(11, memory=0.7)])
+    residual = np.random.default_rng(1).normal(size=problem.measured.size)
+    for i in range(1, residual.size):
+        residual[i] += 0.7 * residual[i - 1]
+    noise = estimate_noise(problem, residual, 0.0)
+    white = noise.whiten(residual)
+    assert np.std(white) == pytest.approx(1.0, abs=0.05)
+    assert abs(np.mean(white[1:] * white[:-1])) < 0.1
+    assert noise.whiteners[0].past[0, 0, 0] == pytest.approx(0.7, abs=0.08)
+
+
+def test_screen_costs_no_more_than_one_simulation_per_probe() -> None:
+    problem = Problem(tank(), [record(12)])
+    search(problem, replace(STRICT, shortlist=0))
+    parameters = len(problem.model.parameters)
+    assert problem.simulations <= 6 * parameters + 50

@@ -1,0 +1,106 @@
+"""Units, sensors, projection and location by themselves."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from discrepancy.fit import WindowStates
+from discrepancy.locate import densest
+from discrepancy.model import Parameter
+from discrepancy.noise import settled
+from discrepancy.openended import play
+from discrepancy.recording import changes_only
+from discrepancy.screen import collinearity, penalty
+from discrepancy.sensors import delayed, lagged, sensor_effects, through_sensors
+from discrepancy.units import parse_unit
+
+
+@pytest.mark.parametrize(
+    ("text", "same"), [("N", "kg.m/s^2"), ("N.m", "J"), ("Pa", "N/m^2"), ("m/s²", "m/s^2"), ("rad/s", "1/s")]
+)
+def test_units_that_are_the_same_quantity(text: str, same: str) -> None:
+    assert parse_unit(text).same_quantity(parse_unit(same))
+
+
+def test_a_force_per_speed_squared_is_mass_per_length() -> None:
+    assert str(parse_unit("N") / parse_unit("m/s") ** 2) == "kg/m"
+
+
+def test_an_unknown_unit_is_named() -> None:
+    with pytest.raises(ValueError, match="furlong"):
+        parse_unit("furlong/s")
+
+
+@given(st.floats(0.02, 1.0), st.floats(0.1, 3.0))
+def test_a_lag_follows_a_ramp_by_its_time_constant(time_constant: float, slope: float) -> None:
+    t = np.arange(0.0, 12.0, 0.01)
+    late = lagged(slope * t, time_constant, 0.01)
+    assert late[-1] == pytest.approx(slope * (t[-1] - time_constant), abs=slope * 2e-3)
+
+
+def test_a_lag_rounds_a_step_and_a_delay_shifts_it() -> None:
+    t = np.arange(0.0, 2.0, 0.01)
+    step = (t >= 1.0).astype(float)
+    assert lagged(step, 0.2, 0.01)[t.searchsorted(1.2)] == pytest.approx(1.0 - np.exp(-1.0), abs=0.02)
+    assert delayed(step, 0.2, t)[t.searchsorted(1.15)] == 0.0
+    assert delayed(step, 0.2, t)[t.searchsorted(1.25)] == 1.0
+
+
+def test_every_sensor_effect_is_nothing_at_its_baseline() -> None:
+    t = np.arange(0.0, 1.0, 0.01)
+    effects = sensor_effects("y", "m", bias=0.1)
+    off = {p.name: p.value for e in effects for p in e.parameters}
+    np.testing.assert_array_equal(through_sensors({"y": np.sin(t)}, off, t, 0.01, 0.0)["y"], np.sin(t))
+
+
+def test_a_hold_is_a_mean_delay_of_half_its_length() -> None:
+    """A ramp sampled every 0.1 s and held: at the stamps kept, the reading is 0.05 s old on average."""
+    t = np.arange(0.0, 10.0, 0.01)
+    held = np.floor(t / 0.1 + 1e-9) * 0.1
+    kept = changes_only(t, held, "m")
+    assert np.mean(kept.time_s - kept.value) == pytest.approx(0.05, abs=0.006)
+    assert kept.time_s.size == 99
+
+
+def test_projection_leaves_nothing_of_the_initial_states() -> None:
+    rng = np.random.default_rng(0)
+    window = np.repeat([0, 1, 2], 40)
+    local, rows = rng.normal(size=(120, 2)), np.ones(120, bool)
+    states = WindowStates(local, window, rows)
+    left = states.off(rng.normal(size=120))
+    for w in range(3):
+        assert np.abs(local[window == w].T @ left[window == w]).max() < 1e-9
+    change = states.solve(local @ np.array([1.5, -0.5]), 3, window)
+    np.testing.assert_allclose(change, [[1.5, -0.5]] * 3, atol=1e-9)
+
+
+def test_an_integrating_autoregression_is_made_to_forget() -> None:
+    past = settled(np.array([[[1.0]]]), run=100)
+    assert past[0, 0, 0] == pytest.approx(0.96)
+    assert settled(np.array([[[0.5]]]), run=100)[0, 0, 0] == 0.5
+
+
+def test_play_forgets_small_movements_and_follows_large_ones() -> None:
+    x = np.array([0.0, 0.2, -0.2, 2.0, 1.8, -2.0])
+    np.testing.assert_allclose(play(x, 0.5), [0.0, 0.0, 0.0, 1.5, 1.5, -1.5])
+
+
+def test_the_densest_stretch_is_found() -> None:
+    assert densest(np.array([-1.0, 2.0, 3.0, -1.0, 2.0, -5.0])) == (1, 5)
+
+
+def test_more_candidates_need_more_evidence() -> None:
+    assert penalty(1, 40, 0.02) > penalty(1, 4, 0.02) > penalty(1, 4, 0.1)
+    assert penalty(3, 10, 0.02) > penalty(1, 10, 0.02)
+
+
+def test_collinearity_does_not_depend_on_scale_and_vanishes_at_right_angles() -> None:
+    a, b = np.array([[1.0], [0.0], [0.0]]), np.array([[0.0], [2.0], [0.0]])
+    assert collinearity(a, 7.0 * a) == pytest.approx(1.0)
+    assert collinearity(a, b) == pytest.approx(0.0)
+
+
+def test_a_parameter_outside_its_bounds_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"outside \[0"):
+        Parameter(name="cd", unit="1", value=-1.0, lower=0.0, upper=2.0)
