@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from plant import state as s
+from plant.dynamics import stop_moment
 from plant.machine import load_machine
 from plant.plant import Commands, DivergedError, Plant
 from plant.surface import Surface
@@ -27,7 +28,10 @@ def drive(plant: Plant, side: int, seconds: float) -> Plant:
             torque, brake = torque[SWAPPED], brake[SWAPPED]
         rate = side * 0.5 * math.cos(1.5 * t)
         plant.advance(
-            Commands(wheel_torque=tuple(torque), brake_torque=tuple(brake), articulation_rate=rate, lift_rate=0.1), 0.01
+            Commands(
+                wheel_torque=tuple(torque), brake_torque=tuple(brake), articulation_rate=rate, lift_rate=0.1
+            ),
+            0.01,
         )
     return plant
 
@@ -41,7 +45,15 @@ def test_left_and_right_are_mirror_images():
         np.testing.assert_allclose(getattr(this, name), getattr(that, name)[SWAPPED], rtol=1e-7, atol=1e-6)
     for name in ("lateral_force", "aligning_moment", "slip_angle"):
         np.testing.assert_allclose(getattr(this, name), -getattr(that, name)[SWAPPED], rtol=1e-7, atol=1e-6)
-    for name in ("yaw", "roll", "articulation_angle", "oscillation_angle", "joint_torque", "yaw_moment", "load_transfer_ratio"):
+    for name in (
+        "yaw",
+        "roll",
+        "articulation_angle",
+        "oscillation_angle",
+        "joint_torque",
+        "yaw_moment",
+        "load_transfer_ratio",
+    ):
         assert getattr(this, name) == pytest.approx(-getattr(that, name), rel=1e-7, abs=1e-6), name
     for name in ("speed", "pitch", "lift_pressure", "tilt_pressure"):
         assert getattr(this, name) == pytest.approx(getattr(that, name), rel=1e-9), name
@@ -89,16 +101,18 @@ def test_articulating_on_the_spot_turns_both_halves():
 def test_locked_wheels_stay_locked_and_let_go(integrator):
     """Hard braking locks every wheel; held to rest; drive torque then turns them again."""
     plant = Plant(MACHINE, speed=5.0, integrator=integrator)
-    plant.advance(BRAKE, 0.8)
+    plant.advance(BRAKE, 0.4)
     sliding = plant.truth()
     np.testing.assert_array_equal(sliding.wheel_speed, np.zeros(4))
-    np.testing.assert_allclose(sliding.slip, -1.0, rtol=0, atol=0.06)  # the carcass pitches against the wheel centre
+    np.testing.assert_allclose(
+        sliding.slip, -1.0, rtol=0, atol=0.06
+    )  # the carcass pitches against the wheel centre
     assert sliding.speed > 0.5
-    # friction at slip 1 is 0.75 on this tyre and road within its load and pressure terms
-    assert -sliding.acceleration[0] / 9.81 == pytest.approx(0.75, abs=0.06)
-    plant.advance(BRAKE, 4.2)
+    # friction at slip 1 on the nominal surface, within the tyre's load and pressure terms
+    assert -sliding.longitudinal_force.sum() / sliding.normal_force.sum() == pytest.approx(0.75, abs=0.04)
+    plant.advance(BRAKE, 19.6)  # it stops within a second and rocks on its tyres: 1.6 Hz, damping ratio 0.05
     rest = plant.truth()
-    assert abs(rest.speed) < 1e-4
+    assert abs(rest.speed) < 1e-3
     plant.advance(BRAKE, 5.0)
     assert np.linalg.norm(plant.truth().position - rest.position) < 1e-3
     plant.advance(Commands(wheel_torque=(3000.0,) * 4), 1.0)
@@ -136,11 +150,13 @@ def test_drive_torque_lags_and_saturates():
 def test_spinning_wheels_from_standstill():
     """Peak torque spins the wheels up without driving the machine faster than friction allows; then they grip again."""
     plant = Plant(MACHINE, Surface(friction=0.3))
-    plant.advance(Commands(wheel_torque=(25e3, 25e3, 18e3, 18e3)), 1.5)
+    plant.advance(Commands(wheel_torque=(25e3, 25e3, 18e3, 18e3)), 0.8)
     truth = plant.truth()
     assert truth.slip.max() > 1.0
-    assert 0.0 < truth.acceleration[0] < 0.3 * 0.80 / 0.75 * 1.1 * 9.81  # peak over sliding, load and pressure terms
-    plant.advance(Commands(), 2.0)
+    assert (
+        0.0 < truth.acceleration[0] < 0.3 * 0.80 / 0.75 * 1.1 * 9.81
+    )  # peak over sliding, load and pressure terms
+    plant.advance(Commands(), 6.0)
     assert np.abs(plant.truth().slip).max() < 0.02
 
 
@@ -155,7 +171,11 @@ def test_cylinders_stop_softly_at_their_ends(name, command, field, limit):
     """Full rate into the stop: rate within the machine's limit, no overshoot, no rebound; 0.1 mrad short after 12 s."""
     plant = Plant(MACHINE)
     steering, lift = MACHINE.steering, MACHINE.lift
-    top = {"articulation": steering.rate_limit, "lift": lift.lower_rate_limit, "tilt": MACHINE.tilt.rate_limit}[name]
+    top = {
+        "articulation": steering.rate_limit,
+        "lift": lift.lower_rate_limit,
+        "tilt": MACHINE.tilt.rate_limit,
+    }[name]
     before = getattr(plant.truth(), field)
     for _ in range(120):
         plant.advance(Commands(brake_torque=(20e3,) * 4, **command), 0.1)
@@ -176,15 +196,32 @@ def test_level_bucket_while_the_arm_moves():
     assert plant.truth().lift_arm_angle > before.lift_arm_angle + 0.5
 
 
-def test_oscillation_stop_holds_the_frame():
-    """A tilt table steeper than the first lift-off: the axle reaches its stop, about 13 degrees, and carries the frame."""
-    plant = Plant(MACHINE, Surface(friction=1.5, bank=math.atan(0.60)))
-    plant._parameters[51:54] = Surface(bank=math.atan(0.70)).axes()[:, 2]  # the table is tilted on
-    deepest = 0.0
-    for _ in range(400):
-        plant.advance(Commands(brake_torque=(30e3,) * 4), 0.01)
-        deepest = max(deepest, abs(plant.truth().oscillation_angle))
-    assert math.radians(12.9) < deepest < math.radians(16.0)
+def test_oscillation_stops_push_and_never_pull():
+    p = Plant(MACHINE)._parameters
+    limit = math.radians(13.0)
+    assert stop_moment(0.99 * limit, 5.0, p) == stop_moment(-0.99 * limit, -5.0, p) == 0.0
+    assert stop_moment(limit + 0.01, 0.0, p) == pytest.approx(-2.0e6 * 0.01)
+    assert stop_moment(-limit - 0.01, 0.0, p) == pytest.approx(2.0e6 * 0.01)
+    assert stop_moment(limit + 0.01, -10.0, p) == 0.0, (
+        "leaving fast, the damper would pull: it lets go instead"
+    )
+
+
+def test_oscillation_stop_catches_the_axle():
+    """An axle swung at 1 rad/s in flight goes past 13 degrees by less than rate sqrt(I/k), and comes back slower.
+
+    I by hand: axle 130, two wheels 2 (60 + 426 x 0.965^2) kg m2, all 0.1 m below the pivot.
+    """
+    plant = Plant(MACHINE)
+    plant._state[s.POSITION + 2] += 100.0
+    plant._state[s.JOINT_RATE + s.REAR_AXLE] = 1.0
+    inertia = 130 + 2 * (60 + 426 * 0.965**2) + (590 + 2 * 426) * 0.1**2
+    angles = []
+    for _ in range(500):
+        plant.advance(Commands(), 0.001)
+        angles.append(plant.truth().oscillation_angle)
+    assert math.radians(13.0) < max(angles) < math.radians(13.0) + math.sqrt(inertia / 2.0e6)
+    assert -1.0 < plant.truth().oscillation_rate < -0.2
 
 
 def test_roll_over_lifts_the_inner_front_wheel_first():
@@ -257,7 +294,7 @@ def test_a_copy_goes_its_own_way():
     ],
 )
 def test_bad_start_is_refused(change, words):
-    with pytest.raises(ValueError, match="outside|neither") as caught:
+    with pytest.raises(ValueError, match=r"outside|neither") as caught:
         Plant(MACHINE, **change)
     assert words in str(caught.value)
 

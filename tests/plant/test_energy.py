@@ -34,8 +34,6 @@ def airborne(integrator, step_s=1e-3, *, turning=(0.3, -0.5, 1.0)) -> Plant:
 
 def totals(plant: Plant) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
     """Kinetic plus gravitational energy, momentum, angular momentum about the CoG, and CoG: MuJoCo's, not ours."""
-    import mujoco
-
     oracle = MujocoLoader(MACHINE, plant._parameters, payload_mass=plant.payload_mass)
     oracle.model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     oracle.set_state(plant._state)
@@ -43,7 +41,12 @@ def totals(plant: Plant) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
     mujoco.mj_subtreeVel(oracle.model, oracle.data)
     root, data = oracle.model.body("rear_frame").id, oracle.data
     mass = oracle.model.body_subtreemass[root]
-    return float(data.energy.sum()), mass * data.subtree_linvel[root], data.subtree_angmom[root].copy(), data.subtree_com[root].copy()
+    return (
+        float(data.energy.sum()),
+        mass * data.subtree_linvel[root],
+        data.subtree_angmom[root].copy(),
+        data.subtree_com[root].copy(),
+    )
 
 
 def test_tumbling_keeps_energy_and_angular_momentum():
@@ -65,7 +68,10 @@ def test_joints_moved_in_flight_keep_angular_momentum():
     """Inner work cannot turn the whole: articulating and lifting in flight. 1e-9: RK4's error over 2 s."""
     plant = airborne("rk4")
     spin = totals(plant)[2]
-    plant.advance(Commands(articulation_rate=-0.4, lift_rate=0.2, tilt_rate=-0.5, wheel_torque=(3e3, -2e3, 1e3, 0.0)), 2.0)
+    plant.advance(
+        Commands(articulation_rate=-0.4, lift_rate=0.2, tilt_rate=-0.5, wheel_torque=(3e3, -2e3, 1e3, 0.0)),
+        2.0,
+    )
     assert abs(plant.truth().articulation_angle - 0.3) > 0.3
     np.testing.assert_allclose(totals(plant)[2], spin, rtol=0, atol=1e-9 * np.linalg.norm(spin))
 
@@ -82,13 +88,17 @@ def test_free_fall_reads_nothing():
 
 def smooth_ride(integrator, step_s, seconds) -> np.ndarray:
     """Driving with all laws in their smooth range: no servo or torque limit is passed."""
-    plant = Plant(MACHINE, payload_mass=1000.0, speed=4.0, articulation_angle=0.1, integrator=integrator, step_s=step_s)
+    plant = Plant(
+        MACHINE, payload_mass=1000.0, speed=4.0, articulation_angle=0.1, integrator=integrator, step_s=step_s
+    )
     plant._state[s.BRAKE : s.BRAKE + 4] = 0.0
     plant.advance(Commands(wheel_torque=(300.0,) * 4, articulation_rate=0.1), seconds)
     return plant._state[s.POSITION : s.KAPPA].copy()
 
 
-@pytest.mark.parametrize(("integrator", "order", "steps"), [("semi-implicit", 1, (1e-3, 5e-4)), ("rk4", 4, (5e-4, 2.5e-4))])
+@pytest.mark.parametrize(
+    ("integrator", "order", "steps"), [("semi-implicit", 1, (1e-3, 5e-4)), ("rk4", 4, (5e-4, 2.5e-4))]
+)
 def test_order_of_convergence(integrator, order, steps):
     """Halving the step divides the error by 2^order: within 0.1, for the next term still shows."""
     exact = smooth_ride("rk4", 5e-5, 0.6)
@@ -115,7 +125,9 @@ def test_energy_balance_of_a_drive():
     def flows(truth):
         out, work = plant._work.tyres, plant._work
         normal = plant._parameters[P_NORMAL : P_NORMAL + 3] @ work.places.world
-        sliding = out[:, s.T_LONGITUDINAL] * out[:, s.T_SLIDING_X] + out[:, s.T_LATERAL] * out[:, s.T_SLIDING_Y]
+        sliding = (
+            out[:, s.T_LONGITUDINAL] * out[:, s.T_SLIDING_X] + out[:, s.T_LATERAL] * out[:, s.T_SLIDING_Y]
+        )
         turning = work.tree.motion[s.WHEEL : s.WHEEL + 4, :3] @ normal
         d = truth.tyre_deflection / radius
         spring = scale / radius * (tyre.qfz1 * d + tyre.qfz2 * d**2)
@@ -126,7 +138,9 @@ def test_energy_balance_of_a_drive():
         cylinders = effort[s.FRONT_FRAME] * rate[s.FRONT_FRAME] + effort[s.LIFT_ARM] * rate[s.LIFT_ARM]
         cylinders += effort[s.BUCKET] * (rate[s.BUCKET] - rate[s.LIFT_ARM])
         wheels = truth.wheel_torque @ truth.wheel_speed
-        return np.array((cylinders, wheels, sliding.sum(), truth.aligning_moment @ turning, -(damper @ sinking)))
+        return np.array(
+            (cylinders, wheels, sliding.sum(), truth.aligning_moment @ turning, -(damper @ sinking))
+        )
 
     before = stored()
     for tick in range(8001):

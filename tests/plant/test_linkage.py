@@ -44,7 +44,9 @@ def test_lift_pressure_at_rest(angle_deg, payload, low, high):
 
 def test_payload_raises_the_lift_pressure_by_its_moment():
     """3.0 kPa per kg, arm level: 9.81 x 2.88 m / (0.500 m x 190.1 cm2) = 2.97 kPa/kg; lean of the machine 0.2 %."""
-    light, heavy = (Plant(MACHINE, payload_mass=m, lift_arm_angle=0.0).truth().lift_pressure for m in (1000.0, 2000.0))
+    light, heavy = (
+        Plant(MACHINE, payload_mass=m, lift_arm_angle=0.0).truth().lift_pressure for m in (1000.0, 2000.0)
+    )
     area = 2 * math.pi / 4 * 0.110**2
     by_hand = 9.81 * (2.43 + 0.45) / (lift_cylinder(LIFT, 0.0)[1] * area)
     assert (heavy - light) / 1000.0 == pytest.approx(by_hand, rel=5e-3)
@@ -58,7 +60,9 @@ def test_tilt_pressure_by_hand():
     head, rod = math.pi / 4 * 0.150**2, math.pi / 4 * (0.150**2 - 0.080**2)
     by_hand = (torque / arm + 0.5e6 * rod) / head
     assert tilt_pressure(TILT, torque) == pytest.approx(by_hand, rel=1e-12)
-    assert Plant(MACHINE, payload_mass=3204.0).truth().tilt_pressure == pytest.approx(by_hand, rel=0.02)  # lean 1 deg
+    assert Plant(MACHINE, payload_mass=3204.0).truth().tilt_pressure == pytest.approx(
+        by_hand, rel=0.02
+    )  # lean 1 deg
 
 
 def test_pressures_do_not_turn_negative():

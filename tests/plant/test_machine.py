@@ -27,7 +27,10 @@ def lumped(machine, payload, front):
     parts = [(m, c, i) for m, c, i, _ in parts if (c[0] > 0) == front]
     mass = sum(m for m, _, _ in parts)
     centre = sum(m * c for m, c, _ in parts) / mass
-    total = sum(i + m * (((c - centre) @ (c - centre)) * np.eye(3) - np.outer(c - centre, c - centre)) for m, c, i in parts)
+    total = sum(
+        i + m * (((c - centre) @ (c - centre)) * np.eye(3) - np.outer(c - centre, c - centre))
+        for m, c, i in parts
+    )
     return mass, centre[0], centre[2], *np.diag(total)
 
 
@@ -72,11 +75,19 @@ def test_degrees_become_radians():
         ("mass_kg = 6018", 'mass_kg = "heavy"', ["rear_frame.mass_kg", "heavy", "not a number"]),
         ("mass_kg = 6018", "mas_kg = 6018", ["rear_frame.mass_kg", "missing"]),
         ("limit_deg = 40 ", "limit_deg = 400 ", ["steering.limit_deg", "400", "deg", "80"]),
-        ("track_m = 1.93", "track_m = 1.93\ntrack_width_m = 2", ["geometry.track_width_m", "not a known key"]),
+        (
+            "track_m = 1.93",
+            "track_m = 1.93\ntrack_width_m = 2",
+            ["geometry.track_width_m", "not a known key"],
+        ),
         ("[brake]", "[brakes]", ["brake", "missing"]),
         ("ixx_kg_m2 = 2570", "ixx_kg_m2 = 25700", ["rear_frame", "inertias", "25700"]),
         ("carry_angle_deg = -37", "carry_angle_deg = -60", ["lift.carry_angle_deg", "-60", "-46..46"]),
-        ("cushion_time_constant_s = 0.20", "cushion_time_constant_s = 0.10", ["steering.cushion", "overshoot"]),
+        (
+            "cushion_time_constant_s = 0.20",
+            "cushion_time_constant_s = 0.10",
+            ["steering.cushion", "overshoot"],
+        ),
         ("pfz1 = 0.71", "pfz1 = nan", ["tyre.pfz1", "nan"]),
         ("[geometry]", "[geometry", ["other.toml", "not valid TOML"]),
     ],

@@ -86,7 +86,9 @@ def test_heave_and_pitch_by_a_two_mass_model(payload):
     m = sum(part[0] for part in parts)
     centre = sum(part[0] * part[1] for part in parts) / m
     wheels = 4 * MACHINE.wheel.spin_inertia  # free to turn: they do not pitch along
-    inertia = sum(i[1, 1] + q * ((c - centre)[0] ** 2 + (c - centre)[2] ** 2) for q, c, i, _ in parts) - wheels
+    inertia = (
+        sum(i[1, 1] + q * ((c - centre)[0] ** 2 + (c - centre)[2] ** 2) for q, c, i, _ in parts) - wheels
+    )
     a, b = MACHINE.geometry.front_axle_x - centre[0], centre[0] - MACHINE.geometry.rear_axle_x
     k = np.array(((front + rear, b * rear - a * front), (b * rear - a * front, a * a * front + b * b * rear)))
     by_hand = np.sqrt(np.linalg.eigvals(k / np.array((m, inertia))[:, None])) / (2 * math.pi)
@@ -101,12 +103,19 @@ def test_roll_on_the_front_tyres(payload, published):
     The published figure is the same model with one digit: 7 %."""
     machine = replace(
         statics.with_tyre(
-            LINEAR, longitudinal_stiffness=1e8, lateral_stiffness=1e8, shortest_relaxation=0.02, carcass_damping=0.0
+            LINEAR,
+            longitudinal_stiffness=1e8,
+            lateral_stiffness=1e8,
+            shortest_relaxation=0.02,
+            carcass_damping=0.0,
         ),
         wheel=replace(MACHINE.wheel, spin_inertia=1.0),
     )
     g, lift, tilt = machine.geometry, machine.lift.carry_angle, machine.tilt.carry_angle
-    front, pivot = np.array((g.front_axle_x, 0, 0)), np.array((g.rear_axle_x, 0, machine.oscillation.pivot_height))
+    front, pivot = (
+        np.array((g.front_axle_x, 0, 0)),
+        np.array((g.rear_axle_x, 0, machine.oscillation.pivot_height)),
+    )
     axis = (front - pivot) / np.linalg.norm(front - pivot)
     inertia, stiffness = 0.0, 750e3 * g.track**2 / 2 * axis[0] ** 2
     for m, c, own, rolls in statics.bodies(machine, payload, 0.0, lift, tilt, 0.0):
@@ -115,7 +124,9 @@ def test_roll_on_the_front_tyres(payload, published):
             inertia += axis @ own @ axis + m * swing @ swing
             stiffness += m * 9.81 * np.cross(axis, swing)[2]
     by_hand = math.sqrt(stiffness / inertia) / (2 * math.pi)
-    rolling = [m for m in modes(released(Plant(machine, payload_mass=payload))) if m[2][ROLL] > 0.3 * m[2].max()]
+    rolling = [
+        m for m in modes(released(Plant(machine, payload_mass=payload))) if m[2][ROLL] > 0.3 * m[2].max()
+    ]
     assert rolling[0][0] == pytest.approx(by_hand, rel=0.04)
     assert rolling[0][0] == pytest.approx(published, rel=0.07)
 
@@ -125,7 +136,9 @@ def test_wheel_rotational_mode():
 
     5 %: the machine gives way a little, and relaxation is not a pure spring at speed.
     """
-    found = [f for f, _, shape in modes(Plant(MACHINE, speed=3.0)) if f > 8.0 and shape[8:12].max() == shape.max()]
+    found = [
+        f for f, _, shape in modes(Plant(MACHINE, speed=3.0)) if f > 8.0 and shape[8:12].max() == shape.max()
+    ]
     by_hand = math.sqrt(0.75e6 * 0.728**2 / 110.0) / (2 * math.pi)
     assert len(found) == 4
     np.testing.assert_allclose(found, by_hand, rtol=0.05)

@@ -61,13 +61,17 @@ def test_accelerations_efforts_and_sensor_agree_in_random_states(payload_mass):
         for body, dof in oracle.dof.items():
             ours[dof] = work.tree.joint_acceleration[body]
         np.testing.assert_allclose(ours, qacc, rtol=0, atol=1e-9 * np.abs(qacc).max())
-        np.testing.assert_allclose(work.tree.effort[list(DRIVEN)], efforts, rtol=0, atol=1e-9 * np.abs(efforts).max())
+        np.testing.assert_allclose(
+            work.tree.effort[list(DRIVEN)], efforts, rtol=0, atol=1e-9 * np.abs(efforts).max()
+        )
         oracle.data.qacc[:] = qacc
         mujoco.mj_rnePostConstraint(oracle.model, oracle.data)
         mujoco.mj_sensorAcc(oracle.model, oracle.data)
         truth = truth_of(0.0, state, work, MACHINE, payload_mass, 9.81)
         reading = oracle.data.sensordata
-        np.testing.assert_allclose(truth.imu_specific_force, reading, rtol=0, atol=1e-9 * np.abs(reading).max())
+        np.testing.assert_allclose(
+            truth.imu_specific_force, reading, rtol=0, atol=1e-9 * np.abs(reading).max()
+        )
     assert loaded > 150, "too few of the 400 wheels touched the road"
 
 
@@ -124,7 +128,9 @@ def test_a_minute_of_driving_is_the_same_in_both_engines():
         truth = plant.truth()
         worst_position = max(worst_position, float(np.abs(oracle.data.qpos[:3] - truth.position).max()))
         worst_angle = max(worst_angle, abs(float(oracle.joint(s.REAR_AXLE)[0]) - truth.oscillation_angle))
-        worst_spin = max(worst_spin, float(np.abs(oracle.data.qvel[oracle.dof[s.WHEEL]] - truth.wheel_speed[0])))
+        worst_spin = max(
+            worst_spin, float(np.abs(oracle.data.qvel[oracle.dof[s.WHEEL]] - truth.wheel_speed[0]))
+        )
         slowest = min(slowest, truth.speed)
         furthest = max(furthest, float(np.hypot(*truth.position[:2])))
     assert slowest > 0.5

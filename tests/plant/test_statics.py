@@ -57,7 +57,9 @@ def test_rest_is_the_minimum_of_potential_energy(payload, delta, lift):
 @pytest.mark.parametrize(("delta_deg", "expected"), [(0, 8080.0), (35, 7347.0), (40, 7132.0)])
 def test_tipping_loads_on_hard_tyres(delta_deg, expected):
     """PARAMETERS 1.5. 0.2 %: its table rounds the CoG to a millimetre, worth 0.1 %; ours adds 0.1 mm of tyre."""
-    assert statics.tipping_load(statics.rigid(MACHINE), math.radians(delta_deg)) == pytest.approx(expected, rel=2e-3)
+    assert statics.tipping_load(statics.rigid(MACHINE), math.radians(delta_deg)) == pytest.approx(
+        expected, rel=2e-3
+    )
 
 
 def test_full_turn_tipping_load_meets_the_rated_payload():
@@ -116,7 +118,13 @@ def test_roll_over_thresholds_on_a_tilt_table(payload, delta, lift, side, expect
     """Hard tyres, brakes on. 4.5 %: the share of the side force at the rear pivot, which the table takes
     from a yaw balance of side forces alone; braked wheels also hold by longitudinal forces."""
     machine = statics.with_tyre(
-        statics.rigid(MACHINE), pdx1=3.0, pdx2=0.0, pdy1=3.0, pdy2=0.0, longitudinal_stiffness=1e8, lateral_stiffness=1e8
+        statics.rigid(MACHINE),
+        pdx1=3.0,
+        pdx2=0.0,
+        pdy1=3.0,
+        pdy2=0.0,
+        longitudinal_stiffness=1e8,
+        lateral_stiffness=1e8,
     )
     assert statics.lift_off_slope(machine, delta, payload, lift, side) == pytest.approx(expected, rel=0.045)
 
@@ -128,7 +136,12 @@ def test_banked_wheel_loads_agree_with_the_closed_form(delta, bank):
     machine = statics.rigid(MACHINE)
     truth = Plant(machine, Surface(friction=2.0, bank=bank), articulation_angle=delta).truth()
     parts = statics.bodies(machine, 0.0, delta, truth.lift_arm_angle, truth.tilt_angle, 0.0)
-    g, l_f, l_r, t = machine.geometry, machine.geometry.front_axle_x, -machine.geometry.rear_axle_x, MACHINE.geometry.track
+    g, l_f, l_r, t = (
+        machine.geometry,
+        machine.geometry.front_axle_x,
+        -machine.geometry.rear_axle_x,
+        MACHINE.geometry.track,
+    )
     axle = machine.rear_axle.mass + 2 * machine.wheel.mass
     body = [(part, c) for (part, c, _, _) in parts[:-5]] + [(m, c) for (m, c, _, _) in parts[-4:-2]]
     m = sum(part for part, _ in body)
@@ -149,7 +162,12 @@ def test_banked_wheel_loads_agree_with_the_closed_form(delta, bank):
 
 @pytest.mark.parametrize(
     "surface",
-    [Surface(), Surface(grade=math.atan(0.3)), Surface(friction=0.9, grade=-math.radians(30.0)), Surface(bank=0.2)],
+    [
+        Surface(),
+        Surface(grade=math.atan(0.3)),
+        Surface(friction=0.9, grade=-math.radians(30.0)),
+        Surface(bank=0.2),
+    ],
 )
 @pytest.mark.parametrize("delta", [0.0, 0.5])
 def test_a_braked_machine_stays_where_it_stands(surface, delta):

@@ -38,7 +38,18 @@ def steady(kappa, tan_alpha, load=34e3, w=FRONT, friction=1.0):
     return combined_forces(w, load, stiffness_and_peak(w, friction, load), kappa, tan_alpha)
 
 
-def contact(height, *, axle=LEFT, normal=UP, centre=None, velocity=(0, 0, 0), turning=(0, 0, 0), spin=0.0, w=FRONT, **state):
+def contact(
+    height,
+    *,
+    axle=LEFT,
+    normal=UP,
+    centre=None,
+    velocity=(0, 0, 0),
+    turning=(0, 0, 0),
+    spin=0.0,
+    w=FRONT,
+    **state,
+):
     """Evaluate a wheel: velocity of its centre, angular velocity of its carrier, spin about the axle."""
     centre = np.array((0.0, 0.0, height)) if centre is None else centre
     omega = np.array(turning, float) + spin * axle
@@ -121,7 +132,9 @@ def test_friction_scales_the_peak_and_leaves_the_stiffness():
     assert (2 * low[2], 2 * low[3]) == pytest.approx(high[2:], rel=1e-15)
 
 
-@pytest.mark.parametrize(("load", "tangent", "secant"), [(27e3, 760e3, 692e3), (34e3, 790e3, 708e3), (48e3, 850e3, 737e3)])
+@pytest.mark.parametrize(
+    ("load", "tangent", "secant"), [(27e3, 760e3, 692e3), (34e3, 790e3, 708e3), (48e3, 850e3, 737e3)]
+)
 def test_vertical_stiffness(load, tangent, secant):
     """PARAMETERS 3.1 at 3.5 bar. 1 %: it rounds to 10 and to 1 kN/m, and its law to three digits."""
     deflection = np.linspace(0.0, 0.12, 120001)
@@ -162,7 +175,9 @@ def test_iso_signs():
     assert out[s.T_ALIGNING] > 0.0, "turns the wheel towards its direction of travel"
     assert contact(0.70, velocity=(5.0, 0, 0), spin=0.0)[s.T_SLIP] == pytest.approx(-1.0)
     assert contact(0.70, velocity=(5.0, 0, 0), spin=8.0)[s.T_KAPPA_RATE] > 0.0
-    assert contact(0.70, velocity=(-5.0, 0, 0), spin=0.0)[s.T_KAPPA_RATE] > 0.0, "braking in reverse pushes forward"
+    assert contact(0.70, velocity=(-5.0, 0, 0), spin=0.0)[s.T_KAPPA_RATE] > 0.0, (
+        "braking in reverse pushes forward"
+    )
 
 
 @settings(deadline=None)
@@ -181,7 +196,15 @@ def test_power_of_the_contact_is_spring_plus_sliding(lean, yaw, height, seed):
     axle = turn.as_matrix()[:, 1].copy()
     kappa, tan_alpha = rng.uniform(-0.3, 0.3, 2)
     out = contact(
-        height, axle=axle, centre=centre, velocity=velocity, turning=omega, spin=spin, w=w, kappa=kappa, tan_alpha=tan_alpha
+        height,
+        axle=axle,
+        centre=centre,
+        velocity=velocity,
+        turning=omega,
+        spin=spin,
+        w=w,
+        kappa=kappa,
+        tan_alpha=tan_alpha,
     )
 
     def energy(t):
@@ -204,7 +227,13 @@ def test_any_axes_give_the_same_contact(seed):
     rng = np.random.default_rng(seed)
     turn = Rotation.from_quat(rng.normal(size=4)).as_matrix()
     axle = Rotation.from_euler("ZX", rng.uniform(-0.3, 0.3, 2)).as_matrix()[:, 1].copy()
-    kwargs = {"velocity": rng.uniform(-3, 3, 3), "turning": rng.uniform(-1, 1, 3), "spin": 4.0, "kappa": 0.1, "tan_alpha": 0.05}
+    kwargs = {
+        "velocity": rng.uniform(-3, 3, 3),
+        "turning": rng.uniform(-1, 1, 3),
+        "spin": 4.0,
+        "kappa": 0.1,
+        "tan_alpha": 0.05,
+    }
     here = contact(0.70, axle=axle, **kwargs)
     kwargs["velocity"], kwargs["turning"] = turn @ kwargs["velocity"], turn @ kwargs["turning"]
     there = contact(0.70, axle=turn @ axle, normal=turn @ UP, centre=turn @ np.array((0, 0, 0.70)), **kwargs)

@@ -46,7 +46,12 @@ def _body(body: Body, x0: float, z0: float) -> str:
 
 def mjcf(machine: Machine, payload_mass: float, step: float) -> str:
     """The model file."""
-    g, lift, zj, zp = machine.geometry, machine.lift, machine.geometry.joint_height, machine.oscillation.pivot_height
+    g, lift, zj, zp = (
+        machine.geometry,
+        machine.lift,
+        machine.geometry.joint_height,
+        machine.oscillation.pivot_height,
+    )
     w, load = machine.wheel, machine.payload
     share = payload_mass / load.reference_mass
 
@@ -93,7 +98,9 @@ def mjcf(machine: Machine, payload_mass: float, step: float) -> str:
 class MujocoLoader:
     """The loader with MuJoCo's bodies, and the tyres of the parameter vector `p` where asked for."""
 
-    def __init__(self, machine: Machine, p: np.ndarray, *, payload_mass: float = 0.0, step: float = 1e-3) -> None:
+    def __init__(
+        self, machine: Machine, p: np.ndarray, *, payload_mass: float = 0.0, step: float = 1e-3
+    ) -> None:
         self.model = mujoco.MjModel.from_xml_string(mjcf(machine, payload_mass, step))
         self.data = mujoco.MjData(self.model)
         self.p = p
@@ -171,7 +178,11 @@ class MujocoLoader:
 
     def demanded(self, articulation: float, lift: float, tilt: float) -> np.ndarray:
         """Accelerations of the driven joints, by the servo law at MuJoCo's state."""
-        blocks = ((s.FRONT_FRAME, articulation, P_STEERING), (s.LIFT_ARM, lift, P_LIFT), (s.BUCKET, tilt, P_TILT))
+        blocks = (
+            (s.FRONT_FRAME, articulation, P_STEERING),
+            (s.LIFT_ARM, lift, P_LIFT),
+            (s.BUCKET, tilt, P_TILT),
+        )
         turn, up, back = (
             servo(*self.joint(body), rate, self.p[at : at + SERVO_SIZE]) for body, rate, at in blocks
         )

@@ -54,10 +54,24 @@ def bodies(machine: Machine, payload_mass: float, delta: float, lift: float, til
         return np.array((part.x, 0.0, part.z))
 
     out = [(machine.rear_frame.mass, at(machine.rear_frame), inertia(machine.rear_frame), True)]
-    for part in (machine.front_frame, machine.front_axle):
-        out.append((part.mass, turn @ at(part), turn @ inertia(part) @ turn.T, True))
-    out.append((machine.lift_arm.mass, foot + arm @ at(machine.lift_arm), arm @ inertia(machine.lift_arm) @ arm.T, True))
-    out.append((machine.bucket.mass, pin + bucket @ at(machine.bucket), bucket @ inertia(machine.bucket) @ bucket.T, True))
+    fixed = (machine.front_frame, machine.front_axle)
+    out += [(part.mass, turn @ at(part), turn @ inertia(part) @ turn.T, True) for part in fixed]
+    out.append(
+        (
+            machine.lift_arm.mass,
+            foot + arm @ at(machine.lift_arm),
+            arm @ inertia(machine.lift_arm) @ arm.T,
+            True,
+        )
+    )
+    out.append(
+        (
+            machine.bucket.mass,
+            pin + bucket @ at(machine.bucket),
+            bucket @ inertia(machine.bucket) @ bucket.T,
+            True,
+        )
+    )
     if payload_mass:
         load = machine.payload
         out.append((payload_mass, pin + bucket @ at(load), bucket @ inertia(load, share) @ bucket.T, True))
@@ -77,11 +91,15 @@ def wheel_centres(machine: Machine, delta: float, oscillation: float) -> np.ndar
     roll = Rotation.from_euler("x", oscillation).as_matrix()
     sides = (g.track / 2, -g.track / 2)
     front = [turn @ np.array((g.front_axle_x, y, g.wheel_centre_height)) for y in sides]
-    rear = [np.array((g.rear_axle_x, 0, zp)) + roll @ np.array((0, y, g.wheel_centre_height - zp)) for y in sides]
+    rear = [
+        np.array((g.rear_axle_x, 0, zp)) + roll @ np.array((0, y, g.wheel_centre_height - zp)) for y in sides
+    ]
     return np.array(front + rear)
 
 
-def resting_loads(machine: Machine, payload_mass: float, delta: float, lift: float, tilt: float) -> np.ndarray:
+def resting_loads(
+    machine: Machine, payload_mass: float, delta: float, lift: float, tilt: float
+) -> np.ndarray:
     """Normal forces (4) of the least potential energy over height, roll, pitch and oscillation."""
     tyre = machine.tyre
     axles = [Rotation.from_euler("z", delta).as_matrix()[:, 1]] * 2
@@ -110,7 +128,9 @@ def resting_loads(machine: Machine, payload_mass: float, delta: float, lift: flo
 
     start = np.array((tyre.radius - 0.045 - machine.geometry.wheel_centre_height, 0, 0, 0))
     base = energy(start)
-    found = minimize(lambda x: (energy(x) - base) / 1e3, start, method="BFGS", options={"gtol": 1e-9, "xrtol": 1e-12})
+    found = minimize(
+        lambda x: (energy(x) - base) / 1e3, start, method="BFGS", options={"gtol": 1e-9, "xrtol": 1e-12}
+    )
     deflection, upright = deflections(found.x)
     d = np.maximum(deflection, 0.0) / tyre.radius
     return scale * (tyre.qfz1 * d + tyre.qfz2 * d**2) / upright
@@ -126,7 +146,9 @@ def tipping_load(machine: Machine, delta: float) -> float:
     return _first_zero(rear, 3000.0, 4500.0)
 
 
-def lift_off_slope(machine: Machine, delta: float, payload_mass: float, lift: float | None, side: int) -> float:
+def lift_off_slope(
+    machine: Machine, delta: float, payload_mass: float, lift: float | None, side: int
+) -> float:
     """Tangent of the bank at which the first wheel lifts; side +1: left side of the rear frame uphill.
 
     The machine stands on its brakes: a tilt table.
