@@ -1,0 +1,307 @@
+"""Benchmark of the hub and of the receive path: `python bench/bench_bus.py [--frames N] [--rounds N]`.
+
+Latency, one way, sender and receiver in two processes, one frame per millisecond:
+  direct     one Unix SEQPACKET socket between them, 84 bytes as the hub uses: the floor of one hop
+  raw relay  a third process that does nothing but recv and send: the floor of any relay, two hops
+  hub        HubTransport, hub process, HubTransport: packing, stamping, unpacking included
+  python-can HubBus on the same hub, as a user of python-can sees it
+
+Receive path, CPU time of the receiving process per frame, frames of loader.dbc in bursts of 16 every 4 ms:
+  ours       asyncio add_reader, HubTransport.drain, generated codec
+  python-can Notifier and AsyncBufferedReader on HubBus, cantools
+With CAN in the kernel (vcan0) the receive path is measured on SocketCAN too, there with python-can's own interface.
+Every arm runs in every round; the median over the rounds is told.
+"""
+
+import argparse
+import asyncio
+import multiprocessing
+import os
+import platform
+import select
+import socket
+import statistics
+import struct
+import tempfile
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import can
+import cantools
+
+import dbc
+from bus import packet
+from bus.address import open_transport
+from bus.frame import Frame
+from bus.hub import Hub
+from bus.hub_client import HubTransport
+from bus.link import can_interfaces
+from bus.python_can import HubBus
+from bus.ticks import Ticks
+
+STAMP = struct.Struct("=q")
+PACE_NS = 1_000_000
+BURST = 16
+BURST_NS = 4_000_000
+END = 0x7FF
+"""Identifier of the frame after the last."""
+FORK = multiprocessing.get_context("fork")
+
+
+def in_process(work: Callable[..., object], *arguments: object) -> tuple[multiprocessing.Process, Connection]:
+    """Start `work(pipe, *arguments)` in a process of its own; it says when it is ready, and its result."""
+    ours, theirs = FORK.Pipe()
+    process = FORK.Process(target=work, args=(theirs, *arguments), daemon=True)
+    process.start()
+    return process, ours
+
+
+def paced(send: Callable[[bytes], object], frames: int) -> None:
+    """Send the time of sending once per millisecond."""
+    with Ticks(PACE_NS) as ticks:
+        os.set_blocking(ticks.fileno(), True)
+        for _ in range(frames):
+            ticks.expired()
+            send(STAMP.pack(time.monotonic_ns()))
+
+
+def receive_raw(pipe: Connection, end: socket.socket, frames: int) -> None:
+    pipe.send("ready")
+    late = []
+    for _ in range(frames):
+        data = end.recv(packet.SIZE)
+        late.append(time.monotonic_ns() - STAMP.unpack_from(data)[0])
+    pipe.send(late)
+
+
+def relay_raw(pipe: Connection, source: socket.socket, sink: socket.socket, frames: int) -> None:
+    buffer = bytearray(packet.SIZE)
+    pipe.send("ready")
+    for _ in range(frames):
+        source.recv_into(buffer)
+        sink.send(buffer)
+    pipe.send("done")
+
+
+def receive_hub(pipe: Connection, path: str, frames: int) -> None:
+    late: list[int] = []
+    with HubTransport(path) as transport:
+        poll = select.poll()
+        poll.register(transport.fileno(), select.POLLIN)
+        pipe.send("ready")
+        while len(late) < frames:
+            poll.poll()
+            late += [time.monotonic_ns() - STAMP.unpack(frame.data)[0] for frame in transport.drain()]
+    pipe.send(late)
+
+
+def receive_python_can(pipe: Connection, path: str, frames: int) -> None:
+    late: list[int] = []
+    with HubBus(path) as bus:
+        pipe.send("ready")
+        while len(late) < frames:
+            message = bus.recv()
+            if message is not None:
+                late.append(time.monotonic_ns() - STAMP.unpack(message.data)[0])
+    pipe.send(late)
+
+
+def latency_direct(path: str, frames: int) -> list[int]:
+    near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with near, far:
+        process, pipe = in_process(receive_raw, far, frames)
+        pipe.recv()
+        paced(lambda data: near.send(data.ljust(packet.SIZE, b"\0")), frames)
+        return finish(process, pipe)
+
+
+def latency_relay(path: str, frames: int) -> list[int]:
+    near, middle = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    onward, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with near, middle, onward, far:
+        receiver, pipe = in_process(receive_raw, far, frames)
+        relay, relay_pipe = in_process(relay_raw, middle, onward, frames)
+        pipe.recv(), relay_pipe.recv()
+        paced(lambda data: near.send(data.ljust(packet.SIZE, b"\0")), frames)
+        relay_pipe.recv()
+        relay.join()
+        return finish(receiver, pipe)
+
+
+def latency_hub(path: str, frames: int) -> list[int]:
+    process, pipe = in_process(receive_hub, path, frames)
+    pipe.recv()
+    with HubTransport(path) as transport:
+        paced(lambda data: transport.send(Frame(1, data)), frames)
+        return finish(process, pipe)
+
+
+def latency_python_can(path: str, frames: int) -> list[int]:
+    process, pipe = in_process(receive_python_can, path, frames)
+    pipe.recv()
+    with HubBus(path) as bus:
+        paced(lambda data: bus.send(can.Message(arbitration_id=1, data=data, is_extended_id=False)), frames)
+        return finish(process, pipe)
+
+
+def finish(process: multiprocessing.Process, pipe: Connection) -> list[int]:
+    result = pipe.recv()
+    process.join()
+    return result
+
+
+def traffic() -> list[Frame]:
+    """One frame of every message of loader.dbc, as its sender encodes it."""
+    messages = dbc.loader_database().by_name.values()
+    return [Frame(message.can_id, bytes(message.length)) for message in messages]
+
+
+def receive_ours(pipe: Connection, address: str) -> None:
+    async def listen() -> tuple[int, float]:
+        loop, done = asyncio.get_running_loop(), asyncio.Event()
+        codecs = dbc.loader_database().by_id
+        count = 0
+
+        def readable() -> None:
+            nonlocal count
+            for frame in transport.drain():
+                if frame.can_id == END:
+                    done.set()
+                    return
+                codecs[frame.can_id].decode(frame.data)
+                count += 1
+
+        with open_transport(address) as transport:
+            loop.add_reader(transport.fileno(), readable)
+            pipe.send("ready")
+            before = time.process_time()
+            await done.wait()
+            return count, time.process_time() - before
+
+    pipe.send(asyncio.run(listen()))
+
+
+def receive_theirs(pipe: Connection, interface: str, channel: str) -> None:
+    async def listen() -> tuple[int, float]:
+        database = cantools.database.load_file(dbc.FOLDER / "loader.dbc")
+        count = 0
+        with can.Bus(interface=interface, channel=channel) as bus:
+            reader = can.AsyncBufferedReader()
+            notifier = can.Notifier(bus, [reader], loop=asyncio.get_running_loop())
+            pipe.send("ready")
+            before = time.process_time()
+            while (message := await reader.get_message()).arbitration_id != END:
+                database.decode_message(message.arbitration_id, message.data, decode_choices=False)
+                count += 1
+            used = time.process_time() - before
+            notifier.stop()
+        return count, used
+
+    pipe.send(asyncio.run(listen()))
+
+
+def cpu_per_frame(address: str, receiver: Callable[..., object], *arguments: object, frames: int) -> float:
+    """CPU time of the receiving process per frame [us]; every frame has to arrive."""
+    process, pipe = in_process(receiver, *arguments)
+    pipe.recv()
+    messages = traffic()
+    with open_transport(address) as sender, Ticks(BURST_NS) as ticks:
+        os.set_blocking(ticks.fileno(), True)
+        sent = 0
+        while sent < frames:
+            ticks.expired()
+            for _ in range(BURST):
+                sender.send(messages[sent % len(messages)])
+                sent += 1
+        sender.send(Frame(END, b""))
+        count, seconds = pipe.recv()
+        process.join()
+    if count != sent:
+        raise SystemExit(f"{receiver.__name__}: {count} of {sent} frames arrived")
+    return seconds / count * 1e6
+
+
+def quantiles_us(late_ns: list[int]) -> tuple[float, float]:
+    ordered = sorted(late_ns)
+    return statistics.median(ordered) / 1e3, ordered[int(0.99 * len(ordered))] / 1e3
+
+
+def serve(pipe: Connection, path: str) -> None:
+    with Hub(path) as hub:
+        pipe.send("ready")
+        hub.run()
+
+
+def main() -> None:
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("--frames", type=int, default=3000, help="frames per arm and round")
+    arguments.add_argument("--rounds", type=int, default=5)
+    chosen = arguments.parse_args()
+    print(
+        f"{platform.machine()}, {os.cpu_count()} CPUs, Linux {platform.release()}, Python {platform.python_version()}, "
+        f"python-can {version('python-can')}, cantools {version('cantools')}; "
+        f"{chosen.rounds} rounds of {chosen.frames} frames"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        path = str(Path(folder) / "hub")
+        hub, pipe = in_process(serve, path)
+        pipe.recv()
+        try:
+            latencies(path, chosen.rounds, chosen.frames)
+            receive_path(path, chosen.rounds, 4 * chosen.frames)
+        finally:
+            hub.terminate()
+            hub.join()
+
+
+def latencies(path: str, rounds: int, frames: int) -> None:
+    arms = {
+        "direct": latency_direct,
+        "raw relay": latency_relay,
+        "hub": latency_hub,
+        "python-can": latency_python_can,
+    }
+    seen: dict[str, list[tuple[float, float]]] = {name: [] for name in arms}
+    for _ in range(rounds):
+        for name, measure in arms.items():
+            seen[name].append(quantiles_us(measure(path, frames)))
+    print(
+        f"\n{'one-way latency':18}{'p50 [us]':>10}{'range':>16}{'p99 [us]':>10}{'x direct':>10}{'x relay':>9}"
+    )
+    p50 = {name: statistics.median(value for value, _ in values) for name, values in seen.items()}
+    for name, values in seen.items():
+        p50s = [value for value, _ in values]
+        p99 = statistics.median(value for _, value in values)
+        spread = f"{min(p50s):.1f}..{max(p50s):.1f}"
+        print(
+            f"{name:18}{p50[name]:10.1f}{spread:>16}{p99:10.1f}"
+            f"{p50[name] / p50['direct']:10.2f}{p50[name] / p50['raw relay']:9.2f}"
+        )
+
+
+def receive_path(path: str, rounds: int, frames: int) -> None:
+    buses = {"hub": (f"hub:{path}", "loaderhil", path)}
+    if "vcan0" in can_interfaces():
+        buses["SocketCAN"] = ("socketcan:vcan0", "socketcan", "vcan0")
+    print(
+        f"\n{'receive path':18}{'ours':>10}{'range':>16}{'python-can':>12}{'range':>16}{'ratio':>8}   CPU us/frame"
+    )
+    for name, (address, interface, channel) in buses.items():
+        ours, theirs = [], []
+        for _ in range(rounds):
+            ours.append(cpu_per_frame(address, receive_ours, address, frames=frames))
+            theirs.append(cpu_per_frame(address, receive_theirs, interface, channel, frames=frames))
+        ratio = statistics.median(theirs) / statistics.median(ours)
+        cells = [
+            (statistics.median(values), f"{min(values):.2f}..{max(values):.2f}") for values in (ours, theirs)
+        ]
+        print(
+            f"{name:18}{cells[0][0]:10.2f}{cells[0][1]:>16}{cells[1][0]:12.2f}{cells[1][1]:>16}{ratio:8.2f}"
+        )
+
+
+if __name__ == "__main__":
+    main()
