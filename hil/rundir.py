@@ -4,7 +4,8 @@
     truth.npz       the plant's own state, one array per field, first axis time, 100 Hz
     bus.log         every frame between plant and ECU, candump -L format
     reference.log   the frames of the test instrumentation, which the ECU never sees (optional)
-    timing.npz      per tick of a real-time run: lateness, execution, reaction [ns] (optional)
+    timing.npz      per tick of a real-time run: lateness, execution, due time [ns] (optional)
+    ecu.log, plant.log   findings of the processes of a real-time run, one line each (optional)
 
 A killed run leaves a directory that still reads: what is missing or cut off is listed in
 `problems`, everything else is there.
@@ -30,7 +31,8 @@ from dbc.database import Database
 from dbc.logfile import read_candump
 
 RECORD, TRUTH, BUS, REFERENCE, TIMING = "run.json", "truth.npz", "bus.log", "reference.log", "timing.npz"
-FILES = (RECORD, TRUTH, BUS, REFERENCE, TIMING)
+ECU_LOG, PLANT_LOG = "ecu.log", "plant.log"
+FILES = (RECORD, TRUTH, BUS, REFERENCE, TIMING, ECU_LOG, PLANT_LOG)
 
 Mode = Literal["lockstep", "realtime"]
 Outcome = Literal["running", "finished", "interrupted", "failed"]

@@ -1,5 +1,7 @@
 """The plant process: the machine of one scenario on the bus, in real time."""
 
+import logging
+from collections import Counter
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -13,11 +15,13 @@ from hil import rundir
 from hil.compose import Choice, plant_unit
 from hil.ending import Ending
 from hil.lifeline import Lifeline
-from hil.processes.shell import HostShare, counters, run_until_signal
+from hil.processes.shell import HostShare, counters, log_to, run_until_signal
 from plant import node
+from plant.reception import Finding
 from plant.scenario import Scenario
 from plant.unit import TICK_NS, PlantUnit
 
+log = logging.getLogger(__name__)
 REFERENCE_CHANNEL = "reference"
 PROGRESS_TICKS = 20
 WARM_TICKS = 5
@@ -25,6 +29,7 @@ WARM_TICKS = 5
 
 def run(line: Lifeline, choice: Choice, address: str, out: Path | None) -> Ending:
     """The machine of one scenario on the bus; with `out`, its truth and timing are left there."""
+    log_to(out and out / rundir.PLANT_LOG)
     scenario = choice.load()
     unit = plant_unit(scenario)
     _warm_plant(scenario)
@@ -32,9 +37,10 @@ def run(line: Lifeline, choice: Choice, address: str, out: Path | None) -> Endin
     line.wait_for_go()
     timing = TickTiming()
     started_ns: list[int] = []
+    kinds: Counter[str] = Counter()
     host = HostShare()
     with ExitStack() as stack:
-        bus = stack.enter_context(open_transport(address))
+        bus = stack.enter_context(open_transport(address, name="plant"))
         reference = out and stack.enter_context(CandumpWriter(out / rundir.REFERENCE))
 
         def on_tick(ticked: PlantUnit, now_ns: int) -> None:
@@ -45,10 +51,16 @@ def run(line: Lifeline, choice: Choice, address: str, out: Path | None) -> Endin
             if ticked.sequence % PROGRESS_TICKS == 0:
                 line.progress(ticked.truth.time_s, scenario.duration_s)
 
+        def on_finding(finding: Finding) -> None:
+            kinds[f"finding_{finding.what.name}"] += 1
+            log.warning("%s: %s", finding.message, finding.what.name)
+
         truth_path = out and out / rundir.TRUTH
         try:
             interrupted = run_until_signal(
-                node.run(bus, unit, on_tick=on_tick, timing=timing, truth_path=truth_path)
+                node.run(
+                    bus, unit, on_tick=on_tick, on_finding=on_finding, timing=timing, truth_path=truth_path
+                )
             )
         finally:
             if out:
@@ -57,6 +69,7 @@ def run(line: Lifeline, choice: Choice, address: str, out: Path | None) -> Endin
                 complete=unit.finished,
                 duration_s=unit.truth.time_s,
                 missed=timing.missed,
+                **kinds,
                 **host.figures(),
                 **counters(bus),
             )

@@ -14,7 +14,7 @@ CHANNEL = "loader"
 def run(line: Lifeline, address: str, log: Path) -> Ending:
     """Every frame of the bus into a candump log, until told to end; what had arrived by then is written."""
     count = 0
-    with open_transport(address) as bus, CandumpWriter(log) as writer, Stop() as stop:
+    with open_transport(address, name="recorder") as bus, CandumpWriter(log) as writer, Stop() as stop:
         line.ready()
         for _ in stop.readable(bus.fileno()):
             while frames := bus.drain():

@@ -6,11 +6,13 @@ through their lifeline.
 
 import asyncio
 import gc
+import logging
 import os
 import selectors
 import signal
 import time
 from collections.abc import Callable, Coroutine, Iterator
+from pathlib import Path
 from typing import Any, Self
 
 from bus.transport import BusClosed, BusUnavailable, Transport
@@ -32,6 +34,13 @@ def ending_of(body: Callable[[Lifeline], Ending]) -> Ending:
         line.error(str(error))
         return Ending.PEER_DIED
     return Ending.HUB_LOST
+
+
+def log_to(file: Path | None) -> None:
+    """Findings into `file`, or onto standard error."""
+    logging.basicConfig(
+        filename=file, level=logging.INFO, format="%(asctime)s %(name)s %(levelname)s %(message)s", force=True
+    )
 
 
 def run_until_signal(work: Coroutine[Any, Any, None]) -> bool:

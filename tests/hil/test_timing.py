@@ -43,7 +43,7 @@ def test_each_miss_fails_and_is_named(change, named):
     assert named in verdict.reason
 
 
-@pytest.mark.parametrize("change", [{"stolen": 0.02}, {"waited": {"plant": 0.02}}, {"stolen": float("nan")}])
+@pytest.mark.parametrize("change", [{"stolen": 0.02}, {"waited": {"plant": 0.04}}, {"stolen": float("nan")}])
 @pytest.mark.parametrize("missed", [{}, {"overruns": {"plant": 9}}])
 def test_a_starved_host_is_inconclusive_with_good_and_with_bad_figures(change, missed):
     verdict = judge_timing(replace(GOOD, **change, **missed))
