@@ -298,10 +298,14 @@ def fused_speed(i: Inputs, s: State, m: Motion, axle: Vector, r: Vector, p: Para
     scatter = p.sensors.speed_scatter + p.sensors.speed_scatter_slope * abs(predicted)
     gain = p.sensors.speed_gain * i.dt if trusted != 0.0 else 0.5
     e1, e2, e3, e4 = v1 - predicted, v2 - predicted, v3 - predicted, v4 - predicted
-    correction = i.wheel_1_usable * e1 * speed.influence(e1, scatter)
-    correction += i.wheel_2_usable * e2 * speed.influence(e2, scatter)
-    correction += i.wheel_3_usable * e3 * speed.influence(e3, scatter)
-    correction += i.wheel_4_usable * e4 * speed.influence(e4, scatter)
+    # wheels that roll and all agree are believed in the end, or a wrong start would never be mended
+    mean = total / count
+    spread = max(abs(v1 - mean), abs(v2 - mean), abs(v3 - mean), abs(v4 - mean))
+    least = speed.CONSENSUS if count == 4.0 and spread < scatter and abs(mean) > speed.ROLLING else 0.0
+    correction = i.wheel_1_usable * e1 * max(speed.influence(e1, scatter), least)
+    correction += i.wheel_2_usable * e2 * max(speed.influence(e2, scatter), least)
+    correction += i.wheel_3_usable * e3 * max(speed.influence(e3, scatter), least)
+    correction += i.wheel_4_usable * e4 * max(speed.influence(e4, scatter), least)
     if trusted == 0.0:  # nothing else carries the speed: the plain mean
         correction = total - count * predicted
     return predicted + gain * correction / count

@@ -11,6 +11,12 @@ from ecu.estimators.compiled import compiled
 from ecu.estimators.parameters import Geometry
 
 
+CONSENSUS = 0.2
+"""Least influence of a wheel while all four agree and roll."""
+ROLLING = 0.5
+"""Below this speed [m/s] agreeing wheels may all be locked."""
+
+
 @compiled
 def front_wheel_reading(
     rolling: float,
