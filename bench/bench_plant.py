@@ -26,7 +26,7 @@ from tests.plant.oracle.loader import MujocoLoader, mjcf
 
 PAYLOAD = 3204.0
 COMMANDS = Commands(wheel_torque=(500.0,) * 4)
-ACTUATORS = "".join(f'<velocity joint="{name}" kv="1e6"/>' for name in ("articulation", "lift", "tilt"))
+ACTUATORS = "".join(f'<velocity joint="{name}" kv="1e9"/>' for name in ("articulation", "lift", "tilt"))
 
 
 @numba.njit
