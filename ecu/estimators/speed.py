@@ -10,7 +10,6 @@ import math
 from ecu.estimators.compiled import compiled
 from ecu.estimators.parameters import Geometry
 
-
 CONSENSUS = 0.2
 """Least influence of a wheel while all four agree and roll."""
 ROLLING = 0.5
