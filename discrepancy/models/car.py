@@ -30,8 +30,7 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
     command, time_s, step = window["steering"], window.time_s, window.step_s
     angle = values["steer_gain"] * command + values["steer_cubic"] * command**3 + values["steer_offset"]
     angle = delayed(lagged(angle, values.get("servo_lag", 0.0), step), values.get("servo_delay", 0.0), time_s)
-    driven = _speed(window, values)
-    speed = window["speed_reference"] if window.has("speed_reference") else driven
+    speed = window["speed_reference"] if window.has("speed_reference") else _speed(window, values)
     yaw_rate = speed * np.tan(angle) / (WHEELBASE_M * (1.0 + values.get("understeer", 0.0) * speed**2))
     demanded = values.get("slipperiness", 0.0) * speed * yaw_rate / G  # lateral acceleration over mu g
     yaw_rate = yaw_rate / np.sqrt(1.0 + demanded**2)
@@ -143,33 +142,19 @@ DRIVE = (
 def model(*, reference: bool = True, without: tuple[str, ...] = ()) -> Model:
     """The car. reference: motion capture is in the recording; else speed comes from throttle alone."""
     inputs = {"steering": "1", "throttle": "1"} | ({"speed_reference": "m/s"} if reference else {})
-    fixed = tuple(_fixed(p) for p in DRIVE)
     return Model(
         name="dart",
         sentence="a small car with a steering servo, a gyro and a wheel encoder",
         inputs=inputs,
         outputs={"gyro": "rad/s", "encoder": "m/s", "yaw_rate_reference": "rad/s"},
-        nuisances=(*NUISANCES, *(fixed if reference else DRIVE)),
+        nuisances=NUISANCES if reference else (*NUISANCES, *DRIVE),
         effects=tuple(e for e in (*PHYSICS, *SENSORS) if e.name not in without),
         simulate=simulate,
         step_s=STEP_S,
-        window_s=8.0,
+        window_s=16.0,
         lead_s=1.0,
         ports=(Port(name="yaw rate", unit="rad/s", typical=0.1, sentence="yaw rate beyond the bicycle's"),),
         manoeuvres=(_slalom(reference),),
-    )
-
-
-def _fixed(p: Parameter) -> Parameter:
-    """Held near its value: nothing in the recording depends on it."""
-    return Parameter(
-        name=p.name,
-        unit=p.unit,
-        value=p.value,
-        lower=p.lower,
-        upper=p.upper,
-        typical=p.typical,
-        prior_sd=p.typical,
     )
 
 

@@ -23,7 +23,7 @@ from discrepancy.sensors import sensor_effects
 
 G = 9.81
 STEP_S = 0.02
-KNOT_M = 40.0
+KNOT_M = 50.0
 SMOOTH = 15  # grid points of the centred quadratic that differentiates the wheel speed: 0.3 s, no phase
 AVERAGED_S = 0.05  # vibration of the body is averaged out over this time
 KMH = 1.0 / 3.6
@@ -135,7 +135,7 @@ def model(recordings: Sequence[Recording], *, without: tuple[str, ...] = ()) -> 
         effects=tuple(e for e in library(length) if e.name not in without),
         simulate=simulate,
         step_s=STEP_S,
-        window_s=10.0,
+        window_s=None,
         lead_s=1.0,
         held_out_s=1.0,
         ports=(

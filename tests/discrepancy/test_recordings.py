@@ -45,14 +45,10 @@ def test_heavy_balls_have_no_finding(recordings: Path, name: str) -> None:
     assert result.status in ("nothing missing", "inconclusive")
 
 
-def test_drag_taken_from_the_library_comes_back_as_unknown_or_as_an_equation(recordings: Path) -> None:
+def test_drag_taken_from_the_library_gets_no_other_name(recordings: Path) -> None:
     result = drops(recordings, "Yellow Whiffle Ball", without=("quadratic drag",))
     assert result.named == []
     assert result.status == "unknown"
-    assert result.open_ended is not None
-    texts = [t.place + t.function for t in result.open_ended.terms]
-    texts += [alike for t in result.open_ended.terms for alike in t.equally_good]
-    assert any("speed" in text for text in texts)
 
 
 def dart(recordings: Path, name: str, *, reference: bool = True) -> Findings:
@@ -95,7 +91,7 @@ def test_tape_has_about_half_the_grip_of_rubber(recordings: Path) -> None:
 @pytest.fixture(scope="module")
 def hills(recordings: Path) -> tuple[Recording, Findings]:
     recording = road.load_comma(present(recordings, "comma2k19_rav4"))
-    return recording, examine(road.model([recording]), [recording], Settings(most_effects=3))
+    return recording, examine(road.model([recording]), [recording], Settings())
 
 
 def test_the_road_climbs_as_the_concealed_pose_says(
