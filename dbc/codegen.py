@@ -35,7 +35,7 @@ def compile_function(source: str, label: str, signals: Sequence[Signal]) -> Call
     known = set(namespace)
     exec(compile(source, f"<codec of {label}>", "exec"), namespace)
     (name,) = set(namespace) - known - {"__builtins__"}
-    return namespace[name]  # type: ignore[no-any-return]
+    return namespace[name]
 
 
 def open_frame(signals: Sequence[Signal], length: int) -> str:
