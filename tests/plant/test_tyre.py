@@ -271,3 +271,11 @@ def test_implicit_relaxation_is_stable_at_any_speed():
     for speed in (1.0, 100.0, 1e4):
         after = 0.5 + 1e-3 * relax(0.5, speed, -0.1 * speed, 0.05, 1e-3)
         assert 0.1 <= after <= 0.5
+
+
+@given(st.floats(-1.0, 2.0), sides)
+def test_contact_forces_are_those_of_the_transient_slips(kappa, tan_alpha):
+    """At speed no damper acts: the wheel's forces are the steady ones at its load and transient slips."""
+    out = contact(0.70, velocity=(5.0, 0.0, 0.0), spin=7.0, kappa=kappa, tan_alpha=tan_alpha)
+    expected = steady(kappa, tan_alpha, out[s.T_NORMAL])
+    assert (out[s.T_LONGITUDINAL], out[s.T_LATERAL], out[s.T_ALIGNING]) == expected
