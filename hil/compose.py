@@ -62,9 +62,11 @@ def plant_unit(scenario: Scenario) -> PlantUnit:
     return PlantUnit(load_machine(scenario.machine), scenario, seed=scenario.seed)
 
 
-def lockstep(scenario: Scenario, *, form: Form = "corrected", limits: bool = True) -> Lockstep:
-    """The two on one virtual clock."""
-    return Lockstep(plant_unit(scenario), ecu_cycle(form=form, limits=limits))
+def lockstep(
+    scenario: Scenario, *, form: Form = "corrected", limits: bool = True, reference: bool = True
+) -> Lockstep:
+    """The two on one virtual clock; reference: with the frames of the test instrumentation."""
+    return Lockstep(plant_unit(scenario), ecu_cycle(form=form, limits=limits), reference=reference)
 
 
 def record_of(scenario: Scenario, *, form: Form, limits: bool, mode: Mode) -> RunRecord:

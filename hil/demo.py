@@ -26,7 +26,9 @@ RUNS = {"limits off": False, "limits on": True}
 def run_demo(out: Path, *, fast: bool) -> Ending:
     """Run both, print the comparison and the verdicts, write the report."""
     where = "in lockstep" if fast else "as processes on a hub, in real time"
-    console.print(f"A full joystick turn at speed, {where}: first the ECU only warns, then it limits.")
+    console.print(
+        f"A full joystick turn at speed, {where}: first the ECU only warns, then it limits.", soft_wrap=True
+    )
     folders = {name: out / name.replace(" ", "_") for name in RUNS}
     for name, limits in RUNS.items():
         choice = Choice(scenario=SCENARIO, limits=limits)

@@ -1,8 +1,11 @@
 """From the files of a run to its verdicts: which column and which signal answers which question."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
+from dbc.columns import Columns
 from hil.rundir import RunDirectory, RunError
 from hil.timing import Spread, Timing, reaction_ns
 from hil.verdict import RunVerdict, first_true, judge, roll_over_warning
@@ -20,17 +23,17 @@ def judge_run(run: RunDirectory) -> RunVerdict:
         normal_force=truth["normal_force"],
         roll=truth["roll"],
         load_transfer_ratio=truth["load_transfer_ratio"],
-        warned_s=first_warning(run),
+        warned_s=first_warning(run.messages),
     )
 
 
-def first_warning(run: RunDirectory) -> float | None:
+def first_warning(messages: Mapping[str, Columns]) -> float | None:
     """When the ECU first warned of roll-over [s on the run's clock], by either of its two messages."""
     moments = []
-    if (state := run.messages.get("RollOver")) is not None:
+    if (state := messages.get("RollOver")) is not None:
         warns = roll_over_warning(state.signals["State"], state.signals["Valid"])
         moments.append(first_true(state.time_s, warns))
-    if (flags := run.messages.get("Warnings")) is not None:
+    if (flags := messages.get("Warnings")) is not None:
         raised = np.asarray(flags.signals["RollOverPredicted"], bool) | np.asarray(
             flags.signals["RollOverNow"], bool
         )
@@ -53,11 +56,20 @@ def timing_of(run: RunDirectory) -> Timing:
             if (column := _column(run, f"{name}_execution_ns")).size
         },
         reaction=Spread.of(_reactions(run)),
-        overruns={name: int(counts.get(f"{name}_missed", 0)) for name in PROCESSES},
+        overruns={"plant": int(counts.get("plant_missed", 0)), "ecu": _ecu_overruns(run)},
         dropped=sum(int(counts.get(f"{name}_dropped", 0)) for name in (*PROCESSES, "recorder")),
         stolen=float(counts.get("plant_stolen", float("nan"))),
         waited={name: float(counts[f"{name}_waited"]) for name in PROCESSES if f"{name}_waited" in counts},
     )
+
+
+def _ecu_overruns(run: RunDirectory) -> int:
+    """Ticks the ECU skipped while the plant was there; before, it waits for a machine that still compiles."""
+    status = run.messages.get("EcuStatus")
+    if status is None:
+        return 0
+    during = status.signals["Overruns"][status.time_s >= 0]
+    return int(during[-1] - during[0]) if during.size else 0
 
 
 def _column(run: RunDirectory, name: str) -> NDArray[np.float64]:

@@ -70,8 +70,12 @@ class Recording:
 class Lockstep:
     """The bench of one run; `step` is one tick, `run` goes on until the plant has finished."""
 
-    def __init__(self, plant: PlantSide, ecu: EcuSide, *, wire: Wire | None = None) -> None:
+    def __init__(
+        self, plant: PlantSide, ecu: EcuSide, *, wire: Wire | None = None, reference: bool = True
+    ) -> None:
+        """reference: whether to record the test instrumentation's frames, which the ECU never sees."""
         self._plant = plant
+        self._reference = reference
         self._ecu = ecu
         self._wire = wire or Wire()
         self._now_ns = 0
@@ -88,7 +92,10 @@ class Lockstep:
         now_ns = self._now_ns
         wire.put(plant.tick(now_ns), now_ns, "plant")
         recording.truth.append(plant.truth)
-        recording.reference += [Frame(f.can_id, f.data, now_ns, f.flags) for f in plant.reference_frames()]
+        if self._reference:
+            recording.reference += [
+                Frame(f.can_id, f.data, now_ns, f.flags) for f in plant.reference_frames()
+            ]
 
         ecu_ns = now_ns + ECU_PHASE_NS
         self._deliver(ecu_ns)

@@ -14,10 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bus.frame import Frame
-from dbc import loader_database
-from dbc.binding import Binding
 from hil.campaign.batch import Result, header, markdown_table, results_of
+from hil.campaign.memory import columns_of
 from hil.compose import Choice, lockstep
 from hil.ecu_side import FORMS, Form
 from hil.lockstep import Recording
@@ -27,6 +25,7 @@ from plant.scenario import list_scenarios
 COMMAND = "loaderhil campaign normal-force"
 FILE = "normal_force.md"
 WHEEL_SIGNALS = ("FrontLeft", "FrontRight", "RearLeft", "RearRight")
+KN = 1e3
 CACHE = Path("out/campaign/normal-force")
 
 
@@ -50,7 +49,7 @@ class Series:
 def run_case(case: Case) -> Result:
     """RMS error per wheel [N], standing load per wheel [N], share of frames that were valid, frames used."""
     scenario = Choice(scenario=case.scenario).load()
-    recording = lockstep(scenario, form=case.form, limits=False).run()
+    recording = lockstep(scenario, form=case.form, limits=False, reference=False).run()
     time = np.array([truth.time_s for truth in recording.truth])
     force = np.array([truth.normal_force for truth in recording.truth])
     return errors_of(estimates_of(recording), time, force) | {"seed": scenario.seed}
@@ -58,13 +57,10 @@ def run_case(case: Case) -> Result:
 
 def estimates_of(recording: Recording) -> Series:
     """The NormalForces frames of a run."""
-    codec = loader_database().by_name["NormalForces"]
-    binding = Binding(
-        codec, dict.fromkeys(WHEEL_SIGNALS, "N") | dict.fromkeys((f"{s}Valid" for s in WHEEL_SIGNALS), "1")
-    )
-    frames: list[Frame] = [frame for frame in recording.bus if frame.can_id == codec.can_id]
-    values = np.array([binding.decode(frame.data) for frame in frames], float).reshape(-1, 8)
-    return Series(np.array([frame.at_ns for frame in frames]) * 1e-9, values[:, :4], values[:, 4:] > 0)
+    columns = columns_of(recording.bus)["NormalForces"]
+    force = np.stack([columns.signals[name] for name in WHEEL_SIGNALS], axis=-1) * KN
+    valid = np.stack([columns.signals[f"{name}Valid"] for name in WHEEL_SIGNALS], axis=-1)
+    return Series(columns.time_s, force, valid > 0)
 
 
 def errors_of(series: Series, time_s: NDArray[np.float64], force: NDArray[np.float64]) -> Result:

@@ -51,6 +51,10 @@ def test_truth_and_reference_are_recorded_once_per_tick():
     assert [f.at_ns for f in recording.reference] == [n * PERIOD_NS for n in range(20)]
 
 
+def test_the_reference_can_be_left_out():
+    assert Lockstep(FakePlant(3), FakeEcu(), reference=False).run().reference == []
+
+
 def test_findings_of_both_sides_are_kept():
     _, _, recording = run(3)
     assert recording.ecu_findings == ["heard", "heard", "ticked"] * 3

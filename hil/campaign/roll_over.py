@@ -1,0 +1,127 @@
+"""Roll-over over a grid of speed, load and articulation rate: announced, how early, prevented.
+
+Each case is an abrupt turn from straight driving to the stop, driven three times: with the
+corrected and with the printed estimators that only warn (the very same drive), and with the
+corrected ones that also limit.
+"""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hil.campaign.batch import Result, results_of
+from hil.campaign.memory import columns_of
+from hil.campaign.roll_over_document import FILE, document
+from hil.campaign.roll_over_picture import PICTURE, draw
+from hil.compose import lockstep
+from hil.ecu_side import Form
+from hil.judgement import first_warning
+from hil.verdict import RunVerdict, judge
+from plant.profile import Profile
+from plant.scenario import Scenario, load_scenario
+
+BASE = "abrupt_articulation"
+KMH = 1 / 3.6
+TURN_AT_S = 1.5
+TO_DEG = 39.0
+AFTER_S = 4.0
+"""How long to watch after the turn: a machine that tips is on its side 1.8 s after lift-off."""
+CACHE = Path("out/campaign/roll-over")
+
+SPEEDS_KMH = (10.0, 13.0, 16.0, 19.0, 22.0, 25.0)
+RATES_DEG_S = (9.0, 13.5, 18.0, 22.5, 27.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """Payload [kg] and lift-arm angle [degrees above the horizontal]; None is the carry position."""
+
+    name: str
+    payload_kg: float
+    arm_deg: float | None
+
+
+LOADS = (
+    Load("empty, carry", 0.0, None),
+    Load("3204 kg, carry", 3204.0, None),
+    Load("3204 kg, arm level", 3204.0, 0.0),
+    Load("3204 kg, arm up", 3204.0, 46.0),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One turn."""
+
+    speed_kmh: float
+    load: Load
+    rate_deg_s: float
+
+
+def grid() -> list[Case]:
+    """Every case, by load, then rate, then speed."""
+    return [Case(speed, load, rate) for load in LOADS for rate in RATES_DEG_S for speed in SPEEDS_KMH]
+
+
+def scenario_of(case: Case) -> Scenario:
+    """The abrupt turn of a case."""
+    base = load_scenario(BASE)
+    turn_s = TO_DEG / case.rate_deg_s
+    angle = Profile(((TURN_AT_S, 0.0), (TURN_AT_S + turn_s, math.radians(TO_DEG))))
+    speed = case.speed_kmh * KMH
+    arm = None if case.load.arm_deg is None else math.radians(case.load.arm_deg)
+    return dataclasses.replace(
+        base,
+        duration_s=TURN_AT_S + turn_s + AFTER_S,
+        payload_mass=case.load.payload_kg,
+        start=dataclasses.replace(base.start, speed=speed, lift_arm_angle=arm),
+        script=dataclasses.replace(base.script, speed=Profile(((0.0, speed),)), articulation_angle=angle),
+    )
+
+
+def run_case(case: Case) -> Result:
+    """The three drives of a case as plain values."""
+    scenario = scenario_of(case)
+    free = drive(scenario, "corrected", limits=False)
+    limited = drive(scenario, "corrected", limits=True)
+    return {
+        "seed": scenario.seed,
+        "lift_off_s": free.lift_off_s,
+        "wheel": free.lifting_wheel,
+        "rolls_over": free.rolled_over,
+        "margin": free.margin,
+        "lead_s": free.lead_s,
+        "warned": free.warned_s is not None,
+        "false_alarm": free.false_alarm,
+        "printed_lead_s": drive(scenario, "printed", limits=False).lead_s,
+        "limited_lifts": limited.lifted,
+        "limited_rolls_over": limited.rolled_over,
+        "limited_margin": limited.margin,
+    }
+
+
+def drive(scenario: Scenario, form: Form, *, limits: bool) -> RunVerdict:
+    """Run a scenario in lockstep and judge it."""
+    recording = lockstep(scenario, form=form, limits=limits, reference=False).run()
+    truth = recording.truth
+    return judge(
+        time_s=np.array([row.time_s for row in truth]),
+        normal_force=np.array([row.normal_force for row in truth]),
+        roll=np.array([row.roll for row in truth]),
+        load_transfer_ratio=np.array([row.load_transfer_ratio for row in truth]),
+        warned_s=first_warning(columns_of(recording.bus)),
+    )
+
+
+def run_campaign(out: Path, jobs: int | None = None) -> Path:
+    """Run the grid; write the table and the picture beside it."""
+    cases: Sequence[Case] = grid()
+    results = results_of(cases, run_case, cache=CACHE, jobs=jobs, title="turns")
+    out.mkdir(parents=True, exist_ok=True)
+    (out / FILE).write_text(document(cases, results))
+    draw(cases, results, out / PICTURE)
+    return out / FILE

@@ -1,0 +1,139 @@
+"""The roll-over campaign as a document: what was found, in counts, in lead times, and case by case."""
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from hil.campaign.batch import Result, header, markdown_table
+from hil.campaign.roll_over_picture import PICTURE
+from hil.verdict import JUSTIFIED_MARGIN, WHEELS
+
+COMMAND = "loaderhil campaign roll-over"
+FILE = "rollover_grid.md"
+
+INTRODUCTION = f"""
+Abrupt turns of the L60 from straight driving to 39 degrees of articulation, on level ground. A wheel *lifts* when
+its true normal force is zero for more than 50 ms. *Lead* is true lift-off minus the ECU's first warning
+(RollOver.State at warning or above, or a roll-over reason in Warnings): positive is ahead. A *false alarm* is a warning
+in a drive in which no wheel lifts and every wheel keeps more than {100 * JUSTIFIED_MARGIN:.0f} % of its standing load. *Prevented*: with
+the limits on no wheel lifts. Corrected and printed estimators watch the very same drive.
+
+"""
+
+
+def document(cases: Sequence[Any], results: Sequence[Result]) -> str:
+    """The whole document."""
+    seeds = sorted({result["seed"] for result in results})
+    return "\n".join(
+        (
+            header("Roll-over: announced and prevented", COMMAND, f"seed {', '.join(map(str, seeds))}")
+            + INTRODUCTION,
+            summary(results),
+            f"![Lead over speed and articulation rate]({PICTURE})\n",
+            "## Turns that lift a wheel\n",
+            lifting_table(cases, results),
+            "## Failures\n",
+            failures(cases, results),
+        )
+    )
+
+
+def summary(results: Sequence[Result]) -> str:
+    """Counts and lead times."""
+    lifting = [result for result in results if result["lift_off_s"] is not None]
+    calm = [result for result in results if result["lift_off_s"] is None]
+    comfortable = [result for result in calm if result["margin"] > JUSTIFIED_MARGIN]
+    rows = [
+        ("turns", str(len(results))),
+        (
+            "lift a wheel with the limits off",
+            f"{len(lifting)}, of which {_count(lifting, 'rolls_over')} roll over",
+        ),
+        ("corrected warning ahead of lift-off", _of(sum(_ahead(r["lead_s"]) for r in lifting), lifting)),
+        ("corrected lead: least, median, most", spread(r["lead_s"] for r in lifting)),
+        (
+            "printed warning ahead of lift-off",
+            _of(sum(_ahead(r["printed_lead_s"]) for r in lifting), lifting),
+        ),
+        (
+            "printed lead: least, median, most (negative is late)",
+            spread(r["printed_lead_s"] for r in lifting),
+        ),
+        ("printed: never warns", _of(sum(r["printed_lead_s"] is None for r in lifting), lifting)),
+        ("false alarms", f"{_of(_count(calm, 'false_alarm'), comfortable)} turns that keep more than 30 %"),
+        (
+            "warned, no lift, less than 30 % left",
+            _of(sum(r["warned"] and not r["false_alarm"] for r in calm), calm),
+        ),
+        ("prevented with the limits on", _of(sum(not r["limited_lifts"] for r in lifting), lifting)),
+        ("roll over with the limits on", _of(_count(results, "limited_rolls_over"), results)),
+    ]
+    return markdown_table(("", "result"), rows)
+
+
+def _ahead(lead_s: float | None) -> bool:
+    return lead_s is not None and lead_s > 0
+
+
+def _count(results: Iterable[Result], key: str) -> int:
+    return sum(bool(result[key]) for result in results)
+
+
+def _of(count: int, among: Sequence[Result]) -> str:
+    return f"{count} of {len(among)}"
+
+
+def spread(leads: Iterable[float | None]) -> str:
+    """Least, median and most of the leads there are [s]."""
+    known = [lead for lead in leads if lead is not None]
+    if not known:
+        return "–"
+    return f"{min(known):.2f}, {float(np.median(known)):.2f}, {max(known):.2f} s"
+
+
+COLUMNS: dict[str, Callable[[Any, Result], str]] = {
+    "load": lambda case, _: case.load.name,
+    "rate [°/s]": lambda case, _: f"{case.rate_deg_s:g}",
+    "speed [km/h]": lambda case, _: f"{case.speed_kmh:g}",
+    "first wheel": lambda _, result: WHEELS[result["wheel"]],
+    "rolls over": lambda _, result: "yes" if result["rolls_over"] else "no",
+    "lead [s]": lambda _, result: _lead(result["lead_s"]),
+    "printed lead [s]": lambda _, result: _lead(result["printed_lead_s"]),
+    "least load, limits on": lambda _, result: f"{100 * result['limited_margin']:.0f} %",
+}
+
+
+def _lead(lead_s: float | None) -> str:
+    return "never" if lead_s is None else f"{lead_s:.2f}"
+
+
+def lifting_table(cases: Sequence[Any], results: Sequence[Result]) -> str:
+    """One row per turn that lifts a wheel when nothing limits it."""
+    rows = [
+        [cell(case, result) for cell in COLUMNS.values()]
+        for case, result in zip(cases, results, strict=True)
+        if result["lift_off_s"] is not None
+    ]
+    return markdown_table(tuple(COLUMNS), rows)
+
+
+def failures(cases: Sequence[Any], results: Sequence[Result]) -> str:
+    """Every turn in which the ECU did not do what it is for."""
+    lines = []
+    for case, result in zip(cases, results, strict=True):
+        wrong = []
+        if result["lift_off_s"] is not None and not _ahead(result["lead_s"]):
+            wrong.append(f"warning {_lead(result['lead_s'])} s ahead of lift-off")
+        if result["limited_lifts"]:
+            wrong.append(
+                "a wheel lifts with the limits on"
+                + (" and it rolls over" if result["limited_rolls_over"] else "")
+            )
+        if result["false_alarm"]:
+            wrong.append(f"false alarm, every wheel keeps {100 * result['margin']:.0f} %")
+        if wrong:
+            lines.append(
+                f"- {case.load.name}, {case.rate_deg_s:g} °/s, {case.speed_kmh:g} km/h: {'; '.join(wrong)}"
+            )
+    return ("\n".join(lines) if lines else "None.") + "\n"
