@@ -19,6 +19,8 @@ import asammdf
 import can
 import cantools
 import numpy as np
+from asammdf.blocks import v4_constants
+from asammdf.blocks.v4_blocks import SourceInformation
 
 from dbc import FOLDER, loader_database
 from dbc.columns import ColumnDecoder
@@ -61,13 +63,9 @@ def make_mf4(path: Path, table: FrameTable) -> None:
     frame["CAN_DataFrame.DLC"] = frame["CAN_DataFrame.DataLength"] = 8
     frame["CAN_DataFrame.DataBytes"] = table.data[:, :8]
     mdf = asammdf.MDF(version="4.10")
-    source = asammdf.Source(
-        "CAN", "CAN", "CAN", asammdf.blocks.v4_constants.SOURCE_BUS, asammdf.blocks.v4_constants.BUS_TYPE_CAN
-    )
-    signal = asammdf.Signal(
-        frame, table.time_ns * 1e-9, name="CAN_DataFrame", source=source, flags=asammdf.Signal.Flags.bus_event
-    )
-    mdf.append([signal], acq_source=source, acq_name="CAN")
+    source = SourceInformation(source_type=v4_constants.SOURCE_BUS, bus_type=v4_constants.BUS_TYPE_CAN)
+    signal = asammdf.Signal(frame, table.time_ns * 1e-9, name="CAN_DataFrame", source=source)
+    mdf.append(signal)
     mdf.save(path, overwrite=True)
     mdf.close()
 
