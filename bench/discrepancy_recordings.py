@@ -41,7 +41,7 @@ def shown(result: Findings) -> str:
 
 def rows(folder: Path) -> Iterator[str]:
     def row(recording: str, expected: str, result: Findings, seconds: float) -> str:
-        remainder = result.open_ended.equation() if result.open_ended else "-"
+        remainder = result.open_ended.equation.replace("|", "\\|") if result.open_ended else "-"
         return (
             f"| {recording} | {expected} | {result.status} | {shown(result)} | {remainder} | {seconds:.1f} |"
         )

@@ -93,6 +93,8 @@ def _one_by_one(problem: Problem, values: Values, base: Array, names: Sequence[s
     for name in names:
         parameter = problem.model.parameter(name)
         step = STEP * parameter.typical
+        if parameter.unit == "s":  # below its grid a model knows of times only what interpolation makes up
+            step = max(step, problem.model.step_s)
         if parameter.scope == "window":
             moved = Values(values.shared, {**values.local, name: values.local[name] + step})
         else:
