@@ -204,7 +204,7 @@ def receive_theirs(pipe: Connection, interface: str, channel: str) -> None:
 
 
 def cpu_per_frame(address: str, receiver: Callable[..., object], *arguments: object, frames: int) -> float:
-    """CPU time of the receiving process per frame [us]; every frame has to arrive."""
+    """CPU time of the receiving process per frame that arrived [us]; says so when some did not."""
     process, pipe = in_process(receiver, *arguments)
     pipe.recv()
     messages = traffic()
@@ -216,11 +216,12 @@ def cpu_per_frame(address: str, receiver: Callable[..., object], *arguments: obj
             for _ in range(BURST):
                 sender.send(messages[sent % len(messages)])
                 sent += 1
-        sender.send(Frame(END, b""))
+        while not pipe.poll(0.1):  # a receiver that could not keep up may have lost the end as well
+            sender.send(Frame(END, b""))
         count, seconds = pipe.recv()
         process.join()
     if count != sent:
-        raise SystemExit(f"{receiver.__name__}: {count} of {sent} frames arrived")
+        print(f"  {receiver.__name__} on {address.partition(':')[0]}: {sent - count} of {sent} frames lost")
     return seconds / count * 1e6
 
 

@@ -143,7 +143,7 @@ class Hub:
             if size == packet.SIZE:
                 if not peer.name:
                     self._refuse(peer, "the first packet must be a hello")
-                elif not packet.well_formed(buffer):
+                elif buffer[packet.LENGTH_AT] > packet.CLASSIC_LIMIT and not packet.well_formed(buffer):
                     peer.malformed += 1
                 elif self._arbiter is None:
                     self._relay(peer)
@@ -159,8 +159,11 @@ class Hub:
     def _relay(self, sender: Peer, at_ns: int = 0) -> None:
         """Stamp the frame in the buffer (now, unless the wire has) and give it to every other client."""
         frame = self._frame
-        self._stamp_ns = max(at_ns or time.monotonic_ns(), self._stamp_ns + 1)
-        packet.TAIL.pack_into(frame, packet.TAIL_AT, self._stamp_ns, 0)
+        stamp_ns = at_ns or time.monotonic_ns()
+        if stamp_ns <= self._stamp_ns:
+            stamp_ns = self._stamp_ns + 1
+        self._stamp_ns = stamp_ns
+        packet.TAIL.pack_into(frame, packet.TAIL_AT, stamp_ns, 0)
         frame[packet.OWN_AT] = 0
         self._frames += 1
         sender.sent += 1

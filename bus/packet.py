@@ -20,6 +20,7 @@ from bus.frame import FD, Frame
 LAYOUT = struct.Struct("=IBBBx64sqI")
 TAIL = struct.Struct("=qI")  # stamp, dropped
 TAIL_AT = 72
+LENGTH_AT = 4
 OWN_AT = 6
 SIZE = LAYOUT.size
 CONTROL_LIMIT = 65536
@@ -52,7 +53,7 @@ def pack(frame: Frame) -> bytes:
 
 def well_formed(packet: bytes | bytearray | memoryview) -> bool:
     """Whether the length in a frame's packet is one that its kind of frame can have."""
-    length = packet[4]
+    length = packet[LENGTH_AT]
     return length <= CLASSIC_LIMIT or bool(packet[5] & FD and length in FD_LENGTHS)
 
 
