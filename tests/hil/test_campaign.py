@@ -1,0 +1,188 @@
+"""The tables say what the runs gave: errors against truth, counts of the grid, nothing run twice."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bus.frame import EXTENDED, Frame
+from dbc import loader_database
+from hil.campaign import roll_over
+from hil.campaign.batch import header, markdown_table, results_of
+from hil.campaign.memory import columns_of
+from hil.campaign.normal_force import Case, Series, errors_of, table
+from hil.campaign.roll_over_document import document, failures, spread, summary
+from hil.campaign.roll_over_picture import draw
+
+TIME = np.arange(0, 3, 0.01)
+STANDING = np.array([10e3, 20e3, 30e3, 40e3])
+
+
+def truth():
+    return np.tile(STANDING, (TIME.size, 1))
+
+
+def series(error, valid=True):
+    force = truth() + np.asarray(error)
+    return Series(TIME + 0.006, force, np.full(force.shape, valid))
+
+
+def test_a_constant_error_is_its_own_rms_per_wheel():
+    errors = [100.0, -200.0, 0.0, 50.0]
+    result = errors_of(series(errors), TIME, truth())
+    assert result["rms"] == pytest.approx([100.0, 200.0, 0.0, 50.0])
+    assert result["standing"] == STANDING.tolist()
+    assert result["valid"] == 1.0
+
+
+def test_an_estimate_is_compared_with_the_truth_of_its_own_moment():
+    """Truth that rises by 1 N/ms, seen 6 ms late without correction: an error of 6 N."""
+    rising = STANDING + 1000.0 * TIME[:, None]
+    late = Series(TIME + 0.006, rising, np.ones(rising.shape, bool))
+    assert errors_of(late, TIME, rising)["rms"] == pytest.approx([6.0] * 4, abs=0.1)
+
+
+def test_invalid_frames_do_not_count():
+    some = series([100.0, 0.0, 0.0, 0.0])
+    some.force[50:60, 0] = 1e6
+    some.valid[50:60, 0] = False
+    result = errors_of(some, TIME, truth())
+    assert result["rms"][0] == pytest.approx(100.0)
+    assert result["valid"] < 1.0
+    assert np.isnan(errors_of(series(0.0, valid=False), TIME, truth())["rms"]).all()
+
+
+def test_after_the_first_lift_off_nothing_counts():
+    force = truth()
+    force[100:, 0] = 0.0
+    estimate = force.copy()
+    estimate[101:] -= 5e4  # the pull that would hold the wheel down
+    result = errors_of(Series(TIME, estimate, np.ones(force.shape, bool)), TIME, force)
+    assert result["rms"] == pytest.approx([0.0] * 4)
+    assert (result["lifts"], result["until"]) == (True, pytest.approx(1.0))
+
+
+def test_the_table_gives_newtons_and_percent_of_standing_load():
+    result = errors_of(series([100.0, -200.0, 0.0, 50.0]), TIME, truth()) | {"seed": 1}
+    text = table([Case("loaded", "corrected")], [result])
+    assert "| loaded | corrected | 100 (1.0 %) | 200 (1.0 %) | 0 (0.0 %) | 50 (0.1 %) | 100.0 % |" in text
+    assert "loaderhil campaign normal-force" in text
+
+
+@dataclass(frozen=True)
+class Square:
+    side: int
+    log: str
+
+
+def area(case):
+    with Path(case.log).open("a") as log:
+        log.write(f"{case.side}\n")
+    return {"area": case.side**2}
+
+
+def test_results_come_in_order_and_no_case_is_run_twice(tmp_path):
+    log = tmp_path / "log"
+    run = [Square(side, str(log)) for side in (3, 1, 2)]
+    assert results_of(run, area, cache=tmp_path / "kept", jobs=1) == [{"area": 9}, {"area": 1}, {"area": 4}]
+    more = [*run, Square(5, str(log))]
+    assert results_of(more, area, cache=tmp_path / "kept", jobs=1)[-1] == {"area": 25}
+    assert sorted(log.read_text().split()) == ["1", "2", "3", "5"]
+
+
+def test_frames_in_memory_decode_as_from_a_log():
+    codec = loader_database().by_name["SlopeSensor"]
+    frames = [Frame(codec.can_id, codec.encode([0.1, -0.2, 0.0]), 1_500_000_000), Frame(0x7 | EXTENDED, b"")]
+    columns = columns_of(frames)["SlopeSensor"]
+    assert columns.time_s.tolist() == [1.5]
+    assert columns.signals["RollAngle"][0] == pytest.approx(-0.2)
+
+
+CASES = roll_over.grid()
+
+
+def result(**changes):
+    calm = {
+        "seed": 8,
+        "lift_off_s": None,
+        "wheel": None,
+        "rolls_over": False,
+        "margin": 0.8,
+        "lead_s": None,
+        "warned": False,
+        "false_alarm": False,
+        "printed_lead_s": None,
+        "limited_lifts": False,
+        "limited_rolls_over": False,
+        "limited_margin": 0.8,
+    }
+    return calm | changes
+
+
+GOOD = result(lift_off_s=3.0, wheel=0, margin=0.0, lead_s=0.5, warned=True, printed_lead_s=-0.4)
+LATE = result(lift_off_s=3.0, wheel=1, margin=0.0, lead_s=-0.1, warned=True, limited_lifts=True)
+FALSE = result(warned=True, false_alarm=True)
+NEAR = result(warned=True, margin=0.2)
+RESULTS = [GOOD, LATE, FALSE, NEAR, *[result()] * (len(CASES) - 4)]
+
+
+def test_the_grid_has_every_combination_once():
+    assert len(set(CASES)) == len(CASES) == 6 * 4 * 5
+
+
+def test_a_case_becomes_its_scenario():
+    case = roll_over.Case(18.0, roll_over.Load("raised", 1000.0, 20.0), 13.0)
+    scenario = roll_over.scenario_of(case)
+    assert scenario.start.speed == pytest.approx(5.0)
+    assert scenario.payload_mass == 1000.0
+    angle = scenario.script.articulation_angle
+    slope = (angle.at(2.5) - angle.at(2.0)) / 0.5
+    assert np.degrees(slope) == pytest.approx(13.0)
+    assert np.degrees(angle.at(scenario.duration_s)) == pytest.approx(39.0)
+
+
+def test_the_summary_counts_what_the_results_hold():
+    text = summary(RESULTS)
+    for line in (
+        "| lift a wheel with the limits off | 2, of which 0 roll over |",
+        "| corrected warning ahead of lift-off | 1 of 2 |",
+        "| corrected lead: least, median, most | -0.10, 0.20, 0.50 s |",
+        "| printed warning ahead of lift-off | 0 of 2 |",
+        "| printed: never warns | 1 of 2 |",
+        f"| false alarms | 1 of {len(CASES) - 3} turns that keep more than 30 % |",
+        f"| warned, no lift, less than 30 % left | 1 of {len(CASES) - 2} |",
+        "| prevented with the limits on | 1 of 2 |",
+    ):
+        assert line in text
+
+
+def test_failures_are_listed_and_only_they():
+    lines = failures(CASES, RESULTS).splitlines()
+    assert len(lines) == 2
+    assert "-0.10 s ahead" in lines[0]
+    assert "limits on" in lines[0]
+    assert "false alarm" in lines[1]
+    assert failures(CASES, [result()] * len(CASES)) == "None.\n"
+
+
+def test_leads_that_do_not_exist_are_left_out():
+    assert spread([None, 0.1, 0.3]) == "0.10, 0.20, 0.30 s"
+    assert spread([None]) == "–"
+
+
+def test_document_and_picture_are_reproducible(tmp_path):
+    assert document(CASES, RESULTS) == document(CASES, RESULTS)
+    for name in ("one.svg", "two.svg"):
+        draw(CASES, RESULTS, tmp_path / name)
+    assert (tmp_path / "one.svg").read_bytes() == (tmp_path / "two.svg").read_bytes()
+
+
+def test_a_header_names_command_and_commit():
+    text = header("Title", "loaderhil campaign x", "seed 1")
+    assert "loaderhil campaign x" in text
+    assert "at commit" in text
+
+
+def test_markdown_table():
+    assert markdown_table(("a", "b"), [("x", "1")]) == "| a | b |\n| --- | ---: |\n| x | 1 |\n"

@@ -1,0 +1,102 @@
+"""What a user gets wrong ends in one line and exit code 2; what is right says what it did."""
+
+import subprocess
+import sys
+from importlib.metadata import version
+
+import pytest
+from typer.testing import CliRunner
+
+from hil.cli import app
+from hil.decode import register
+from hil.ending import Ending
+
+COMMANDS = ("demo", "run", "plant", "ecu", "hub", "record", "scenarios", "report", "campaign", "decode")
+
+
+@pytest.fixture(scope="module")
+def invoke():
+    if "decode" not in {command.name or command.callback.__name__ for command in app.registered_commands}:
+        register(app)
+    runner = CliRunner()
+    return lambda *words: runner.invoke(app, [str(word) for word in words])
+
+
+def loaderhil(*words):
+    """The installed program, as a user calls it."""
+    return subprocess.run(
+        [sys.executable, "-m", "hil", *map(str, words)],
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+
+
+def test_the_version(invoke):
+    result = invoke("--version")
+    assert result.exit_code == 0
+    assert result.output == f"loaderhil {version('loaderhil')}\n"
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_explains_itself(invoke, command):
+    assert command in invoke("--help").output
+    result = invoke(command, "--help")
+    assert result.exit_code == 0
+    assert "Usage" in result.output
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run",),
+        ("run", "loaded", "--form", "guessed"),
+        ("run", "loaded", "--payload-kg", "-1"),
+        ("fly",),
+        ("record",),
+    ],
+)
+def test_misuse_is_exit_code_2(invoke, words):
+    assert invoke(*words).exit_code == Ending.MISUSED
+
+
+def test_scenarios_are_listed_with_their_sentence(invoke):
+    output = invoke("scenarios").output
+    assert "abrupt_articulation" in output
+    assert "standstill" in output
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("run", "no_such_case"), "no_such_case"),
+        (("run", "broken.toml"), "duration_s"),
+        (("report", "nowhere"), "nowhere: no such run directory"),
+        (("hub", "--bus", "socketcan:can0"), "hub:PATH"),
+    ],
+)
+def test_a_users_error_is_one_line_without_a_traceback(tmp_path, monkeypatch, words, named):
+    (tmp_path / "broken.toml").write_text(
+        'name = "broken"\nsentence = "x"\nduration_s = -3.0\nmachine = "l60"\n'
+    )
+    monkeypatch.chdir(tmp_path)
+    result = loaderhil(*words)
+    assert result.returncode in (Ending.MISUSED, Ending.HUB_LOST)
+    assert result.stderr.startswith("loaderhil: ")
+    assert len(result.stderr.splitlines()) == 1
+    assert named in result.stderr
+
+
+def test_a_folder_with_other_things_in_it_is_refused(tmp_path):
+    (tmp_path / "thesis.txt").write_text("mine")
+    result = loaderhil("run", "standstill", "--out", tmp_path)
+    assert result.returncode == Ending.MISUSED
+    assert "not empty" in result.stderr
+
+
+def test_a_lockstep_run_says_what_happened(tmp_path):
+    result = loaderhil("run", "standstill", "--out", tmp_path / "run")
+    assert result.returncode == Ending.PASSED, result.stderr
+    assert "true lift-off" in result.stdout
+    assert (tmp_path / "run" / "run.json").exists()
