@@ -9,18 +9,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
 
+from discrepancy import account
 from discrepancy import findings as f
 from discrepancy.fit import Fit, fit
 from discrepancy.groups import ENOUGH, Member, members, separating
 from discrepancy.locate import locate
-from discrepancy.model import Effect, Parameter
-from discrepancy.noise import Noise
+from discrepancy.model import Effect
 from discrepancy.openended import OpenEnded, explore
 from discrepancy.problem import Problem, Unusable
-from discrepancy.recording import Array
-from discrepancy.screen import Score, active, inflation_of, penalty, sensitivities, time_blocks
+from discrepancy.screen import Score, active, penalty, sensitivities
 from discrepancy.search import (
     Progress,
     Settings,
@@ -28,16 +26,13 @@ from discrepancy.search import (
     assess,
     free_names,
     held_out_residual,
-    project_out,
     screen,
     search,
 )
 
-ENOUGH_POWER = 0.8
 FEW_SAMPLES = 30
 STRAINED = 3.0  # standard deviations of its prior beyond which a nuisance stands in for something else
 TOUCHED = 0.1  # share of the gain that makes a channel one the effect acts on
-WHITE_LAGS = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +59,7 @@ def judge(problem: Problem, settings: Settings, progress: Progress = lambda _: N
     found = [_finding(problem, state, history[0], n, settings) for n in needed]
     # the fits of the search are forward; report in order of evidence
     found.sort(key=lambda finding: -finding.gain)
-    candidates = _candidates(problem, state, history[0], found, settings)
+    candidates = account.candidates(problem, state, history[0], found, settings)
     status, reasons = _status(problem, found, beyond, candidates)
     return f.Findings(
         model=problem.model.name,
@@ -72,12 +67,12 @@ def judge(problem: Problem, settings: Settings, progress: Progress = lambda _: N
         status=status,
         reasons=reasons,
         findings=found,
-        open_ended=_open(beyond),
+        open_ended=account.open_equation(beyond),
         candidates=candidates,
-        nuisances=_nuisances(problem, state),
-        noise=_noise(problem, state),
+        nuisances=account.nuisances(problem, state),
+        noise=account.channel_noise(problem, state),
         missing_channels=list(problem.missing),
-        complaints=_complaints(problem),
+        complaints=account.complaints(problem),
         simulations=problem.simulations,
         samples=int(problem.measured.size),
     )
@@ -165,7 +160,7 @@ def _finding(
         place=effect.place,
         sentence=effect.sentence,
         equation=effect.equation,
-        parameters=[estimate(p, best.fit, state.noise) for p in effect.parameters],
+        parameters=[account.estimate(p, best.fit, state.noise) for p in effect.parameters],
         gain=needed.gain,
         needed=needed.needed,
         held_out_gain=needed.held_out_gain,
@@ -178,7 +173,7 @@ def _finding(
                 likelihood_difference=m.difference,
                 collinearity=m.collinearity,
                 parameters=[
-                    estimate(p, m.fit, state.noise) for p in problem.model.effect(m.effect).parameters
+                    account.estimate(p, m.fit, state.noise) for p in problem.model.effect(m.effect).parameters
                 ],
             )
             for m in rest
@@ -209,14 +204,14 @@ def _scores_without(
 
 def _doubts(problem: Problem, effect: Effect, fitted: Fit) -> list[str]:
     """Reasons not to trust a name: physics asked for more than can be, from the effect or from a nuisance."""
-    ends = [estimate(problem.model.parameter(n), fitted) for n in active(effect)]
+    ends = [account.estimate(problem.model.parameter(n), fitted) for n in active(effect)]
     doubts = []
     if all(e.at_bound is not None and e.value != problem.model.parameter(e.name).value for e in ends):
         doubts.append(f"{ends[0].name} stops at its physical bound, {ends[0].value:g} {ends[0].unit}")
     for p in [p for p in problem.model.nuisances if p.prior_sd is not None and p.name in fitted.names]:
         value = fitted.values.shared[p.name]
         away = abs(value - p.value) / (p.prior_sd or 1.0)
-        if away > STRAINED or estimate(p, fitted).at_bound is not None:
+        if away > STRAINED or account.estimate(p, fitted).at_bound is not None:
             doubts.append(
                 f"the nuisance {p.name} was pushed to {value:.4g} {p.unit}, {away:.1f} sd from its prior"
             )
@@ -234,89 +229,6 @@ def _separation(
     known = {**problem.model.effect(other.effect).confusable, **effect.confusable}
     text = known.get(other.effect, known.get(effect.name))
     return f.Separation(effect=other.effect, manoeuvre=text, expected_difference=None) if text else None
-
-
-def estimate(parameter: Parameter, fitted: Fit, noise: Noise | None = None) -> f.Estimate:
-    """Value and 95 % interval within the bounds, wider where the scores are correlated over time."""
-    value, sd = fitted.values.shared[parameter.name], fitted.sd(parameter.name)
-    if noise is not None:
-        direction = project_out(fitted, [fitted.names.index(parameter.name)])
-        sd *= (
-            float(np.sqrt(inflation_of(direction, fitted.residual, time_blocks(noise))))
-            if direction.any()
-            else 1.0
-        )
-    close = 1e-3 * abs(parameter.typical)
-    # the end of a sign or a time constant's zero is its meaning, not a wall
-    at = "lower" if value - parameter.lower < close else "upper" if parameter.upper - value < close else None
-    return f.Estimate(
-        name=parameter.name,
-        value=value,
-        low=max(value - 1.96 * sd, parameter.lower),
-        high=min(value + 1.96 * sd, parameter.upper),
-        unit=parameter.unit,
-        at_bound=at,
-    )
-
-
-def _candidates(
-    problem: Problem, state: State, baseline: State, found: Sequence[f.Finding], settings: Settings
-) -> list[f.Candidate]:
-    final = {s.effect: s for s in state.scores}
-    first = {s.effect: s for s in baseline.scores}
-    names = {x.effect for x in found}
-    grouped = {m.effect for x in found for m in x.group}
-    rows = []
-    for score in baseline.scores:
-        effect = problem.model.effect(score.effect)
-        last = final.get(score.effect, score)
-        verdict: f.Verdict
-        if score.effect in names:
-            verdict, reason = "found", "see findings"
-        elif score.effect in grouped:
-            verdict, reason = "confusable with a finding", "explains the recordings as well as a finding"
-        elif score.power == 0.0:
-            verdict, reason = "could not be judged", _why_invisible(problem, effect)
-        elif last.power < ENOUGH_POWER:
-            text = f"a typical {effect.name} would be noticed with probability {last.power:.2f}"
-            verdict, reason = "could not be judged", f"{text}; needs {effect.excited_by or 'more data'}"
-        elif first[score.effect].statistic > penalty(
-            len(active(effect)), len(problem.model.effects), settings.alpha
-        ):
-            verdict, reason = "not needed", "what speaks for it is explained better by a finding"
-        else:
-            verdict, reason = "ruled out", "a typical one would have been noticed"
-        rows.append(
-            f.Candidate(
-                effect=effect.name,
-                kind=effect.kind,
-                verdict=verdict,
-                statistic=score.statistic,
-                p_value=score.p_value,
-                expected=_expected(effect, score),
-                power=last.power,
-                absorbed=score.absorbed,
-                reason=reason,
-            )
-        )
-    return rows
-
-
-def _why_invisible(problem: Problem, effect: Effect) -> str:
-    gone = [name for name in problem.missing if name in effect.place or name in effect.excited_by]
-    if gone:
-        return f"channel {', '.join(gone)} was not recorded"
-    return f"leaves no trace beyond the nuisances in these recordings; needs {effect.excited_by or 'another channel'}"
-
-
-def _expected(effect: Effect, score: Score) -> list[f.Estimate]:
-    switches = [p for p in effect.parameters if not p.shape]
-    if score.power == 0.0:
-        return []
-    return [
-        f.Estimate(name=p.name, value=float(p.value + c), low=None, high=None, unit=p.unit)
-        for p, c in zip(switches, score.change, strict=True)
-    ]
 
 
 def _status(
@@ -341,76 +253,3 @@ def _status(
     if blind:
         reasons.append(f"could not be judged here: {', '.join(c.effect for c in blind)}")
     return "nothing missing", reasons
-
-
-def _open(beyond: OpenEnded) -> f.OpenEquation | None:
-    if not beyond.terms:
-        return None
-    return f.OpenEquation(
-        equation=beyond.equation(),
-        depends_on=list(dict.fromkeys(n for t in beyond.terms for n in t.function.signals)),
-        terms=[
-            f.OpenTerm(
-                place=t.place,
-                function=t.function.text,
-                coefficient=t.coefficient,
-                low=t.coefficient - 1.96 * t.sd,
-                high=t.coefficient + 1.96 * t.sd,
-                unit=t.unit,
-                equally_good=list(t.equally_good),
-            )
-            for t in beyond.terms
-        ],
-        gain=beyond.gain,
-        needed=beyond.needed,
-        held_out_gain=beyond.held_out_gain,
-    )
-
-
-def _nuisances(problem: Problem, state: State) -> list[f.Nuisance]:
-    return [
-        f.Nuisance(
-            name=p.name,
-            unit=p.unit,
-            before=p.value,
-            after=state.fit.values.shared[p.name],
-            sd=state.fit.sd(p.name),
-            prior_sd=p.prior_sd,
-        )
-        for p in problem.model.nuisances
-        if p.scope == "all"
-    ]
-
-
-def _noise(problem: Problem, state: State) -> list[f.ChannelNoise]:
-    spread = state.noise.innovation_sd(problem)
-    orders = {name: state.noise.whiteners[b.group].order for b in problem.blocks for name in b.channels}
-    return [
-        f.ChannelNoise(
-            channel=name,
-            unit=problem.model.outputs[name],
-            one_step_error=spread[name],
-            order=orders[name],
-            whiteness_p=whiteness(state.fit.residual[state.noise.row_channel == i], orders[name]),
-        )
-        for i, name in enumerate(problem.channels)
-    ]
-
-
-def whiteness(innovations: Array, order: int) -> float:
-    """p-value of Ljung and Box (1978) over 20 lags; 1 when there are too few rows to ask."""
-    n = innovations.size
-    lags = min(WHITE_LAGS, n // 5)
-    if lags <= order + 1:
-        return 1.0
-    e = innovations - np.mean(innovations)
-    power = float(e @ e)
-    q = sum((float(e[k:] @ e[:-k]) / power) ** 2 / (n - k) for k in range(1, lags + 1))
-    return float(chi2.sf(n * (n + 2) * q, lags - order))
-
-
-def _complaints(problem: Problem) -> list[f.Complaint]:
-    return [
-        f.Complaint(recording=c.recording, signal=c.signal, text=c.text, fatal=c.fatal)
-        for c in problem.complaints
-    ]

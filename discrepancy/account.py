@@ -1,0 +1,180 @@
+"""The parts of a result that only restate: parameters with intervals, the ranking, nuisances, noise, complaints."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import chi2
+
+from discrepancy import findings as f
+from discrepancy.fit import Fit
+from discrepancy.model import Effect, Parameter
+from discrepancy.noise import Noise
+from discrepancy.openended import OpenEnded
+from discrepancy.problem import Problem
+from discrepancy.recording import Array
+from discrepancy.screen import Score, active, inflation_of, penalty, time_blocks
+from discrepancy.search import Settings, State, project_out
+
+ENOUGH_POWER = 0.8
+WHITE_LAGS = 20
+
+
+def estimate(parameter: Parameter, fitted: Fit, noise: Noise | None = None) -> f.Estimate:
+    """Value and 95 % interval within the bounds, wider where the scores are correlated over time."""
+    value, sd = fitted.values.shared[parameter.name], fitted.sd(parameter.name)
+    if noise is not None:
+        direction = project_out(fitted, [fitted.names.index(parameter.name)])
+        sd *= (
+            float(np.sqrt(inflation_of(direction, fitted.residual, time_blocks(noise))))
+            if direction.any()
+            else 1.0
+        )
+    close = 1e-3 * abs(parameter.typical)
+    # the end of a sign or a time constant's zero is its meaning, not a wall
+    at = "lower" if value - parameter.lower < close else "upper" if parameter.upper - value < close else None
+    return f.Estimate(
+        name=parameter.name,
+        value=value,
+        low=max(value - 1.96 * sd, parameter.lower),
+        high=min(value + 1.96 * sd, parameter.upper),
+        unit=parameter.unit,
+        at_bound=at,
+    )
+
+
+def candidates(
+    problem: Problem, state: State, baseline: State, found: Sequence[f.Finding], settings: Settings
+) -> list[f.Candidate]:
+    """Every effect of the library with its score on the baseline and what became of it."""
+    final = {s.effect: s for s in state.scores}
+    first = {s.effect: s for s in baseline.scores}
+    names = {x.effect for x in found}
+    grouped = {m.effect for x in found for m in x.group}
+    rows = []
+    for score in baseline.scores:
+        effect = problem.model.effect(score.effect)
+        last = final.get(score.effect, score)
+        verdict: f.Verdict
+        if score.effect in names:
+            verdict, reason = "found", "see findings"
+        elif score.effect in grouped:
+            verdict, reason = "confusable with a finding", "explains the recordings as well as a finding"
+        elif score.power == 0.0:
+            verdict, reason = "could not be judged", _why_invisible(problem, effect)
+        elif last.power < ENOUGH_POWER:
+            text = f"a typical {effect.name} would be noticed with probability {last.power:.2f}"
+            verdict, reason = "could not be judged", f"{text}; needs {effect.excited_by or 'more data'}"
+        elif first[score.effect].statistic > penalty(
+            len(active(effect)), len(problem.model.effects), settings.alpha
+        ):
+            verdict, reason = "not needed", "what speaks for it is explained better by a finding"
+        else:
+            verdict, reason = "ruled out", "a typical one would have been noticed"
+        rows.append(
+            f.Candidate(
+                effect=effect.name,
+                kind=effect.kind,
+                verdict=verdict,
+                statistic=score.statistic,
+                p_value=score.p_value,
+                expected=_expected(effect, score),
+                power=last.power,
+                absorbed=score.absorbed,
+                reason=reason,
+            )
+        )
+    return rows
+
+
+def _why_invisible(problem: Problem, effect: Effect) -> str:
+    gone = [name for name in problem.missing if name in effect.place or name in effect.excited_by]
+    if gone:
+        return f"channel {', '.join(gone)} was not recorded"
+    return f"leaves no trace beyond the nuisances in these recordings; needs {effect.excited_by or 'another channel'}"
+
+
+def _expected(effect: Effect, score: Score) -> list[f.Estimate]:
+    switches = [p for p in effect.parameters if not p.shape]
+    if score.power == 0.0:
+        return []
+    return [
+        f.Estimate(name=p.name, value=float(p.value + c), low=None, high=None, unit=p.unit)
+        for p, c in zip(switches, score.change, strict=True)
+    ]
+
+
+def open_equation(beyond: OpenEnded) -> f.OpenEquation | None:
+    """The open-ended result, if there is one."""
+    if not beyond.terms:
+        return None
+    return f.OpenEquation(
+        equation=beyond.equation(),
+        depends_on=list(dict.fromkeys(n for t in beyond.terms for n in t.function.signals)),
+        terms=[
+            f.OpenTerm(
+                place=t.place,
+                function=t.function.text,
+                coefficient=t.coefficient,
+                low=t.coefficient - 1.96 * t.sd,
+                high=t.coefficient + 1.96 * t.sd,
+                unit=t.unit,
+                equally_good=list(t.equally_good),
+            )
+            for t in beyond.terms
+        ],
+        gain=beyond.gain,
+        needed=beyond.needed,
+        held_out_gain=beyond.held_out_gain,
+    )
+
+
+def nuisances(problem: Problem, state: State) -> list[f.Nuisance]:
+    """Baseline parameters before and after."""
+    return [
+        f.Nuisance(
+            name=p.name,
+            unit=p.unit,
+            before=p.value,
+            after=state.fit.values.shared[p.name],
+            sd=state.fit.sd(p.name),
+            prior_sd=p.prior_sd,
+        )
+        for p in problem.model.nuisances
+        if p.scope == "all"
+    ]
+
+
+def channel_noise(problem: Problem, state: State) -> list[f.ChannelNoise]:
+    """One-step errors at the end, and whether they are white."""
+    spread = state.noise.innovation_sd(problem)
+    orders = {name: state.noise.whiteners[b.group].order for b in problem.blocks for name in b.channels}
+    return [
+        f.ChannelNoise(
+            channel=name,
+            unit=problem.model.outputs[name],
+            one_step_error=spread[name],
+            order=orders[name],
+            whiteness_p=whiteness(state.fit.residual[state.noise.row_channel == i], orders[name]),
+        )
+        for i, name in enumerate(problem.channels)
+    ]
+
+
+def whiteness(innovations: Array, order: int) -> float:
+    """p-value of Ljung and Box (1978) over 20 lags; 1 when there are too few rows to ask."""
+    n = innovations.size
+    lags = min(WHITE_LAGS, n // 5)
+    if lags <= order + 1:
+        return 1.0
+    e = innovations - np.mean(innovations)
+    power = float(e @ e)
+    q = sum((float(e[k:] @ e[:-k]) / power) ** 2 / (n - k) for k in range(1, lags + 1))
+    return float(chi2.sf(n * (n + 2) * q, lags - order))
+
+
+def complaints(problem: Problem) -> list[f.Complaint]:
+    """What was wrong with the recordings."""
+    return [
+        f.Complaint(recording=c.recording, signal=c.signal, text=c.text, fatal=c.fatal)
+        for c in problem.complaints
+    ]
