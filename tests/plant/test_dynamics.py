@@ -105,8 +105,8 @@ def test_locked_wheels_stay_locked_and_let_go(integrator):
     sliding = plant.truth()
     np.testing.assert_array_equal(sliding.wheel_speed, np.zeros(4))
     np.testing.assert_allclose(
-        sliding.slip, -1.0, rtol=0, atol=0.06
-    )  # the carcass pitches against the wheel centre
+        sliding.slip, -1.0, rtol=0, atol=0.1
+    )  # locked to a frame that pitches at 0.2 rad/s
     assert sliding.speed > 0.5
     # friction at slip 1 on the nominal surface, within the tyre's load and pressure terms
     assert -sliding.longitudinal_force.sum() / sliding.normal_force.sum() == pytest.approx(0.75, abs=0.04)
