@@ -192,7 +192,7 @@ class _Listener:
             value = signals[k]
             reason = bad.get(field.target) or self._doubt(k, field, value)
             if not reason:
-                values[field.target] = value
+                values[field.target] = float(value)  # an int would compile the estimators anew
                 continue
             bad[field.target] = reason
             if field.target not in self.unusable:
