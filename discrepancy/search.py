@@ -55,12 +55,12 @@ class Trial:
     fit: Fit
     gain: float  # in SSE, all data, over inflation
     needed: float
-    held_out_gain: float | None = None  # summed over folds, None if not reached
+    held_out_gain: float | None = None  # summed over folds; only put to the test if gain > needed
     inflation: float = 1.0
 
     def accepted(self, settings: Settings) -> bool:
         confirmed = max(settings.held_out, settings.confirmed * self.gain)
-        return self.gain > self.needed and self.held_out_gain is not None and self.held_out_gain > confirmed
+        return self.held_out_gain is not None and self.held_out_gain > confirmed
 
 
 @dataclass(frozen=True, slots=True)

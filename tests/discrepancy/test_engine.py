@@ -5,14 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from discrepancy.account import estimate
 from discrepancy.command import examine
-from discrepancy.findings import Findings
+from discrepancy.findings import Estimate, Findings
 from discrepancy.fit import fit
 from discrepancy.noise import estimate_noise, white_noise
 from discrepancy.openended import explore, extended
 from discrepancy.problem import Problem
 from discrepancy.recording import Recording, Signal, signal
-from discrepancy.search import Settings, search
+from discrepancy.screen import time_blocks
+from discrepancy.search import Settings, free_names, held_out_residual, project_out, search
 from tests.discrepancy.toys import record, tank
 
 STRICT = Settings()
@@ -167,3 +169,39 @@ def test_screen_costs_no_more_than_one_simulation_per_probe() -> None:
     search(problem, replace(STRICT, shortlist=0))
     parameters = len(problem.model.parameters)
     assert problem.simulations <= 6 * parameters + 50
+
+
+def test_more_parameters_lower_the_fitted_error_and_raise_the_held_out_one() -> None:
+    """Nothing is left out: what five effects fit is noise, and noise does not come back."""
+    gained, held = 0.0, 0.0
+    for seed in range(6):
+        problem = Problem(tank(), [record(40 + seed, duration_s=80.0)])
+        state, _ = search(problem, STRICT)
+        names = ("leak", "offset", "level scale", "level delay", "level lag")
+        full = fit(problem, state.noise, free_names(problem, names), state.fit.values)
+        gained += state.fit.sse - full.sse
+        few = held_out_residual(problem, state.noise, (), state.fit.values, STRICT)
+        many = held_out_residual(problem, state.noise, names, state.fit.values, STRICT)
+        held += float(np.sum(few**2) - np.sum(many**2))
+    assert gained > 0.0
+    assert held < 0.0
+
+
+def test_intervals_widen_where_scores_are_correlated_over_time() -> None:
+    problem = Problem(tank(), [record(50, leak=0.05)])
+    state, _ = search(problem, STRICT)
+    leak = problem.model.parameter("leak")
+    plain, told = estimate(leak, state.fit), estimate(leak, state.fit, state.noise)
+    direction = project_out(state.fit, [state.fit.names.index("leak")])[:, 0]
+    # errors that keep one sign against the sensitivity over each stretch of time push the estimate about
+    stretch = np.where(time_blocks(state.noise) % 2 == 0, 1.0, -1.0)
+    pushed = replace(state.fit, residual=2.0 * stretch * np.sign(direction))
+    wide = estimate(leak, pushed, state.noise)
+    assert width(told) == pytest.approx(width(plain), rel=0.5)
+    assert width(wide) > 4.0 * width(plain)
+
+
+def width(told: Estimate) -> float:
+    assert told.low is not None
+    assert told.high is not None
+    return told.high - told.low
