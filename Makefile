@@ -41,7 +41,7 @@ socketcan: $(BIN)/.test ## SocketCAN tests: natively where the kernel has CAN, e
 	scripts/with-vcan $(BIN)/pytest -m socketcan
 
 bench: $(BIN)/.test ## every benchmark, each against its peer
-	@for b in bench/bench_*.py; do echo "== $$b"; $(BIN)/python $$b || exit 1; done
+	@for b in $(basename $(notdir $(wildcard bench/bench_*.py))); do echo "== $$b"; $(BIN)/python -m bench.$$b || exit 1; done
 
 results: $(BIN)/.test ## regenerate the tables under docs/results (minutes)
 	$(BIN)/loaderhil campaign normal-force --out docs/results
