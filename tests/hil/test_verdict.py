@@ -54,9 +54,9 @@ def test_a_wheel_that_hops_and_then_lifts_lifted_the_second_time():
 
 
 def test_of_several_wheels_the_first_to_lift_counts():
-    force = forces(2, 150, 300)
-    force[140:300, 1] = 0
-    assert first_lift_off(TIME, force) == (TIME[140], 1)
+    force = forces(0, 150, 300)
+    force[140:300, 2] = 0
+    assert first_lift_off(TIME, force) == (TIME[140], 2)
 
 
 def test_a_load_that_is_not_a_number_is_no_contact():

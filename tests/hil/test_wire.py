@@ -56,6 +56,14 @@ def test_what_waits_is_sent_later_and_keeps_its_place():
     assert [frame.can_id for frame in drain(wire)] == [0x200, 0x300]
 
 
+def test_a_frame_offered_while_the_wire_is_taken_waits_for_it():
+    wire = Wire(500_000)
+    wire.put([Frame(0x100, bytes(8))], 100_000, "plant")
+    wire.take(400_000)  # it ends at 322 us
+    wire.put([Frame(0x200, bytes(8))], 300_000, "ecu")
+    assert [frame.at_ns for frame in drain(wire)] == [544_000]
+
+
 def test_frames_of_equal_identifier_keep_their_order():
     wire = Wire()
     wire.put([Frame(0x100, bytes([n])) for n in range(8)], 0, "plant")
