@@ -1,9 +1,9 @@
 """The estimators over whole recordings: the live loop's functions, row by row, compiled."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-from numba.np.unsafe.ndarray import to_fixed_tuple
+from numba.np.unsafe import ndarray as unsafe
 from numpy.typing import NDArray
 
 from ecu.estimators.compiled import compiled
@@ -13,6 +13,8 @@ from ecu.estimators.parameters import Parameters
 Floats = NDArray[np.float64]
 INPUTS = len(Inputs._fields)
 ESTIMATES = len(Estimates._fields)
+
+to_fixed_tuple: Any = unsafe.to_fixed_tuple  # an intrinsic; its annotations are those of its typing function
 
 
 def estimate_columns(

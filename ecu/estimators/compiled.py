@@ -7,7 +7,7 @@ that the same text can be run by Python, compiled by numba and exported to C.
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import numba
 
@@ -30,10 +30,11 @@ _CACHE = Path(__file__).parent / "__pycache__" / f"estimators-{_digest()}"
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile at the first call, without reordering floating point; same results as Python."""
-    folder = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_CACHE)
+    config: Any = numba.config  # its settings are made at run time
+    folder = config.CACHE_DIR
+    config.CACHE_DIR = str(_CACHE)
     try:
         result: Callable[P, R] = numba.njit(cache=True, fastmath=False)(function)
     finally:
-        numba.config.CACHE_DIR = folder
+        config.CACHE_DIR = folder
     return result
