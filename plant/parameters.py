@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from plant.machine import Body, Machine, Tyre
 from plant.surface import Surface
 
-GRAVITY_VALUE: Final = 9.81  # standard value of the thesis and of PARAMETERS, not 9.80665 [m/s2]
+GRAVITY_VALUE: Final = 9.81  # the value of the thesis, not 9.80665 [m/s2]
 
 # Body block: mass, centre (3), inertia about the centre xx, yy, zz, xy, xz, yz.
 BODY_SIZE: Final = 10

@@ -77,7 +77,7 @@ def test_heading_and_place_do_not_matter_on_level_ground(heading):
 
 @pytest.mark.parametrize("delta_deg", [10, 20, 35])
 def test_steady_turn_follows_the_kinematics(delta_deg):
-    """Creeping, the yaw velocity is u sin(d)/(l_f + l_r cos d), EQUATIONS 2.7. 1 %: side slip at 0.5 m/s2 and less."""
+    """Creeping, the yaw velocity is u sin(d)/(l_f + l_r cos d), docs/explanation/estimators.md. 1 %: side slip at 0.5 m/s2 and less."""
     delta = math.radians(delta_deg)
     plant = Plant(MACHINE, speed=1.0, articulation_angle=delta)
     plant.advance(Commands(wheel_torque=(100.0,) * 4), 6.0)

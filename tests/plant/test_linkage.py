@@ -1,4 +1,4 @@
-"""Cylinder geometry and pressures against the tables of PARAMETERS 1.6."""
+"""Cylinder geometry and pressures against the tables of machine sheet 1.6."""
 
 import math
 
@@ -16,7 +16,7 @@ LIFT, TILT = MACHINE.lift, MACHINE.tilt
     ("angle_deg", "arm"), [(-46, 0.342), (-37, 0.411), (-23, 0.477), (0, 0.500), (23, 0.450), (46, 0.354)]
 )
 def test_moment_arm(angle_deg, arm):
-    """PARAMETERS 1.6, three digits."""
+    """machine sheet 1.6, three digits."""
     assert lift_cylinder(LIFT, math.radians(angle_deg))[1] == pytest.approx(arm, abs=1e-3)
 
 
@@ -37,7 +37,7 @@ def test_moment_arm_is_the_derivative_of_the_length(angle):
 @pytest.mark.parametrize("angle_deg", [-37, -20, 0, 20, 46])
 @pytest.mark.parametrize(("payload", "low", "high"), [(0.0, 3.0e6, 5.0e6), (3204.0, 13.0e6, 14.4e6)])
 def test_lift_pressure_at_rest(angle_deg, payload, low, high):
-    """PARAMETERS 1.6: 3 to 5 MPa empty, 13.0 to 14.4 MPa with 3204 kg over the whole arc."""
+    """machine sheet 1.6: 3 to 5 MPa empty, 13.0 to 14.4 MPa with 3204 kg over the whole arc."""
     truth = Plant(MACHINE, payload_mass=payload, lift_arm_angle=math.radians(angle_deg)).truth()
     assert low <= truth.lift_pressure <= high
 

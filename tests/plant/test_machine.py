@@ -38,7 +38,7 @@ def test_curb_mass():
     assert load_machine("l60").mass == pytest.approx(11842.0)
 
 
-# PARAMETERS 1.3, lumped: payload, front half?; mass, x, z, Ixx, Iyy, Izz
+# machine sheet 1.3, lumped: payload, front half?; mass, x, z, Ixx, Iyy, Izz
 @pytest.mark.parametrize(
     ("payload", "front", "expected"),
     [

@@ -1,4 +1,4 @@
-"""Natural modes of the loader, linearised about rest or rolling, against PARAMETERS section 4 and hand models."""
+"""Natural modes of the loader, linearised about rest or rolling, against machine sheet 4 and hand models."""
 
 import math
 from dataclasses import replace
@@ -63,11 +63,11 @@ def upright_modes(plant: Plant) -> list[tuple[float, float]]:
 
 @pytest.mark.parametrize(("payload", "expected"), [(0.0, (1.97, 2.49)), (3204.0, (1.45, 2.22))])
 def test_heave_and_pitch_on_the_linear_tyres_of_the_reference(payload, expected):
-    """750 and 600 kN/m as PARAMETERS assumes, rolling: its figures to their last digit (0.5 %)."""
+    """750 and 600 kN/m as the machine sheet assumes, rolling: its figures to their last digit (0.5 %)."""
     found = upright_modes(Plant(LINEAR, payload_mass=payload, speed=3.0))
     np.testing.assert_allclose([f for f, _ in found], expected, rtol=5e-3)
     for _, zeta in found:
-        assert 0.035 <= zeta <= 0.07, "PARAMETERS: 0.04 to 0.07 at 6 kN s/m, given to one digit"
+        assert 0.035 <= zeta <= 0.07, "the machine sheet: 0.04 to 0.07 at 6 kN s/m, given to one digit"
 
 
 @pytest.mark.parametrize("payload", [0.0, 3204.0])
@@ -132,7 +132,7 @@ def test_roll_on_the_front_tyres(payload, published):
 
 
 def test_wheel_rotational_mode():
-    """Wheel on its carcass, PARAMETERS 0.1: 9 to 11 Hz for 0.75 to 1.0 MN/m; sqrt(K r_e^2/I)/2pi by hand.
+    """Wheel on its carcass, machine sheet 0.1: 9 to 11 Hz for 0.75 to 1.0 MN/m; sqrt(K r_e^2/I)/2pi by hand.
 
     5 %: the machine gives way a little, and relaxation is not a pure spring at speed.
     """

@@ -16,7 +16,7 @@ FULL = math.radians(40.0)
 TOP = math.radians(46.0)
 G = 9.81
 
-# PARAMETERS 1.4: payload, articulation, arm; FL, FR, each rear wheel [kN]. Rigid three-point statics.
+# machine sheet 1.4: payload, articulation, arm; FL, FR, each rear wheel [kN]. Rigid three-point statics.
 TABLE = [
     (0.0, 0.0, None, 27.0, 27.0, 31.1),
     (3204.0, 0.0, None, 52.1, 52.1, 21.7),
@@ -56,7 +56,7 @@ def test_rest_is_the_minimum_of_potential_energy(payload, delta, lift):
 
 @pytest.mark.parametrize(("delta_deg", "expected"), [(0, 8080.0), (35, 7347.0), (40, 7132.0)])
 def test_tipping_loads_on_hard_tyres(delta_deg, expected):
-    """PARAMETERS 1.5. 0.2 %: its table rounds the CoG to a millimetre, worth 0.1 %; ours adds 0.1 mm of tyre."""
+    """machine sheet 1.5. 0.2 %: its table rounds the CoG to a millimetre, worth 0.1 %; ours adds 0.1 mm of tyre."""
     assert statics.tipping_load(statics.rigid(MACHINE), math.radians(delta_deg)) == pytest.approx(
         expected, rel=2e-3
     )
@@ -75,7 +75,7 @@ def test_full_turn_tipping_load_meets_the_rated_payload():
 def test_straight_tipping_load_on_linear_tyres_by_hand():
     """All bodies turn about the front wheels' hubs (the contact stays below them) as the front tyres give way.
 
-    The figure of 7478 kg in PARAMETERS 1.5 turns them about the ground contact instead, which moves
+    The figure of 7478 kg in machine sheet 1.5 turns them about the ground contact instead, which moves
     the centre of gravity by the tyre's radius too much.
     """
     machine = statics.linear_tyre(MACHINE)
@@ -99,7 +99,7 @@ def test_straight_tipping_load_on_linear_tyres_by_hand():
     assert statics.tipping_load(machine, 0.0) == pytest.approx(low, rel=1e-3)
 
 
-# PARAMETERS section 4: payload, articulation, arm, side of the rear frame that is uphill, a_y/g at lift-off.
+# machine sheet 4: payload, articulation, arm, side of the rear frame that is uphill, a_y/g at lift-off.
 THRESHOLDS = [
     (0.0, 0.0, None, 1, 0.66),
     (0.0, FULL, None, 1, 0.57),
@@ -137,7 +137,7 @@ def test_roll_over_thresholds_on_a_tilt_table(payload, delta, lift, side, expect
 @pytest.mark.parametrize("bank", [-0.2, 0.1, 0.3])
 @pytest.mark.parametrize("delta", [-0.5, 0.0, 0.3])
 def test_banked_wheel_loads_agree_with_the_closed_form(delta, bank):
-    """EQUATIONS 2.4, with the side force at the pivot taken from the tyres. 0.1 %: hard tyres lean by 1e-4 rad."""
+    """docs/explanation/estimators.md, with the side force at the pivot taken from the tyres. 0.1 %: hard tyres lean by 1e-4 rad."""
     machine = statics.rigid(MACHINE)
     truth = Plant(machine, Surface(friction=2.0, bank=bank), articulation_angle=delta).truth()
     parts = statics.bodies(machine, 0.0, delta, truth.lift_arm_angle, truth.tilt_angle, 0.0)

@@ -65,7 +65,7 @@ def contact(
     [(0.01, 4046.3), (0.05, 17032.9), (0.1, 23929.7), (0.3, 23759.3), (1.0, 17872.0), (2.5, 15317.3)],
 )
 def test_magic_formula_worked_example(kappa, force):
-    """EQUATIONS 1.2: C 1.65, D 25 500 N, K 408 000 N, E 0.3; printed to 0.1 N."""
+    """docs/explanation/estimators.md: C 1.65, D 25 500 N, K 408 000 N, E 0.3; printed to 0.1 N."""
     assert magic_formula(kappa, 408e3, 1.65, 25.5e3, 0.3) == pytest.approx(force, abs=0.06)
 
 
@@ -87,7 +87,7 @@ def test_peak_is_where_pacejka_puts_it():
 
 
 def test_asphalt_anchors():
-    """PARAMETERS 3.2 at the nominal load: peak near slip 0.38, 0.75 at slip 1, 0.70 at 2.5 (two digits given)."""
+    """machine sheet 3.2 at the nominal load: peak near slip 0.38, 0.75 at slip 1, 0.70 at 2.5 (two digits given)."""
     kappa = np.linspace(0.01, 3.0, 3000)
     force = np.array([steady(k, 0.0)[0] for k in kappa]) / 34e3
     assert kappa[np.argmax(force)] == pytest.approx(0.38, abs=0.03)
@@ -136,7 +136,7 @@ def test_friction_scales_the_peak_and_leaves_the_stiffness():
     ("load", "tangent", "secant"), [(27e3, 760e3, 692e3), (34e3, 790e3, 708e3), (48e3, 850e3, 737e3)]
 )
 def test_vertical_stiffness(load, tangent, secant):
-    """PARAMETERS 3.1 at 3.5 bar. 1 %: it rounds to 10 and to 1 kN/m, and its law to three digits."""
+    """machine sheet 3.1 at 3.5 bar. 1 %: it rounds to 10 and to 1 kN/m, and its law to three digits."""
     deflection = np.linspace(0.0, 0.12, 120001)
     force = np.array([radial_force(FRONT, d, 0.0) for d in deflection])
     at = float(np.interp(load, force, deflection))
@@ -158,7 +158,7 @@ def test_tyre_never_pulls():
 
 @pytest.mark.parametrize(("load", "radius"), [(27e3, 0.7295), (48e3, 0.720)])
 def test_effective_radius(load, radius):
-    """PARAMETERS 3.1; and it lies between loaded and unloaded radius. 0.2 mm: the table has 0.5 mm or better."""
+    """machine sheet 3.1; and it lies between loaded and unloaded radius. 0.2 mm: the table has 0.5 mm or better."""
     deflection = np.linspace(0.0, 0.12, 12001)
     loaded = 0.743 - np.interp(load, [radial_force(FRONT, d, 0.0) for d in deflection], deflection)
     effective = effective_radius(loaded, 0.743)
@@ -255,7 +255,7 @@ def relaxed(slip, speed, seconds, length=0.3, steps=10000):
 
 
 def test_relaxation_follows_distance_not_time():
-    """EQUATIONS 1.5: 0.3 m, 1 m/s, slip 0.02 gives 0.0193 after 1 s; three digits. Twice the speed, half the time: the same."""
+    """docs/explanation/estimators.md: 0.3 m, 1 m/s, slip 0.02 gives 0.0193 after 1 s; three digits. Twice the speed, half the time: the same."""
     assert relaxed(0.02, 1.0, 1.0) == pytest.approx(0.0193, abs=5e-5)
     assert relaxed(0.02, 2.0, 0.5) == pytest.approx(relaxed(0.02, 1.0, 1.0), rel=1e-9)
 

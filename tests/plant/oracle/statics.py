@@ -26,7 +26,7 @@ def with_tyre(machine: Machine, **changes: float) -> Machine:
 
 
 def linear_tyre(machine: Machine) -> Machine:
-    """The machine on linear tyres: 750 kN/m in front, 600 kN/m behind (2.5 bar), as PARAMETERS section 4 assumes."""
+    """The machine on linear tyres: 750 kN/m in front, 600 kN/m behind (2.5 bar), as machine sheet 4 assumes."""
     stiffness = 750e3 * machine.tyre.radius / machine.tyre.nominal_load
     at_rear = machine.tyre.rear_pressure / machine.tyre.nominal_pressure - 1.0
     return with_tyre(machine, qfz1=stiffness, qfz2=0.0, pfz1=(600.0 / 750.0 - 1.0) / at_rear)
