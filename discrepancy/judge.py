@@ -32,6 +32,7 @@ from discrepancy.search import (
 
 FEW_SAMPLES = 30
 STRAINED = 3.0  # standard deviations of its prior beyond which a nuisance stands in for something else
+LEFT = 0.5  # share of its size that an effect keeps beside the open-ended equation, or it is a proxy
 TOUCHED = 0.1  # share of the gain that makes a channel one the effect acts on
 
 
@@ -53,10 +54,10 @@ def judge(problem: Problem, settings: Settings, progress: Progress = lambda _: N
     state, history = search(problem, settings, progress)
     state = backward(problem, state, settings)
     progress("looking for what the library does not explain")
-    beyond = explore(problem, state, settings) if settings.open_ended else OpenEnded((), 0.0, 0.0, {}, 0)
+    beyond = explore(problem, state, settings) if settings.open_ended else OpenEnded((), 0.0, 0.0, {}, 0, {})
     needed = [_weigh(problem, state, name, beyond, settings) for name in state.accepted]
     progress("locating, grouping")
-    found = [_finding(problem, state, history[0], n, settings) for n in needed]
+    found = [_finding(problem, state, history[0], n, beyond, settings) for n in needed]
     # the fits of the search are forward; report in order of evidence
     found.sort(key=lambda finding: -finding.gain)
     candidates = account.candidates(problem, state, history[0], found, settings)
@@ -140,7 +141,7 @@ def _weigh(problem: Problem, state: State, name: str, beyond: OpenEnded, setting
 
 
 def _finding(
-    problem: Problem, state: State, baseline: State, needed: _Needed, settings: Settings
+    problem: Problem, state: State, baseline: State, needed: _Needed, beyond: OpenEnded, settings: Settings
 ) -> f.Finding:
     others = tuple(n for n in state.accepted if n != needed.effect)
     scores = _scores_without(problem, state, others, needed.without, settings)
@@ -150,6 +151,7 @@ def _finding(
     where = locate(problem, state.noise, needed.without, best.fit)
     absorbed = next((s.absorbed for s in baseline.scores if s.effect == effect.name), 0.0)
     doubts = _doubts(problem, effect, best.fit)
+    doubts += _superseded(problem, state, needed, beyond, settings)
     if needed.gap_closed < settings.gap_closed:
         doubts.insert(0, f"closes {needed.gap_closed:.0%} of the gap on held-out data")
     return f.Finding(
@@ -216,6 +218,30 @@ def _doubts(problem: Problem, effect: Effect, fitted: Fit) -> list[str]:
                 f"the nuisance {p.name} was pushed to {value:.4g} {p.unit}, {away:.1f} sd from its prior"
             )
     return doubts
+
+
+def _superseded(
+    problem: Problem, state: State, needed: _Needed, beyond: OpenEnded, settings: Settings
+) -> list[str]:
+    """An effect stood in for the open-ended equation if nothing significant is left of it beside the equation,
+    and the equation in its place does as well.
+    """
+    effect = problem.model.effect(needed.effect)
+    if effect.size != 1 or not beyond.terms:
+        return []
+    p = effect.parameters[0]
+    size = state.fit.values.shared[p.name] - p.value
+    shift, sd = beyond.beside[p.name]
+    left = size + shift
+    if left / size > LEFT or (left / sd) ** 2 > needed.needed:
+        return []
+    others = tuple(n for n in state.accepted if n != needed.effect)
+    instead = explore(problem, State(state.noise, needed.without, others, ()), settings)
+    if instead.held_out_gain < needed.held_out_gain - settings.same:
+        return []
+    return [
+        f"beside {beyond.equation()} its {p.name} would go from {p.value + size:.3g} to {p.value + left:.3g}"
+    ]
 
 
 def _separation(

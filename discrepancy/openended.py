@@ -56,13 +56,18 @@ class OpenTerm:
 
 @dataclass(frozen=True, slots=True)
 class OpenEnded:
-    """Terms found (none: nothing depends on the known signals), their gain, and the gain on held-out rows."""
+    """Terms found (none: nothing depends on the known signals), their gain, and the gain on held-out rows.
+
+    beside: by how much every fitted parameter would move if the terms were taken into the fit, and its
+    standard deviation there.
+    """
 
     terms: tuple[OpenTerm, ...]
     gain: float
     needed: float
     held_out_gains: Mapping[str, float]  # by channel
     tried: int
+    beside: Mapping[str, tuple[float, float]]
 
     @property
     def held_out_gain(self) -> float:
@@ -177,7 +182,7 @@ def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
         left = fitted.residual - X[:, chosen] @ c
         gain = float(np.sum(fitted.residual**2) - np.sum(left**2))
     if not chosen:
-        return OpenEnded((), 0.0, needed, {}, len(candidates))
+        return OpenEnded((), 0.0, needed, {}, len(candidates), {})
     confirmed = _held_out(problem, state, white[:, chosen], settings)
     return OpenEnded(
         tuple(_terms(candidates, chosen, equally, X, fitted.residual)),
@@ -185,7 +190,18 @@ def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
         needed,
         {name: float(np.sum(confirmed[noise.row_channel == i])) for i, name in enumerate(problem.channels)},
         len(candidates),
+        _beside(fitted, projector.states.off(white[:, chosen]), X[:, chosen]),
     )
+
+
+def _beside(fitted: Fit, terms: Array, projected: Array) -> dict[str, tuple[float, float]]:
+    """Bias of the parameters by the omitted terms, which comes off again, and their standard deviations with them."""
+    c = np.linalg.lstsq(projected, fitted.residual, rcond=None)[0]
+    J = fitted.columns
+    moved = -fitted.covariance @ (J.T @ (terms @ c))
+    Q = np.linalg.qr(terms)[0]
+    left = np.sqrt(np.diag(np.linalg.pinv(fitted.information - (J.T @ Q) @ (Q.T @ J))))
+    return {n: (float(m), float(s)) for n, m, s in zip(fitted.names, moved, left, strict=True)}
 
 
 def _place(candidate: _Candidate) -> str:

@@ -135,10 +135,7 @@ def model(*, without: tuple[str, ...] = ()) -> Model:
         sentence="a ball in free fall, seen by a camera",
         inputs={},
         outputs={"height": "m", "speed": "m/s"},
-        nuisances=(
-            *NUISANCES,
-            Parameter(name="wind", unit="m/s", lower=-1.0, upper=1.0, typical=0.1, prior_sd=0.1),
-        ),
+        nuisances=NUISANCES,
         effects=tuple(e for e in LIBRARY if e.name not in without),
         simulate=_with_defaults,
         step_s=STEP_S,

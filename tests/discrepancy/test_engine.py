@@ -80,6 +80,18 @@ def test_what_the_library_does_not_hold_is_unknown_and_comes_as_an_equation_with
         assert term.coefficient == pytest.approx(-0.02, rel=0.25)
 
 
+@pytest.mark.parametrize("square", [0.02, 0.05])
+def test_a_linear_leak_is_no_name_for_a_quadratic_one(square: float) -> None:
+    """The leak closes three quarters of the gap, yet beside the open-ended x|x| nothing of it is left."""
+    result = verdict(record(5, square=square, noise=0.005), "leak", "level scale")
+    assert result.status == "unknown"
+    assert result.named == []
+    assert "leak" in result.findings[0].effect
+    assert "level·|level|" in " ".join(result.findings[0].doubts)
+    assert result.open_ended is not None
+    assert result.open_ended.terms[0].coefficient == pytest.approx(-square, rel=0.1)
+
+
 def test_a_found_equation_built_into_the_model_explains_the_recording() -> None:
     model, recording = tank("level scale"), record(5, square=0.02, noise=0.005)
     problem = Problem(model, [recording])
