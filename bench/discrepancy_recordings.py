@@ -1,4 +1,4 @@
-"""Diagnose the public recordings with the effect concealed: `python bench/discrepancy_recordings.py FOLDER [--out FILE]`."""
+"""Diagnose the public recordings with the effect concealed: `python -m bench.discrepancy_recordings FOLDER [--out FILE]`."""
 
 import argparse
 import subprocess
@@ -90,7 +90,7 @@ def main() -> None:
         [
             "# Discrepancy engine on recordings of real things",
             "",
-            f"`python bench/discrepancy_recordings.py FOLDER`, commit {commit.stdout.strip()}. Values with 95 % intervals;"
+            f"`python -m bench.discrepancy_recordings FOLDER`, commit {commit.stdout.strip()}. Values with 95 % intervals;"
             " 'proxy' is what the engine itself does not name as the cause; the remainder is what the library leaves.",
             "",
             "| recording | expected | status | findings | remainder | s |",
