@@ -97,8 +97,11 @@ class Hub:
             uptime_s=(time.monotonic_ns() - self._started_ns) * 1e-9,
             bit_rate=self._arbiter.bit_rate if self._arbiter else None,
             busy_s=self._arbiter.busy_ns * 1e-9 if self._arbiter else 0.0,
-            clients=tuple(client.status() for client in self._clients),
+            clients=tuple(client.status(self._waiting(client)) for client in self._clients),
         )
+
+    def _waiting(self, client: Peer) -> int:
+        return self._arbiter.waiting(client) if self._arbiter else 0
 
     def __enter__(self) -> Self:
         return self

@@ -83,8 +83,8 @@ class Peer:
         with contextlib.suppress(OSError):
             self._send(message)
 
-    def status(self) -> ClientStatus:
-        """Its counters."""
+    def status(self, waiting: int) -> ClientStatus:
+        """Its counters; waiting: its frames that the modelled wire has not carried."""
         return ClientStatus(
             name=self.name,
             pid=self.pid,
@@ -92,6 +92,7 @@ class Peer:
             delivered=self.delivered,
             dropped=self.dropped,
             backlog=len(self._backlog),
+            waiting=waiting,
             malformed=self.malformed,
         )
 

@@ -9,7 +9,8 @@ class ClientStatus:
     """One client as the hub sees it; counts are frames.
 
     sent: taken from it; delivered: given to it; dropped: lost for it, because it read too slowly;
-    backlog: held by the hub for it now; malformed: refused from it.
+    backlog: held by the hub for it now; waiting: taken from it, not yet carried by the modelled wire;
+    malformed: refused from it.
     """
 
     name: str
@@ -18,6 +19,7 @@ class ClientStatus:
     delivered: int
     dropped: int
     backlog: int
+    waiting: int
     malformed: int
 
 

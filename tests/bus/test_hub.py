@@ -12,13 +12,14 @@ import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from bus import packet
 from bus.bits import duration_ns
 from bus.frame import ERROR, Frame
-from bus.hub import CLIENT_LIMIT, Hub
+from bus.hub import CLIENT_LIMIT, WAITING_LIMIT, Hub
 from bus.hub_client import HubTransport, hub_status
 from bus.hub_peer import BACKLOG_LIMIT
 from bus.transport import BusClosed, BusUnavailable
@@ -33,7 +34,7 @@ class RunningHub:
     def __init__(self, path: str, **options: int) -> None:
         self.path = path
         self.hub = Hub(path, **options)
-        self._thread = threading.Thread(target=self.hub.run, name="hub")
+        self._thread = threading.Thread(target=self.hub.run, name="hub", daemon=True)
         self._thread.start()
 
     def connect(self) -> HubTransport:
@@ -296,6 +297,32 @@ def test_a_client_that_floods_a_slow_bus_is_held_back_and_loses_nothing(path: st
                 for frame in numbered(500):
                     assert flood.send(frame)
             assert unstamped(collect(receiver, 500)) == numbered(500)
+    finally:
+        running.stop()
+
+
+def test_the_hub_stops_reading_from_a_client_whose_frames_wait_for_the_wire(path: str) -> None:
+    running = RunningHub(path, bit_rate=5_000)
+    try:
+        with running.connect() as flood:
+            for frame in numbered(10 * WAITING_LIMIT):
+                assert flood.send(frame)
+            waiting = [hub_status(path).clients[0].waiting for _ in range(50)]
+            assert max(waiting) == WAITING_LIMIT
+    finally:
+        running.stop()
+
+
+def test_stamps_strictly_increase_even_when_the_clock_does_not(
+    path: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bus.hub.time", SimpleNamespace(monotonic_ns=lambda: 1_000))
+    running = RunningHub(path)
+    try:
+        with running.connect() as sender, running.connect() as receiver:
+            for frame in numbered(3):
+                sender.send(frame)
+            assert [frame.at_ns for frame in collect(receiver, 3)] == [1_001, 1_002, 1_003]
     finally:
         running.stop()
 
