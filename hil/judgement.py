@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from dbc.columns import Columns
 from hil.rundir import RunDirectory, RunError
 from hil.timing import Spread, Timing, reaction_ns
-from hil.verdict import RunVerdict, first_true, judge, roll_over_warning
+from hil.verdict import WARNING_MIN_S, RunVerdict, flickers, judge, lasting, roll_over_warning
 
 PROCESSES = ("plant", "ecu")
 
@@ -29,16 +29,26 @@ def judge_run(run: RunDirectory) -> RunVerdict:
 
 def first_warning(messages: Mapping[str, Columns]) -> float | None:
     """When the ECU first warned of roll-over [s on the run's clock], by either of its two messages."""
-    moments = []
+    moments = [lasting(*signal, WARNING_MIN_S) for signal in warning_signals(messages)]
+    return min((begins[0] for begins in moments if begins), default=None)
+
+
+def warning_flickers(messages: Mapping[str, Columns]) -> int:
+    """Warnings of roll-over too short to count."""
+    return sum(flickers(*signal, WARNING_MIN_S) for signal in warning_signals(messages))
+
+
+def warning_signals(
+    messages: Mapping[str, Columns],
+) -> list[tuple[NDArray[np.float64], NDArray[np.bool_]]]:
+    """(times [s], whether it warns) of RollOver.State, and of the roll-over reasons in Warnings."""
+    signals = []
     if (state := messages.get("RollOver")) is not None:
-        warns = roll_over_warning(state.signals["State"], state.signals["Valid"])
-        moments.append(first_true(state.time_s, warns))
+        signals.append((state.time_s, roll_over_warning(state.signals["State"], state.signals["Valid"])))
     if (flags := messages.get("Warnings")) is not None:
-        raised = np.asarray(flags.signals["RollOverPredicted"], bool) | np.asarray(
-            flags.signals["RollOverNow"], bool
-        )
-        moments.append(first_true(flags.time_s, raised))
-    return min((moment for moment in moments if moment is not None), default=None)
+        raised = (flags.signals["RollOverPredicted"] > 0) | (flags.signals["RollOverNow"] > 0)
+        signals.append((flags.time_s, np.asarray(raised, bool)))
+    return signals
 
 
 def timing_of(run: RunDirectory) -> Timing:

@@ -6,7 +6,9 @@ Pure: arrays in, a verdict out. Definitions:
   sample of zero. Shorter contact losses are wheel hop.
 - The machine *rolls over* when its true roll angle passes 45 degrees; it does not come back from there.
 - A *warning* is RollOver.State at "warning" or above, or Warnings.RollOverPredicted or RollOverNow.
-  Frames whose state is "not_available" or whose estimate is marked invalid do not warn.
+  Frames whose state is "not_available" or whose estimate is marked invalid do not warn. It counts from its
+  first frame, provided that it then stands for at least 50 ms; a shorter one is flicker, which no driver
+  sees and which must not be taken for foresight.
 - The *margin* is the smallest true normal force of any wheel over the whole run, as a fraction
   of what that wheel carried standing still.
 - A *false alarm* is a run that warns although no wheel lifts and the margin stays above 0.30.
@@ -20,7 +22,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 WHEELS = ("front left", "front right", "rear left", "rear right")
+SLACK_S = 1e-3  # stamps are those of frames: they shift by what goes before them on the wire
 LIFT_MIN_S = 0.050  # longer than the hop of a tyre at its own mode of about 3 Hz over a joint
+WARNING_MIN_S = 0.050  # five frames in a row
 ROLLED_RAD = np.pi / 4  # beyond the static tipping angle of the machine in every pose (34 degrees empty)
 JUSTIFIED_MARGIN = 0.30
 STATE_WARNING, STATE_NOT_AVAILABLE = 2, 7
@@ -107,6 +111,18 @@ def _stretches(condition: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First and last index of every unbroken stretch in which `condition` holds."""
     edges = np.diff(np.concatenate(([False], condition, [False])).astype(np.int8))
     return list(zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1, strict=True))
+
+
+def lasting(time_s: ArrayLike, condition: ArrayLike, least_s: float) -> list[float]:
+    """Where `condition` begins to hold unbroken for at least `least_s` [s]: the times of the first samples."""
+    time = np.asarray(time_s, float)
+    stretches = _stretches(np.asarray(condition, bool))
+    return [float(time[start]) for start, stop in stretches if time[stop] - time[start] >= least_s - SLACK_S]
+
+
+def flickers(time_s: ArrayLike, condition: ArrayLike, least_s: float) -> int:
+    """How often `condition` holds for less than `least_s` [s]."""
+    return len(_stretches(np.asarray(condition, bool))) - len(lasting(time_s, condition, least_s))
 
 
 def first_true(time_s: ArrayLike, condition: ArrayLike) -> float | None:

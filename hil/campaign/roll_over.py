@@ -19,7 +19,7 @@ from hil.campaign.roll_over_document import FILE, document
 from hil.campaign.roll_over_picture import PICTURE, draw
 from hil.compose import lockstep
 from hil.ecu_side import Form
-from hil.judgement import first_warning
+from hil.judgement import first_warning, warning_flickers
 from hil.verdict import RunVerdict, judge
 from plant.profile import Profile
 from plant.scenario import Scenario, load_scenario
@@ -86,8 +86,9 @@ def scenario_of(case: Case) -> Scenario:
 def run_case(case: Case) -> Result:
     """The three drives of a case as plain values."""
     scenario = scenario_of(case)
-    free = drive(scenario, "corrected", limits=False)
-    limited = drive(scenario, "corrected", limits=True)
+    free, flickers = drive(scenario, "corrected", limits=False)
+    limited, _ = drive(scenario, "corrected", limits=True)
+    printed, _ = drive(scenario, "printed", limits=False)
     return {
         "seed": scenario.seed,
         "lift_off_s": free.lift_off_s,
@@ -97,24 +98,26 @@ def run_case(case: Case) -> Result:
         "lead_s": free.lead_s,
         "warned": free.warned_s is not None,
         "false_alarm": free.false_alarm,
-        "printed_lead_s": drive(scenario, "printed", limits=False).lead_s,
+        "flickers": flickers,
+        "printed_lead_s": printed.lead_s,
         "limited_lifts": limited.lifted,
         "limited_rolls_over": limited.rolled_over,
         "limited_margin": limited.margin,
     }
 
 
-def drive(scenario: Scenario, form: Form, *, limits: bool) -> RunVerdict:
-    """Run a scenario in lockstep and judge it."""
+def drive(scenario: Scenario, form: Form, *, limits: bool) -> tuple[RunVerdict, int]:
+    """Run a scenario in lockstep and judge it; with the number of warnings too short to count."""
     recording = lockstep(scenario, form=form, limits=limits, reference=False).run()
-    truth = recording.truth
-    return judge(
+    truth, messages = recording.truth, columns_of(recording.bus)
+    verdict = judge(
         time_s=np.array([row.time_s for row in truth]),
         normal_force=np.array([row.normal_force for row in truth]),
         roll=np.array([row.roll for row in truth]),
         load_transfer_ratio=np.array([row.load_transfer_ratio for row in truth]),
-        warned_s=first_warning(columns_of(recording.bus)),
+        warned_s=first_warning(messages),
     )
+    return verdict, warning_flickers(messages)
 
 
 def run_campaign(out: Path, jobs: int | None = None) -> Path:

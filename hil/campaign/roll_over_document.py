@@ -15,7 +15,8 @@ FILE = "rollover_grid.md"
 INTRODUCTION = f"""
 Abrupt turns of the L60 from straight driving to 39 degrees of articulation, on level ground. A wheel *lifts* when
 its true normal force is zero for more than 50 ms. *Lead* is true lift-off minus the ECU's first warning
-(RollOver.State at warning or above, or a roll-over reason in Warnings): positive is ahead. A *false alarm* is a warning
+(RollOver.State at warning or above, or a roll-over reason in Warnings, for at least 50 ms): positive is ahead. A
+*false alarm* is a warning
 in a drive in which no wheel lifts and every wheel keeps more than {100 * JUSTIFIED_MARGIN:.0f} % of its standing load. *Prevented*: with
 the limits on no wheel lifts. Corrected and printed estimators watch the very same drive.
 
@@ -66,6 +67,7 @@ def summary(results: Sequence[Result]) -> str:
             "warned, no lift, less than 30 % left",
             _of(sum(r["warned"] and not r["false_alarm"] for r in calm), calm),
         ),
+        ("flicker: warnings shorter than 50 ms, not counted", _flicker(results)),
         ("prevented with the limits on", _of(sum(not r["limited_lifts"] for r in lifting), lifting)),
         ("roll over with the limits on", _of(_count(results, "limited_rolls_over"), results)),
     ]
@@ -78,6 +80,10 @@ def _ahead(lead_s: float | None) -> bool:
 
 def _count(results: Iterable[Result], key: str) -> int:
     return sum(bool(result[key]) for result in results)
+
+
+def _flicker(results: Sequence[Result]) -> str:
+    return f"{sum(r['flickers'] for r in results)} in {_count(results, 'flickers')} turns"
 
 
 def _of(count: int, among: Sequence[Result]) -> str:

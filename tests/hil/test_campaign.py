@@ -112,6 +112,7 @@ def result(**changes):
         "lead_s": None,
         "warned": False,
         "false_alarm": False,
+        "flickers": 0,
         "printed_lead_s": None,
         "limited_lifts": False,
         "limited_rolls_over": False,
@@ -122,7 +123,7 @@ def result(**changes):
 
 GOOD = result(lift_off_s=3.0, wheel=0, margin=0.0, lead_s=0.5, warned=True, printed_lead_s=-0.4)
 LATE = result(lift_off_s=3.0, wheel=1, margin=0.0, lead_s=-0.1, warned=True, limited_lifts=True)
-FALSE = result(warned=True, false_alarm=True)
+FALSE = result(warned=True, false_alarm=True, flickers=3)
 NEAR = result(warned=True, margin=0.2)
 RESULTS = [GOOD, LATE, FALSE, NEAR, *[result()] * (len(CASES) - 4)]
 
@@ -152,6 +153,7 @@ def test_the_summary_counts_what_the_results_hold():
         "| printed: never warns | 1 of 2 |",
         f"| false alarms | 1 of {len(CASES) - 3} turns that keep more than 30 % |",
         f"| warned, no lift, less than 30 % left | 1 of {len(CASES) - 2} |",
+        "| flicker: warnings shorter than 50 ms, not counted | 3 in 1 turns |",
         "| prevented with the limits on | 1 of 2 |",
     ):
         assert line in text

@@ -8,13 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.verdict import (
+    WARNING_MIN_S,
     Result,
     RunVerdict,
     first_lift_off,
     first_true,
+    flickers,
     judge,
     judge_prevention,
     judge_warning,
+    lasting,
     roll_over_warning,
 )
 
@@ -107,6 +110,23 @@ def test_only_a_valid_estimate_of_at_least_warning_warns():
     state = np.array([0, 1, 2, 3, 4, 7, 3])
     valid = np.array([1, 1, 1, 1, 1, 1, 0])
     assert roll_over_warning(state, valid).tolist() == [False, False, True, True, True, False, False]
+
+
+@given(st.integers(0, 400), st.integers(1, 60))
+def test_a_warning_counts_from_its_first_frame_if_it_stands_for_50_ms(start, frames):
+    warns = np.zeros(TIME.size, bool)
+    warns[start : start + frames] = True
+    counts = frames > 5  # the sixth frame is 50 ms after the first
+    assert lasting(TIME, warns, WARNING_MIN_S) == ([TIME[start]] if counts else [])
+    assert flickers(TIME, warns, WARNING_MIN_S) == (0 if counts else 1)
+
+
+def test_flicker_before_a_warning_does_not_make_it_earlier():
+    warns = np.zeros(TIME.size, bool)
+    warns[[50, 52, 53, 60]] = True
+    warns[100:150] = True
+    assert lasting(TIME, warns, WARNING_MIN_S) == [TIME[100]]
+    assert flickers(TIME, warns, WARNING_MIN_S) == 3
 
 
 def test_first_true():
