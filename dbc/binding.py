@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping, Sequence
 
 from dbc import codegen
 from dbc.database import MessageCodec
-from dbc.errors import EncodeError
 from dbc.signal import Signal
 from dbc.units import factor_to
 
@@ -56,7 +55,8 @@ def _factor(codec: MessageCodec, name: str, unit: str) -> float:
 def _decode_source(chosen: Sequence[tuple[Signal, float]], length: int) -> str:
     """`decode(data)`: like the codec's, then times the unit's factor."""
     values = "".join(f"        {_si_expression(i, s, f, length)},\n" for i, (s, f) in enumerate(chosen))
-    return f"def decode(data):\n{codegen.open_frame([s for s, _ in chosen], length)}    return (\n{values}    )\n"
+    opening = codegen.open_frame([signal for signal, _ in chosen], length)
+    return f"def decode(data):\n{opening}    return (\n{values}    )\n"
 
 
 def _si_expression(i: int, signal: Signal, factor: float, length: int) -> str:
@@ -91,9 +91,10 @@ def _saturated(i: int, signal: Signal, factor: float) -> list[str]:
     lowest, highest = signal.raw_range
     absent = signal.not_available
     nan = f"no_number(label, ((signals[{i}], v{i}),))" if absent is None else str(absent)
+    inside = f"round(x) if x == x else {nan}"
     return [
         f"    x = {scaled}",
-        f"    r{i} = {lowest} if x <= {lowest} else {highest} if x >= {highest} else round(x) if x == x else {nan}",
+        f"    r{i} = {lowest} if x <= {lowest} else {highest} if x >= {highest} else {inside}",
     ]
 
 
@@ -105,6 +106,3 @@ def _resting(signal: Signal, length: int) -> str:
     """Bits of a signal that the binding does not send."""
     absent = None if signal.name in _PROTECTION else signal.not_available
     return codegen.place(signal, str(absent or 0), length)
-
-
-__all__ = ["Binding", "EncodeError"]

@@ -108,7 +108,7 @@ def _select(
     indent: str,
     statements: Callable[[Sequence[Signal], str], list[str]],
 ) -> list[str]:
-    """`if` statements on the value of `selector`, one for each set of its values that selects the same signals."""
+    """`if` statements on the value of `selector`, one per set of values that selects the same signals."""
     groups: dict[frozenset[int], list[Signal]] = {}
     for signal in signals:
         if signal.multiplexer == selector.name:
@@ -117,7 +117,8 @@ def _select(
     key = f"selector_{signals.index(selector)}"
     lines = [
         f"{indent}{key} = int(values[{selector.name!r}])",
-        f"{indent}if {key} not in {_set_literal(known)}: no_branch(label, {selector.name!r}, {key}, {sorted(known)!r})",
+        f"{indent}if {key} not in {_set_literal(known)}:",
+        f"{indent}    no_branch(label, {selector.name!r}, {key}, {sorted(known)!r})",
     ]
     for ids, inner in groups.items():
         lines.append(f"{indent}if {key} in {_set_literal(ids)}:")
@@ -138,7 +139,8 @@ def scaled_to_raw(signal: Signal, value: str) -> str:
         return f"{shifted} / {signal.scale!r}"
     if signal.is_integer and signal.scale != 1:
         # an exact quotient stays exact beyond 2**53
-        return f"round({shifted} // {signal.scale} if {shifted} % {signal.scale} == 0 else {shifted} / {signal.scale})"
+        scale = signal.scale
+        return f"round({shifted} // {scale} if {shifted} % {scale} == 0 else {shifted} / {scale})"
     return f"round({shifted})" if signal.scale == 1 else f"round({shifted} / {signal.scale!r})"
 
 
@@ -235,7 +237,8 @@ def no_fit(label: str, signal: Signal, value: Number) -> None:
     """Report a value that the signal's bits cannot hold."""
     ends = sorted(raw * signal.scale + signal.offset for raw in signal.raw_limits)
     raise EncodeError(
-        f"{label}.{signal.name}: {value} {signal.unit} does not fit; its bits hold {ends[0]} to {ends[1]} {signal.unit}"
+        f"{label}.{signal.name}: {value} {signal.unit} does not fit; "
+        f"its bits hold {ends[0]} to {ends[1]} {signal.unit}"
     )
 
 
