@@ -81,8 +81,8 @@ def _bar(title: str, duration_s: float) -> Iterator[Callable[[float], None]]:
         TimeElapsedColumn(),
     )
     with Progress(*columns, console=console) as progress:
-        task = progress.add_task(title, total=duration_s)
-        yield lambda time_s: progress.update(task, completed=min(time_s, duration_s))
+        task = progress.add_task(f"{title}: compiling and starting", total=duration_s)
+        yield lambda time_s: progress.update(task, description=title, completed=min(time_s, duration_s))
 
 
 def _to_progress(advance: Callable[[float], None]) -> Callable[[str, Event], None]:
