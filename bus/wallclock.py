@@ -22,8 +22,13 @@ class WallClock:
 
     def check(self) -> None:
         """Measure again if the clock has been set by more than a millisecond."""
-        if abs(time.time_ns() - time.monotonic_ns() - self.ahead_ns) > JUMP_NS:
-            self.ahead_ns = measure()
+        if self._off(time.time_ns() - time.monotonic_ns()):  # or we were interrupted between the readings
+            measured = measure()
+            if self._off(measured):
+                self.ahead_ns = measured
+
+    def _off(self, ahead_ns: int) -> bool:
+        return abs(ahead_ns - self.ahead_ns) > JUMP_NS
 
 
 def measure() -> int:
