@@ -80,7 +80,7 @@ def support_point(
     pivot_height: float,
     lateral_share: float,
 ) -> Support:
-    """Support point of a machine that moves as one body (EQUATIONS 2.4).
+    """Support point of a machine that moves as one body (docs/explanation/estimators.md).
 
     centre: everything but the rear axle; fx, fy, fz: specific force at it [m/s2]; lateral_share
     lambda_y = F_yR / (m f_y), the pivot's part of the lateral force.
@@ -105,7 +105,7 @@ def normal_forces(
     axle_moment: float,
     geometry: Geometry,
 ) -> NormalForces:
-    """Normal forces by the barycentric coordinates of the support point (EQUATIONS 2.4).
+    """Normal forces by the barycentric coordinates of the support point (docs/explanation/estimators.md).
 
     axle_load: m_a f_z of the rear axle [N]; axle_moment: moment about x that lateral and gyroscopic
     forces exert on the rear axle about its contact line, loading the right wheel [N m].
@@ -134,7 +134,7 @@ def rigid_normal_forces(
     share: float,
     geometry: Geometry,
 ) -> NormalForces:
-    """The closed form of EQUATIONS 2.4: one rigid body with specific force (fx, fy, fz) [m/s2]."""
+    """The closed form for one rigid body with specific force (fx, fy, fz) [m/s2]."""
     support = support_point(centre, fx, fy, fz, axle_mass, axle_height, geometry.pivot_height, share)
     moment = (share * centre.mass * geometry.pivot_height + axle_mass * axle_height) * fy
     return normal_forces(support, articulation_angle, axle_mass * fz, moment, geometry)

@@ -101,7 +101,7 @@ def joint_torque(
     rear: Body,
     geometry: Geometry,
 ) -> Bending:
-    """Torque at the articulation joint from the tyre forces (EQUATIONS 2.9), planar two-body dynamics.
+    """Torque at the articulation joint from the tyre forces (docs/explanation/estimators.md), planar two-body dynamics.
 
     front_moment, rear_moment: sums of the aligning moments of each axle [N m]; yaw_rate of the rear
     frame. The rear lump includes the rear axle. Gravity's part along a slope drops out when the
