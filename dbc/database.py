@@ -108,10 +108,11 @@ class Database:
 
     def __init__(self, source: str, codecs: Iterable[MessageCodec]) -> None:
         self.source = source
-        self.by_name: dict[str, MessageCodec] = {codec.name: codec for codec in codecs}
-        self.by_id: dict[int, MessageCodec] = {codec.can_id: codec for codec in self.by_name.values()}
+        every = tuple(codecs)
+        self.by_name: dict[str, MessageCodec] = {codec.name: codec for codec in every}
+        self.by_id: dict[int, MessageCodec] = {codec.can_id: codec for codec in every}
         self.by_pgn: dict[int, MessageCodec] = {
-            pgn(codec.can_id): codec for codec in reversed(self.by_name.values()) if codec.is_j1939
+            pgn(codec.can_id): codec for codec in reversed(every) if codec.is_j1939
         }
         protected = {c.e2e_data_id: c.name for c in self.by_name.values() if c.e2e_data_id is not None}
         for codec in self.by_name.values():

@@ -1,46 +1,31 @@
 """Reads candump logs (`candump -L`, python-can's CanutilsLogWriter) into arrays, at memory speed.
 
-    (1436509052.249713) vcan0 044#2A366C2BBA          classic, 11 bit
-    (0.170500) can0 0CF00300#FF0018FF07FFFFFF         29 bit: eight hexadecimal digits
-    (0.1) can0 123##1AABB                             CAN FD: one digit of flags, then data
-    (0.1) can0 123#R4                                 remote frame
-    (0.1) can0 20000080#0000000000000000              error frame
-
-A line that is none of these is damaged: counted, reported with its number and reason, skipped.
-The parser is one compiled pass over the bytes.
+A line that is no frame is damaged: counted, reported with its number and reason, skipped
+(`dbc.candump` has the grammar). What can be read of a cut-off compressed file is kept.
 """
 
-import gzip
-import io
+import os
 import zlib
+from collections import deque
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from bus.frame import ERROR, EXTENDED, FD, REMOTE
+from dbc import candump
 from dbc.errors import LogError
 
-CHUNK = 8 << 20
+CHUNK = 1 << 20
 DAMAGE_SHOWN = 100
 """Damaged lines that are kept with their number and reason; all are counted."""
-CHANNELS = 64
-WIDTH = 64
-
-_OK, _BLANK, _STAMP, _CHANNEL, _IDENTIFIER, _SEPARATOR, _DIGITS, _TOO_LONG, _REST = range(9)
-_REASONS = {
-    _STAMP: "no time stamp '(seconds.fraction)' at its start",
-    _CHANNEL: "no channel name, or more than 64 different ones",
-    _IDENTIFIER: "identifier is not 3 or 8 hexadecimal digits of an existing identifier",
-    _SEPARATOR: "no '#' after the identifier",
-    _DIGITS: "data is not pairs of hexadecimal digits",
-    _TOO_LONG: "more data than a frame holds (8 bytes, CAN FD 64)",
-    _REST: "something follows the data",
-}
+_GZIP = b"\x1f\x8b"
+_GZIP_FORMAT = 16 + zlib.MAX_WBITS
+_SHORTEST_LINE = 10  # (0) c 123#
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,182 +62,44 @@ class FrameTable:
         return int(self.time_ns.size)
 
 
-def _hex_table() -> NDArray[np.uint8]:
-    table = np.full(256, 255, np.uint8)
-    for value, digit in enumerate("0123456789ABCDEF"):
-        table[ord(digit)] = table[ord(digit.lower())] = value
-    return table
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """What one piece of the text gave: columns as in FrameTable (channel numbered by `names`), damage by own lines."""
+
+    columns: tuple[NDArray[Any], ...]
+    names: tuple[str, ...]
+    lines: int
+    damaged: tuple[Damage, ...]
+    damaged_count: int
 
 
-_HEX = _hex_table()
-
-
-@njit(cache=True, nogil=True)
-def _parse_line(
-    text: Any, at: Any, end: Any, out: Any, row: Any, starts: Any, sizes: Any, known: Any, hexes: Any
-) -> Any:
-    """Parse text[at:end] into row `row`; returns a status code, and the number of known channels."""
-    time_ns, can_id, length, flags, data, channel = out
-    while at < end and (text[at] == 32 or text[at] == 9):
-        at += 1
-    while end > at and (text[end - 1] == 32 or text[end - 1] == 9 or text[end - 1] == 13):
-        end -= 1
-    if at == end:
-        return _BLANK, known
-    if text[at] != 40:  # (
-        return _STAMP, known
-    at += 1
-    seconds, digits = np.int64(0), 0
-    while at < end and 48 <= text[at] <= 57 and digits < 10:
-        seconds = seconds * 10 + (text[at] - 48)
-        at += 1
-        digits += 1
-    fraction, scale = np.int64(0), np.int64(1_000_000_000)
-    if at < end and text[at] == 46:  # .
-        at += 1
-        while at < end and 48 <= text[at] <= 57:
-            if scale > 1:
-                fraction = fraction * 10 + (text[at] - 48)
-                scale //= 10
-            at += 1
-    if digits == 0 or at >= end or text[at] != 41:  # )
-        return _STAMP, known
-    at += 1
-    while at < end and text[at] == 32:
-        at += 1
-    start = at
-    while at < end and text[at] != 32:
-        at += 1
-    size = at - start
-    index = -1
-    for i in range(known):
-        if sizes[i] == size:
-            same = True
-            for k in range(size):
-                if text[starts[i] + k] != text[start + k]:
-                    same = False
-                    break
-            if same:
-                index = i
-                break
-    if size == 0 or at == end:
-        return _CHANNEL, known
-    while at < end and text[at] == 32:
-        at += 1
-    start_id = at
-    identifier = np.uint32(0)
-    while at < end and hexes[text[at]] != 255 and at - start_id < 9:
-        identifier = np.uint32(identifier * 16 + hexes[text[at]])
-        at += 1
-    count = at - start_id
-    if not (count == 3 or count == 8):
-        return _IDENTIFIER, known
-    if at >= end or text[at] != 35:  # #
-        return _SEPARATOR, known
-    at += 1
-    if count == 8:
-        if identifier & np.uint32(ERROR):
-            if identifier & np.uint32(0xC000_0000):
-                return _IDENTIFIER, known
-        elif identifier > np.uint32(0x1FFF_FFFF):
-            return _IDENTIFIER, known
-        else:
-            identifier |= np.uint32(EXTENDED)
-    elif identifier > np.uint32(0x7FF):
-        return _IDENTIFIER, known
-    most, flag = 8, np.uint8(0)
-    size_of_data = 0
-    if at < end and text[at] == 35:  # ##: CAN FD
-        at += 1
-        if at >= end or hexes[text[at]] == 255:
-            return _DIGITS, known
-        flag = np.uint8(hexes[text[at]] | FD)
-        most = 64
-        at += 1
-    if at < end and most == 8 and (text[at] == 82 or text[at] == 114):  # R: remote
-        identifier |= np.uint32(REMOTE)
-        at += 1
-        if at < end and 48 <= text[at] <= 56:
-            size_of_data = text[at] - 48
-            at += 1
-    else:
-        while at + 1 < end and hexes[text[at]] != 255 and hexes[text[at + 1]] != 255:
-            if size_of_data == most:
-                return _TOO_LONG, known
-            data[row, size_of_data] = hexes[text[at]] * 16 + hexes[text[at + 1]]
-            size_of_data += 1
-            at += 2
-            if at < end and text[at] == 46:  # bytes may be separated by dots
-                at += 1
-        if at < end and hexes[text[at]] != 255:
-            return _DIGITS, known
-    if at < end and text[at] == 95 and at + 1 < end:  # _: raw DLC of a classic frame
-        at += 2
-    # candump -x appends the direction
-    if at < end and not (text[at] == 32 and at + 2 == end and (text[at + 1] == 82 or text[at + 1] == 84)):
-        return (_DIGITS if text[at] != 32 else _REST), known
-    if index < 0:
-        if known == CHANNELS:
-            return _CHANNEL, known
-        starts[known], sizes[known] = start, size
-        index = known
-        known += 1
-    time_ns[row] = seconds * 1_000_000_000 + fraction * scale
-    can_id[row] = identifier
-    length[row] = size_of_data
-    flags[row] = flag
-    channel[row] = index
-    return _OK, known
-
-
-@njit(cache=True, nogil=True)
-def _parse(text: Any, out: Any, starts: Any, sizes: Any, hexes: Any, bad_line: Any, bad_code: Any) -> Any:
-    """Parse every line of `text`; returns rows, lines, damaged lines and channels found."""
-    data = out[4]
-    row, line, bad, known, at = 0, 0, 0, 0, 0
-    size = text.size
-    while at < size:
-        end = at
-        while end < size and text[end] != 10:
-            end += 1
-        line += 1
-        code, known = _parse_line(text, at, end, out, row, starts, sizes, known, hexes)
-        if code == _OK:
-            row += 1
-        elif code != _BLANK:
-            for k in range(WIDTH):
-                data[row, k] = 0
-            if bad < bad_line.size:
-                bad_line[bad], bad_code[bad] = line, code
-            bad += 1
-        at = end + 1
-    return row, line, bad, known
-
-
-def _chunks(stream: io.BufferedIOBase, path: Path) -> Iterator[bytes]:
-    """The stream in pieces that end at a line's end."""
-    rest = b""
-    while True:
-        try:
-            piece = stream.read(CHUNK)
-        except (OSError, EOFError, zlib.error) as error:
-            if rest:
-                yield rest
-            raise LogError(f"{path}: cannot be read to its end: {error}") from error
-        if not piece:
-            if rest:
-                yield rest
-            return
-        cut = piece.rfind(b"\n") + 1
-        if cut:
-            yield rest + piece[:cut]
-            rest = piece[cut:]
-        else:
-            rest += piece
+def _parse(text: bytes, width: int = candump.CLASSIC_BYTES) -> _Part:
+    """Parse whole lines; `width` is the room for data, widened when a CAN FD frame comes."""
+    kinds = (np.int64, np.uint32, np.uint8, np.uint8, np.uint8, np.uint8)
+    rows = len(text) // _SHORTEST_LINE + 1
+    shapes = (rows, rows, rows, rows, (rows, width), rows)
+    columns = tuple(np.zeros(shape, kind) for shape, kind in zip(shapes, kinds, strict=True))
+    starts, ends = np.empty((2, candump.CHANNELS), np.int64)
+    bad_line, bad_code = np.empty((2, DAMAGE_SHOWN), np.int64)
+    row, lines, bad, known = candump.parse(
+        np.frombuffer(text, np.uint8), columns, starts, ends, bad_line, bad_code, candump.DIGITS
+    )
+    if row == candump.TOO_NARROW:
+        return _parse(text, candump.FD_BYTES)
+    shown = zip(bad_line[:bad].tolist(), bad_code[:bad].tolist(), strict=True)
+    return _Part(
+        columns=tuple(column[:row] for column in columns),
+        names=tuple(
+            text[s:e].decode("ascii", "replace") for s, e in zip(starts[:known], ends[:known], strict=True)
+        ),
+        lines=lines,
+        damaged=tuple(Damage(line, candump.REASONS[code]) for line, code in shown),
+        damaged_count=bad,
+    )
 
 
 class _Builder:
-    """Collects the arrays of the chunks."""
+    """Joins the parts."""
 
     def __init__(self) -> None:
         self._parts: list[tuple[NDArray[Any], ...]] = []
@@ -261,90 +108,138 @@ class _Builder:
         self._damaged: list[Damage] = []
         self._damaged_count = 0
 
-    def add(self, text: bytes) -> None:
-        buffer = np.frombuffer(text, np.uint8)
-        rows = text.count(b"\n") + 2
-        out = (
-            np.empty(rows, np.int64),
-            np.empty(rows, np.uint32),
-            np.empty(rows, np.uint8),
-            np.empty(rows, np.uint8),
-            np.zeros((rows, WIDTH), np.uint8),
-            np.empty(rows, np.uint8),
-        )
-        starts, sizes = np.empty(CHANNELS, np.int64), np.empty(CHANNELS, np.int64)
-        bad_line, bad_code = np.empty(DAMAGE_SHOWN, np.int64), np.empty(DAMAGE_SHOWN, np.int64)
-        row, lines, bad, known = _parse(buffer, out, starts, sizes, _HEX, bad_line, bad_code)
-        names = [
-            text[s : s + n].decode("ascii", "replace")
-            for s, n in zip(starts[:known], sizes[:known], strict=True)
-        ]
-        for name in names:
-            if name not in self._channels:
-                self._channels.append(name)
-        number = np.array([self._channels.index(name) for name in names] or [0], np.uint8)
-        time_ns, can_id, length, flags, data, channel = (column[:row] for column in out)
-        width = 8 if row == 0 or int(length.max()) <= 8 else WIDTH
-        self._parts.append((time_ns, can_id, length, flags, data[:, :width].copy(), number[channel]))
-        self._damaged += [
-            Damage(self._lines + int(line), _REASONS[int(code)])
-            for line, code in zip(bad_line[:bad], bad_code[:bad], strict=False)
-        ][: DAMAGE_SHOWN - len(self._damaged)]
-        self._damaged_count += bad
-        self._lines += lines
+    def add(self, part: _Part) -> None:
+        """Append a part, with its lines and channels numbered on."""
+        self._channels += [name for name in part.names if name not in self._channels]
+        if len(self._channels) > candump.CHANNELS:
+            raise LogError(f"more than {candump.CHANNELS} different channel names: is this a candump log?")
+        numbers = np.array([self._channels.index(name) for name in part.names] or [0], np.uint8)
+        *columns, channel = part.columns
+        self._parts.append((*columns, numbers[channel]))
+        for damage in part.damaged[: DAMAGE_SHOWN - len(self._damaged)]:
+            self._damaged.append(Damage(self._lines + damage.line, damage.reason))
+        self._damaged_count += part.damaged_count
+        self._lines += part.lines
+
+    def add_damage(self, reason: str) -> None:
+        """Note damage after all lines so far."""
+        if len(self._damaged) < DAMAGE_SHOWN:
+            self._damaged.append(Damage(self._lines + 1, reason))
+        self._damaged_count += 1
 
     def table(self) -> FrameTable:
-        width = max((part[4].shape[1] for part in self._parts), default=8)
-        padded = [np.pad(part[4], ((0, 0), (0, width - part[4].shape[1]))) for part in self._parts]
-
-        def joined(column: int, kind: type) -> NDArray[Any]:
-            return (
-                np.concatenate([part[column] for part in self._parts]) if self._parts else np.empty(0, kind)
-            )
-
+        """Everything added."""
+        if not self._parts:
+            self.add(_parse(b""))
+        width = max(part[4].shape[1] for part in self._parts)
+        widened = [(*part[:4], _widened(part[4], width), part[5]) for part in self._parts]
+        time_ns, can_id, length, flags, data, channel = (
+            np.concatenate(column) for column in zip(*widened, strict=True)
+        )
         return FrameTable(
-            time_ns=joined(0, np.int64),
-            can_id=joined(1, np.uint32),
-            length=joined(2, np.uint8),
-            flags=joined(3, np.uint8),
-            data=np.concatenate(padded) if padded else np.empty((0, 8), np.uint8),
-            channel=joined(5, np.uint8),
+            time_ns=time_ns,
+            can_id=can_id,
+            length=length,
+            flags=flags,
+            data=data,
+            channel=channel,
             channels=tuple(self._channels),
             damaged=tuple(self._damaged),
             damaged_count=self._damaged_count,
         )
 
 
+def _widened(data: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
+    return data if data.shape[1] == width else np.pad(data, ((0, 0), (0, width - data.shape[1])))
+
+
 def parse_candump(text: bytes) -> FrameTable:
     """The frames of a log that is in memory."""
     builder = _Builder()
-    if text:
-        builder.add(text)
+    builder.add(_parse(text))
     return builder.table()
 
 
 def read_candump(path: str | Path, progress: Callable[[int, int], None] | None = None) -> FrameTable:
     """Read a log, plain or gzip-compressed; `progress` hears bytes read and bytes in all (of the file on disk).
 
-    LogError when the file cannot be opened, or holds lines but not one frame.
+    LogError when the file cannot be opened, or holds something but not one frame.
     """
     path = Path(path)
     builder = _Builder()
     try:
-        with path.open("rb") as raw:
+        with path.open("rb") as file:
             total = path.stat().st_size
-            compressed = raw.peek(2)[:2] == b"\x1f\x8b"
-            stream: io.BufferedIOBase = gzip.GzipFile(fileobj=raw) if compressed else raw
-            for piece in _chunks(stream, path):
-                builder.add(piece)
+            breaks: list[str] = []
+            for part in _parsed(_whole_lines(_pieces(file), breaks)):
+                builder.add(part)
                 if progress is not None:
-                    progress(raw.tell(), total)
+                    progress(file.tell(), total)
+            for reason in breaks:
+                builder.add_damage(reason)
     except OSError as error:
         raise LogError(f"{path}: cannot read the log: {error.strerror or error}") from error
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from None
     table = builder.table()
     if not len(table) and table.damaged_count:
         first = table.damaged[0]
         raise LogError(
-            f"{path}: not a candump log: none of its {table.damaged_count} lines is a frame (line {first.line}: {first.reason})"
+            f"{path}: not a candump log: none of its {table.damaged_count} lines is a frame "
+            f"(line {first.line}: {first.reason})"
         )
     return table
+
+
+def _parsed(texts: Iterator[bytes]) -> Iterator[_Part]:
+    """Each text parsed, in order, on as many threads as there are processors: the parser holds no lock."""
+    workers = os.cpu_count() or 1
+    with ThreadPoolExecutor(workers) as pool:
+        waiting: deque[Future[_Part]] = deque()
+        for text in texts:
+            waiting.append(pool.submit(_parse, text))
+            if len(waiting) > workers:
+                yield waiting.popleft().result()
+        for future in waiting:
+            yield future.result()
+
+
+def _whole_lines(pieces: Iterator[bytes], breaks: list[str]) -> Iterator[bytes]:
+    """The pieces, cut at ends of lines; where compressed data break off, the line they cut is dropped.
+
+    breaks: receives the reason if that happens.
+    """
+    rest = b""
+    try:
+        for piece in pieces:
+            cut = piece.rfind(b"\n") + 1
+            if cut:
+                yield rest + piece[:cut]
+                rest = piece[cut:]
+            else:
+                rest += piece
+    except (zlib.error, EOFError) as error:
+        breaks.append(f"the compressed file breaks off here ({error})")
+        return
+    if rest:
+        yield rest
+
+
+def _pieces(file: BinaryIO) -> Iterator[bytes]:
+    """The file's bytes, decompressed if it is gzip."""
+    first = file.read(CHUNK)
+    raw = chain([first], iter(lambda: file.read(CHUNK), b""))
+    return _inflated(raw) if first.startswith(_GZIP) else raw
+
+
+def _inflated(raw: Iterator[bytes]) -> Iterator[bytes]:
+    """Decompressed gzip members; EOFError or zlib.error only after all that could be read."""
+    member = zlib.decompressobj(_GZIP_FORMAT)
+    for block in raw:
+        while block:
+            if member.eof:
+                member = zlib.decompressobj(_GZIP_FORMAT)
+            yield member.decompress(block, CHUNK)
+            block = member.unused_data if member.eof else member.unconsumed_tail
+    if not member.eof:
+        raise EOFError("end of file before the end of its data")

@@ -1,6 +1,7 @@
 """candump logs: every form of line, damage told by number and reason, and what we write reads back."""
 
 import gzip
+import zlib
 
 import can
 import pytest
@@ -150,16 +151,69 @@ def test_chunks_and_compression_change_nothing(tmp_path, monkeypatch):
 def test_unreadable_files_are_one_clear_error(tmp_path):
     binary = tmp_path / "picture.png"
     binary.write_bytes(bytes(range(256)) * 10)
-    cut = tmp_path / "cut.log.gz"
-    cut.write_bytes(gzip.compress(b"(1.0) can0 123#11\n" * 10_000)[:-20])
+    packed = tmp_path / "rubbish.log.gz"
+    packed.write_bytes(b"\x1f\x8b" + bytes(100))
     for file, words in (
         (binary, "not a candump log"),
-        (cut, "cannot be read"),
+        (packed, "breaks off"),
         (tmp_path / "none.log", "cannot read"),
+        (tmp_path, "cannot read"),
     ):
         with pytest.raises(LogError, match=words) as error:
             read_candump(file)
         assert str(file) in str(error.value)
+
+
+def test_of_a_compressed_file_cut_short_everything_before_the_cut_is_read(tmp_path):
+    """A recorder killed, a copy interrupted: what can be decompressed counts, the line the cut goes through does not."""
+    text = "".join(f"({i}.5) can0 18FEF1{i % 256:02X}#{i * 7919 % 65536:04X}\n" for i in range(5000)).encode()
+    whole, file = gzip.compress(text), tmp_path / "cut.log.gz"
+    for size in (len(whole) // 2, len(whole) - 8, len(whole) - 1):
+        file.write_bytes(whole[:size])
+        inflated = zlib.decompressobj(31).decompress(whole[:size])
+        lines = inflated[: inflated.rfind(b"\n") + 1]
+        table = read_candump(file)
+        assert frames(table) == frames(parse_candump(lines))
+        assert len(table) > 1000
+        assert table.damaged_count == 1
+        assert table.damaged[0].line == len(table) + 1
+        assert "breaks off" in table.damaged[0].reason
+
+
+def test_a_compressed_file_may_have_several_members(tmp_path):
+    """`cat a.log.gz b.log.gz > both.log.gz` is a valid file."""
+    line = b"(1.0) can0 123#11\n"
+    file = tmp_path / "both.log.gz"
+    file.write_bytes(gzip.compress(line) + gzip.compress(line * 2))
+    table = read_candump(file)
+    assert len(table) == 3
+    assert table.damaged_count == 0
+
+
+def test_damage_is_numbered_through_and_bounded(tmp_path, monkeypatch):
+    """Every third line is damaged; numbers go on over the pieces, which are parsed side by side."""
+    monkeypatch.setattr("dbc.logfile.CHUNK", 500)
+    file = tmp_path / "damaged.log"
+    file.write_text("".join("rubbish\n" if i % 3 == 0 else "(1.0) can0 123#11\n" for i in range(1, 901)))
+    table = read_candump(file)
+    assert table.damaged_count == 300
+    assert [d.line for d in table.damaged] == [3 * k for k in range(1, 101)]
+
+
+def test_can_fd_that_comes_late_widens_what_came_before(tmp_path, monkeypatch):
+    monkeypatch.setattr("dbc.logfile.CHUNK", 100)
+    file = tmp_path / "mixed.log"
+    file.write_text("(1.0) can0 123#0102030405060708\n" * 20 + f"(2.0) can0 123##1{'AB' * 64}\n")
+    read = frames(read_candump(file))
+    assert [frame.data for frame in read] == [bytes(range(1, 9))] * 20 + [b"\xab" * 64]
+
+
+def test_more_channels_than_can_be_numbered_is_one_clear_error(tmp_path):
+    file = tmp_path / "channels.log"
+    file.write_text("".join(f"(1.0) can{i} 123#11\n" for i in range(65)))
+    table = read_candump(file)
+    assert len(table.channels) == 64
+    assert [d.line for d in table.damaged] == [65]
 
 
 def test_an_empty_file_has_no_frames(tmp_path):
