@@ -13,12 +13,15 @@ COMMAND = "loaderhil campaign roll-over"
 FILE = "rollover_grid.md"
 
 INTRODUCTION = f"""
-Abrupt turns of the L60 from straight driving to 39 degrees of articulation, on level ground. A wheel *lifts* when
-its true normal force is zero for more than 50 ms. *Lead* is true lift-off minus the ECU's first warning
-(RollOver.State at warning or above, or a roll-over reason in Warnings, for at least 50 ms): positive is ahead. A
-*false alarm* is a warning
-in a drive in which no wheel lifts and every wheel keeps more than {100 * JUSTIFIED_MARGIN:.0f} % of its standing load. *Prevented*: with
-the limits on no wheel lifts. Corrected and printed estimators watch the very same drive.
+Abrupt turns of the L60 from straight driving to 39 degrees of articulation, on level ground. Corrected and printed
+estimators watch the very same drive.
+
+- *Lifts*: a wheel's true normal force is zero for more than 50 ms.
+- *Warning*: RollOver.State at warning or above, or a roll-over reason in Warnings, for at least 50 ms.
+- *Lead*: true lift-off minus the first warning; positive is ahead, negative is late.
+- *False alarm*: a warning in a turn in which no wheel lifts and every wheel keeps more than
+  {100 * JUSTIFIED_MARGIN:.0f} % of its standing load.
+- *Prevented*: with the limits on no wheel lifts.
 
 """
 
