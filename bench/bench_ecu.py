@@ -1,0 +1,88 @@
+"""The ECU's cycle on a realistic frame stream, and its estimators over columns against a plain loop over rows.
+
+    python -m bench.bench_ecu
+
+The stream is the machine's own frames of the drive case `loaded`, made before the clock starts. A cycle is
+everything the process does between two waits but the system calls: receive the tick's frames, tick, make the answers.
+"""
+
+import platform
+import statistics
+import sys
+import time
+from importlib.metadata import version
+
+import numpy as np
+
+from ecu.calibration import load_calibration
+from ecu.cycle import EcuCycle
+from ecu.estimators.columns import estimate_columns
+from ecu.estimators.estimate import INITIAL, Inputs, corrected
+from ecu.inputs import estimator_inputs
+from hil.compose import Choice, plant_unit
+
+TICKS = 1500
+WARM = 200
+ROWS = 200_000
+PLAIN_ROWS = 5_000
+REPEATS = 5
+PERIOD_NS = 10_000_000
+
+
+def stream():
+    """The machine's frames, tick by tick."""
+    unit = plant_unit(Choice(scenario="loaded").load())
+    return [unit.tick(k * PERIOD_NS) for k in range(TICKS)]
+
+
+def cycle_us(frames):
+    """Time of every cycle after the warm-up [us], and the inputs of each."""
+    ecu = EcuCycle(load_calibration())
+    ecu.warm_up()
+    times, rows = [], []
+    for k, sent in enumerate(frames):
+        now = k * PERIOD_NS
+        start = time.perf_counter_ns()
+        for frame in sent:
+            ecu.receive(frame, now)
+        ecu.tick(now + PERIOD_NS // 2)
+        times.append((time.perf_counter_ns() - start) * 1e-3)
+        rows.append(estimator_inputs(ecu._hearing.gather(now), 0.01, 0.8))
+    return times[WARM:], np.array(rows[WARM:])
+
+
+def main() -> int:
+    print(
+        f"{platform.machine()}, Python {platform.python_version()}, numba {version('numba')}, loaded, n={TICKS - WARM}"
+    )
+    frames = stream()
+    runs = [cycle_us(frames) for _ in range(REPEATS)]
+    p50 = [float(np.percentile(times, 50)) for times, _ in runs]
+    p99 = [float(np.percentile(times, 99)) for times, _ in runs]
+    print(
+        f"cycle p50 {statistics.median(p50):.0f} us ({min(p50):.0f} to {max(p50):.0f}), p99 {statistics.median(p99):.0f} us ({min(p99):.0f} to {max(p99):.0f})"
+    )
+
+    parameters = load_calibration().parameters
+    some = runs[0][1]
+    rows = np.tile(some, (ROWS // len(some) + 1, 1))[:ROWS]
+    estimate_columns(rows[:10], parameters)
+    columns, plain = [], []
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        estimate_columns(rows, parameters)
+        columns.append(ROWS / (time.perf_counter() - start) * 1e-6)
+        start, state = time.perf_counter(), INITIAL
+        for row in rows[:PLAIN_ROWS]:
+            _, state = corrected(Inputs(*row.tolist()), state, parameters)
+        plain.append(PLAIN_ROWS / (time.perf_counter() - start) * 1e-6)
+    for name, rate in (("columns", columns), ("the compiled step, row by row from Python", plain)):
+        print(
+            f"{statistics.median(rate):7.3f} million samples/s ({min(rate):.3f} to {max(rate):.3f})  {name}"
+        )
+    print(f"columns: {statistics.median(columns) / statistics.median(plain):.1f}x")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
