@@ -114,6 +114,8 @@ def _select(
         if signal.multiplexer == selector.name:
             groups.setdefault(signal.multiplexer_ids, []).append(signal)
     known = frozenset().union(selector.choices, *groups)
+    if not known:  # a selector that selects nothing
+        return []
     key = f"selector_{signals.index(selector)}"
     lines = [
         f"{indent}{key} = int(values[{selector.name!r}])",

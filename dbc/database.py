@@ -88,9 +88,13 @@ class MessageCodec:
     def encode_dict(self, values: Mapping[str, Number]) -> bytes:
         """Frame bytes from physical values by signal name; bits of absent signals are 0."""
         try:
-            return self._encode_branches(values)
+            if self.is_multiplexed:
+                return self._encode_branches(values)
+            return self.encode([values[name] for name in self.signals])
         except KeyError as missing:
             raise EncodeError(f"{self.name}: no value for signal {missing.args[0]}") from None
+        except DecodeError as error:  # the value of a multiplexer
+            raise EncodeError(str(error)) from None
 
     def _refuse_decode(self, data: bytes) -> tuple[Number, ...]:
         raise DecodeError(
