@@ -1,245 +1,377 @@
-"""The report's page: one self-contained HTML file, no script or style from elsewhere."""
+"""The report's page: one self-contained HTML file, no script, style or font from elsewhere."""
 
 from base64 import b64encode
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from importlib.resources import files
 
-import numpy as np
-from numpy.typing import ArrayLike
+from hil.render import Film, Picture, Pictures, arrow_key
+from hil.report import bands, figures, histogram, plot, signals
+from hil.report.axis import Axis
+from hil.report.figures import Figures
+from hil.report.plot import Timeline
+from hil.report.section import Headline, Section, headline, verdicts
+from hil.timing import judge_timing
+from hil.verdict import WHEELS, Verdict
 
-from hil.render.scene import Picture
-from hil.report import content
-from hil.report.plot import LEFT, RIGHT, WIDTH, number, svg
-from hil.rundir import RunDirectory
-from hil.timing import Timing, judge_timing
-from hil.verdict import RunVerdict, Verdict
-
-HISTOGRAM_BINS = 40
-
-
-@dataclass(frozen=True, slots=True)
-class Section:
-    """One run with everything the page says of it."""
-
-    name: str
-    run: RunDirectory
-    verdict: RunVerdict | None
-    timing: Timing | None
-    pictures: Sequence[Picture]
+Columns = Sequence[tuple[str, str]]
+"""Markup per run, under the run's name."""
 
 
-def page(title: str, summary: str, verdicts: Sequence[Verdict], sections: Sequence[Section]) -> str:
+def page(sections: Sequence[Section]) -> str:
     """The whole document."""
     style, script = (
-        files("hil.report").joinpath(name).read_text(encoding="utf-8") for name in ("style.css", "cursor.js")
+        files("hil.report").joinpath(name).read_text(encoding="utf-8") for name in ("style.css", "page.js")
     )
-    until = max((float(s.run.truth["time_s"][-1]) for s in sections if "time_s" in s.run.truth), default=1.0)
-    body = [
-        f'<header><h1>{escape(title)}</h1><p class="lead">{escape(summary)}</p>{_verdicts(verdicts)}</header><main>',
-        _problems(sections),
-        _side_by_side(
-            "What happened", [(s, _figures(content.key_figures(s.run, s.verdict))) for s in sections]
-        ),
-        _side_by_side(
-            "The machine", [(s, "".join(_picture(p) for p in s.pictures)) for s in sections if s.pictures]
-        ),
-        _side_by_side("States and warnings over time", [(s, _bands(s.run, until)) for s in sections]),
-        _legend_of_severity(),
-        _side_by_side(
-            "Signals over time", [(s, _plots(s, i, until)) for i, s in enumerate(sections)], hint=_HINT
-        ),
-        _side_by_side(
-            "Estimated against true normal force, up to lift-off", [(s, _errors(s.run)) for s in sections]
-        ),
-        _side_by_side("Loop timing", [(s, _timing(s)) for s in sections]),
-        _side_by_side("Traffic on the bus", [(s, _traffic(s.run)) for s in sections], folded=True),
-        _side_by_side("What was run", [(s, _figures(content.conditions(s.run))) for s in sections]),
-        "</main><footer>Written by loaderhil. True values are the plant's own; the ECU sees the sensor frames only.</footer>",
+    title = _title(sections)
+    lines = _timelines(sections)
+    chapters = [
+        ("missing", "What is missing", _problems(sections)),
+        ("machine", "The machine", _machine(sections)),
+        ("figures", "What happened", _figures(sections, lambda s: figures.what_happened(s.verdict))),
+        ("states", "States and warnings", _states(sections, lines)),
+        *((_slug(name), name, markup) for name, markup in _plots(sections, lines)),
+        ("errors", "Estimation errors", _errors(sections)),
+        ("timing", "Loop timing", _timing(sections)),
+        ("traffic", "Traffic on the bus", _traffic(sections)),
+        ("conditions", "What was run", _figures(sections, figures.conditions)),
+        ("terms", "Terms", _TERMS),
     ]
+    chapters = [chapter for chapter in chapters if chapter[2]]
+    contents = "".join(f'<a href="#{key}">{escape(name)}</a>' for key, name, _ in chapters)
+    body = "".join(
+        f'<section class="chapter" id="{key}"><h2>{escape(name)}</h2>{markup}</section>'
+        for key, name, markup in chapters
+    )
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(title)}</title><style>{style}</style></head><body>{''.join(body)}"
-        f"<script>{script}</script></body></html>\n"
+        f"<title>{escape(title)}</title><style>{style}{_sheets(sections)}</style></head><body>"
+        f'<header><p class="kicker">loaderhil bench report</p><h1>{escape(title)}</h1>{_subtitle(sections)}'
+        f"{_headlines(sections)}{_verdicts(verdicts(sections))}</header>"
+        f'<nav aria-label="Contents">{contents}</nav><main>{body}</main>'
+        f"<footer>Written by loaderhil. True values are the plant's own; the ECU has the sensor frames only.</footer>"
+        f"{_bar(sections)}<script>{script}</script></body></html>\n"
     )
 
 
-_HINT = "Point at a plot, or focus it and use the arrow keys, to read every curve at that time."
+def _title(sections: Sequence[Section]) -> str:
+    scenarios = dict.fromkeys(s.run.record.scenario.replace("_", " ") for s in sections)
+    words = " and ".join(scenarios).capitalize()
+    return f"{words}: {', '.join(s.name for s in sections)}" if len(sections) < 4 else words
 
 
-def _verdicts(verdicts: Sequence[Verdict]) -> str:
+def _subtitle(sections: Sequence[Section]) -> str:
+    records = [s.run.record for s in sections]
+    told = [
+        ", ".join(dict.fromkeys(values))
+        for values in (
+            [f"machine {r.machine}" for r in records],
+            [f"payload {r.payload_kg:.0f} kg" for r in records],
+            [f"{r.form} estimators" for r in records],
+            ["in real time" if r.mode == "realtime" else "in lockstep" for r in records],
+            [r.started[:10] for r in records],
+        )
+    ]
+    return f'<p class="soft">{escape(" · ".join(told))}</p>'
+
+
+def _timelines(sections: Sequence[Section]) -> list[Timeline]:
+    """One time axis for all runs, with each run's own marks and end."""
+    axis = Axis(0.0, max([s.end_s for s in sections] + [0.1]))
+    return [Timeline(axis, s.end_s or axis.end, signals.marks(s.verdict)) for s in sections]
+
+
+def _headlines(sections: Sequence[Section]) -> str:
+    cards = "".join(_card(s.name, headline(s, sections)) for s in sections)
+    return f'<div class="cards">{cards}</div>'
+
+
+def _card(name: str, told: Headline) -> str:
+    return (
+        f'<div class="card {told.kind}"><p class="run">{escape(name)}</p>'
+        f'<p class="outcome">{escape(told.words)}</p><p>{escape(told.story)}</p></div>'
+    )
+
+
+def _verdicts(found: Sequence[Verdict]) -> str:
     rows = "".join(
-        f'<li class="{v.result.name.lower()}"><b>{v.result.value}</b><span>{escape(v.question)}: {escape(v.reason)}</span></li>'
-        for v in verdicts
+        f'<li class="{v.result.name.lower()}"><b>{v.result.value}</b><span>{escape(v.question)}: '
+        f"{escape(v.reason)}</span></li>"
+        for v in found
     )
     return f'<ul class="verdicts">{rows}</ul>' if rows else ""
 
 
 def _problems(sections: Sequence[Section]) -> str:
-    found = [f"{s.name}: {problem}" for s in sections for problem in s.run.problems]
-    if not found:
-        return ""
-    return (
-        f'<h2>What is missing</h2><ul class="problems">{"".join(f"<li>{escape(f)}</li>" for f in found)}</ul>'
+    found = [(s.name, problem) for s in sections for problem in s.problems]
+    rows = "".join(f"<li><b>{escape(name)}</b> {escape(problem)}</li>" for name, problem in found)
+    return f'<ul class="problems">{rows}</ul>' if rows else ""
+
+
+def _columns(parts: Columns) -> str:
+    """Runs side by side; a lone run takes the width."""
+    shown = "".join(
+        f'<div><p class="run">{escape(name)}</p>{markup}</div>' for name, markup in parts if markup
     )
+    return f'<div class="columns">{shown}</div>' if shown else ""
 
 
-def _side_by_side(
-    heading: str, parts: Sequence[tuple[Section, str]], *, hint: str = "", folded: bool = False
-) -> str:
-    shown = [(section, markup) for section, markup in parts if markup]
-    if not shown:
-        return ""
-    columns = "".join(
-        f'<section><p class="run">{escape(s.name)}</p>{markup}</section>' for s, markup in shown
-    )
-    inner = f'<p class="soft">{escape(hint)}</p>' if hint else ""
-    inner += f'<div class="columns">{columns}</div>'
-    if folded:
-        return f"<h2>{escape(heading)}</h2><details><summary>Show the table</summary>{inner}</details>"
-    return f"<h2>{escape(heading)}</h2>{inner}"
+def _machine(sections: Sequence[Section]) -> str:
+    shown = _columns([(s.name, _drawn(s.pictures, i, s.name)) for i, s in enumerate(sections)])
+    return f'<p class="soft">{arrow_key()}</p>{shown}' if shown else ""
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]], numeric_from: int = 1) -> str:
-    def cells(tag: str, values: Sequence[str]) -> str:
-        return "".join(
-            f"<{tag}{' class=n' if i >= numeric_from else ''}>{escape(value)}</{tag}>"
-            for i, value in enumerate(values)
-        )
-
-    header = f"<thead><tr>{cells('th', head)}</tr></thead>" if head else ""
-    body = "".join(f"<tr>{cells('td', row)}</tr>" for row in rows)
-    return f'<div class="table"><table>{header}<tbody>{body}</tbody></table></div>'
-
-
-def _figures(figures: Sequence[content.Figure]) -> str:
-    return _table((), [(f.name, f.value) for f in figures], numeric_from=9) if figures else ""
-
-
-def _plots(section: Section, number_of_run: int, until_s: float) -> str:
-    drawn = content.plots(section.run, section.verdict, until_s)
-    return "".join(svg(plot, f"run{number_of_run}-plot{i}") for i, plot in enumerate(drawn))
+def _drawn(pictures: Pictures, index: int, name: str) -> str:
+    film = _film(pictures.film, index, name) if pictures.film else ""
+    stills = "".join(_picture(picture) for picture in pictures.stills)
+    views = _picture(pictures.views) if pictures.views else ""
+    return f'{film}<div class="stills">{stills}</div>{views}' if pictures.stills else ""
 
 
 def _picture(picture: Picture) -> str:
-    data = b64encode(picture.png).decode("ascii")
+    data = b64encode(picture.data).decode("ascii")
     caption = escape(picture.caption)
+    width, height = picture.size
     return (
-        f'<figure class="picture"><img alt="{caption}" src="data:image/png;base64,{data}">'
-        f"<figcaption>{caption}</figcaption></figure>"
+        f'<figure class="picture"><img alt="{caption}" width="{width}" height="{height}" '
+        f'src="data:{picture.kind};base64,{data}"><figcaption>{caption}</figcaption></figure>'
     )
 
 
-def _bands(run: RunDirectory, until_s: float) -> str:
-    return "".join(_band(band, until_s) for band in content.bands(run))
+def _sheets(sections: Sequence[Section]) -> str:
+    """One style rule per film, so that its frames are in the page once."""
+    return "".join(
+        f".film{i}{{background-image:url(data:image/webp;base64,{b64encode(film.sheet).decode('ascii')});"
+        f"background-size:{100 * film.columns}% {100 * film.rows}%}}"
+        for i, s in enumerate(sections)
+        if (film := s.pictures.film)
+    )
 
 
-def _band(band: content.Band, until_s: float) -> str:
-    """A state as a coloured bar; same horizontal scale as the plots below it."""
-    scale = (WIDTH - LEFT - RIGHT) / max(until_s, 1e-3)
-    parts, said = [], []
-    for start, end, word, severity in band.stretches:
-        label = word or "not set"
-        parts.append(
-            f'<rect class="s{severity}" x="{start * scale:.2f}" width="{max((end - start) * scale, 0.7):.2f}" height="20">'
-            f"<title>{escape(label)}: {start:.2f} to {end:.2f} s</title></rect>"
-        )
-        if severity:
-            said.append(f"{label} {start:.2f}-{end:.2f} s")
-    text = escape("; ".join(said[:6]) or "quiet throughout")
+def _film(film: Film, index: int, name: str) -> str:
+    """The frames, and controls that the script brings to life."""
+    start, end = film.times_s[0], film.times_s[-1]
     return (
-        f'<div class="band"><span>{escape(band.name)}</span><svg role="img" aria-label="{escape(band.name)}: {text}" '
-        f'viewBox="0 0 {WIDTH - LEFT - RIGHT} 20" preserveAspectRatio="none">{"".join(parts)}</svg></div>'
+        f'<figure class="film" data-film="{index}"><div class="stage film{index}" role="img" '
+        f'aria-label="{escape(name)}: the machine at {film.times_s[film.start]:.2f} s" {_frames(film)}></div>'
+        f'<div class="controls" hidden><button type="button" aria-label="Play {escape(name)}">&#9654;</button>'
+        f'<input type="range" min="{start:.3f}" max="{end:.3f}" step="0.01" value="{film.times_s[film.start]:.3f}" '
+        f'aria-label="Time [s] of the film, {escape(name)}"><output></output></div></figure>'
     )
 
 
-def _legend_of_severity() -> str:
-    words = (
-        "stable, not set, not available",
-        "attention, precaution, running",
-        "warning, prevention, degraded, set",
-        "imminent, lifted, safe values, fault",
-    )
-    spans = "".join(
-        f'<span class="key"><i class="swatch" style="background:var(--s{i})"></i>{word}</span> '
-        for i, word in enumerate(words)
-    )
-    return f'<p class="soft">{spans}</p>'
-
-
-def _errors(run: RunDirectory) -> str:
-    rows = [(wheel, f"{rms:.0f}", f"{100 * share:.1f}") for wheel, rms, share in content.load_errors(run)]
-    return _table(("wheel", "RMS error [N]", "of standing load [%]"), rows) if rows else ""
-
-
-def _timing(section: Section) -> str:
-    if section.timing is None:
-        return '<p class="soft">Lockstep runs have no timing: both sides are called in turn on a virtual clock.</p>'
-    verdict = judge_timing(section.timing)
-    text = _verdicts([verdict]) + _figures(content.timing_figures(section.timing))
-    for name in section.run.timing:
-        if name.endswith(("_lateness_ns", "_execution_ns")):
-            text += _histogram(name, section.run.timing[name])
-    note = '<p class="soft">Median / 99th percentile / largest.</p>'
-    return text + note
-
-
-def _histogram(name: str, values_ns: ArrayLike) -> str:
-    """Counts over milliseconds, logarithmic in count so that single outliers show."""
-    values = np.asarray(values_ns, float)
-    values = values[np.isfinite(values)] * 1e-6
-    if values.size == 0:
-        return ""
-    high = float(max(values.max(), 1e-3))
-    counts, _ = np.histogram(values, HISTOGRAM_BINS, (0.0, high))
-    level = np.log10(counts + 1) / np.log10(counts.max() + 1)
-    width, height = 600, 70
-    step = width / HISTOGRAM_BINS
-    bars = "".join(
-        f'<rect x="{i * step + 0.5:.1f}" y="{height - share * height:.1f}" width="{step - 1:.1f}" height="{share * height:.1f}"/>'
-        for i, share in enumerate(level)
-        if share > 0
-    )
-    process, what, _ = name.split("_")
-    label = f"{what} of the {process}'s tick, {values.size} ticks, 0 to {number(high)} ms, counts on a logarithmic scale"
+def _frames(film: Film) -> str:
     return (
-        f'<figure class="plot histogram"><figcaption>{escape(f"{what.capitalize()} of the {process}")} <small>ms, log count</small></figcaption>'
-        f'<svg viewBox="0 0 {width} {height + 16}" role="img" aria-label="{escape(label)}">{bars}'
-        f'<text x="0" y="{height + 13}">0</text><text x="{width}" y="{height + 13}" style="text-anchor:end">{number(high)} ms</text></svg></figure>'
+        f'data-columns="{film.columns}" data-rows="{film.rows}" data-start="{film.start}" '
+        f'data-t="{film.times_s[0]:.6g} {film.times_s[-1]:.6g}" '
+        f'style="background-position:{_frame_position(film, film.start)}"'
     )
 
 
-def _traffic(run: RunDirectory) -> str:
-    rows = [
-        (name, str(count), f"{mean:.2f}" if mean == mean else "–", f"{cycle:.0f}" if cycle else "–")
-        for name, count, mean, cycle in content.traffic(run)
+def _frame_position(film: Film, frame: int) -> str:
+    row, column = divmod(frame, film.columns)
+    across = 100 * column / max(film.columns - 1, 1)
+    down = 100 * row / max(film.rows - 1, 1)
+    return f"{across:.4f}% {down:.4f}%"
+
+
+def _bar(sections: Sequence[Section]) -> str:
+    """What stays in sight while plots are read: the time, the machine at that time, the zoom."""
+    stages = "".join(
+        f'<div class="stage film{i}" role="img" aria-label="{escape(s.name)}: the machine at the cursor" '
+        f"{_frames(s.pictures.film)}></div>"
+        for i, s in enumerate(sections)
+        if s.pictures.film
+    )
+    return (
+        f'<aside class="bar" hidden aria-label="Time cursor and zoom">{stages}<output class="now" aria-live="off"></output>'
+        '<button type="button" data-zoom="in" aria-label="Zoom in">+</button>'
+        '<button type="button" data-zoom="out" aria-label="Zoom out">−</button>'
+        '<button type="button" data-zoom="all">Whole run</button>'
+        '<button type="button" data-zoom="none" aria-label="Remove the time cursor">&times;</button></aside>'
+    )
+
+
+def _states(sections: Sequence[Section], lines: Sequence[Timeline]) -> str:
+    drawn = [
+        (s.name, bands.markup(found, line) if (found := signals.state_bands(s.run)) else "")
+        for s, line in zip(sections, lines, strict=True)
     ]
-    return _table(("message", "frames", "mean period [ms]", "cycle time [ms]"), rows) if rows else ""
+    raised = [(s.name, _raised(s)) for s in sections]
+    return _columns(drawn) + _columns(raised)
 
 
-def plain_summary(sections: Sequence[Section]) -> str:
-    """What happened, in a sentence per run."""
-    sentences = []
-    for section in sections:
-        verdict = section.verdict
-        if verdict is None:
-            sentences.append(f"{section.name}: nothing could be judged.")
-        elif verdict.rolled_over_s is not None:
-            sentences.append(f"{section.name}: the machine rolled over; {_warning_words(verdict)}.")
-        elif verdict.lift_off_s is not None:
-            sentences.append(
-                f"{section.name}: a wheel lifted but the machine stayed up; {_warning_words(verdict)}."
+def _raised(section: Section) -> str:
+    rows = [
+        (name, meaning, f"{first:.2f}", f"{length:.2f}")
+        for name, meaning, first, length in figures.warnings_raised(section.run)
+    ]
+    return _table(("warning", "meaning", "first [s]", "for [s]"), rows, numbers_from=2) if rows else ""
+
+
+def _plots(sections: Sequence[Section], lines: Sequence[Timeline]) -> Iterable[tuple[str, str]]:
+    """A chapter per group; the same plot of all runs in one row, over one range."""
+    per_run = [signals.groups(s.run, s.verdict) for s in sections]
+    several = len(sections) > 1
+    for same_group in zip(*per_run, strict=True):
+        rows = []
+        for same_plot in zip(*(group.plots for group in same_group), strict=True):
+            if not any(p.drawn for p in same_plot):
+                continue
+            upward = plot.common_range(same_plot)
+            rows.append("".join(plot.markup(p, upward, t) for p, t in zip(same_plot, lines, strict=True)))
+        if rows:
+            heads = "".join(_key(s.name, t) for s, t in zip(sections, lines, strict=True))
+            width = f' style="--runs:{len(sections)}"' if several else ""
+            yield (
+                same_group[0].title,
+                f'<div class="rows {"several" if several else "single"}"{width}>{heads}{"".join(rows)}</div>',
             )
-        else:
-            kept = f"every wheel kept at least {100 * verdict.margin:.0f} % of its standing load"
-            sentences.append(f"{section.name}: no wheel lifted, {kept}.")
-    return " ".join(sentences)
 
 
-def _warning_words(verdict: RunVerdict) -> str:
-    lead = verdict.lead_s
-    if lead is None:
-        return "no warning came"
-    return f"the warning came {abs(lead):.2f} s {'before' if lead > 0 else 'after'} lift-off"
+def _key(name: str, timeline: Timeline) -> str:
+    """A run's name with its numbered moments."""
+    told = "".join(
+        f'<span class="{mark.style}"><b>{i + 1}</b> {escape(mark.sentence)}</span>'
+        for i, mark in enumerate(timeline.marks)
+    )
+    return f'<p class="run key">{escape(name)}{told}</p>'
+
+
+def _figures(sections: Sequence[Section], of: Callable[[Section], Figures] | Callable[..., Figures]) -> str:
+    """A row per figure, a column per run."""
+    told = [of(s.run) if of is figures.conditions else of(s) for s in sections]
+    rows = [
+        (name, *(figure.get(name, "–") for figure in told))
+        for name in dict.fromkeys(name for figure in told for name in figure)
+    ]
+    return _table(("", *(s.name for s in sections)), rows) if rows else ""
+
+
+def _table(
+    head: Sequence[str], rows: Iterable[Sequence[str]], numbers_from: int = 99, kind: str = "table"
+) -> str:
+    def cell(i: int, value: str, tag: str) -> str:
+        scope = ' scope="col"' if tag == "th" else ""
+        kind = ' class="n"' if i >= numbers_from else ""
+        return f"<{tag}{scope}{kind}>{escape(value)}</{tag}>"
+
+    header = "".join(cell(i, value, "th") for i, value in enumerate(head))
+    body = "".join(
+        "<tr>" + "".join(cell(i, value, "td") for i, value in enumerate(row)) + "</tr>" for row in rows
+    )
+    return f'<div class="{kind}" tabindex="0"><table><thead><tr>{header}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _errors(sections: Sequence[Section]) -> str:
+    found = [{e.wheel: e for e in figures.load_errors(s.run)} for s in sections]
+    if not any(found):
+        return ""
+    head = ["wheel"]
+    for s in sections:
+        head += [f"{s.name}: RMS [N]", "of standing load [%]", "mean [N]"]
+    rows = []
+    for wheel in WHEELS:
+        row = [wheel]
+        for errors in found:
+            e = errors.get(wheel)
+            row += (
+                [f"{e.rms:.0f}", f"{100 * e.share:.1f}", f"{e.mean:+.0f}".replace("-", "−")]
+                if e
+                else ["–"] * 3
+            )
+        rows.append(row)
+    note = "Normal force: estimate minus truth, where the ECU marks it valid, up to the first lift-off."
+    return f'<p class="soft">{note}</p>{_table(head, rows, numbers_from=1)}'
+
+
+def _timing(sections: Sequence[Section]) -> str:
+    timed = [s for s in sections if s.timing]
+    if not timed:
+        return '<p class="soft">A lockstep run has no timing: both sides are called in turn on a virtual clock.</p>'
+    judged = _columns([(s.name, _verdicts([judge_timing(s.timing)])) for s in timed if s.timing])
+    table = _table(
+        ("", *(s.name for s in timed)), _rows([figures.timing_figures(s.timing) for s in timed if s.timing])
+    )
+    shown = [figures.histograms(s.run) for s in timed]
+    rows = []
+    for same in zip(*shown, strict=True):
+        end = histogram.common_end(same)
+        rows.append("".join(histogram.markup(h, end) for h in same))
+    several = len(timed) > 1
+    heads = "".join(f'<p class="run key">{escape(s.name)}</p>' for s in timed)
+    width = f' style="--runs:{len(timed)}"' if several else ""
+    return (
+        f'{judged}{table}<p class="soft">Times: median / 99th percentile / largest.</p>'
+        f'<div class="rows {"several" if several else "single"}"{width}>{heads}{"".join(rows)}</div>'
+    )
+
+
+def _rows(told: Sequence[Figures]) -> list[tuple[str, ...]]:
+    names = dict.fromkeys(name for figure in told for name in figure)
+    return [(name, *(figure.get(name, "–") for figure in told)) for name in names]
+
+
+def _traffic(sections: Sequence[Section]) -> str:
+    return _columns([(s.name, _traffic_of(s)) for s in sections])
+
+
+def _traffic_of(section: Section) -> str:
+    found = figures.traffic(section.run)
+    if not found:
+        return ""
+    rows = [
+        (
+            t.name,
+            str(t.frames),
+            f"{t.cycle_ms:.0f}" if t.cycle_ms else "–",
+            f"{t.period_ms:.2f}" if t.frames > 1 else "–",
+            "–" if t.lost is None else str(t.lost),
+            f"{100 * t.load:.2f}" if t.frames > 1 else "–",
+        )
+        for t in found
+    ]
+    total = sum(t.load for t in found if t.frames > 1)
+    rows.append(
+        (
+            "all",
+            str(sum(t.frames for t in found)),
+            "",
+            "",
+            str(sum(t.lost or 0 for t in found)),
+            f"{100 * total:.1f}",
+        )
+    )
+    head = ("message", "frames", "cycle [ms]", "mean [ms]", "lost", "load [%]")
+    text = _table(head, rows, numbers_from=1, kind="table sum")
+    if reported := figures.findings(section.run):
+        text += "<h3>What the processes found in their inputs</h3>"
+        text += _table(("finding", "times"), list(reported.items()), numbers_from=1)
+    return text
+
+
+def _slug(name: str) -> str:
+    return name.lower().replace(" ", "-")
+
+
+_TERMS = (
+    "<dl>"
+    + "".join(
+        f"<dt>{escape(term)}</dt><dd>{escape(meaning)}</dd>"
+        for term, meaning in {
+            "Lift-off": "A wheel's true normal force is zero for longer than 50 ms; the moment is the first sample of zero.",
+            "Rolled over": "The true roll angle passes 45°, from where the machine does not come back.",
+            "Warning": "The ECU's roll-over state is warning or above, or it sets Roll over predicted or Roll over now.",
+            "Load-transfer ratio": "Right minus left over the sum of the four normal forces; 1 when the right wheels carry all.",
+            "Lift-off margin": "The smallest normal force of a wheel over what it carried standing; 0 is lift-off.",
+            "Gaps in a curve": "The ECU marked its estimate invalid, or predicted no lift-off within its horizon.",
+            "Estimates below zero": "The pull that would hold the wheel on the ground.",
+            "INCONCLUSIVE": "The question could not be judged, for the reason given. A starved machine never passes.",
+            "Lateness, reaction": "Start of a tick after its due time; from a sample's frame to the first answer that echoes it.",
+            "Load of the bus": "At 500 kbit/s, stuff bits not counted: they add up to 23 %.",
+            "Lost": "Counts that the alive counter of a message skipped, as the recorder saw them.",
+        }.items()
+    )
+    + "</dl>"
+)

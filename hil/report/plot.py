@@ -1,11 +1,11 @@
-"""Time plots as inline SVG: pure functions from arrays to markup.
+"""Time plots as HTML and SVG: pure functions from arrays to markup.
 
-A plot is drawn in units of its own viewBox and scales with the page. Long signals are reduced to the
-smallest and largest sample of each horizontal pixel, so that no spike is lost. Every curve carries its
-samples for the cursor readout in a `data-` attribute, reduced to the same grid.
+The drawing is stretched to its box while lines and letters keep their size, so one markup serves a
+wide screen, a telephone and paper. Long signals are reduced to the smallest and largest sample of
+each of BINS stretches, so that no spike is lost. The script reads values back from the drawn paths,
+which resolve a ten-thousandth of either axis.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -14,89 +14,80 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-WIDTH, HEIGHT = 640, 220
-LEFT, RIGHT, TOP, BOTTOM = 62, 12, 12, 34
-PIXELS = 560
-READOUT_POINTS = 300
+from hil.report.axis import Axis, around, number
+
+UNITS = 10_000  # width and height of a drawing
+BINS = 2_000
+TIGHT = 0.125  # marks nearer than this share of the axis show their number only
+TOUCHING = 0.035  # and nearer than this would cover one another
 
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """One line of a plot. style: a class name of the style sheet, which gives colour and dash."""
+    """One line of a plot. style: a class name of the style sheet, which gives colour and dash.
+
+    silent: drawn, but in neither legend nor readout (the lower of a pair of limits).
+    """
 
     name: str
     time_s: NDArray[np.float64]
     value: NDArray[np.float64]
     style: str
     steps: bool = False  # hold the value until the next sample
+    silent: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A moment drawn as a vertical line with a label."""
+    """A moment drawn as a vertical line. word: one or two; sentence: in full."""
 
     time_s: float
-    label: str
+    word: str
+    sentence: str
     style: str
+
+
+@dataclass(frozen=True, slots=True)
+class Timeline:
+    """The time axis of one run: what all its plots share.
+
+    end_s: where the run's recording ends, maybe before the axis does.
+    """
+
+    axis: Axis
+    end_s: float
+    marks: Sequence[Mark] = field(default=())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plot:
-    """What one plot shows. low, high: range that has to be visible even if no sample reaches it."""
+    """What one plot shows. always: values that have to be visible even if no sample reaches them."""
 
     title: str
     unit: str
     curves: Sequence[Curve]
-    marks: Sequence[Mark] = field(default=())
-    low: float | None = None
-    high: float | None = None
-    until_s: float | None = None
-    from_s: float = 0.0
+    always: Sequence[float] = ()
+
+    @property
+    def drawn(self) -> list[Curve]:
+        """The curves that have a value to draw."""
+        return [curve for curve in self.curves if np.isfinite(curve.value).any()]
 
 
-@dataclass(frozen=True, slots=True)
-class Axis:
-    """A linear axis from data to pixels."""
-
-    start: float
-    end: float
-    first: float
-    last: float
-
-    def at(self, value: ArrayLike) -> NDArray[np.float64]:
-        """Pixel of `value`."""
-        share = (np.asarray(value, float) - self.start) / (self.end - self.start)
-        return self.first + share * (self.last - self.first)
-
-
-def nice_ticks(low: float, high: float, count: int = 5) -> list[float]:
-    """About `count` round numbers from `low` to `high`, in steps of 1, 2 or 5 times a power of ten."""
-    if not (math.isfinite(low) and math.isfinite(high)) or high <= low:
-        raise ValueError(f"ticks need low < high, both finite; got {low} and {high}")
-    rough = (high - low) / count
-    power = 10.0 ** math.floor(math.log10(rough))
-    step = next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= rough * (1 - 1e-9))
-    first = math.ceil(low / step - 1e-9)
-    last = math.floor(high / step + 1e-9)
-    return [n * step for n in range(first, last + 1)]
-
-
-def number(value: float) -> str:
-    """A tick label: no trailing zeros, a real minus sign."""
-    text = f"{value:.6g}"
-    return (text if text != "-0" else "0").replace("-", "−")
+def common_range(plots: Sequence[Plot]) -> Axis:
+    """One value axis for the same plot of several runs, so that they can be compared by eye."""
+    return around((c.value for p in plots for c in p.drawn), [a for p in plots for a in p.always])
 
 
 def reduce(
-    time_s: ArrayLike, value: ArrayLike, pixels: int = PIXELS
+    time_s: ArrayLike, value: ArrayLike, bins: int = BINS
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """At most 2 samples per pixel, the extremes of each, in time order. NaN samples stay and break the line."""
+    """At most 2 samples per bin, the extremes of each, in time order. NaN samples stay and break the line."""
     time, values = np.asarray(time_s, float), np.asarray(value, float)
-    if time.size <= 2 * pixels:
+    if time.size <= 2 * bins:
         return time, values
-    edges = np.linspace(0, time.size, pixels + 1).astype(int)
     kept: list[int] = []
-    for start, stop in pairwise(edges.tolist()):
+    for start, stop in pairwise(np.linspace(0, time.size, bins + 1).astype(int).tolist()):
         part = values[start:stop]
         if np.isnan(part).all():
             kept.append(start)
@@ -106,123 +97,141 @@ def reduce(
     return time[index], values[index]
 
 
-def svg(plot: Plot, name: str) -> str:
-    """The plot as a <figure> with an SVG, a legend and a text alternative; `name` is unique on the page."""
-    drawn = [curve for curve in plot.curves if np.isfinite(curve.value).any()]
-    if not drawn:
-        return f'<figure class="plot empty"><figcaption>{escape(plot.title)}</figcaption><p>not recorded</p></figure>'
-    end = plot.until_s if plot.until_s is not None else max(float(c.time_s[-1]) for c in drawn)
-    across = Axis(plot.from_s, max(end, plot.from_s + 1e-3), LEFT, WIDTH - RIGHT)
-    low, high = _range(plot, drawn, across)
-    upward = Axis(low, high, HEIGHT - BOTTOM, TOP)
-    parts = [
-        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(_described(plot, drawn))}" '
-        f'data-x="{across.start:.6g} {across.end:.6g} {LEFT} {WIDTH - RIGHT}" tabindex="0">',
-        *_grid(across, upward, plot.unit),
-        f'<clipPath id="{name}-clip"><rect x="{LEFT}" y="{TOP}" width="{WIDTH - LEFT - RIGHT}" '
-        f'height="{HEIGHT - TOP - BOTTOM}"/></clipPath><g clip-path="url(#{name}-clip)">',
-        *(_mark_line(mark, across) for mark in plot.marks),
-        *(_path(curve, across, upward) for curve in drawn),
-        "</g>",
-        *_mark_labels(plot.marks, across),
-        f'<line class="cursor" y1="{TOP}" y2="{HEIGHT - BOTTOM}" x1="-9" x2="-9"/></svg>',
-    ]
-    legend = "".join(
-        f'<li class="{curve.style}" data-curve="{escape(_samples(curve, across))}"><i></i>{escape(curve.name)} '
-        "<output></output></li>"
-        for curve in drawn
+def markup(plot: Plot, upward: Axis, timeline: Timeline) -> str:
+    """The plot as a <figure> with axes, legend and a text alternative."""
+    unit = f' <span class="unit">[{escape(plot.unit)}]</span>' if plot.unit else ""
+    heading = f"<figcaption>{escape(plot.title)}{unit}</figcaption>"
+    if not plot.drawn:
+        return f'<figure class="plot empty">{heading}<p>not recorded</p></figure>'
+    across = timeline.axis
+    lines = "".join(path(curve, across, upward) for curve in plot.drawn)
+    area = (
+        f'<div class="area" role="img" aria-label="{escape(_described(plot, timeline))}" '
+        f'data-t="{across.start:.6g} {across.end:.6g}" data-y="{upward.start:.6g} {upward.end:.6g}">'
+        f"{canvas(_level_lines(upward), marked(timeline) + lines, across)}{events(timeline)}</div>"
     )
-    unit = f" <small>{escape(plot.unit)}</small>" if plot.unit else ""
     return (
-        f'<figure class="plot"><figcaption>{escape(plot.title)}{unit}</figcaption>'
-        f'{"".join(parts)}<ul class="legend">{legend}</ul></figure>'
+        f'<figure class="plot">{heading}<div class="chart">{_value_labels(upward)}{area}{time_labels(across)}</div>'
+        f"{_legend(plot.drawn)}</figure>"
     )
 
 
-def _range(plot: Plot, curves: Sequence[Curve], across: Axis) -> tuple[float, float]:
-    values = [c.value[(c.time_s >= across.start) & (c.time_s <= across.end)] for c in curves]
-    every = np.concatenate([v[np.isfinite(v)] for v in values])
-    if every.size == 0:
-        every = np.zeros(1)
-    low, high = float(every.min()), float(every.max())
-    low = min(low, plot.low) if plot.low is not None else low
-    high = max(high, plot.high) if plot.high is not None else high
-    room = 0.06 * (high - low) if high > low else max(abs(high), 1.0) * 0.1
-    return low - room, high + room
+def canvas(behind: str, moving: str, across: Axis) -> str:
+    """The stretched drawing: what stays in place, and what moves when the time axis is zoomed."""
+    upright = "".join(f"M{x(across, tick)} 0v{UNITS}" for tick in across.ticks(8))
+    return (
+        f'<svg viewBox="0 0 {UNITS} {UNITS}" preserveAspectRatio="none" aria-hidden="true">'
+        f'{behind}<path class="grid upright" d="{upright}"/><g class="moving">{moving}</g></svg>'
+    )
 
 
-def _described(plot: Plot, curves: Sequence[Curve]) -> str:
-    spans = ", ".join(
-        f"{c.name} from {np.nanmin(c.value):.3g} to {np.nanmax(c.value):.3g} {plot.unit}".rstrip()
+def time_labels(across: Axis) -> str:
+    """Ticks of the time axis and its name."""
+    ticks = "".join(
+        f'<span style="left:{across.percent(tick)}">{number(tick)}</span>' for tick in across.ticks(8)
+    )
+    return f'<div class="x" aria-hidden="true"><div>{ticks}</div><em>time [s]</em></div>'
+
+
+def marked(timeline: Timeline) -> str:
+    """Lines at the marks, and a veil where the run has ended."""
+    lines = "".join(
+        f'<path class="mark {mark.style}" d="M{x(timeline.axis, mark.time_s)} 0v{UNITS}"/>'
+        for mark in timeline.marks
+    )
+    end = x(timeline.axis, timeline.end_s)
+    veil = f'<rect class="over" x="{end}" width="{UNITS - end}" height="{UNITS}"/>' if end < UNITS else ""
+    return veil + lines
+
+
+def events(timeline: Timeline) -> str:
+    """Numbered flags above the marks; those with room also say a word."""
+    parts = []
+    places = [float(timeline.axis.share(mark.time_s)) for mark in timeline.marks]
+    free = -1.0
+    for i, (mark, place) in enumerate(zip(timeline.marks, places, strict=True)):
+        following = places[i + 1] if i + 1 < len(places) else 1.0 + TIGHT / 2
+        word = f"<em>{escape(mark.word)}</em>" if following - place > TIGHT else ""
+        place = max(place, free)
+        free = place + TOUCHING
+        parts.append(
+            f'<span class="event {mark.style}" style="left:{100 * place:.3f}%" data-at="{mark.time_s:.6g}" '
+            f'title="{escape(mark.sentence)}"><b>{i + 1}</b>{word}</span>'
+        )
+    return "".join(parts)
+
+
+def x(across: Axis, time_s: float) -> int:
+    """Time in units of the drawing."""
+    return round(UNITS * float(across.share(time_s)))
+
+
+def path(curve: Curve, across: Axis, upward: Axis) -> str:
+    """A curve in whole units: M for a new stretch, then relative steps."""
+    time, value = reduce(curve.time_s, curve.value)
+    column = np.rint(UNITS * across.share(time))
+    row = np.rint(UNITS * (1 - upward.share(value)))
+    known = np.isfinite(column) & np.isfinite(row)
+    words = []
+    for start, stop in _unbroken(known):
+        xs, ys = column[start:stop].astype(int), row[start:stop].astype(int)
+        words.append(f"M{xs[0]} {ys[0]}" + (_stairs(xs, ys) if curve.steps else _line(xs, ys)))
+    kind = f"{curve.style}{' silent' if curve.silent else ''}"
+    return f'<path class="{kind}" d="{"".join(words)}"/>'
+
+
+def _unbroken(known: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    edges = np.diff(np.concatenate(([False], known, [False])).astype(np.int8))
+    return list(zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True))
+
+
+def _line(xs: NDArray[np.int64], ys: NDArray[np.int64]) -> str:
+    steps = " ".join(f"{dx} {dy}" for dx, dy in zip(np.diff(xs).tolist(), np.diff(ys).tolist(), strict=True))
+    return f"l{steps}" if steps else "h0"
+
+
+def _stairs(xs: NDArray[np.int64], ys: NDArray[np.int64]) -> str:
+    """Only where the value changes, and the end."""
+    turns = np.concatenate((np.flatnonzero(np.diff(ys)) + 1, [xs.size - 1]))
+    words, at, level = [], int(xs[0]), int(ys[0])
+    for i in turns.tolist():
+        words.append(f"h{int(xs[i]) - at}v{int(ys[i]) - level}")
+        at, level = int(xs[i]), int(ys[i])
+    return "".join(words)
+
+
+def _level_lines(upward: Axis) -> str:
+    level = "".join(
+        f"M0 {UNITS - round(UNITS * float(upward.share(tick)))}h{UNITS}" for tick in upward.ticks(5)
+    )
+    zero = ""
+    if upward.start < 0 < upward.end:
+        zero = f'<path class="zero" d="M0 {UNITS - round(UNITS * float(upward.share(0)))}h{UNITS}"/>'
+    return f'<path class="grid" d="{level}"/>{zero}'
+
+
+def _value_labels(upward: Axis) -> str:
+    ticks = "".join(
+        f'<span style="bottom:{upward.percent(tick)}">{number(tick)}</span>' for tick in upward.ticks(5)
+    )
+    return f'<div class="y" aria-hidden="true">{ticks}</div>'
+
+
+def _legend(curves: Sequence[Curve]) -> str:
+    """One entry per path, in their order; the script fills the outputs."""
+    entries = "".join(
+        f'<li class="{c.style}"{" hidden" if c.silent else ""}{" data-steps" if c.steps else ""}><i></i>'
+        f"{escape(c.name)} <output></output></li>"
         for c in curves
     )
-    marks = "".join(f"; {mark.label} at {mark.time_s:.2f} s" for mark in plot.marks)
-    return f"{plot.title} over time: {spans}{marks}"
+    return f'<ul class="legend">{entries}</ul>'
 
 
-def _grid(across: Axis, upward: Axis, unit: str) -> list[str]:
-    parts = []
-    for tick in nice_ticks(upward.start, upward.end, 5):
-        y = float(upward.at(tick))
-        parts.append(f'<line class="grid" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>')
-        parts.append(f'<text class="y" x="{LEFT - 6}" y="{y + 3.5:.1f}">{number(tick)}</text>')
-    for tick in nice_ticks(across.start, across.end, 8):
-        x = float(across.at(tick))
-        parts.append(f'<line class="grid" x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}"/>')
-        parts.append(f'<text class="x" x="{x:.1f}" y="{HEIGHT - BOTTOM + 15}">{number(tick)}</text>')
-    parts.append(
-        f'<text class="x" x="{WIDTH - RIGHT}" y="{HEIGHT - 3}" style="text-anchor:end">time [s]</text>'
+def _described(plot: Plot, timeline: Timeline) -> str:
+    spans = ", ".join(
+        f"{c.name} from {np.nanmin(c.value):.3g} to {np.nanmax(c.value):.3g} {plot.unit}".rstrip()
+        for c in plot.drawn
+        if not c.silent
     )
-    if unit:
-        parts.append(
-            f'<text class="x" x="4" y="{HEIGHT - 3}" style="text-anchor:start">[{escape(unit)}]</text>'
-        )
-    return parts
-
-
-def _path(curve: Curve, across: Axis, upward: Axis) -> str:
-    time, value = reduce(curve.time_s, curve.value)
-    x, y = across.at(time), upward.at(value)
-    words: list[str] = []
-    pen_down = False
-    for i in range(x.size):
-        if not math.isfinite(y[i]):
-            pen_down = False
-        elif not pen_down:
-            words.append(f"M{x[i]:.1f} {y[i]:.1f}")
-            pen_down = True
-        else:
-            words.append(f"H{x[i]:.1f}V{y[i]:.1f}" if curve.steps else f"L{x[i]:.1f} {y[i]:.1f}")
-    return f'<path class="{curve.style}" d="{"".join(words)}"/>'
-
-
-def _mark_line(mark: Mark, across: Axis) -> str:
-    x = float(across.at(mark.time_s))
-    return f'<line class="mark {mark.style}" x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}"/>'
-
-
-def _mark_labels(marks: Sequence[Mark], across: Axis) -> list[str]:
-    """Labels beside their lines, on the side that has room, one row each."""
-    parts = []
-    for row, mark in enumerate(marks):
-        if not across.start <= mark.time_s <= across.end:
-            continue
-        x = float(across.at(mark.time_s))
-        left = x > (LEFT + WIDTH) / 2
-        anchor, shift = ("end", -4) if left else ("start", 4)
-        parts.append(
-            f'<text class="mark {mark.style}" x="{x + shift:.1f}" y="{TOP + 11 + 12 * row}" '
-            f'style="text-anchor:{anchor}">{escape(mark.label)}</text>'
-        )
-    return parts
-
-
-def _samples(curve: Curve, across: Axis) -> str:
-    """Values on an even grid over the axis, for the cursor; an empty word where there is none."""
-    known = np.isfinite(curve.value)
-    grid = np.linspace(across.start, across.end, READOUT_POINTS)
-    time, value = curve.time_s[known], curve.value[known]
-    index = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, time.size - 1)
-    picked = value[index] if curve.steps else np.interp(grid, time, value)
-    inside = (grid >= time[0]) & (grid <= time[-1] + (grid[1] - grid[0]))
-    return ",".join(f"{v:.4g}" if ok else "" for v, ok in zip(picked, inside, strict=True))
+    marks = "".join(f"; {mark.sentence}" for mark in timeline.marks)
+    return f"{plot.title} over time: {spans}{marks}"
