@@ -5,13 +5,14 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from bus.frame import Frame
+from bus.mistake import Mistake
 
 
 class BusClosed(ConnectionError):
     """The bus is gone: the hub ended, the interface went away, or `close` was called."""
 
 
-class BusUnavailable(ConnectionError):
+class BusUnavailable(Mistake, ConnectionError):
     """The bus cannot be opened; the message says what is missing and what would help."""
 
 

@@ -1,7 +1,9 @@
 """What can go wrong between bytes and physical values."""
 
+from bus.mistake import Mistake
 
-class DatabaseError(ValueError):
+
+class DatabaseError(Mistake, ValueError):
     """A DBC file cannot be used; the message names file, message, signal and cause."""
 
 
@@ -13,5 +15,5 @@ class EncodeError(ValueError):
     """A value does not fit its signal, or is missing."""
 
 
-class LogError(ValueError):
+class LogError(Mistake, ValueError):
     """A recording cannot be read at all; damaged lines of a readable one are no error."""

@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from bus.mistake import Mistake
+
 DEGREE = math.pi / 180
 UNITS: Mapping[str, tuple[str, float]] = {
     "_kg_m2": ("kg m2", 1.0),
@@ -37,7 +39,7 @@ UNITS: Mapping[str, tuple[str, float]] = {
 }
 
 
-class CalibrationError(ValueError):
+class CalibrationError(Mistake, ValueError):
     """A calibration file cannot be used; the message says where and why."""
 
 

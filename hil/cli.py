@@ -5,6 +5,7 @@ Exit codes: 0 passed, 1 failed, 2 misused, 3 a process of the bench died, 4 the 
 recorder does not load a plant.
 """
 
+import importlib
 import importlib.metadata
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Annotated, Any
 
 import typer
 
+from bus.mistake import Mistake
 from hil.ending import Ending
 
 DEFAULT_BUS = "hub:/tmp/loaderhil.hub"  # a Unix socket; every user can name another
@@ -245,45 +247,30 @@ def _form(form: str) -> Any:
     return form
 
 
-def _register_decode() -> None:
-    """Add `decode`, whose options live with it; it loads much, so only where it can be asked for."""
-    others = {command.callback.__name__ for command in app.registered_commands if command.callback}
-    if not others.intersection(sys.argv[1:2]):
-        from hil.decode import register
+# Commands whose options live with their code: the module's `register(app)` adds them.
+ELSEWHERE = {
+    "decode": "hil.decode",
+}
 
-        register(app)
+
+def _register_elsewhere() -> None:
+    """Add the commands of ELSEWHERE: all of them for the help, else only the one that is asked for."""
+    here = {command.callback.__name__ for command in app.registered_commands if command.callback}
+    here |= {group.name for group in app.registered_groups if group.name}
+    asked = sys.argv[1] if len(sys.argv) > 1 else ""
+    if asked in here:
+        return
+    for module in [ELSEWHERE[asked]] if asked in ELSEWHERE else ELSEWHERE.values():
+        importlib.import_module(module).register(app)
 
 
 def main() -> None:
     """Entry point: everything a user can get wrong ends in one line, not in a traceback."""
     try:
-        _register_decode()
+        _register_elsewhere()
         app()
     except KeyboardInterrupt:
         sys.exit(Ending.INTERRUPTED)
-    except Exception as error:
-        if not _is_the_users(error):
-            raise
+    except Mistake as error:
         print(f"loaderhil: {error}", file=sys.stderr)
         sys.exit(Ending.MISUSED)
-
-
-def _is_the_users(error: Exception) -> bool:
-    """Whether an error is about input, not about us: these classes carry a message for the user."""
-    from bus.transport import BusUnavailable
-    from dbc.errors import DatabaseError, LogError
-    from ecu.quantity import CalibrationError
-    from hil.compose import ChoiceError
-    from hil.rundir import RunError
-    from plant.checked import ConfigurationError
-
-    named = (
-        BusUnavailable,
-        CalibrationError,
-        ChoiceError,
-        ConfigurationError,
-        DatabaseError,
-        LogError,
-        RunError,
-    )
-    return isinstance(error, named)

@@ -9,6 +9,7 @@ import platform
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from bus.mistake import Mistake
 from hil.ecu_side import Form, ecu_cycle
 from hil.lockstep import Lockstep
 from hil.rundir import Mode, RunRecord
@@ -17,7 +18,7 @@ from plant.scenario import Scenario, load_scenario
 from plant.unit import PlantUnit
 
 
-class ChoiceError(ValueError):
+class ChoiceError(Mistake, ValueError):
     """What the user chose cannot be run; the message says which option and what is permitted."""
 
 

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked_dataclass
 
+from bus.mistake import Mistake
 from dbc import loader_database, reference_database
 from dbc.columns import ColumnDecoder, Columns
 from dbc.database import Database
@@ -40,7 +41,7 @@ Clock = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
 """Stamps of a log and its first stamp [s] to times of the run [s]."""
 
 
-class RunError(ValueError):
+class RunError(Mistake, ValueError):
     """A run directory cannot be read or written; the message names the file and the cause."""
 
 

@@ -11,8 +11,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Self, cast
 
+from bus.mistake import Mistake
 
-class ConfigurationError(ValueError):
+
+class ConfigurationError(Mistake, ValueError):
     """A configuration file cannot be used; the message says where and why."""
 
 
