@@ -4,6 +4,7 @@ import re
 from html.parser import HTMLParser
 
 VOID = {"meta", "br", "img", "hr", "link", "input"}
+FURNITURE = ("grid", "zero", "mark")  # classes of paths that are no curves
 
 
 class Outline(HTMLParser):
@@ -41,9 +42,8 @@ class Outline(HTMLParser):
             start, end = map(float, found["data-t"].split())
             plot = {"t": (start, end), "y": (low, high), "paths": [], "legend": []}
             self.plots.setdefault(self._title, []).append(plot)
-        elif tag == "path" and self._title in self.plots:
-            if found["class"].split()[0] not in ("grid", "zero", "mark"):
-                self.plots[self._title][-1]["paths"].append((found["class"], found["d"]))
+        elif tag == "path" and self._title in self.plots and found["class"].split()[0] not in FURNITURE:
+            self.plots[self._title][-1]["paths"].append((found["class"], found["d"]))
         for name, value in attrs:
             if name in ("src", "href", "srcset", "data", "poster", "action") and not value.startswith(
                 ("data:", "#")
