@@ -44,7 +44,7 @@ def tyres_in_mujoco(xpos, xmat, cvel, com, p, slips, step, out, xfrc):
         height = normal[0] * c[0] + normal[1] * c[1] + normal[2] * c[2]
         block = p[P_WHEELS + i * WHEEL_SIZE : P_WHEELS + (i + 1) * WHEEL_SIZE]
         wheel_contact(
-            block, p[P_FRICTION], c, height, a, normal, motion, slips[0, i], slips[1, i], step, out[i]
+            block, p[P_FRICTION], 0.0, c, height, a, normal, motion, slips[0, i], slips[1, i], step, out[i]
         )
         slips[0, i] += step * out[i, s.T_KAPPA_RATE]
         slips[1, i] += step * out[i, s.T_TAN_ALPHA_RATE]

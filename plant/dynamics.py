@@ -7,14 +7,14 @@ than it can: so a locked wheel stays locked, and the machine stands on a slope.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plant.compiled import compiled
-from plant.kinematics import Places, new_places, place_loader
-from plant.multibody import Tree, new_tree, solve_tree
+from plant.effects import dispatch as effects
+from plant.kinematics import place_loader
+from plant.multibody import Tree, solve_tree
 from plant.parameters import (
     P_BRAKE_CAPACITY,
     P_BRAKE_LAG,
@@ -46,7 +46,11 @@ from plant.state import (
     C_LIFT_RATE,
     C_TILT_RATE,
     DRIVE,
+    EXTRA,
     FRONT_FRAME,
+    G_FRICTION,
+    G_HEIGHT,
+    G_RISE,
     JOINT,
     JOINT_RATE,
     KAPPA,
@@ -57,7 +61,6 @@ from plant.state import (
     STATES,
     STICK,
     T_KAPPA_RATE,
-    T_OUTPUTS,
     T_TAN_ALPHA_RATE,
     T_WRENCH,
     TAN_ALPHA,
@@ -65,33 +68,11 @@ from plant.state import (
     WHEEL,
 )
 from plant.tyre import wheel_contact
+from plant.workspace import Workspace
 
 Array = NDArray[np.float64]
 
 RELEASED = 1.0  # friction torque below which a brake does not seize a wheel that changes direction [N m]
-
-
-class Workspace(NamedTuple):
-    """What one evaluation leaves behind, beside the rate of the state."""
-
-    tree: Tree
-    places: Places
-    tyres: Array  # (4, T_OUTPUTS)
-    rate: Array  # (STATES,)
-    whole: Array  # mass and centre of gravity (3) of the machine, rear-frame axes
-    normal: Array  # (3) road normal, rear-frame axes
-
-
-def new_workspace() -> Workspace:
-    """An empty workspace."""
-    return Workspace(
-        new_tree(),
-        new_places(),
-        np.zeros((4, T_OUTPUTS)),
-        np.zeros(STATES),
-        np.zeros(4),
-        np.zeros(3),
-    )
 
 
 @compiled
@@ -156,7 +137,16 @@ def set_joints(state: Array, command: Array, p: Array, tree: Tree) -> None:
 
 
 @compiled
-def apply_tyres(state: Array, p: Array, ahead: float, work: Workspace) -> None:
+def prepare_wheel(block: Array, wheel: int, work: Workspace) -> None:
+    """A copy of the tyre block and plain ground, for effects to change."""
+    for i in range(WHEEL_SIZE):
+        work.local[wheel, i] = block[i]
+    work.ground[wheel, G_HEIGHT] = work.ground[wheel, G_RISE] = 0.0
+    work.ground[wheel, G_FRICTION] = 1.0
+
+
+@compiled
+def apply_tyres(state: Array, p: Array, ahead: float, work: Workspace, active: Array | None) -> None:
     """Tyre forces on the wheels, and the rates of the transient slips."""
     normal, world = work.normal, work.places.world
     height = 0.0
@@ -169,11 +159,20 @@ def apply_tyres(state: Array, p: Array, ahead: float, work: Workspace) -> None:
         centre, out, bias = work.places.centres[wheel], work.tyres[wheel], work.tree.bias[WHEEL + wheel]
         above = height + normal[0] * centre[0] + normal[1] * centre[1] + normal[2] * centre[2]
         block = p[P_WHEELS + wheel * WHEEL_SIZE : P_WHEELS + (wheel + 1) * WHEEL_SIZE]
+        friction, rise = p[P_FRICTION], 0.0
+        if active is not None:
+            prepare_wheel(block, wheel, work)
+            effects.before_tyre(active, state, p, wheel, work)
+            block = work.local[wheel]
+            friction *= work.ground[wheel, G_FRICTION]
+            above -= work.ground[wheel, G_HEIGHT]
+            rise = work.ground[wheel, G_RISE]
         kappa, tan_alpha = state[KAPPA + wheel], state[TAN_ALPHA + wheel]
         motion = work.tree.motion[WHEEL + wheel]
         wheel_contact(
             block,
-            p[P_FRICTION],
+            friction,
+            rise,
             centre,
             above,
             work.places.axles[wheel],
@@ -188,6 +187,8 @@ def apply_tyres(state: Array, p: Array, ahead: float, work: Workspace) -> None:
             bias[i] -= out[T_WRENCH + i]
         work.rate[KAPPA + wheel] = out[T_KAPPA_RATE]
         work.rate[TAN_ALPHA + wheel] = out[T_TAN_ALPHA_RATE]
+        if active is not None:
+            effects.after_tyre(active, state, p, wheel, work)
 
 
 @compiled
@@ -204,16 +205,24 @@ def centre_of_gravity(tree: Tree, whole: Array) -> None:
 
 
 @compiled
-def derivative(state: Array, command: Array, p: Array, ahead: float, work: Workspace) -> None:
+def derivative(
+    state: Array, command: Array, p: Array, ahead: float, work: Workspace, active: Array | None
+) -> None:
     """Rate of the state, into work.rate; work also holds forces and accelerations.
 
     ahead: step [s] for which the transient slips are taken at its end, 0 for the true derivative.
+    active: the effects that are switched on (plant.effects.dispatch), or None; without any, the compiler
+    leaves out every call of them.
     """
     tree, world, rate = work.tree, work.places.world, work.rate
     place_loader(state, p, tree, work.places)
     centre_of_gravity(tree, work.whole)
     set_joints(state, command, p, tree)
-    apply_tyres(state, p, ahead, work)
+    if active is not None:
+        effects.joints(active, state, p, work)
+    apply_tyres(state, p, ahead, work, active)
+    if active is not None:
+        effects.bodies(active, state, p, work)
     solve_tree(tree)
 
     # The solution is relative to free fall and in the moving axes; the state is in the world's.
@@ -239,6 +248,10 @@ def derivative(state: Array, command: Array, p: Array, ahead: float, work: Works
         available = min(max(command[C_BRAKE + wheel], 0.0), p[P_BRAKE_CAPACITY])
         rate[BRAKE + wheel] = (available - state[BRAKE + wheel]) / p[P_BRAKE_LAG]
         rate[STICK + wheel] = 0.0
+    if active is not None:
+        for i in range(EXTRA, STATES):
+            rate[i] = 0.0
+        effects.states(active, state, p, work)
 
 
 @compiled
@@ -299,9 +312,11 @@ def hold_or_slip(state: Array, work: Workspace) -> None:
 
 
 @compiled
-def step_semi_implicit(state: Array, command: Array, p: Array, step: float, work: Workspace) -> None:
+def step_semi_implicit(
+    state: Array, command: Array, p: Array, step: float, work: Workspace, active: Array | None
+) -> None:
     """One step: velocities from the forces, then positions from the new velocities."""
-    derivative(state, command, p, step, work)
+    derivative(state, command, p, step, work, active)
     rate = work.rate
     for i in range(VELOCITY, STATES):
         state[i] += step * rate[i]
@@ -313,14 +328,22 @@ def step_semi_implicit(state: Array, command: Array, p: Array, step: float, work
 
 
 @compiled
-def step_rk4(state: Array, command: Array, p: Array, step: float, work: Workspace, scratch: Array) -> None:
+def step_rk4(
+    state: Array,
+    command: Array,
+    p: Array,
+    step: float,
+    work: Workspace,
+    scratch: Array,
+    active: Array | None,
+) -> None:
     """One step of the classical Runge-Kutta method of fourth order. scratch: (2, STATES)."""
     trial, total = scratch[0], scratch[1]
     for i in range(STATES):
         trial[i] = state[i]
         total[i] = 0.0
     for stage in range(4):
-        derivative(trial, command, p, 0.0, work)
+        derivative(trial, command, p, 0.0, work, active)
         weight = step / 6.0 if stage in (0, 3) else step / 3.0
         reach = step if stage == 2 else 0.5 * step
         for i in range(STATES):
@@ -332,14 +355,21 @@ def step_rk4(state: Array, command: Array, p: Array, step: float, work: Workspac
 
 @compiled
 def advance(
-    state: Array, command: Array, p: Array, step: float, count: int, fourth_order: bool, work: Workspace
+    state: Array,
+    command: Array,
+    p: Array,
+    step: float,
+    count: int,
+    fourth_order: bool,
+    work: Workspace,
+    active: Array | None,
 ) -> None:
     """`count` steps with constant commands."""
     scratch = np.zeros((2, STATES))
     for _ in range(count):
         if fourth_order:
-            step_rk4(state, command, p, step, work, scratch)
+            step_rk4(state, command, p, step, work, scratch, active)
         else:
-            step_semi_implicit(state, command, p, step, work)
+            step_semi_implicit(state, command, p, step, work, active)
         normalise(state)
         hold_or_slip(state, work)

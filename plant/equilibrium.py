@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from plant import state as s
-from plant.dynamics import Workspace, derivative
+from plant.dynamics import derivative
 from plant.parameters import (
     P_FRICTION,
     P_GRAVITY,
@@ -26,6 +26,7 @@ from plant.parameters import (
     W_RADIUS,
     WHEEL_SIZE,
 )
+from plant.workspace import Workspace
 
 Array = NDArray[np.float64]
 
@@ -41,10 +42,19 @@ class NoEquilibriumError(ValueError):
     """The machine cannot rest like this: it would tip over or slide."""
 
 
-def settle(state: Array, p: Array, work: Workspace, road: Array, *, heading: float, standing: bool) -> None:
+def settle(
+    state: Array,
+    p: Array,
+    work: Workspace,
+    active: Array | None,
+    road: Array,
+    *,
+    heading: float,
+    standing: bool,
+) -> None:
     """Put `state` (joint angles set, velocities zero) to rest on the road.
 
-    road: its axes in the world, (3, 3); heading: of the rear frame about the road's normal [rad].
+    active: the effects that are switched on, or None; road: its axes in the world, (3, 3); heading: of the rear frame about the road's normal [rad].
     Raises NoEquilibriumError.
     """
     command = np.zeros(s.COMMANDS)
@@ -53,7 +63,7 @@ def settle(state: Array, p: Array, work: Workspace, road: Array, *, heading: flo
 
     def residual(unknowns: Array) -> Array:
         _place(state, unknowns, road, heading, p)
-        derivative(state, command, p, 0.0, work)
+        derivative(state, command, p, 0.0, work, active)
         rise = work.tree.acceleration[s.REAR_FRAME]
         axes = work.places.world.T @ road
         linear = axes.T @ rise[3:] - p[P_GRAVITY] * road[2]

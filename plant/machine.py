@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from plant.checked import CheckedTable, ConfigurationError
+from plant.effects import ActiveEffect, effects
 
 MACHINES = Path(__file__).resolve().parent / "machines"
 
@@ -260,6 +261,7 @@ class Machine:
     drive: Drive
     brake: Brake
     tyre: Tyre
+    effects: tuple[ActiveEffect, ...] = ()
 
     @property
     def mass(self) -> float:
@@ -324,10 +326,22 @@ def load_machine(name_or_path: str | Path) -> Machine:
             raise
         except ValueError as error:
             raise top.error(section, str(error)) from error
+    chosen = _read_effects(top.table("effects"))
     top.finish()
-    machine = Machine(name=name, **parts)
+    machine = Machine(name=name, effects=chosen, **parts)
     _check_order(machine, top)
     return machine
+
+
+def _read_effects(table: CheckedTable) -> tuple[ActiveEffect, ...]:
+    """The effects of the [effects.NAME] tables; parameters not given are typical."""
+    if not table.keys():
+        return ()
+    known = effects()
+    for name in table.keys():
+        if name not in known:
+            raise table.unknown(name, known)
+    return tuple(known[name].read(table.table(name)) for name in table.keys())
 
 
 def _check_order(machine: Machine, top: CheckedTable) -> None:

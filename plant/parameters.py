@@ -143,6 +143,9 @@ def parameter_vector(machine: Machine, surface: Surface, payload_mass: float) ->
     p[P_BRAKE_CAPACITY] = machine.brake.capacity
     for wheel in range(4):
         _wheel(p[P_WHEELS + wheel * WHEEL_SIZE : P_WHEELS + (wheel + 1) * WHEEL_SIZE], machine, wheel)
+    for item in machine.effects:
+        if item.effect.prepare is not None:
+            item.effect.prepare(item.named, p)
     return p
 
 

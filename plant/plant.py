@@ -12,12 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant import state as s
-from plant.dynamics import advance, derivative, new_workspace
+from plant.dynamics import advance, derivative
+from plant.effects import dispatch
 from plant.equilibrium import settle
 from plant.machine import Machine
 from plant.parameters import P_BRAKE_CAPACITY, P_GRAVITY, parameter_vector
 from plant.surface import Surface
 from plant.truth import Truth, truth_of
+from plant.workspace import new_workspace
 
 Integrator = Literal["semi-implicit", "rk4"]
 
@@ -101,6 +103,7 @@ class Plant:
         self.integrator = integrator
         self._steps = 0
         self._parameters = parameter_vector(machine, self.surface, payload_mass)
+        self._active = dispatch.active_vector(machine.effects)
         self._work = new_workspace()
         self._command = np.zeros(s.COMMANDS)
         self._state = np.zeros(s.STATES)
@@ -121,7 +124,16 @@ class Plant:
             raise ValueError(f"duration_s={duration_s} s is not a whole number of steps of {self.step_s} s")
         self._command = commands.vector()
         fourth_order = self.integrator == "rk4"
-        advance(self._state, self._command, self._parameters, self.step_s, count, fourth_order, self._work)
+        advance(
+            self._state,
+            self._command,
+            self._parameters,
+            self.step_s,
+            count,
+            fourth_order,
+            self._work,
+            self._active,
+        )
         self._steps += count
         if not np.isfinite(self._state).all():
             raise DivergedError(
@@ -146,15 +158,17 @@ class Plant:
         return twin
 
     def _evaluate(self) -> None:
-        derivative(self._state, self._command, self._parameters, 0.0, self._work)
+        derivative(self._state, self._command, self._parameters, 0.0, self._work, self._active)
 
     def _start(self, speed: float, heading: float) -> None:
         state, work = self._state, self._work
         standing = speed == 0.0
+        dispatch.start(self.machine.effects, state, self._parameters)
         settle(
             state,
             self._parameters,
             work,
+            self._active,
             self.surface.axes(),
             heading=heading,
             standing=standing,

@@ -27,7 +27,9 @@ TAN_ALPHA: Final = 33  # four: transient tan of the slip angle, positive when th
 DRIVE: Final = 37  # four: motor torque at the wheel [N m]
 BRAKE: Final = 41  # four: available friction torque [N m]
 STICK: Final = 45  # four: 0 wheel locked by its brake, +-1 direction in which the brake slips
-STATES: Final = 49
+EXTRA: Final = 49  # states of the effects that are switched on
+EXTRAS: Final = 32
+STATES: Final = EXTRA + EXTRAS
 
 # Commands.
 C_DRIVE: Final = 0  # four
@@ -52,3 +54,9 @@ T_ROLLING_RADIUS: Final = 15  # effective [m]
 T_SLIDING_X: Final = 16  # sliding velocity of the contact patch along the wheel [m/s]
 T_SLIDING_Y: Final = 17  # and across it [m/s]
 T_OUTPUTS: Final = 18
+
+# What effects may do to the ground under a wheel.
+G_HEIGHT: Final = 0  # above the plane of the road [m]
+G_RISE: Final = 1  # how fast it rises under the wheel [m/s]
+G_FRICTION: Final = 2  # friction over that of the road
+GROUND: Final = 3

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant import state as s
-from plant.dynamics import Workspace
 from plant.linkage import lift_pressure, tilt_pressure
 from plant.machine import Machine
+from plant.workspace import Workspace
 
 Array = NDArray[np.float64]
 

@@ -220,6 +220,7 @@ def tyre_forces(
 def wheel_contact(
     w: Array,
     friction: float,
+    rise: float,
     centre: Array,
     height: float,
     axle: Array,
@@ -232,8 +233,8 @@ def wheel_contact(
 ) -> None:
     """Everything one tyre does at the present state of its wheel, into `out` (T_OUTPUTS values).
 
-    centre: wheel centre from the origin [m]; height: of the centre above the road [m]; axle: unit
-    vector to the left along the axle; normal: unit road normal; motion: angular velocity [rad/s] of
+    rise: speed at which the ground comes up under the tyre [m/s]; centre: wheel centre from the origin
+    [m]; height: of the centre above the ground [m]; axle: unit vector to the left along the axle; normal: unit road normal; motion: angular velocity [rad/s] of
     the wheel including its spin, then velocity [m/s] of its point at the origin. All vectors in one
     right-handed set of axes, any; the wrench comes out in the same.
     """
@@ -264,7 +265,7 @@ def wheel_contact(
     sliding_y = vx * sx + vy * sy + vz * sz
     rising = vx * nx + vy * ny + vz * nz
     # the spring acts in the wheel plane; what leans out of it the stiff side of the tyre carries
-    load = radial_force(w, deflection, -rising / upright) / upright
+    load = radial_force(w, deflection, (rise - rising) / upright) / upright
     tyre_forces(w, friction, load, abs(speed), sliding_x, sliding_y, kappa, tan_alpha, ahead, out)
 
     along, across, aligning = out[T_LONGITUDINAL], out[T_LATERAL], out[T_ALIGNING]

@@ -4,6 +4,7 @@ from plant.compiled import SOURCES, _forget_stale_code
 
 
 def test_a_changed_source_empties_the_cache(tmp_path):
+    (tmp_path / "effects").mkdir()
     for name in SOURCES:
         (tmp_path / name).write_text("x = 1\n", encoding="utf-8")
     _forget_stale_code(tmp_path)
@@ -20,6 +21,7 @@ def test_a_changed_source_empties_the_cache(tmp_path):
 
 
 def test_a_folder_that_cannot_be_written_to_is_left_alone(tmp_path):
+    (tmp_path / "effects").mkdir()
     for name in SOURCES:
         (tmp_path / name).write_text("x = 1\n", encoding="utf-8")
     (tmp_path / "__pycache__").write_text("a file where the cache's folder should be", encoding="utf-8")

@@ -8,9 +8,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from plant import state as s
-from plant.dynamics import derivative, new_workspace
+from plant.dynamics import derivative
 from plant.machine import load_machine
 from plant.plant import Plant
+from plant.workspace import new_workspace
 from tests.plant.oracle import statics
 
 MACHINE = load_machine("l60")
@@ -31,7 +32,7 @@ def modes(plant: Plant) -> list[tuple[float, float, np.ndarray]]:
         turned = attitude * Rotation.from_rotvec(x[3:6])
         state[s.ATTITUDE : s.ATTITUDE + 4] = turned.as_quat(scalar_first=True)
         state[kept] += x[6:]
-        derivative(state, command, p, 0.0, work)
+        derivative(state, command, p, 0.0, work, None)
         return np.concatenate((work.rate[:3], state[s.ANGULAR : s.ANGULAR + 3], work.rate[kept]))
 
     n, h = 6 + len(kept), 1e-6

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 
 from plant import state as s
-from plant.dynamics import derivative, new_workspace
+from plant.dynamics import derivative
 from plant.machine import load_machine
 from plant.parameters import parameter_vector
 from plant.plant import Commands, Plant
 from plant.surface import Surface
 from plant.truth import truth_of
+from plant.workspace import new_workspace
 from tests.plant.oracle.loader import DRIVEN, MujocoLoader
 
 MACHINE = load_machine("l60")
@@ -48,7 +49,7 @@ def test_accelerations_efforts_and_sensor_agree_in_random_states(payload_mass):
     loaded = 0
     for _ in range(100):
         state, command = random_state(rng, payload_mass)
-        derivative(state, command, p, 0.0, work)
+        derivative(state, command, p, 0.0, work, None)
         loaded += int(np.count_nonzero(work.tyres[:, s.T_NORMAL]))
         oracle.set_state(state)
         oracle.locate()

@@ -56,7 +56,7 @@ def contact(
     motion = np.concatenate((omega, np.array(velocity, float) - np.cross(omega, centre)))
     out = np.zeros(s.T_OUTPUTS)
     kappa, tan_alpha = state.get("kappa", 0.0), state.get("tan_alpha", 0.0)
-    wheel_contact(w, 1.0, centre, height, axle, normal, motion, kappa, tan_alpha, 0.0, out)
+    wheel_contact(w, 1.0, 0.0, centre, height, axle, normal, motion, kappa, tan_alpha, 0.0, out)
     return out
 
 

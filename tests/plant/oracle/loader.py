@@ -161,7 +161,18 @@ class MujocoLoader:
             out = self.tyres[i]
             height = float(normal @ centre)
             wheel_contact(
-                block, p[P_FRICTION], centre, height, axle, normal, motion, kappa, tan_alpha, self.step_s, out
+                block,
+                p[P_FRICTION],
+                0.0,
+                centre,
+                height,
+                axle,
+                normal,
+                motion,
+                kappa,
+                tan_alpha,
+                self.step_s,
+                out,
             )
         self.slips[0] += self.step_s * self.tyres[:, s.T_KAPPA_RATE]
         self.slips[1] += self.step_s * self.tyres[:, s.T_TAN_ALPHA_RATE]

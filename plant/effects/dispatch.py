@@ -1,0 +1,130 @@
+"""Calls the compiled functions of the effects that are switched on.
+
+The callers are generated, one line per effect and hook, from the effects that were found, and kept in a
+file so that their machine code is cached. What they are told, the vector `active`, is a switch for each
+effect and then its parameters, MOST_PARAMETERS for each.
+"""
+
+import hashlib
+import importlib.util
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plant.checked import ConfigurationError
+from plant.compiled import sources_digest
+from plant.effects.effect import HOOKS, MOST_PARAMETERS, ActiveEffect, Effect
+from plant.effects.library import FOLDER, modules
+from plant.state import EXTRA, EXTRAS
+
+Array = NDArray[np.float64]
+
+ARGUMENTS = {
+    "joints": "state, p, work",
+    "before_tyre": "state, p, wheel, work",
+    "after_tyre": "state, p, wheel, work",
+    "bodies": "state, p, work",
+    "states": "state, p, work",
+}
+
+
+def _first_states(found: dict[str, ModuleType]) -> dict[str, int]:
+    """Index of each effect's first own state."""
+    first, out = EXTRA, {}
+    for name, module in found.items():
+        out[name] = first
+        first += module.EFFECT.own_states
+    if first > EXTRA + EXTRAS:
+        raise ConfigurationError(
+            f"the effects have {first - EXTRA} states of their own together, more than {EXTRAS}"
+        )
+    return out
+
+
+def source(found: dict[str, ModuleType]) -> str:
+    """Text of the module that calls the effects."""
+    lines = ["from plant.compiled import compiled"]
+    lines += [f"import {module.__name__} as effect_{i}" for i, module in enumerate(found.values())]
+    first, count = _first_states(found), len(found)
+    for hook in HOOKS:
+        lines += [
+            "",
+            "",
+            "@compiled",
+            f"def {hook}(active, {ARGUMENTS[hook]}):",
+            f'    """Every effect\'s {hook}."""',
+        ]
+        for i, (name, module) in enumerate(found.items()):
+            if hasattr(module, hook):
+                begin = count + MOST_PARAMETERS * i
+                q = f"active[{begin} : {begin + MOST_PARAMETERS}]"
+                lines += [
+                    f"    if active[{i}] != 0.0:",
+                    f"        effect_{i}.{hook}({q}, {first[name]}, {ARGUMENTS[hook]})",
+                ]
+    return "\n".join(lines) + "\n"
+
+
+def _generated() -> ModuleType:
+    """The generated module, from its file if it was made from the same sources."""
+    text = source(modules())
+    digest = hashlib.sha256((sources_digest() + text).encode()).hexdigest()[:16]
+    name = f"loaderhil_effects_{digest}"
+    for folder in (FOLDER / "__pycache__", Path(tempfile.gettempdir()) / "loaderhil"):
+        path = folder / f"{name}.py"
+        try:
+            folder.mkdir(exist_ok=True)
+            if not path.is_file():
+                fresh = path.with_suffix(".new")
+                fresh.write_text(text, encoding="utf-8")
+                fresh.replace(path)
+        except OSError:
+            continue
+        spec = importlib.util.spec_from_file_location(name, path)
+        if spec is not None and spec.loader is not None:
+            module = sys.modules[name] = importlib.util.module_from_spec(spec)
+            spec.loader.exec_module(module)
+            return module
+    raise ConfigurationError(
+        f"neither {FOLDER} nor {tempfile.gettempdir()} can be written to: free space or permissions?"
+    )
+
+
+_module = _generated()
+joints = _module.joints
+before_tyre = _module.before_tyre
+after_tyre = _module.after_tyre
+bodies = _module.bodies
+states = _module.states
+
+
+def compiled_hooks(effect: Effect) -> list[str]:
+    """The names of the compiled functions of an effect."""
+    return [hook for hook in HOOKS if hasattr(modules()[effect.name], hook)]
+
+
+def active_vector(chosen: Sequence[ActiveEffect]) -> Array | None:
+    """What the compiled callers are told; None where no chosen effect has a compiled function."""
+    if not any(compiled_hooks(item.effect) for item in chosen):
+        return None
+    names = list(modules())
+    active = np.zeros(len(names) * (1 + MOST_PARAMETERS))
+    for item in chosen:
+        i = names.index(item.effect.name)
+        begin = len(names) + MOST_PARAMETERS * i
+        active[i] = 1.0
+        active[begin : begin + len(item.values)] = item.values
+    return active
+
+
+def start(chosen: Sequence[ActiveEffect], state: Array, p: Array) -> None:
+    """Set the own states of the chosen effects for a plant that starts at `state`."""
+    first = _first_states(modules())
+    for item in chosen:
+        if item.effect.start is not None:
+            item.effect.start(item.named, first[item.effect.name], state, p)

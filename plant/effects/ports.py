@@ -1,0 +1,90 @@
+"""What effects use of the plant: forces on bodies, and where the contact points are."""
+
+import math
+
+from plant.compiled import compiled
+from plant.parameters import W_RADIUS
+from plant.state import T_ALIGNING, T_DEFLECTION, T_LATERAL, T_LONGITUDINAL, T_WRENCH, WHEEL
+from plant.workspace import Workspace
+
+LEAST = 1e-9  # keeps the heading of a wheel that lies on its side finite
+
+
+@compiled
+def push(work: Workspace, body: int, x: float, y: float, z: float, fx: float, fy: float, fz: float) -> None:
+    """A force (fx, fy, fz) [N] on a body at the point (x, y, z) [m]; rear-frame axes, before the tree is solved."""
+    bias = work.tree.bias[body]
+    bias[0] -= y * fz - z * fy
+    bias[1] -= z * fx - x * fz
+    bias[2] -= x * fy - y * fx
+    bias[3] -= fx
+    bias[4] -= fy
+    bias[5] -= fz
+
+
+@compiled
+def twist(work: Workspace, body: int, mx: float, my: float, mz: float) -> None:
+    """A moment [N m] on a body; rear-frame axes, before the tree is solved."""
+    bias = work.tree.bias[body]
+    bias[0] -= mx
+    bias[1] -= my
+    bias[2] -= mz
+
+
+@compiled
+def heading(work: Workspace, wheel: int) -> tuple[float, float, float, float, float, float]:
+    """Unit vectors of a wheel in the road's plane, ahead and left, rear-frame axes."""
+    n, a = work.normal, work.places.axles[wheel]
+    hx, hy, hz = a[1] * n[2] - a[2] * n[1], a[2] * n[0] - a[0] * n[2], a[0] * n[1] - a[1] * n[0]
+    size = max(math.sqrt(hx * hx + hy * hy + hz * hz), LEAST)
+    hx, hy, hz = hx / size, hy / size, hz / size
+    return hx, hy, hz, n[1] * hz - n[2] * hy, n[2] * hx - n[0] * hz, n[0] * hy - n[1] * hx
+
+
+@compiled
+def spin(work: Workspace, wheel: int) -> float:
+    """Angular velocity of a wheel about its axle against the ground [rad/s], positive rolling ahead."""
+    motion, axle = work.tree.motion[WHEEL + wheel], work.places.axles[wheel]
+    return motion[0] * axle[0] + motion[1] * axle[1] + motion[2] * axle[2]
+
+
+@compiled
+def contact_point(work: Workspace, wheel: int) -> tuple[float, float, float]:
+    """Where a tyre touches the road [m], rear-frame axes; after the tyre model has run."""
+    hx, hy, hz, _, _, _ = heading(work, wheel)
+    a, centre = work.places.axles[wheel], work.places.centres[wheel]
+    loaded = work.local[wheel, W_RADIUS] - work.tyres[wheel, T_DEFLECTION]
+    ux, uy, uz = hy * a[2] - hz * a[1], hz * a[0] - hx * a[2], hx * a[1] - hy * a[0]
+    return centre[0] - loaded * ux, centre[1] - loaded * uy, centre[2] - loaded * uz
+
+
+@compiled
+def push_wheel(work: Workspace, wheel: int, along: float, across: float, moment: float) -> None:
+    """Forces of a tyre along and across its wheel [N] and about the road's normal [N m], beside those of its model.
+
+    They act at the contact point and count in what the tyre reports.
+    """
+    hx, hy, hz, sx, sy, sz = heading(work, wheel)
+    x, y, z = contact_point(work, wheel)
+    n, out = work.normal, work.tyres[wheel]
+    fx, fy, fz = along * hx + across * sx, along * hy + across * sy, along * hz + across * sz
+    push(work, WHEEL + wheel, x, y, z, fx, fy, fz)
+    twist(work, WHEEL + wheel, moment * n[0], moment * n[1], moment * n[2])
+    out[T_LONGITUDINAL] += along
+    out[T_LATERAL] += across
+    out[T_ALIGNING] += moment
+    out[T_WRENCH] += y * fz - z * fy + moment * n[0]
+    out[T_WRENCH + 1] += z * fx - x * fz + moment * n[1]
+    out[T_WRENCH + 2] += x * fy - y * fx + moment * n[2]
+    out[T_WRENCH + 3] += fx
+    out[T_WRENCH + 4] += fy
+    out[T_WRENCH + 5] += fz
+
+
+@compiled
+def twist_wheel(work: Workspace, wheel: int, moment: float) -> None:
+    """A moment of the tyre about the wheel's axle [N m], positive driving ahead."""
+    a, out = work.places.axles[wheel], work.tyres[wheel]
+    twist(work, WHEEL + wheel, moment * a[0], moment * a[1], moment * a[2])
+    for i in range(3):
+        out[T_WRENCH + i] += moment * a[i]
