@@ -335,13 +335,14 @@ def load_machine(name_or_path: str | Path) -> Machine:
 
 def _read_effects(table: CheckedTable) -> tuple[ActiveEffect, ...]:
     """The effects of the [effects.NAME] tables; parameters not given are typical."""
-    if not table.keys():
+    names = list(table.keys())
+    if not names:
         return ()
     known = effects()
-    for name in table.keys():
+    for name in names:
         if name not in known:
             raise table.unknown(name, known)
-    return tuple(known[name].read(table.table(name)) for name in table.keys())
+    return tuple(known[name].read(table.table(name)) for name in names)
 
 
 def _check_order(machine: Machine, top: CheckedTable) -> None:
