@@ -5,7 +5,6 @@ skipped and told to the cycle; findings are logged as they come, and they come o
 """
 
 import asyncio
-import gc
 import logging
 import time
 from collections.abc import Callable
@@ -39,8 +38,6 @@ async def run(
     """
     timing = timing if timing is not None else TickTiming()
     cycle.warm_up()
-    gc.collect()
-    gc.freeze()  # what start-up made stays; the collector need not look at it in every generation
 
     def receive() -> None:
         while frames := bus.drain():
@@ -84,5 +81,3 @@ async def run(
         if closed is None or others is not None:
             raise
         raise first_of(closed) from None
-    finally:
-        gc.unfreeze()

@@ -15,6 +15,7 @@ import typer
 
 from bus.mistake import Mistake
 from hil.ending import Ending
+from hil.realtime_options import CpuOption, FifoOption, FreezeOption, LockOption, RealtimeOptions
 
 DEFAULT_BUS = "hub:/tmp/loaderhil.hub"  # a Unix socket; every user can name another
 EPILOG = "Exit codes: 0 passed, 1 failed, 2 misused, 3 a process died, 4 bus lost, 130 interrupted."
@@ -125,6 +126,10 @@ def plant(
     ] = None,
     payload_kg: PayloadOption = None,
     seed: SeedOption = None,
+    fifo: FifoOption = None,
+    lock_memory: LockOption = False,
+    cpu: CpuOption = None,
+    gc_freeze: FreezeOption = True,
 ) -> None:
     """The machine alone, as a process on a bus, until its scenario is over.
 
@@ -135,7 +140,8 @@ def plant(
     from hil.processes.shell import ending_of
 
     choice = Choice(scenario=scenario, payload_kg=payload_kg, seed=seed)
-    raise typer.Exit(ending_of(lambda line: process.run(line, choice, bus, out)))
+    realtime = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
+    raise typer.Exit(ending_of(lambda line: process.run(line, choice, bus, out, realtime)))
 
 
 @app.command()
@@ -144,16 +150,21 @@ def ecu(
     form: FormOption = "corrected",
     limits: LimitsOption = True,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Leave timing here.")] = None,
+    fifo: FifoOption = None,
+    lock_memory: LockOption = False,
+    cpu: CpuOption = None,
+    gc_freeze: FreezeOption = True,
 ) -> None:
     """The virtual ECU alone, as a process on a bus, until Ctrl-C.
 
-    Example: `loaderhil ecu --bus hub:/tmp/loaderhil.hub`
+    Example: `loaderhil ecu --bus socketcan:can0 --fifo 50 --lock-memory --cpu 1`
     """
     from hil.processes import ecu as process
     from hil.processes.shell import ending_of
 
     checked = _form(form)
-    raise typer.Exit(ending_of(lambda line: process.run(line, checked, limits, bus, out)))
+    realtime = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
+    raise typer.Exit(ending_of(lambda line: process.run(line, checked, limits, bus, out, realtime)))
 
 
 @app.command()
@@ -165,15 +176,32 @@ def hub(
             "--bit-rate", min=5_000, max=20_000_000, help="Also take the time of a real bus [bit/s]."
         ),
     ] = None,
+    data_bit_rate: Annotated[
+        int | None,
+        typer.Option(
+            "--data-bit-rate", min=5_000, max=20_000_000, help="Of CAN FD frames that switch it [bit/s]."
+        ),
+    ] = None,
+    status: Annotated[
+        bool, typer.Option("--status", help="Show who is on a running hub and who loses frames, and end.")
+    ] = False,
+    fifo: FifoOption = None,
+    lock_memory: LockOption = False,
+    cpu: CpuOption = None,
+    gc_freeze: FreezeOption = True,
 ) -> None:
     """The CAN bus of machines without CAN, as a process, until Ctrl-C.
 
-    Example: `loaderhil hub --bit-rate 500000`
+    Examples: `loaderhil hub --bit-rate 500000 --data-bit-rate 2000000`, and beside it `loaderhil hub --status`
     """
     from hil.processes import hub as process
     from hil.processes.shell import ending_of
 
-    raise typer.Exit(ending_of(lambda line: process.run(line, bus, bit_rate)))
+    if status:
+        raise typer.Exit(ending_of(lambda line: process.tell_status(bus)))
+    realtime = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
+    rates = process.BitRates(bit_rate, data_bit_rate)
+    raise typer.Exit(ending_of(lambda line: process.run(line, bus, rates, realtime)))
 
 
 @app.command()

@@ -12,13 +12,22 @@ from hil.ecu_side import Form, ecu_cycle
 from hil.ending import Ending
 from hil.lifeline import Lifeline
 from hil.processes.shell import HostShare, counters, log_to, run_until_signal
+from hil.realtime_options import ORDINARY, RealtimeOptions
 
 
-def run(line: Lifeline, form: Form, limits: bool, address: str, out: Path | None) -> Ending:
+def run(
+    line: Lifeline,
+    form: Form,
+    limits: bool,
+    address: str,
+    out: Path | None,
+    realtime: RealtimeOptions = ORDINARY,
+) -> Ending:
     """The virtual ECU on the bus, until it is told to end; with `out`, its timing and log are left there."""
     log_to(out and out / rundir.ECU_LOG)
     cycle = ecu_cycle(form=form, limits=limits)
     cycle.warm_up()  # compiles on a fresh machine: before anybody waits for answers
+    realtime.apply()
     timing = TickTiming()
     kinds: Counter[str] = Counter()
 

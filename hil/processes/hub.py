@@ -1,18 +1,90 @@
-"""The hub process: the bus that everybody else connects to."""
+"""The hub process: the bus that everybody else connects to; and what a running one says about itself."""
+
+from dataclasses import dataclass
 
 from bus.hub import serve
+from bus.hub_client import hub_status
+from bus.hub_status import HubStatus
+from bus.mistake import Mistake
 from bus.transport import BusUnavailable
 from hil.ending import Ending
 from hil.lifeline import Lifeline
+from hil.realtime_options import RealtimeOptions
 
 PREFIX = "hub:"
 
 
-def run(line: Lifeline, address: str, bit_rate: int | None) -> Ending:
-    """Serve until told to end. bit_rate [bit/s]: also take the time that a real bus would take."""
-    if not address.startswith(PREFIX):
-        raise BusUnavailable(f"--bus {address}: a hub serves hub:PATH; other buses need no process of ours")
-    status = serve(address.removeprefix(PREFIX), bit_rate=bit_rate, on_ready=line.ready)
+class ImpossibleRates(Mistake, ValueError):
+    """No CAN bus has these bit rates."""
+
+
+@dataclass(frozen=True, slots=True)
+class BitRates:
+    """Of a modelled wire [bit/s]; nominal None: as fast as it goes; data: of frames that switch, None: nominal."""
+
+    nominal: int | None
+    data: int | None
+
+    def __post_init__(self) -> None:
+        if self.data is None:
+            return
+        if self.nominal is None:
+            raise ImpossibleRates(
+                f"--data-bit-rate {self.data} needs --bit-rate too: the identifier is sent at that"
+            )
+        if self.data < self.nominal:
+            raise ImpossibleRates(
+                f"--data-bit-rate {self.data} is below --bit-rate {self.nominal} bit/s; data are never sent slower "
+                "than the identifier (ISO 11898-1): exchanged?"
+            )
+
+
+def run(line: Lifeline, address: str, rates: BitRates, realtime: RealtimeOptions) -> Ending:
+    """Serve until told to end."""
+    path = _path(address)
+    realtime.apply()
+    status = serve(path, bit_rate=rates.nominal, data_bit_rate=rates.data, on_ready=line.ready)
     dropped = sum(client.dropped for client in status.clients)
     line.finished(complete=True, frames=status.frames, dropped=dropped)
     return Ending.PASSED if line.supervised else Ending.INTERRUPTED
+
+
+def tell_status(address: str) -> Ending:
+    """Print the counters of the hub at `address` and of everybody on it."""
+    from rich.console import Console
+    from rich.table import Table
+
+    status = hub_status(_path(address))
+    print(summary(status))
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("client")
+    for heading in ("process", "sent", "delivered", "dropped", "backlog", "waiting", "malformed"):
+        table.add_column(heading, justify="right")
+    for client in status.clients:
+        counts = (
+            client.pid,
+            client.sent,
+            client.delivered,
+            client.dropped,
+            client.backlog,
+            client.waiting,
+            client.malformed,
+        )
+        table.add_row(client.name, *map(str, counts))
+    Console(highlight=False, markup=False).print(table)
+    return Ending.PASSED
+
+
+def summary(status: HubStatus) -> str:
+    """The hub in one line."""
+    line = f"{status.frames} frames in {status.uptime_s:.1f} s"
+    if status.bit_rate is None:
+        return f"{line}, as fast as it goes"
+    load = status.busy_s / status.uptime_s if status.uptime_s > 0 else 0.0
+    return f"{line} at {status.bit_rate} bit/s, {100 * load:.1f} % of the wire's time"
+
+
+def _path(address: str) -> str:
+    if not address.startswith(PREFIX):
+        raise BusUnavailable(f"--bus {address}: a hub serves hub:PATH; other buses need no process of ours")
+    return address.removeprefix(PREFIX)

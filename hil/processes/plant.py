@@ -16,6 +16,7 @@ from hil.compose import Choice, plant_unit
 from hil.ending import Ending
 from hil.lifeline import Lifeline
 from hil.processes.shell import HostShare, counters, log_to, run_until_signal
+from hil.realtime_options import ORDINARY, RealtimeOptions
 from plant import node
 from plant.reception import Finding
 from plant.scenario import Scenario
@@ -27,12 +28,15 @@ PROGRESS_TICKS = 20
 WARM_TICKS = 5
 
 
-def run(line: Lifeline, choice: Choice, address: str, out: Path | None) -> Ending:
+def run(
+    line: Lifeline, choice: Choice, address: str, out: Path | None, realtime: RealtimeOptions = ORDINARY
+) -> Ending:
     """The machine of one scenario on the bus; with `out`, its truth and timing are left there."""
     log_to(out and out / rundir.PLANT_LOG)
     scenario = choice.load()
     unit = plant_unit(scenario)
     _warm_plant(scenario)
+    realtime.apply()
     line.ready()
     line.wait_for_go()
     timing = TickTiming()

@@ -5,7 +5,6 @@ through their lifeline.
 """
 
 import asyncio
-import gc
 import logging
 import os
 import selectors
@@ -15,6 +14,7 @@ from collections.abc import Callable, Coroutine, Iterator
 from pathlib import Path
 from typing import Any, Self
 
+from bus.mistake import Mistake
 from bus.transport import BusClosed, BusUnavailable, Transport
 from hil.ending import Ending
 from hil.host import HostClock, waited_ns
@@ -33,6 +33,9 @@ def ending_of(body: Callable[[Lifeline], Ending]) -> Ending:
     except SupervisorGone as error:
         line.error(str(error))
         return Ending.PEER_DIED
+    except Mistake as error:
+        line.error(str(error))
+        return Ending.MISUSED
     return Ending.HUB_LOST
 
 
@@ -56,8 +59,6 @@ def run_until_signal(work: Coroutine[Any, Any, None]) -> bool:
             return True
         return False
 
-    gc.collect()
-    gc.freeze()  # what is loaded stays: no collection has to look at it again
     return asyncio.run(guarded())
 
 
