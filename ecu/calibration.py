@@ -58,6 +58,7 @@ class WarningRules:
     attention_margin: float
     warning_margin: float
     imminent_margin: float
+    margin_hysteresis: float  # a threshold of these three lies higher by this while its alarm is on
     imminent_time: float
     spin_slip: float
     lock_slip: float
@@ -68,6 +69,16 @@ class WarningRules:
     payload: float
     payload_arm: float
     payload_speed: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlarmRules:
+    """How long a condition has to hold or to be gone before the driver is told [s]."""
+
+    short_delay: float  # roll-over
+    usual_delay: float  # everything else that estimates tell
+    least_on: float  # what is told stays at least this long
+    off_delay: float  # and until its condition has been gone this long
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,6 +111,7 @@ class Calibration:
     parameters: Parameters
     limits: LimitRules
     warnings: WarningRules
+    alarms: AlarmRules
     inputs: InputRules
 
 
@@ -271,6 +283,7 @@ _TABLES: Mapping[str, tuple[type, Mapping[str, Quantity]]] = {
             "attention_margin": _q("attention_margin", 0, 1),
             "warning_margin": _q("warning_margin", 0, 1),
             "imminent_margin": _q("imminent_margin", 0, 1),
+            "margin_hysteresis": _q("margin_hysteresis", 0, 0.5),
             "imminent_time": _q("imminent_time_s", 0, 5),
             "spin_slip": _q("spin_slip", 0, 5),
             "lock_slip": _q("lock_slip", -1, 0),
@@ -281,6 +294,15 @@ _TABLES: Mapping[str, tuple[type, Mapping[str, Quantity]]] = {
             "payload": _q("payload_kg", 0, 1e5),
             "payload_arm": _q("payload_arm_deg", -90, 90),
             "payload_speed": _q("payload_speed_kmh", 0, 51),
+        },
+    ),
+    "alarms": (
+        AlarmRules,
+        {
+            "short_delay": _q("short_delay_ms", 0, 100),
+            "usual_delay": _q("usual_delay_ms", 0, 1000),
+            "least_on": _q("least_on_ms", 0, 5000),
+            "off_delay": _q("off_delay_ms", 0, 5000),
         },
     ),
     "inputs": (
@@ -360,6 +382,7 @@ def load_calibration(name_or_path: str | Path = "l60") -> Calibration:
         parameters=parameters,
         limits=part("limits", LimitRules),
         warnings=part("warnings", WarningRules),
+        alarms=part("alarms", AlarmRules),
         inputs=part("inputs", InputRules),
     )
     _check(calibration, path)

@@ -12,7 +12,8 @@ from typing import Final, Literal
 from bus.frame import Frame
 from dbc import loader_database
 from dbc.database import Database
-from ecu import alarms, limits
+from ecu import limits, reasons
+from ecu.alarms import Alarm, advanced
 from ecu.answers import TICK_NS, Answers
 from ecu.calibration import Calibration
 from ecu.estimators.estimate import INITIAL, Estimates, corrected, printed
@@ -22,8 +23,6 @@ from ecu.states import Event, State, after
 from ecu.validity import NOTHING, valid
 
 Form = Literal["corrected", "printed"]
-REASON_HELD_NS: Final = 500_000_000
-"""A momentary reason (a failed frame, an overrun) stays set this long, so that a 20 ms message shows it."""
 NO_ESTIMATES: Final = Estimates(*([0.0] * len(Estimates._fields)))
 MOST_OVERRUNS: Final = 1023
 
@@ -59,13 +58,15 @@ class EcuCycle:
         self._estimator_state = INITIAL
         self._limits = limits.safe(calibration.limits)
         self._stale: frozenset[Group] = frozenset()
+        self._times = reasons.times(calibration.alarms)
+        self._alarms: Mapping[str, Alarm] = {}
         self._ticks = 0
         self._started_ns: int | None = None  # when the bus was first heard
         self._previous_ns: int | None = None
         self._execution_ns = 0
         self._overruns = 0
-        self._overran_ns: int | None = None
-        self._protection_ns: int | None = None
+        self._overran = False  # since the last tick, as is the next
+        self._protection_failed = False
 
     @property
     def state(self) -> State:
@@ -83,22 +84,23 @@ class EcuCycle:
             self._started_ns = now_ns
         found = self._hearing.receive(frame, now_ns)
         if any(isinstance(finding, ProtectionFailed) for finding in found):
-            self._protection_ns = now_ns
+            self._protection_failed = True
         return found
 
     def executed(self, execution_ns: int) -> None:
         """The last tick took this long."""
         self._execution_ns = execution_ns
 
-    def overran(self, skipped: int, now_ns: int) -> None:
+    def overran(self, skipped: int) -> None:
         """The shell had to skip ticks."""
         self._overruns = min(self._overruns + skipped, MOST_OVERRUNS)
-        self._overran_ns = now_ns
+        self._overran = True
 
     def reset(self) -> None:
         """Leave the fault state, as an operator would."""
         self._state = after(self._state, Event.RESET)
         self._estimator_state = INITIAL
+        self._alarms = {}
         self._started_ns = None
 
     def tick(self, now_ns: int) -> Tick:
@@ -111,8 +113,9 @@ class EcuCycle:
         if not all(map(math.isfinite, estimates)):
             findings += self._move(Event.INTERNAL_ERROR, now_ns)
             estimates, flags = NO_ESTIMATES, NOTHING
-        self._limits = self._next_limits(estimates, flags, self._period(now_ns))
-        values = self._values(estimates, flags, heard, now_ns)
+        self._limits = self._next_limits(estimates, flags, now_ns)
+        self._alarms = self._next_alarms(estimates, flags, heard, now_ns)
+        values = self._values(estimates, flags, heard)
         frames = self._answers.frames(self._ticks, values)
         self._previous_ns = now_ns
         self._ticks += 1
@@ -147,28 +150,39 @@ class EcuCycle:
         estimates, self._estimator_state = self._estimate(inputs, self._estimator_state, self._parameters)
         return estimates, valid(heard)
 
-    def _next_limits(self, estimates: Estimates, flags: Mapping[str, bool], dt: float) -> limits.Limits:
+    def _next_limits(self, estimates: Estimates, flags: Mapping[str, bool], now_ns: int) -> limits.Limits:
         rules, prediction = self._calibration.limits, self._parameters.prediction
         if not self._limits_enabled:
             return limits.unlimited(rules, prediction)
         if not flags["roll_over"]:
             return limits.safe(rules)
-        return limits.next_limits(self._limits, estimates, dt, rules, prediction)
+        dt, times = self._period(now_ns), self._times[reasons.PREVENTION]
+        return limits.next_limits(self._limits, estimates, now_ns, dt, times, rules, prediction)
 
-    def _values(self, e: Estimates, flags: Mapping[str, bool], heard: Heard, now_ns: int) -> dict[str, float]:
+    def _next_alarms(
+        self, e: Estimates, flags: Mapping[str, bool], heard: Heard, now_ns: int
+    ) -> dict[str, Alarm]:
+        rules, stop = self._calibration.warnings, self._parameters.geometry.articulation_stop
+        found = {
+            **reasons.conditions(e, heard, flags, stop, rules),
+            **reasons.roll_over_conditions(e, flags["roll_over"], self._alarms, rules),
+            "ProtectionError": self._protection_failed,
+            "CycleOverrun": self._overran,
+        }
+        self._protection_failed = self._overran = False
+        return advanced(self._alarms, found, now_ns, self._times)
+
+    def _values(self, e: Estimates, flags: Mapping[str, bool], heard: Heard) -> dict[str, float]:
         """Everything that goes into a frame, by name, SI."""
-        rules = self._calibration.warnings
-        raised = alarms.reasons(e, heard, flags, self._parameters.geometry.articulation_stop, rules)
-        raised["ProtectionError"] = _recent(self._protection_ns, now_ns)
-        raised["CycleOverrun"] = _recent(self._overran_ns, now_ns)
+        raised = {name: self._alarms[name].on for name in reasons.REASONS}
         acting, now = self._limits, limits.unlimited(self._calibration.limits, self._parameters.prediction)
         prevents = acting.cause in (limits.Cause.ROLL_OVER_PREVENTION, limits.Cause.SAFE_VALUES)
         return {
             **e._asdict(),
             **{f"{name} valid": float(flag) for name, flag in flags.items()},
             **{f"reason {name}": float(flag) for name, flag in raised.items()},
-            "warning level": float(alarms.level(raised)),
-            "roll-over state": float(alarms.roll_over_state(e, flags["roll_over"], rules)),
+            "warning level": float(reasons.level(raised)),
+            "roll-over state": float(reasons.roll_over_state(self._alarms, flags["roll_over"])),
             "limit front torque": acting.front_torque,
             "limit rear torque": acting.rear_torque,
             "limit speed": acting.speed,
@@ -182,7 +196,3 @@ class EcuCycle:
             "state": float(self._state),
             "stale inputs": float(sum(1 << group for group in heard.stale if group is not Group.DEMAND)),
         }
-
-
-def _recent(at_ns: int | None, now_ns: int) -> bool:
-    return at_ns is not None and now_ns - at_ns <= REASON_HELD_NS

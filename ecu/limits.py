@@ -8,6 +8,7 @@ the driver feels one intervention and not a flutter. Where roll-over cannot be j
 import enum
 from dataclasses import dataclass, replace
 
+from ecu.alarms import SILENT, Alarm, Times, after, below
 from ecu.calibration import LimitRules
 from ecu.estimators.estimate import Estimates
 from ecu.estimators.parameters import Prediction
@@ -34,7 +35,7 @@ class Limits:
     speed: float
     rate: float
     cause: Cause
-    engaged: bool = False  # prevention is acting; carried to the next cycle for its hysteresis
+    prevention: Alarm = SILENT  # whether prevention acts; carried to the next cycle
 
 
 def unlimited(rules: LimitRules, prediction: Prediction) -> Limits:
@@ -67,12 +68,20 @@ def torque_share(margin: float, rules: LimitRules) -> float:
 
 
 def next_limits(
-    before: Limits, estimates: Estimates, dt: float, rules: LimitRules, prediction: Prediction
+    before: Limits,
+    estimates: Estimates,
+    now_ns: int,
+    dt: float,
+    times: Times,
+    rules: LimitRules,
+    prediction: Prediction,
 ) -> Limits:
-    """The limits of this cycle from a valid prediction. dt [s]."""
+    """The limits of this cycle from a valid prediction. times: those of the prevention; dt [s]."""
     none = unlimited(rules, prediction)
     margin = min(estimates.predicted_margin, estimates.lift_off_margin)
-    engaged = margin < (rules.release_margin if before.engaged else rules.engage_margin)
+    hysteresis = rules.release_margin - rules.engage_margin
+    close = below(margin, rules.engage_margin, hysteresis, before.prevention.on)
+    prevention = after(before.prevention, close, now_ns, times)
     rate = min(estimates.permitted_rate, before.rate + rules.rate_rise * dt, none.rate)
     permitted = max(estimates.permitted_speed, rules.creep_speed)
     start = min(before.speed, max(abs(estimates.speed) + SPEED_HEADROOM, permitted))
@@ -82,9 +91,14 @@ def next_limits(
     front = min(share * none.front_torque, before.front_torque + rules.torque_rise * dt)
     rear = min(share * none.rear_torque, before.rear_torque + rules.torque_rise * dt)
     now = Limits(
-        front_torque=front, rear_torque=rear, speed=speed, rate=rate, cause=Cause.NO_LIMIT, engaged=engaged
+        front_torque=front,
+        rear_torque=rear,
+        speed=speed,
+        rate=rate,
+        cause=Cause.NO_LIMIT,
+        prevention=prevention,
     )
     limited = rate < none.rate or speed < none.speed or front < none.front_torque or rear < none.rear_torque
-    if engaged:
+    if prevention.on:
         return replace(now, cause=Cause.ROLL_OVER_PREVENTION)
     return replace(now, cause=Cause.PRECAUTION) if limited else now

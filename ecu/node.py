@@ -69,7 +69,7 @@ async def run(
                 skipped = max(ticks.expired() - 1, 0)
                 if skipped:
                     timing.missed += skipped
-                    cycle.overran(skipped, time.monotonic_ns())
+                    cycle.overran(skipped)
                 tick(ticks.due_ns)
 
     try:

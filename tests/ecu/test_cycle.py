@@ -260,7 +260,7 @@ def test_overruns_are_counted_and_execution_time_is_sent():
     ecu, machine = cycle(), FakeMachine()
     play(ecu, machine, 20)
     ecu.executed(246_000)
-    ecu.overran(3, machine.now_ns)
+    ecu.overran(3)
     values = last_values(play(ecu, machine, 2)[0])
     assert values["EcuStatus"]["Overruns"] == 3
     assert values["EcuStatus"]["ExecutionTime"] == 246
