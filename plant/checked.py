@@ -44,6 +44,11 @@ class CheckedTable:
         """The file this table is from, as given."""
         return self._file
 
+    @property
+    def values(self) -> Mapping[str, object]:
+        """The table as it was read, unchecked."""
+        return self._values
+
     def __contains__(self, key: str) -> bool:
         return key in self._values
 
@@ -84,6 +89,23 @@ class CheckedTable:
             raise self.error(key, f"= {value!r} is not a text")
         return value
 
+    def flag(self, key: str, *, default: bool) -> bool:
+        """true or false at `key`."""
+        value = self._value(key, default)
+        if not isinstance(value, bool):
+            raise self.error(key, f"= {value!r} is neither true nor false")
+        return value
+
+    def texts(self, key: str, *, count: int) -> tuple[str, ...]:
+        """The `count` non-empty texts at `key`."""
+        value = self._value(key, None)
+        if not isinstance(value, list) or len(value) != count:
+            raise self.error(key, f"= {value!r} is not a list of {count} texts")
+        items = CheckedTable(
+            {f"{key}[{i}]": item for i, item in enumerate(value)}, file=self._file, section=self._section
+        )
+        return tuple(items.text(f"{key}[{i}]") for i in range(count))
+
     def numbers(self, key: str, *, unit: str, count: int, low: float, high: float) -> tuple[float, ...]:
         """The `count` numbers at `key`, each within [low, high]."""
         value = self._value(key, None)
@@ -116,6 +138,16 @@ class CheckedTable:
         if not isinstance(value, dict):
             raise self.error(key, f"= {value!r} is not a table")
         return CheckedTable(cast("dict[str, object]", value), file=self._file, section=self._path(key))
+
+    def tables(self, key: str) -> "list[CheckedTable]":
+        """The tables of an array of tables, [[key]]; none where it is absent."""
+        value = self._value(key, [])
+        if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
+            raise self.error(key, f"= {value!r} is not an array of tables, [[{key}]]")
+        return [
+            CheckedTable(cast("dict[str, object]", item), file=self._file, section=f"{self._path(key)}[{i}]")
+            for i, item in enumerate(value)
+        ]
 
     def finish(self) -> None:
         """Refuse the keys that were not asked for."""

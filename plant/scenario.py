@@ -82,6 +82,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         equipment=replace(equipment, sensors=read_sensors(table.table("sensors"), equipment.sensors)),
         seed=table.integer("seed", low=0, high=2**32 - 1, default=0),
     )
+    table.tables("fault")  # the bench's own, which reads them with the DBC at hand
     table.finish()
     return scenario
 

@@ -1,0 +1,261 @@
+"""The faults of a run at work: every frame between plant and ECU passes here.
+
+Pure: frames and stamps in, frames, departures and actions out. No clock; equal faults, seed and calls
+give equal answers. Time runs forward: a call with an earlier stamp than the last one counts as at the last one.
+
+Faults act one after the other in the order of their numbers, each on what the ones before it left.
+"""
+
+import random
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+
+from bus.frame import Frame
+from bus.mistake import Mistake
+from dbc.database import Database, MessageCodec
+from hil.faults.passage import Action, Effect, Fault, Planned, Side
+from hil.faults.table import SECOND, read_fault
+from plant.checked import CheckedTable
+
+
+class Phase(Enum):
+    """Where a fault is in its life; DRAINING: over, but frames that it delayed are still under way."""
+
+    WAITING = "waiting"
+    ACTIVE = "active"
+    DRAINING = "draining"
+    OVER = "over"
+
+
+@dataclass(frozen=True, slots=True)
+class FaultEvent:
+    """A fault began or ended; struck: frames so far that did not pass unchanged, and those made."""
+
+    at_ns: int
+    number: int
+    label: str
+    what: str
+    struck: int
+
+
+@dataclass(slots=True, eq=False)
+class _Running:
+    """One fault with its effect, times on the caller's clock."""
+
+    number: int
+    fault: Fault
+    effect: Effect
+    begins_ns: int
+    ends_ns: int | None
+    phase: Phase = Phase.WAITING
+    struck: int = 0
+
+
+@dataclass(slots=True)
+class _Outbox:
+    """What waits to be fetched."""
+
+    frames: list[tuple[Side, Frame]] = field(default_factory=list)
+    actions: list[Action] = field(default_factory=list)
+
+
+class Injector:
+    """Faults between two sides. `events` grows as they begin and end."""
+
+    def __init__(self, database: Database, faults: Sequence[Fault] = (), *, seed: int = 0) -> None:
+        self._database = database
+        self._seed = seed
+        self._codecs: dict[int, MessageCodec | None] = {}
+        self._scripted = tuple(faults)
+        self._running: list[_Running] = []
+        self._acting: list[_Running] = []  # active or draining
+        self._count = 0
+        self._now_ns = 0
+        self._change_ns: int | None = None  # when the next fault begins or ends
+        self._outbox = _Outbox()
+        self.events: list[FaultEvent] = []
+
+    def start(self, now_ns: int) -> None:
+        """The run begins; the scripted faults count their times from here."""
+        self._now_ns = now_ns
+        for fault in self._scripted:
+            self._add(fault, now_ns)
+        self._advance(now_ns)
+
+    def pass_frame(self, side_from: Side, frame: Frame, now_ns: int) -> Sequence[Planned]:
+        """What becomes of a frame from one side: the frames that go on to the other, and when."""
+        now_ns = self._advance(now_ns)
+        planned: Sequence[Planned] = (Planned(now_ns, frame),)
+        if not self._acting:
+            return planned
+        codec = self._codec(frame.can_id)
+        for running in self._acting:
+            if running.fault.selection.covers(side_from, codec):
+                planned = _through(running, planned, side_from, codec)
+        return planned
+
+    def spontaneous(self, now_ns: int) -> list[tuple[Side, Frame]]:
+        """Frames that faults send by themselves by `now_ns`, each with the side it comes from."""
+        now_ns = self._advance(now_ns)
+        frames, self._outbox.frames = self._outbox.frames, []
+        for running in self._acting:
+            if running.phase is Phase.ACTIVE:
+                made = running.effect.due(now_ns)
+                running.struck += len(made)
+                frames += made
+        return frames
+
+    def actions(self, now_ns: int) -> list[Action]:
+        """What has to be done to processes by `now_ns`."""
+        self._advance(now_ns)
+        actions, self._outbox.actions = self._outbox.actions, []
+        return actions
+
+    def next_ns(self) -> int | None:
+        """When `spontaneous` or `actions` may have something next; None: never, unless a frame or command comes."""
+        if self._outbox.frames or self._outbox.actions:
+            return self._now_ns
+        times = [running.effect.next_ns() for running in self._acting if running.phase is Phase.ACTIVE]
+        return min((t for t in (*times, self._change_ns) if t is not None), default=None)
+
+    def command(self, request: Mapping[str, object], now_ns: int) -> dict[str, object]:
+        """Do what a live command asks for; the answer has `ok`, and `error` where it is false.
+
+        {"command": "inject", "fault": {a [[fault]] table; at_s counts from now}}
+        {"command": "list"}
+        {"command": "clear", "number": one, or every fault without it}
+        """
+        now_ns = self._advance(now_ns)
+        try:
+            match request.get("command"):
+                case "inject":
+                    return self._command_inject(request, now_ns)
+                case "list":
+                    return {"ok": True, "faults": [_listed(running, now_ns) for running in self._running]}
+                case "clear":
+                    return self._command_clear(request.get("number"), now_ns)
+                case other:
+                    return {"ok": False, "error": f"{other!r} is no command; there are inject, list, clear"}
+        except Mistake as error:
+            return {"ok": False, "error": str(error)}
+
+    def _command_inject(self, request: Mapping[str, object], now_ns: int) -> dict[str, object]:
+        table = CheckedTable(request, file="inject").table("fault")
+        running = self._add(read_fault(table, self._database), now_ns)
+        self._advance(now_ns)
+        return {"ok": True, "number": running.number, "fault": running.fault.label}
+
+    def _command_clear(self, number: object, now_ns: int) -> dict[str, object]:
+        live = [r for r in self._running if r.phase in (Phase.WAITING, Phase.ACTIVE)]
+        chosen = [r for r in live if number is None or r.number == number]
+        if number is not None and not chosen:
+            there = ", ".join(str(r.number) for r in live) or "none"
+            return {"ok": False, "error": f"no fault {number} to clear; there are: {there}"}
+        for running in chosen:
+            if running.phase is Phase.ACTIVE:
+                self._end(running, now_ns, "cleared")
+            else:
+                running.phase = Phase.OVER
+                self._note(running, now_ns, "cleared")
+        self._arrange()
+        return {"ok": True, "cleared": [r.number for r in chosen]}
+
+    def _add(self, fault: Fault, zero_ns: int) -> _Running:
+        self._count += 1
+        begins_ns = zero_ns + fault.at_ns
+        generator = random.Random(f"{self._seed}/{self._count}")
+        running = _Running(
+            number=self._count,
+            fault=fault,
+            effect=fault.settings.effect(generator),
+            begins_ns=begins_ns,
+            ends_ns=None if fault.for_ns is None else begins_ns + fault.for_ns,
+        )
+        self._running.append(running)
+        self._arrange()
+        return running
+
+    def _advance(self, now_ns: int) -> int:
+        """Begin and end what is due, in the order of time; the time that counts."""
+        self._now_ns = max(self._now_ns, now_ns)
+        while self._change_ns is not None and self._change_ns <= self._now_ns:
+            at_ns = self._change_ns
+            for running in self._running:
+                if running.phase is Phase.WAITING and running.begins_ns <= at_ns:
+                    self._begin(running)
+                elif (
+                    running.phase is Phase.ACTIVE and running.ends_ns is not None and running.ends_ns <= at_ns
+                ):
+                    self._end(running, at_ns, "ends")
+                elif running.phase is Phase.DRAINING and running.effect.drained_ns <= at_ns:
+                    running.phase = Phase.OVER
+            self._arrange()
+        return self._now_ns
+
+    def _arrange(self) -> None:
+        """Which faults act, and when that changes next."""
+        self._acting = [r for r in self._running if r.phase in (Phase.ACTIVE, Phase.DRAINING)]
+        self._change_ns = min((t for r in self._running if (t := _changes_ns(r)) is not None), default=None)
+
+    def _begin(self, running: _Running) -> None:
+        running.phase = Phase.ACTIVE
+        running.effect.begin(running.begins_ns)
+        self._outbox.actions += running.effect.begins_with
+        self._note(running, running.begins_ns, "begins")
+
+    def _end(self, running: _Running, at_ns: int, what: str) -> None:
+        last = [*running.effect.due(at_ns), *running.effect.end()]
+        self._outbox.frames += last
+        running.struck += len(last)
+        self._outbox.actions += running.effect.ends_with
+        running.phase = Phase.DRAINING
+        self._note(running, at_ns, what)
+
+    def _note(self, running: _Running, at_ns: int, what: str) -> None:
+        self.events.append(FaultEvent(at_ns, running.number, running.fault.label, what, running.struck))
+
+    def _codec(self, can_id: int) -> MessageCodec | None:
+        if can_id not in self._codecs:
+            self._codecs[can_id] = self._database.match(can_id)
+        return self._codecs[can_id]
+
+
+def _through(
+    running: _Running, planned: Sequence[Planned], side: Side, codec: MessageCodec | None
+) -> Sequence[Planned]:
+    """The frames after one fault."""
+    if running.phase is Phase.DRAINING:
+        return [running.effect.follow(each) for each in planned]
+    left: list[Planned] = []
+    for each in planned:
+        became = running.effect.passed(each, side, codec)
+        running.struck += len(became) != 1 or became[0] is not each
+        left += became
+    return left
+
+
+def _changes_ns(running: _Running) -> int | None:
+    """When the fault's phase changes next by itself."""
+    match running.phase:
+        case Phase.WAITING:
+            return running.begins_ns
+        case Phase.ACTIVE:
+            return running.ends_ns
+        case Phase.DRAINING:
+            return running.effect.drained_ns
+        case Phase.OVER:
+            return None
+
+
+def _listed(running: _Running, now_ns: int) -> dict[str, object]:
+    """One line of the list; times in seconds from now."""
+    ends_ns = running.ends_ns
+    return {
+        "number": running.number,
+        "fault": running.fault.label,
+        "phase": running.phase.value,
+        "begins_in_s": (running.begins_ns - now_ns) / SECOND,
+        "ends_in_s": None if ends_ns is None else (ends_ns - now_ns) / SECOND,
+        "struck": running.struck,
+    }

@@ -1,0 +1,123 @@
+"""Frames that come late: all by the same time, each by its own, or behind their successors."""
+
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from bus.frame import Frame
+from dbc.database import MessageCodec
+from hil.faults.loss import MS, read_probability
+from hil.faults.passage import Effect, Planned, Side
+from plant.checked import CheckedTable
+
+ACYCLIC_NS = 100 * MS
+"""Stands for the cycle time of a message that has none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Delay:
+    """Every frame goes on `least_ns` to `most_ns` later, evenly spread; no frame overtakes another of its message."""
+
+    least_ns: int
+    most_ns: int
+
+    def effect(self, generator: random.Random) -> Effect:
+        return _Delaying(self, generator)
+
+
+class _Delaying(Effect):
+    """A queue per message; it keeps the order also when the fault ends."""
+
+    def __init__(self, settings: Delay, generator: random.Random) -> None:
+        self._settings, self._generator = settings, generator
+        self._last_ns: dict[int, int] = {}
+
+    def passed(self, planned: Planned, side: Side, codec: MessageCodec | None) -> Sequence[Planned]:
+        least_ns, most_ns = self._settings.least_ns, self._settings.most_ns
+        delay_ns = least_ns if least_ns == most_ns else self._generator.randint(least_ns, most_ns)
+        behind = self.follow(Planned(planned.at_ns + delay_ns, planned.frame))
+        self._last_ns[planned.frame.can_id] = behind.at_ns
+        return (behind,)
+
+    def follow(self, planned: Planned) -> Planned:
+        last_ns = self._last_ns.get(planned.frame.can_id, 0)
+        return planned if planned.at_ns >= last_ns else Planned(last_ns, planned.frame)
+
+    @property
+    def drained_ns(self) -> int:
+        return max(self._last_ns.values(), default=0)
+
+
+@dataclass(frozen=True, slots=True)
+class Reorder:
+    """A frame is held, with a probability, until `depth` later ones of its message have overtaken it."""
+
+    probability: float
+    depth: int
+
+    def effect(self, generator: random.Random) -> Effect:
+        return _Reordering(self, generator)
+
+
+@dataclass(slots=True)
+class _Held:
+    """A frame that waits to be overtaken by `ahead` more of its message, at most until `until_ns`."""
+
+    side: Side
+    frame: Frame
+    ahead: int
+    until_ns: int
+
+
+class _Reordering(Effect):
+    """One frame of a message is held at a time; what nobody overtakes goes on after depth + 2 cycle times."""
+
+    def __init__(self, settings: Reorder, generator: random.Random) -> None:
+        self._settings, self._random = settings, generator.random
+        self._held: dict[int, _Held] = {}
+
+    def passed(self, planned: Planned, side: Side, codec: MessageCodec | None) -> Sequence[Planned]:
+        can_id = planned.frame.can_id
+        held = self._held.get(can_id)
+        if held is not None:
+            held.ahead -= 1
+            if held.ahead > 0:
+                return (planned,)
+            del self._held[can_id]
+            return planned, Planned(planned.at_ns, held.frame)
+        if self._random() >= self._settings.probability:
+            return (planned,)
+        cycle_ns = (codec.cycle_ns if codec is not None else 0) or ACYCLIC_NS
+        until_ns = planned.at_ns + (self._settings.depth + 2) * cycle_ns
+        self._held[can_id] = _Held(side, planned.frame, self._settings.depth, until_ns)
+        return ()
+
+    def due(self, now_ns: int) -> Sequence[tuple[Side, Frame]]:
+        late = [can_id for can_id, held in self._held.items() if held.until_ns <= now_ns]
+        return [self._released(can_id) for can_id in late]
+
+    def next_ns(self) -> int | None:
+        return min((held.until_ns for held in self._held.values()), default=None)
+
+    def end(self) -> Sequence[tuple[Side, Frame]]:
+        return [self._released(can_id) for can_id in list(self._held)]
+
+    def _released(self, can_id: int) -> tuple[Side, Frame]:
+        held = self._held.pop(can_id)
+        return held.side, held.frame
+
+
+def read_delay(table: CheckedTable) -> Delay:
+    """kind = "delay"."""
+    delay_ns = round(table.number("delay_ms", unit="ms", low=0.0, high=60_000.0) * MS)
+    return Delay(delay_ns, delay_ns)
+
+
+def read_jitter(table: CheckedTable) -> Delay:
+    """kind = "jitter": between nothing and `jitter_ms`."""
+    return Delay(0, round(table.number("jitter_ms", unit="ms", low=0.0, high=60_000.0) * MS))
+
+
+def read_reorder(table: CheckedTable) -> Reorder:
+    """kind = "reorder"."""
+    return Reorder(read_probability(table), table.integer("depth", low=1, high=7, default=1))

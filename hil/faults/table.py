@@ -1,0 +1,115 @@
+"""The `[[fault]]` tables of a scenario, and of a file or command with faults alone, checked against the DBC.
+
+The plant's reader of scenarios leaves these tables to the bench.
+"""
+
+import difflib
+import fnmatch
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from dbc.database import Database, MessageCodec
+from hil.faults import corruption, lateness, loss, processes, signals, traffic
+from hil.faults.passage import NODES, Fault, Selection, Settings
+from plant.checked import CheckedTable
+
+SECOND = 1_000_000_000
+LONGEST_S = 86_400.0
+
+Reader = Callable[[CheckedTable, Selection], Settings]
+
+
+def _alone(read: Callable[[CheckedTable], Settings]) -> Reader:
+    """A reader that does not need to know the selected messages."""
+    return lambda table, _: read(table)
+
+
+KINDS: Mapping[str, Reader] = {
+    "drop": _alone(loss.read_drop),
+    "repeat": _alone(loss.read_repeat),
+    "delay": _alone(lateness.read_delay),
+    "jitter": _alone(lateness.read_jitter),
+    "reorder": _alone(lateness.read_reorder),
+    "corrupt": _alone(corruption.read_corrupt),
+    "freeze": signals.read_freeze,
+    "offset": signals.read_offset,
+    "spike": signals.read_spike,
+    "swap": signals.read_swap,
+    "babble": traffic.read_babble,
+    "bus_off": lambda *_: traffic.BusOff(),
+    "kill": _alone(processes.read_kill),
+}
+WITHOUT_MESSAGES = ("bus_off", "kill")
+"""Kinds that strike a node or a process, not messages."""
+
+
+def faults_of(file: Path, database: Database, *, alone: bool = False) -> tuple[Fault, ...]:
+    """The faults of a TOML file in its order; ConfigurationError names file, key, value, unit and range.
+
+    alone: the file is to hold faults and nothing else; otherwise it is a scenario and they may be missing.
+    """
+    table = CheckedTable.from_file(file)
+    faults = tuple(read_fault(each, database) for each in table.tables("fault"))
+    if alone:
+        if not faults:
+            raise table.error("fault", "is missing: a file of faults has [[fault]] tables")
+        table.finish()
+    return faults
+
+
+def read_fault(table: CheckedTable, database: Database) -> Fault:
+    """One table."""
+    kind = table.text("kind")
+    if kind not in KINDS:
+        near = difflib.get_close_matches(kind, KINDS, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(KINDS)}"
+        raise table.error("kind", f"= {kind!r} is no kind of fault; {hint}")
+    at_s = table.number("at_s", unit="s", low=0.0, high=LONGEST_S, default=0.0)
+    for_s = table.number("for_s", unit="s", low=1e-3, high=LONGEST_S) if "for_s" in table else None
+    selection = Selection() if kind in WITHOUT_MESSAGES else _selection(table, database)
+    settings = KINDS[kind](table, selection)
+    table.finish()
+    return Fault(
+        kind=kind,
+        label=_label(kind, table.values),
+        selection=selection,
+        at_ns=round(at_s * SECOND),
+        for_ns=None if for_s is None else round(for_s * SECOND),
+        settings=settings,
+    )
+
+
+def _label(kind: str, values: Mapping[str, object]) -> str:
+    """The fault in the words of its table, without its times."""
+    said = {key: value for key, value in values.items() if key not in ("kind", "at_s", "for_s")}
+    message = [str(said.pop("message"))] if "message" in said else []
+    return " ".join([kind, *message, *(f"{key}={value}" for key, value in said.items())])
+
+
+def _selection(table: CheckedTable, database: Database) -> Selection:
+    side = traffic.read_side(table, "from") if "from" in table else None
+    pattern = table.text("message", default="*")
+    if pattern == "*":
+        return Selection(side=side)
+    codecs = matching(pattern, database)
+    if not codecs:
+        raise table.error(
+            "message", f"= {pattern!r} is no message of {database.source}{_hint(pattern, database)}"
+        )
+    senders = {NODES[node] for codec in codecs for node in codec.senders if node in NODES}
+    if side is not None and senders and side not in senders:
+        raise table.error("from", f"= {side!r}, but {pattern} comes from {' and '.join(sorted(senders))}")
+    return Selection(codecs=tuple(codecs), side=side)
+
+
+def matching(pattern: str, database: Database) -> Sequence[MessageCodec]:
+    """The messages that a name means: the one of that name, those that begin so, or those of a pattern with *."""
+    if pattern in database.by_name:
+        return [database.by_name[pattern]]
+    glob = pattern if set(pattern) & set("*?[") else f"{pattern}*"
+    return [codec for name, codec in database.by_name.items() if fnmatch.fnmatchcase(name, glob)]
+
+
+def _hint(pattern: str, database: Database) -> str:
+    near = difflib.get_close_matches(pattern, database.by_name, n=1)
+    return f"; did you mean {near[0]!r}?" if near else f"; it has {', '.join(database.by_name)}"
