@@ -278,6 +278,7 @@ def _form(form: str) -> Any:
 # Commands whose options live with their code: the module's `register(app)` adds them.
 ELSEWHERE = {
     "decode": "hil.decode",
+    "gateway": "hil.gateway.command",
 }
 
 

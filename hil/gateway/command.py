@@ -1,0 +1,40 @@
+"""`loaderhil gateway`: the process between two buses."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+DEFAULT = {"plant": "hub:/tmp/loaderhil.plant.hub", "ecu": "hub:/tmp/loaderhil.ecu.hub"}
+
+
+def gateway(
+    plant_bus: Annotated[
+        str,
+        typer.Option("--plant-bus", metavar="ADDRESS", help="Bus of the machine: hub:PATH or socketcan:IF."),
+    ] = DEFAULT["plant"],
+    ecu_bus: Annotated[
+        str, typer.Option("--ecu-bus", metavar="ADDRESS", help="Bus of the ECU: hub:PATH or socketcan:IF.")
+    ] = DEFAULT["ecu"],
+    routes: Annotated[
+        Path | None, typer.Option("--routes", metavar="FILE", help="TOML with rules beside those of the DBC.")
+    ] = None,
+    dbc: Annotated[
+        Path | None, typer.Option("--dbc", metavar="FILE", help="DBC instead of the bench's own.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Leave its log here.")] = None,
+) -> None:
+    """Routes frames between the machine's bus and the ECU's, until Ctrl-C.
+
+    Example: `loaderhil gateway --plant-bus hub:/tmp/plant.hub --ecu-bus socketcan:can0`
+    """
+    from hil.processes import gateway as process
+    from hil.processes.shell import ending_of
+
+    between = process.Between(addresses={"plant": plant_bus, "ecu": ecu_bus}, routes=routes, dbc=dbc)
+    raise typer.Exit(ending_of(lambda line: process.run(line, between, out)))
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command()(gateway)

@@ -1,0 +1,56 @@
+"""What the gateway asks of whoever injects faults, and what it gets back.
+
+The gateway calls in the order of time, from one thread, with stamps of the monotonic clock [ns]. An
+injector owns no clock and does no I/O, so that the same script gives the same faults in lockstep.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, Protocol
+
+from bus.frame import Frame
+from hil.gateway.routes import Side
+
+
+class Planned(NamedTuple):
+    """A frame to be put onto the other side's bus at `at_ns`, at once if that is past."""
+
+    at_ns: int
+    frame: Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """What an injector wants done beyond frames.
+
+    bus_off: the gateway's controller on side `target` falls silent and deaf; bus_on: it is back.
+    kill: the supervisor ends the process `target` with SIGKILL.
+    """
+
+    kind: Literal["bus_off", "bus_on", "kill"]
+    target: str
+
+
+class Injector(Protocol):
+    """Decides what becomes of each frame. Every method may be called before `start`, except `pass_frame`."""
+
+    def start(self, now_ns: int) -> None:
+        """The run begins: times of a script count from here."""
+
+    def pass_frame(self, side_from: Side, frame: Frame, now_ns: int) -> Sequence[Planned]:
+        """What to send in place of `frame`, which came from `side_from` and is routed to the other side.
+
+        () drops it; (Planned(now_ns, frame),) passes it untouched.
+        """
+
+    def spontaneous(self, now_ns: int) -> Sequence[tuple[Side, Frame]]:
+        """Frames nobody sent that are due by now: (side whose bus they go onto, frame)."""
+
+    def next_ns(self) -> int | None:
+        """When `spontaneous` or `actions` will next have something; None while nothing is planned."""
+
+    def actions(self, now_ns: int) -> Sequence[Action]:
+        """What is due by now beyond frames; each is given once."""
+
+    def command(self, message: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Obey a live command and say what came of it; a Mistake if it makes no sense."""

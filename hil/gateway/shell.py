@@ -1,0 +1,121 @@
+"""The gateway on two transports, in real time: a thin loop around the core.
+
+Plain epoll, as in the hub: a relay is a few system calls and little else. A bus that does not take a
+frame is tried again a millisecond later; meanwhile the other direction goes on.
+"""
+
+import logging
+import select
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+from bus.errors import BusFinding
+from bus.socketcan import SocketCanTransport
+from bus.ticks import Alarm
+from bus.transport import Transport
+from hil.gateway.core import Finding, GatewayCore
+from hil.gateway.injection import Action
+from hil.gateway.routes import OTHER, SIDES, Side
+
+RETRY_NS = 1_000_000
+"""How long to wait before offering frames again to a bus that took none."""
+
+log = logging.getLogger(__name__)
+
+
+def log_finding(side: Side, finding: Finding | BusFinding) -> None:
+    """One line per finding."""
+    log.warning("%s", finding if isinstance(finding, Finding) else f"{side} side: {finding}")
+
+
+class GatewayLoop:
+    """Serves two transports. Wait on `fileno`, then call `serve`; neither blocks."""
+
+    def __init__(
+        self,
+        core: GatewayCore,
+        transports: dict[Side, Transport],
+        *,
+        found: Callable[[Side, Finding | BusFinding], None] = log_finding,
+        act: Callable[[Action], None] | None = None,
+        passed: Callable[[int], None] | None = None,
+    ) -> None:
+        """found: told every finding; act: does what the core cannot (kill a process).
+
+        passed: told of every frame how long it was in here, from its bus' stamp to its sending [ns].
+        """
+        self._core = core
+        self._transports = transports
+        self._found = found
+        self._act = act
+        self._passed = passed
+        self._alarm = Alarm()
+        self._epoll = select.epoll()
+        for transport in transports.values():
+            self._epoll.register(transport.fileno(), select.EPOLLIN)
+        self._epoll.register(self._alarm.fileno(), select.EPOLLIN)
+        core.start(time.monotonic_ns())
+
+    def fileno(self) -> int:
+        """Readable when there is something to do."""
+        return self._epoll.fileno()
+
+    def serve(self) -> None:
+        """Take at most one batch from either side, and send what may be sent.
+
+        BusClosed when one of the buses is gone.
+        """
+        core = self._core
+        for side in SIDES:
+            frames = self._transports[side].drain()
+            if frames:
+                core.receive(side, frames, time.monotonic_ns())
+                self._send(OTHER[side])
+        now_ns = time.monotonic_ns()
+        for action in core.advance(now_ns):
+            if self._act is not None:
+                self._act(action)
+        waiting = [self._send(side) for side in SIDES]
+        due_ns = core.next_ns()
+        if any(waiting):
+            due_ns = min(now_ns + RETRY_NS, due_ns or now_ns + RETRY_NS)
+        self._alarm.set(due_ns)
+        self._tell()
+
+    def _send(self, side: Side) -> bool:
+        """Give a bus what waits for it; whether some of it still does."""
+        queue, counts = self._core.waiting(side), self._core.counts[side]
+        send, passed, now = self._transports[side].send, self._passed, time.monotonic_ns
+        while queue:
+            frame = queue[0]
+            if not send(frame):
+                counts.held += 1
+                return True
+            queue.popleft()
+            counts.sent += 1
+            if passed is not None and frame.at_ns:
+                passed(now() - frame.at_ns)
+        return False
+
+    def _tell(self) -> None:
+        for finding in self._core.findings():
+            self._found(finding.side, finding)
+        for side, transport in self._transports.items():
+            if isinstance(transport, SocketCanTransport):
+                for trouble in transport.findings():
+                    self._found(side, trouble)
+
+    def close(self) -> None:
+        """Release what the loop made; the transports stay open."""
+        self._epoll.close()
+        self._alarm.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, exc_type: type[BaseException] | None, exc: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,107 @@
+"""`loaderhil gateway` as a process between two hubs: it passes frames, and ends in one clear line."""
+
+import os
+import select
+import signal
+import subprocess
+import sys
+from contextlib import ExitStack, closing
+from threading import Thread
+
+import pytest
+
+from bus.address import open_transport
+from bus.frame import Frame
+from bus.hub import Hub
+from bus.hub_client import hub_status
+from dbc import loader_database
+from hil.ending import Ending
+
+pytestmark = [pytest.mark.processes, pytest.mark.timeout(60)]
+SENSOR = loader_database().by_name["Articulation"].can_id
+
+
+class RunningHub:
+    """A hub that relays in a thread of its own until it is closed."""
+
+    def __init__(self, path):
+        self.path = str(path)
+        self._hub = Hub(self.path)
+        self._thread = Thread(target=self._hub.run)
+        self._thread.start()
+
+    def close(self):
+        if self._thread.is_alive():
+            self._hub.stop()
+        self._thread.join()
+        self._hub.close()
+
+
+@pytest.fixture
+def hubs(tmp_path):
+    with ExitStack() as stack:
+        yield {side: stack.enter_context(closing(RunningHub(tmp_path / side))) for side in ("plant", "ecu")}
+
+
+@pytest.fixture
+def gateway(hubs):
+    """The process, once it is a client of both hubs."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "hil", "gateway"]
+        + [word for side, hub in hubs.items() for word in (f"--{side}-bus", f"hub:{hub.path}")],
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            while any(not hub_status(hub.path).clients for hub in hubs.values()):
+                assert process.poll() is None, process.communicate()
+            yield process
+        finally:
+            process.kill()
+
+
+def test_frames_cross_and_ctrl_c_ends_it_quietly(hubs, gateway):
+    with (
+        open_transport(f"hub:{hubs['plant'].path}") as machine,
+        open_transport(f"hub:{hubs['ecu'].path}") as controller,
+    ):
+        for n in range(500):
+            machine.send(Frame(SENSOR, n.to_bytes(8, "big")))
+        heard = []
+        while len(heard) < 500:
+            assert select.select([controller.fileno()], [], [], 5)[0]
+            heard += controller.drain()
+    assert [int.from_bytes(frame.data, "big") for frame in heard] == list(range(500))
+    gateway.send_signal(signal.SIGINT)
+    assert gateway.wait(5) == Ending.INTERRUPTED
+    assert gateway.stderr.read() == ""
+
+
+def test_a_lost_hub_is_told_in_one_line(hubs, gateway):
+    hubs["ecu"].close()
+    assert gateway.wait(5) == Ending.HUB_LOST
+    assert gateway.stderr.read() == f"loaderhil: lost the bus: {hubs['ecu'].path}: the hub is gone\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "told"),
+    [
+        (("--plant-bus", "hub:@a", "--ecu-bus", "hub:@a"), Ending.MISUSED, "between two buses"),
+        (("--routes", "nowhere.toml"), Ending.MISUSED, "nowhere.toml: cannot be read"),
+        (("--dbc", "nowhere.dbc"), Ending.MISUSED, "nowhere.dbc: cannot read the DBC"),
+        (("--plant-bus", "hub:@nobody"), Ending.HUB_LOST, "@nobody: no hub listens there"),
+    ],
+)
+def test_misuse_is_one_line(words, code, told, tmp_path):
+    result = subprocess.run(
+        [sys.executable, "-m", "hil", "gateway", *words],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=30,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": os.getcwd()},  # noqa: PTH109 - where the tests run
+    )
+    assert result.returncode == code
+    assert len(result.stderr.splitlines()) == 1
+    assert told in result.stderr
