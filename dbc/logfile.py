@@ -9,14 +9,15 @@ import zlib
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bus.frame import REMOTE, Frame
 from dbc import candump
 from dbc.errors import LogError
 
@@ -30,13 +31,14 @@ _SHORTEST_LINE = 10  # (0) c 123#
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """A line that could not be read."""
+    """What could not be read, and where: `at` is the number of a line from 1, or of a byte from 0."""
 
-    line: int
+    at: int
     reason: str
+    unit: Literal["line", "byte"] = "line"
 
     def __str__(self) -> str:
-        return f"line {self.line}: {self.reason}; skipped"
+        return f"{self.unit} {self.at}: {self.reason}{'; skipped' if self.unit == 'line' else ''}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +47,7 @@ class FrameTable:
 
     time_ns: (n,) int64; can_id: (n,) uint32 `can_id` words; length: (n,) uint8; flags: (n,) uint8 CAN FD flags;
     data: (n, 64) uint8, zero beyond length ((n, 8) when no frame is longer); channel: (n,) uint8 index into channels.
-    damaged: the first 100 damaged lines; damaged_count: how many there were.
+    damaged: the first 100 damaged places; damaged_count: how many there were.
     """
 
     time_ns: NDArray[np.int64]
@@ -60,6 +62,20 @@ class FrameTable:
 
     def __len__(self) -> int:
         return int(self.time_ns.size)
+
+    def select(self, rows: NDArray[Any]) -> Self:
+        """The table of some rows only, by index or mask; channels and damage stay."""
+        names = ("time_ns", "can_id", "length", "flags", "data", "channel")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+    def frames(self) -> Iterator[Frame]:
+        """Each row as a frame, stamped with its time in the recording."""
+        columns = (self.can_id, self.length, self.time_ns, self.flags)
+        for row, (can_id, length, at_ns, flags) in zip(
+            self.data, zip(*(column.tolist() for column in columns), strict=True), strict=True
+        ):
+            data = bytes(length) if can_id & REMOTE else row[:length].tobytes()
+            yield Frame(can_id, data, at_ns, flags)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +133,7 @@ class _Builder:
         *columns, channel = part.columns
         self._parts.append((*columns, numbers[channel]))
         for damage in part.damaged[: DAMAGE_SHOWN - len(self._damaged)]:
-            self._damaged.append(Damage(self._lines + damage.line, damage.reason))
+            self._damaged.append(Damage(self._lines + damage.at, damage.reason))
         self._damaged_count += part.damaged_count
         self._lines += part.lines
 
@@ -186,7 +202,7 @@ def read_candump(path: str | Path, progress: Callable[[int, int], None] | None =
         first = table.damaged[0]
         raise LogError(
             f"{path}: not a candump log: none of its {table.damaged_count} lines is a frame "
-            f"(line {first.line}: {first.reason})"
+            f"(line {first.at}: {first.reason})"
         )
     return table
 

@@ -72,7 +72,7 @@ def test_a_damaged_line_is_told_and_skipped(line, word):
     table = parse_candump(f"{good}\n{line}\n\n{good}\n".encode())
     assert len(table) == 2
     assert table.damaged_count == 1
-    assert table.damaged[0].line == 2
+    assert table.damaged[0].at == 2
     assert word in str(table.damaged[0])
 
 
@@ -94,7 +94,7 @@ def test_a_line_cut_off_by_a_kill_loses_only_itself(tmp_path):
 def test_many_damaged_lines_are_counted_and_the_first_hundred_named():
     table = parse_candump(b"(1.0) can0 123#11\n" + b"rubbish\n" * 500)
     assert table.damaged_count == 500
-    assert [d.line for d in table.damaged] == list(range(2, 102))
+    assert [d.at for d in table.damaged] == list(range(2, 102))
 
 
 @st.composite
@@ -176,7 +176,7 @@ def test_of_a_compressed_file_cut_short_everything_before_the_cut_is_read(tmp_pa
         assert frames(table) == frames(parse_candump(lines))
         assert len(table) > 1000
         assert table.damaged_count == 1
-        assert table.damaged[0].line == len(table) + 1
+        assert table.damaged[0].at == len(table) + 1
         assert "breaks off" in table.damaged[0].reason
 
 
@@ -197,7 +197,7 @@ def test_damage_is_numbered_through_and_bounded(tmp_path, monkeypatch):
     file.write_text("".join("rubbish\n" if i % 3 == 0 else "(1.0) can0 123#11\n" for i in range(1, 901)))
     table = read_candump(file)
     assert table.damaged_count == 300
-    assert [d.line for d in table.damaged] == [3 * k for k in range(1, 101)]
+    assert [d.at for d in table.damaged] == [3 * k for k in range(1, 101)]
 
 
 def test_can_fd_that_comes_late_widens_what_came_before(tmp_path, monkeypatch):
@@ -213,7 +213,7 @@ def test_more_channels_than_can_be_numbered_is_one_clear_error(tmp_path):
     file.write_text("".join(f"(1.0) can{i} 123#11\n" for i in range(65)))
     table = read_candump(file)
     assert len(table.channels) == 64
-    assert [d.line for d in table.damaged] == [65]
+    assert [d.at for d in table.damaged] == [65]
 
 
 def test_an_empty_file_has_no_frames(tmp_path):

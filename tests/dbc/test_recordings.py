@@ -49,7 +49,7 @@ def test_a_real_tractor(recordings, name):
     table = read_candump(file)
     lines = file.read_text().splitlines()
     joined = [i for i, line in enumerate(lines, 1) if len(line.split("#")[1]) > 16]
-    assert [d.line for d in table.damaged] == joined[:100]
+    assert [d.at for d in table.damaged] == joined[:100]
     assert len(table) == len(lines) - len(joined)
     columns = ColumnDecoder(Database.from_file(FOLDER / "j1939.dbc")).decode(table)
     assert assert_equals_cantools(table, columns, cantools.database.load_file(FOLDER / "j1939.dbc")) > 300

@@ -1,0 +1,224 @@
+"""Reads a recording of CAN frames, whatever its format, into one FrameTable.
+
+candump logs, plain or gzip-compressed, by our own parser (`dbc.logfile`); BLF and ASC through python-can;
+MF4 bus logging through asammdf, column by column. The content decides, not the suffix.
+
+python-can gives stamps in float seconds, which near today's date resolve 0.24 µs: they are rounded to the
+microsecond, as candump writes them. Error frames of BLF, ASC and MF4 carry no error bits, only that there was one.
+What is cut off or damaged is told once, with line or byte; everything before it is kept, and after a damaged line too.
+"""
+
+import struct
+import zlib
+from array import array
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, BinaryIO, Self, cast
+
+import numpy as np
+
+from bus.frame import BRS, ERROR, ESI, EXTENDED, FD, REMOTE
+from dbc.errors import LogError
+from dbc.logfile import DAMAGE_SHOWN, Damage, FrameTable, read_candump
+
+Progress = Callable[[int, int], None]
+FORMATS = "candump log, .gz of one, BLF, ASC or MF4"
+_BLF, _MF4 = (b"LOGG",), (b"MDF ", b"UnFinMF ")
+_ASC_STARTS = (b"date ", b"base ", b"// version", b"begin triggerblock")
+_REPORT_EVERY = 4096
+_MICROSECOND = 1000
+
+
+def read_frames(path: str | Path, progress: Progress | None = None) -> FrameTable:
+    """Every frame of a recording, in the order of the file (MF4: of time).
+
+    progress hears bytes read and bytes in all. LogError when the file cannot be opened, is none of FORMATS,
+    or holds not one frame; a file that is damaged or cut off gives what can be read, and where it breaks.
+    """
+    path = Path(path)
+    try:
+        size = path.stat().st_size
+        with path.open("rb") as file:
+            start = file.read(64)
+    except OSError as error:
+        raise LogError(f"{path}: cannot read the recording: {error.strerror or error}") from error
+    if size == 0:
+        raise LogError(
+            f"{path}: the recording is empty (0 bytes): was the bus silent, or its recorder killed at once?"
+        )
+    table = _reader_of(path, start)(path, progress)
+    if not len(table):
+        first = f" ({table.damaged[0]})" if table.damaged else ""
+        raise LogError(f"{path}: the recording holds not one frame{first}")
+    return table
+
+
+def _reader_of(path: Path, start: bytes) -> Callable[[Path, Progress | None], FrameTable]:
+    if start.startswith(_BLF):
+        return _read_blf
+    if start.startswith(_MF4):
+        from dbc.mf4 import read_mf4  # asammdf takes a second to load
+
+        return read_mf4
+    if path.suffix.lower() == ".asc" or start.lstrip().lower().startswith(_ASC_STARTS):
+        return _read_asc
+    return read_candump
+
+
+class _Rows:
+    """Collects python-can's messages as columns."""
+
+    def __init__(self) -> None:
+        self._time_ns, self._can_id = array("q"), array("I")
+        self._length, self._flags, self._channel = array("B"), array("B"), array("B")
+        self._data: list[bytes] = []
+        self._channels: dict[Any, int] = {}
+        self.damaged: list[Damage] = []
+        self.damaged_count = 0
+
+    def add(self, message: Any) -> None:
+        """One python-can message; ValueError if it is no whole frame."""
+        remote, error, data = message.is_remote_frame, message.is_error_frame, bytes(message.data)
+        if not remote and not error and message.dlc != len(data):
+            raise ValueError(f"{len(data)} bytes of data where {message.dlc} are announced")
+        limit = 64 if message.is_fd else 8
+        if message.dlc > limit:
+            raise ValueError(f"{message.dlc} bytes of data, more than a frame holds ({limit})")
+        number = self._channels.setdefault(message.channel, len(self._channels))
+        if number > 255:
+            raise LogError("more than 256 different channels")
+        extended = EXTENDED if message.is_extended_id and not error else 0
+        fd = FD | BRS * message.bitrate_switch | ESI * message.error_state_indicator if message.is_fd else 0
+        self._time_ns.append(round(message.timestamp * 1e6) * _MICROSECOND)
+        self._can_id.append(message.arbitration_id | extended | REMOTE * remote | ERROR * error)
+        self._length.append(message.dlc if remote else len(data))
+        self._flags.append(fd)
+        self._channel.append(number)
+        self._data.append(data)
+
+    def add_damage(self, damage: Damage) -> None:
+        """Note a place that could not be read."""
+        if len(self.damaged) < DAMAGE_SHOWN:
+            self.damaged.append(damage)
+        self.damaged_count += 1
+
+    def __len__(self) -> int:
+        return len(self._data)
+
+    def table(self) -> FrameTable:
+        """Everything added."""
+        width = 64 if any(flags & FD for flags in self._flags) else 8
+        joined = b"".join(data.ljust(width, b"\0") for data in self._data)
+        return FrameTable(
+            time_ns=np.array(self._time_ns, np.int64),
+            can_id=np.array(self._can_id, np.uint32),
+            length=np.array(self._length, np.uint8),
+            flags=np.array(self._flags, np.uint8),
+            data=np.frombuffer(joined, np.uint8).reshape(len(self._data), width),
+            channel=np.array(self._channel, np.uint8),
+            channels=tuple(channel_name(channel) for channel in self._channels),
+            damaged=tuple(self.damaged),
+            damaged_count=self.damaged_count,
+        )
+
+
+def channel_name(channel: int | str | None) -> str:
+    """What a channel is called that the format only numbers (from 0): can0, can1, ..."""
+    if channel is None:
+        return "can"
+    return f"can{channel}" if isinstance(channel, int) else channel
+
+
+def _read_blf(path: Path, progress: Progress | None) -> FrameTable:
+    from can.io.blf import BLFParseError, BLFReader
+
+    size, rows = path.stat().st_size, _Rows()
+    with path.open("rb") as file:
+        end = _blf_end(file, size)
+        try:
+            for message in BLFReader(file):
+                rows.add(message)
+                if progress is not None and len(rows) % _REPORT_EVERY == 0:
+                    progress(file.tell(), size)
+        except (BLFParseError, struct.error, zlib.error, ValueError) as error:
+            at = min(end, file.tell()) if not file.closed else end
+            rows.add_damage(Damage(at, f"not readable from here ({error or 'no object begins'})", "byte"))
+        else:
+            if end < size:
+                rows.add_damage(Damage(end, "the file breaks off inside an object", "byte"))
+    return rows.table()
+
+
+def _blf_end(file: BinaryIO, size: int) -> int:
+    """Where the last whole object of a BLF file ends [bytes]; leaves the file at its start."""
+    header = file.read(8)
+    at = int.from_bytes(header[4:8], "little")
+    while at + 16 <= size:
+        file.seek(at)
+        signature, _, _, length, _ = struct.unpack("<4sHHLL", file.read(16))
+        if signature != b"LOBJ" or length < 16 or at + length > size:
+            break
+        at = min(at + length + length % 4, size)
+    file.seek(0)
+    return min(at, size)
+
+
+class _NumberedLines:
+    """A text file for python-can's reader that knows which line it is at, and can go on after a bad one.
+
+    cut: whether the file ends inside a line; that line is left out, as half a number is still a number.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._resumed = False
+        self.number = 0
+        self.cut = False
+
+    def resume(self) -> None:
+        """The reader will look for a header again: the next line says that there is none."""
+        self._resumed = True
+
+    def close(self) -> None:
+        """The reader has done with it; the file belongs to whoever opened it."""
+
+    def __iter__(self) -> Self:
+        return self
+
+    def __next__(self) -> str:
+        if self._resumed:
+            self._resumed = False
+            return "internal events logged\n"
+        line = self._file.readline()
+        if not line:
+            raise StopIteration
+        self.number += 1
+        self.cut = not line.endswith(b"\n") and not line.lower().startswith(b"end triggerblock")
+        if self.cut:
+            raise StopIteration
+        return line.decode("utf-8", "replace")
+
+
+def _read_asc(path: Path, progress: Progress | None) -> FrameTable:
+    from can.io.asc import ASCReader
+
+    size, rows = path.stat().st_size, _Rows()
+    with path.open("rb") as file:
+        lines = _NumberedLines(file)
+        reader = ASCReader(cast(Any, lines), relative_timestamp=False)
+        messages: Iterator[Any] = iter(reader)
+        while True:
+            try:
+                message = next(messages)
+                rows.add(message)
+            except StopIteration:
+                break
+            except (ValueError, IndexError) as error:
+                rows.add_damage(Damage(lines.number, f"not a frame: {error}"))
+                lines.resume()
+                messages = iter(reader)
+            if progress is not None and lines.number % _REPORT_EVERY == 0:
+                progress(file.tell(), size)
+        if lines.cut:
+            rows.add_damage(Damage(lines.number, "the file ends inside this line"))
+    return rows.table()
