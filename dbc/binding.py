@@ -23,6 +23,7 @@ class Binding:
     encode(values): frame bytes. Values are saturated to the DBC's range; NaN becomes "not
         available" (EncodeError if the signal has no such code). Other signals are "not
         available" where they can say so and else raw 0; CRC and counter are left 0.
+    factors: SI value per value in the DBC's unit, in the order of `signals`.
     """
 
     decode: Callable[[bytes], tuple[float, ...]]
@@ -32,6 +33,7 @@ class Binding:
         self.codec = codec
         self.signals = tuple(signals)
         chosen = [(_signal(codec, name), _factor(codec, name, unit)) for name, unit in signals.items()]
+        self.factors = tuple(factor for _, factor in chosen)
         layout = [signal for signal, _ in chosen]
         self.decode = codegen.compile_function(_decode_source(chosen, codec.length), codec.name, layout)
         self.encode = codegen.compile_function(_encode_source(chosen, codec), codec.name, layout)
@@ -78,7 +80,9 @@ def _encode_source(chosen: Sequence[tuple[Signal, float]], codec: MessageCodec) 
         lines += _saturated(i, signal, factor)
         parts.append((signal, codegen.place(signal, f"r{i}", codec.length)))
     named = {signal.name for signal, _ in chosen}
-    parts += [(s, _resting(s, codec.length)) for s in codec.layout if s.name not in named]
+    parts += [
+        (s, codegen.place(s, str(resting(s)), codec.length)) for s in codec.layout if s.name not in named
+    ]
     lines.append(f"    return {codegen.close_frame(parts, codec.length)}\n")
     return "\n".join(lines)
 
@@ -102,7 +106,6 @@ def _from_si(i: int, factor: float) -> str:
     return f"v{i}" if factor == 1 else f"v{i} / {factor!r}"
 
 
-def _resting(signal: Signal, length: int) -> str:
-    """Bits of a signal that the binding does not send."""
-    absent = None if signal.name in _PROTECTION else signal.not_available
-    return codegen.place(signal, str(absent or 0), length)
+def resting(signal: Signal) -> int:
+    """Raw value of a signal that is not sent."""
+    return 0 if signal.name in _PROTECTION else signal.not_available or 0

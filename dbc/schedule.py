@@ -6,57 +6,44 @@ Cycle times, protection and ranges come from the DBC; units are checked against 
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bus.frame import Frame
-from dbc.binding import Binding
 from dbc.database import Database, MessageCodec
-from dbc.protection import Protector
-
-Signals = Mapping[str, tuple[str, str]]
-"""Of one message: signal -> (SI unit, name of the value that goes into it)."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Outgoing:
-    """One message: when it is due, and how it is made."""
-
-    codec: MessageCodec
-    binding: Binding
-    sources: tuple[str, ...]
-    protector: Protector | None
-    every: int  # ticks
-    phase: int  # tick within `every`
-
-    def frame(self, values: Mapping[str, float]) -> Frame:
-        data = self.binding.encode([values[source] for source in self.sources])
-        return Frame(self.codec.can_id, self.protector.protect(data) if self.protector else data)
+from dbc.packing import Packer, Signals
 
 
 class FrameSchedule:
     """Makes the frames of one sender."""
 
     def __init__(
-        self, database: Database, sender: str, messages: Mapping[str, Signals], *, tick_ns: int
+        self,
+        database: Database,
+        sender: str,
+        messages: Mapping[str, Signals],
+        *,
+        tick_ns: int,
+        sources: Sequence[str] | None = None,
     ) -> None:
+        """sources: names of the values in the order of the vector that `pack` takes."""
         _check_complete(database, sender, messages)
         codecs = sorted((database.by_name[name] for name in messages), key=lambda codec: codec.cycle_ns)
         cycles = [_ticks(codec, tick_ns) for codec in codecs]
-        self._outgoing = [
-            _Outgoing(
-                codec=codec,
-                binding=Binding(codec, {signal: unit for signal, (unit, _) in messages[codec.name].items()}),
-                sources=tuple(source for _, source in messages[codec.name].values()),
-                protector=Protector(codec) if codec.e2e_data_id is not None else None,
-                every=every,
-                phase=phase,
-            )
-            for codec, every, phase in zip(codecs, cycles, phases(cycles), strict=True)
-        ]
+        self._packer = Packer([(codec, messages[codec.name]) for codec in codecs], sources)
+        self._plans = [self._packer.plan(due) for due in due_messages(cycles, phases(cycles))]
+        self._sources = self._packer.sources
 
     def frames(self, tick: int, values: Mapping[str, float]) -> list[Frame]:
-        """The frames due at tick number `tick`."""
-        return [out.frame(values) for out in self._outgoing if tick % out.every == out.phase]
+        """The frames due at tick number `tick`; values: SI, by name."""
+        return self.pack(
+            tick, np.fromiter(map(values.__getitem__, self._sources), np.float64, len(self._sources))
+        )
+
+    def pack(self, tick: int, values: NDArray[np.float64]) -> list[Frame]:
+        """The same from the values as a vector in the order of `sources`."""
+        return self._packer.pack(self._plans[tick % len(self._plans)], values)
 
 
 def phases(cycles: Sequence[int]) -> list[int]:
@@ -69,6 +56,18 @@ def phases(cycles: Sequence[int]) -> list[int]:
             load[tick] += 1
         chosen.append(phase)
     return chosen
+
+
+def due_messages(cycles: Sequence[int], phases: Sequence[int]) -> list[list[int]]:
+    """Of each tick until everything repeats, which messages are due."""
+    return [
+        [
+            number
+            for number, (every, phase) in enumerate(zip(cycles, phases, strict=True))
+            if tick % every == phase
+        ]
+        for tick in range(math.lcm(*cycles))
+    ]
 
 
 def _check_complete(database: Database, sender: str, messages: Mapping[str, Signals]) -> None:

@@ -5,7 +5,8 @@ from typing import Final
 
 from bus.frame import Frame
 from dbc.database import Database
-from dbc.schedule import FrameSchedule, Signals
+from dbc.packing import Signals
+from dbc.schedule import FrameSchedule
 
 ECU = "EstimatorEcu"
 TICK_NS: Final = 10_000_000

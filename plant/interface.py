@@ -6,7 +6,7 @@ Signal names of the DBC meet names of the plant here and in `plant.reception`, a
 import math
 from collections.abc import Mapping
 
-from dbc.schedule import Signals
+from dbc.packing import Signals
 from plant.driver import Demand
 from plant.sensors import CHANNELS, INDEX, WHEELS, Health, Readings
 from plant.truth import Truth
