@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from discrepancy.command import examine
+from discrepancy.examine import examine
 from discrepancy.findings import Findings
 from discrepancy.model import Model
 from discrepancy.models import ball, car, road

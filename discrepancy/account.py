@@ -11,7 +11,7 @@ from discrepancy.model import Effect, Parameter
 from discrepancy.noise import Noise
 from discrepancy.openended import OpenEnded
 from discrepancy.problem import Problem
-from discrepancy.recording import Array
+from discrepancy.recording import Array, Complaint
 from discrepancy.screen import Score, active, inflation_of, penalty, time_blocks
 from discrepancy.search import Settings, State, project_out
 
@@ -62,7 +62,7 @@ def candidates(
         elif score.power == 0.0:
             verdict, reason = "could not be judged", _why_invisible(problem, effect)
         elif last.power < ENOUGH_POWER:
-            text = f"a typical {effect.name} would be noticed with probability {last.power:.2f}"
+            text = "a typical one would hardly be noticed here"
             verdict, reason = "could not be judged", f"{text}; needs {effect.excited_by or 'more data'}"
         elif first[score.effect].statistic > penalty(
             len(active(effect)), len(problem.model.effects), settings.alpha
@@ -172,9 +172,6 @@ def whiteness(innovations: Array, order: int) -> float:
     return float(chi2.sf(n * (n + 2) * q, lags - order))
 
 
-def complaints(problem: Problem) -> list[f.Complaint]:
+def complaints(made: Sequence[Complaint]) -> list[f.Complaint]:
     """What was wrong with the recordings."""
-    return [
-        f.Complaint(recording=c.recording, signal=c.signal, text=c.text, fatal=c.fatal)
-        for c in problem.complaints
-    ]
+    return [f.Complaint(recording=c.recording, signal=c.signal, text=c.text, fatal=c.fatal) for c in made]

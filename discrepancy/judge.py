@@ -73,7 +73,7 @@ def judge(problem: Problem, settings: Settings, progress: Progress = lambda _: N
         nuisances=account.nuisances(problem, state),
         noise=account.channel_noise(problem, state),
         missing_channels=list(problem.missing),
-        complaints=account.complaints(problem),
+        complaints=account.complaints(problem.complaints),
         simulations=problem.simulations,
         samples=int(problem.measured.size),
     )
@@ -81,7 +81,13 @@ def judge(problem: Problem, settings: Settings, progress: Progress = lambda _: N
 
 def nothing_usable(model: str, recordings: Sequence[str], error: Unusable) -> f.Findings:
     """The verdict on recordings that cannot be used at all."""
-    return f.Findings(model=model, recordings=list(recordings), status="inconclusive", reasons=[str(error)])
+    return f.Findings(
+        model=model,
+        recordings=list(recordings),
+        status="inconclusive",
+        reasons=[str(error)],
+        complaints=account.complaints(error.complaints),
+    )
 
 
 def backward(problem: Problem, state: State, settings: Settings) -> State:

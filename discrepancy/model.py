@@ -147,7 +147,8 @@ class Model:
     """Inputs, outputs, units, nuisances, effects and the function. `optional` inputs may be missing.
 
     window_s, lead_s: length of a window and of what is simulated before it; held_out_s: stretches held out in turn,
-    None for whole windows (shorter ones where an effect is a profile along the recording).
+    None for whole windows (shorter ones where an effect is a profile along the recording); constants: what each recording
+    must say beside its signals, with units; held: channels whose values stand until the next one (commands).
     """
 
     name: str
@@ -162,6 +163,8 @@ class Model:
     lead_s: float = 0.0
     held_out_s: float | None = None
     optional: Mapping[str, str] = field(default_factory=dict)
+    constants: Mapping[str, str] = field(default_factory=dict)
+    held: tuple[str, ...] = ()
     ports: tuple[Port, ...] = ()
     manoeuvres: tuple[Manoeuvre, ...] = ()
 

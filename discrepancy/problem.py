@@ -59,7 +59,12 @@ class Values:
 
 
 class Unusable(ValueError):
-    """Nothing can be concluded from these recordings with this model; the message says why."""
+    """Nothing can be concluded from these recordings with this model; the fatal complaints say why."""
+
+    def __init__(self, complaints: Sequence[Complaint]) -> None:
+        reasons = [f"{c.recording}: {c.signal} {c.text}".replace(":  ", ": ") for c in complaints if c.fatal]
+        super().__init__("; ".join(reasons) or "no recordings were given")
+        self.complaints = tuple(complaints)
 
 
 class Problem:
@@ -81,6 +86,7 @@ class Problem:
             if usable is None:
                 continue
             outputs, interval = usable
+            before = len(self.windows)
             for window in cut(model, clean, interval):
                 index = len(self.windows)
                 runs = list(_runs(window, {name: clean.signals[name] for name in outputs}))
@@ -92,9 +98,12 @@ class Problem:
                     self.blocks.append(Block(index, group, channels, time_s, rows))
                     measured.append(values.ravel())
                     rows += values.size
+            if len(self.windows) == before:
+                low, high = interval
+                text = f"have no {FEWEST_SAMPLES} samples in a row from {low:.6g} to {high:.6g} s, where all inputs exist"
+                self.complaints.append(Complaint(recording.name, "outputs", text, fatal=True))
         if not self.windows:
-            reasons = "; ".join(f"{c.recording}: {c.signal} {c.text}" for c in self.complaints if c.fatal)
-            raise Unusable(reasons or "no recordings were given")
+            raise Unusable(self.complaints)
         self.measured = np.concatenate(measured)
         self.channels = tuple(dict.fromkeys(name for block in self.blocks for name in block.channels))
         self.missing = tuple(name for name in model.outputs if name not in self.channels)
@@ -114,6 +123,10 @@ class Problem:
             found, expected = recording.signals[name].unit, wanted[name]
             if not parse_unit(found).same_quantity(parse_unit(expected)):
                 complain(name, f"is in {found}, the model {model.name} needs {expected}", fatal=True)
+                fine = False
+        for name, unit in model.constants.items():
+            if name not in recording.constants:
+                complain(name, f"is missing, a constant of each recording [{unit}]", fatal=True)
                 fine = False
         for name in model.inputs:
             if name not in recording.signals:
@@ -151,7 +164,7 @@ class Problem:
         start = max(s.time_s[0] for s in driving) if model.inputs else min(s.time_s[0] for s in driving)
         end = min(s.time_s[-1] for s in driving) if model.inputs else max(s.time_s[-1] for s in driving)
         if end - start < FEWEST_SAMPLES * model.step_s:
-            complain("inputs", f"exist together for only {end - start:.3g} s", fatal=True)
+            complain("inputs", _apart(recording, driving, start, end), fatal=True)
             return None
         return outputs, (float(start), float(end))
 
@@ -199,6 +212,14 @@ class Problem:
                     block.time_s, grid, seen[name]
                 )
         return rows
+
+
+def _apart(recording: Recording, driving: Sequence[Signal], start: float, end: float) -> str:
+    if end >= start:
+        return f"exist together for only {end - start:.3g} s"
+    names = {id(s): name for name, s in recording.signals.items()}
+    spans = ", ".join(f"{names[id(s)]} {s.time_s[0]:.6g} to {s.time_s[-1]:.6g} s" for s in driving)
+    return f"have no time in common ({spans}): recorded with different clocks?"
 
 
 def cut(model: Model, recording: Recording, interval: tuple[float, float]) -> Iterable[Window]:

@@ -1,9 +1,12 @@
 """Units as exponents of SI base units, so that every coefficient found carries the unit it must have.
 
-The radian is kept as a unit of its own when printed, and counts as 1 when two units are compared.
+The radian is kept as a unit of its own when printed, and counts as 1 when two units are compared. Models speak SI; what
+recordings are headed with (km/h, deg, bar) is converted where they are read.
 """
 
+import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -18,7 +21,16 @@ DERIVED = {
     "Hz": {"s": -1},
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
 }
-_FACTOR = re.compile(r"([A-Za-z%1]+)(?:\^(-?\d+))?$")
+# what recordings are headed with: name -> SI unit and what one of it is in that
+FOREIGN = {
+    "km": ("m", 1e3), "cm": ("m", 1e-2), "mm": ("m", 1e-3), "um": ("m", 1e-6), "µm": ("m", 1e-6), "l": ("m^3", 1e-3),
+    "h": ("s", 3600.0), "min": ("s", 60.0), "ms": ("s", 1e-3), "us": ("s", 1e-6), "µs": ("s", 1e-6), "ns": ("s", 1e-9),
+    "deg": ("rad", math.pi / 180.0), "°": ("rad", math.pi / 180.0), "mrad": ("rad", 1e-3), "rev": ("rad", 2.0 * math.pi),
+    "t": ("kg", 1e3), "kN": ("N", 1e3), "Nm": ("N.m", 1.0), "kNm": ("N.m", 1e3), "kW": ("W", 1e3), "kJ": ("J", 1e3),
+    "bar": ("Pa", 1e5), "mbar": ("Pa", 1e2), "kPa": ("Pa", 1e3), "MPa": ("Pa", 1e6), "g": ("m/s^2", 9.80665),
+    "%": ("1", 1e-2), "rpm": ("rad/s", math.pi / 30.0), "mV": ("V", 1e-3), "mA": ("A", 1e-3), "kHz": ("Hz", 1e3),
+}  # fmt: skip
+_FACTOR = re.compile(r"([A-Za-z%°µ1]+)(?:\^(-?\d+))?$")
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,19 +67,89 @@ class Unit:
         return self.exponents[:-1] == other.exponents[:-1]
 
 
+@dataclass(frozen=True, slots=True)
+class Scaled:
+    """A unit and how many of it one of the text is: 'km/h' is 1/3.6 m/s."""
+
+    unit: Unit
+    factor: float
+
+
 def parse_unit(text: str) -> Unit:
     """Read 'm/s^2', 'N.m', 'rad/s', 'kg/(m.s)', '1'. Raises ValueError naming the part it cannot read."""
-    above, _, below = text.replace(" ", "").replace("²", "^2").replace("*", ".").partition("/")
     total = Unit((Fraction(0),) * len(BASE))
-    for part, sign in ((above, 1), (below.strip("()"), -1)):
-        for factor in filter(None, part.split(".")):
-            match = _FACTOR.match(factor)
-            if match is None or (match[1] not in DERIVED and match[1] not in BASE):
-                known = ", ".join((*BASE, *DERIVED))
-                raise ValueError(
-                    f"unit {text!r}: cannot read {factor!r}; known are {known}, as in 'm/s^2', 'kg/(m.s)'"
-                )
-            power = sign * int(match[2] or 1)
-            exponents = DERIVED.get(match[1], {match[1]: 1})
-            total = total * Unit(tuple(Fraction(exponents.get(name, 0) * power) for name in BASE))
+    for name, power in _factors(text):
+        if name not in DERIVED and name not in BASE:
+            raise _unreadable(text, name)
+        total = total * _si(name) ** power
     return total
+
+
+def parse_scaled(text: str) -> Scaled:
+    """The same for headings of recordings, which may be 'km/h', 'deg/s', 'kN', 'bar', '%' or empty (a plain number)."""
+    unit, factor = Unit((Fraction(0),) * len(BASE)), 1.0
+    for name, power in _factors(text):
+        if name in FOREIGN:
+            of, size = FOREIGN[name]
+            unit, factor = unit * parse_unit(of) ** power, factor * size**power
+        elif name in DERIVED or name in BASE:
+            unit = unit * _si(name) ** power
+        else:
+            raise _unreadable(text, name, *FOREIGN)
+    return Scaled(unit, factor)
+
+
+def _si(name: str) -> Unit:
+    exponents = DERIVED.get(name, {name: 1})
+    return Unit(tuple(Fraction(exponents.get(base, 0)) for base in BASE))
+
+
+def _factors(text: str) -> Iterator[tuple[str, int]]:
+    above, _, below = (
+        text.replace(" ", "").replace("²", "^2").replace("³", "^3").replace("*", ".").partition("/")
+    )
+    for part, sign in ((above, 1), (below.strip("()"), -1)):
+        for factor in filter(None, part.replace("·", ".").split(".")):
+            match = _FACTOR.match(factor)
+            if match is None:
+                raise _unreadable(text, factor)
+            yield match[1], sign * int(match[2] or 1)
+
+
+def _unreadable(text: str, part: str, *more: str) -> ValueError:
+    known = ", ".join((*BASE, *DERIVED, *more))
+    return ValueError(f"unit {text!r}: cannot read {part!r}; known are {known}, as in 'm/s^2', 'kg/(m.s)'")
+
+
+CONFUSED = (
+    "km/h",
+    "deg",
+    "deg/s",
+    "rpm",
+    "g",
+    "mm",
+    "mm/s",
+    "km",
+    "ms",
+    "kN",
+    "kNm",
+    "bar",
+    "kPa",
+    "MPa",
+    "%",
+    "t",
+    "l",
+    "l/s",
+)
+
+
+def confusions(si: str) -> dict[str, float]:
+    """Mistaken headings of a quantity whose unit is `si`: in words, and how many times too large the numbers are then."""
+    unit = parse_unit(si)
+    found = {}
+    for text in CONFUSED:
+        scaled = parse_scaled(text)
+        if scaled.unit == unit:
+            found[f"{text} under a heading of {si}"] = 1.0 / scaled.factor
+            found[f"{si} under a heading of {text}"] = scaled.factor
+    return found

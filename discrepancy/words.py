@@ -1,5 +1,7 @@
 """Findings in plain words for the terminal."""
 
+from collections.abc import Iterator
+
 from rich.console import Console
 from rich.markup import escape
 from rich.panel import Panel
@@ -29,6 +31,8 @@ def tell(result: Findings, console: Console, *, all_candidates: bool = False) ->
         console.print(f"{mark}{text}[/]", highlight=False)
     if result.candidates:
         console.print(_ranking(result, all_candidates))
+        for line in _reasons(result):
+            console.print(escape(line), highlight=False)
     strained = [n for n in result.nuisances if n.prior_sd and abs(n.after - n.before) > 2.0 * n.prior_sd]
     for n in strained:
         away = abs(n.after - n.before) / (n.prior_sd or 1.0)
@@ -99,17 +103,24 @@ def _open(result: Findings) -> str:
 
 
 def _ranking(result: Findings, everything: bool) -> Table:
-    table = Table(title="All candidates, by their score on the baseline", title_justify="left", box=None)
-    for column in ("effect", "verdict", "score", "power", "hidden by nuisances", "why"):
+    table = Table(title="Candidates by their score on the baseline", title_justify="left", box=None)
+    for column in ("effect", "verdict", "score", "power", "hidden by nuisances"):
         table.add_column(column, justify="right" if column in ("score", "power") else "left")
     rows = result.candidates if everything else result.candidates[:12]
     for c in rows:
         table.add_row(
-            escape(c.effect),
-            c.verdict,
-            f"{c.statistic:.1f}",
-            f"{c.power:.2f}",
-            f"{c.absorbed:.0%}",
-            escape(c.reason),
+            escape(c.effect), c.verdict, f"{c.statistic:.1f}", f"{c.power:.2f}", f"{c.absorbed:.0%}"
         )
     return table
+
+
+def _reasons(result: Findings) -> Iterator[str]:
+    """What each verdict rests on, effects of one reason in one line."""
+    ruled_out = [c.effect for c in result.candidates if c.verdict == "ruled out"]
+    if ruled_out:
+        yield f"Ruled out, a typical one would have been noticed: {', '.join(ruled_out)}"
+    by_reason: dict[str, list[str]] = {}
+    for c in result.candidates:
+        if c.verdict in ("could not be judged", "not needed"):
+            by_reason.setdefault(f"{c.verdict.capitalize()}, {c.reason}", []).append(c.effect)
+    yield from (f"{reason}: {', '.join(effects)}" for reason, effects in by_reason.items())

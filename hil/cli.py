@@ -279,6 +279,7 @@ def _form(form: str) -> Any:
 ELSEWHERE = {
     "decode": "hil.decode",
     "gateway": "hil.gateway.command",
+    "diagnose": "hil.diagnose.command",
 }
 
 

@@ -135,6 +135,7 @@ def model(*, without: tuple[str, ...] = ()) -> Model:
         sentence="a ball in free fall, seen by a camera",
         inputs={},
         outputs={"height": "m", "speed": "m/s"},
+        constants={"mass": "kg", "diameter": "m"},
         nuisances=NUISANCES,
         effects=tuple(e for e in LIBRARY if e.name not in without),
         simulate=_with_defaults,

@@ -143,9 +143,10 @@ def model(*, reference: bool = True, without: tuple[str, ...] = ()) -> Model:
     """The car. reference: motion capture is in the recording; else speed comes from throttle alone."""
     inputs = {"steering": "1", "throttle": "1"} | ({"speed_reference": "m/s"} if reference else {})
     return Model(
-        name="dart",
+        name="car",
         sentence="a small car with a steering servo, a gyro and a wheel encoder",
         inputs=inputs,
+        held=("steering", "throttle"),
         outputs={"gyro": "rad/s", "encoder": "m/s", "yaw_rate_reference": "rad/s"},
         nuisances=NUISANCES if reference else (*NUISANCES, *DRIVE),
         effects=tuple(e for e in (*PHYSICS, *SENSORS) if e.name not in without),
@@ -175,26 +176,36 @@ def _slalom(reference: bool) -> Manoeuvre:
     )
 
 
+DART = (
+    "vicon time",
+    "vicon x",
+    "vicon y",
+    "vicon yaw",
+    "W (IMU)",
+    "vel encoder",
+    "throttle",
+    "steering",
+)
+
+
+def is_dart(path: Path) -> bool:
+    """Whether a CSV file, maybe compressed, has DART's columns."""
+    opener = gzip.open if path.suffix == ".gz" else open
+    try:
+        with opener(path, "rt", newline="") as file:
+            return set(DART) <= set(next(csv.reader(file), []))
+    except (OSError, EOFError, UnicodeDecodeError, csv.Error):
+        return False
+
+
 def load_dart(path: Path, *, reference: bool = True) -> Recording:
     """One file of DART; slow sensors repeat in its 100 Hz rows and are reduced to their own samples."""
     opener = gzip.open if path.suffix == ".gz" else open
     with opener(path, "rt", newline="") as file:
         rows = list(csv.DictReader(file))
-    needed = (
-        "vicon time",
-        "vicon x",
-        "vicon y",
-        "vicon yaw",
-        "W (IMU)",
-        "vel encoder",
-        "throttle",
-        "steering",
-    )
-    if not rows or (gone := [name for name in needed if name not in rows[0]]):
-        raise ValueError(
-            f"{path.name}: not a DART recording; missing columns: {', '.join(gone) if rows else 'all'}"
-        )
-    column = {name: np.array([float(row[name]) for row in rows]) for name in needed}
+    if not rows:
+        raise ValueError(f"{path.name}: has a heading but no rows")
+    column = {name: np.array([float(row[name]) for row in rows]) for name in DART}
     time_s = column["vicon time"] - column["vicon time"][0]
     moving = slice(*_moving(column["vel encoder"]))
     time_s = time_s[moving]

@@ -186,6 +186,7 @@ def model(*, without: tuple[str, ...] = ()) -> Model:
         name="straight",
         sentence="a wheel loader driving straight",
         inputs={"drive_force": "N", "brake_force": "N"},
+        held=("drive_force", "brake_force"),
         outputs={"speed": "m/s", "acceleration": "m/s^2"},
         nuisances=(
             Parameter(

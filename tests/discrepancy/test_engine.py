@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from discrepancy.account import estimate
-from discrepancy.command import examine
+from discrepancy.examine import examine
 from discrepancy.findings import Estimate, Findings
 from discrepancy.fit import fit
 from discrepancy.noise import estimate_noise, white_noise

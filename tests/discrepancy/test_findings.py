@@ -2,13 +2,12 @@
 
 import io
 import json
-from pathlib import Path
 
 import pytest
 from pydantic import ValidationError
 from rich.console import Console
 
-from discrepancy.command import diagnose, examine
+from discrepancy.examine import examine
 from discrepancy.findings import SCHEMA, from_json, schema_text, to_json
 from discrepancy.search import Settings
 from discrepancy.words import tell
@@ -42,24 +41,3 @@ def test_the_words_name_effect_value_and_what_was_ruled_out() -> None:
     text = out.getvalue()
     for expected in ("explained", "leak = 0.0", "closes", "ruled out", "level delay"):
         assert expected in text
-
-
-def test_misuse_ends_with_exit_code_2_and_says_what_would_be_right(tmp_path: Path) -> None:
-    for model, path, expected in (
-        ("submarine", tmp_path, "there are ball"),
-        ("ball", tmp_path / "gone", "does not exist"),
-        ("ball", tmp_path, "--part"),
-        ("dart", tmp_path, "no *.csv.gz"),
-    ):
-        out = io.StringIO()
-        assert diagnose([path], model=model, console=Console(file=out, width=200)) == 2
-        assert expected in out.getvalue()
-
-
-def test_a_file_that_is_not_what_it_says_is_named(tmp_path: Path) -> None:
-    broken = tmp_path / "drive.csv"
-    broken.write_text("a,b\n1,2\n")
-    out = io.StringIO()
-    assert diagnose([broken], model="dart", console=Console(file=out, width=200)) == 2
-    assert "drive.csv" in out.getvalue()
-    assert "missing columns" in out.getvalue()

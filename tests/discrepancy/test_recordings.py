@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from discrepancy.command import examine
+from discrepancy.examine import examine
 from discrepancy.findings import Findings
 from discrepancy.models import ball, car, road
 from discrepancy.recording import Recording

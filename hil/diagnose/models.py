@@ -1,0 +1,123 @@
+"""Which model is meant: one that comes with loaderhil by name, or the user's own in a Python file."""
+
+import importlib.util
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from bus.mistake import Mistake
+from discrepancy.model import Model
+from discrepancy.models import ball, car, road, straight
+from discrepancy.recording import Recording
+
+T = TypeVar("T")
+Build = Callable[[Sequence[Recording]], Model]
+ReadNative = Callable[[Path, str | None], list[Recording] | None]
+
+
+class NoModel(Mistake, ValueError):
+    """The model that was asked for is not there, or not a model."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A model for recordings, made once these are read; `native` reads its own published data sets, None if it is none."""
+
+    name: str
+    build: Build
+    native: ReadNative
+    data: str = ""
+
+    @property
+    def channels(self) -> Model:
+        """The model before any recording is known: its channels with their units."""
+        return self.build(())
+
+
+def _no_data_set(_: Path, __: str | None) -> None:
+    return None
+
+
+def _drops(path: Path, part: str | None) -> list[Recording] | None:
+    if not (path / "ball_drops.csv").is_file():
+        return None
+    if part is None:
+        raise NoModel(
+            f"{path} holds drops of several balls; name one by --part: {', '.join(map(repr, ball.WEIGHED))}"
+        )
+    return ball.load_drops(path, part)
+
+
+def _dart(path: Path, part: str | None) -> list[Recording] | None:
+    files = sorted(path.glob("*.csv.gz")) if path.is_dir() else [path]
+    if not files or not all(car.is_dart(file) for file in files):
+        return None
+    return [car.load_dart(file, reference=part != "on-board") for file in files]
+
+
+def _build_car(recordings: Sequence[Recording]) -> Model:
+    return car.model(reference=all("speed_reference" in r.signals for r in recordings))
+
+
+def _comma(path: Path, _: str | None) -> list[Recording] | None:
+    return [road.load_comma(path)] if (path / "segment40.npz").is_file() else None
+
+
+NAMED = {
+    choice.name: choice
+    for choice in (
+        Choice("ball", lambda _: ball.model(), _drops, "folder with ball_drops.csv and balls.txt, with --part BALL"),
+        Choice("car", _build_car, _dart, "DART csv.gz or a folder of them; --part on-board leaves motion capture out"),
+        Choice("road", road.model, _comma, "folder of the comma2k19 minute with its DBC"),
+        Choice("straight", lambda _: straight.model(), _no_data_set),
+    )
+}  # fmt: skip
+
+
+def find_model(text: str) -> Choice:
+    """By name, or from a file that defines `model`: a Model, or a function of the recordings that returns one."""
+    if text in NAMED:
+        return NAMED[text]
+    path = Path(text)
+    if path.suffix != ".py":
+        raise NoModel(f"no model '{text}'; there are {', '.join(NAMED)}, or a FILE.py that defines `model`")
+    if not path.is_file():
+        raise NoModel(f"{path}: no such file; a model is a Python file that defines `model`")
+    made = _defined(path)
+    if isinstance(made, Model):
+        return Choice(made.name, lambda _: made, _no_data_set)
+    if not callable(made):
+        what = "does not define `model`" if made is None else f"defines `model` as {type(made).__name__}"
+        raise NoModel(f"{path}: {what}; it must be a discrepancy.model.Model or a function that makes one")
+
+    def build(recordings: Sequence[Recording]) -> Model:
+        model = _told(path, lambda: made(recordings))
+        if not isinstance(model, Model):
+            raise NoModel(f"{path}: model(recordings) returned {type(model).__name__}, not a Model")
+        return model
+
+    return Choice(build(()).name, build, _no_data_set)
+
+
+def _defined(path: Path) -> object:
+    spec = importlib.util.spec_from_file_location(f"loaderhil_model_{path.stem}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module, loader = importlib.util.module_from_spec(spec), spec.loader
+    sys.modules[spec.name] = module  # dataclasses look their module up
+    _told(path, lambda: loader.exec_module(module))
+    return getattr(module, "model", None)
+
+
+def _told(path: Path, run: Callable[[], T]) -> T:
+    """Run the user's code; its mistakes become one line with the file's own line number."""
+    try:
+        return run()
+    except Exception as error:
+        frames = [f for f in traceback.extract_tb(error.__traceback__) if Path(f.filename) == path]
+        line = frames[-1].lineno if frames else getattr(error, "lineno", None)
+        at = f", line {line}" if line else ""
+        raise NoModel(f"{path}{at}: {type(error).__name__}: {error}") from error

@@ -1,0 +1,71 @@
+"""Files for `loaderhil diagnose`, made from the tank of tests/discrepancy."""
+
+import csv
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from discrepancy.findings import Findings, from_json
+from discrepancy.recording import Recording
+from hil import cli
+
+MODEL = "from tests.discrepancy.toys import tank\nmodel = tank({})\n"
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """How a call of the command line ended."""
+
+    code: int
+    out: str
+    err: str
+    result: Findings | None
+
+
+Call = Callable[..., Ended]
+
+
+@pytest.fixture
+def loaderhil(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
+    """Call the command line as a user does; findings.json is read back where one was written."""
+
+    def call(*words: object) -> Ended:
+        folder = tmp_path / f"out{len(list(tmp_path.glob('out*')))}"
+        monkeypatch.setattr(sys, "argv", ["loaderhil", *map(str, words), "--out", str(folder)])
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        said = capsys.readouterr()
+        code = ended.value.code
+        found = folder / "findings.json"
+        result = from_json(found.read_text()) if found.is_file() else None
+        return Ended(int(code) if code is not None else 0, said.out, said.err, result)
+
+    return call
+
+
+def model_file(folder: Path, *effects: str) -> Path:
+    """A FILE.py with the tank; effects: its library, all if none."""
+    path = folder / "tank.py"
+    path.write_text(MODEL.format(", ".join(map(repr, effects))))
+    return path
+
+
+def columns(recording: Recording) -> dict[str, np.ndarray]:
+    """Headed columns of a recording of the tank."""
+    inflow, level = recording.signals["inflow"], recording.signals["level"]
+    return {"time [s]": inflow.time_s, "inflow [m/s]": inflow.value, "level [m]": level.value}
+
+
+def write_csv(path: Path, table: Mapping[str, np.ndarray], separator: str = ",", decimal: str = ".") -> Path:
+    """All columns of one length; NaN becomes an empty cell."""
+    with path.open("w", newline="") as stream:
+        out = csv.writer(stream, delimiter=separator)
+        out.writerow(table)
+        for row in zip(*(c.tolist() for c in table.values()), strict=True):
+            out.writerow(["" if np.isnan(v) else repr(float(v)).replace(".", decimal) for v in row])
+    return path
