@@ -104,6 +104,9 @@ def run(
     strict: Annotated[
         bool, typer.Option("--strict", help="Timing that could not be judged counts as failed.")
     ] = False,
+    inject: Annotated[
+        Path | None, typer.Option("--inject", metavar="FILE", help="TOML file with [[fault]] tables.")
+    ] = None,
 ) -> None:
     """Run one scenario and say what happened.
 
@@ -112,7 +115,14 @@ def run(
     from hil.compose import Choice
     from hil.console import tell_run
 
-    choice = Choice(scenario=scenario, form=_form(form), limits=limits, payload_kg=payload_kg, seed=seed)
+    choice = Choice(
+        scenario=scenario,
+        form=_form(form),
+        limits=limits,
+        payload_kg=payload_kg,
+        seed=seed,
+        inject=inject,
+    )
     folder = out or Path("out") / Path(scenario).stem
     raise typer.Exit(tell_run(choice, folder, realtime=realtime, strict=strict))
 

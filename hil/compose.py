@@ -10,11 +10,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bus.mistake import Mistake
+from dbc import loader_database
 from hil.ecu_side import Form, ecu_cycle
+from hil.faults.injector import Injector
+from hil.faults.mortal import MortalEcu, MortalPlant, acting_on
+from hil.faults.table import faults_of
+from hil.faults.wire import FaultyWire
 from hil.lockstep import Lockstep
 from hil.rundir import Mode, RunRecord
+from plant.equipment import find_file
 from plant.machine import load_machine
-from plant.scenario import Scenario, load_scenario
+from plant.scenario import FOLDER, Scenario, load_scenario
 from plant.unit import PlantUnit
 
 
@@ -27,6 +33,7 @@ class Choice:
     """What to run. None takes the scenario's own value.
 
     scenario: a shipped name or the path of a TOML file; limits: whether the ECU limits the machine.
+    inject: a TOML file with more faults than the scenario has of its own.
     """
 
     scenario: str
@@ -34,6 +41,7 @@ class Choice:
     limits: bool = True
     payload_kg: float | None = None
     seed: int | None = None
+    inject: Path | None = None
 
     def load(self) -> Scenario:
         """The scenario with the choices applied."""
@@ -43,6 +51,14 @@ class Choice:
                 raise ChoiceError(f"--payload-kg {self.payload_kg:g} kg is outside 0 .. 20000 kg")
             scenario = replace(scenario, payload_mass=self.payload_kg)
         return scenario if self.seed is None else replace(scenario, seed=self.seed)
+
+    def injector(self) -> Injector | None:
+        """The faults of the scenario, then those of `inject`, drawn from the seed; None if there are none."""
+        database = loader_database()
+        faults = faults_of(find_file(_named(self.scenario), FOLDER, "scenario"), database)
+        if self.inject is not None:
+            faults += faults_of(self.inject, database, alone=True)
+        return Injector(database, faults, seed=self.load().seed) if faults else None
 
     def arguments(self) -> list[str]:
         """The same choice as command-line arguments of `loaderhil plant`."""
@@ -64,10 +80,20 @@ def plant_unit(scenario: Scenario) -> PlantUnit:
 
 
 def lockstep(
-    scenario: Scenario, *, form: Form = "corrected", limits: bool = True, reference: bool = True
+    scenario: Scenario,
+    *,
+    form: Form = "corrected",
+    limits: bool = True,
+    reference: bool = True,
+    injector: Injector | None = None,
 ) -> Lockstep:
     """The two on one virtual clock; reference: with the frames of the test instrumentation."""
-    return Lockstep(plant_unit(scenario), ecu_cycle(form=form, limits=limits), reference=reference)
+    if injector is None:
+        return Lockstep(plant_unit(scenario), ecu_cycle(form=form, limits=limits), reference=reference)
+    plant, ecu = MortalPlant(plant_unit(scenario)), MortalEcu(lambda: ecu_cycle(form=form, limits=limits))
+    injector.start(0)
+    wire = FaultyWire(injector, acting_on(plant, ecu))
+    return Lockstep(plant, ecu, wire=wire, reference=reference)
 
 
 def record_of(scenario: Scenario, *, form: Form, limits: bool, mode: Mode) -> RunRecord:

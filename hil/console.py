@@ -12,6 +12,7 @@ from rich.table import Table
 
 from hil.compose import Choice
 from hil.ending import Ending
+from hil.faults.record import Injected, read_faults
 from hil.judgement import judge_run, timing_of
 from hil.realtime import run_realtime
 from hil.rundir import RunDirectory
@@ -49,6 +50,7 @@ def tell_run(choice: Choice, out: Path, *, realtime: bool, strict: bool) -> Endi
         verdicts.append(judge_timing(timing))
     console.print(table)
     tell_verdicts(verdicts)
+    tell_faults(read_faults(out))
     console.print(f"run directory: {out}")
     return exit_code(verdicts, strict=strict)
 
@@ -117,6 +119,16 @@ def _lift_off(run: RunVerdict) -> str:
     if run.lift_off_s is None or run.lifting_wheel is None:
         return "none"
     return f"{run.lift_off_s:.2f} s, {WHEELS[run.lifting_wheel]}"
+
+
+def tell_faults(faults: Sequence[Injected]) -> None:
+    """What was injected, one line each."""
+    for fault in faults:
+        until = "the end" if fault.ended_s is None else f"{fault.ended_s:.2f} s"
+        struck = f"{fault.struck} frames" if fault.struck else "no frame"
+        console.print(
+            f"injected     {escape(fault.fault)}: {fault.began_s:.2f} s to {until}, {struck}", soft_wrap=True
+        )
 
 
 def _seconds(value: float | None) -> str:

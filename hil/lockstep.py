@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from bus.frame import Frame
-from hil.wire import Wire
+from hil.wire import Carrier, Wire
 
 MS = 1_000_000
 PERIOD_NS = 10 * MS
@@ -71,7 +71,7 @@ class Lockstep:
     """The bench of one run; `step` is one tick, `run` goes on until the plant has finished."""
 
     def __init__(
-        self, plant: PlantSide, ecu: EcuSide, *, wire: Wire | None = None, reference: bool = True
+        self, plant: PlantSide, ecu: EcuSide, *, wire: Carrier | None = None, reference: bool = True
     ) -> None:
         """reference: whether to record the test instrumentation's frames, which the ECU never sees."""
         self._plant = plant

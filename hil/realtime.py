@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hil import rundir
-from hil.compose import Choice, record_of
+from hil.compose import Choice, ChoiceError, record_of
 from hil.ending import Ending
 from hil.rundir import RunRecord
 from hil.runs import RunResult
@@ -58,6 +58,10 @@ def run_realtime(
 ) -> RunResult:
     """Run `choice` as processes and leave the run directory `out`."""
     scenario = choice.load()
+    if choice.injector() is not None:
+        raise ChoiceError(
+            f"{choice.scenario}: has faults to inject; in real time that takes the gateway, without it run in lockstep"
+        )
     record = record_of(scenario, form=choice.form, limits=choice.limits, mode="realtime")
     rundir.begin(out, record)
     with _sigterm_interrupts(), hub_address() as address, Supervisor(on_event) as supervisor:

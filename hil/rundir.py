@@ -6,6 +6,7 @@
     reference.log   the frames of the test instrumentation, which the ECU never sees (optional)
     timing.npz      per tick of a real-time run: lateness, execution, due time [ns] (optional)
     ecu.log, plant.log   findings of the processes of a real-time run, one line each (optional)
+    faults.json     what was injected, when, and how many frames it struck (optional)
 
 A killed run leaves a directory that still reads: what is missing or cut off is listed in
 `problems`, everything else is there.
@@ -33,7 +34,8 @@ from dbc.logfile import read_candump
 
 RECORD, TRUTH, BUS, REFERENCE, TIMING = "run.json", "truth.npz", "bus.log", "reference.log", "timing.npz"
 ECU_LOG, PLANT_LOG = "ecu.log", "plant.log"
-FILES = (RECORD, TRUTH, BUS, REFERENCE, TIMING, ECU_LOG, PLANT_LOG)
+FAULTS = "faults.json"
+FILES = (RECORD, TRUTH, BUS, REFERENCE, TIMING, ECU_LOG, PLANT_LOG, FAULTS)
 
 Mode = Literal["lockstep", "realtime"]
 Outcome = Literal["running", "finished", "interrupted", "failed"]

@@ -10,6 +10,7 @@ from dbc.writer import CandumpWriter
 from hil import rundir
 from hil.compose import Choice, lockstep, record_of
 from hil.ending import Ending
+from hil.faults.record import injected, write_faults
 from hil.lockstep import Recording
 from hil.rundir import RunRecord
 
@@ -28,10 +29,10 @@ class RunResult:
 
 def run_lockstep(choice: Choice, out: Path, progress: Callable[[float], None] | None = None) -> RunResult:
     """Run `choice` on the virtual clock and leave the run directory `out`; `progress` hears simulated seconds."""
-    scenario = choice.load()
+    scenario, injector = choice.load(), choice.injector()
     record = record_of(scenario, form=choice.form, limits=choice.limits, mode="lockstep")
     rundir.begin(out, record)
-    bench = lockstep(scenario, form=choice.form, limits=choice.limits)
+    bench = lockstep(scenario, form=choice.form, limits=choice.limits, injector=injector)
     ending = Ending.PASSED
     try:
         bench.run(progress)
@@ -39,6 +40,9 @@ def run_lockstep(choice: Choice, out: Path, progress: Callable[[float], None] | 
         ending = Ending.INTERRUPTED
     recording = bench.recording
     write_recording(out, recording)
+    if injector is not None:
+        injector.finish(bench.now_ns)
+        write_faults(out, injected(injector.events))
     record = replace(
         record,
         outcome="finished" if ending is Ending.PASSED else "interrupted",

@@ -11,6 +11,7 @@ stuff bits, which costs more than a whole lockstep tick may.)
 
 from collections.abc import Iterable
 from operator import itemgetter
+from typing import Protocol
 
 from bus.arbitration import priority
 from bus.frame import EXTENDED, Frame
@@ -22,6 +23,14 @@ _priority = itemgetter(0)
 def wire_bits(frame: Frame) -> int:
     """Bits that a classic frame occupies, interframe space included, stuff bits not."""
     return (67 if frame.can_id & EXTENDED else 47) + 8 * len(frame.data)
+
+
+class Carrier(Protocol):
+    """What lockstep needs of a wire: `Wire`, or one on which faults are injected."""
+
+    def put(self, frames: Iterable[Frame], now_ns: int, sender: str) -> None: ...
+
+    def take(self, until_ns: int) -> list[tuple[str, Frame]]: ...
 
 
 class Wire:

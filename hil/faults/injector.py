@@ -14,7 +14,7 @@ from enum import Enum
 from bus.frame import Frame
 from bus.mistake import Mistake
 from dbc.database import Database, MessageCodec
-from hil.faults.passage import Action, Effect, Fault, Planned, Side
+from hil.faults.passage import OTHER, Action, Effect, Fault, Planned, Side
 from hil.faults.table import SECOND, read_fault
 from plant.checked import CheckedTable
 
@@ -96,7 +96,7 @@ class Injector:
         return planned
 
     def spontaneous(self, now_ns: int) -> list[tuple[Side, Frame]]:
-        """Frames that faults send by themselves by `now_ns`, each with the side it comes from."""
+        """Frames that faults send by themselves by `now_ns`, each with the side whose bus it goes onto."""
         now_ns = self._advance(now_ns)
         frames, self._outbox.frames = self._outbox.frames, []
         for running in self._acting:
@@ -104,7 +104,7 @@ class Injector:
                 made = running.effect.due(now_ns)
                 running.struck += len(made)
                 frames += made
-        return frames
+        return [(OTHER[side_from], frame) for side_from, frame in frames]
 
     def actions(self, now_ns: int) -> list[Action]:
         """What has to be done to processes by `now_ns`."""
@@ -119,14 +119,23 @@ class Injector:
         times = [running.effect.next_ns() for running in self._acting if running.phase is Phase.ACTIVE]
         return min((t for t in (*times, self._change_ns) if t is not None), default=None)
 
-    def command(self, request: Mapping[str, object], now_ns: int) -> dict[str, object]:
+    def finish(self, now_ns: int) -> None:
+        """The run is over, and with it every fault."""
+        now_ns = self._advance(now_ns)
+        for running in self._acting:
+            if running.phase is Phase.ACTIVE:
+                self._end(running, now_ns, "ends")
+
+    def command(self, request: Mapping[str, object], now_ns: int | None = None) -> dict[str, object]:
         """Do what a live command asks for; the answer has `ok`, and `error` where it is false.
+
+        now_ns: None stands for the stamp of the last call.
 
         {"command": "inject", "fault": {a [[fault]] table; at_s counts from now}}
         {"command": "list"}
         {"command": "clear", "number": one, or every fault without it}
         """
-        now_ns = self._advance(now_ns)
+        now_ns = self._advance(self._now_ns if now_ns is None else now_ns)
         try:
             match request.get("command"):
                 case "inject":

@@ -14,6 +14,7 @@ from dbc.database import MessageCodec
 Side = Literal["plant", "ecu"]
 """Where a frame comes from; it goes to the other side."""
 SIDES: tuple[Side, Side] = ("plant", "ecu")
+OTHER: dict[Side, Side] = {"plant": "ecu", "ecu": "plant"}
 NODES: dict[str, Side] = {"Machine": "plant", "EstimatorEcu": "ecu"}
 """Nodes of the DBC and the side each stands for."""
 
@@ -27,10 +28,14 @@ class Planned(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """What the shell has to do to a process of the bench."""
+    """What the shell has to do beyond frames.
 
-    what: Literal["kill", "restart"]
-    process: Side
+    bus_off: the controller on the bus of side `target` falls silent and deaf; bus_on: it is back.
+    kill: the process `target` is to end by SIGKILL; restart: it is to be started again.
+    """
+
+    kind: Literal["bus_off", "bus_on", "kill", "restart"]
+    target: Side
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,7 +36,7 @@ KINDS: Mapping[str, Reader] = {
     "spike": signals.read_spike,
     "swap": signals.read_swap,
     "babble": traffic.read_babble,
-    "bus_off": lambda *_: traffic.BusOff(),
+    "bus_off": _alone(traffic.read_bus_off),
     "kill": _alone(processes.read_kill),
 }
 WITHOUT_MESSAGES = ("bus_off", "kill")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from bus.frame import EXTENDED, EXTENDED_MASK, STANDARD_MASK, Frame
 from dbc.database import MessageCodec
-from hil.faults.passage import SIDES, Effect, Planned, Selection, Side
+from hil.faults.passage import SIDES, Action, Effect, Planned, Selection, Side
 from plant.checked import CheckedTable
 
 US = 1_000
@@ -56,13 +56,19 @@ class _Babbling(Effect):
 
 @dataclass(frozen=True, slots=True)
 class BusOff:
-    """A node is off the bus: with two nodes on it nothing goes either way."""
+    """The controller of a node is off the bus: with two nodes on it nothing goes either way."""
+
+    node: Side
 
     def effect(self, generator: random.Random) -> Effect:
-        return _Silence()
+        return _Silence(self.node)
 
 
 class _Silence(Effect):
+    def __init__(self, node: Side) -> None:
+        self.begins_with = (Action("bus_off", node),)
+        self.ends_with = (Action("bus_on", node),)
+
     def passed(self, planned: Planned, side: Side, codec: MessageCodec | None) -> Sequence[Planned]:
         return ()
 
@@ -87,6 +93,11 @@ def read_babble(table: CheckedTable, selection: Selection) -> Babble:
         interval_ns=round(table.number("interval_us", unit="us", low=50.0, high=1e6, default=250.0) * US),
         length=table.integer("length", low=0, high=8, default=8),
     )
+
+
+def read_bus_off(table: CheckedTable) -> BusOff:
+    """kind = "bus_off"."""
+    return BusOff(read_side(table, "node"))
 
 
 def _identifier(table: CheckedTable) -> int:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from importlib.resources import files
 
+from hil.faults.record import read_faults
 from hil.render import Film, Picture, Pictures, arrow_key
 from hil.report import bands, figures, histogram, plot, signals
 from hil.report.axis import Axis
@@ -29,6 +30,7 @@ def page(sections: Sequence[Section]) -> str:
         ("missing", "What is missing", _problems(sections)),
         ("machine", "The machine", _machine(sections)),
         ("figures", "What happened", _figures(sections, lambda s: figures.what_happened(s.verdict))),
+        ("faults", "Injected faults", _faults(sections)),
         ("states", "States and warnings", _states(sections, lines)),
         *((_slug(name), name, markup) for name, markup in _plots(sections, lines)),
         ("errors", "Estimation errors", _errors(sections)),
@@ -200,6 +202,18 @@ def _states(sections: Sequence[Section], lines: Sequence[Timeline]) -> str:
     ]
     raised = [(s.name, _raised(s)) for s in sections]
     return _columns(drawn) + _columns(raised)
+
+
+def _faults(sections: Sequence[Section]) -> str:
+    return _columns([(s.name, _injected(s)) for s in sections])
+
+
+def _injected(section: Section) -> str:
+    rows = [
+        (f.fault, f"{f.began_s:.2f}", "–" if f.ended_s is None else f"{f.ended_s:.2f}", str(f.struck))
+        for f in read_faults(section.run.path)
+    ]
+    return _table(("fault", "from [s]", "to [s]", "frames"), rows, numbers_from=1) if rows else ""
 
 
 def _raised(section: Section) -> str:

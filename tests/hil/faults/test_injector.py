@@ -59,6 +59,17 @@ def test_a_kill_is_an_action_and_its_end_a_restart():
     assert one.actions(1600 * MS) == [Action("restart", "ecu")]
 
 
+def test_a_bus_off_is_told_to_the_shell_too():
+    one = injector({"kind": "bus_off", "node": "plant", "for_s": 1.0})
+    assert one.actions(0) == [Action("bus_off", "plant")]
+    assert one.actions(1000 * MS) == [Action("bus_on", "plant")]
+
+
+def test_spontaneous_frames_go_onto_the_bus_of_the_other_side():
+    one = injector({"kind": "babble", "from": "plant"})
+    assert [side for side, _ in one.spontaneous(0)] == ["ecu"]
+
+
 def test_a_live_fault_counts_from_now_and_ends_by_itself():
     one = injector()
     (frame,) = frames(SPEEDS, 1)
@@ -71,7 +82,8 @@ def test_a_live_fault_counts_from_now_and_ends_by_itself():
 
 def test_the_list_names_phase_times_and_frames():
     one = injector(
-        {"kind": "drop", "message": SPEEDS, "at_s": 0.0, "for_s": 1.0}, {"kind": "bus_off", "at_s": 2.0}
+        {"kind": "drop", "message": SPEEDS, "at_s": 0.0, "for_s": 1.0},
+        {"kind": "bus_off", "node": "ecu", "at_s": 2.0},
     )
     for frame in frames(SPEEDS, 3):
         one.pass_frame("plant", frame, 250 * MS)
@@ -79,13 +91,13 @@ def test_the_list_names_phase_times_and_frames():
         "ok": True,
         "faults": [
             {"number": 1, "fault": f"drop {SPEEDS}", "phase": "active", "begins_in_s": -0.5, "ends_in_s": 0.5, "struck": 3},
-            {"number": 2, "fault": "bus_off", "phase": "waiting", "begins_in_s": 1.5, "ends_in_s": None, "struck": 0},
+            {"number": 2, "fault": "bus_off node=ecu", "phase": "waiting", "begins_in_s": 1.5, "ends_in_s": None, "struck": 0},
         ],
     }  # fmt: skip
 
 
 def test_clearing_one_or_all():
-    one = injector({"kind": "drop"}, {"kind": "bus_off"}, {"kind": "drop", "at_s": 9.0})
+    one = injector({"kind": "drop"}, {"kind": "bus_off", "node": "ecu"}, {"kind": "drop", "at_s": 9.0})
     (frame,) = frames(SPEEDS, 1)
     assert one.command({"command": "clear", "number": 2}, MS) == {"ok": True, "cleared": [2]}
     assert not one.pass_frame("plant", frame, MS)

@@ -150,7 +150,7 @@ def test_the_receiver_finds_what_was_done():
 
 
 def test_bus_off_silences_both_directions_for_its_time():
-    table = {"kind": "bus_off", "at_s": 0.1, "for_s": 0.1}
+    table = {"kind": "bus_off", "node": "ecu", "at_s": 0.1, "for_s": 0.1}
     for side, message in (("plant", SPEEDS), ("ecu", "Limits")):
         sent = frames(message, 30)
         arrived = passed(injector(table), sent, side=side)

@@ -19,7 +19,7 @@ GOOD = {
     "spike": {"message": "LiftPressure", "signal": "LiftCylinderPressure", "height": 2000.0, "every": 10},
     "swap": {"message": "WheelSpeedsRear", "signals": ["Left", "Right"]},
     "babble": {"from": "plant", "interval_us": 300.0},
-    "bus_off": {},
+    "bus_off": {"node": "ecu"},
     "kill": {"process": "ecu"},
 }
 
@@ -75,7 +75,7 @@ def test_a_good_table_is_read(kind):
         ({"kind": "babble", "message": "WheelSpeeds"}, "a babbling node has one identifier"),
         ({"kind": "babble", "identifier": 4096}, "fault.identifier = 4096 is outside 0..2047"),
         ({"kind": "corrupt", "valid_crc": 1}, "fault.valid_crc = 1 is neither true nor false"),
-        ({"kind": "bus_off", "message": "Limits"}, "fault.message is not a known key"),
+        ({"kind": "bus_off", "node": "ecu", "message": "Limits"}, "fault.message is not a known key"),
         ({"kind": "kill", "process": "hub"}, "fault.process = 'hub' is not one of plant, ecu"),
     ],
 )
@@ -114,6 +114,7 @@ at_s = 0.5
 
 [[fault]]
 kind = "bus_off"
+node = "plant"
 at_s = 0.7
 for_s = 0.1
 """

@@ -52,6 +52,7 @@ def released(injector, until_ns):
     out = []
     while (next_ns := injector.next_ns()) is not None and next_ns <= until_ns:
         out += [(next_ns, frame) for _, frame in injector.spontaneous(next_ns)]
+        injector.actions(next_ns)
     return out
 
 
