@@ -10,6 +10,7 @@ from hil.faults.passage import Action
 from hil.faults.record import read_faults
 from hil.lockstep import Lockstep
 from hil.realtime import run_realtime
+from hil.render import Pictures
 from hil.report import write_report
 from hil.rundir import RunDirectory
 from hil.runs import run_lockstep
@@ -105,7 +106,8 @@ def test_the_faults_of_an_earlier_run_are_removed(run):
     assert read_faults(run().path) == []
 
 
-def test_the_report_lists_what_was_injected(run, tmp_path):
+def test_the_report_lists_what_was_injected(run, tmp_path, monkeypatch):
+    monkeypatch.setattr("hil.report.section.pictures_of", lambda *_: Pictures())
     page = write_report([run(GYRO_DIES).path], tmp_path / "report.html").read_text()
     assert "Injected faults" in page
     assert "drop BodyRates" in page
