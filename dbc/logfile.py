@@ -221,7 +221,7 @@ def _parsed(texts: Iterator[bytes]) -> Iterator[_Part]:
 
 
 def _whole_lines(pieces: Iterator[bytes], breaks: list[str]) -> Iterator[bytes]:
-    """The pieces, cut at ends of lines; where compressed data break off, the line they cut is dropped.
+    """The pieces, cut at ends of lines; what follows the last end of a line is half a frame and dropped.
 
     breaks: receives the reason if that happens.
     """
@@ -237,8 +237,8 @@ def _whole_lines(pieces: Iterator[bytes], breaks: list[str]) -> Iterator[bytes]:
     except (zlib.error, EOFError) as error:
         breaks.append(f"the compressed file breaks off here ({error})")
         return
-    if rest:
-        yield rest
+    if rest.strip():
+        breaks.append("the file ends inside this line")
 
 
 def _pieces(file: BinaryIO) -> Iterator[bytes]:

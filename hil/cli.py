@@ -215,21 +215,6 @@ def hub(
 
 
 @app.command()
-def record(
-    log: Annotated[Path, typer.Argument(metavar="FILE", help="Log to write, candump -L format.")],
-    bus: BusOption = DEFAULT_BUS,
-) -> None:
-    """Every frame of a bus into a log, until Ctrl-C; a killed recorder leaves a readable file.
-
-    Example: `loaderhil record drive.log --bus socketcan:can0`
-    """
-    from hil.processes import recorder as process
-    from hil.processes.shell import ending_of
-
-    raise typer.Exit(ending_of(lambda line: process.run(line, bus, log)))
-
-
-@app.command()
 def scenarios() -> None:
     """List the drive cases that come with loaderhil."""
     from hil.console import tell_scenarios
@@ -290,6 +275,7 @@ ELSEWHERE = {
     "decode": "hil.decode",
     "gateway": "hil.gateway.command",
     "diagnose": "hil.diagnose.command",
+    "record": "hil.recording.command",
 }
 
 

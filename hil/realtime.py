@@ -84,7 +84,10 @@ def _drive(
     """Start everything, let the plant run, say how it ended."""
     hub = supervisor.start("hub", loaderhil("hub", "--bus", address))
     supervisor.wait_ready([hub], HUB_READY_S)
-    recorder = supervisor.start("recorder", loaderhil("record", str(out / rundir.BUS), "--bus", address))
+    log = str(out / rundir.BUS)
+    recorder = supervisor.start(
+        "recorder", loaderhil("record", f"loader={address}", "--out", log, "--monotonic")
+    )
     ecu_options = ["--form", choice.form, *([] if choice.limits else ["--no-limits"])]
     ecu = supervisor.start("ecu", loaderhil("ecu", "--bus", address, *ecu_options, "--out", str(out)))
     plant = supervisor.start(

@@ -83,12 +83,16 @@ def test_what_a_damaged_line_left_behind_is_wiped():
 
 
 def test_a_line_cut_off_by_a_kill_loses_only_itself(tmp_path):
+    """Wherever the cut is: half a frame can look like a whole one."""
     file = tmp_path / "cut.log"
-    whole = "".join(f"({i}.000000) can0 123#{i:02X}\n" for i in range(50))
-    file.write_text(whole[:-8])
-    table = read_candump(file)
-    assert len(table) == 49
-    assert table.damaged_count == 1
+    whole = "".join(f"({i}.000000) can0 123#{i:02X}1122\n" for i in range(50))
+    for cut in range(1, len("(49.000000) can0 123#311122")):
+        file.write_text(whole[:-cut])
+        table = read_candump(file)
+        assert len(table) == 49
+        assert [str(damage) for damage in table.damaged] == [
+            "line 50: the file ends inside this line; skipped"
+        ]
 
 
 def test_many_damaged_lines_are_counted_and_the_first_hundred_named():

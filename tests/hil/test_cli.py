@@ -11,7 +11,7 @@ from hil.cli import app
 from hil.decode import register
 from hil.ending import Ending
 
-COMMANDS = ("demo", "run", "plant", "ecu", "hub", "record", "scenarios", "report", "campaign", "decode")
+COMMANDS = ("demo", "run", "plant", "ecu", "hub", "scenarios", "report", "campaign", "decode")
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,6 @@ def test_every_command_explains_itself(invoke, command):
         ("run", "loaded", "--form", "guessed"),
         ("run", "loaded", "--payload-kg", "-1"),
         ("fly",),
-        ("record",),
     ],
 )
 def test_misuse_is_exit_code_2(invoke, words):

@@ -1,0 +1,1 @@
+"""Recording a bus off the control path, and playing recordings back."""

@@ -1,0 +1,77 @@
+"""`loaderhil record`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hil.recording.formats import check_suffix
+from hil.recording.ring import SLOTS
+
+MEBIBYTE = 1 << 20
+
+
+def record(
+    buses: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="BUS...", help="Addresses (hub:PATH, socketcan:INTERFACE), each alone or as NAME=ADDRESS."
+        ),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", metavar="FILE", help="New file; its suffix names the format: .log, .blf, .asc or .mf4."
+        ),
+    ],
+    duration_s: Annotated[
+        float | None, typer.Option("--duration-s", min=0.001, help="End by itself after this time.")
+    ] = None,
+    rotate_mib: Annotated[
+        float, typer.Option("--rotate-mib", min=0, help="A new file after this many MiB; 0: never.")
+    ] = 0,
+    rotate_s: Annotated[
+        float, typer.Option("--rotate-s", min=0, help="A new file after this many seconds; 0: never.")
+    ] = 0,
+    flush_s: Annotated[
+        float, typer.Option("--flush-s", min=0.01, max=60, help="Longest time until a frame is in the file.")
+    ] = 0.2,
+    ring_frames: Annotated[
+        int,
+        typer.Option("--ring-frames", min=64, max=1 << 24, help="Room for frames that wait to be written."),
+    ] = SLOTS,
+    monotonic: Annotated[
+        bool,
+        typer.Option("--monotonic", help="Stamps of the machine's monotonic clock, not wall-clock time."),
+    ] = False,
+) -> None:
+    """Every frame of one or several buses into a file, until Ctrl-C.
+
+    The file is complete up to the last flush whatever ends the recorder. Examples:
+    `loaderhil record socketcan:can0 --out drive.blf`,
+    `loaderhil record loader=hub:/tmp/loaderhil.hub ref=socketcan:can1 --out drive.mf4 --rotate-s 600`
+    """
+    from bus.wallclock import SHARED
+    from hil.processes.shell import ending_of
+    from hil.recording import capture
+    from hil.recording.files import Plan
+
+    check_suffix(out)
+    sources = capture.parse_sources(buses)
+    plan = Plan(
+        path=out,
+        channels=tuple(source.name for source in sources),
+        offset_ns=0 if monotonic else SHARED.ahead_ns,
+        flush_s=flush_s,
+        rotate_bytes=round(rotate_mib * MEBIBYTE),
+        rotate_ns=round(rotate_s * 1e9),
+    )
+    addresses = [source.address for source in sources]
+    raise typer.Exit(
+        ending_of(lambda line: capture.run(line, addresses, plan, duration_s=duration_s, slots=ring_frames))
+    )
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command()(record)

@@ -1,0 +1,190 @@
+"""The files that a recording can be written to: appended to batch by batch, readable after each one.
+
+A writer hands every batch to the kernel before `write` returns, so that whatever ends the process loses
+nothing that was written. Stamps are whole microseconds, the finest that all formats hold.
+"""
+
+import datetime
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+from bus.frame import BRS, ERROR, ESI, EXTENDED, EXTENDED_MASK, FD, REMOTE, Frame
+from bus.mistake import Mistake
+from bus.packet import FD_LENGTHS
+from dbc.writer import candump_line
+from hil.recording.ring import Records, frames_of
+
+SUFFIXES = (".log", ".blf", ".asc", ".mf4")
+
+
+class RecordingError(Mistake, ValueError):
+    """A recording cannot be written; the message names the file and the cause."""
+
+
+class Writer(Protocol):
+    """One file of a recording."""
+
+    def write(self, records: Records) -> None:
+        """Append frames, in the order given; they are readable when this returns."""
+
+    def size(self) -> int:
+        """Bytes in the file."""
+
+    def close(self) -> None:
+        """Finish the file; a second call does nothing."""
+
+
+def open_writer(path: Path, channels: Sequence[str]) -> Writer:
+    """A new file in the format of its suffix. channels: names of the buses, in the order of their numbers.
+
+    RecordingError if the format is unknown, the file exists, or cannot be made.
+    """
+    check_suffix(path)
+    try:
+        match path.suffix.lower():
+            case ".blf":
+                from hil.recording.blf import BlfWriter
+
+                return BlfWriter(path)
+            case ".mf4":
+                from hil.recording.mf4 import Mf4Writer  # asammdf takes a second to load
+
+                return Mf4Writer(path, len(channels))
+            case ".asc":
+                return AscWriter(path)
+        return CandumpRecords(path, channels)
+    except FileExistsError:
+        raise RecordingError(
+            f"{path}: exists, and a recording never replaces one; name a new file or move it away"
+        ) from None
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def check_suffix(path: Path) -> None:
+    """RecordingError unless the suffix names a format."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise RecordingError(f"{path}: the suffix names the format, one of {', '.join(SUFFIXES)}")
+
+
+class NewFile:
+    """An unbuffered file that did not exist before; every write is whole or an error."""
+
+    def __init__(self, path: Path) -> None:
+        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        self.size = 0
+
+    def append(self, content: bytes) -> int:
+        """Write at the end; returns where that was."""
+        at = self.size
+        self.patch(at, content)
+        self.size = at + len(content)
+        return at
+
+    def patch(self, at: int, content: bytes) -> None:
+        """Write over what stands at `at`."""
+        view = memoryview(content)
+        while view:
+            written = os.pwrite(self._descriptor, view, at)
+            view, at = view[written:], at + written
+
+    def close(self) -> None:
+        """Close; a second call does nothing."""
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+
+class CandumpRecords:
+    """A candump log (`candump -L`)."""
+
+    def __init__(self, path: Path, channels: Sequence[str]) -> None:
+        self._file = NewFile(path)
+        self._channels = tuple(channels)
+
+    def write(self, records: Records) -> None:
+        """One line per frame."""
+        names = self._channels
+        lines = [candump_line(frame, names[channel]) for channel, frame in frames_of(records)]
+        if lines:
+            self._file.append(("\n".join(lines) + "\n").encode("ascii"))
+
+    def size(self) -> int:
+        """Bytes in the file."""
+        return self._file.size
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+_DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
+_MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
+_CODES = {length: code for code, length in enumerate(sorted(FD_LENGTHS))}
+
+
+class AscWriter:
+    """An ASC text log. Its date is local time, its channels are numbered from 1, its error frames carry no bits."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = NewFile(path)
+        self._start_ns: int | None = None
+
+    def write(self, records: Records) -> None:
+        """One line per frame; the first batch brings the header."""
+        frames = frames_of(records)
+        if not frames:
+            return
+        text = []
+        if self._start_ns is None:
+            self._start_ns = frames[0][1].at_ns // 1_000_000 * 1_000_000
+            text.append(_asc_header(self._start_ns))
+        start_ns = self._start_ns
+        text += [asc_line(frame, channel + 1, start_ns) for channel, frame in frames]
+        self._file.append("".join(text).encode("ascii"))
+
+    def size(self) -> int:
+        """Bytes in the file."""
+        return self._file.size
+
+    def close(self) -> None:
+        """Write the last line and close the file."""
+        if self._start_ns is not None:
+            self._file.append(b"End TriggerBlock\n")
+            self._start_ns = None
+        self._file.close()
+
+
+def _asc_header(start_ns: int) -> str:
+    at = datetime.datetime.fromtimestamp(start_ns // 1_000_000 / 1000, datetime.UTC).astimezone()
+    date = (
+        f"{_DAYS[at.weekday()]} {_MONTHS[at.month - 1]} {at.day:02d} "
+        f"{at:%H:%M:%S}.{at.microsecond // 1000:03d} {at.year}"
+    )
+    return (
+        f"date {date}\nbase hex  timestamps absolute\ninternal events logged\n"
+        f"Begin Triggerblock {date}\n   0.000000 Start of measurement\n"
+    )
+
+
+def asc_line(frame: Frame, channel: int, start_ns: int) -> str:
+    """One frame as a line, its stamp relative to the start of the file."""
+    can_id, data, at_ns, flags = frame
+    microseconds = (at_ns - start_ns) // 1000
+    stamp = f"{microseconds // 1_000_000:4d}.{microseconds % 1_000_000:06d}"
+    if can_id & ERROR:
+        return f"{stamp} {channel}  ErrorFrame\n"
+    name = f"{can_id & EXTENDED_MASK:X}{'x' if can_id & EXTENDED else ''}"
+    content = data.hex(" ").upper()
+    if flags & FD:
+        switched, passive = int(bool(flags & BRS)), int(bool(flags & ESI))
+        word = 1 << 12 | switched << 13 | passive << 14
+        return (
+            f"{stamp} CANFD {channel:3d} Rx   {name:>8}  {'':>32} {switched} {passive} {_CODES[len(data)]:x} "
+            f"{len(data):2d} {content} {0:8d} {0:4d} {word:8X} {0:8d} {0:8d} {0:8d} {0:8d} {0:8d}\n"
+        )
+    if can_id & REMOTE:
+        return f"{stamp} {channel}  {name:<15} Rx   r {len(data):x}\n"
+    return f"{stamp} {channel}  {name:<15} Rx   d {len(data):x} {content}\n"
