@@ -6,8 +6,12 @@ Besides the command line the only place of the bench that knows both sides.
 import datetime
 import importlib.metadata
 import platform
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bus.mistake import Mistake
 from dbc import loader_database
@@ -21,6 +25,7 @@ from hil.rundir import Mode, RunRecord
 from plant.equipment import find_file
 from plant.machine import load_machine
 from plant.scenario import FOLDER, Scenario, load_scenario
+from plant.truth import Truth, columns_of
 from plant.unit import PlantUnit
 
 
@@ -94,6 +99,11 @@ def lockstep(
     injector.start(0)
     wire = FaultyWire(injector, acting_on(plant, ecu))
     return Lockstep(plant, ecu, wire=wire, reference=reference)
+
+
+def truth_columns(truth: Sequence[Truth]) -> dict[str, NDArray[np.float64]]:
+    """The truth of a run as one array per field, first axis time."""
+    return columns_of(np.array([moment.row for moment in truth]).reshape(-1, Truth.size))
 
 
 def record_of(scenario: Scenario, *, form: Form, limits: bool, mode: Mode) -> RunRecord:

@@ -187,12 +187,6 @@ def write_table(file: Path, columns: Mapping[str, NDArray[Any]]) -> None:
         np.savez(stream, **dict(columns))  # type: ignore[arg-type]  # names are columns, not options
 
 
-def write_truth(path: Path, rows: Sequence[Any]) -> None:
-    """Write truth.npz from one record of the plant's truth per tick (dataclasses of floats or sequences)."""
-    names = list(rows[0].__dataclass_fields__) if rows else ["time_s"]
-    write_table(path / TRUTH, {name: np.array([getattr(row, name) for row in rows], float) for name in names})
-
-
 def part_of_timing(path: Path, process: str) -> Path:
     """Where one process of a run leaves its part of timing.npz."""
     return path / f"timing.{process}.npz"

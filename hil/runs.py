@@ -8,7 +8,7 @@ from pathlib import Path
 from bus.frame import Frame
 from dbc.writer import CandumpWriter
 from hil import rundir
-from hil.compose import Choice, lockstep, record_of
+from hil.compose import Choice, lockstep, record_of, truth_columns
 from hil.ending import Ending
 from hil.faults.record import injected, write_faults
 from hil.lockstep import Recording
@@ -55,7 +55,7 @@ def run_lockstep(choice: Choice, out: Path, progress: Callable[[float], None] | 
 
 def write_recording(out: Path, recording: Recording) -> None:
     """truth.npz, bus.log and reference.log of a lockstep run."""
-    rundir.write_truth(out, recording.truth)
+    rundir.write_table(out / rundir.TRUTH, truth_columns(recording.truth))
     _write_log(out / rundir.BUS, recording.bus, BUS_CHANNEL)
     _write_log(out / rundir.REFERENCE, recording.reference, REFERENCE_CHANNEL)
 

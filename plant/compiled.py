@@ -21,6 +21,7 @@ SOURCES = (
     "kinematics.py",
     "workspace.py",
     "dynamics.py",
+    "truth.py",
     "effects/ports.py",
 )
 

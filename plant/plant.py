@@ -16,9 +16,9 @@ from plant.dynamics import advance, derivative
 from plant.effects import dispatch
 from plant.equilibrium import settle
 from plant.machine import Machine
-from plant.parameters import P_BRAKE_CAPACITY, P_GRAVITY, parameter_vector
+from plant.parameters import P_BRAKE_CAPACITY, parameter_vector
 from plant.surface import Surface
-from plant.truth import Truth, truth_of
+from plant.truth import Observer, Truth
 from plant.workspace import new_workspace
 
 Integrator = Literal["semi-implicit", "rk4"]
@@ -104,6 +104,7 @@ class Plant:
         self._steps = 0
         self._parameters = parameter_vector(machine, self.surface, payload_mass)
         self._active = dispatch.active_vector(machine.effects)
+        self._observer = Observer(machine, payload_mass)
         self._work = new_workspace()
         self._command = np.zeros(s.COMMANDS)
         self._state = np.zeros(s.STATES)
@@ -143,9 +144,9 @@ class Plant:
 
     def truth(self) -> Truth:
         """Everything that is true now."""
-        self._evaluate()
-        gravity = float(self._parameters[P_GRAVITY])
-        return truth_of(self.time_s, self._state, self._work, self.machine, self.payload_mass, gravity)
+        return self._observer.truth(
+            self.time_s, self._state, self._command, self._parameters, self._work, self._active
+        )
 
     def copy(self) -> Self:
         """An independent plant in the same state."""

@@ -1,61 +1,126 @@
 """What is true of the machine at one instant: the record every estimate is judged against."""
 
 import math
-from dataclasses import dataclass
+from typing import ClassVar, Final, Self, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plant import state as s
+from plant.compiled import compiled
+from plant.dynamics import derivative
 from plant.linkage import lift_pressure, tilt_pressure
 from plant.machine import Machine
+from plant.parameters import P_GRAVITY
 from plant.workspace import Workspace
 
 Array = NDArray[np.float64]
+Triple = tuple[float, float, float]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+class Number:
+    """One number of a record."""
+
+    size = 1
+
+    def __init__(self) -> None:
+        self.at = 0  # its place in the row
+
+    def __set_name__(self, owner: type["Truth"], name: str) -> None:
+        self.at = owner.size
+        owner.size += self.size
+        owner.fields[name] = self
+
+    @overload
+    def __get__(self, truth: None, owner: object) -> Self: ...
+
+    @overload
+    def __get__(self, truth: "Truth", owner: object) -> float: ...
+
+    def __get__(self, truth: "Truth | None", owner: object) -> Self | float:
+        return self if truth is None else float(truth.row[self.at])
+
+    def column(self, rows: Array) -> Array:
+        """Its values in many rows."""
+        return rows[:, self.at]
+
+
+class Vector:
+    """Several numbers of a record that belong together."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self.at = 0
+
+    def __set_name__(self, owner: type["Truth"], name: str) -> None:
+        self.at = owner.size
+        owner.size += self.size
+        owner.fields[name] = self
+
+    @overload
+    def __get__(self, truth: None, owner: object) -> Self: ...
+
+    @overload
+    def __get__(self, truth: "Truth", owner: object) -> Array: ...
+
+    def __get__(self, truth: "Truth | None", owner: object) -> Self | Array:
+        return self if truth is None else truth.row[self.at : self.at + self.size]
+
+    def column(self, rows: Array) -> Array:
+        """Its values in many rows."""
+        return rows[:, self.at : self.at + self.size]
+
+
 class Truth:
     """State, forces and accelerations in SI; axes ISO 8855; wheels FL, FR, RL, RR.
 
+    A name for each part of one row of numbers, which the compiled plant writes; not to be changed.
     Field names are also the column names of a recorded truth.
     """
 
-    time_s: float
-    position: Array  # (3) articulation joint in the world [m]
-    attitude: Array  # (4) quaternion w, x, y, z: world from rear frame
-    roll: float  # left side up [rad]; roll, pitch and yaw are against the horizon
-    pitch: float  # nose down [rad]
-    yaw: float  # left [rad]
-    velocity: Array  # (3) of the joint, rear-frame axes [m/s]
-    angular_velocity: Array  # (3) rear frame, its own axes [rad/s]
-    acceleration: Array  # (3) of the joint, without gravity, rear-frame axes [m/s2]
-    imu_specific_force: Array  # (3) at the sensor, rear-frame axes [m/s2]
-    cog_specific_force: Array  # (3) at the machine's centre of gravity, rear-frame axes [m/s2]
-    speed: float  # of the rear axle, forward [m/s]
-    articulation_angle: float
-    articulation_rate: float
-    oscillation_angle: float
-    oscillation_rate: float
-    lift_arm_angle: float
-    lift_arm_rate: float
-    tilt_angle: float  # bucket's bottom above the front frame's horizontal, rolled back positive
-    tilt_rate: float
-    wheel_speed: Array  # (4) against the carrier, rolling forward [rad/s]
-    wheel_torque: Array  # (4) drive plus brake [N m]
-    normal_force: Array  # (4) [N]
-    longitudinal_force: Array  # (4) wheel axes [N]
-    lateral_force: Array  # (4) wheel axes [N]
-    aligning_moment: Array  # (4) [N m]
-    slip: Array  # (4) (Omega r_e - V_x)/|V_x|, |V_x| at least 0.1 m/s
-    slip_angle: Array  # (4) contact patch towards +y is positive [rad]
-    tyre_deflection: Array  # (4) [m]; negative: clearance
-    joint_torque: float  # of the rear frame on the front frame, turning it left [N m]
-    lift_pressure: float  # head side [Pa]
-    tilt_pressure: float  # head side [Pa]
-    yaw_moment: float  # of the tyre forces about the centre of gravity, rear frame's z [N m]
-    payload_mass: float  # [kg]
-    load_transfer_ratio: float  # (right - left) / sum of the normal forces; 0 when all wheels are up
+    __slots__ = ("row",)
+    size: ClassVar[int] = 0
+    fields: ClassVar[dict[str, Number | Vector]] = {}
+
+    time_s = Number()
+    position = Vector(3)  # articulation joint in the world [m]
+    attitude = Vector(4)  # quaternion w, x, y, z: world from rear frame
+    roll = Number()  # left side up [rad]; roll, pitch and yaw are against the horizon
+    pitch = Number()  # nose down [rad]
+    yaw = Number()  # left [rad]
+    velocity = Vector(3)  # of the joint, rear-frame axes [m/s]
+    angular_velocity = Vector(3)  # rear frame, its own axes [rad/s]
+    acceleration = Vector(3)  # of the joint, without gravity, rear-frame axes [m/s2]
+    imu_specific_force = Vector(3)  # at the sensor, rear-frame axes [m/s2]
+    cog_specific_force = Vector(3)  # at the machine's centre of gravity, rear-frame axes [m/s2]
+    speed = Number()  # of the rear axle, forward [m/s]
+    articulation_angle = Number()
+    articulation_rate = Number()
+    oscillation_angle = Number()
+    oscillation_rate = Number()
+    lift_arm_angle = Number()
+    lift_arm_rate = Number()
+    tilt_angle = Number()  # bucket's bottom above the front frame's horizontal, rolled back positive
+    tilt_rate = Number()
+    wheel_speed = Vector(4)  # against the carrier, rolling forward [rad/s]
+    wheel_torque = Vector(4)  # drive plus brake [N m]
+    normal_force = Vector(4)  # [N]
+    longitudinal_force = Vector(4)  # wheel axes [N]
+    lateral_force = Vector(4)  # wheel axes [N]
+    aligning_moment = Vector(4)  # [N m]
+    slip = Vector(4)  # (Omega r_e - V_x)/|V_x|, |V_x| at least 0.1 m/s
+    slip_angle = Vector(4)  # contact patch towards +y is positive [rad]
+    tyre_deflection = Vector(4)  # [m]; negative: clearance
+    joint_torque = Number()  # of the rear frame on the front frame, turning it left [N m]
+    lift_pressure = Number()  # head side [Pa]
+    tilt_pressure = Number()  # head side [Pa]
+    yaw_moment = Number()  # of the tyre forces about the centre of gravity, rear frame's z [N m]
+    payload_mass = Number()  # [kg]
+    load_transfer_ratio = Number()  # (right - left) / sum of the normal forces; 0 when all wheels are up
+
+    def __init__(self, row: Array) -> None:
+        """row: (size,) numbers in the order of `fields`."""
+        self.row = row
 
     @property
     def lifted(self) -> tuple[int, ...]:
@@ -63,64 +128,165 @@ class Truth:
         return tuple(int(i) for i in np.flatnonzero(self.normal_force == 0.0))
 
 
-def _cross(a: Array, b: Array) -> Array:
-    """np.cross for two 3-vectors, without its overhead."""
-    return np.array((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]))
+def columns_of(rows: Array) -> dict[str, Array]:
+    """Many rows (n, size) as one array per field of Truth, first axis time."""
+    return {name: field.column(rows) for name, field in Truth.fields.items()}
 
 
-def truth_of(
-    time_s: float, state: Array, work: Workspace, machine: Machine, payload_mass: float, gravity: float
-) -> Truth:
-    """The record of an evaluated state: `work` is what `derivative` left behind for it."""
-    world, tree, tyres = work.places.world, work.tree, work.tyres
-    motion, rise = tree.motion[s.REAR_FRAME], tree.acceleration[s.REAR_FRAME]
-    turning, velocity = motion[:3].copy(), motion[3:].copy()
-    reading = rise[3:] + _cross(turning, velocity)  # specific force at the joint
-    geometry = machine.geometry
-    imu = np.array((geometry.imu_x, 0.0, geometry.imu_z - geometry.joint_height))
-    forces = tyres[:, s.T_WRENCH : s.T_WRENCH + 6].sum(axis=0)
-    mass, centre = work.whole[0], work.whole[1:]
-    angles, rates = state[s.JOINT : s.JOINT + s.BODIES], state[s.JOINT_RATE : s.JOINT_RATE + s.BODIES]
-    wheels = slice(s.WHEEL, s.WHEEL + 4)
-    normal = tyres[:, s.T_NORMAL].copy()
-    total = float(normal.sum())
-    lift_angle = float(angles[s.LIFT_ARM])
-    return Truth(
-        time_s=time_s,
-        position=state[s.POSITION : s.POSITION + 3].copy(),
-        attitude=state[s.ATTITUDE : s.ATTITUDE + 4].copy(),
-        roll=math.atan2(world[2, 1], world[2, 2]),
-        pitch=-math.asin(min(max(world[2, 0], -1.0), 1.0)),
-        yaw=math.atan2(world[1, 0], world[0, 0]),
-        velocity=velocity,
-        angular_velocity=turning,
-        acceleration=reading - gravity * world[2],
-        imu_specific_force=reading + _cross(rise[:3], imu) + _cross(turning, _cross(turning, imu)),
-        cog_specific_force=forces[3:] / mass,
-        speed=float(velocity[0] + turning[1] * (geometry.wheel_centre_height - geometry.joint_height)),
-        articulation_angle=float(angles[s.FRONT_FRAME]),
-        articulation_rate=float(rates[s.FRONT_FRAME]),
-        oscillation_angle=float(angles[s.REAR_AXLE]),
-        oscillation_rate=float(rates[s.REAR_AXLE]),
-        lift_arm_angle=lift_angle,
-        lift_arm_rate=float(rates[s.LIFT_ARM]),
-        tilt_angle=float(angles[s.BUCKET]),
-        tilt_rate=float(rates[s.BUCKET]),
-        wheel_speed=rates[wheels].copy(),
-        wheel_torque=tree.effort[wheels].copy(),
-        normal_force=normal,
-        longitudinal_force=tyres[:, s.T_LONGITUDINAL].copy(),
-        lateral_force=tyres[:, s.T_LATERAL].copy(),
-        aligning_moment=tyres[:, s.T_ALIGNING].copy(),
-        slip=tyres[:, s.T_SLIP].copy(),
-        slip_angle=np.arctan(tyres[:, s.T_SIDE_SLIP]),
-        tyre_deflection=tyres[:, s.T_DEFLECTION].copy(),
-        joint_torque=float(tree.effort[s.FRONT_FRAME]),
-        lift_pressure=lift_pressure(machine.lift, lift_angle, float(tree.effort[s.LIFT_ARM])),
-        tilt_pressure=tilt_pressure(machine.tilt, float(tree.effort[s.BUCKET])),
-        yaw_moment=float(forces[2] - _cross(centre, forces[3:])[2]),
-        payload_mass=payload_mass,
-        load_transfer_ratio=float(normal[1] + normal[3] - normal[0] - normal[2]) / total
-        if total > 0.0
-        else 0.0,
-    )
+# Places in the row, for compiled code. An angle of a joint is followed by its rate.
+TIME: Final = Truth.time_s.at
+POSITION: Final = Truth.position.at
+ATTITUDE: Final = Truth.attitude.at
+ROLL: Final = Truth.roll.at
+PITCH: Final = Truth.pitch.at
+YAW: Final = Truth.yaw.at
+VELOCITY: Final = Truth.velocity.at
+ANGULAR_VELOCITY: Final = Truth.angular_velocity.at
+ACCELERATION: Final = Truth.acceleration.at
+IMU_FORCE: Final = Truth.imu_specific_force.at
+COG_FORCE: Final = Truth.cog_specific_force.at
+SPEED: Final = Truth.speed.at
+ARTICULATION: Final = Truth.articulation_angle.at
+OSCILLATION: Final = Truth.oscillation_angle.at
+LIFT_ARM: Final = Truth.lift_arm_angle.at
+TILT: Final = Truth.tilt_angle.at
+WHEEL_SPEED: Final = Truth.wheel_speed.at
+WHEEL_TORQUE: Final = Truth.wheel_torque.at
+NORMAL: Final = Truth.normal_force.at
+LONGITUDINAL: Final = Truth.longitudinal_force.at
+LATERAL: Final = Truth.lateral_force.at
+ALIGNING: Final = Truth.aligning_moment.at
+SLIP: Final = Truth.slip.at
+SLIP_ANGLE: Final = Truth.slip_angle.at
+DEFLECTION: Final = Truth.tyre_deflection.at
+JOINT_TORQUE: Final = Truth.joint_torque.at
+LIFT_PRESSURE: Final = Truth.lift_pressure.at
+TILT_PRESSURE: Final = Truth.tilt_pressure.at
+YAW_MOMENT: Final = Truth.yaw_moment.at
+PAYLOAD: Final = Truth.payload_mass.at
+LOAD_TRANSFER: Final = Truth.load_transfer_ratio.at
+
+# What only the record needs of a machine: place of the inertial sensor and height of the rear axle from the joint.
+O_IMU_X: Final = 0
+O_IMU_Z: Final = 1
+O_AXLE_Z: Final = 2
+
+
+class Observer:
+    """Writes down what is true of one machine."""
+
+    def __init__(self, machine: Machine, payload_mass: float) -> None:
+        geometry = machine.geometry
+        joint = geometry.joint_height
+        self._lift, self._tilt = machine.lift, machine.tilt
+        self._payload_mass = payload_mass
+        self._from_joint = np.array(
+            (geometry.imu_x, geometry.imu_z - joint, geometry.wheel_centre_height - joint)
+        )
+
+    def truth(
+        self, time_s: float, state: Array, command: Array, p: Array, work: Workspace, active: Array | None
+    ) -> Truth:
+        """The record of a state under a command; arguments as of `dynamics.derivative`, `work` left as it leaves it."""
+        row = np.empty(Truth.size)
+        row[TIME], row[PAYLOAD] = time_s, self._payload_mass
+        lift_torque, tilt_torque = observe(row, state, command, p, work, active, self._from_joint)
+        slip_angle = row[SLIP_ANGLE : SLIP_ANGLE + 4]
+        np.arctan(slip_angle, out=slip_angle)
+        row[LIFT_PRESSURE] = lift_pressure(self._lift, float(row[LIFT_ARM]), lift_torque)
+        row[TILT_PRESSURE] = tilt_pressure(self._tilt, tilt_torque)
+        row.flags.writeable = False
+        return Truth(row)
+
+
+@compiled
+def observe(
+    row: Array,
+    state: Array,
+    command: Array,
+    p: Array,
+    work: Workspace,
+    active: Array | None,
+    from_joint: Array,
+) -> tuple[float, float]:
+    """Evaluate the state and fill the row, but for time, payload and pressures; slip angles as their tangents.
+
+    Returns the torques at the joints of lift arm and bucket [N m].
+    """
+    derivative(state, command, p, 0.0, work, active)
+    _observe_frame(row, state, p, work, from_joint)
+    _observe_joints(row, state, work)
+    _observe_tyres(row, work)
+    return work.tree.effort[s.LIFT_ARM], work.tree.effort[s.BUCKET]
+
+
+@compiled
+def _observe_frame(row: Array, state: Array, p: Array, work: Workspace, from_joint: Array) -> None:
+    """Where the rear frame is and how it moves."""
+    world, motion = work.places.world, work.tree.motion[s.REAR_FRAME]
+    rise = work.tree.acceleration[s.REAR_FRAME]
+    turning, velocity = motion[:3], motion[3:]
+    row[POSITION : POSITION + 3] = state[s.POSITION : s.POSITION + 3]
+    row[ATTITUDE : ATTITUDE + 4] = state[s.ATTITUDE : s.ATTITUDE + 4]
+    row[ROLL] = math.atan2(world[2, 1], world[2, 2])
+    row[PITCH] = -math.asin(min(max(world[2, 0], -1.0), 1.0))
+    row[YAW] = math.atan2(world[1, 0], world[0, 0])
+    row[VELOCITY : VELOCITY + 3] = velocity
+    row[ANGULAR_VELOCITY : ANGULAR_VELOCITY + 3] = turning
+    row[SPEED] = velocity[0] + turning[1] * from_joint[O_AXLE_Z]
+    imu = (from_joint[O_IMU_X], 0.0, from_joint[O_IMU_Z])
+    coriolis = _cross(turning, velocity)
+    tangential, centripetal = _cross(rise[:3], imu), _cross(turning, _cross(turning, imu))
+    for i in range(3):
+        at_joint = rise[3 + i] + coriolis[i]  # specific force
+        row[ACCELERATION + i] = at_joint - p[P_GRAVITY] * world[2, i]
+        row[IMU_FORCE + i] = at_joint + tangential[i] + centripetal[i]
+
+
+@compiled
+def _observe_joints(row: Array, state: Array, work: Workspace) -> None:
+    """Angles, rates and torques of the joints."""
+    effort = work.tree.effort
+    for at, body in (
+        (ARTICULATION, s.FRONT_FRAME),
+        (OSCILLATION, s.REAR_AXLE),
+        (LIFT_ARM, s.LIFT_ARM),
+        (TILT, s.BUCKET),
+    ):
+        row[at] = state[s.JOINT + body]
+        row[at + 1] = state[s.JOINT_RATE + body]
+    row[JOINT_TORQUE] = effort[s.FRONT_FRAME]
+    for wheel in range(4):
+        row[WHEEL_SPEED + wheel] = state[s.JOINT_RATE + s.WHEEL + wheel]
+        row[WHEEL_TORQUE + wheel] = effort[s.WHEEL + wheel]
+
+
+@compiled
+def _observe_tyres(row: Array, work: Workspace) -> None:
+    """Forces of the road, wheel by wheel and together."""
+    tyres, whole = work.tyres, work.whole
+    wrench = np.zeros(6)
+    for wheel in range(4):
+        tyre = tyres[wheel]
+        row[NORMAL + wheel] = tyre[s.T_NORMAL]
+        row[LONGITUDINAL + wheel] = tyre[s.T_LONGITUDINAL]
+        row[LATERAL + wheel] = tyre[s.T_LATERAL]
+        row[ALIGNING + wheel] = tyre[s.T_ALIGNING]
+        row[SLIP + wheel] = tyre[s.T_SLIP]
+        row[SLIP_ANGLE + wheel] = tyre[s.T_SIDE_SLIP]
+        row[DEFLECTION + wheel] = tyre[s.T_DEFLECTION]
+        wrench += tyre[s.T_WRENCH : s.T_WRENCH + 6]
+    moment, force, centre = wrench[:3], wrench[3:], whole[1:]
+    row[COG_FORCE : COG_FORCE + 3] = force / whole[0]
+    row[YAW_MOMENT] = moment[2] - _cross(centre, force)[2]
+    front_left, front_right = row[NORMAL], row[NORMAL + 1]
+    rear_left, rear_right = row[NORMAL + 2], row[NORMAL + 3]
+    total = front_left + front_right + rear_left + rear_right
+    balance = front_right + rear_right - front_left - rear_left
+    row[LOAD_TRANSFER] = balance / total if total > 0.0 else 0.0
+
+
+@compiled
+def _cross(a: Array | Triple, b: Array | Triple) -> Triple:
+    """a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -11,7 +11,6 @@ from dbc import loader_database
 from dbc.writer import CandumpWriter
 from hil import rundir
 from hil.rundir import RunDirectory, RunError, RunRecord
-from tests.hil.fakes import FakeTruth
 
 RECORD = RunRecord(
     scenario="loaded",
@@ -24,6 +23,7 @@ RECORD = RunRecord(
     started="2026-01-01T00:00:00+00:00",
 )
 TICKS = 20
+FORCES = np.array([(1.0, 2.0, 3.0, float(tick)) for tick in range(TICKS)])
 CODEC = loader_database().by_name["SlopeSensor"]
 
 
@@ -42,7 +42,7 @@ def path(tmp_path):
     """A complete lockstep run."""
     path = tmp_path / "run"
     rundir.begin(path, RECORD)
-    rundir.write_truth(path, [FakeTruth(0.01 * tick, (1.0, 2.0, 3.0, float(tick))) for tick in range(TICKS)])
+    rundir.write_table(path / rundir.TRUTH, {"time_s": 0.01 * np.arange(TICKS), "normal_force": FORCES})
     write_log(path)
     rundir.write_record(path, replace(RECORD, outcome="finished", statistics={"ticks": TICKS}))
     return path

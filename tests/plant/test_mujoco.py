@@ -10,7 +10,7 @@ from plant.machine import load_machine
 from plant.parameters import parameter_vector
 from plant.plant import Commands, Plant
 from plant.surface import Surface
-from plant.truth import truth_of
+from plant.truth import Observer
 from plant.workspace import new_workspace
 from tests.plant.oracle.loader import DRIVEN, MujocoLoader
 
@@ -46,6 +46,7 @@ def test_accelerations_efforts_and_sensor_agree_in_random_states(payload_mass):
     surface = Surface(grade=0.1, bank=-0.05)
     p = parameter_vector(MACHINE, surface, payload_mass)
     work, oracle = new_workspace(), MujocoLoader(MACHINE, p, payload_mass=payload_mass)
+    observer = Observer(MACHINE, payload_mass)
     loaded = 0
     for _ in range(100):
         state, command = random_state(rng, payload_mass)
@@ -68,7 +69,7 @@ def test_accelerations_efforts_and_sensor_agree_in_random_states(payload_mass):
         oracle.data.qacc[:] = qacc
         mujoco.mj_rnePostConstraint(oracle.model, oracle.data)
         mujoco.mj_sensorAcc(oracle.model, oracle.data)
-        truth = truth_of(0.0, state, work, MACHINE, payload_mass, 9.81)
+        truth = observer.truth(0.0, state, command, p, work, None)
         reading = oracle.data.sensordata
         np.testing.assert_allclose(
             truth.imu_specific_force, reading, rtol=0, atol=1e-9 * np.abs(reading).max()

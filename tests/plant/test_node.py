@@ -12,9 +12,10 @@ import pytest
 from bus.frame import Frame
 from bus.transport import BusClosed, Statistics
 from dbc.protection import Finding as Check
-from plant import node, recorder
+from plant import node
 from plant.latency import ReactionStamps
 from plant.reception import Finding
+from plant.truth import Truth
 
 MS = 1_000_000
 
@@ -69,13 +70,6 @@ class FakeBus:
 
 
 @dataclass
-class Moment:
-    """Stands in for Truth."""
-
-    time_s: float
-
-
-@dataclass
 class Heard:
     """Stands in for the unit's reception."""
 
@@ -96,8 +90,10 @@ class FakeUnit:
         return self.ticks - 1
 
     @property
-    def truth(self) -> Moment:
-        return Moment(self.ticks * 0.01)
+    def truth(self) -> Truth:
+        row = np.zeros(Truth.size)
+        row[Truth.time_s.at] = self.ticks * 0.01
+        return Truth(row)
 
     @property
     def finished(self) -> bool:
@@ -110,11 +106,6 @@ class FakeUnit:
     def receive(self, frame: Frame, now_ns: int) -> list[Finding]:
         self.heard.append((frame, now_ns))
         return [Finding("Thirteen", Check.REPEATED, now_ns)] if frame.can_id == 13 else []
-
-
-@pytest.fixture(autouse=True)
-def _moments(monkeypatch):
-    monkeypatch.setattr(recorder, "FIELDS", ("time_s",))
 
 
 @pytest.fixture

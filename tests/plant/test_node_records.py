@@ -1,29 +1,19 @@
 """What a run leaves behind: truth columns and reaction stamps."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from plant import recorder
 from plant.latency import ReactionStamps
 from plant.recorder import TruthRecorder
+from plant.truth import Truth
 
 
-@dataclass
-class Sample:
-    """Stands in for Truth: a number and a vector."""
-
-    time_s: float
-    normal_force: np.ndarray
-
-
-def test_every_sample_is_kept_in_order_past_the_capacity_and_through_the_file(monkeypatch, tmp_path):
-    monkeypatch.setattr(recorder, "FIELDS", ("time_s", "normal_force"))
+def test_every_sample_is_kept_in_order_past_the_capacity_and_through_the_file(tmp_path):
     truth = TruthRecorder(capacity=4)
-    scratch = np.zeros(4)
+    scratch = np.zeros(Truth.size)
     for k in range(11):
         scratch[:] = k  # the recorder must copy: the plant may reuse its arrays
-        truth.append(Sample(k * 0.01, scratch))
+        scratch[Truth.time_s.at] = k * 0.01
+        truth.append(Truth(scratch))
     truth.save(tmp_path / "truth.npz")
     with np.load(tmp_path / "truth.npz") as file:
         np.testing.assert_array_equal(file["time_s"], np.arange(11) * 0.01)
@@ -34,7 +24,8 @@ def test_every_sample_is_kept_in_order_past_the_capacity_and_through_the_file(mo
 def test_a_recorder_without_samples_writes_a_readable_empty_file(tmp_path):
     TruthRecorder().save(tmp_path / "truth.npz")
     with np.load(tmp_path / "truth.npz") as file:
-        assert file.files == []
+        assert list(file.files) == list(Truth.fields)
+        assert {len(file[name]) for name in file.files} == {0}
 
 
 def rows(stamps: ReactionStamps) -> list[tuple[int, ...]]:
