@@ -9,6 +9,9 @@ from enum import StrEnum
 
 from bus.frame import ERROR, Frame
 
+FINDINGS_LIMIT = 1024
+"""Findings that a transport keeps until they are asked for; the oldest go first."""
+
 
 class Fault(StrEnum):
     """Kinds of trouble on a bus."""
@@ -28,6 +31,7 @@ class Fault(StrEnum):
     BUS_ERROR = "bus error"
     RESTARTED = "controller restarted"
     COUNTERS = "error counters"
+    SEND_QUEUE = "transmit queue is full"
     LINK_DOWN = "interface went down"
     LINK_UP = "interface is up again"
     LINK_GONE = "interface was removed"

@@ -3,10 +3,12 @@
 import os
 import socket
 import time
+from collections import deque
 from types import TracebackType
 from typing import Any, Self
 
-from bus import packet
+from bus import errors, packet
+from bus.errors import FINDINGS_LIMIT, BusFinding
 from bus.frame import ERROR, Frame
 from bus.hub_peer import enlarge_send_buffer
 from bus.hub_status import HubStatus
@@ -31,6 +33,7 @@ class HubTransport:
         self.path = path
         self._received = self._sent = self._dropped_in = self._dropped_out = self._errors = 0
         self._confirmed: list[Frame] = []
+        self._findings: deque[BusFinding] = deque(maxlen=FINDINGS_LIMIT)
         self._ended = False
         self._socket = _connect(path)
         hello = {"hello": name or f"pid {os.getpid()}", "protocol": packet.PROTOCOL, "own": own_messages}
@@ -73,6 +76,7 @@ class HubTransport:
                 frames.append(frame)
                 if can_id & ERROR:
                     self._errors += 1
+                    self._findings += errors.findings(frame)
         except BlockingIOError:
             pass
         except ConnectionResetError:  # the hub closed with packets of ours unread; its own come first
@@ -95,6 +99,12 @@ class HubTransport:
         """Own frames that the bus has carried, with its stamps, as far as `drain` has met them."""
         confirmed, self._confirmed = self._confirmed, []
         return confirmed
+
+    def findings(self) -> list[BusFinding]:
+        """What error frames have told since the last call."""
+        found = list(self._findings)
+        self._findings.clear()
+        return found
 
     def fileno(self) -> int:
         """Readable when `drain` has something to give, or the hub is gone."""

@@ -1,32 +1,71 @@
-"""CAN network interfaces: which there are, whether they are up, and waiting for a change."""
+"""CAN network interfaces: which there are, in what state, and waiting for a change.
 
-import contextlib
+The kernel is asked by rtnetlink(7), which answers for the network namespace of the process;
+/sys/class/net answers for the namespace in which it was mounted.
+"""
+
+import errno
 import fcntl
 import socket
 import struct
-from pathlib import Path
+from dataclasses import dataclass
+from typing import Self
 
-_SIOCGIFFLAGS = 0x8913  # include/uapi/linux/sockios.h
-_IFF_UP = 0x1
-_ARPHRD_CAN = "280"  # include/uapi/linux/if_arp.h
-_RTMGRP_LINK = 1  # include/uapi/linux/rtnetlink.h
+_IFF_UP, _IFF_LOWER_UP = 0x1, 0x1_0000  # include/uapi/linux/if.h
+_ARPHRD_CAN = 280  # include/uapi/linux/if_arp.h
+_RTM_NEWLINK, _RTM_GETLINK = 16, 18  # include/uapi/linux/rtnetlink.h
+_RTMGRP_LINK = 1
+_NLM_F_REQUEST = 1  # include/uapi/linux/netlink.h
+_SIOCGIFTXQLEN = 0x8942  # include/uapi/linux/sockios.h
+_HEADER = struct.Struct("=IHHII")  # struct nlmsghdr: length, type, flags, sequence, port
+_LINK = struct.Struct("=BxHiII")  # struct ifinfomsg: family, type, index, flags, change
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """State of a network interface.
+
+    up: switched on; carrier: also able to send, which a controller that is bus off is not.
+    """
+
+    can: bool
+    up: bool
+    carrier: bool
+
+    @classmethod
+    def read(cls, name: str) -> Self | None:
+        """Now; None if there is no such interface."""
+        request = _LINK.pack(socket.AF_UNSPEC, 0, _index(name), 0, 0)
+        header = _HEADER.pack(_HEADER.size + len(request), _RTM_GETLINK, _NLM_F_REQUEST, 0, 0)
+        with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, socket.NETLINK_ROUTE) as kernel:
+            kernel.send(header + request)
+            answer = kernel.recv(65536)
+        if _HEADER.unpack_from(answer)[1] != _RTM_NEWLINK:
+            return None
+        _, kind, _, flags, _ = _LINK.unpack_from(answer, _HEADER.size)
+        return cls(kind == _ARPHRD_CAN, bool(flags & _IFF_UP), bool(flags & _IFF_LOWER_UP))
+
+
+def _index(name: str) -> int:
+    """Number of an interface; one that no interface has if there is none of that name."""
+    try:
+        return socket.if_nametoindex(name)
+    except OSError:
+        return 2**31 - 1
 
 
 def can_interfaces() -> list[str]:
     """Names of the CAN interfaces of this network namespace."""
-    kinds = Path("/sys/class/net").glob("*/type")
-    return sorted(kind.parent.name for kind in kinds if kind.read_text().strip() == _ARPHRD_CAN)
+    links = {name: Link.read(name) for _, name in socket.if_nameindex()}
+    return sorted(name for name, link in links.items() if link and link.can)
 
 
-def is_up(name: str) -> bool:
-    """Whether the interface exists and is up."""
-    request = struct.pack("16sH14x", name.encode(), 0)
+def queue_length(name: str) -> int:
+    """Frames that the interface takes before its controller has sent one (txqueuelen)."""
+    request = struct.pack("16si12x", name.encode(), 0)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
-        try:
-            answer = fcntl.ioctl(any_socket, _SIOCGIFFLAGS, request)
-        except OSError:
-            return False
-    return bool(struct.unpack_from("H", answer, 16)[0] & _IFF_UP)
+        answer = fcntl.ioctl(any_socket, _SIOCGIFTXQLEN, request)
+    return int(struct.unpack_from("i", answer, 16)[0])
 
 
 class LinkWatch:
@@ -44,9 +83,14 @@ class LinkWatch:
 
     def clear(self) -> None:
         """Forget the changes so far; what they were is seen by looking at the interface."""
-        with contextlib.suppress(BlockingIOError):
-            while self._socket.recv(65536):
-                pass
+        while True:
+            try:
+                self._socket.recv(65536)
+            except BlockingIOError:
+                return
+            except OSError as error:
+                if error.errno != errno.ENOBUFS:  # more changes than it could hold
+                    raise
 
     def close(self) -> None:
         """Stop watching."""

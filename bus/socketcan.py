@@ -1,10 +1,13 @@
 """A bus of the Linux kernel: raw AF_CAN, classic and FD, with the kernel's stamps and drop counts.
 
 Error frames come as frames (ERROR in the identifier), and in words as findings. An
-interface that goes down, or away, and comes back is a finding, not an end: meanwhile
-nothing is received, and what is sent is counted as dropped. `fileno` stays the same
-throughout; it is an epoll of the socket and, while the interface is down, of the
+interface that goes down, or away, or bus off, and comes back is a finding, not an end:
+meanwhile nothing is received, and what is sent is counted as dropped. `fileno` stays the
+same throughout; it is an epoll of the socket and, while the interface is down, of the
 kernel's notices about interfaces.
+
+A frame's stamp is the kernel's, taken when its controller's driver handed it over. That of
+an own frame (`confirmations`) is taken when the driver tells that it has been sent.
 
 Documentation/networking/can.rst of Linux; constants that Python's socket lacks are for
 64-bit kernels on architectures with the generic socket options (x86-64, ARM, RISC-V).
@@ -21,17 +24,18 @@ from types import TracebackType
 from typing import Self
 
 from bus import errors, packet
-from bus.errors import BusFinding, Fault
+from bus.can_socket import bind, can_socket, longer_queue, require_up
+from bus.errors import FINDINGS_LIMIT, BusFinding, Fault
 from bus.frame import ERROR, FD, Frame
-from bus.link import LinkWatch, can_interfaces, is_up
+from bus.link import Link, LinkWatch
 from bus.transport import BusClosed, BusUnavailable, Statistics
 from bus.wallclock import SHARED
 
 RECEIVE_BUFFER = 4 << 20
 """Receive buffer asked for [bytes]; without privilege the kernel grants at most net.core.rmem_max."""
-FINDINGS_LIMIT = 1024
-"""Findings kept until they are asked for; the oldest go first."""
 _SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_RXQ_OVFL, _CAN_RAW_ERR_FILTER = 33, 35, 40, 2
+EVERYTHING = ((0, 0),)
+_FILTER = struct.Struct("=II")
 _CLASSIC = struct.Struct("=IB3x8s")
 _FD = struct.Struct("=IBBxx64s")
 _TIMESPEC = struct.Struct("=qq")
@@ -63,19 +67,22 @@ class SocketCanTransport:
         self._confirmed: list[Frame] = []
         self._findings: deque[BusFinding] = deque(maxlen=FINDINGS_LIMIT)
         self._trouble: Fault | None = None
+        self._queue_full = False
         self._watch: LinkWatch | None = None
-        self._filters = None if filters is None else b"".join(struct.pack("=II", *pair) for pair in filters)
-        self._socket = _can_socket()
+        self._filters = b"".join(_FILTER.pack(*pair) for pair in (EVERYTHING if filters is None else filters))
+        self._socket = can_socket(interface)
         try:
             self._set_options(own_messages, receive_buffer)
             self._bind()
-            if not is_up(interface):
-                raise BusUnavailable(f"{interface} is down; bring it up: {_bring_up(interface)}")
+            link = require_up(interface)
         except BaseException:
             self._socket.close()
             raise
         self._epoll = select.epoll()
         self._epoll.register(self._socket.fileno(), select.EPOLLIN)
+        if not link.carrier:
+            self._findings.append(BusFinding(Fault.BUS_OFF, time.monotonic_ns(), "when opened"))
+            self._watch_for_recovery(Fault.BUS_OFF)
 
     def _set_options(self, own_messages: bool, receive_buffer: int) -> None:
         raw, option = socket.SOL_CAN_RAW, self._socket.setsockopt
@@ -91,16 +98,15 @@ class SocketCanTransport:
 
     def _bind(self) -> None:
         """Attach to the interface; its filters go with the interface, so they are set each time."""
-        if self._filters is not None:
-            self._socket.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, self._filters)
-        try:
-            self._socket.bind((self.interface,))
-        except OSError as error:
-            raise BusUnavailable(_no_interface(self.interface)) from error
+        self._socket.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, self._filters)
+        bind(self._socket, self.interface)
 
     def send(self, frame: Frame) -> bool:
         """Hand one frame to the kernel. False: its queue is full or the interface is down, and it is lost."""
         packet.check(frame)
+        if self._trouble is Fault.BUS_OFF:  # the kernel would take it, and throw it away
+            self._dropped_out += 1
+            return False
         can_id, data, _, flags = frame
         if flags & FD:
             content = _FD.pack(can_id, len(data), flags, data)
@@ -114,10 +120,10 @@ class SocketCanTransport:
                     f"{self.interface} carries no CAN FD frames; set it up with fd on, or mtu 72"
                 ) from error
             self._dropped_out += 1
-            if error.errno not in _FULL:
-                self._note_trouble(error)
+            self._note_refusal(error)
             return False
         self._sent += 1
+        self._queue_full = False
         return True
 
     def drain(self, limit: int = 64) -> list[Frame]:
@@ -148,12 +154,11 @@ class SocketCanTransport:
                     continue
                 frames.append(frame)
                 if can_id & ERROR:
-                    self._errors += 1
-                    self._findings += errors.findings(frame)
+                    self._note_error(frame)
         except BlockingIOError:
             pass
         except OSError as error:
-            self._note_trouble(error)
+            self._note_link(error)
         self._received += len(frames)
         return frames
 
@@ -162,15 +167,38 @@ class SocketCanTransport:
         self._dropped_in += (count - self._overflows) & 0xFFFF_FFFF
         self._overflows = count
 
-    def _note_trouble(self, error: OSError) -> None:
-        """The interface is down or gone: tell it once, and watch for its return."""
+    def _note_error(self, frame: Frame) -> None:
+        """An error frame; a bus-off that the interface confirms is trouble until its carrier is back."""
+        self._errors += 1
+        found = errors.findings(frame)
+        self._findings += found
+        if any(finding.fault is Fault.BUS_OFF for finding in found):
+            link = Link.read(self.interface)
+            if link is not None and link.up and not link.carrier:
+                self._watch_for_recovery(Fault.BUS_OFF)
+
+    def _note_refusal(self, error: OSError) -> None:
+        """The kernel did not take a frame: a full queue is told once until it takes one again."""
+        if error.errno not in _FULL:
+            self._note_link(error)
+        elif not self._queue_full:
+            self._queue_full = True
+            self._findings.append(
+                BusFinding(Fault.SEND_QUEUE, time.monotonic_ns(), longer_queue(self.interface))
+            )
+
+    def _note_link(self, error: OSError) -> None:
+        """The interface is down or gone: tell it once."""
         fault = _LINK_ERRORS.get(error.errno or 0)
         if fault is None:
             raise BusClosed(f"{self.interface}: {error.strerror}; was the transport closed?") from error
         if fault is self._trouble:
             return
-        self._trouble = fault
         self._findings.append(BusFinding(fault, time.monotonic_ns(), self.interface))
+        self._watch_for_recovery(fault)
+
+    def _watch_for_recovery(self, fault: Fault) -> None:
+        self._trouble = fault
         if self._watch is None:
             self._watch = LinkWatch()
             self._epoll.register(self._watch.fileno(), select.EPOLLIN)
@@ -179,7 +207,8 @@ class SocketCanTransport:
         """Go on as before once the interface is up again, even if it was removed and made anew."""
         if self._watch is not None:
             self._watch.clear()
-        if not is_up(self.interface):
+        link = Link.read(self.interface)
+        if link is None or not link.up or not link.carrier:
             return
         try:
             self._bind()
@@ -196,6 +225,11 @@ class SocketCanTransport:
     def link_up(self) -> bool:
         """Whether the interface was usable when last looked at."""
         return self._trouble is None
+
+    @property
+    def receive_buffer(self) -> int:
+        """What the kernel has granted [bytes]; a frame takes some 800 of it."""
+        return self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
 
     def findings(self) -> list[BusFinding]:
         """What went wrong, or right again, since the last call: error frames in words, the interface's state."""
@@ -240,34 +274,3 @@ class SocketCanTransport:
         traceback: TracebackType | None,
     ) -> None:
         self.close()
-
-
-def kernel_has_can() -> bool:
-    """Whether this kernel offers raw CAN sockets."""
-    try:
-        _can_socket().close()
-    except BusUnavailable:
-        return False
-    return True
-
-
-def _can_socket() -> socket.socket:
-    try:
-        return socket.socket(socket.AF_CAN, socket.SOCK_RAW | socket.SOCK_NONBLOCK, socket.CAN_RAW)
-    except OSError as error:
-        raise BusUnavailable(
-            f"this kernel offers no CAN ({error.strerror}): load its modules (modprobe can_raw), "
-            "or use a hub instead (hub:PATH), or run under scripts/uml-run"
-        ) from error
-
-
-def _no_interface(name: str) -> str:
-    there = ", ".join(can_interfaces()) or "none"
-    remedy = "scripts/vcan-up makes virtual ones" if name.startswith("vcan") else "is the adapter plugged in?"
-    return f"{name}: no such CAN interface (there are: {there}); {remedy}"
-
-
-def _bring_up(name: str) -> str:
-    if name.startswith("v"):
-        return f"ip link set {name} up"
-    return f"ip link set {name} up type can bitrate 500000"

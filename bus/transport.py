@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Protocol, Self
 
+from bus.errors import BusFinding
 from bus.frame import Frame
 from bus.mistake import Mistake
 
@@ -28,7 +29,7 @@ class Statistics:
 
 
 class Transport(Protocol):
-    """Five methods; none of them blocks."""
+    """Six methods; none of them blocks."""
 
     def send(self, frame: Frame) -> bool:
         """Hand one frame to the bus. False: not accepted, and counted in `dropped_out`.
@@ -41,6 +42,9 @@ class Transport(Protocol):
 
         Raises BusClosed when the bus is gone and everything that arrived has been read.
         """
+
+    def findings(self) -> list[BusFinding]:
+        """What error frames and the interface have told since the last call, as far as `drain` has met it."""
 
     def fileno(self) -> int:
         """A file descriptor that is readable when `drain` has something to give."""

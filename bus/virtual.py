@@ -8,7 +8,8 @@ from types import TracebackType
 from typing import Self
 from weakref import WeakValueDictionary
 
-from bus import packet
+from bus import errors, packet
+from bus.errors import FINDINGS_LIMIT, BusFinding
 from bus.frame import ERROR, Frame
 from bus.transport import BusClosed, Statistics
 
@@ -57,6 +58,7 @@ class VirtualTransport:
     def __init__(self, bus: VirtualBus, queue_limit: int) -> None:
         self._bus: VirtualBus | None = bus
         self._queue: deque[Frame] = deque()
+        self._findings: deque[BusFinding] = deque(maxlen=FINDINGS_LIMIT)
         self._queue_limit = queue_limit
         self._received = self._sent = self._dropped_in = self._errors = 0
         self._ready = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
@@ -93,8 +95,17 @@ class VirtualTransport:
         if frames and not queue and self._bus is not None:
             os.eventfd_read(self._ready)
         self._received += len(frames)
-        self._errors += sum(1 for frame in frames if frame.can_id & ERROR)
+        for frame in frames:
+            if frame.can_id & ERROR:
+                self._errors += 1
+                self._findings += errors.findings(frame)
         return frames
+
+    def findings(self) -> list[BusFinding]:
+        """What error frames have told since the last call."""
+        found = list(self._findings)
+        self._findings.clear()
+        return found
 
     def fileno(self) -> int:
         """Readable when `drain` has something to give, or the bus is gone."""

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from bus.pacing import TickTiming, first_of, readable
 from bus.ticks import Ticks
 from bus.transport import BusClosed, Transport
+from bus.trouble_log import TroubleLog
 from ecu.answers import TICK_NS
 from ecu.cycle import EcuCycle
 from ecu.findings import Finding
@@ -39,11 +40,14 @@ async def run(
     timing = timing if timing is not None else TickTiming()
     cycle.warm_up()
 
+    trouble = TroubleLog()
+
     def receive() -> None:
         while frames := bus.drain():
             for frame in frames:
                 for finding in cycle.receive(frame, frame.at_ns or time.monotonic_ns()):
                     found(finding)
+        trouble.tell(bus.findings())
 
     def tick(due_ns: int) -> None:
         started_ns = time.monotonic_ns()

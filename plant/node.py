@@ -12,6 +12,7 @@ from pathlib import Path
 from bus.pacing import TickTiming, first_of, readable
 from bus.ticks import Ticks
 from bus.transport import BusClosed, Transport
+from bus.trouble_log import TroubleLog
 from plant.reception import Finding
 from plant.recorder import TruthRecorder
 from plant.unit import TICK_NS, PlantUnit
@@ -38,6 +39,7 @@ async def run(
     """
     truth = TruthRecorder() if truth_path else None
     timing = timing or TickTiming()
+    trouble = TroubleLog()
 
     def receive() -> None:
         while frames := transport.drain():
@@ -45,6 +47,7 @@ async def run(
                 for finding in unit.receive(frame, frame.at_ns or time.monotonic_ns()):
                     if on_finding:
                         on_finding(finding)
+        trouble.tell(transport.findings())
 
     def tick(due_ns: int) -> None:
         started_ns = time.monotonic_ns()

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bus.frame import BRS, ESI, EXTENDED, FD, REMOTE, Frame
+from bus.errors import Fault
+from bus.frame import BRS, ERROR, ESI, EXTENDED, FD, REMOTE, Frame
 from bus.packet import FD_LENGTHS
 from bus.transport import BusClosed, Transport
 
@@ -156,6 +157,20 @@ class TransportLaws:
             assert seen.received + seen.dropped_in == sent + 2
             assert reader.statistics().dropped_in == 0
             assert read == sent
+
+    def test_error_frames_come_as_frames_and_in_words(self, bench: Bench):
+        with bench.connect() as sender, bench.connect() as receiver:
+            frames = [Frame(ERROR | 0x044, b"\0\x20\0\0\0\0\x80\0"), Frame(1, b"data")]
+            for frame in frames:
+                sender.send(frame)
+            received = collect(receiver, 2)
+            assert unstamped(received) == frames
+            found = receiver.findings()
+            assert [finding.fault for finding in found] == [Fault.BUS_OFF, Fault.PASSIVE]
+            assert {finding.at_ns for finding in found} == {received[0].at_ns}
+            assert receiver.findings() == []
+            assert receiver.statistics().errors == 1
+            assert receiver.send(frames[1])  # a frame said bus off, not the controller: it can still send
 
     def test_closing_ends_one_connection_and_no_other(self, bench: Bench):
         with bench.connect() as sender, bench.connect() as receiver:

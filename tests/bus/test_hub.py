@@ -18,7 +18,7 @@ import pytest
 
 from bus import packet
 from bus.bits import duration_ns
-from bus.frame import ERROR, Frame
+from bus.frame import Frame
 from bus.hub import CLIENT_LIMIT, WAITING_LIMIT, Hub
 from bus.hub_client import HubTransport, hub_status
 from bus.hub_peer import BACKLOG_LIMIT
@@ -105,13 +105,6 @@ def test_own_frames_come_back_stamped_when_asked_for(hub: RunningHub) -> None:
         assert sender.drain() == []
         assert sender.confirmations() == [seen]
         assert sender.confirmations() == []
-
-
-def test_error_frames_pass_and_are_counted(hub: RunningHub) -> None:
-    with hub.connect() as sender, hub.connect() as receiver:
-        sender.send(Frame(ERROR | 0x40, bytes(8)))
-        assert unstamped(collect(receiver, 1)) == [Frame(ERROR | 0x40, bytes(8))]
-        assert receiver.statistics().errors == 1
 
 
 def test_when_the_hub_ends_what_arrived_is_given_first(path: str) -> None:

@@ -1,17 +1,9 @@
 """python-can and cantools on the hub: the library in this process, their tools as processes."""
 
 import asyncio
-import contextlib
-import fcntl
-import os
-import pty
-import re
-import select
 import signal
-import struct
 import subprocess
 import sys
-import termios
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,9 +14,10 @@ import pytest
 from hypothesis import given, settings
 
 from bus.frame import ERROR, EXTENDED, FD, Frame
-from bus.hub_client import HubTransport, hub_status
+from bus.hub_client import hub_status
 from bus.python_can import HubBus, from_message, to_message
 from tests.bus.laws import WAIT_S, classic, collect, fd, remote, unstamped
+from tests.bus.terminal import Terminal, feed_until_shown
 from tests.bus.test_hub import RunningHub
 
 DBC = Path(__file__).resolve().parents[2] / "dbc" / "loader.dbc"
@@ -150,48 +143,6 @@ def test_the_asynchronous_notifier_of_python_can_gets_every_message(hub: Running
     assert asyncio.run(listen()) == list(range(200))
 
 
-class Terminal:
-    """A program on a terminal of its own, and all that it has written there."""
-
-    def __init__(self, *command: str) -> None:
-        self._master, slave = pty.openpty()
-        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 140, 0, 0))
-        self.process = subprocess.Popen(
-            command,
-            stdin=slave,
-            stdout=slave,
-            stderr=slave,
-            start_new_session=True,
-            env={**os.environ, "TERM": "linux"},
-        )
-        os.close(slave)
-        self.text = ""
-
-    def read(self, timeout_s: float) -> None:
-        """Take over what has been written, without the terminal's control sequences."""
-        if select.select([self._master], [], [], timeout_s)[0]:
-            with contextlib.suppress(OSError):  # the program has closed its side
-                raw = os.read(self._master, 65536).decode(errors="replace")
-                self.text += re.sub(r"\x1b[\[()][0-9;?]*[A-Za-z0-9]|\x1b[78=>]|[\x0e\x0f]", " ", raw)
-
-    def type(self, keys: str) -> None:
-        os.write(self._master, keys.encode())
-
-    def end(self) -> int:
-        """Give it the key that ends it (q), and read on until it has ended."""
-        self.type("q")
-        deadline = time.monotonic() + WAIT_S
-        while self.process.poll() is None and time.monotonic() < deadline:
-            self.read(0.1)
-        return self.process.wait(0)
-
-    def close(self) -> None:
-        if self.process.poll() is None:
-            self.process.kill()
-        self.process.wait()
-        os.close(self._master)
-
-
 def wait_for_tool(hub: RunningHub, process: subprocess.Popen[bytes]) -> None:
     """Until the tool has joined the hub."""
     deadline = time.monotonic() + WAIT_S
@@ -199,15 +150,6 @@ def wait_for_tool(hub: RunningHub, process: subprocess.Popen[bytes]) -> None:
         assert process.poll() is None, "the tool has ended"
         assert time.monotonic() < deadline, "the tool did not join the hub"
         time.sleep(0.02)
-
-
-def feed_until_shown(sender: HubTransport, frame: Frame, screen: Terminal, *wanted: str) -> None:
-    """Repeat a frame, as a bus does, until the screen has shown it."""
-    deadline = time.monotonic() + WAIT_S
-    while not all(text in screen.text for text in wanted):
-        assert time.monotonic() < deadline, screen.text[-3000:]
-        sender.send(frame)
-        screen.read(0.05)
 
 
 @pytest.mark.processes

@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 import pytest
 
+from bus.errors import BusFinding
 from bus.frame import Frame
 from bus.transport import BusClosed, Statistics
 from dbc.protection import Finding as Check
@@ -51,6 +52,9 @@ class FakeBus:
             pass
         frames, self.incoming = self.incoming[:limit], self.incoming[limit:]
         return frames
+
+    def findings(self) -> list[BusFinding]:
+        return []
 
     def fileno(self) -> int:
         return self._near.fileno()
