@@ -276,6 +276,7 @@ ELSEWHERE = {
     "gateway": "hil.gateway.command",
     "diagnose": "hil.diagnose.command",
     "record": "hil.recording.command",
+    "inject": "hil.faults.command",
 }
 
 

@@ -5,30 +5,13 @@ injector owns no clock and does no I/O, so that the same script gives the same f
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, Protocol
 
 from bus.frame import Frame
+from hil.faults.passage import Action, Planned
 from hil.gateway.routes import Side
 
-
-class Planned(NamedTuple):
-    """A frame to be put onto the other side's bus at `at_ns`, at once if that is past."""
-
-    at_ns: int
-    frame: Frame
-
-
-@dataclass(frozen=True, slots=True)
-class Action:
-    """What an injector wants done beyond frames.
-
-    bus_off: the gateway's controller on side `target` falls silent and deaf; bus_on: it is back.
-    kill: the supervisor ends the process `target` with SIGKILL.
-    """
-
-    kind: Literal["bus_off", "bus_on", "kill"]
-    target: str
+__all__ = ["Action", "Injector", "Planned"]
 
 
 class Injector(Protocol):
