@@ -71,7 +71,7 @@ def diagnose(
     rng = np.random.default_rng(seed)
     recording = record({**baseline(rng), **truth}, NOISES[noise], rng)
     start = time.perf_counter()
-    result = judge(Problem(model(), [recording]), Settings())
+    result = judge(Problem(model(), [recording]), Settings()).findings
     return Run(arm, noise, strength, truth, effects, result, time.perf_counter() - start, seed)
 
 

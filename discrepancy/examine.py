@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from discrepancy.findings import Findings
-from discrepancy.judge import judge, nothing_usable
+from discrepancy.judge import Judgement, judge, nothing_usable
 from discrepancy.model import Model
 from discrepancy.plausible import implausible
 from discrepancy.problem import Problem, Unusable
@@ -13,13 +13,21 @@ from discrepancy.search import Progress, Settings
 
 
 def examine(
+    model: Model, recordings: Sequence[Recording], settings: Settings, progress: Progress = lambda _: None
+) -> Findings:
+    """The verdict on recordings, usable or not."""
+    judged = investigate(model, recordings, settings, progress)
+    return judged.findings if isinstance(judged, Judgement) else judged
+
+
+def investigate(
     model: Model,
     recordings: Sequence[Recording],
     settings: Settings,
     progress: Progress = lambda _: None,
     complaints: Sequence[Complaint] = (),
-) -> Findings:
-    """The verdict on recordings that were read; complaints: what reading them brought up.
+) -> Judgement | Findings:
+    """The verdict with what it rests on, or the verdict alone where nothing is usable; complaints: of those who read.
 
     A channel whose scale or clock cannot be right is left out and told; the others are judged.
     """

@@ -168,6 +168,25 @@ class ChannelNoise:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WouldShow:
+    """An effect, or a pair of rivals: how much it changes a channel (RMS, in its unit), and that over its own movement."""
+
+    what: str
+    change: float
+    share: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissingChannel:
+    """An output that was not recorded: effects that it would have shown at their typical size, rivals it would have parted."""
+
+    channel: str
+    unit: str
+    would_judge: list[WouldShow]
+    would_part: list[WouldShow]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Complaint:
     """Something wrong with a recording."""
 
@@ -191,7 +210,7 @@ class Findings:
     candidates: list[Candidate] = field(default_factory=list)
     nuisances: list[Nuisance] = field(default_factory=list)
     noise: list[ChannelNoise] = field(default_factory=list)
-    missing_channels: list[str] = field(default_factory=list)
+    missing_channels: list[MissingChannel] = field(default_factory=list)
     complaints: list[Complaint] = field(default_factory=list)
     simulations: int = 0
     samples: int = 0

@@ -15,6 +15,7 @@ from discrepancy import findings as f
 from discrepancy.fit import Fit, fit
 from discrepancy.groups import ENOUGH, Member, members, separating
 from discrepancy.locate import locate
+from discrepancy.missing import missing_channels
 from discrepancy.model import Effect
 from discrepancy.openended import OpenEnded, explore
 from discrepancy.problem import Problem, Unusable
@@ -49,7 +50,18 @@ class _Needed:
     error_ratio: dict[str, float]
 
 
-def judge(problem: Problem, settings: Settings, progress: Progress = lambda _: None) -> f.Findings:
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """The findings and what they rest on; baseline: the search before anything was accepted."""
+
+    findings: f.Findings
+    problem: Problem
+    baseline: State
+    state: State
+    beyond: OpenEnded
+
+
+def judge(problem: Problem, settings: Settings, progress: Progress = lambda _: None) -> Judgement:
     """Search, then decide. Never raises for what recordings contain; Unusable is raised when Problem is built."""
     state, history = search(problem, settings, progress)
     state = backward(problem, state, settings)
@@ -62,7 +74,7 @@ def judge(problem: Problem, settings: Settings, progress: Progress = lambda _: N
     found.sort(key=lambda finding: -finding.gain)
     candidates = account.candidates(problem, state, history[0], found, settings)
     status, reasons = _status(problem, found, beyond, candidates)
-    return f.Findings(
+    told = f.Findings(
         model=problem.model.name,
         recordings=list(dict.fromkeys(w.recording for w in problem.windows)),
         status=status,
@@ -72,11 +84,12 @@ def judge(problem: Problem, settings: Settings, progress: Progress = lambda _: N
         candidates=candidates,
         nuisances=account.nuisances(problem, state),
         noise=account.channel_noise(problem, state),
-        missing_channels=list(problem.missing),
+        missing_channels=missing_channels(problem, state, candidates, found),
         complaints=account.complaints(problem.complaints),
         simulations=problem.simulations,
         samples=int(problem.measured.size),
     )
+    return Judgement(told, problem, history[0], state, beyond)
 
 
 def nothing_usable(model: str, recordings: Sequence[str], error: Unusable) -> f.Findings:

@@ -124,7 +124,7 @@ def _of_one(name: str, unit_text: str, sd: float) -> list[Function]:
         make(f"d/dt {name}", unit / parse_unit("s"), 2, lambda x, step: np.gradient(x, step)),
         make(f"{name}³", unit**3, 3, lambda x, _: x**3),
         make(f"play({name}, {PLAY * sd:.3g} {unit_text})", unit, 4, lambda x, _: play(x, PLAY * sd)),
-        *(make(f"low-pass({name}, {T:g} s)", unit, 3, partial(_low_pass, time_constant_s=T)) for T in LAG_S),
+        *(make(f"lowpass({name}, {T:g} s)", unit, 3, partial(_low_pass, time_constant_s=T)) for T in LAG_S),
     ]
 
 

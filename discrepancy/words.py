@@ -7,7 +7,7 @@ from rich.markup import escape
 from rich.panel import Panel
 from rich.table import Table
 
-from discrepancy.findings import Estimate, Finding, Findings
+from discrepancy.findings import Estimate, Finding, Findings, MissingChannel
 
 COLOUR = {"explained": "green", "unknown": "yellow", "nothing missing": "green", "inconclusive": "red"}
 
@@ -22,9 +22,8 @@ def tell(result: Findings, console: Console, *, all_candidates: bool = False) ->
         console.print(escape(_finding(number, finding)), highlight=False)
     if result.open_ended is not None:
         console.print(escape(_open(result)), highlight=False)
-    if result.missing_channels:
-        missing = ", ".join(result.missing_channels)
-        console.print(escape(f"Not recorded, would have helped: {missing}"), highlight=False)
+    for missing in result.missing_channels:
+        console.print(escape(told_missing(missing)), highlight=False)
     for complaint in result.complaints:
         mark = "[red]" if complaint.fatal else "[yellow]"
         text = escape(f"{complaint.recording}: {complaint.signal} {complaint.text}")
@@ -47,6 +46,15 @@ def number_and_unit(e: Estimate) -> str:
     if e.low is not None and e.high is not None:
         text += f" (95 %: {e.low:.4g} to {e.high:.4g})"
     return text + (f", at its {e.at_bound} bound" if e.at_bound else "")
+
+
+def told_missing(missing: MissingChannel) -> str:
+    """'speed was not recorded; it would have shown linear drag (0.3 m/s), parted gyro delay from servo delay'."""
+    judged = [f"{w.what} ({w.change:.2g} {missing.unit})" for w in missing.would_judge[:5]]
+    parted = [f"{w.what} ({w.change:.2g} {missing.unit})" for w in missing.would_part[:5]]
+    told = [f"shown {', '.join(judged)}"] if judged else []
+    told += [f"parted {', '.join(parted)}"] if parted else []
+    return f"{missing.channel} was not recorded; it would have {' and '.join(told) or 'told nothing more'}"
 
 
 def _finding(number: int, f: Finding) -> str:

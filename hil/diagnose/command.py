@@ -4,15 +4,20 @@ Exit codes: 0 explained, or nothing missing; 1 unknown: something is missing tha
 2 misused; 5 inconclusive: these recordings cannot tell.
 """
 
+import importlib.metadata
+import platform
+import shlex
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bus.mistake import Mistake
 from hil.ending import Ending
 
 if TYPE_CHECKING:
@@ -48,7 +53,7 @@ def diagnose(
         ),
     ],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Write findings.json here.")
+        Path | None, typer.Option("--out", metavar="DIR", help="Write findings.json and report.html here.")
     ] = None,
     part: Annotated[
         str | None, typer.Option("--part", metavar="PART", help="Which part of a published data set.")
@@ -85,11 +90,14 @@ def diagnose(
     """
     from rich.console import Console
 
-    from discrepancy.examine import examine
+    from discrepancy.evidence import evidence
+    from discrepancy.examine import investigate
     from discrepancy.findings import to_json
+    from discrepancy.judge import Judgement
     from discrepancy.search import Settings
     from discrepancy.words import tell
     from hil.diagnose.models import find_model
+    from hil.diagnose.page import page
     from hil.diagnose.reading import Ask, numbers, pairs, read_all
 
     choice = find_model(model)
@@ -100,16 +108,51 @@ def diagnose(
         shifts=numbers("--shift", shift or []),
         constants=numbers("--constant", constant or []),
     )
+    if out is not None:
+        write(out, {})  # said before the work, not after it
+    settings, start = Settings(), time.monotonic()
     with told_progress(Console(stderr=True)) as progress:
         read = read_all(choice, ask, progress)
-        built = choice.build(read.recordings)
-        result = examine(built, read.recordings, Settings(), progress, read.complaints)
+        judged = investigate(
+            choice.build(read.recordings), read.recordings, settings, progress, read.complaints
+        )
+        result, shown = (judged.findings if isinstance(judged, Judgement) else judged), None
+        if out is not None and isinstance(judged, Judgement):
+            progress("predicting held-out stretches for the report")
+            shown = evidence(judged, settings)
     tell(result, Console(soft_wrap=True), all_candidates=everything)
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "findings.json").write_text(to_json(result), encoding="utf-8")
-        print(f"written: {out / 'findings.json'}")
+        text = page(result, shown, conditions(time.monotonic() - start))
+        for file in write(out, {"findings.json": to_json(result), "report.html": text}):
+            print(f"written: {file}")
     raise typer.Exit(EXIT[result.status])
+
+
+def conditions(seconds: float) -> dict[str, str]:
+    """What was run, for the report."""
+    now = datetime.now(UTC)
+    return {
+        "command": shlex.join(["loaderhil", *sys.argv[1:]]),
+        "when": f"{now:%Y-%m-%d %H:%M} UTC, in {seconds:.1f} s",
+        "version": f"loaderhil {importlib.metadata.version('loaderhil')}, Python {platform.python_version()}",
+    }
+
+
+def write(folder: Path, texts: Mapping[str, str]) -> list[Path]:
+    """All files, each whole or not at all. Raises Misuse where the folder cannot be written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in texts.items():
+            part = folder / f".{name}.part"
+            part.write_text(text, encoding="utf-8")
+            part.replace(folder / name)
+    except OSError as error:
+        raise Unwritable(f"--out {folder}: {error.strerror or error}") from error
+    return [folder / name for name in texts]
+
+
+class Unwritable(Mistake, ValueError):
+    """The results cannot be written where they were wanted."""
 
 
 @contextmanager

@@ -78,7 +78,8 @@ def test_without_motion_capture_the_delay_is_still_a_delay_and_shares_a_group_wi
     found = result.finding("gyro delay")
     assert {"gyro delay", "servo delay"} <= {found.effect, *(m.effect for m in found.group)}
     assert any("motion capture" in s.manoeuvre for s in found.separate_by)
-    assert result.missing_channels == ["yaw_rate_reference"]
+    assert [m.channel for m in result.missing_channels] == ["yaw_rate_reference"]
+    assert "gyro delay from servo delay" in [w.what for w in result.missing_channels[0].would_part]
 
 
 def test_tape_has_about_half_the_grip_of_rubber(recordings: Path) -> None:

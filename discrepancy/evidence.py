@@ -1,0 +1,258 @@
+"""What a reader wants to see beside the verdict: simulated against recorded on held-out stretches, and what is left of it.
+
+Residuals are in units of the final one-step error ("sd"), with and without what was found; all shared parameters come from
+stretches other than the one shown, initial states from the stretch itself.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+from discrepancy.fit import fit
+from discrepancy.judge import Judgement
+from discrepancy.noise import Noise
+from discrepancy.problem import Problem, Values
+from discrepancy.recording import Array
+from discrepancy.search import Settings, folds, free_names
+
+BINS = 60  # of time, per recording
+LAGS = 40
+FEWEST = 16  # samples for a spectrum
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """One channel of one recording; NaN separates windows and gaps. after: None where nothing was found."""
+
+    recording: str
+    channel: str
+    unit: str
+    time_s: Array
+    recorded: Array
+    before: Array
+    after: Array | None
+
+
+@dataclass(frozen=True, slots=True)
+class MapRow:
+    """Root mean square of whitened residuals [sd] of one channel of one recording per stretch of time; NaN: no rows."""
+
+    recording: str
+    channel: str
+    edges_s: Array
+    before: Array
+    after: Array | None
+
+
+@dataclass(frozen=True, slots=True)
+class RegimeCell:
+    """The same for a third of the range of a known signal."""
+
+    channel: str
+    signal: str
+    regime: str
+    before: float
+    after: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Spectrum:
+    """Power of whitened residuals over frequency, 1 for white ones of unit size, and their autocorrelation.
+
+    band: size below which 95 % of the autocorrelations of white residuals lie.
+    """
+
+    channel: str
+    frequency_hz: Array
+    before: Array
+    after: Array | None
+    lag_s: Array
+    correlation_before: Array
+    correlation_after: Array | None
+    band: float
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """Everything that is drawn."""
+
+    traces: Sequence[Trace]
+    time_map: Sequence[MapRow]
+    regimes: Sequence[RegimeCell]
+    spectra: Sequence[Spectrum]
+
+
+def evidence(judged: Judgement, settings: Settings) -> Evidence:
+    """Held-out predictions of the baseline and of the model with what was found, and their residuals."""
+    problem, state = judged.problem, judged.state
+    before = held_out_prediction(problem, state.noise, (), judged.baseline.fit.values, settings)
+    after = (
+        held_out_prediction(problem, state.noise, state.accepted, state.fit.values, settings)
+        if state.accepted
+        else None
+    )
+    white = [state.noise.whiten(problem.measured - rows) for rows in (before, after) if rows is not None]
+    left, left_after = white[0], white[1] if after is not None else None
+    return Evidence(
+        list(_traces(problem, before, after)),
+        _time_map(problem, state.noise, left, left_after),
+        _regimes(problem, state.noise, left, left_after),
+        _spectra(problem, state.noise, left, left_after),
+    )
+
+
+def held_out_prediction(
+    problem: Problem, noise: Noise, effects: Sequence[str], start: Values, settings: Settings
+) -> Array:
+    """Predicted raw rows (N,), each from a fit of the shared parameters that has not seen it."""
+    names, predicted = free_names(problem, effects), np.empty(problem.measured.size)
+    following = np.clip(np.searchsorted(noise.keep, np.arange(problem.measured.size)), 0, noise.keep.size - 1)
+    for test in folds(problem, noise, settings.folds):
+        trained = fit(problem, noise, names, start, rows=~test, iterations=4)
+        tested = fit(problem, noise, (), trained.values, rows=test, iterations=2)
+        rows = test[following]  # the first rows of a run belong to the stretch they lead into
+        predicted[rows] = problem.predict(tested.values)[rows]
+    return predicted
+
+
+def _traces(problem: Problem, before: Array, after: Array | None) -> list[Trace]:
+    parts: dict[tuple[str, str], list[list[Array]]] = {}
+    for block in problem.blocks:
+        recording, (_, c) = problem.windows[block.window].recording, block.shape
+        for i, channel in enumerate(block.channels):
+            rows = slice(block.start + i, block.stop, c)
+            columns = [block.time_s, problem.measured[rows], before[rows]]
+            columns += [after[rows]] if after is not None else []
+            parts.setdefault((recording, channel), []).append(columns)
+    traces = []
+    for (recording, channel), blocks in parts.items():
+        blocks.sort(key=lambda columns: columns[0][0])
+        joined = [_joined([b[k] for b in blocks]) for k in range(len(blocks[0]))]
+        joined[0] = np.concatenate([np.append(b[0], b[0][-1]) for b in blocks])[:-1]
+        unit = problem.model.outputs[channel]
+        traces.append(
+            Trace(
+                recording,
+                channel,
+                unit,
+                joined[0],
+                joined[1],
+                joined[2],
+                joined[3] if len(joined) > 3 else None,
+            )
+        )
+    return traces
+
+
+def _joined(parts: Sequence[Array]) -> Array:
+    return np.concatenate([np.append(p, np.nan) for p in parts])[:-1]
+
+
+def _time_map(problem: Problem, noise: Noise, before: Array, after: Array | None) -> list[MapRow]:
+    owner = np.array([w.recording for w in problem.windows])[noise.row_window]
+    found = []
+    for recording in dict.fromkeys(owner.tolist()):
+        here = owner == recording
+        time_s = noise.row_time[here]
+        edges = np.linspace(time_s.min(), time_s.max() + 1e-9, BINS + 1)
+        for i, channel in enumerate(problem.channels):
+            rows = here & (noise.row_channel == i)
+            if not rows.any():
+                continue
+            at = np.clip(np.digitize(noise.row_time[rows], edges) - 1, 0, BINS - 1)
+            found.append(
+                MapRow(
+                    recording,
+                    channel,
+                    edges,
+                    _rms_in(at, before[rows]),
+                    None if after is None else _rms_in(at, after[rows]),
+                )
+            )
+    return found
+
+
+def _rms_in(at: NDArray[np.intp], values: Array) -> Array:
+    count = np.bincount(at, minlength=BINS).astype(float)
+    total = np.bincount(at, values**2, BINS)
+    mean: Array = np.divide(total, count, out=np.full(BINS, np.nan), where=count > 0)
+    return np.sqrt(mean)
+
+
+def _regimes(problem: Problem, noise: Noise, before: Array, after: Array | None) -> list[RegimeCell]:
+    model = problem.model
+    units = {**model.inputs, **model.optional, **model.outputs}
+    found = []
+    for name in [n for n in units if all(w.has(n) for w in problem.windows)]:
+        value = np.empty(noise.keep.size)
+        for i, window in enumerate(problem.windows):
+            rows = noise.row_window == i
+            value[rows] = np.interp(noise.row_time[rows], window.time_s, window[name])
+        low, high = np.quantile(value, [1 / 3, 2 / 3])
+        if low == high:
+            continue
+        thirds: Mapping[str, NDArray[np.bool_]] = {
+            f"below {low:.3g}": value < low,
+            f"{low:.3g} to {high:.3g}": (value >= low) & (value <= high),
+            f"above {high:.3g}": value > high,
+        }
+        for text, rows in thirds.items():
+            for i, channel in enumerate(problem.channels):
+                chosen = rows & (noise.row_channel == i)
+                if chosen.any():
+                    found.append(
+                        RegimeCell(
+                            channel,
+                            f"{name} [{units[name]}]".removesuffix(" [1]"),
+                            text,
+                            _rms(before[chosen]),
+                            None if after is None else _rms(after[chosen]),
+                        )
+                    )
+    return found
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _spectra(problem: Problem, noise: Noise, before: Array, after: Array | None) -> list[Spectrum]:
+    found = []
+    for i, channel in enumerate(problem.channels):
+        rows = noise.row_channel == i
+        steps = np.diff(noise.row_time[rows])
+        step = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
+        count = int(np.count_nonzero(rows))
+        if count < FEWEST or step == 0.0:
+            continue
+        of_before = _power(before[rows], step)
+        of_after = None if after is None else _power(after[rows], step)[1]
+        lags = min(LAGS, count // 4)
+        found.append(
+            Spectrum(
+                channel,
+                of_before[0],
+                of_before[1],
+                of_after,
+                np.asarray(step * np.arange(1, lags + 1), float),
+                _correlation(before[rows], lags),
+                None if after is None else _correlation(after[rows], lags),
+                1.96 / float(np.sqrt(count)),
+            )
+        )
+    return found
+
+
+def _power(values: Array, step: float) -> tuple[Array, Array]:
+    """One-sided density over that of white noise of unit variance, by averaged periodograms (Welch)."""
+    f, p = welch(values, fs=1.0 / step, nperseg=min(values.size, max(FEWEST, values.size // 8)))
+    return f[1:], np.asarray(p[1:] / (2.0 * step), float)
+
+
+def _correlation(values: Array, lags: int) -> Array:
+    e = values - np.mean(values)
+    power = float(e @ e) or 1.0
+    return np.array([float(e[k:] @ e[:-k]) / power for k in range(1, lags + 1)])

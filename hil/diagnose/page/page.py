@@ -1,0 +1,228 @@
+"""A diagnosis as one self-contained HTML page: verdict, findings, proof, and what could not be judged."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from importlib.resources import files
+
+from discrepancy.evidence import Evidence
+from discrepancy.findings import Estimate, Finding, Findings
+from discrepancy.words import number_and_unit, told_missing
+from hil.diagnose.page import drawn
+from hil.diagnose.page.mathml import mathml
+from hil.diagnose.page.tables import Cell, definitions, meter, plain, table
+from hil.diagnose.page.told import better, lead, open_cards, percent, summary, told_where
+
+CARD = {"explained": "good", "nothing missing": "good", "unknown": "warned", "inconclusive": "unknown"}
+SHOWN_CARDS = 4
+
+
+def page(result: Findings, shown: Evidence | None, conditions: Mapping[str, str]) -> str:
+    """The whole document; shown: None where nothing was usable; conditions: what was run, as told to the reader."""
+    title = f"{result.model}: {result.status}"
+    clock = drawn.Clock.of(shown) if shown else None
+    chapters = [
+        ("found", "What was found", "".join(_findings(result))),
+        ("map", "Where model and recordings differ", drawn.mismatch(shown, clock) if shown and clock else ""),
+        ("traces", "Simulated against recorded", drawn.traces(shown, clock) if shown and clock else ""),
+        ("residuals", "What is left", drawn.residuals(shown, result.noise) if shown else ""),
+        ("candidates", "All candidates", _candidates(result)),
+        ("blind", "What could not be judged", _blind(result)),
+        ("nuisances", "What the baseline absorbed", _nuisances(result)),
+        ("recordings", "The recordings", _recordings(result)),
+        ("conditions", "What was run", definitions(conditions)),
+        ("terms", "Terms", _TERMS),
+    ]
+    chapters = [chapter for chapter in chapters if chapter[2]]
+    contents = "".join(f'<a href="#{key}">{escape(name)}</a>' for key, name, _ in chapters)
+    body = "".join(
+        f'<section class="chapter" id="{key}"><h2>{escape(name)}</h2>{markup}</section>'
+        for key, name, markup in chapters
+    )
+    style = _resource("hil.report", "style.css") + _resource("hil.diagnose.page", "page.css")
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(title)}</title><style>{style}</style></head><body>"
+        f'<header><p class="kicker">loaderhil diagnosis</p><h1>{escape(_heading(result))}</h1>'
+        f'<p class="soft">model {escape(result.model)} · {escape(", ".join(result.recordings))}</p>'
+        f'<p class="lead">{escape(lead(result))}</p>{_cards(result)}</header>'
+        f'<nav aria-label="Contents">{contents}</nav><main>{body}</main>'
+        "<footer>Written by loaderhil. Held-out: predicted with parameters from other stretches than the one shown.</footer>"
+        f"{_BAR}<script>{_resource('hil.report', 'page.js')}</script></body></html>\n"
+    )
+
+
+def _resource(package: str, name: str) -> str:
+    return files(package).joinpath(name).read_text(encoding="utf-8")
+
+
+def _heading(result: Findings) -> str:
+    if result.named:
+        return f"Left out: {', '.join(result.named)}"
+    return {
+        "unknown": "Something is missing; its cause is unknown",
+        "nothing missing": "Nothing is missing",
+        "inconclusive": "These recordings cannot tell",
+    }.get(result.status, result.status)
+
+
+def _cards(result: Findings) -> str:
+    cards = [_card(CARD[result.status], "verdict", result.status.capitalize(), summary(result))]
+    for finding in result.findings[:SHOWN_CARDS]:
+        kind = "good" if finding.named else "warned"
+        what = f"{finding.kind} · {finding.place}"
+        name = finding.effect if finding.named else f"Best proxy: {finding.effect}"
+        lower = ", ".join(f"{c} {percent(1 - r)}" for c, r in finding.held_out_error.items() if r < 0.995)
+        size = number_and_unit(finding.parameters[0]) if len(finding.parameters) <= 3 else ""
+        told = f"Held-out error lower by: {lower}." if lower else ""
+        cards.append(_card(kind, what, name[0].upper() + name[1:], f"{size}{'. ' if size else ''}{told}"))
+    return f'<div class="cards">{"".join(cards)}</div>'
+
+
+def _card(kind: str, over: str, outcome: str, story: str) -> str:
+    return (
+        f'<div class="card {kind}"><p class="run">{escape(over)}</p><p class="outcome">{escape(outcome)}</p>'
+        f"<p>{escape(story)}</p></div>"
+    )
+
+
+def _findings(result: Findings) -> Iterator[str]:
+    for number, finding in enumerate(result.findings, start=1):
+        yield _finding(number, finding)
+    if result.open_ended is not None:
+        yield from open_cards(result.open_ended)
+    if not result.findings and result.open_ended is None:
+        yield f'<p class="lead">{escape(" ".join(result.reasons))}</p>'
+
+
+def _finding(number: int, f: Finding) -> str:
+    name = f.effect if f.named else f"best proxy {f.effect}, cause unknown"
+    facts = {
+        "size": "; ".join(number_and_unit(e) for e in f.parameters[:4])
+        + (f"; and {len(f.parameters) - 4} more" if len(f.parameters) > 4 else ""),
+        "where": told_where(f.where),
+        "on held-out data": f"{better(f.held_out_error)}; closes {percent(f.gap_closed)} of the gap to what is possible",
+        "evidence": f"{f.gain:.0f}, needed {f.needed:.0f}; {f.held_out_gain:.0f} on held-out data; "
+        f"{percent(f.absorbed)} of the effect could hide behind the baseline's parameters",
+        "not named because": "; ".join(f.doubts),
+        "cannot be told from": "; ".join(
+            f"{m.effect} ({', '.join(number_and_unit(e) for e in m.parameters[:2])}; likelihood difference {m.likelihood_difference:.1f})"
+            for m in f.group
+        ),
+        "to tell them apart": "; ".join(
+            f"from {s.effect}: {s.manoeuvre}"
+            + ("" if s.expected_difference is None else f" (expected difference {s.expected_difference:.0f})")
+            for s in f.separate_by
+        ),
+    }
+    return (
+        f'<article class="finding {"named" if f.named else "proxy"}"><h3>{number}. {escape(name)}'
+        f"<small>{f.kind} · {escape(f.place)}</small></h3><p>{escape(f.sentence[:1].upper() + f.sentence[1:])}.</p>"
+        f"{mathml(f.equation) if f.equation else ''}{definitions({k: v for k, v in facts.items() if v})}</article>"
+    )
+
+
+def _candidates(result: Findings) -> str:
+    if not result.candidates:
+        return ""
+    head = ("effect", "kind", "verdict", "score", "expected size", "power", "hidden by baseline", "why")
+    rows: list[Sequence[Cell]] = [
+        (
+            plain(c.effect),
+            plain(c.kind),
+            plain(
+                c.verdict,
+                "found" if c.verdict == "found" else "blind" if c.verdict.startswith("could") else "",
+            ),
+            plain(f"{c.statistic:.1f}", "n"),
+            plain(_expected(c.expected)),
+            meter(c.power),
+            meter(c.absorbed),
+            plain(c.reason),
+        )
+        for c in result.candidates
+    ]
+    note = (
+        "By their score on the baseline: how much each would lower the squared whitened error by itself. Power: the chance to notice one of "
+        "typical size in these recordings."
+    )
+    return f'<p class="soft">{note}</p>{table(head, rows, numbers=(3,))}'
+
+
+def _expected(values: Sequence[Estimate]) -> str:
+    if not values or len(values) > 3:
+        return f"{len(values)} values" if values else "–"
+    return ", ".join(f"{e.value:.3g} {'' if e.unit == '1' else e.unit}".strip() for e in values)
+
+
+def _blind(result: Findings) -> str:
+    lines = []
+    by_reason: dict[str, list[str]] = {}
+    for c in result.candidates:
+        if c.verdict == "could not be judged":
+            by_reason.setdefault(c.reason, []).append(c.effect)
+    lines += [f"{', '.join(effects)}: {reason}" for reason, effects in by_reason.items()]
+    lines += [told_missing(m) for m in result.missing_channels]
+    return (
+        f'<ul class="problems">{"".join(f"<li>{escape(line)}</li>" for line in lines)}</ul>' if lines else ""
+    )
+
+
+def _nuisances(result: Findings) -> str:
+    if not result.nuisances:
+        return ""
+    head = ("parameter", "unit", "assumed", "now", "± (95 %)", "moved")
+    rows: list[Sequence[Cell]] = []
+    for n in result.nuisances:
+        moved = n.after - n.before
+        told = (
+            f"{abs(moved) / n.prior_sd:.1f} of its prior's standard deviations"
+            if n.prior_sd
+            else f"{moved:+.3g}, no prior"
+        )
+        values = (f"{n.before:.4g}", f"{n.after:.4g}", f"{1.96 * n.sd:.2g}")
+        rows.append(
+            (
+                plain(n.name),
+                plain("" if n.unit == "1" else n.unit),
+                *(plain(v, "n") for v in values),
+                plain(told),
+            )
+        )
+    note = "Parameters of the baseline that are not exactly known are refitted in every comparison, within their priors."
+    return f'<p class="soft">{note}</p>{table(head, rows, numbers=(2, 3, 4))}'
+
+
+def _recordings(result: Findings) -> str:
+    told = "".join(
+        f"<li><b>{escape(c.recording)}</b> {escape(f'{c.signal} {c.text}'.strip())}</li>"
+        for c in result.complaints
+    )
+    counted = (
+        f"{len(result.recordings)} recordings, {result.samples} samples, {result.simulations} simulations."
+    )
+    return f"<p>{counted}</p>{f'<ul class=problems>{told}</ul>' if told else ''}"
+
+
+_BAR = (
+    '<aside class="bar" hidden aria-label="Time cursor and zoom"><output class="now" aria-live="off"></output>'
+    '<button type="button" data-zoom="in" aria-label="Zoom in">+</button>'
+    '<button type="button" data-zoom="out" aria-label="Zoom out">−</button>'
+    '<button type="button" data-zoom="all">Whole run</button>'
+    '<button type="button" data-zoom="none" aria-label="Remove the time cursor">&times;</button></aside>'
+)
+
+_TERMS = definitions(
+    {
+        "explained": "at least one effect passed every test; what remains, if anything, is said",
+        "unknown": "something depends on known signals or an effect helps, but no name passed the tests",
+        "nothing missing": "no effect of the library and no function of the known signals improves held-out prediction",
+        "inconclusive": "the recordings are unusable, too short, or would not have shown any effect of the library",
+        "before, after": "the baseline alone, and with all effects found; parameters from other stretches than the one shown",
+        "one-step error": "what noise leaves of the difference, given the differences before it; residuals are counted in it",
+        "best proxy": "an effect that improves prediction and yet is not the cause: it leaves more of the gap than it closes, stops at a "
+        "bound, or loses its size beside an equation that does as well",
+        "gap": "from the baseline's held-out error to the best that the library or a function of the known signals achieves",
+        "interval": "95 %; local, of the parameters with all others refitted",
+    }
+)

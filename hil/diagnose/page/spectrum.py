@@ -1,0 +1,108 @@
+"""Residuals over frequency and lag: what is left must be flat and uncorrelated, else the model is still at fault."""
+
+from collections.abc import Sequence
+from html import escape
+
+import numpy as np
+
+from discrepancy.evidence import Spectrum
+from discrepancy.recording import Array
+from hil.report.axis import Axis, around, number
+from hil.report.plot import UNITS, Curve, path
+
+FLOOR = 1e-3  # of the power of white noise, below which nothing is drawn
+
+
+def power(spectrum: Spectrum) -> str:
+    """Power over frequency, both logarithmic, 1 where residuals are white."""
+    curves = [("before", spectrum.before, "predicted")]
+    if spectrum.after is not None:
+        curves.append(("after", spectrum.after, "estimate"))
+    across = Axis(float(np.log10(spectrum.frequency_hz[0])), float(np.log10(spectrum.frequency_hz[-1])))
+    values = [(name, np.log10(np.maximum(value, FLOOR)), style) for name, value, style in curves]
+    upward = around((v for _, v, _ in values), (-0.5, 0.5))
+    ticks = range(int(np.ceil(across.start)), int(np.floor(across.end)) + 1)
+    x_labels = [(float(t), number(10.0**t)) for t in ticks]
+    y_labels = [
+        (float(t), f"10{_raised(t)}")
+        for t in range(int(np.ceil(upward.start)), int(np.floor(upward.end)) + 1)
+    ]
+    drawn = [Curve(name, np.log10(spectrum.frequency_hz), value, style) for name, value, style in values]
+    described = f"Spectrum of the residual of {spectrum.channel}: " + ", ".join(
+        f"{name} up to {np.max(value):.2g} times white" for name, value, _ in curves
+    )
+    return _figure(
+        f"{spectrum.channel}: power of the residual over white",
+        drawn,
+        across,
+        upward,
+        (x_labels, y_labels),
+        "frequency [Hz]",
+        described,
+        0.0,
+    )
+
+
+def correlation(spectrum: Spectrum) -> str:
+    """Autocorrelation over lag, with the band in which those of white residuals lie."""
+    curves = [Curve("before", spectrum.lag_s, spectrum.correlation_before, "predicted")]
+    if spectrum.correlation_after is not None:
+        curves.append(Curve("after", spectrum.lag_s, spectrum.correlation_after, "estimate"))
+    ends = spectrum.lag_s[[0, -1]]
+    for sign, silent in ((1.0, False), (-1.0, True)):
+        curves.append(Curve("95 % of white", ends, np.full(2, sign * spectrum.band), "limit", silent=silent))
+    across = Axis(0.0, float(ends[1]) * 1.02)
+    upward = around((c.value for c in curves), (-0.2, 0.2))
+    labels = ([(t, number(t)) for t in across.ticks(6)], [(t, number(t)) for t in upward.ticks(5)])
+    described = (
+        f"Autocorrelation of the residual of {spectrum.channel}: largest {_largest(spectrum.correlation_before):.2f} before"
+        + (
+            ""
+            if spectrum.correlation_after is None
+            else f", {_largest(spectrum.correlation_after):.2f} after"
+        )
+    )
+    return _figure(
+        f"{spectrum.channel}: autocorrelation of the residual",
+        curves,
+        across,
+        upward,
+        labels,
+        "lag [s]",
+        described,
+        0.0,
+    )
+
+
+def _largest(values: Array) -> float:
+    return float(values[np.argmax(np.abs(values))])
+
+
+def _raised(power: int) -> str:
+    return f"{power}".translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def _figure(
+    title: str,
+    curves: Sequence[Curve],
+    across: Axis,
+    upward: Axis,
+    labels: tuple[Sequence[tuple[float, str]], Sequence[tuple[float, str]]],
+    x_name: str,
+    described: str,
+    level: float,
+) -> str:
+    x_labels, y_labels = labels
+    upright = "".join(f"M{round(UNITS * float(across.share(at)))} 0v{UNITS}" for at, _ in x_labels)
+    flat = "".join(f"M0 {UNITS - round(UNITS * float(upward.share(at)))}h{UNITS}" for at, _ in y_labels)
+    zero = f"M0 {UNITS - round(UNITS * float(upward.share(level)))}h{UNITS}"
+    lines = "".join(path(c, across, upward) for c in curves)
+    ticks = "".join(f'<span style="left:{across.percent(at)}">{text}</span>' for at, text in x_labels)
+    levels = "".join(f'<span style="bottom:{upward.percent(at)}">{text}</span>' for at, text in y_labels)
+    legend = "".join(f'<li class="{c.style}"><i></i>{escape(c.name)}</li>' for c in curves if not c.silent)
+    return (
+        f'<figure class="plot"><figcaption>{escape(title)}</figcaption><div class="chart"><div class="y" aria-hidden="true">{levels}</div>'
+        f'<div class="area" role="img" aria-label="{escape(described)}"><svg viewBox="0 0 {UNITS} {UNITS}" preserveAspectRatio="none" '
+        f'aria-hidden="true"><path class="grid" d="{upright}{flat}"/><path class="zero" d="{zero}"/>{lines}</svg></div>'
+        f'<div class="x" aria-hidden="true"><div>{ticks}</div><em>{x_name}</em></div></div><ul class="legend">{legend}</ul></figure>'
+    )

@@ -1,0 +1,136 @@
+"""The report: self-contained, well formed, and with all that a reader needs."""
+
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from discrepancy.evidence import Evidence, evidence, held_out_prediction
+from discrepancy.examine import investigate
+from discrepancy.judge import Judgement
+from discrepancy.search import Settings
+from hil.diagnose.page import page
+from hil.diagnose.page.heat import LEVELS, level
+from tests.discrepancy.toys import record, tank
+from tests.hil.diagnose.cases import Call, columns, loaderhil, model_file, write_csv
+
+__all__ = ["loaderhil"]
+VOID = {"meta", "br", "img", "input", "link", "hr", "mspace", "path", "rect"}
+
+
+class Checker(HTMLParser):
+    """Every tag closed in order, ids unique, nothing fetched from elsewhere."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.links: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in VOID:
+            self.open.append(tag)
+        for name, value in attrs:
+            if name == "id" and value:
+                self.ids.append(value)
+            if name in ("src", "href") and value:
+                self.links.append(value)
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag not in VOID:
+            assert self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def leaking() -> tuple[Judgement, Evidence]:
+    judged = investigate(tank(), [record(2, leak=0.08)], Settings())
+    assert isinstance(judged, Judgement)
+    return judged, evidence(judged, Settings())
+
+
+def test_the_page_is_well_formed_and_fetches_nothing(leaking: tuple[Judgement, Evidence]) -> None:
+    judged, shown = leaking
+    text = page(judged.findings, shown, {"command": "loaderhil diagnose <x>"})
+    checker = Checker()
+    checker.feed(text)
+    assert checker.open == []
+    assert len(set(checker.ids)) == len(checker.ids)
+    assert all(link.startswith("#") for link in checker.links)
+    assert {link[1:] for link in checker.links} <= set(checker.ids)
+    assert "http" not in text.replace("http-equiv", "")
+    assert "&lt;x&gt;" in text
+    for expected in (
+        "Left out: leak",
+        "leak = 0.0",
+        "level, recorded minus simulated",
+        "autocorrelation",
+        "level delay",
+        "area",
+    ):
+        assert expected in text
+
+
+def test_held_out_predictions_come_from_the_other_stretches(leaking: tuple[Judgement, Evidence]) -> None:
+    """A stretch that is changed beyond recognition changes the parameters for the others and not its own."""
+    judged, _ = leaking
+    problem, state, settings = judged.problem, judged.state, Settings()
+    first = held_out_prediction(problem, state.noise, state.accepted, state.fit.values, settings)
+    rows = problem.row_window == 0
+    recorded = problem.measured.copy()
+    problem.measured[rows] += 0.5 * np.sin(np.arange(np.count_nonzero(rows)))
+    second = held_out_prediction(problem, state.noise, state.accepted, state.fit.values, settings)
+    problem.measured[:] = recorded
+    even, odd = problem.row_window % 2 == 0, problem.row_window % 2 == 1
+    assert np.max(np.abs(first - second)[odd]) > 1e-4  # trained on the changed window
+    assert np.max(np.abs(first - second)[even & ~rows]) < 1e-9  # trained without it
+
+
+def test_residuals_shrink_to_the_one_step_error(leaking: tuple[Judgement, Evidence]) -> None:
+    _, shown = leaking
+    row = shown.time_map[0]
+    assert row.after is not None
+    assert np.nanmean(row.before) > 1.2
+    assert np.nanmean(row.after) == pytest.approx(1.0, abs=0.1)
+    spectrum = shown.spectra[0]
+    assert spectrum.after is not None
+    assert np.mean(spectrum.after) == pytest.approx(1.0, abs=0.15)
+    assert spectrum.before[0] > 3.0 * spectrum.after[0]
+    assert np.mean(np.abs(spectrum.correlation_after) < spectrum.band) > 0.85  # type: ignore[arg-type]
+
+
+def test_traces_hold_every_sample_once(leaking: tuple[Judgement, Evidence]) -> None:
+    judged, shown = leaking
+    drawn = np.concatenate([t.recorded[np.isfinite(t.recorded)] for t in shown.traces])
+    assert np.sort(drawn) == pytest.approx(np.sort(judged.problem.measured))
+
+
+def test_colours_begin_where_the_legend_says() -> None:
+    assert [level(edge) for edge in LEVELS] == list(range(1, len(LEVELS) + 1))
+    assert level(0.99 * LEVELS[0]) == 0
+
+
+def test_every_verdict_has_its_page(loaderhil: Call, tmp_path: Path) -> None:
+    model = model_file(tmp_path, "level scale", "level bias")
+    for name, recording, expected in (
+        ("nothing", record(1), "Nothing is missing"),
+        ("unknown", record(5, square=0.02, noise=0.005), "its cause is unknown"),
+    ):
+        loaderhil("diagnose", write_csv(tmp_path / f"{name}.csv", columns(recording)), "--model", model)
+        pages = sorted(tmp_path.glob("out*/report.html"))
+        assert expected in pages[-1].read_text()
+    (tmp_path / "empty.csv").write_text("")
+    loaderhil("diagnose", tmp_path / "empty.csv", "--model", model)
+    assert "cannot tell" in sorted(tmp_path.glob("out*/report.html"))[-1].read_text()
+
+
+def test_a_folder_that_cannot_be_written_is_said_in_one_line(tmp_path: Path, loaderhil: Call) -> None:
+    import sys
+
+    from hil import cli
+
+    file, model = write_csv(tmp_path / "a.csv", columns(record(1))), model_file(tmp_path)
+    sys.argv[:] = ["loaderhil", "diagnose", str(file), "--model", str(model), "--out", str(file / "below")]
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 2
