@@ -272,6 +272,7 @@ def _form(form: str) -> Any:
 
 # Commands whose options live with their code: the module's `register(app)` adds them.
 ELSEWHERE = {
+    "effects": "hil.effects",
     "decode": "hil.decode",
     "gateway": "hil.gateway.command",
     "diagnose": "hil.diagnose.command",

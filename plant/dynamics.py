@@ -215,6 +215,9 @@ def derivative(
     leaves out every call of them.
     """
     tree, world, rate = work.tree, work.places.world, work.rate
+    if active is not None:
+        for i in range(EXTRA, STATES):
+            rate[i] = 0.0
     place_loader(state, p, tree, work.places)
     centre_of_gravity(tree, work.whole)
     set_joints(state, command, p, tree)
@@ -249,8 +252,6 @@ def derivative(
         rate[BRAKE + wheel] = (available - state[BRAKE + wheel]) / p[P_BRAKE_LAG]
         rate[STICK + wheel] = 0.0
     if active is not None:
-        for i in range(EXTRA, STATES):
-            rate[i] = 0.0
         effects.states(active, state, p, work)
 
 

@@ -71,7 +71,7 @@ def settle(
             (linear, axes.T @ rise[:3], work.tree.joint_acceleration[s.REAR_AXLE : s.REAR_AXLE + 1])
         )
 
-    rest[2] = _resting_height(residual, p, work)
+    rest[2] = _resting_height(residual, p, work) + float(np.mean(work.ground[:, s.G_HEIGHT]))
     error = residual(rest)[free]
     for _ in range(ITERATIONS):
         if np.max(np.abs(error)) < AT_REST:

@@ -91,7 +91,8 @@ W_LATERAL_STIFFNESS: Final = 42
 W_SHORTEST_RELAXATION: Final = 43
 W_CARCASS_DAMPING: Final = 44
 W_CARCASS_DAMPING_SPEED: Final = 45
-WHEEL_SIZE: Final = 46
+W_ADDED_LOAD: Final = 46  # radial force beside spring and damper [N]
+WHEEL_SIZE: Final = 47
 PARAMETERS: Final = P_WHEELS + 4 * WHEEL_SIZE
 
 _FROM_TYRE = {
@@ -145,7 +146,7 @@ def parameter_vector(machine: Machine, surface: Surface, payload_mass: float) ->
         _wheel(p[P_WHEELS + wheel * WHEEL_SIZE : P_WHEELS + (wheel + 1) * WHEEL_SIZE], machine, wheel)
     for item in machine.effects:
         if item.effect.prepare is not None:
-            item.effect.prepare(item.named, p)
+            item.effect.prepare(item.named, p, machine)
     return p
 
 

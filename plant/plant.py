@@ -16,12 +16,14 @@ from plant.dynamics import advance, derivative
 from plant.effects import dispatch
 from plant.equilibrium import settle
 from plant.machine import Machine
-from plant.parameters import P_BRAKE_CAPACITY, parameter_vector
-from plant.surface import Surface
+from plant.parameters import P_BRAKE_CAPACITY, P_NORMAL, parameter_vector
+from plant.surface import Surface, road_axes
 from plant.truth import Observer, Truth
 from plant.workspace import new_workspace
 
 Integrator = Literal["semi-implicit", "rk4"]
+
+RESTS = 60  # trials to bring the machine and the states of its effects to rest together
 
 _STILL = (0.0, 0.0, 0.0, 0.0)
 
@@ -164,16 +166,11 @@ class Plant:
     def _start(self, speed: float, heading: float) -> None:
         state, work = self._state, self._work
         standing = speed == 0.0
-        dispatch.start(self.machine.effects, state, self._parameters)
-        settle(
-            state,
-            self._parameters,
-            work,
-            self._active,
-            self.surface.axes(),
-            heading=heading,
-            standing=standing,
-        )
+        road = road_axes(self._parameters[P_NORMAL : P_NORMAL + 3])
+        for _ in range(RESTS):
+            settle(state, self._parameters, work, self._active, road, heading=heading, standing=standing)
+            if not dispatch.start(self.machine.effects, state, self._parameters, work):
+                break
         if standing:
             state[s.BRAKE : s.BRAKE + 4] = self._parameters[P_BRAKE_CAPACITY]
             self._command[s.C_BRAKE : s.C_BRAKE + 4] = self._parameters[P_BRAKE_CAPACITY]
@@ -186,7 +183,7 @@ class Plant:
         delta = state[s.JOINT + s.FRONT_FRAME]
         behind, ahead = -geometry.rear_axle_x, geometry.front_axle_x
         yaw_rate = speed * math.sin(delta) / (ahead + behind * math.cos(delta))
-        normal = work.places.world.T @ self.surface.axes()[:, 2]
+        normal = work.places.world.T @ self._parameters[P_NORMAL : P_NORMAL + 3]
         forward = np.array((1.0, 0.0, 0.0)) - normal[0] * normal
         forward /= np.linalg.norm(forward)
         left = np.array(

@@ -16,7 +16,7 @@ the noise of the others as it was.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
 import numpy as np
@@ -86,6 +86,8 @@ CHANNELS: Mapping[str, str] = {
 
 INDEX: Mapping[str, int] = {name: i for i, name in enumerate(CHANNELS)}
 WHEEL_SPEED = slice(INDEX["wheel_speed_front_left"], INDEX["wheel_speed_rear_right"] + 1)
+ACCELERATION = slice(INDEX["acceleration_x"], INDEX["acceleration_z"] + 1)
+ANGULAR_RATE = slice(INDEX["roll_rate"], INDEX["yaw_rate"] + 1)
 
 
 def measured_values(truth: Truth) -> list[float]:
@@ -123,9 +125,13 @@ class ChannelParameters:
 
 @dataclass(frozen=True, slots=True)
 class SensorParameters:
-    """Parameters of all channels; those not named are ideal."""
+    """Parameters of all channels; those not named are ideal.
+
+    inertial_axes: (3, 3) from the frame's axes to those of the inertial sensor.
+    """
 
     channels: Mapping[str, ChannelParameters] = field(default_factory=dict)
+    inertial_axes: Floats = field(default_factory=lambda: np.eye(3), compare=False)
 
     def of(self, channel: str) -> ChannelParameters:
         """Parameters of one channel."""
@@ -144,7 +150,7 @@ def read_sensors(table: CheckedTable, base: SensorParameters) -> SensorParameter
             if section in (name, family):
                 channels[name] = _read_channel(entry, unit, channels[name])
         entry.finish()
-    return SensorParameters(channels)
+    return replace(base, channels=channels)
 
 
 def _read_channel(entry: CheckedTable, unit: Unit, base: ChannelParameters) -> ChannelParameters:
@@ -201,6 +207,7 @@ class SensorBank:
             return np.array([getattr(channel, name) for channel in channels], dtype=np.float64)
 
         self._generator = generator
+        self._axes = None if (parameters.inertial_axes == np.eye(3)).all() else parameters.inertial_axes
         self._bias, self._noise, self._dropout = column("bias"), column("noise"), column("dropout")
         self._minimum, self._maximum = column("minimum"), column("maximum")
         self._gain = 1.0 + column("scale_error")
@@ -223,7 +230,12 @@ class SensorBank:
 
         The first call finds every sensor settled at its input.
         """
-        measured = np.asarray(truth, dtype=np.float64) * self._gain + self._bias
+        felt = np.asarray(truth, dtype=np.float64)
+        if self._axes is not None:
+            felt = felt.copy()
+            for part in (ACCELERATION, ANGULAR_RATE):
+                felt[part] = self._axes @ felt[part]
+        measured = felt * self._gain + self._bias
         noisy = self._delayed(self._lagged(measured)) + self._noise * self._generator.standard_normal(
             len(measured)
         )

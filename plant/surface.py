@@ -36,3 +36,10 @@ class Surface:
         climb = np.array([[cg, 0.0, -sg], [0.0, 1.0, 0.0], [sg, 0.0, cg]])  # about y by -grade
         lean = np.array([[1.0, 0.0, 0.0], [0.0, cb, -sb], [0.0, sb, cb]])  # about x by bank
         return climb @ lean
+
+
+def road_axes(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Road axes as the columns of a rotation matrix, for a plane with this unit normal; x lies above the world's."""
+    size = math.hypot(normal[0], normal[2])
+    ahead = np.array([normal[2] / size, 0.0, -normal[0] / size])
+    return np.column_stack((ahead, np.cross(normal, ahead), normal))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from plant.compiled import compiled
 from plant.parameters import (
+    W_ADDED_LOAD,
     W_CARCASS_DAMPING,
     W_CARCASS_DAMPING_SPEED,
     W_DAMPING,
@@ -112,7 +113,7 @@ def radial_force(w: Array, deflection: float, rate: float) -> float:
     if deflection <= 0.0:
         return 0.0
     d = deflection / w[W_RADIUS]
-    force = w[W_NOMINAL_LOAD] * (w[W_QFZ1] * d + w[W_QFZ2] * d * d) + w[W_DAMPING] * rate
+    force = w[W_NOMINAL_LOAD] * (w[W_QFZ1] * d + w[W_QFZ2] * d * d) + w[W_DAMPING] * rate + w[W_ADDED_LOAD]
     return max(force, 0.0)
 
 

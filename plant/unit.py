@@ -21,6 +21,7 @@ from dbc.schedule import FrameSchedule
 from plant import interface
 from plant.actuators import Four, abilities_of, four, request_of, within_power
 from plant.driver import Demand, DriverState, drive
+from plant.effects.effect import faulty
 from plant.limits import UNLIMITED, Limits, in_force, obey
 from plant.machine import Machine
 from plant.plant import Plant
@@ -60,7 +61,9 @@ class PlantUnit:
         )
         self._truth = self._plant.truth()
         self._abilities = abilities_of(machine, equipment.actuators)
-        self._sensors = SensorBank(equipment.sensors, step=TICK_S, generator=np.random.default_rng(seed))
+        self._sensors = SensorBank(
+            faulty(equipment.sensors, machine.effects), step=TICK_S, generator=np.random.default_rng(seed)
+        )
         self._readings: Readings | None = None
         self._driver = DriverState()
         self._reception = Reception(loader_database())

@@ -47,5 +47,5 @@ EFFECT = Effect(
     confusable=(
         Confusable(name="rolling_resistance", separate="rolling resistance hardly depends on speed"),
     ),
-    source="Hucho, Aerodynamik des Automobils; EQUATIONS.md row 36",
+    source="Hucho, Aerodynamik des Automobils",
 )

@@ -21,6 +21,7 @@ from plant.compiled import sources_digest
 from plant.effects.effect import HOOKS, MOST_PARAMETERS, ActiveEffect, Effect
 from plant.effects.library import FOLDER, modules
 from plant.state import EXTRA, EXTRAS
+from plant.workspace import Workspace
 
 Array = NDArray[np.float64]
 
@@ -122,9 +123,11 @@ def active_vector(chosen: Sequence[ActiveEffect]) -> Array | None:
     return active
 
 
-def start(chosen: Sequence[ActiveEffect], state: Array, p: Array) -> None:
-    """Set the own states of the chosen effects for a plant that starts at `state`."""
+def start(chosen: Sequence[ActiveEffect], state: Array, p: Array, work: Workspace) -> bool:
+    """Set the own states of the chosen effects for a plant that rests at `state`; whether any changed."""
+    before = state[EXTRA : EXTRA + EXTRAS].copy()
     first = _first_states(modules())
     for item in chosen:
         if item.effect.start is not None:
-            item.effect.start(item.named, first[item.effect.name], state, p)
+            item.effect.start(item.named, first[item.effect.name], state, p, work)
+    return not np.allclose(before, state[EXTRA : EXTRA + EXTRAS], rtol=1e-9, atol=1e-12)

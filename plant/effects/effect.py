@@ -1,14 +1,19 @@
 """What an effect is: a sentence, an equation, parameters with units and bounds, and where it acts."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plant.checked import CheckedTable
+
+if TYPE_CHECKING:
+    from plant.machine import Machine
+    from plant.sensors import SensorParameters
+    from plant.workspace import Workspace
 
 Array = NDArray[np.float64]
 
@@ -28,7 +33,7 @@ q: the effect's parameters, SI, in their order; x: index of its first own state 
 """
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Parameter:
     """One number of an effect, in `unit`; the name carries the unit's suffix where there is one.
 
@@ -50,12 +55,10 @@ class Parameter:
 
 def degrees(name: str, typical: float, low: float, high: float, meaning: str) -> Parameter:
     """A parameter given in degrees."""
-    return Parameter(
-        name=name, unit="deg", typical=typical, low=low, high=high, meaning=meaning, si=math.radians(1.0)
-    )
+    return Parameter(name, "deg", typical, low, high, meaning, si=math.radians(1.0))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Confusable:
     """Another effect that looks alike, and what tells the two apart."""
 
@@ -70,7 +73,8 @@ class Effect:
     sentence: what it is, for a test engineer. equation: in the symbols of its parameters.
     acts_on: where it is felt. signature: how it shows in the channels. excited_by: the manoeuvre that shows it.
     prepare: changes the plant's parameter vector once; sensors: changes the sensors' parameters once.
-    start: sets its own states when the plant starts. own_states: how many it has.
+    own_states: how many states it has; start: sets them, from the first one on, to a plant at rest. It is
+    called again for the rest that the machine then finds, until neither changes.
     source: where equation and typical values are from.
     """
 
@@ -84,9 +88,9 @@ class Effect:
     confusable: tuple[Confusable, ...] = ()
     source: str
     own_states: int = 0
-    prepare: Callable[[Mapping[str, float], Array], None] | None = None
-    sensors: Callable[[Mapping[str, float], Any], Any] | None = None
-    start: Callable[[Mapping[str, float], int, Array, Array], None] | None = None
+    prepare: Callable[[Mapping[str, float], Array, "Machine"], None] | None = None
+    sensors: Callable[[Mapping[str, float], "SensorParameters"], "SensorParameters"] | None = None
+    start: Callable[[Mapping[str, float], int, Array, Array, "Workspace"], None] | None = None
 
     def __post_init__(self) -> None:
         if len(self.parameters) > MOST_PARAMETERS:
@@ -124,3 +128,11 @@ class ActiveEffect:
     def named(self) -> dict[str, float]:
         """The parameters by name, SI."""
         return {item.name: value for item, value in zip(self.effect.parameters, self.values, strict=True)}
+
+
+def faulty(given: "SensorParameters", chosen: Sequence[ActiveEffect]) -> "SensorParameters":
+    """The sensors as the chosen effects have changed them."""
+    for item in chosen:
+        if item.effect.sensors is not None:
+            given = item.effect.sensors(item.named, given)
+    return given

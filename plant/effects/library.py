@@ -11,7 +11,7 @@ from plant.checked import ConfigurationError
 from plant.effects.effect import Effect
 
 FOLDER = Path(__file__).resolve().parent
-MACHINERY = {"__init__", "effect", "library", "dispatch", "ports"}
+MACHINERY = {"__init__", "blocks", "dispatch", "effect", "faults", "handbook", "library", "ports"}
 VARIABLE = "LOADERHIL_EFFECTS"
 """Environment variable with a folder of further effects, one file each."""
 

@@ -37,5 +37,5 @@ EFFECT = Effect(
         Confusable(name="oscillation_stops", separate="stops act beyond a threshold angle only"),
         Confusable(name="frame_torsion", separate="torsion has no loop where the twist rate is zero"),
     ),
-    source="Coulomb's law at the pivot pin; EQUATIONS.md row 6",
+    source="Coulomb's law at the pivot pin",
 )

@@ -3,8 +3,19 @@
 import math
 
 from plant.compiled import compiled
-from plant.parameters import W_RADIUS
-from plant.state import T_ALIGNING, T_DEFLECTION, T_LATERAL, T_LONGITUDINAL, T_WRENCH, WHEEL
+from plant.effects.effect import Array
+from plant.parameters import P_NORMAL, W_RADIUS
+from plant.state import (
+    G_HEIGHT,
+    G_RISE,
+    POSITION,
+    T_ALIGNING,
+    T_DEFLECTION,
+    T_LATERAL,
+    T_LONGITUDINAL,
+    T_WRENCH,
+    WHEEL,
+)
 from plant.workspace import Workspace
 
 LEAST = 1e-9  # keeps the heading of a wheel that lies on its side finite
@@ -88,3 +99,72 @@ def twist_wheel(work: Workspace, wheel: int, moment: float) -> None:
     twist(work, WHEEL + wheel, moment * a[0], moment * a[1], moment * a[2])
     for i in range(3):
         out[T_WRENCH + i] += moment * a[i]
+
+
+@compiled
+def carrier_motion(work: Workspace, wheel: int) -> tuple[float, float, float]:
+    """Velocity of a wheel's centre ahead and to the left [m/s], and yaw rate about the road's normal [rad/s]."""
+    hx, hy, hz, sx, sy, sz = heading(work, wheel)
+    m, c, n = work.tree.motion[WHEEL + wheel], work.places.centres[wheel], work.normal
+    vx, vy, vz = (
+        m[3] + m[1] * c[2] - m[2] * c[1],
+        m[4] + m[2] * c[0] - m[0] * c[2],
+        m[5] + m[0] * c[1] - m[1] * c[0],
+    )
+    ahead, left = vx * hx + vy * hy + vz * hz, vx * sx + vy * sy + vz * sz
+    return ahead, left, m[0] * n[0] + m[1] * n[1] + m[2] * n[2]
+
+
+@compiled
+def push_centre(work: Workspace, wheel: int, along: float) -> None:
+    """A force on a wheel's centre along its heading [N]: resistance without a moment about the axle."""
+    hx, hy, hz, _, _, _ = heading(work, wheel)
+    c, out = work.places.centres[wheel], work.tyres[wheel]
+    fx, fy, fz = along * hx, along * hy, along * hz
+    push(work, WHEEL + wheel, c[0], c[1], c[2], fx, fy, fz)
+    out[T_LONGITUDINAL] += along
+    out[T_WRENCH] += c[1] * fz - c[2] * fy
+    out[T_WRENCH + 1] += c[2] * fx - c[0] * fz
+    out[T_WRENCH + 2] += c[0] * fy - c[1] * fx
+    out[T_WRENCH + 3] += fx
+    out[T_WRENCH + 4] += fy
+    out[T_WRENCH + 5] += fz
+
+
+@compiled
+def lean(work: Workspace, wheel: int) -> float:
+    """Sine of a wheel's lean against the road's normal, positive when its top leans to the left."""
+    a, n = work.places.axles[wheel], work.normal
+    return -(a[0] * n[0] + a[1] * n[1] + a[2] * n[2])
+
+
+@compiled
+def pressed(state: Array, p: Array, work: Workspace, wheel: int) -> float:
+    """How far a tyre is pressed in [m], before the tyre model has run; negative: clearance."""
+    c, n = work.places.centres[wheel], work.normal
+    height = c[0] * n[0] + c[1] * n[1] + c[2] * n[2] - work.ground[wheel, G_HEIGHT]
+    for i in range(3):
+        height += p[P_NORMAL + i] * state[POSITION + i]
+    return work.local[wheel, W_RADIUS] - height / math.sqrt(max(1.0 - lean(work, wheel) ** 2, LEAST))
+
+
+@compiled
+def in_world(state: Array, work: Workspace, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Where a point of the rear frame's axes is in the world [m]."""
+    r = work.places.world
+    return (
+        state[POSITION] + r[0, 0] * x + r[0, 1] * y + r[0, 2] * z,
+        state[POSITION + 1] + r[1, 0] * x + r[1, 1] * y + r[1, 2] * z,
+        state[POSITION + 2] + r[2, 0] * x + r[2, 1] * y + r[2, 2] * z,
+    )
+
+
+@compiled
+def raise_ground(state: Array, work: Workspace, wheel: int, height: float, slope: float) -> None:
+    """Raise the ground under a wheel by a profile's height [m] with its slope along the world's x axis."""
+    motion, c, r = work.tree.motion[WHEEL + wheel], work.places.centres[wheel], work.places.world
+    vx = motion[3] + motion[1] * c[2] - motion[2] * c[1]
+    vy = motion[4] + motion[2] * c[0] - motion[0] * c[2]
+    vz = motion[5] + motion[0] * c[1] - motion[1] * c[0]
+    work.ground[wheel, G_HEIGHT] += height
+    work.ground[wheel, G_RISE] += slope * (r[0, 0] * vx + r[0, 1] * vy + r[0, 2] * vz)

@@ -1,0 +1,63 @@
+"""What faults do to the parameters of the sensors."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from plant.sensors import SensorParameters
+
+DEGREE = math.pi / 180.0
+WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
+IMU = ("acceleration_x", "acceleration_y", "acceleration_z", "roll_rate", "pitch_rate", "yaw_rate")
+
+GROUPS: Mapping[str, tuple[str, ...]] = {
+    "inertial": IMU,
+    "wheel": tuple(f"{what}_{wheel}" for what in ("wheel_speed", "wheel_torque") for wheel in WHEELS),
+    "pressure": ("lift_pressure", "tilt_pressure"),
+    "articulation": ("articulation_angle", "articulation_rate"),
+}
+"""Channels whose sensors are of one make."""
+
+
+def wheels(what: str, front: float, rear: float) -> dict[str, float]:
+    """A value for the front and one for the rear channels of a quantity."""
+    return {f"{what}_{wheel}": front if wheel.startswith("front") else rear for wheel in WHEELS}
+
+
+def added(given: "SensorParameters", field: str, values: Mapping[str, float]) -> "SensorParameters":
+    """The sensors with `values` added to one of their parameters, by channel."""
+    changed = {
+        name: replace(given.of(name), **{field: getattr(given.of(name), field) + value})
+        for name, value in values.items()
+    }
+    return replace(given, channels={**given.channels, **changed})
+
+
+def scaled(given: "SensorParameters", errors: Mapping[str, float]) -> "SensorParameters":
+    """The sensors with another error of scale, by channel."""
+    changed = {
+        name: replace(given.of(name), scale_error=(1.0 + given.of(name).scale_error) * (1.0 + error) - 1.0)
+        for name, error in errors.items()
+    }
+    return replace(given, channels={**given.channels, **changed})
+
+
+def coarser(given: "SensorParameters", factor: float) -> "SensorParameters":
+    """The sensors with steps that are `factor` times larger."""
+    changed = {
+        name: replace(item, resolution=item.resolution * factor) for name, item in given.channels.items()
+    }
+    return replace(given, channels=changed)
+
+
+def turned(given: "SensorParameters", roll: float, pitch: float, yaw: float) -> "SensorParameters":
+    """The sensors with the inertial ones turned by three angles [rad], about z, then y, then x of the frame."""
+    cr, sr, cp, sp, cy, sy = (f(a) for a in (roll, pitch, yaw) for f in (math.cos, math.sin))
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
+    about_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
+    about_z = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
+    return replace(given, inertial_axes=(about_z @ about_y @ about_x).T @ given.inertial_axes)

@@ -1,0 +1,43 @@
+"""A step under one or both sides."""
+
+import math
+
+from plant.compiled import compiled
+from plant.effects.effect import Array, Confusable, Effect, Parameter
+from plant.effects.ports import in_world, raise_ground
+from plant.state import G_HEIGHT
+from plant.workspace import Workspace
+
+
+@compiled
+def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
+    """A ramp of a half cosine up to the step's height."""
+    centre = work.places.centres[wheel]
+    ahead, _, _ = in_world(state, work, centre[0], centre[1], centre[2])
+    height = q[2] if wheel % 2 == 0 else q[3]
+    part = (ahead - q[0]) / q[1]
+    if part >= 1.0:
+        work.ground[wheel, G_HEIGHT] += height
+    elif part > 0.0:
+        rise = 0.5 * height * (1.0 - math.cos(math.pi * part))
+        raise_ground(state, work, wheel, rise, 0.5 * height * math.pi / q[1] * math.sin(math.pi * part))
+
+
+EFFECT = Effect(
+    name="kerb",
+    sentence="The ground steps up or down at one place.",
+    equation="z = h (1 - cos(pi s/l))/2",
+    parameters=(
+        Parameter("distance_m", "m", 10.0, -1e3, 1e3, "where it begins, along the world's x axis"),
+        Parameter("length_m", "m", 0.4, 0.05, 50.0, "l: as the tyre envelops it"),
+        Parameter("left_m", "m", 0.1, -0.5, 0.5, "h under the left wheels"),
+        Parameter("right_m", "m", 0.1, -0.5, 0.5, "h under the right wheels"),
+    ),
+    acts_on="normal forces, pitch, roll",
+    signature="First the front, then the rear wheels jump; the way between is the wheelbase.",
+    excited_by="driving over it",
+    confusable=(
+        Confusable("vertical_damping", "damping changes what rings after the obstacle, not the obstacle"),
+    ),
+    source="geometry; enveloped as a half cosine",
+)

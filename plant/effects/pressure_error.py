@@ -1,0 +1,35 @@
+"""Offset and scale of the pressure sensors."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from plant.effects.effect import Confusable, Effect, Parameter
+from plant.effects.faults import added, scaled
+
+if TYPE_CHECKING:
+    from plant.sensors import SensorParameters
+
+
+def sensors(q: Mapping[str, float], given: "SensorParameters") -> "SensorParameters":
+    """Offset and scale of both sensors."""
+    both = ("lift_pressure", "tilt_pressure")
+    return scaled(
+        added(given, "bias", dict.fromkeys(both, q["offset_kPa"])), dict.fromkeys(both, q["scale_percent"])
+    )
+
+
+EFFECT = Effect(
+    name="pressure_error",
+    sentence="The pressure sensors have drifted.",
+    equation="y = (1 + s) p + b",
+    parameters=(
+        Parameter("offset_kPa", "kPa", 200.0, -5000.0, 5000.0, "b", si=1e3),
+        Parameter("scale_percent", "%", 0.0, -50.0, 50.0, "s", si=0.01),
+    ),
+    acts_on="lift and tilt pressure",
+    signature="An offset also with the bucket on the ground.",
+    excited_by="bucket on the ground, then lifted",
+    confusable=(Confusable("payload_mass", "a payload is gone with the bucket on the ground"),),
+    source="linear sensor error model",
+    sensors=sensors,
+)

@@ -1,0 +1,38 @@
+"""Low-pass filters of sensors."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from plant.effects.effect import Confusable, Effect, Parameter
+from plant.effects.faults import GROUPS, added
+
+if TYPE_CHECKING:
+    from plant.sensors import SensorParameters
+
+
+def sensors(q: Mapping[str, float], given: "SensorParameters") -> "SensorParameters":
+    """Time constant of each group of channels."""
+    times = {channel: q[f"{group}_ms"] for group, channels in GROUPS.items() for channel in channels}
+    return added(given, "lag", times)
+
+
+EFFECT = Effect(
+    name="sensor_lag",
+    sentence="Sensors are filtered more than assumed.",
+    equation="tau dy/dt + y = x",
+    parameters=(
+        Parameter("inertial_ms", "ms", 50.0, 0.0, 1000.0, "of the accelerometers and gyroscopes", si=1e-3),
+        Parameter("wheel_ms", "ms", 0.0, 0.0, 1000.0, "of the wheel speeds and torques", si=1e-3),
+        Parameter("pressure_ms", "ms", 0.0, 0.0, 1000.0, "of the cylinder pressures", si=1e-3),
+        Parameter("articulation_ms", "ms", 0.0, 0.0, 1000.0, "of the articulation angle and rate", si=1e-3),
+    ),
+    acts_on="the named channels",
+    signature="Fast motion arrives later and smaller.",
+    excited_by="fast manoeuvres",
+    confusable=(
+        Confusable("sensor_delay", "a delay leaves the amplitude"),
+        Confusable("motor_lag", "a lag of the motor shows in the motion, not in the reading"),
+    ),
+    source="first-order low-pass",
+    sensors=sensors,
+)

@@ -1,0 +1,47 @@
+"""Compliance of the steering cylinders."""
+
+from collections.abc import Mapping
+
+from plant.compiled import compiled
+from plant.effects.effect import Array, Confusable, Effect, Parameter
+from plant.parameters import P_STEERING
+from plant.state import FRONT_FRAME, JOINT, JOINT_RATE
+from plant.workspace import Workspace
+
+
+@compiled
+def joints(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
+    """The cylinders move as demanded; oil and hoses between them and the frames are a spring."""
+    tree, lag = work.tree, p[P_STEERING + 4]
+    angle, rate = state[JOINT + FRONT_FRAME], state[JOINT_RATE + FRONT_FRAME]
+    demand = rate + lag * tree.joint_acceleration[FRONT_FRAME]
+    tree.driven[FRONT_FRAME] = 0.0
+    tree.effort[FRONT_FRAME] += q[0] * (state[x] - angle) + q[1] * (state[x + 1] - rate)
+    work.rate[x] = state[x + 1]
+    work.rate[x + 1] = (demand - state[x + 1]) / lag
+
+
+def start(q: Mapping[str, float], x: int, state: Array, p: Array, work: Workspace) -> None:
+    """At rest the spring bears no load."""
+    state[x], state[x + 1] = state[JOINT + FRONT_FRAME], 0.0
+
+
+EFFECT = Effect(
+    name="steering_compliance",
+    sentence="The steering gives way: oil, hoses and pins are a spring between cylinder and frame.",
+    equation="J d2delta/dt2 + c (ddelta/dt - ddelta_c/dt) + k (delta - delta_c) = T",
+    parameters=(
+        Parameter("stiffness_N_m_per_rad", "N m/rad", 4.4e6, 1e5, 1e8, "k = 2 beta (A1^2/V1 + A2^2/V2) r^2"),
+        Parameter("damping_N_m_s_per_rad", "N m s/rad", 26e3, 0.0, 1e6, "c"),
+    ),
+    acts_on="articulation angle, yaw rate, steering pressure",
+    signature="The articulation angle moves at constant demand and rings at about 5 Hz; pressures oscillate with it.",
+    excited_by="steering pulses, snaking",
+    confusable=(
+        Confusable("lateral_relaxation", "a relaxation length fades with speed"),
+        Confusable("steering_play", "play shows as a dead band at small amplitude"),
+    ),
+    source="bulk modulus of the oil in both chambers",
+    own_states=2,
+    start=start,
+)
