@@ -46,9 +46,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("distance_m", "m", 10.0, -1e3, 1e3, "where the pile begins, along the world's x axis"),
         Parameter("most_N", "N", 60e3, 0.0, 300e3, "F_max: 20 to 100 kN"),
-        Parameter(
-            "depth_m", "m", 0.5, 0.01, 10.0, "s0: depth at which it resists with 63 per cent of that"
-        ),
+        Parameter("depth_m", "m", 0.5, 0.01, 10.0, "s0: depth at which it resists with 63 per cent of that"),
         Parameter(
             "weight_share",
             "1",
