@@ -107,13 +107,27 @@ def run(
     inject: Annotated[
         Path | None, typer.Option("--inject", metavar="FILE", help="TOML file with [[fault]] tables.")
     ] = None,
+    gateway: Annotated[
+        bool, typer.Option("--gateway", help="In real time, with plant and ECU on buses of their own.")
+    ] = False,
+    plant_bus: Annotated[
+        str | None, typer.Option("--plant-bus", metavar="ADDRESS", help="With --gateway; by default a hub.")
+    ] = None,
+    ecu_bus: Annotated[
+        str | None, typer.Option("--ecu-bus", metavar="ADDRESS", help="With --gateway; by default a hub.")
+    ] = None,
+    routes: Annotated[
+        Path | None, typer.Option("--routes", metavar="FILE", help="With --gateway: its TOML file.")
+    ] = None,
 ) -> None:
     """Run one scenario and say what happened.
 
-    Examples: `loaderhil run hard_braking` or `loaderhil run abrupt_articulation --no-limits --realtime`
+    Examples: `loaderhil run hard_braking` or `loaderhil run abrupt_articulation --no-limits --realtime` or
+    `loaderhil run loaded --gateway --ecu-bus socketcan:can0`
     """
     from hil.compose import Choice
     from hil.console import tell_run
+    from hil.gateway.buses import Buses
 
     choice = Choice(
         scenario=scenario,
@@ -124,7 +138,8 @@ def run(
         inject=inject,
     )
     folder = out or Path("out") / Path(scenario).stem
-    raise typer.Exit(tell_run(choice, folder, realtime=realtime, strict=strict))
+    buses = Buses(gateway=gateway, plant=plant_bus, ecu=ecu_bus, routes=routes)
+    raise typer.Exit(tell_run(choice, folder, realtime=realtime or gateway, strict=strict, buses=buses))
 
 
 @app.command()

@@ -13,6 +13,7 @@ from rich.table import Table
 from hil.compose import Choice
 from hil.ending import Ending
 from hil.faults.record import Injected, read_faults
+from hil.gateway.buses import ONE_BUS, Buses
 from hil.judgement import judge_run, timing_of
 from hil.realtime import run_realtime
 from hil.rundir import RunDirectory
@@ -34,9 +35,9 @@ def tell_scenarios() -> None:
     console.print(table)
 
 
-def tell_run(choice: Choice, out: Path, *, realtime: bool, strict: bool) -> Ending:
+def tell_run(choice: Choice, out: Path, *, realtime: bool, strict: bool, buses: Buses = ONE_BUS) -> Ending:
     """Run one scenario, show what happened, and say how it ended."""
-    result = perform(choice, out, realtime=realtime, title=Path(choice.scenario).stem)
+    result = perform(choice, out, realtime=realtime, title=Path(choice.scenario).stem, buses=buses)
     if result.ending is not Ending.PASSED:
         return result.ending
     run = RunDirectory.read(out)
@@ -47,6 +48,7 @@ def tell_run(choice: Choice, out: Path, *, realtime: bool, strict: bool) -> Endi
     if realtime:
         timing = timing_of(run)
         add_timing_rows(table, [timing])
+        add_hop_rows(table, [timing])
         verdicts.append(judge_timing(timing))
     console.print(table)
     tell_verdicts(verdicts)
@@ -61,12 +63,12 @@ def exit_code(verdicts: Sequence[Verdict], *, strict: bool) -> Ending:
     return Ending.FAILED if any(verdict.result in bad for verdict in verdicts) else Ending.PASSED
 
 
-def perform(choice: Choice, out: Path, *, realtime: bool, title: str) -> RunResult:
+def perform(choice: Choice, out: Path, *, realtime: bool, title: str, buses: Buses = ONE_BUS) -> RunResult:
     """Run with a progress bar; a run that did not end well says why on standard error."""
     duration_s = choice.load().duration_s
     with _bar(title, duration_s) as advance:
         if realtime:
-            result = run_realtime(choice, out, _to_progress(advance))
+            result = run_realtime(choice, out, _to_progress(advance), buses)
         else:
             result = run_lockstep(choice, out, advance)
     if result.ending is not Ending.PASSED:
@@ -151,9 +153,15 @@ def add_timing_rows(table: Table, timings: Sequence[Timing]) -> None:
     table.add_row("frames lost", *(str(timing.dropped) for timing in timings))
     table.add_row("processor time stolen", *(f"{100 * timing.stolen:.1f} %" for timing in timings))
     table.add_row(
-        "waited for a processor (plant, ecu)",
+        "waited for a processor (plant, ecu, gateway)",
         *(", ".join(f"{100 * share:.1f} %" for share in timing.waited.values()) for timing in timings),
     )
+
+
+def add_hop_rows(table: Table, timings: Sequence[Timing]) -> None:
+    """The way of a reaction, hop by hop; runs with and without a gateway have different ones."""
+    for name in dict.fromkeys(name for timing in timings for name in timing.hops):
+        table.add_row(f"  {name}, p50 / p99", *(_spread(timing.hops.get(name)) for timing in timings))
 
 
 def _spread(spread: Spread | None) -> str:

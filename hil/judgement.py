@@ -6,11 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dbc.columns import Columns
+from hil.gateway.hops import hops
 from hil.rundir import RunDirectory, RunError
 from hil.timing import Spread, Timing, reaction_ns
 from hil.verdict import WARNING_MIN_S, RunVerdict, flickers, judge, lasting, roll_over_warning
 
 PROCESSES = ("plant", "ecu")
+BETWEEN = ("gateway", "recorder", "ecu-recorder")
+WAY = "way_"
 
 
 def judge_run(run: RunDirectory) -> RunVerdict:
@@ -67,9 +70,14 @@ def timing_of(run: RunDirectory) -> Timing:
         },
         reaction=Spread.of(_reactions(run)),
         overruns={"plant": int(counts.get("plant_missed", 0)), "ecu": _ecu_overruns(run)},
-        dropped=sum(int(counts.get(f"{name}_dropped", 0)) for name in (*PROCESSES, "recorder")),
+        dropped=sum(int(counts.get(f"{name}_dropped", 0)) for name in (*PROCESSES, *BETWEEN)),
         stolen=float(counts.get("plant_stolen", float("nan"))),
-        waited={name: float(counts[f"{name}_waited"]) for name in PROCESSES if f"{name}_waited" in counts},
+        waited={
+            name: float(counts[f"{name}_waited"])
+            for name in (*PROCESSES, "gateway")
+            if f"{name}_waited" in counts
+        },
+        hops={name: Spread.of(durations) for name, durations in hops(_way(run)).items()},
     )
 
 
@@ -84,6 +92,11 @@ def _ecu_overruns(run: RunDirectory) -> int:
 
 def _column(run: RunDirectory, name: str) -> NDArray[np.float64]:
     return np.asarray(run.timing[name], float) if name in run.timing else np.empty(0)
+
+
+def _way(run: RunDirectory) -> dict[str, NDArray[np.int64]]:
+    """The stamps of every reaction in the order of its way."""
+    return {name.removeprefix(WAY): run.timing[name] for name in run.timing if name.startswith(WAY)}
 
 
 def _reactions(run: RunDirectory) -> NDArray[np.int64]:

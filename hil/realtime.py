@@ -1,4 +1,4 @@
-"""One run as processes: hub, recorder, ECU and plant, each its own `loaderhil` command, in real time.
+"""One run as processes: hubs, recorders, gateway, ECU and plant, each its own `loaderhil` command, in real time.
 
 The supervisor starts them, waits until all are ready (compiled, connected), says go, and
 ends all of them with the first that ends. What is left is a run directory, complete or
@@ -16,6 +16,9 @@ from pathlib import Path
 from hil import rundir
 from hil.compose import Choice, ChoiceError, record_of
 from hil.ending import Ending
+from hil.gateway import latency
+from hil.gateway.buses import ONE_BUS, Buses
+from hil.gateway.routes import Side
 from hil.rundir import RunRecord
 from hil.runs import RunResult
 from hil.supervisor import Child, Event, StartFailed, Supervisor, loaderhil
@@ -44,17 +47,20 @@ def _sigterm_interrupts() -> Iterator[None]:
 
 
 @contextmanager
-def hub_address() -> Iterator[str]:
-    """The address of a hub in a folder of its own; Unix socket paths have to be short."""
+def socket_folder() -> Iterator[Path]:
+    """A folder for the sockets of a run; the paths of Unix sockets have to be short."""
     folder = Path(tempfile.mkdtemp(prefix="loaderhil-"))
     try:
-        yield f"hub:{folder / 'hub'}"
+        yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
 def run_realtime(
-    choice: Choice, out: Path, on_event: Callable[[str, Event], None] | None = None
+    choice: Choice,
+    out: Path,
+    on_event: Callable[[str, Event], None] | None = None,
+    buses: Buses = ONE_BUS,
 ) -> RunResult:
     """Run `choice` as processes and leave the run directory `out`."""
     scenario = choice.load()
@@ -64,52 +70,74 @@ def run_realtime(
         )
     record = record_of(scenario, form=choice.form, limits=choice.limits, mode="realtime")
     rundir.begin(out, record)
-    with _sigterm_interrupts(), hub_address() as address, Supervisor(on_event) as supervisor:
+    with _sigterm_interrupts(), socket_folder() as folder, Supervisor(on_event) as supervisor:
         try:
-            ending, reason = _drive(supervisor, choice, scenario.duration_s, address, out)
+            hubs = _start_hubs(supervisor, buses.own_hubs(folder))
+            ending, reason = _drive(supervisor, choice, scenario.duration_s, buses, folder, hubs, out)
         except StartFailed as error:
             ending, reason = Ending.FAILED, str(error)
         except KeyboardInterrupt:
             ending, reason = Ending.INTERRUPTED, "interrupted"
         figures = _stop_in_order(supervisor)
     record = _ended(record, ending, reason, figures)
+    latency.conclude(out, record)
     rundir.merge_timing(out)
     rundir.write_record(out, record)
     return RunResult(ending, reason, record)
 
 
+def _start_hubs(supervisor: Supervisor, addresses: dict[str, str]) -> list[Child]:
+    hubs = [supervisor.start(name, loaderhil("hub", "--bus", address)) for name, address in addresses.items()]
+    supervisor.wait_ready(hubs, HUB_READY_S)
+    return hubs
+
+
 def _drive(
-    supervisor: Supervisor, choice: Choice, duration_s: float, address: str, out: Path
+    supervisor: Supervisor,
+    choice: Choice,
+    duration_s: float,
+    buses: Buses,
+    folder: Path,
+    hubs: list[Child],
+    out: Path,
 ) -> tuple[Ending, str]:
-    """Start everything, let the plant run, say how it ended."""
-    hub = supervisor.start("hub", loaderhil("hub", "--bus", address))
-    supervisor.wait_ready([hub], HUB_READY_S)
-    log = str(out / rundir.BUS)
-    recorder = supervisor.start(
-        "recorder", loaderhil("record", f"loader={address}", "--out", log, "--monotonic")
-    )
+    """Start everything else, let the plant run, say how it ended."""
+    on = buses.addresses(folder)
+    start = supervisor.start
+    others = [start("recorder", _record(f"loader={on['plant']}", out / rundir.BUS))]
+    if buses.gateway:
+        others.append(start("ecu-recorder", _record(f"loader={on['ecu']}", out / rundir.ECU_BUS)))
+        others.append(start("gateway", loaderhil("gateway", *_between(on, buses), "--out", str(out))))
     ecu_options = ["--form", choice.form, *([] if choice.limits else ["--no-limits"])]
-    ecu = supervisor.start("ecu", loaderhil("ecu", "--bus", address, *ecu_options, "--out", str(out)))
-    plant = supervisor.start(
-        "plant", loaderhil("plant", *choice.arguments(), "--bus", address, "--out", str(out))
-    )
-    supervisor.wait_ready([recorder, ecu, plant], READY_S)
+    others.append(start("ecu", loaderhil("ecu", "--bus", on["ecu"], *ecu_options, "--out", str(out))))
+    plant = start("plant", loaderhil("plant", *choice.arguments(), "--bus", on["plant"], "--out", str(out)))
+    supervisor.wait_ready([*others, plant], READY_S)
     supervisor.go(plant)
     first = supervisor.wait_first_end(duration_s + SLACK_S)
     if first is None:
         return Ending.FAILED, f"the plant did not end within {duration_s + SLACK_S:.0f} s"
     if first is plant and plant.finished:
         return Ending.PASSED, ""
-    return _cause(supervisor, hub, first)
+    return _cause(supervisor, hubs, first)
 
 
-def _cause(supervisor: Supervisor, hub: Child, first: Child) -> tuple[Ending, str]:
-    """Which process began it: one that only reports the loss of the hub is not the cause."""
-    if first is not hub and first.process.returncode == Ending.HUB_LOST:
-        supervisor.wait_end(hub, LAST_WORDS_S)
-        if hub.ended:
-            first = hub
-    lost_hub = first is hub or first.process.returncode == Ending.HUB_LOST
+def _record(bus: str, log: Path) -> list[str]:
+    return loaderhil("record", bus, "--out", str(log), "--monotonic")
+
+
+def _between(on: dict[Side, str], buses: Buses) -> list[str]:
+    """The options of the gateway."""
+    routes = ["--routes", str(buses.routes)] if buses.routes is not None else []
+    return ["--plant-bus", on["plant"], "--ecu-bus", on["ecu"], *routes]
+
+
+def _cause(supervisor: Supervisor, hubs: list[Child], first: Child) -> tuple[Ending, str]:
+    """Which process began it: one that only reports the loss of a hub is not the cause."""
+    if first not in hubs and first.process.returncode == Ending.HUB_LOST:
+        for hub in hubs:
+            supervisor.wait_end(hub, LAST_WORDS_S / len(hubs))
+        first = next((hub for hub in hubs if hub.ended), first)
+    lost_hub = first in hubs or first.process.returncode == Ending.HUB_LOST
     return (Ending.HUB_LOST if lost_hub else Ending.PEER_DIED), first.how_it_ended()
 
 

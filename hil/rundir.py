@@ -2,10 +2,12 @@
 
     run.json        what was run, in which mode, and how it ended (RunRecord)
     truth.npz       the plant's own state, one array per field, first axis time, 100 Hz
-    bus.log         every frame between plant and ECU, candump -L format
+    bus.log         every frame between plant and ECU, candump -L format; with a gateway, those of the plant's bus
+    ecu-bus.log     with a gateway, the frames of the ECU's bus (optional)
     reference.log   the frames of the test instrumentation, which the ECU never sees (optional)
-    timing.npz      per tick of a real-time run: lateness, execution, due time [ns] (optional)
-    ecu.log, plant.log   findings of the processes of a real-time run, one line each (optional)
+    timing.npz      per tick of a real-time run: lateness, execution, due time; per reaction: its way [ns] (optional)
+    latency.hlog    histograms of the hops of that way, HdrHistogram log format (optional)
+    ecu.log, plant.log, gateway.log   findings of the processes of a real-time run, one line each (optional)
     faults.json     what was injected, when, and how many frames it struck (optional)
 
 A killed run leaves a directory that still reads: what is missing or cut off is listed in
@@ -33,9 +35,10 @@ from dbc.database import Database
 from dbc.logfile import read_candump
 
 RECORD, TRUTH, BUS, REFERENCE, TIMING = "run.json", "truth.npz", "bus.log", "reference.log", "timing.npz"
-ECU_LOG, PLANT_LOG = "ecu.log", "plant.log"
+ECU_BUS, LATENCY = "ecu-bus.log", "latency.hlog"
+ECU_LOG, PLANT_LOG, GATEWAY_LOG = "ecu.log", "plant.log", "gateway.log"
 FAULTS = "faults.json"
-FILES = (RECORD, TRUTH, BUS, REFERENCE, TIMING, ECU_LOG, PLANT_LOG, FAULTS)
+FILES = (RECORD, TRUTH, BUS, ECU_BUS, REFERENCE, TIMING, LATENCY, ECU_LOG, PLANT_LOG, GATEWAY_LOG, FAULTS)
 
 Mode = Literal["lockstep", "realtime"]
 Outcome = Literal["running", "finished", "interrupted", "failed"]
@@ -169,7 +172,7 @@ def begin(path: Path, record: RunRecord) -> None:
     if path.is_dir() and not (path / RECORD).exists() and any(path.iterdir()):
         raise RunError(f"{path}: is not empty and holds no earlier run; name a new folder")
     path.mkdir(parents=True, exist_ok=True)
-    for file in (*(path / name for name in FILES), *path.glob("timing.*.npz")):
+    for file in (*(path / name for name in FILES), *path.glob("timing.*.npz"), *path.glob("stamps.*")):
         file.unlink(missing_ok=True)
     write_record(path, record)
 
@@ -192,7 +195,12 @@ def part_of_timing(path: Path, process: str) -> Path:
     return path / f"timing.{process}.npz"
 
 
-def merge_timing(path: Path, processes: Sequence[str] = ("plant", "ecu")) -> None:
+def stamps(path: Path, process: str) -> Path:
+    """Where one process of a run leaves the stamps of the frames that mark the way of a reaction."""
+    return path / f"stamps.{process}"
+
+
+def merge_timing(path: Path, processes: Sequence[str] = ("plant", "ecu", "way")) -> None:
     """One timing.npz from what the processes left; its columns are named PROCESS_COLUMN."""
     merged: dict[str, NDArray[Any]] = {}
     for process in processes:

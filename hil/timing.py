@@ -7,7 +7,7 @@ inconclusive whatever the figures say: good ones were luck, bad ones are not the
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -50,7 +50,10 @@ class Spread:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
-    """The timing of one real-time run. Spreads [ns] by process name; counts; shares 0..1."""
+    """The timing of one real-time run. Spreads [ns] by process name; counts; shares 0..1.
+
+    hops: spreads [ns] of the way of a reaction, in its order, by what happens there.
+    """
 
     lateness: Mapping[str, Spread]
     execution: Mapping[str, Spread]
@@ -59,6 +62,7 @@ class Timing:
     dropped: int
     stolen: float
     waited: Mapping[str, float]
+    hops: Mapping[str, Spread] = field(default_factory=dict)
 
 
 def reaction_ns(

@@ -62,15 +62,17 @@ class GatewayLoop:
         """Readable when there is something to do."""
         return self._epoll.fileno()
 
-    def serve(self) -> None:
-        """Take at most one batch from either side, and send what may be sent.
+    def serve(self) -> bool:
+        """Take at most one batch from either side, and send what may be sent; whether anything had come.
 
         BusClosed when one of the buses is gone.
         """
         core = self._core
+        came = False
         for side in SIDES:
             frames = self._transports[side].drain()
             if frames:
+                came = True
                 core.receive(side, frames, time.monotonic_ns())
                 self._send(OTHER[side])
         now_ns = time.monotonic_ns()
@@ -83,6 +85,7 @@ class GatewayLoop:
             due_ns = min(now_ns + RETRY_NS, due_ns or now_ns + RETRY_NS)
         self._alarm.set(due_ns)
         self._tell()
+        return came
 
     def _send(self, side: Side) -> bool:
         """Give a bus what waits for it; whether some of it still does."""

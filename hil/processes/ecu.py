@@ -3,13 +3,12 @@
 from collections import Counter
 from pathlib import Path
 
-from bus.address import open_transport
-from bus.pacing import TickTiming
 from ecu import node
 from ecu.findings import Finding
 from hil import rundir
 from hil.ecu_side import Form, ecu_cycle
 from hil.ending import Ending
+from hil.gateway.tap import tapped
 from hil.lifeline import Lifeline
 from hil.processes.shell import HostShare, counters, log_to, run_until_signal
 from hil.realtime_options import ORDINARY, RealtimeOptions
@@ -28,7 +27,6 @@ def run(
     cycle = ecu_cycle(form=form, limits=limits)
     cycle.warm_up()  # compiles on a fresh machine: before anybody waits for answers
     realtime.apply()
-    timing = TickTiming()
     kinds: Counter[str] = Counter()
 
     def found(finding: Finding) -> None:
@@ -36,7 +34,7 @@ def run(
         node.log_finding(finding)
 
     host = HostShare()
-    with open_transport(address, name="ecu") as bus:
+    with tapped(address, "ecu", out and rundir.stamps(out, "ecu")) as (bus, timing):
         line.ready()
         try:
             run_until_signal(node.run(bus, cycle, timing=timing, found=found))

@@ -4,19 +4,21 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from bus.address import open_transport
 from bus.transport import BusUnavailable, Transport
 from dbc import loader_database
 from dbc.database import Database
+from hil import rundir
 from hil.ending import Ending
-from hil.gateway.core import Counts, GatewayCore
-from hil.gateway.routes import SIDES, Fate, Side
+from hil.gateway.core import GatewayCore
+from hil.gateway.routes import SIDES, Side
 from hil.gateway.settings import Settings, read_settings, routes_of
 from hil.gateway.shell import GatewayLoop
+from hil.gateway.tap import tapped
 from hil.lifeline import Lifeline
 from hil.processes.shell import HostShare, Stop, log_to
 
-LOG = "gateway.log"
+LAST_BATCHES = 256
+"""Batches passed on after the end was asked for: the hub's whole backlog."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,26 +49,31 @@ class Between:
 
 
 def run(line: Lifeline, between: Between, out: Path | None) -> Ending:
-    """Route between two buses until told to end; with `out`, its log is left there."""
-    log_to(out and out / LOG)
+    """Route between two buses until told to end; with `out`, its log and stamps are left there."""
+    log_to(out and out / rundir.GATEWAY_LOG)
     core = between.core()
     host = HostShare()
     with ExitStack() as stack:
-        buses: dict[Side, Transport] = {
-            side: stack.enter_context(open_transport(between.addresses[side], name="gateway"))
-            for side in SIDES
-        }
+        buses: dict[Side, Transport] = {}
+        for side in SIDES:
+            stamps = out and rundir.stamps(out, f"gateway-{side}")
+            buses[side], _ = stack.enter_context(tapped(between.addresses[side], "gateway", stamps))
         stop, loop = stack.enter_context(Stop()), stack.enter_context(GatewayLoop(core, buses))
         line.ready()
         try:
             for _ in stop.readable(loop.fileno()):
                 loop.serve()
+            _pass_what_came(loop)
         finally:
-            figures = {
-                f"{side}_{key}": value for side in SIDES for key, value in _told(core.counts[side]).items()
-            }
-            line.finished(complete=True, dropped=lost(core, buses), **figures, **host.figures())
+            line.finished(complete=True, dropped=lost(core, buses), **figures(core), **host.figures())
     return Ending.PASSED if line.supervised else Ending.INTERRUPTED
+
+
+def _pass_what_came(loop: GatewayLoop) -> None:
+    """What had arrived when the end was asked for still crosses; a bus that never falls silent is left."""
+    for _ in range(LAST_BATCHES):
+        if not loop.serve():
+            return
 
 
 def lost(core: GatewayCore, buses: dict[Side, Transport]) -> int:
@@ -75,16 +82,18 @@ def lost(core: GatewayCore, buses: dict[Side, Transport]) -> int:
     return unread + sum(core.counts[side].overflowed + len(core.waiting(side)) for side in SIDES)
 
 
-def _told(counts: Counts) -> dict[str, int]:
-    """The counters of one side as figures of the process; what is zero is left out."""
-    stayed = {f"stayed_{fate.name.lower()}": counts.stayed[fate] for fate in Fate}
-    figures = {
-        "received": counts.received,
-        "sent": counts.sent,
-        "overflowed": counts.overflowed,
-        "held": counts.held,
-        "silenced": counts.silenced,
-        "injected": counts.injected,
-        **stayed,
-    }
-    return {name: count for name, count in figures.items() if count or name in ("received", "sent")}
+def figures(core: GatewayCore) -> dict[str, int]:
+    """The counters of both sides as figures of the process, SIDE_NAME; what is zero is left out."""
+    named: dict[str, int] = {}
+    for side in SIDES:
+        counts = core.counts[side]
+        named |= {f"{side}_received": counts.received, f"{side}_sent": counts.sent}
+        others = {
+            "overflowed": counts.overflowed,
+            "held": counts.held,
+            "silenced": counts.silenced,
+            "injected": counts.injected,
+            **{f"stayed_{fate.name.lower()}": count for fate, count in counts.stayed.items()},
+        }
+        named |= {f"{side}_{name}": count for name, count in others.items() if count}
+    return named

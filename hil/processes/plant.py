@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bus.address import open_transport
 from bus.pacing import TickTiming
 from dbc.writer import CandumpWriter
 from hil import rundir
 from hil.compose import Choice, plant_unit
 from hil.ending import Ending
+from hil.gateway.tap import tapped
 from hil.lifeline import Lifeline
 from hil.processes.shell import HostShare, counters, log_to, run_until_signal
 from hil.realtime_options import ORDINARY, RealtimeOptions
@@ -39,12 +39,12 @@ def run(
     realtime.apply()
     line.ready()
     line.wait_for_go()
-    timing = TickTiming()
     started_ns: list[int] = []
     kinds: Counter[str] = Counter()
     host = HostShare()
     with ExitStack() as stack:
-        bus = stack.enter_context(open_transport(address, name="plant"))
+        stamps = out and rundir.stamps(out, "plant")
+        bus, timing = stack.enter_context(tapped(address, "plant", stamps))
         reference = out and stack.enter_context(CandumpWriter(out / rundir.REFERENCE))
 
         def on_tick(ticked: PlantUnit, now_ns: int) -> None:

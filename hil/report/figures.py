@@ -187,6 +187,7 @@ def timing_figures(timing: Timing) -> Figures:
     rows = {f"Lateness of the {SHOWN[who]}'s tick": spread_text(s) for who, s in timing.lateness.items()}
     rows |= {f"Execution of the {SHOWN[who]}'s tick": spread_text(s) for who, s in timing.execution.items()}
     rows["Reaction, sample to answer"] = spread_text(timing.reaction)
+    rows |= {f"– {name}": spread_text(spread) for name, spread in timing.hops.items()}
     rows |= {f"Ticks the {SHOWN[who]} skipped": str(count) for who, count in timing.overruns.items()}
     rows["Frames lost"] = str(timing.dropped)
     rows["Processor time taken by other guests"] = f"{100 * timing.stolen:.2f} %"

@@ -86,7 +86,14 @@ def alive(pid: int) -> bool:
 
 
 def wait_until_running(process: subprocess.Popen[str], out: Path) -> dict[str, int]:
-    """Until the plant ticks and the recorder writes; the processes of the bench."""
+    """Until the plant ticks and the recorder writes; the processes of a bench on one bus."""
+    found = wait_until_ticking(process, out)
+    assert set(found) == {"hub", "record", "ecu", "plant"}
+    return found
+
+
+def wait_until_ticking(process: subprocess.Popen[str], out: Path) -> dict[str, int]:
+    """Until the plant ticks and the recorder writes; the processes there are, by command."""
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         assert process.poll() is None, process.communicate()
@@ -95,15 +102,14 @@ def wait_until_running(process: subprocess.Popen[str], out: Path) -> dict[str, i
                 break
         else:
             found = children(process.pid)
-            assert set(found) == {"hub", "record", "ecu", "plant"}
             process.known.update(found.values())  # type: ignore[attr-defined]
             return found
         time.sleep(0.05)
     raise AssertionError("the bench did not start")
 
 
-def end(process: subprocess.Popen[str]) -> tuple[int, str]:
-    _, errors = process.communicate(timeout=30)
+def end(process: subprocess.Popen[str], patience_s: float = 30) -> tuple[int, str]:
+    _, errors = process.communicate(timeout=patience_s)
     return process.returncode, errors
 
 

@@ -1,0 +1,30 @@
+"""From the stamps that the processes of a run left to the way of its reactions, in its directory."""
+
+import datetime
+from pathlib import Path
+
+from hil import rundir
+from hil.gateway import histograms
+from hil.gateway.hops import StampFiles, hops, way_of_reactions
+from hil.gateway.tap import read_stamps
+
+PROCESSES = ("plant", "ecu", "gateway-plant", "gateway-ecu")
+
+
+def conclude(out: Path, record: rundir.RunRecord) -> None:
+    """The way into the run's timing, its histograms into latency.hlog; the stamps are then removed."""
+    files = [rundir.stamps(out, process) for process in PROCESSES]
+    plant, ecu, gateway_plant, gateway_ecu = (read_stamps(file) for file in files)
+    way = way_of_reactions(
+        StampFiles(plant=plant, ecu=ecu, gateway_plant=gateway_plant, gateway_ecu=gateway_ecu)
+    )
+    if any(column.size for column in way.values()):
+        rundir.write_table(rundir.part_of_timing(out, "way"), way)
+        histograms.write_log(
+            out / rundir.LATENCY,
+            histograms.counted(hops(way)),
+            start_s=datetime.datetime.fromisoformat(record.started).timestamp(),
+            duration_s=record.duration_s,
+        )
+    for file in files:
+        file.unlink(missing_ok=True)

@@ -1,0 +1,162 @@
+"""Stamps at a transport: when a process heard and sent the frames by which the loop's reaction is measured.
+
+Three messages mark the way round: the sample carries a sequence number, the ECU's status echoes the newest
+one that its cycle used, and the limits go out in the same cycle. A tap sits between a process and its bus,
+so that neither the cores nor their shells know of it. Rows go to a file as they come: memory stays flat, and
+a killed process leaves what it had.
+
+A row is four integers: kind, number (sequence, echo, or 0), stamp of the bus, stamp of the process [ns].
+The stamp of the process is that of reading for a frame that was heard, and that before sending for one sent.
+"""
+
+import struct
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bus.address import open_transport
+from bus.frame import Frame
+from bus.pacing import TickTiming
+from bus.transport import Statistics, Transport
+from dbc import loader_database
+from dbc.database import Database
+from hil.gateway.hops import Kind
+
+ROW: Final = struct.Struct("=4q")
+FLUSH_ROWS: Final = 64
+
+
+TRACED: Final = (
+    (Kind.HEARD_SAMPLE, "Articulation", "SampleSequence"),
+    (Kind.HEARD_LIMITS, "Limits", ""),
+    (Kind.HEARD_STATUS, "EcuStatus", "EchoSequence"),
+)
+"""Kind when heard, message, and the signal that is its number."""
+
+
+class StampWriter:
+    """Appends rows to a file, a handful at a time."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file.open("wb")
+        self._rows = bytearray()
+
+    def add(self, kind: int, number: int, bus_ns: int, process_ns: int) -> None:
+        """One row."""
+        self._rows += ROW.pack(kind, number, bus_ns, process_ns)
+        if len(self._rows) >= FLUSH_ROWS * ROW.size:
+            self._flush()
+
+    def _flush(self) -> None:
+        self._file.write(self._rows)
+        self._file.flush()
+        self._rows.clear()
+
+    def close(self) -> None:
+        """Write what is left; a second call does nothing."""
+        if not self._file.closed:
+            self._flush()
+            self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, exc_type: type[BaseException] | None, exc: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def read_stamps(file: Path) -> NDArray[np.int64]:
+    """The rows of a file, shape (n, 4); a row that was cut off by a kill is left out. No file: no rows."""
+    if not file.exists():
+        return np.empty((0, 4), np.int64)
+    content = file.read_bytes()
+    whole = len(content) // ROW.size * ROW.size
+    return np.frombuffer(content[:whole], np.int64).reshape(-1, 4)
+
+
+class Tap:
+    """A Transport that is another one, with its traced frames stamped."""
+
+    def __init__(self, transport: Transport, stamps: StampWriter, database: Database) -> None:
+        self._transport = transport
+        self._stamps = stamps
+        self._traced = {}
+        for kind, message, signal in TRACED:
+            codec = database.by_name[message]
+            place = codec.signals.index(signal) if signal else None
+            self._traced[codec.can_id] = (kind, codec, place)
+
+    def _note(self, frame: Frame, sent: bool, now_ns: int) -> None:
+        kind, codec, place = self._traced[frame.can_id]
+        if len(frame.data) >= codec.length:
+            number = int(codec.decode(frame.data)[place]) if place is not None else 0
+            self._stamps.add(kind + sent, number, 0 if sent else frame.at_ns, now_ns)
+
+    def send(self, frame: Frame) -> bool:
+        """As the transport's."""
+        if frame.can_id in self._traced:
+            self._note(frame, True, time.monotonic_ns())
+        return self._transport.send(frame)
+
+    def drain(self, limit: int = 64) -> list[Frame]:
+        """As the transport's."""
+        frames = self._transport.drain(limit)
+        if frames:
+            now_ns, traced = time.monotonic_ns(), self._traced
+            for frame in frames:
+                if frame.can_id in traced:
+                    self._note(frame, False, now_ns)
+        return frames
+
+    def fileno(self) -> int:
+        """As the transport's."""
+        return self._transport.fileno()
+
+    def statistics(self) -> Statistics:
+        """As the transport's."""
+        return self._transport.statistics()
+
+    def close(self) -> None:
+        """As the transport's; the stamps stay open."""
+        self._transport.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, exc_type: type[BaseException] | None, exc: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+@contextmanager
+def tapped(address: str, name: str, file: Path | None) -> Iterator[tuple[Transport, TickTiming]]:
+    """The bus at `address` and the timing of the process `name`, both stamped into `file` if one is given."""
+    with ExitStack() as stack:
+        bus = stack.enter_context(open_transport(address, name=name))
+        if file is None:
+            yield bus, TickTiming()
+        else:
+            stamps = stack.enter_context(StampWriter(file))
+            yield Tap(bus, stamps, loader_database()), TappedTiming(stamps)
+
+
+class TappedTiming(TickTiming):
+    """The times of a process that ticks, with the start of each tick among its stamps."""
+
+    def __init__(self, stamps: StampWriter) -> None:
+        super().__init__()
+        self._stamps = stamps
+
+    def add(self, lateness_ns: int, execution_ns: int) -> None:
+        """One tick, told at its end."""
+        super().add(lateness_ns, execution_ns)
+        self._stamps.add(Kind.TICK, 0, 0, time.monotonic_ns() - execution_ns)
