@@ -12,7 +12,6 @@ from types import TracebackType
 from typing import Self
 
 from bus.errors import BusFinding
-from bus.socketcan import SocketCanTransport
 from bus.ticks import Alarm
 from bus.transport import Transport
 from hil.gateway.core import Finding, GatewayCore
@@ -106,9 +105,8 @@ class GatewayLoop:
         for finding in self._core.findings():
             self._found(finding.side, finding)
         for side, transport in self._transports.items():
-            if isinstance(transport, SocketCanTransport):
-                for trouble in transport.findings():
-                    self._found(side, trouble)
+            for trouble in transport.findings():
+                self._found(side, trouble)
 
     def close(self) -> None:
         """Release what the loop made; the transports stay open."""

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bus.address import open_transport
+from bus.errors import BusFinding
 from bus.frame import Frame
 from bus.pacing import TickTiming
 from bus.transport import Statistics, Transport
@@ -115,6 +116,10 @@ class Tap:
                 if frame.can_id in traced:
                     self._note(frame, False, now_ns)
         return frames
+
+    def findings(self) -> list[BusFinding]:
+        """As the transport's."""
+        return self._transport.findings()
 
     def fileno(self) -> int:
         """As the transport's."""
