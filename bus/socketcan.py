@@ -26,7 +26,7 @@ from typing import Self
 from bus import errors, packet
 from bus.can_socket import bind, can_socket, longer_queue, require_up
 from bus.errors import FINDINGS_LIMIT, BusFinding, Fault
-from bus.frame import ERROR, FD, Frame
+from bus.frame import ERROR, FD, LOCAL, Frame
 from bus.link import Link, LinkWatch
 from bus.transport import BusClosed, BusUnavailable, Statistics
 from bus.wallclock import SHARED
@@ -54,14 +54,17 @@ class SocketCanTransport:
         *,
         filters: Sequence[tuple[int, int]] | None = None,
         own_messages: bool = False,
+        origins: bool = False,
         receive_buffer: int = RECEIVE_BUFFER,
     ) -> None:
         """filters: (can_id, mask) words of what the kernel lets through, None: everything.
 
         own_messages: our frames come back, stamped when the controller sent them, for `confirmations`.
+        origins: frames that a process of this machine sent carry the flag LOCAL.
         BusUnavailable if there is no CAN, no such interface, or it is down.
         """
         self.interface = interface
+        self._local = LOCAL if origins else 0
         self._received = self._sent = self._dropped_in = self._dropped_out = self._errors = 0
         self._overflows = 0
         self._confirmed: list[Frame] = []
@@ -143,12 +146,13 @@ class SocketCanTransport:
                         at_ns = seconds * 1_000_000_000 + nanoseconds - ahead_ns
                     elif kind == _SO_RXQ_OVFL:
                         self._note_drops(_COUNT.unpack(value)[0])
+                origin = self._local if message_flags & socket.MSG_DONTROUTE else 0
                 if len(data) == fd_size:
                     can_id, length, flags, content = _FD.unpack(data)
-                    frame = Frame(can_id, content[:length], at_ns, flags | FD)
+                    frame = Frame(can_id, content[:length], at_ns, flags | FD | origin)
                 else:
                     can_id, length, content = _CLASSIC.unpack(data)
-                    frame = Frame(can_id, content[:length], at_ns)
+                    frame = Frame(can_id, content[:length], at_ns, origin)
                 if message_flags & socket.MSG_CONFIRM:
                     self._confirmed.append(frame)
                     continue

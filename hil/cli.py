@@ -288,6 +288,7 @@ def _form(form: str) -> Any:
 # Commands whose options live with their code: the module's `register(app)` adds them.
 ELSEWHERE = {
     "effects": "hil.effects",
+    "monitor": "hil.monitor.command",
     "decode": "hil.decode",
     "gateway": "hil.gateway.command",
     "diagnose": "hil.diagnose.command",

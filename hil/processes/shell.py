@@ -82,6 +82,10 @@ class Stop:
         os.close(self._reader)
         os.close(self._writer)
 
+    def fileno(self) -> int:
+        """Readable once the signal has come."""
+        return self._reader
+
     def readable(self, descriptor: int) -> Iterator[None]:
         """Yield whenever `descriptor` is readable, and once more after the signal."""
         with selectors.DefaultSelector() as selector:

@@ -1,0 +1,171 @@
+"""candump's lines, byte for byte: its normal form and its log form (can-utils 2020.11, Debian 12).
+
+A line of the normal form is
+
+    stamp, interface right-aligned, [RX or TX and the FD flags], identifier, [length], data, [text]
+
+candump indents 11-bit identifiers once it has met a 29-bit one, widens the interface's column when it
+meets a longer name, and numbers colours in the order in which interfaces first speak. `Candump` keeps
+that state; everything else is a function of the frame.
+
+Flags of CAN FD frames are those of Linux 6.1 and later, where every such frame carries CANFD_FDF.
+"""
+
+import time
+from dataclasses import dataclass
+from enum import StrEnum
+
+from bus.frame import BRS, ERROR, ESI, EXTENDED, EXTENDED_MASK, FD, LOCAL, REMOTE, STANDARD_MASK, Frame
+
+_MICROSECOND, _SECOND = 1_000, 1_000_000_000
+_RESET, _BOLD = "\33[0m", "\33[1m"
+_COLOURS = tuple(_BOLD + code for code in ("\33[34m", "\33[31m", "\33[32m", "", "\33[35m", "\33[36m"))
+_CLASSIC_MOST = 8
+_BITS = tuple(f"{byte:08b}" for byte in range(256))
+_HEX = tuple(f"{byte:02X}" for byte in range(256))
+_PRINTABLE = "".join(chr(byte) if 0x1F < byte < 0x7F else "." for byte in range(256))
+
+
+class Stamp(StrEnum):
+    """How time is told."""
+
+    NONE = ""
+    ABSOLUTE = "a"  # (seconds since 1970)
+    DATE = "A"  # (date and local time)
+    DELTA = "d"  # since the line before
+    ZERO = "z"  # since the first line
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Style:
+    """What is shown; the letters are candump's options.
+
+    log: -L; extra: -x, direction and flags; text: -a; binary: -i; swapped: -S; colour: how often -c.
+    """
+
+    stamp: Stamp = Stamp.NONE
+    log: bool = False
+    extra: bool = False
+    text: bool = False
+    binary: bool = False
+    swapped: bool = False
+    colour: int = 0
+
+
+class Candump:
+    """Lines of the frames of one run of candump, in the order in which they are given."""
+
+    def __init__(self, style: Style, interfaces: tuple[str, ...] = ()) -> None:
+        """interfaces: the names on the command line, which the column is wide enough for from the start."""
+        self._style = style
+        self._width = max(map(len, interfaces), default=0)
+        self._numbers: dict[str, int] = {}
+        self._indent = False
+        self._reference_us: int | None = None
+
+    def line(self, interface: str, frame: Frame, wall_ns: int) -> str:
+        """One line without its end; wall_ns: when the frame came, since 1970."""
+        if interface not in self._numbers:
+            self._numbers[interface] = len(self._numbers)
+            self._width = max(self._width, len(interface))
+        if self._style.log:
+            return log_line(interface.rjust(self._width), frame, wall_ns, direction=self._style.extra)
+        self._indent |= bool(frame.can_id & EXTENDED)
+        colour, style = self._style.colour, self._style
+        ink = _COLOURS[self._numbers[interface] % len(_COLOURS)] if colour else ""
+        return "".join(
+            (
+                " ",
+                ink if colour > 2 else "",
+                self._stamp(wall_ns // _MICROSECOND),
+                " ",
+                ink if colour < 3 else "",
+                interface.rjust(self._width),
+                _extra(frame) if style.extra else "",
+                _RESET if colour == 1 else "",
+                "  ",
+                long_form(frame, style, indent=self._indent),
+                _RESET if colour > 1 else "",
+            )
+        )
+
+    def _stamp(self, at_us: int) -> str:
+        """The stamp in brackets, with the blank after it."""
+        match self._style.stamp:
+            case Stamp.NONE:
+                return ""
+            case Stamp.ABSOLUTE:
+                return f"({at_us // 1_000_000:010d}.{at_us % 1_000_000:06d}) "
+            case Stamp.DATE:
+                date = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at_us // 1_000_000))
+                return f"({date}.{at_us % 1_000_000:06d}) "
+        if self._reference_us is None:
+            self._reference_us = at_us
+        since_us = max(0, at_us - self._reference_us)
+        if self._style.stamp is Stamp.DELTA:
+            self._reference_us = at_us
+        return f"({since_us // 1_000_000:03d}.{since_us % 1_000_000:06d}) "
+
+
+def log_line(interface: str, frame: Frame, wall_ns: int, *, direction: bool = False) -> str:
+    """A line of candump's log format."""
+    stamp = f"({wall_ns // _SECOND:010d}.{wall_ns % _SECOND // _MICROSECOND:06d})"
+    origin = (" T" if frame.flags & LOCAL else " R") if direction else ""
+    return f"{stamp} {interface} {short_form(frame)}{origin}"
+
+
+def short_form(frame: Frame) -> str:
+    """Identifier, '#' and data, as cansend takes them."""
+    can_id, data, _, flags = frame
+    if flags & FD:
+        return f"{_identifier(can_id)}##{flags & 0xF:X}{data.hex().upper()}"
+    if can_id & REMOTE:
+        return f"{_identifier(can_id)}#R{len(data) or ''}"
+    return f"{_identifier(can_id)}#{data.hex().upper()}"
+
+
+def _identifier(can_id: int) -> str:
+    if can_id & ERROR:
+        return f"{can_id & (EXTENDED_MASK | ERROR):08X}"
+    return f"{can_id & EXTENDED_MASK:08X}" if can_id & EXTENDED else f"{can_id & STANDARD_MASK:03X}"
+
+
+def _extra(frame: Frame) -> str:
+    """Direction and flags, for -x."""
+    direction = "TX" if frame.flags & LOCAL else "RX"
+    return f"  {direction} {'B' if frame.flags & BRS else '-'} {'E' if frame.flags & ESI else '-'}"
+
+
+def long_form(frame: Frame, style: Style, *, indent: bool) -> str:
+    """Identifier, length and data, as people read them; indent: 11-bit identifiers stand below 29-bit ones."""
+    can_id, data, _, flags = frame
+    identifier = _identifier(can_id)
+    head = f"{identifier:>8}  " if indent or len(identifier) > 3 else f"{identifier}  "
+    head += f"[{len(data):02d}]" if flags & FD else f" [{len(data)}]"
+    if can_id & REMOTE and not flags & FD:
+        return f"{head}  remote request"
+    return head + " " + _bytes(data, style) + _behind(can_id, data, style)
+
+
+def _bytes(data: bytes, style: Style) -> str:
+    """The data, each byte behind a blank, or in reverse and marked."""
+    if not data:
+        return ""
+    digits = _BITS if style.binary else _HEX
+    if style.swapped:
+        return " " + "`".join(digits[byte] for byte in reversed(data))
+    return " " + " ".join([digits[byte] for byte in data])
+
+
+def _behind(can_id: int, data: bytes, style: Style) -> str:
+    """What stands behind the data of at most eight bytes: the mark of an error frame, or the text."""
+    if len(data) > _CLASSIC_MOST:
+        return ""
+    room = (9 if style.binary else 3) * (_CLASSIC_MOST - len(data))
+    if can_id & ERROR:
+        return "ERRORFRAME".rjust(room + 13)
+    if not style.text:
+        return ""
+    quote = "`" if style.swapped else "'"
+    text = (data[::-1] if style.swapped else data).decode("latin-1").translate(_PRINTABLE)
+    return f"{quote.rjust(room + 4)}{text}{quote}"

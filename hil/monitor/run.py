@@ -1,0 +1,131 @@
+"""The loop of the monitor: from a source through a view to standard output, and how it ends."""
+
+import sys
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Protocol
+
+from hil.ending import Ending
+from hil.monitor.output import Closed, Output
+from hil.monitor.source import Batch, Buses, Source, signalled
+from hil.monitor.target import Target, TargetError
+from hil.processes.shell import Stop
+
+EVERY_S = 0.25
+"""How long a view waits at most to be called again while nothing comes."""
+_TELL_S = 1.0
+"""How often lost frames are told at most."""
+
+
+class View(Protocol):
+    """What becomes of the frames."""
+
+    def text(self, batch: Batch) -> str:
+        """What is written for a batch, '' for nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """What to watch and until when.
+
+    count: frames after which it ends; silence_s: time without a frame after which it ends; None: no such end.
+    """
+
+    targets: tuple[Target, ...]
+    follow: bool = False
+    origins: bool = False
+    count: int | None = None
+    silence_s: float | None = None
+
+
+def open_source(plan: Plan, watch: tuple[int, ...], stack: ExitStack) -> Source:
+    """The source of a plan, closed with `stack`; TargetError if buses and recordings are mixed."""
+    recorded = [target for target in plan.targets if target.path is not None]
+    if recorded and len(recorded) < len(plan.targets):
+        names = ", ".join(target.name for target in plan.targets)
+        raise TargetError(f"{names}: buses and recordings have different clocks; monitor one kind at a time")
+    if recorded:
+        from hil.monitor.recordings import Recordings  # numba, which a bus does not need
+
+        return Recordings(plan.targets, follow=plan.follow)
+    if plan.follow:
+        raise TargetError("--follow is for a recording that still grows; a bus is followed anyway")
+    return stack.enter_context(Buses(plan.targets, origins=plan.origins, watch=watch))
+
+
+def monitor(plan: Plan, view_of: Callable[[Source, ExitStack], View]) -> Ending:
+    """Show what comes until the plan, the recording, the reader of our output or a signal ends it."""
+    with Stop() as stop, ExitStack() as stack:
+        output = Output(sys.stdout.fileno(), stop)
+        source = open_source(plan, output.watchable, stack)
+        view = view_of(source, stack)
+        teller = _Teller(source)
+        until = _Until(plan)
+        try:
+            for batch in source.batches(stop, min(EVERY_S, plan.silence_s or EVERY_S)):
+                allowed = until.cut(batch)
+                if text := view.text(allowed):
+                    output.write(text)
+                teller.tell()
+                if until.reached:
+                    break
+        except Closed:
+            pass
+        teller.finish()
+        if not signalled(stop):
+            return Ending.PASSED
+        print(f"loaderhil: interrupted after {until.frames} frames, {teller.summary()}", file=sys.stderr)
+        return Ending.INTERRUPTED
+
+
+class _Until:
+    """Counts frames and watches for silence."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._most, self._silence_s = plan.count, plan.silence_s
+        self._heard = time.monotonic()
+        self.frames = 0
+        self.reached = False
+
+    def cut(self, batch: Batch) -> Batch:
+        """The batch, up to the last frame that is wanted."""
+        if batch.frames:
+            self._heard = time.monotonic()
+        elif self._silence_s is not None:
+            self.reached = time.monotonic() - self._heard >= self._silence_s
+        if self._most is not None and self.frames + len(batch.frames) >= self._most:
+            self.reached = True
+            batch = batch._replace(frames=batch.frames[: self._most - self.frames])
+        self.frames += len(batch.frames)
+        return batch
+
+
+class _Teller:
+    """Tells on standard error what went wrong: notices at once, lost frames at most once per second."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self._told: dict[str, int] = {}
+        self._next = 0.0
+
+    def tell(self) -> None:
+        """What is new."""
+        for notice in self._source.notices():
+            print(f"loaderhil: {notice}", file=sys.stderr)
+        if time.monotonic() >= self._next:
+            self.finish()
+
+    def finish(self) -> None:
+        """Lost frames that have not been told."""
+        for name, total in self._source.lost().items():
+            if new := total - self._told.get(name, 0):
+                print(f"loaderhil: fell behind: {new} frames of {name} lost, {total} so far", file=sys.stderr)
+                self._next = time.monotonic() + _TELL_S
+            self._told[name] = total
+
+    def summary(self) -> str:
+        """All losses in a few words."""
+        lost = sum(self._source.lost().values())
+        return f"{lost} lost" if lost else "none lost"
