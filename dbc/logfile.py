@@ -31,11 +31,15 @@ _SHORTEST_LINE = 10  # (0) c 123#
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """What could not be read, and where: `at` is the number of a line from 1, or of a byte from 0."""
+    """What could not be read, and where: `at` is the number of a line from 1, or of a byte from 0.
+
+    at_end: the file breaks off there, nothing between its frames is missing.
+    """
 
     at: int
     reason: str
     unit: Literal["line", "byte"] = "line"
+    at_end: bool = False
 
     def __str__(self) -> str:
         return f"{self.unit} {self.at}: {self.reason}{'; skipped' if self.unit == 'line' else ''}"
@@ -67,6 +71,13 @@ class FrameTable:
         """The table of some rows only, by index or mask; channels and damage stay."""
         names = ("time_ns", "can_id", "length", "flags", "data", "channel")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+    def on_channel(self, name: str, source: str | Path) -> Self:
+        """The table of one channel; LogError naming `source` and its channels if there is none of that name."""
+        if name not in self.channels:
+            raise LogError(f"{source}: no channel {name!r}; there are {', '.join(self.channels)}")
+        table = self.select(self.channel == self.channels.index(name))
+        return replace(table, channel=np.zeros_like(table.channel), channels=(name,))
 
     def frames(self) -> Iterator[Frame]:
         """Each row as a frame, stamped with its time in the recording."""
@@ -137,10 +148,10 @@ class _Builder:
         self._damaged_count += part.damaged_count
         self._lines += part.lines
 
-    def add_damage(self, reason: str) -> None:
-        """Note damage after all lines so far."""
+    def add_break(self, reason: str) -> None:
+        """Note that the file breaks off after all lines so far."""
         if len(self._damaged) < DAMAGE_SHOWN:
-            self._damaged.append(Damage(self._lines + 1, reason))
+            self._damaged.append(Damage(self._lines + 1, reason, at_end=True))
         self._damaged_count += 1
 
     def table(self) -> FrameTable:
@@ -192,7 +203,7 @@ def read_candump(path: str | Path, progress: Callable[[int, int], None] | None =
                 if progress is not None:
                     progress(file.tell(), total)
             for reason in breaks:
-                builder.add_damage(reason)
+                builder.add_break(reason)
     except OSError as error:
         raise LogError(f"{path}: cannot read the log: {error.strerror or error}") from error
     except LogError as error:

@@ -93,7 +93,7 @@ def _table(
         if count < wanted:
             reason = f"{wanted - count} of {wanted} records of group {index} ({name}) cannot be read"
             at = broken[0] if broken else path.stat().st_size
-            damaged.append(Damage(at, f"the data break off: {reason}", "byte"))
+            damaged.append(Damage(at, f"the data break off: {reason}", "byte", at_end=True))
         if count:
             parts.append(_columns(signal, name, mdf.header.abs_time))
         if progress is not None:

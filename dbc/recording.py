@@ -145,7 +145,7 @@ def _read_blf(path: Path, progress: Progress | None) -> FrameTable:
             rows.add_damage(Damage(at, f"not readable from here ({error or 'no object begins'})", "byte"))
         else:
             if end < size:
-                rows.add_damage(Damage(end, "the file breaks off inside an object", "byte"))
+                rows.add_damage(Damage(end, "the file breaks off inside an object", "byte", at_end=True))
     return rows.table()
 
 
@@ -220,5 +220,5 @@ def _read_asc(path: Path, progress: Progress | None) -> FrameTable:
             if progress is not None and lines.number % _REPORT_EVERY == 0:
                 progress(file.tell(), size)
         if lines.cut:
-            rows.add_damage(Damage(lines.number, "the file ends inside this line"))
+            rows.add_damage(Damage(lines.number, "the file ends inside this line", at_end=True))
     return rows.table()

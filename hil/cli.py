@@ -294,6 +294,7 @@ ELSEWHERE = {
     "diagnose": "hil.diagnose.command",
     "record": "hil.recording.command",
     "inject": "hil.faults.command",
+    "check": "hil.recording.check_command",
 }
 
 

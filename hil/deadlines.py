@@ -3,7 +3,8 @@
 Pure: stamps, counters and payloads in, verdicts out; the same for a running bus and for a recording.
 The period T of a message is its GenMsgCycleTime. Between two frames of a message, with gap g:
 
-- g > T (1 + tolerance): *late*, and where g >= 1.5 T, round(g/T) - 1 frames are *missing*;
+- g > T (1 + tolerance): *late*, and where g >= 1.5 T, round(g/T) - 1 frames are *missing*; when the next frame is early,
+  this one was delayed: then round((g + g')/T) - 2 over both gaps;
 - g < T (1 - tolerance): *early*;
 - the alive counter stands still: *duplicate*, when the payload is the same too, else a *counter jump*;
 - the alive counter advances by n > 1: *counter jump*, n - 1 frames lost between sender and us.
@@ -115,7 +116,7 @@ def judge_message(
     inner = gaps[1:-1]
     # The two outer gaps are cut by the window, so they can only be too long, never early.
     late = gaps > period * (1 + tolerance)
-    missing = np.where(gaps >= 1.5 * period, np.rint(gaps / period) - 1, 0)
+    missing = np.where(gaps >= 1.5 * period, _skipped(gaps, period, tolerance), 0)
     missing[[0, -1]] = np.floor(gaps[[0, -1]] / period)  # no neighbour outside the window to round towards
     missing[[0, -1]] *= late[[0, -1]]
     worst = int(np.argmax(gaps))
@@ -139,6 +140,16 @@ def judge_message(
         reason="",
     )
     return _concluded(verdict, observer)
+
+
+def _skipped(gaps: NDArray[np.int64], period: int, tolerance: float) -> NDArray[np.float64]:
+    """Frames that did not come within each gap. A delayed frame is none of them: the one after it is early."""
+    following = np.full(gaps.size, np.inf)
+    following[:-2] = gaps[1:-1]  # the last gap ends with the window, not with a frame
+    caught_up = (following >= 0) & (following < period * (1 - tolerance))
+    until = gaps + np.where(caught_up, following, 0.0)
+    skipped: NDArray[np.float64] = np.rint(until / period) - np.where(caught_up, 2, 1)
+    return skipped
 
 
 def _counter_events(seen: Observation, period_ns: int) -> tuple[int, int, int]:

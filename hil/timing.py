@@ -93,7 +93,7 @@ def reaction_ns(
 
 def judge_timing(timing: Timing, period_ns: int = PERIOD_NS) -> Verdict:
     """Whether every tick came, started and ended in time, or why that cannot be said."""
-    if starved := _starvation(timing):
+    if starved := starvation(timing):
         return Verdict(
             question=QUESTION, result=Result.INCONCLUSIVE, reason=f"the host was starved: {starved}"
         )
@@ -110,7 +110,8 @@ def judge_timing(timing: Timing, period_ns: int = PERIOD_NS) -> Verdict:
     )
 
 
-def _starvation(timing: Timing) -> str:
+def starvation(timing: Timing) -> str:
+    """What the host kept from the processes, in words; '' when it was too little to matter."""
     if not timing.stolen <= STOLEN:
         return f"{100 * timing.stolen:.1f} % of processor time went to other guests"
     waiting = [f"{name} waited {100 * share:.1f} % of the time" for name, share in timing.waited.items()

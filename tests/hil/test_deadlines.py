@@ -92,9 +92,19 @@ def test_late_and_early_are_told_apart():
     at, counters = punctual()
     at[10] += 6 * MS  # gap before 16 ms, gap after 4 ms
     verdict = judge_message(observation(at, counters), OBSERVER)
-    assert (verdict.late, verdict.early) == (1, 1)
+    assert (verdict.late, verdict.early, verdict.missing) == (1, 1, 0)
     assert verdict.worst_gap_ns == 16 * MS
     assert verdict.worst_at_ns == at[9]
+
+
+@given(first=st.integers(1, FRAMES - 8), count=st.integers(1, 4), delay=st.integers(6, 9))
+def test_a_delayed_frame_after_lost_ones_is_not_missing(first, count, delay):
+    at, counters = punctual()
+    kept = np.delete(np.arange(FRAMES), slice(first, first + count))
+    at = at[kept]
+    at[first] += delay * MS
+    verdict = judge_message(observation(at, counters[kept]), OBSERVER)
+    assert (verdict.missing, verdict.late, verdict.early) == (count, 1, 1)
 
 
 def test_a_repeated_frame_is_a_duplicate_and_a_changed_one_a_jump():
