@@ -6,9 +6,11 @@ Signal names of the DBC meet names of the plant here and in `plant.reception`, a
 import math
 from collections.abc import Mapping
 
+import numpy as np
+
 from dbc.packing import Signals
 from plant.driver import Demand
-from plant.sensors import CHANNELS, INDEX, WHEELS, Health, Readings
+from plant.sensors import CHANNELS, INDEX, WHEELS, Floats, Readings
 from plant.truth import Truth
 
 MACHINE = "Machine"
@@ -43,8 +45,6 @@ HEALTH_GROUPS: Mapping[str, tuple[str, ...]] = {
     },
 }
 """State signals: a frame's state is the worst of its channels'."""
-
-_ALL_WELL: Mapping[str, float] = dict.fromkeys(HEALTH_GROUPS, Health.OK)
 
 MACHINE_MESSAGES: Mapping[str, Signals] = {
     "Articulation": {
@@ -117,43 +117,63 @@ REFERENCE_MESSAGES: Mapping[str, Signals] = {
 }
 
 
-def machine_values(
-    readings: Readings, demand: Demand, *, sequence: int, ground_speed: float
-) -> dict[str, float]:
-    """Everything the machine sends, SI, by source name."""
-    values: dict[str, float] = dict(zip(CHANNELS, readings.values.tolist(), strict=True))
-    values.update(_ALL_WELL)
+MACHINE_SOURCES = (
+    *CHANNELS,
+    *HEALTH_GROUPS,
+    "sample sequence",
+    "torque demand",
+    "brake demand",
+    "articulation rate demand",
+    "lift demand",
+    "tilt demand",
+    "ground speed",
+)
+_HEALTH = slice(len(CHANNELS), len(CHANNELS) + len(HEALTH_GROUPS))
+_HEALTH_CHANNELS = tuple([INDEX[channel] for channel in group] for group in HEALTH_GROUPS.values())
+
+
+def machine_values(readings: Readings, demand: Demand, *, sequence: int, ground_speed: float) -> Floats:
+    """Everything the machine sends, SI, in the order of MACHINE_SOURCES."""
+    values = np.zeros(len(MACHINE_SOURCES))
+    values[: _HEALTH.start] = readings.values
     if readings.health.any():
-        for name, channels in HEALTH_GROUPS.items():
-            values[name] = int(max(readings.health[INDEX[channel]] for channel in channels))
-    values["sample sequence"] = sequence
-    values["torque demand"] = demand.torque
-    values["brake demand"] = demand.brake
-    values["articulation rate demand"] = demand.articulation_rate
-    values["lift demand"] = demand.lift
-    values["tilt demand"] = demand.tilt
-    values["ground speed"] = abs(ground_speed)
+        values[_HEALTH] = [readings.health[channels].max() for channels in _HEALTH_CHANNELS]
+    values[_HEALTH.stop :] = (
+        sequence,
+        demand.torque,
+        demand.brake,
+        demand.articulation_rate,
+        demand.lift,
+        demand.tilt,
+        abs(ground_speed),
+    )
     return values
 
 
-def reference_values(truth: Truth) -> dict[str, float]:
-    """Everything the test instrumentation sends, SI, by source name."""
-    values: dict[str, float] = {
-        f"{quantity}_{wheel}": value
-        for quantity in ("longitudinal_force", "lateral_force", "normal_force", "aligning_moment")
-        for wheel, value in zip(WHEELS, getattr(truth, quantity), strict=True)
-    }
-    for quantity in ("velocity", "acceleration"):
-        for axis, value in zip("xyz", getattr(truth, quantity), strict=True):
-            values[f"{quantity}_{axis}"] = value
-    forward, left = values["velocity_x"], values["velocity_y"]
-    values.update(
-        roll=truth.roll,
-        pitch=truth.pitch,
-        yaw=math.remainder(truth.yaw, math.tau),
-        joint_torque=truth.joint_torque,
-        oscillation_angle=truth.oscillation_angle,
-        ground_speed=math.hypot(forward, left),
-        course=(truth.yaw + math.atan2(left, forward)) % math.tau,
-    )
+_TRUE: Mapping[str, int] = {
+    **{
+        f"{field}_{wheel}": Truth.fields[field].at + i
+        for field in ("longitudinal_force", "lateral_force", "normal_force", "aligning_moment")
+        for i, wheel in enumerate(WHEELS)
+    },
+    **{
+        f"{field}_{axis}": Truth.fields[field].at + i
+        for field in ("velocity", "acceleration")
+        for i, axis in enumerate("xyz")
+    },
+    **{name: Truth.fields[name].at for name in ("roll", "pitch", "joint_torque", "oscillation_angle")},
+}
+"""What the test instrumentation measures directly: its place in a row of truth."""
+
+_TRUE_PLACES = np.array(list(_TRUE.values()))
+REFERENCE_SOURCES = (*_TRUE, "yaw", "ground_speed", "course")
+
+
+def reference_values(truth: Truth) -> Floats:
+    """Everything the test instrumentation sends, SI, in the order of REFERENCE_SOURCES."""
+    values = np.empty(len(REFERENCE_SOURCES))
+    values[:-3] = truth.row[_TRUE_PLACES]
+    (forward, left, _), yaw = truth.velocity.tolist(), truth.yaw
+    course = (yaw + math.atan2(left, forward)) % math.tau
+    values[-3:] = (math.remainder(yaw, math.tau), math.hypot(forward, left), course)
     return values

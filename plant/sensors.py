@@ -15,7 +15,7 @@ the noise of the others as it was.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant.checked import CheckedTable
+from plant.compiled import compiled
 from plant.truth import Truth
 
 Floats = NDArray[np.float64]
@@ -36,6 +37,9 @@ class Health(IntEnum):
     OK = 0
     DEGRADED = 1  # at the end of its range
     ERROR = 2  # no sample: the last reading is repeated
+
+
+OK, DEGRADED, ERROR = (int(health) for health in Health)  # for compiled code
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,22 +94,28 @@ ACCELERATION = slice(INDEX["acceleration_x"], INDEX["acceleration_z"] + 1)
 ANGULAR_RATE = slice(INDEX["roll_rate"], INDEX["yaw_rate"] + 1)
 
 
-def measured_values(truth: Truth) -> list[float]:
+def _places() -> Iterator[int]:
+    """Where in a row of truth each channel finds what an ideal sensor would read, in the order of CHANNELS."""
+    numbers = (
+        Truth.pitch,
+        Truth.roll,
+        Truth.lift_pressure,
+        Truth.tilt_pressure,
+        Truth.lift_arm_angle,
+        Truth.tilt_angle,
+    )
+    yield from (Truth.articulation_angle.at, Truth.articulation_rate.at)
+    for vector in (Truth.wheel_speed, Truth.wheel_torque, Truth.imu_specific_force, Truth.angular_velocity):
+        yield from range(vector.at, vector.at + vector.size)
+    yield from (number.at for number in numbers)
+
+
+MEASURED = np.fromiter(_places(), np.int64, len(CHANNELS))
+
+
+def measured_values(truth: Truth) -> Floats:
     """What ideal sensors would read, SI, in the order of CHANNELS."""
-    return [
-        truth.articulation_angle,
-        truth.articulation_rate,
-        *truth.wheel_speed,
-        *truth.wheel_torque,
-        *truth.imu_specific_force,
-        *truth.angular_velocity,
-        truth.pitch,
-        truth.roll,
-        truth.lift_pressure,
-        truth.tilt_pressure,
-        truth.lift_arm_angle,
-        truth.tilt_angle,
-    ]
+    return truth.row[MEASURED]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,6 +207,10 @@ class Readings:
         return float(self.values[INDEX[channel]])
 
 
+# Rows of the parameters of all channels.
+GAIN, BIAS, DECAY, NOISE, MINIMUM, MAXIMUM, RESOLUTION, DROPOUT, DELAY = range(9)
+
+
 class SensorBank:
     """All sensors of a machine, sampled together every `step` seconds."""
 
@@ -206,68 +220,90 @@ class SensorBank:
         def column(name: str) -> Floats:
             return np.array([getattr(channel, name) for channel in channels], dtype=np.float64)
 
+        lag, delay = column("lag"), np.round(column("delay") / step, 9)  # in steps; 0.03 / 0.01 is 3
         self._generator = generator
         self._axes = None if (parameters.inertial_axes == np.eye(3)).all() else parameters.inertial_axes
-        self._bias, self._noise, self._dropout = column("bias"), column("noise"), column("dropout")
-        self._minimum, self._maximum = column("minimum"), column("maximum")
-        self._gain = 1.0 + column("scale_error")
-        lag, resolution = column("lag"), column("resolution")
-        self._decay = np.exp(-step / np.where(lag > 0, lag, 1.0)) * (lag > 0)
-        self._stepped = resolution > 0
-        self._resolution = np.where(self._stepped, resolution, 1.0)
-        delay = np.round(column("delay") / step, 9)  # in steps; 0.03 / 0.01 is 3
-        self._late = np.flatnonzero(delay)
-        self._whole = np.floor(delay[self._late]).astype(np.int64)
-        self._part = delay[self._late] - self._whole
+        self._parameters = np.array(
+            (
+                1.0 + column("scale_error"),
+                column("bias"),
+                np.exp(-step / np.where(lag > 0, lag, 1.0)) * (lag > 0),
+                column("noise"),
+                column("minimum"),
+                column("maximum"),
+                column("resolution"),
+                column("dropout"),
+                delay,
+            )
+        )
         self._history: Floats = np.empty((int(delay.max()) + 2, len(channels)))
         self._newest = -1  # row of the newest sample; -1: none yet
         self._last: Floats = np.empty(len(channels))
-        self._well = np.full(len(channels), int(Health.OK))
-        self._well.flags.writeable = False  # shared by the readings of every healthy sample
+        self._normal, self._uniform = np.empty(len(channels)), np.empty(len(channels))
 
-    def sample(self, truth: list[float] | Floats) -> Readings:
+    def sample(self, truth: Floats | list[float]) -> Readings:
         """The readings one step later, for the true values `truth` held since the last call.
 
         The first call finds every sensor settled at its input.
         """
-        felt = np.asarray(truth, dtype=np.float64)
+        true = np.asarray(truth, dtype=np.float64)
         if self._axes is not None:
-            felt = felt.copy()
+            true = true.copy()
             for part in (ACCELERATION, ANGULAR_RATE):
-                felt[part] = self._axes @ felt[part]
-        measured = felt * self._gain + self._bias
-        noisy = self._delayed(self._lagged(measured)) + self._noise * self._generator.standard_normal(
-            len(measured)
+                true[part] = self._axes @ true[part]
+        if self._newest < 0:
+            self._last = true * self._parameters[GAIN] + self._parameters[BIAS]
+            self._history[:] = self._last
+        self._newest = (self._newest + 1) % len(self._history)
+        self._generator.standard_normal(out=self._normal)
+        self._generator.random(out=self._uniform)
+        values, health = np.empty(len(CHANNELS)), np.empty(len(CHANNELS), np.int64)
+        read_channels(
+            true,
+            self._parameters,
+            self._history,
+            self._newest,
+            self._normal,
+            self._uniform,
+            self._last,
+            values,
+            health,
         )
-        limited = np.minimum(np.maximum(noisy, self._minimum), self._maximum)
-        values = np.where(self._stepped, np.rint(limited / self._resolution) * self._resolution, limited)
-        missing = self._generator.random(len(measured)) < self._dropout
-        clipped = limited != noisy
-        health = self._well
-        if missing.any() or clipped.any():
-            values[missing] = self._last[missing]
-            health = np.where(missing, int(Health.ERROR), np.where(clipped, int(Health.DEGRADED), self._well))
         self._last = values
         return Readings(values, health)
 
-    def _lagged(self, measured: Floats) -> Floats:
-        if self._newest < 0:
-            self._history[:] = measured
-            self._last = measured
-            return measured
-        lagged: Floats = measured + self._decay * (self._history[self._newest] - measured)
-        return lagged
 
-    def _delayed(self, lagged: Floats) -> Floats:
-        rows = len(self._history)
-        self._newest = (self._newest + 1) % rows
-        self._history[self._newest] = lagged
-        late = self._late
-        if not late.size:
-            return lagged
-        near = (self._newest - self._whole) % rows
-        delayed = lagged.copy()
-        delayed[late] = (1.0 - self._part) * self._history[near, late] + self._part * self._history[
-            near - 1, late
-        ]
-        return delayed
+@compiled
+def read_channels(
+    true: Floats,
+    p: Floats,
+    history: Floats,
+    newest: int,
+    normal: Floats,
+    uniform: Floats,
+    last: Floats,
+    values: Floats,
+    health: NDArray[np.int64],
+) -> None:
+    """One sample of every channel into `values` and `health`; `history[newest]` becomes what the sensors feel now."""
+    for i in range(values.size):
+        measured = true[i] * p[GAIN, i] + p[BIAS, i]
+        history[newest, i] = measured + p[DECAY, i] * (history[newest - 1, i] - measured)
+        noisy = delayed(history, newest, i, p[DELAY, i]) + p[NOISE, i] * normal[i]
+        limited = min(max(noisy, p[MINIMUM, i]), p[MAXIMUM, i])
+        step = p[RESOLUTION, i]
+        values[i] = np.rint(limited / step) * step if step > 0.0 else limited
+        health[i] = OK if limited == noisy else DEGRADED
+        if uniform[i] < p[DROPOUT, i]:
+            values[i], health[i] = last[i], ERROR
+
+
+@compiled
+def delayed(history: Floats, newest: int, channel: int, steps: float) -> float:
+    """What a channel felt `steps` samples ago, linear between samples."""
+    whole = int(steps)
+    near = (newest - whole) % len(history)
+    if steps == 0.0:
+        return history[near, channel]
+    part = steps - whole
+    return (1.0 - part) * history[near, channel] + part * history[near - 1, channel]

@@ -68,10 +68,18 @@ class PlantUnit:
         self._driver = DriverState()
         self._reception = Reception(loader_database())
         self._schedule = FrameSchedule(
-            loader_database(), interface.MACHINE, interface.MACHINE_MESSAGES, tick_ns=TICK_NS
+            loader_database(),
+            interface.MACHINE,
+            interface.MACHINE_MESSAGES,
+            tick_ns=TICK_NS,
+            sources=interface.MACHINE_SOURCES,
         )
         self._reference = FrameSchedule(
-            reference_database(), interface.TEST_RIG, interface.REFERENCE_MESSAGES, tick_ns=TICK_NS
+            reference_database(),
+            interface.TEST_RIG,
+            interface.REFERENCE_MESSAGES,
+            tick_ns=TICK_NS,
+            sources=interface.REFERENCE_SOURCES,
         )
         self._ticks = 0
         self._started_ns = 0
@@ -138,11 +146,11 @@ class PlantUnit:
             sequence=self.sequence,
             ground_speed=self._ground_speed(self._readings),
         )
-        return self._schedule.frames(self._ticks - 1, values)
+        return self._schedule.pack(self._ticks - 1, values)
 
     def reference_frames(self) -> list[Frame]:
         """The test instrumentation's frames that are due at the last tick."""
-        return self._reference.frames(self._ticks - 1, interface.reference_values(self._truth))
+        return self._reference.pack(self._ticks - 1, interface.reference_values(self._truth))
 
     def _advance(self, readings: Readings, now_ns: int) -> None:
         """Driver, limits and dynamics, from the last sample to now."""

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant.checked import CheckedTable, ConfigurationError
@@ -39,6 +39,7 @@ def respond(sensors: SensorBank, inputs: np.ndarray) -> np.ndarray:
 values = st.floats(-1e6, 1e6, allow_nan=False)
 
 
+@settings(deadline=None)  # the first call compiles
 @given(st.lists(st.lists(values, min_size=COUNT, max_size=COUNT), min_size=1, max_size=5))
 def test_ideal_sensors_return_their_input_bit_for_bit(rows):
     sensors = SensorBank(SensorParameters(), step=STEP, generator=np.random.default_rng(0))
