@@ -9,7 +9,7 @@ with probability n/255: MASQUERADED is certain only when it repeats.
 """
 
 import enum
-from typing import Final
+from typing import Final, Self
 
 from e2e.p01 import E2E_P01_DATAID_BOTH, e2e_p01_protect
 
@@ -23,10 +23,10 @@ _MOST_LOST: Final = 7  # a jump of more than half the circle is a step back
 class Finding(enum.Enum):
     """What the check of one frame found; `usable` says whether its content may be used."""
 
-    OK = "ok"
-    INITIAL = "first frame, counter unknown"
-    LOST = "frames lost before this one"
-    RESTARTED = "counter jumped and goes on from there"
+    OK = "ok", True
+    INITIAL = "first frame, counter unknown", True
+    LOST = "frames lost before this one", True
+    RESTARTED = "counter jumped and goes on from there", True
     REPEATED = "counter repeated"
     REORDERED = "older than the previous frame"
     WRONG_COUNTER = "counter 15 is never sent"
@@ -34,13 +34,14 @@ class Finding(enum.Enum):
     MASQUERADED = "CRC is that of another message"
     WRONG_LENGTH = "wrong length"
 
-    @property
-    def usable(self) -> bool:
-        """Whether the frame is intact and newer than the one before."""
-        return self in _USABLE
+    usable: bool
 
-
-_USABLE = frozenset({Finding.OK, Finding.INITIAL, Finding.LOST, Finding.RESTARTED})
+    def __new__(cls, words: str, usable: bool = False) -> Self:
+        """usable: whether the frame is intact and newer than the one before."""
+        finding = object.__new__(cls)
+        finding._value_ = words
+        finding.usable = usable
+        return finding
 
 
 def _data_id(codec: MessageCodec) -> int:

@@ -16,7 +16,8 @@ from ecu import limits, reasons
 from ecu.alarms import Alarm, advanced
 from ecu.answers import TICK_NS, Answers
 from ecu.calibration import Calibration
-from ecu.estimators.estimate import INITIAL, Estimates, corrected, printed
+from ecu.estimators.estimate import Estimates
+from ecu.estimators.live import LiveEstimator
 from ecu.findings import Finding, ProtectionFailed, Stale, StateChanged
 from ecu.inputs import Group, Heard, Hearing, estimator_inputs
 from ecu.states import Event, State, after
@@ -50,12 +51,11 @@ class EcuCycle:
         database = database or loader_database()
         self._calibration = calibration
         self._parameters = calibration.parameters
-        self._estimate = corrected if form == "corrected" else printed
+        self._estimator = LiveEstimator(self._parameters, form)
         self._limits_enabled = limits_enabled
         self._hearing = Hearing(calibration.inputs, database)
         self._answers = Answers(database)
         self._state = State.INIT
-        self._estimator_state = INITIAL
         self._limits = limits.safe(calibration.limits)
         self._stale: frozenset[Group] = frozenset()
         self._times = reasons.times(calibration.alarms)
@@ -75,15 +75,15 @@ class EcuCycle:
 
     def warm_up(self) -> None:
         """Compile the estimators, so that the first cycle is as fast as the others."""
-        heard = self._hearing.gather(0)
-        self._estimate(estimator_inputs(heard, TICK_NS * 1e-9, 1.0), INITIAL, self._parameters)
+        self._estimator.estimate(estimator_inputs(self._hearing.gather(0), TICK_NS * 1e-9, 1.0))
+        self._estimator.reset()
 
     def receive(self, frame: Frame, now_ns: int) -> list[Finding]:
         """Take one frame from the bus."""
         if self._started_ns is None:
             self._started_ns = now_ns
         found = self._hearing.receive(frame, now_ns)
-        if any(isinstance(finding, ProtectionFailed) for finding in found):
+        if found and any(isinstance(finding, ProtectionFailed) for finding in found):
             self._protection_failed = True
         return found
 
@@ -99,7 +99,7 @@ class EcuCycle:
     def reset(self) -> None:
         """Leave the fault state, as an operator would."""
         self._state = after(self._state, Event.RESET)
-        self._estimator_state = INITIAL
+        self._estimator.reset()
         self._alarms = {}
         self._started_ns = None
 
@@ -147,8 +147,7 @@ class EcuCycle:
         if self._state not in (State.RUNNING, State.DEGRADED):
             return NO_ESTIMATES, NOTHING
         inputs = estimator_inputs(heard, self._period(now_ns), self._limits.rate)
-        estimates, self._estimator_state = self._estimate(inputs, self._estimator_state, self._parameters)
-        return estimates, valid(heard)
+        return self._estimator.estimate(inputs), valid(heard)
 
     def _next_limits(self, estimates: Estimates, flags: Mapping[str, bool], now_ns: int) -> limits.Limits:
         rules, prediction = self._calibration.limits, self._parameters.prediction

@@ -1,0 +1,62 @@
+"""The estimators cycle by cycle, for the live loop: numbers in and out in rows.
+
+Handing the tuples of parameters, inputs and state to compiled code in every cycle takes Python longer
+than the estimators take. A compiled generator keeps parameters and state, and reads and writes rows.
+"""
+
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecu.estimators.columns import ESTIMATES, INPUTS, to_fixed_tuple
+from ecu.estimators.compiled import compiled
+from ecu.estimators.estimate import INITIAL, Estimates, Inputs, State, corrected, printed
+from ecu.estimators.parameters import Parameters
+
+Floats = NDArray[np.float64]
+
+
+class LiveEstimator:
+    """All estimators of one machine, from cycle to cycle."""
+
+    def __init__(self, parameters: Parameters, form: Literal["corrected", "printed"]) -> None:
+        self._parameters = parameters
+        self._cycles = corrected_cycles if form == "corrected" else printed_cycles
+        self._inputs, self._estimates = np.empty(INPUTS), np.empty(ESTIMATES)
+        self._running: Iterator[None] | None = None
+
+    def reset(self) -> None:
+        """Forget all cycles."""
+        self._running = None
+
+    def estimate(self, inputs: Inputs) -> Estimates:
+        """One cycle; the first one compiles on a fresh machine."""
+        self._inputs[:] = inputs
+        if self._running is None:
+            self._running = self._cycles(self._inputs, self._estimates, self._parameters, INITIAL)
+        next(self._running)
+        return Estimates._make(self._estimates.tolist())
+
+
+@compiled
+def corrected_cycles(
+    inputs: Floats, estimates: Floats, parameters: Parameters, state: State
+) -> Iterator[None]:
+    """The corrected estimators: each step reads `inputs` and leaves `estimates`."""
+    while True:
+        found, state = corrected(Inputs(*to_fixed_tuple(inputs, INPUTS)), state, parameters)
+        for k in range(ESTIMATES):
+            estimates[k] = found[k]
+        yield None
+
+
+@compiled
+def printed_cycles(inputs: Floats, estimates: Floats, parameters: Parameters, state: State) -> Iterator[None]:
+    """The estimators as printed, likewise."""
+    while True:
+        found, state = printed(Inputs(*to_fixed_tuple(inputs, INPUTS)), state, parameters)
+        for k in range(ESTIMATES):
+            estimates[k] = found[k]
+        yield None
