@@ -121,8 +121,11 @@ def lasting(time_s: ArrayLike, condition: ArrayLike, least_s: float) -> list[flo
 
 
 def flickers(time_s: ArrayLike, condition: ArrayLike, least_s: float) -> int:
-    """How often `condition` holds for less than `least_s` [s]."""
-    return len(_stretches(np.asarray(condition, bool))) - len(lasting(time_s, condition, least_s))
+    """How often `condition` holds for less than `least_s` [s]; one that the record's end cuts off does not count."""
+    holds = np.asarray(condition, bool)
+    ended = [stretch for stretch in _stretches(holds) if stretch[1] < holds.size - 1]
+    time = np.asarray(time_s, float)
+    return sum(bool(time[stop] - time[start] < least_s - SLACK_S) for start, stop in ended)
 
 
 def first_true(time_s: ArrayLike, condition: ArrayLike) -> float | None:

@@ -129,6 +129,12 @@ def test_flicker_before_a_warning_does_not_make_it_earlier():
     assert flickers(TIME, warns, WARNING_MIN_S) == 3
 
 
+def test_a_warning_that_the_records_end_cuts_off_is_no_flicker():
+    warns = np.zeros(TIME.size, bool)
+    warns[-2:] = True
+    assert flickers(TIME, warns, WARNING_MIN_S) == 0
+
+
 def test_first_true():
     assert first_true([0.0, 0.5, 1.0], [False, True, True]) == 0.5
     assert first_true([0.0, 0.5], [False, False]) is None
