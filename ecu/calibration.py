@@ -15,6 +15,7 @@ from ecu.estimators.parameters import (
     Axle,
     Body,
     Bucket,
+    Contact,
     Cylinders,
     Geometry,
     MagicFormula,
@@ -240,12 +241,23 @@ _TABLES: Mapping[str, tuple[type, Mapping[str, Quantity]]] = {
             "speed_scatter_slope": _q("speed_scatter_slope", 0, 1),
         },
     ),
+    "contact": (
+        Contact,
+        {
+            "settling_time": _q("settling_time_s", 0, 10),
+            "bias_time": _q("bias_time_s", 0.1, 1000),
+            "latency": _q("latency_ms", 0, 100),
+            "damping": _q("damping_kn_s_per_m", 0, 100),
+        },
+    ),
     "prediction": (
         Prediction,
         {
             "horizon": _q("horizon_s", 0.1, 5),
             "step": _q("step_ms", 5, 100),
             "steering_lag": _q("steering_lag_ms", 1, 1000),
+            "steering_acceleration": _q("steering_acceleration_deg_s2", 10, 10000),
+            "cushion": _q("cushion_ms", 1, 2000),
             "acceleration_memory": _q("acceleration_memory_s", 0.01, 10),
             "demand_hold": _q("demand_hold_s", 0, 5),
             "limit_hold": _q("limit_hold_s", 0.01, 5),
@@ -375,6 +387,7 @@ def load_calibration(name_or_path: str | Path = "l60") -> Calibration:
         wheel=part("wheel", Wheel),
         magic_formula=part("magic_formula", MagicFormula),
         sensors=part("sensors", Sensors),
+        contact=part("contact", Contact),
         prediction=part("prediction", Prediction),
     )
     calibration = Calibration(

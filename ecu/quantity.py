@@ -20,6 +20,7 @@ UNITS: Mapping[str, tuple[str, float]] = {
     "_deg": ("deg", DEGREE),
     "_rad_s": ("rad/s", 1.0),
     "_per_rad": ("1/rad", 1.0),
+    "_kn_s_per_m": ("kN s/m", 1e3),
     "_kn_per_m": ("kN/m", 1e3),
     "_kn_m_s": ("kN m/s", 1e3),
     "_kn_m": ("kN m", 1e3),

@@ -8,7 +8,7 @@ import math
 from typing import NamedTuple
 
 from ecu.estimators.compiled import compiled
-from ecu.estimators.parameters import Arm, Body, Bucket
+from ecu.estimators.parameters import Arm, Axle, Body, Bucket, Geometry
 
 
 class Centre(NamedTuple):
@@ -112,3 +112,14 @@ def machine_centre_printed(articulation_angle: float, front: Body, rear: Body) -
     to the lateral one (E-10)."""
     centre = machine_centre(articulation_angle, front, rear)
     return Centre(centre.mass, centre.x, centre.y - rear.mass * rear.x / centre.mass, centre.z)
+
+
+@compiled
+def with_axle(rear: Body, axle: Axle, geometry: Geometry) -> Body:
+    """The rear unit with its axle as one lump; yaw inertia by the parallel axis theorem."""
+    mass = rear.mass + axle.mass
+    x = (rear.mass * rear.x - axle.mass * geometry.rear_length) / mass
+    z = (rear.mass * rear.z + axle.mass * axle.height) / mass
+    between = rear.x + geometry.rear_length
+    yaw = rear.yaw_inertia + axle.roll_inertia + rear.mass * axle.mass / mass * between * between
+    return Body(mass, x, z, rear.roll_inertia + axle.roll_inertia, rear.pitch_inertia, yaw)

@@ -8,7 +8,7 @@ do without it does. Which estimate may then be called valid is decided in `ecu.v
 import math
 from typing import NamedTuple
 
-from ecu.estimators import normal_force, rollover, speed, turning, tyre
+from ecu.estimators import contact, normal_force, rollover, speed, turning, tyre
 from ecu.estimators.acceleration import (
     Vector,
     gravity_reaction,
@@ -21,9 +21,11 @@ from ecu.estimators.acceleration import (
 )
 from ecu.estimators.cog import front_unit, front_unit_printed, machine_centre
 from ecu.estimators.compiled import compiled
+from ecu.estimators.contact import Followed, Tilt
 from ecu.estimators.normal_force import NormalForces, Support
 from ecu.estimators.parameters import GRAVITY, Body, Parameters, Wheel
 from ecu.estimators.payload import payload
+from ecu.estimators.planar import Steering, slid
 from ecu.estimators.rollover import NEVER, Course
 from ecu.estimators.turning import WheelForces
 
@@ -71,7 +73,7 @@ class Inputs(NamedTuple):
 class State(NamedTuple):
     """What the estimators carry from cycle to cycle; `INITIAL` before the first."""
 
-    started: float
+    cycles: float  # since the start
     payload: float
     speed: float
     articulation_rate: float
@@ -102,10 +104,13 @@ class State(NamedTuple):
     deflection_2: float
     deflection_3: float
     deflection_4: float
-    roll_offset: float
-    roll_offset_rate: float
+    drift: float
     axle_speed: float
     axle_acceleration: float
+    roll_tilt: float
+    pitch_tilt: float
+    roll_bias: float
+    pitch_bias: float
 
 
 INITIAL = State(*([0.0] * len(State._fields)))
@@ -182,7 +187,7 @@ def derivative(previous: float, now: float, filtered: float, dt: float, time: fl
 @compiled
 def motion(i: Inputs, s: State, p: Parameters) -> Motion:
     """Angular and wheel accelerations from the sampled rates; without a gyro, yaw from the wheels."""
-    if s.started == 0.0:
+    if s.cycles == 0.0:
         rest = Vector(0.0, 0.0, 0.0)
         return Motion(Vector(i.roll_rate, i.pitch_rate, i.yaw_rate), rest, 0.0, 0.0, 0.0, 0.0, 0.0)
     dt, quick, wheel = i.dt, p.sensors.rate_time, p.sensors.wheel_time
@@ -288,7 +293,7 @@ def fused_speed(i: Inputs, s: State, m: Motion, axle: Vector, r: Vector, p: Para
     if count == 0.0:
         return s.speed
     total = i.wheel_1_usable * v1 + i.wheel_2_usable * v2 + i.wheel_3_usable * v3 + i.wheel_4_usable * v4
-    if s.started == 0.0:
+    if s.cycles == 0.0:
         return total / count
     trusted = i.acceleration_usable * i.slope_usable
     predicted = s.speed
@@ -324,17 +329,18 @@ def centre_force(a: Accelerations, front: Body, rear: Body, axle_mass: float) ->
 
 @compiled
 def next_state(
-    i: Inputs, m: Motion, load: float, fused: float, axle_speed: float, axle_acceleration: float,
-    n: NormalForces, f: WheelForces, u: WheelForces, offset: float, offset_rate: float,
+    i: Inputs, s: State, m: Motion, load: float, fused: float, axle_speed: float, axle_acceleration: float,
+    n: NormalForces, f: WheelForces, u: WheelForces, drift: float, tilt: Tilt, bias: Tilt,
 ) -> State:  # fmt: skip
     """The state for the next cycle."""
     return State(
-        1.0, load, fused, i.articulation_rate, m.articulation_acceleration,
+        s.cycles + 1.0, load, fused, i.articulation_rate, m.articulation_acceleration,
         i.roll_rate, m.change.x, i.pitch_rate, m.change.y, i.yaw_rate, m.change.z,
         i.wheel_speed_1, i.wheel_speed_2, i.wheel_speed_3, i.wheel_speed_4,
         m.wheel_acceleration_1, m.wheel_acceleration_2, m.wheel_acceleration_3, m.wheel_acceleration_4,
         n.front_left, n.front_right, n.rear_left, n.rear_right,
-        f.x1, f.x2, f.x3, f.x4, u.x1, u.x2, u.x3, u.x4, offset, offset_rate, axle_speed, axle_acceleration,
+        f.x1, f.x2, f.x3, f.x4, u.x1, u.x2, u.x3, u.x4, drift, axle_speed, axle_acceleration,
+        tilt.roll, tilt.pitch, bias.roll, bias.pitch,
     )  # fmt: skip
 
 
@@ -388,6 +394,24 @@ def shared(total: float, left: float, right: float) -> tuple[float, float]:
 
 
 @compiled
+def follow_tilt(
+    i: Inputs, s: State, m: Motion, n: NormalForces, p: Parameters
+) -> tuple[NormalForces, Followed]:
+    """Loads that follow the gyro in the short run, and the state of that filter.
+
+    Where a tyre has no load or the gyro is not to be relied on, the balance of forces stands.
+    """
+    g, w = p.geometry, p.wheel
+    bias = Tilt(s.roll_bias, s.pitch_bias)
+    balanced = contact.tilt_of(n, i.articulation_angle, w, g)
+    if s.cycles == 0.0 or i.rates_usable == 0.0 or not contact.stands(n) or p.contact.settling_time == 0.0:
+        return n, Followed(balanced, bias, Tilt(0.0, 0.0))
+    before, gyro = Tilt(s.roll_tilt, s.pitch_tilt), Tilt(i.roll_rate, i.pitch_rate)
+    now = contact.followed(before, bias, gyro, m.rate.z, balanced, s.cycles, i.dt, p.contact)
+    return contact.carried(n, now.tilt, now.rate, i.articulation_angle, i.dt, w, g, p.contact), now
+
+
+@compiled
 def corrected(i: Inputs, s: State, p: Parameters) -> tuple[Estimates, State]:
     """One cycle of the corrected estimators."""
     g, w = p.geometry, p.wheel
@@ -406,7 +430,7 @@ def corrected(i: Inputs, s: State, p: Parameters) -> tuple[Estimates, State]:
             i.lift_pressure, i.lift_arm_angle, i.tilt_angle, a.front.x * c + a.front.y * sn, a.front.z,
             p.arm, p.bucket, p.cylinders,
         )  # fmt: skip
-        share = i.dt / (p.cylinders.settling_time + i.dt) if s.started != 0.0 else 1.0
+        share = i.dt / (p.cylinders.settling_time + i.dt) if s.cycles != 0.0 else 1.0
         load += (fresh - load) * share
         front = front_unit(i.lift_arm_angle, i.tilt_angle, load, p.front, p.arm, p.bucket)
 
@@ -469,50 +493,42 @@ def corrected(i: Inputs, s: State, p: Parameters) -> tuple[Estimates, State]:
         free.front_right if free.front_right < 0.0 else stopped.front_right,
         stopped.pivot, stopped.rear_left, stopped.rear_right,
     )  # fmt: skip
+    n, followed = follow_tilt(i, s, m, n, p)
 
     # roll-over: now and ahead
-    standing = rollover.standing_forces(d, front, p.rear, p.axle, g)
-    now = rollover.margin(n, standing)
+    machine = rollover.laden(front, p)
+    now = rollover.margin(n, machine.standing)
     rest = Vector(a.rear.x, a.rear.y, a.rear.z)
     if i.slope_usable != 0.0:
         rest = gravity_reaction(i.pitch, i.roll, GRAVITY)
     acceleration = (a.axle.x - rest.x) if i.acceleration_usable != 0.0 else axle_acceleration
-    quasi = rollover.planar_loads(
-        v, acceleration, d, i.articulation_rate, m.articulation_acceleration, rest, front, p.rear, p.axle, g
-    )
-    offset = support.y - quasi.support.y
-    offset_rate = 0.0
-    if s.started != 0.0:
-        offset_rate = derivative(s.roll_offset, offset, s.roll_offset_rate, i.dt, 0.04)
+    front_load, rear_load = n.front_left + n.front_right, n.rear_left + n.rear_right
+    steering = Steering(d, i.articulation_rate, m.articulation_acceleration, v, acceleration, rest.x, rest.y)
+    slide = slid(s.drift, m.rate.z, steering, front_load, rear_load, i.dt, front, machine.rear_unit, w, g)
+    over = rollover.support_of(n, d, g)
     demand = i.articulation_rate_demand if i.demand_usable != 0.0 else i.articulation_rate
     course = Course(
-        d, i.articulation_rate, demand, v, acceleration, rest.x, rest.y, rest.z, offset, offset_rate
-    )
-    permitted_rate = rollover.permitted_rate(course, front, p.rear, p.axle, g, p.prediction)
-    bounded = min(max(demand, -i.rate_limit), i.rate_limit)
-    asked = Course(
-        d, i.articulation_rate, bounded, v, acceleration, rest.x, rest.y, rest.z, offset, offset_rate
-    )
-    outlook = rollover.look_ahead(asked, p.prediction.demand_hold, front, p.rear, p.axle, g, p.prediction)
+        d, i.articulation_rate, demand, v, acceleration, rest.x, rest.y, rest.z, slide.drift, m.rate.z,
+        front_load, rear_load, over.y, contact.support_rate(n, followed.rate, d, i.articulation_rate, w, g),
+    )  # fmt: skip
+    permitted_rate = rollover.permitted_rate(course, machine)
+    asked = rollover.demanding(course, min(max(demand, -i.rate_limit), i.rate_limit))
+    outlook = rollover.look_ahead(asked, p.prediction.demand_hold, machine)
     turned = d + i.articulation_rate * p.prediction.limit_hold
     turned = min(max(turned, -g.articulation_stop), g.articulation_stop)
-    permitted_speed = rollover.permitted_speed(
-        turned, rest, 1.0 if v >= 0.0 else -1.0, front, p.rear, p.axle, g, p.prediction
-    )
+    permitted_speed = rollover.permitted_speed(turned, rest, 1.0 if v >= 0.0 else -1.0, machine)
 
     # tyres
     y1, y2 = shared(lateral.front, n.front_left, n.front_right)
     y3, y4 = shared(lateral.rear, n.rear_left, n.rear_right)
-    stiffness = w.cornering_stiffness * max(n.rear_left + n.rear_right, 0.1 * w.nominal_load)
-    drift = -abs(v) * min(max(lateral.rear / stiffness, -0.3), 0.3)
-    slips = wheel_slips(i, m.rate.z, v, drift, n, p)
+    slips = wheel_slips(i, m.rate.z, v, slide.drift - g.rear_length * m.rate.z, n, p)
     u1, t1 = transient_force(s.deflection_1, slips.x1, v, n.front_left, w.front_pressure, i.dt, p)
     u2, t2 = transient_force(s.deflection_2, slips.x2, v, n.front_right, w.front_pressure, i.dt, p)
     u3, t3 = transient_force(s.deflection_3, slips.x3, v, n.rear_left, w.rear_pressure, i.dt, p)
     u4, t4 = transient_force(s.deflection_4, slips.x4, v, n.rear_right, w.rear_pressure, i.dt, p)
 
     # turning
-    whole = machine_centre(d, front, with_axle(p))
+    whole = machine_centre(d, front, machine.rear_unit)
     forces = WheelForces(x1, x2, x3, x4, y1, y2, y3, y4)
     turn = turning.yaw_moment(forces, whole.x, whole.y, d, g)
     turn -= w.pneumatic_trail * travel * (lateral.front + lateral.rear)
@@ -527,20 +543,10 @@ def corrected(i: Inputs, s: State, p: Parameters) -> tuple[Estimates, State]:
     )  # fmt: skip
     deflections = WheelForces(u1, u2, u3, u4, 0.0, 0.0, 0.0, 0.0)
     state = next_state(
-        i, m, load, v, axle_speed, axle_acceleration, n, forces, deflections, offset, offset_rate
-    )
+        i, s, m, load, v, axle_speed, axle_acceleration, n, forces, deflections, slide.drift,
+        followed.tilt, followed.bias,
+    )  # fmt: skip
     return estimates, state
-
-
-@compiled
-def with_axle(p: Parameters) -> Body:
-    """The rear unit with its axle as one lump; yaw inertia about the joint's parallel axis theorem."""
-    mass = p.rear.mass + p.axle.mass
-    x = (p.rear.mass * p.rear.x - p.axle.mass * p.geometry.rear_length) / mass
-    z = (p.rear.mass * p.rear.z + p.axle.mass * p.axle.height) / mass
-    between = p.rear.x + p.geometry.rear_length
-    yaw = p.rear.yaw_inertia + p.axle.roll_inertia + p.rear.mass * p.axle.mass / mass * between * between
-    return Body(mass, x, z, p.rear.roll_inertia + p.axle.roll_inertia, p.rear.pitch_inertia, yaw)
 
 
 @compiled
@@ -559,7 +565,7 @@ def printed(i: Inputs, s: State, p: Parameters) -> tuple[Estimates, State]:
         fresh = payload(
             i.lift_pressure, i.lift_arm_angle, i.tilt_angle, 0.0, GRAVITY, p.arm, p.bucket, p.cylinders
         )
-        share = i.dt / (p.cylinders.settling_time + i.dt) if s.started != 0.0 else 1.0
+        share = i.dt / (p.cylinders.settling_time + i.dt) if s.cycles != 0.0 else 1.0
         load += (fresh - load) * share
     front = front_unit_printed(i.lift_arm_angle, load, p.front, p.arm, p.bucket)
     centre = machine_centre(d, front, p.rear)
@@ -607,4 +613,5 @@ def printed(i: Inputs, s: State, p: Parameters) -> tuple[Estimates, State]:
         load, p.prediction.largest_rate, p.prediction.largest_speed,
     )  # fmt: skip
     deflections = WheelForces(u1, u2, u3, u4, 0.0, 0.0, 0.0, 0.0)
-    return estimates, next_state(i, m, load, v, v, dv, n, forces, deflections, 0.0, 0.0)
+    none = Tilt(0.0, 0.0)
+    return estimates, next_state(i, s, m, load, v, v, dv, n, forces, deflections, 0.0, none, none)

@@ -143,12 +143,25 @@ class Sensors(NamedTuple):
     speed_scatter_slope: float  # ... plus this share of the speed
 
 
+class Contact(NamedTuple):
+    """How the loads follow the gyro and the balance of forces."""
+
+    settling_time: (
+        float  # below it the gyro tells the tilt, above it the balance of forces [s]; 0: balance alone
+    )
+    bias_time: float  # ... and the bias of the gyro is learnt in this time [s]
+    latency: float  # age of a gyro sample when the estimate arrives [s]
+    damping: float  # of a tyre, radial [N s/m]
+
+
 class Prediction(NamedTuple):
     """Feed-forward prediction of lift-off."""
 
     horizon: float  # [s]
     step: float  # [s]
     steering_lag: float  # articulation rate follows its demand with this time constant [s]
+    steering_acceleration: float  # ... and changes no faster than this [rad/s2]
+    cushion: float  # before its stop the articulation slows down with this time constant [s]
     acceleration_memory: float  # present longitudinal acceleration fades with this time constant [s]
     demand_hold: float  # the demanded rate is assumed to last this long [s]
     limit_hold: float  # a permitted rate has to be safe if it lasts this long [s]
@@ -173,4 +186,5 @@ class Parameters(NamedTuple):
     wheel: Wheel
     magic_formula: MagicFormula
     sensors: Sensors
+    contact: Contact
     prediction: Prediction

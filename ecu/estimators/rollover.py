@@ -1,6 +1,6 @@
 """Roll-over: load transfer, margin to lift-off, which wheel first, and the outlook ahead.
 
-The outlook propagates articulation angle, its rate, speed and the roll of the machine on its front
+The outlook propagates articulation, speed, the slide of the tyres and the roll of the machine on its front
 tyres over a horizon, so that a warning does not wait for the tilt that the thesis' estimator has to
 see first (thesis 2.4.5, results 4.5.6). ISO 8855, joint origin, rear frame axes.
 """
@@ -8,16 +8,12 @@ see first (thesis 2.4.5, results 4.5.6). ISO 8855, joint origin, rear frame axes
 import math
 from typing import NamedTuple
 
-from ecu.estimators.acceleration import (
-    Vector,
-    joint_acceleration,
-    planar_acceleration,
-    yaw_acceleration,
-    yaw_rate,
-)
+from ecu.estimators.acceleration import Vector, joint_acceleration, planar_acceleration, yaw_rate
+from ecu.estimators.cog import with_axle
 from ecu.estimators.compiled import compiled
 from ecu.estimators.normal_force import NormalForces, Support, normal_forces
-from ecu.estimators.parameters import GRAVITY, Axle, Body, Geometry, Prediction
+from ecu.estimators.parameters import GRAVITY, Axle, Body, Geometry, Parameters, Prediction, Wheel
+from ecu.estimators.planar import Steering, slid
 from ecu.estimators.turning import WheelForces, lateral_forces
 
 NEVER = 10.23  # TimeToLiftOff of the DBC: none within the horizon [s]
@@ -49,17 +45,35 @@ class Course(NamedTuple):
     gravity_x: float  # specific force of rest on this ground, rear axes [m/s2]
     gravity_y: float
     gravity_z: float
-    roll_offset: float  # present support point minus the quasi-static one, along y [m]
-    roll_offset_rate: float  # [m/s]
+    drift: float  # velocity of the joint to the left [m/s]
+    yaw_rate: float
+    front_load: float  # normal force of the front wheels together [N]
+    rear_load: float
+    support: float  # present support point along y [m]
+    support_rate: float  # [m/s]
 
 
 class Outlook(NamedTuple):
-    """What the horizon brings."""
+    """What the horizon brings; it ends with a lift-off."""
 
     time_to_lift_off: float  # [s]; NEVER if no wheel lifts
-    margin: float  # smallest within the horizon
-    wheel: float  # the wheel of that margin, or the first to lift (1..4)
-    load_transfer_ratio: float  # at the end
+    margin: float  # the smallest
+    wheel: float  # the wheel of that margin (1..4)
+    load_transfer_ratio: float  # at its end
+
+
+class Laden(NamedTuple):
+    """The machine as it is loaded now."""
+
+    front: Body
+    rear: Body  # without the rear axle
+    rear_unit: Body  # with it
+    axle: Axle
+    wheel: Wheel
+    geometry: Geometry
+    prediction: Prediction
+    standing: NormalForces  # of the straight machine at rest on level ground
+    roll_frequency: float  # on the front tyres [rad/s]
 
 
 @compiled
@@ -72,7 +86,7 @@ def load_transfer_ratio(forces: NormalForces) -> float:
 
 @compiled
 def margin(forces: NormalForces, standing: NormalForces) -> Margin:
-    """Smallest of the four forces relative to the machine standing on level ground in the same pose."""
+    """Smallest of the four forces relative to the straight machine standing on level ground."""
     ratio = forces.front_left / standing.front_left
     wheel = 1.0
     other = forces.front_right / standing.front_right
@@ -88,9 +102,23 @@ def margin(forces: NormalForces, standing: NormalForces) -> Margin:
 
 
 @compiled
-def planar_loads(
-    speed: float,
-    acceleration: float,
+def support_of(forces: NormalForces, articulation_angle: float, geometry: Geometry) -> Support:
+    """Where the load on front wheels and pivot meets the ground."""
+    c, s = math.cos(articulation_angle), math.sin(articulation_angle)
+    lf, half = geometry.front_length, geometry.front_track / 2.0
+    n1, n2 = forces.front_left, forces.front_right
+    load = n1 + n2 + forces.pivot
+    x = n1 * (lf * c - half * s) + n2 * (lf * c + half * s) - forces.pivot * geometry.rear_length
+    y = n1 * (lf * s + half * c) + n2 * (lf * s - half * c)
+    return Support(load, x / load, y / load)
+
+
+@compiled
+def loads_of(
+    joint_x: float,
+    joint_y: float,
+    rate: float,
+    change: float,
     articulation_angle: float,
     articulation_rate: float,
     articulation_acceleration: float,
@@ -100,15 +128,11 @@ def planar_loads(
     axle: Axle,
     geometry: Geometry,
 ) -> Loads:
-    """Support point of the rolling machine without lateral slip, quasi-static in roll and pitch.
+    """Support point of a machine that moves in the plane, quasi-static in roll and pitch.
 
+    joint_x, joint_y: acceleration of the joint [m/s2]; rate, change: yaw of the rear frame [rad/s, rad/s2];
     gravity: specific force at rest on this ground [m/s2].
     """
-    rate = yaw_rate(speed, articulation_angle, articulation_rate, geometry)
-    change = yaw_acceleration(
-        speed, acceleration, articulation_angle, articulation_rate, articulation_acceleration, geometry
-    )
-    joint_x, joint_y = joint_acceleration(speed, acceleration, rate, change, geometry)
     c, s = math.cos(articulation_angle), math.sin(articulation_angle)
     xf, yf = front.x * c, front.x * s
     front_rate, front_change = rate + articulation_rate, change + articulation_acceleration
@@ -140,14 +164,35 @@ def planar_loads(
 
 
 @compiled
-def standing_forces(
-    articulation_angle: float, front: Body, rear: Body, axle: Axle, geometry: Geometry
-) -> NormalForces:
-    """Normal forces of the machine at rest on level ground."""
-    loads = planar_loads(
-        0.0, 0.0, articulation_angle, 0.0, 0.0, Vector(0.0, 0.0, GRAVITY), front, rear, axle, geometry
+def steady_loads(
+    speed: float,
+    articulation_angle: float,
+    gravity: Vector,
+    grip: float,
+    front: Body,
+    rear: Body,
+    axle: Axle,
+    geometry: Geometry,
+) -> Loads:
+    """Support point of the machine rolling at a constant angle and speed.
+
+    gravity: specific force at rest on this ground [m/s2]; grip: largest lateral acceleration over gravity
+    that the tyres can give; beyond it the machine turns less than its geometry says.
+    """  # fmt: skip
+    rate = yaw_rate(speed, articulation_angle, 0.0, geometry)
+    most = grip * GRAVITY / max(abs(speed), 0.1)
+    rate = min(max(rate, -most), most)
+    joint_x, joint_y = joint_acceleration(speed, 0.0, rate, 0.0, geometry)
+    return loads_of(
+        joint_x, joint_y, rate, 0.0, articulation_angle, 0.0, 0.0, gravity, front, rear, axle, geometry
     )
-    return normal_forces(loads.support, articulation_angle, loads.axle_load, loads.axle_moment, geometry)
+
+
+@compiled
+def standing_forces(front: Body, rear: Body, axle: Axle, geometry: Geometry) -> NormalForces:
+    """Normal forces of the straight machine at rest on level ground."""
+    loads = steady_loads(0.0, 0.0, Vector(0.0, 0.0, GRAVITY), 0.0, front, rear, axle, geometry)
+    return normal_forces(loads.support, 0.0, loads.axle_load, loads.axle_moment, geometry)
 
 
 @compiled
@@ -167,101 +212,121 @@ def roll_frequency(front: Body, rear: Body, prediction: Prediction, geometry: Ge
 
 
 @compiled
-def look_ahead(
-    course: Course,
-    hold: float,
-    front: Body,
-    rear: Body,
-    axle: Axle,
-    geometry: Geometry,
-    prediction: Prediction,
-) -> Outlook:
-    """Margin and time to lift-off if the demanded rate lasts `hold` seconds and then ends.
-
-    The articulation rate follows the demand with the steering's lag and ends at the stop; the
-    longitudinal acceleration fades; the support point follows the quasi-static one as a lightly
-    damped roll mode does, overshoot included. The ground keeps its slope while the machine turns on it.
-    """
-    dt = prediction.step
-    steps = int(prediction.horizon / dt + 0.5)
-    follow = 1.0 - math.exp(-dt / prediction.steering_lag)
-    fade = math.exp(-dt / prediction.acceleration_memory)
-    omega = roll_frequency(front, rear, prediction, geometry)
-    damping = 2.0 * prediction.roll_damping * omega
-    angle, rate = course.articulation_angle, course.articulation_rate
-    speed, acceleration = course.speed, course.acceleration
-    gx, gy = course.gravity_x, course.gravity_y
-    stop = geometry.articulation_stop
-    offset, offset_rate, before = course.roll_offset, course.roll_offset_rate, 0.0
-    lift_off, worst, wheel, transfer = NEVER, 1e9, 0.0, 0.0
-    for k in range(steps + 1):
-        time = k * dt
-        target = course.demanded_rate if time < hold else 0.0
-        if (angle >= stop and target > 0.0) or (angle <= -stop and target < 0.0):
-            target = 0.0
-        new_rate = rate + (target - rate) * follow if k > 0 else rate
-        change = (new_rate - rate) / dt
-        rate = new_rate
-        loads = planar_loads(
-            speed,
-            acceleration,
-            angle,
-            rate,
-            change,
-            Vector(gx, gy, course.gravity_z),
-            front,
-            rear,
-            axle,
-            geometry,
-        )
-        # the roll mode answers to changes of the quasi-static support point
-        if k > 0:
-            offset -= loads.support.y - before
-            offset_rate += (-omega * omega * offset - damping * offset_rate) * dt
-            offset += offset_rate * dt
-        before = loads.support.y
-        support = Support(loads.support.load, loads.support.x, loads.support.y + offset)
-        forces = normal_forces(support, angle, loads.axle_load, loads.axle_moment, geometry)
-        standing = standing_forces(angle, front, rear, axle, geometry)
-        now = margin(forces, standing)
-        transfer = load_transfer_ratio(forces)
-        if now.ratio <= 0.0 and lift_off == NEVER:
-            lift_off = time
-            wheel = now.wheel
-        if now.ratio < worst:
-            worst = now.ratio
-            if lift_off == NEVER:
-                wheel = now.wheel
-        turn = yaw_rate(speed, angle, rate, geometry) * dt
-        gx, gy = gx * math.cos(turn) + gy * math.sin(turn), gy * math.cos(turn) - gx * math.sin(turn)
-        angle = min(max(angle + rate * dt, -stop), stop)
-        if abs(angle) >= stop and rate * angle > 0.0:
-            rate = 0.0
-        faster = speed + acceleration * dt
-        speed = faster if faster * speed > 0.0 else 0.0
-        acceleration *= fade
-    return Outlook(lift_off, worst, wheel, transfer)
+def laden(front: Body, p: Parameters) -> Laden:
+    """The machine with this front unit."""
+    g = p.geometry
+    standing = standing_forces(front, p.rear, p.axle, g)
+    frequency = roll_frequency(front, p.rear, p.prediction, g)
+    unit = with_axle(p.rear, p.axle, g)
+    return Laden(front, p.rear, unit, p.axle, p.wheel, g, p.prediction, standing, frequency)
 
 
 @compiled
-def permitted_rate(
-    course: Course, front: Body, rear: Body, axle: Axle, geometry: Geometry, prediction: Prediction
+def steered(
+    rate: float, target: float, angle: float, dt: float, geometry: Geometry, prediction: Prediction
 ) -> float:
+    """Articulation rate after `dt` [s]: it follows the target with the steering's lag, no faster than the
+    steering can, and fades as the cushion of the end stop makes it."""
+    follow = (target - rate) * (1.0 - math.exp(-dt / prediction.steering_lag))
+    most = prediction.steering_acceleration * dt
+    then = rate + min(max(follow, -most), most)
+    left = geometry.articulation_stop - abs(angle)
+    if then * angle > 0.0:
+        cushioned = max(left, 0.0) / prediction.cushion
+        then = min(max(then, -cushioned), cushioned)
+    return then
+
+
+@compiled
+def look_ahead(course: Course, hold: float, machine: Laden) -> Outlook:
+    """Margin and time to lift-off if the demanded rate lasts `hold` seconds and then ends.
+
+    The articulation rate follows the demand as the steering can and fades before the stop; the
+    longitudinal acceleration fades; the tyres slip sideways and give what their grip allows; the support
+    point follows the quasi-static one as a lightly damped roll mode does, overshoot included. The ground
+    keeps its slope while the machine turns on it.
+    """
+    geometry, prediction = machine.geometry, machine.prediction
+    dt = prediction.step
+    fade = math.exp(-dt / prediction.acceleration_memory)
+    omega = machine.roll_frequency
+    damping = 2.0 * prediction.roll_damping * omega
+    stop = geometry.articulation_stop
+    angle, rate = course.articulation_angle, course.articulation_rate
+    speed, acceleration = course.speed, course.acceleration
+    drift, yaw = course.drift, course.yaw_rate
+    front_load, rear_load = course.front_load, course.rear_load
+    gx, gy = course.gravity_x, course.gravity_y
+    offset, support_rate, before = 0.0, course.support_rate, 0.0
+    lift_off, worst, lifting, transfer = NEVER, 1e9, 0.0, 0.0
+    for k in range(int(prediction.horizon / dt + 0.5) + 1):
+        change = 0.0
+        if k > 0:
+            target = course.demanded_rate if k * dt < hold else 0.0
+            steered_rate = steered(rate, target, angle, dt, geometry, prediction)
+            change = (steered_rate - rate) / dt
+            rate = steered_rate
+        steering = Steering(angle, rate, change, speed, acceleration, gx, gy)
+        slide = slid(
+            drift, yaw, steering, front_load, rear_load, dt, machine.front, machine.rear_unit, machine.wheel, geometry
+        )  # fmt: skip
+        loads = loads_of(
+            acceleration - yaw * drift, slide.drift_change + yaw * speed, yaw, slide.yaw_change, angle, rate, change,
+            Vector(gx, gy, course.gravity_z), machine.front, machine.rear, machine.axle, geometry,
+        )  # fmt: skip
+        drift, yaw = slide.drift, slide.yaw_rate
+        # the roll mode answers to changes of the quasi-static support point
+        if k > 0:
+            offset -= loads.support.y - before
+            support_rate += (-omega * omega * offset - damping * support_rate) * dt
+            offset += support_rate * dt
+        else:
+            offset = course.support - loads.support.y
+        before = loads.support.y
+        support = Support(loads.support.load, loads.support.x, loads.support.y + offset)
+        forces = normal_forces(support, angle, loads.axle_load, loads.axle_moment, geometry)
+        front_load = forces.front_left + forces.front_right
+        rear_load = forces.rear_left + forces.rear_right
+        transfer = load_transfer_ratio(forces)
+        now = margin(forces, machine.standing)
+        if now.ratio < worst:
+            worst, lifting = now.ratio, now.wheel
+        if worst <= 0.0:
+            lift_off = k * dt
+            break
+        turn = yaw * dt
+        gx, gy = gx * math.cos(turn) + gy * math.sin(turn), gy * math.cos(turn) - gx * math.sin(turn)
+        angle = min(max(angle + rate * dt, -stop), stop)
+        faster = speed + acceleration * dt
+        speed = faster if faster * speed > 0.0 else 0.0
+        acceleration *= fade
+    return Outlook(lift_off, worst, lifting, transfer)
+
+
+@compiled
+def demanding(course: Course, rate: float) -> Course:
+    """The same course with another articulation rate demanded [rad/s]."""
+    return Course(
+        course.articulation_angle, course.articulation_rate, rate, course.speed, course.acceleration,
+        course.gravity_x, course.gravity_y, course.gravity_z, course.drift, course.yaw_rate,
+        course.front_load, course.rear_load, course.support, course.support_rate,
+    )  # fmt: skip
+
+
+@compiled
+def permitted_rate(course: Course, machine: Laden) -> float:
     """Largest articulation rate [rad/s] in the demanded direction that keeps the predicted margin.
 
     Without a demand the direction that tightens the turn is taken. 0 where even holding the angle
     violates `margin_floor`.
     """
+    prediction = machine.prediction
     tighten = course.articulation_angle >= 0.0
     direction = 1.0 if course.demanded_rate > 0.0 or (course.demanded_rate == 0.0 and tighten) else -1.0
     low, high = 0.0, prediction.largest_rate
     for k in range(7):
         trial = high if k == 0 else (low + high) / 2.0
-        attempt = Course(
-            course.articulation_angle, course.articulation_rate, direction * trial, course.speed, course.acceleration,
-            course.gravity_x, course.gravity_y, course.gravity_z, course.roll_offset, course.roll_offset_rate,
-        )  # fmt: skip
-        outlook = look_ahead(attempt, prediction.limit_hold, front, rear, axle, geometry, prediction)
+        outlook = look_ahead(demanding(course, direction * trial), prediction.limit_hold, machine)
         if outlook.margin >= prediction.margin_floor:
             if k == 0:
                 return trial
@@ -272,31 +337,22 @@ def permitted_rate(
 
 
 @compiled
-def permitted_speed(
-    articulation_angle: float,
-    gravity: Vector,
-    direction: float,
-    front: Body,
-    rear: Body,
-    axle: Axle,
-    geometry: Geometry,
-    prediction: Prediction,
-) -> float:
+def permitted_speed(articulation_angle: float, gravity: Vector, direction: float, machine: Laden) -> float:
     """Largest speed [m/s] at which a steady turn at this angle keeps the margin `speed_floor`.
 
     direction: +1 forward, -1 reverse. 0 where the machine would not keep it standing.
     """
-    standing = standing_forces(articulation_angle, front, rear, axle, geometry)
+    m, prediction = machine, machine.prediction
     low, high = 0.0, prediction.largest_speed
     for k in range(9):
         trial = high if k == 0 else (low + high) / 2.0
-        loads = planar_loads(
-            direction * trial, 0.0, articulation_angle, 0.0, 0.0, gravity, front, rear, axle, geometry
-        )
+        loads = steady_loads(
+            direction * trial, articulation_angle, gravity, m.wheel.lateral_peak, m.front, m.rear, m.axle, m.geometry
+        )  # fmt: skip
         forces = normal_forces(
-            loads.support, articulation_angle, loads.axle_load, loads.axle_moment, geometry
+            loads.support, articulation_angle, loads.axle_load, loads.axle_moment, m.geometry
         )
-        if margin(forces, standing).ratio >= prediction.speed_floor:
+        if margin(forces, m.standing).ratio >= prediction.speed_floor:
             if k == 0:
                 return trial
             low = trial

@@ -33,6 +33,14 @@ def radial_force(rho: float, stiffening: float, wheel: Wheel) -> float:
 
 
 @compiled
+def radial_stiffness(normal_force: float, stiffening: float, wheel: Wheel) -> float:
+    """Slope of (118) [N/m] at the deflection that `normal_force` [N] gives."""
+    ratio = deflection(normal_force, stiffening, wheel) / wheel.unloaded_radius
+    slope = wheel.radial_linear + 2.0 * wheel.radial_quadratic * ratio
+    return wheel.nominal_load * stiffening * slope / wheel.unloaded_radius
+
+
+@compiled
 def effective_radius(loaded_radius: float, unloaded_radius: float) -> float:
     """Free-rolling radius r_e [m] (112); lies between the loaded and the unloaded radius (3)."""
     return 3.0 * loaded_radius / (1.0 + 2.0 * loaded_radius / unloaded_radius)

@@ -295,7 +295,7 @@ def test_wheels_that_agree_mend_a_wrong_speed():
         rows[:, Inputs._fields.index(f"wheel_torque_{n}")] = 0.0
     truth, _ = corrected(Inputs(*rows[0].tolist()), INITIAL, PARAMETERS)
     state = INITIAL._replace(
-        started=1.0, speed=0.0, normal_1=27e3, normal_2=27e3, normal_3=31e3, normal_4=31e3
+        cycles=1.0, speed=0.0, normal_1=27e3, normal_2=27e3, normal_3=31e3, normal_4=31e3
     )
     for row in rows:
         estimates, state = corrected(Inputs(*row.tolist()), state, PARAMETERS)
