@@ -61,27 +61,23 @@ def _drive(
             if abs(target[i]) < 0.05 and abs(seen) > 0.1:
                 brake, command = 12e3, 0.0
         out[3, i], out[4, i] = command, brake
-        if lag > 1e-6:
-            force += (command - force) * (1.0 - np.exp(-STEP_S / lag))
-        else:
+        if lag < 1e-6:
             force = command
         memory = min(max(memory, force - 6000.0), force + 6000.0)
-        push = (
-            force * (1.0 - loss)
-            - hysteresis * np.tanh((force - memory) / 2000.0)
-            - mass * G * np.sin(slope)
-            + shake[i]
-        )
+        steady = -hysteresis * np.tanh((force - memory) / 2000.0) - mass * G * np.sin(slope) + shake[i]
         k = np.zeros(4)
         for stage in range(4):
-            at = v + (0.0 if stage == 0 else (STEP_S if stage == 3 else 0.5 * STEP_S)) * (
-                k[stage - 1] if stage else 0.0
-            )
+            after = 0.0 if stage == 0 else (STEP_S if stage == 3 else 0.5 * STEP_S)
+            at = v + after * (k[stage - 1] if stage else 0.0)
+            late = command + (force - command) * np.exp(-after / lag) if lag >= 1e-6 else command
+            push = late * (1.0 - loss) + steady
             resist = viscous * at + square * at * abs(at) + (reverse * at if at < 0.0 else 0.0)
             resist += (mass * G * rolling + brake * (1.0 - fade)) * at / np.sqrt(at * at + 0.05**2)
             k[stage] = (push - resist) / mass
-        v += STEP_S * (k[0] + 2.0 * k[1] + 2.0 * k[2] + k[3]) / 6.0
-        out[2, i] = k[0]
+        if lag >= 1e-6:
+            force = command + (force - command) * np.exp(-STEP_S / lag)
+        out[2, i] = (k[0] + 2.0 * k[1] + 2.0 * k[2] + k[3]) / 6.0
+        v += STEP_S * out[2, i]
     return out
 
 
@@ -112,7 +108,9 @@ def record(
     time_s = STEP_S * np.arange(n)
     rows = slice(0, n, KEEP)
     wheel = np.interp(time_s - truth.get("speed.delay", 0.0), time_s, out[1]) * (1.0 + sense[0]) + reading
-    force = out[2] + G * np.sin(truth.get("slope", 0.0))
+    # the accelerometer averages over 10 ms from its stamp on
+    acceleration = 0.5 * (out[2] + np.append(out[2, 1:], out[2, -1]))
+    force = acceleration + G * np.sin(truth.get("slope", 0.0))
     force = force * (1.0 + truth.get("acceleration.scale", 0.0)) + truth.get("acceleration.bias", 0.0)
     force = force + rng.normal(0.0, noise.acceleration_sd, n)
     if noise.quantised:

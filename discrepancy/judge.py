@@ -21,6 +21,7 @@ from discrepancy.openended import OpenEnded, explore
 from discrepancy.problem import Problem, Unusable
 from discrepancy.screen import Score, active, penalty, sensitivities
 from discrepancy.search import (
+    STRAINED,
     Progress,
     Settings,
     State,
@@ -32,7 +33,6 @@ from discrepancy.search import (
 )
 
 FEW_SAMPLES = 30
-STRAINED = 3.0  # standard deviations of its prior beyond which a nuisance stands in for something else
 LEFT = 0.5  # share of its size that an effect keeps beside the open-ended equation, or it is a proxy
 TOUCHED = 0.1  # share of the gain that makes a channel one the effect acts on
 

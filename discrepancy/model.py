@@ -134,6 +134,15 @@ class Manoeuvre:
     initial: Mapping[str, float] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """Outputs of one recording that were stamped by another clock; `parameter` [s]: how late they are for it."""
+
+    parameter: str
+    recording: str
+    channels: tuple[str, ...]
+
+
 class Simulate(Protocol):
     def __call__(
         self, window: Window, values: Mapping[str, float], extra: Mapping[str, Array]
@@ -148,7 +157,8 @@ class Model:
 
     window_s, lead_s: length of a window and of what is simulated before it; held_out_s: stretches held out in turn,
     None for whole windows (shorter ones where an effect is a profile along the recording); constants: what each recording
-    must say beside its signals, with units; held: channels whose values stand until the next one (commands).
+    must say beside its signals, with units; held: channels whose values stand until the next one (commands); columns: what
+    channels are called in recordings where not by their own names ('Message.Signal', several by comma are averaged).
     """
 
     name: str
@@ -165,8 +175,10 @@ class Model:
     optional: Mapping[str, str] = field(default_factory=dict)
     constants: Mapping[str, str] = field(default_factory=dict)
     held: tuple[str, ...] = ()
+    columns: Mapping[str, str] = field(default_factory=dict)
     ports: tuple[Port, ...] = ()
     manoeuvres: tuple[Manoeuvre, ...] = ()
+    clocks: tuple[Clock, ...] = ()
 
     def __post_init__(self) -> None:
         names = [p.name for p in self.parameters]

@@ -195,6 +195,10 @@ class Problem:
         """Sensor outputs on the grid of one window."""
         window, parameters = self.windows[index], values.in_window(index)
         true = self.model.simulate(window, parameters, extra or {})
+        for clock in [c for c in self.model.clocks if c.recording == window.recording]:
+            for name in clock.channels:
+                late = parameters.get(f"{name}.delay", 0.0) + parameters[clock.parameter]
+                parameters[f"{name}.delay"] = late
         return through_sensors(true, parameters, window.time_s, window.step_s, self.windows[0].start_s)
 
     def predict(self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None) -> Array:

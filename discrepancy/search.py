@@ -28,6 +28,7 @@ from discrepancy.screen import (
 )
 
 Progress = Callable[[str], None]
+STRAINED = 3.0  # standard deviations of its prior beyond which a nuisance stands in for something else
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +66,10 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Where a search stands: noise, the fit with the accepted effects, the screen of the others, and what was tried."""
+    """Where a search stands: noise, the fit with the accepted effects, the screen of the others, and what was tried.
+
+    unstrained: the fit with nuisances put back to their priors, where the data had pushed one far from it.
+    """
 
     noise: Noise
     fit: Fit
@@ -73,6 +77,7 @@ class State:
     scores: tuple[Score, ...]
     trials: tuple[Trial, ...] = ()
     columns: tuple[Columns, ...] = field(default=(), repr=False)
+    unstrained: Values | None = None
 
 
 def search(
@@ -114,9 +119,39 @@ def assess(problem: Problem, accepted: tuple[str, ...], values: Values, settings
         raw = problem.measured - base
         noise = estimate_noise(problem, *_unexplained(problem, noise, fitted, raw, columns))
         fitted = fit(problem, noise, names, fitted.values)
-    return State(
-        noise, fitted, accepted, tuple(screen(problem, noise, fitted, columns, settings)), (), tuple(columns)
-    )
+    scores = screen(problem, noise, fitted, columns, settings)
+    unstrained = _unstrained(problem, fitted)
+    if unstrained is not None:
+        scores = _better(scores, _screen_at(problem, noise, names, unstrained, candidates, settings))
+    return State(noise, fitted, accepted, tuple(scores), (), tuple(columns), unstrained)
+
+
+def _unstrained(problem: Problem, fitted: Fit) -> Values | None:
+    """Nuisances back at their priors if one of them is far from its own: it may stand in for an effect that is seen from there only."""
+    known = [p for p in problem.model.nuisances if p.scope == "all" and p.prior_sd is not None]
+    shared = fitted.values.shared
+    if all(abs(shared[p.name] - p.value) <= STRAINED * (p.prior_sd or np.inf) for p in known):
+        return None
+    return fitted.values.with_shared({p.name: p.value for p in known})
+
+
+def _screen_at(
+    problem: Problem,
+    noise: Noise,
+    names: Sequence[str],
+    values: Values,
+    candidates: Sequence[Effect],
+    settings: Settings,
+) -> list[Score]:
+    point, base = fit(problem, noise, names, values, iterations=0), problem.predict(values)
+    columns = [sensitivities(problem, values, base, effect) for effect in candidates]
+    return screen(problem, noise, point, columns, settings)
+
+
+def _better(one: Sequence[Score], other: Sequence[Score]) -> list[Score]:
+    """Each effect's higher score, best first."""
+    by_name = {s.effect: s for s in other}
+    return by_statistic([max(s, by_name[s.effect], key=lambda x: x.statistic) for s in one])
 
 
 def _unexplained(
@@ -234,11 +269,12 @@ def starts(state: State, effect: Effect, found: Score) -> list[Values]:
         p.name: float(np.clip(p.value + change, p.lower, p.upper))
         for p, change in zip(switches, found.change, strict=True)
     }
-    first = state.fit.values.with_shared({**shapes, **expected})
+    points = [state.fit.values, *([state.unstrained] if state.unstrained else [])]
+    found_at = [point.with_shared({**shapes, **expected}) for point in points]
     if any(p.probes for p in switches):
         probe = {p.name: p.tried[min(found.probe, len(p.tried) - 1)] for p in switches}
-        return [first, state.fit.values.with_shared({**shapes, **probe})]
-    return [first]
+        found_at.append(state.fit.values.with_shared({**shapes, **probe}))
+    return found_at
 
 
 def project_out(fitted: Fit, kept: Sequence[int]) -> Array:

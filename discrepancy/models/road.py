@@ -38,7 +38,7 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
     knots = [values[name] for name in sorted(n for n in values if n.startswith("grade."))]
     grade = np.zeros(speed.size)
     if knots:
-        grade = np.interp(window["distance"], KNOT_M * np.arange(len(knots)), knots)
+        grade = np.interp(_driven(window), KNOT_M * np.arange(len(knots)), knots)
     squat = values.get("squat", 0.0) * acceleration
     pitch = grade + squat
     pitch_rate = savgol_filter(
@@ -52,6 +52,13 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
         "imu_x": force + drag + G * values["mounting"],
         "pitch_rate": pitch_rate,
     }
+
+
+def _driven(window: Window) -> Array:
+    """Distance [m] along the path, from the wheels where it was not recorded (the window is then the whole recording)."""
+    if window.has("distance"):
+        return window["distance"]
+    return np.asarray(np.cumsum(window["wheel_speed"]) * window.step_s, float)
 
 
 NUISANCES = (Parameter(name="mounting", unit="rad", lower=-0.2, upper=0.2, typical=0.01, prior_sd=0.03),)
@@ -145,9 +152,12 @@ def model(recordings: Sequence[Recording], *, without: tuple[str, ...] = ()) -> 
 
 
 def _length(recording: Recording) -> float:
-    if "distance" not in recording.signals:
-        return 0.0
-    return float(np.max(recording.signals["distance"].value, initial=0.0))
+    for name in ("distance", "wheel_speed"):
+        if name in recording.signals and recording.signals[name].time_s.size > 1:
+            signal = recording.signals[name]
+            driven = signal if name == "distance" else _distance(signal)
+            return float(np.max(driven.value, initial=0.0))
+    return 0.0
 
 
 def load_comma(folder: Path, *, imu: bool = True) -> Recording:

@@ -12,10 +12,11 @@ from typing import TypeVar
 
 import numba
 import numpy as np
+from scipy.signal import lfilter
 
 from discrepancy.model import Effect, Manoeuvre, Model, Parameter, Port, Window
 from discrepancy.recording import Array, signal
-from discrepancy.sensors import lagged, sensor_effects
+from discrepancy.sensors import sensor_effects
 
 G = 9.81
 MASS_KG = 11_840.0
@@ -35,7 +36,7 @@ def compiled(function: F) -> F:
 
 def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Array]) -> dict[str, Array]:
     """Speed and specific force on the grid."""
-    drive: Array = lagged(window["drive_force"], values.get("motor_lag", 0.0), window.step_s)
+    drive = lagged_mean(window["drive_force"], values.get("motor_lag", 0.0), window.step_s)
     drive = drive * (1.0 - values.get("drive_loss", 0.0))
     push = drive - values["mass"] * G * np.sin(values.get("slope", 0.0)) + extra.get("force", 0.0)
     brake = window["brake_force"] * (1.0 - values.get("brake_fade", 0.0))
@@ -44,13 +45,25 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
         [values["mass"], values["viscous"], values.get("square", 0.0), values.get("reverse", 0.0), resist]
     )
     speed = integrate(push, brake, coefficients, values["speed"], window.step_s)
-    # commands are held, so the acceleration at a sample is that of the step that begins there
+    # the accelerometer averages over the step that begins at its stamp
     acceleration = np.diff(speed, append=2.0 * speed[-1] - speed[-2]) / window.step_s
     force = acceleration + G * np.sin(values.get("slope", 0.0))
+    # the wheels are read before the command that is stamped alike acts
+    traction = np.concatenate((drive[:1], drive[:-1]))
     return {
-        "speed": speed * (1.0 + values.get("slip", 0.0) * drive / (values["mass"] * G)),
+        "speed": speed * (1.0 + values.get("slip", 0.0) * traction / (values["mass"] * G)),
         "acceleration": force,
     }
+
+
+def lagged_mean(command: Array, time_constant_s: float, step_s: float) -> Array:
+    """Mean over each step of a first-order lag of a command that is held over it; starts settled."""
+    if time_constant_s < 1e-9:
+        return command
+    a = math.exp(-step_s / time_constant_s)
+    past = np.concatenate((command[:1], command[:-1]))
+    at_stamp = np.asarray(lfilter([1.0 - a], [1.0, -a], past, zi=[a * command[0]])[0], float)
+    return command + (at_stamp - command) * (time_constant_s / step_s) * (1.0 - a)
 
 
 @compiled
@@ -213,7 +226,7 @@ def model(*, without: tuple[str, ...] = ()) -> Model:
         simulate=simulate,
         step_s=STEP_S,
         window_s=8.0,
-        lead_s=0.0,
+        lead_s=1.0,
         ports=(Port(name="force", unit="N", typical=500.0, sentence="force on the machine, forwards"),),
         manoeuvres=(_shuttle(),),
     )

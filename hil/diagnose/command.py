@@ -42,7 +42,10 @@ EPILOG = (
 def diagnose(
     recordings: Annotated[
         list[Path],
-        typer.Argument(metavar="RECORDING...", help="Tables (.csv, .csv.gz, .parquet) headed `name [unit]`."),
+        typer.Argument(
+            metavar="RECORDING...",
+            help="Tables (.csv, .csv.gz, .parquet) headed `name [unit]`, or CAN recordings with --dbc; A+B are files of one run.",
+        ),
     ],
     model: Annotated[
         str,
@@ -58,12 +61,22 @@ def diagnose(
     part: Annotated[
         str | None, typer.Option("--part", metavar="PART", help="Which part of a published data set.")
     ] = None,
+    dbc: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--dbc", metavar="FILE", help="For candump, BLF, ASC and MF4 recordings; may be repeated."
+        ),
+    ] = None,
+    bus: Annotated[
+        str | None,
+        typer.Option("--bus", metavar="NAME", help="Only this bus of a recording of several: can0."),
+    ] = None,
     channel: Annotated[
         list[str] | None,
         typer.Option(
             "--channel",
             metavar="NAME=COLUMN",
-            help="Which column a channel of the model is; may be repeated.",
+            help="Which column (or CAN `Message.Signal`) a channel is; A,B are averaged; may be repeated.",
         ),
     ] = None,
     constant: Annotated[
@@ -90,6 +103,7 @@ def diagnose(
     """
     from rich.console import Console
 
+    from discrepancy.clocks import with_clocks
     from discrepancy.evidence import evidence
     from discrepancy.examine import investigate
     from discrepancy.findings import to_json
@@ -107,15 +121,16 @@ def diagnose(
         renamed=pairs("--channel", channel or []),
         shifts=numbers("--shift", shift or []),
         constants=numbers("--constant", constant or []),
+        dbcs=dbc or [],
+        bus=bus,
     )
     if out is not None:
         write(out, {})  # said before the work, not after it
     settings, start = Settings(), time.monotonic()
     with told_progress(Console(stderr=True)) as progress:
         read = read_all(choice, ask, progress)
-        judged = investigate(
-            choice.build(read.recordings), read.recordings, settings, progress, read.complaints
-        )
+        built = with_clocks(choice.build(read.recordings), read.clocks)
+        judged = investigate(built, read.recordings, settings, progress, read.complaints)
         result, shown = (judged.findings if isinstance(judged, Judgement) else judged), None
         if out is not None and isinstance(judged, Judgement):
             progress("predicting held-out stretches for the report")

@@ -5,12 +5,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from bus.mistake import Mistake
-from discrepancy.model import Model
+from dbc.columns import ColumnDecoder
+from discrepancy.clocks import join
+from discrepancy.model import Clock, Model
 from discrepancy.recording import Complaint, Recording, Signal
 from discrepancy.search import Progress
 from discrepancy.units import parse_scaled
+from hil.diagnose.can import decoder, read_can
+from hil.diagnose.channels import to_recording, unknown_columns
 from hil.diagnose.models import Choice, NoModel
-from hil.diagnose.tables import Unreadable, heading, is_table, read_table, to_recording
+from hil.diagnose.tables import Table, Unreadable, heading, is_table, named, read_table
 
 
 class Misuse(Mistake, ValueError):
@@ -20,7 +24,7 @@ class Misuse(Mistake, ValueError):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ask:
     """What is to be read and how. renamed: channel -> column; shifts: channel -> seconds added to its stamps;
-    constants: name -> value in SI.
+    constants: name -> value in SI; dbcs: for recordings of CAN frames; bus: the one channel of these that counts.
     """
 
     paths: Sequence[Path]
@@ -28,51 +32,84 @@ class Ask:
     renamed: Mapping[str, str] = field(default_factory=dict)
     shifts: Mapping[str, float] = field(default_factory=dict)
     constants: Mapping[str, float] = field(default_factory=dict)
+    dbcs: Sequence[Path] = ()
+    bus: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """What there was, and what is to be complained of."""
+    """What there was, what is to be complained of, and clocks that had to be set."""
 
     recordings: Sequence[Recording]
     complaints: Sequence[Complaint]
+    clocks: Sequence[Clock]
 
 
 def read_all(choice: Choice, ask: Ask, progress: Progress) -> Read:
-    """Every path as recordings; a file that cannot be read is a complaint, so that the others are judged all the same."""
+    """Every run as a recording; a file that cannot be read is a complaint, so that the others are judged all the same.
+
+    A path is a run, or several files of one run joined by '+'.
+    """
     channels = choice.channels
     _check_names(channels, ask)
+    runs = _named([_files(path) for path in ask.paths])
+    through = decoder(ask.dbcs)
     recordings: list[Recording] = []
     complaints: list[Complaint] = []
-    for path in ask.paths:
-        if not path.exists():
-            raise Misuse(f"{path}: no such file or folder")
-    for path in ask.paths:
-        progress(f"reading {path.name}")
+    clocks: list[Clock] = []
+    for name, files in runs.items():
+        progress(f"reading {name}")
         try:
-            found, said = _read(path, choice, channels, ask)
+            joined = _run(files, name, choice, channels, ask, through)
         except NoModel:
             raise
         except (OSError, EOFError, ValueError, KeyError) as error:
-            text = str(error).removeprefix(f"{path.name}: ")
-            complaints.append(Complaint(path.name, "", text, fatal=True))
+            complaints.append(Complaint(name, "", str(error).removeprefix(f"{name}: "), fatal=True))
             continue
-        recordings += found
-        complaints += said
-    return Read([_mended(r, ask) for r in _distinct(recordings)], complaints)
+        recordings += joined.recordings
+        complaints += joined.complaints
+        clocks += joined.clocks
+    return Read([_mended(r, ask) for r in recordings], complaints, clocks)
 
 
-def _read(path: Path, choice: Choice, channels: Model, ask: Ask) -> tuple[list[Recording], list[Complaint]]:
-    native = choice.native(path, ask.part)
+def _files(path: Path) -> list[Path]:
+    files = [path] if path.exists() else [Path(part) for part in str(path).split("+")]
+    for file in files:
+        if not file.exists():
+            raise Misuse(f"{file}: no such file or folder")
+    return files
+
+
+def _run(
+    files: Sequence[Path], name: str, choice: Choice, channels: Model, ask: Ask, through: ColumnDecoder
+) -> Read:
+    native = choice.native(files[0], ask.part) if len(files) == 1 else None
     if native is not None:
-        return native, []
+        return Read(native, (), ())
+    tables = [_table(file, choice, ask, through) for file in files]
+    if unknown := unknown_columns(tables, ask.renamed):
+        columns = [c for table in tables for c in table.columns]
+        raise Unreadable(f"{name}: has no column {', '.join(unknown)}; it has {named(columns)}")
+    parts, complaints = [], list[Complaint]()
+    for file, table in zip(files, tables, strict=True):
+        part, said = to_recording(table, file.name, channels, ask.renamed)
+        parts.append(part)
+        complaints += said
+    joined = join(channels, parts, name)
+    return Read([joined.recording], [*joined.complaints, *complaints], joined.clocks)
+
+
+def _table(path: Path, choice: Choice, ask: Ask, through: ColumnDecoder) -> Table:
     if path.is_dir():
         example = f"; {choice.name} reads a {choice.data}" if choice.data else ""
         raise Unreadable(f"{path.name}: is a folder without recordings of a known kind{example}")
     if is_table(path):
-        recording, said = to_recording(read_table(path), path.name, channels, ask.renamed)
-        return [recording], said
-    raise Unreadable(f"{path.name}: unknown kind of file; tables end in .csv, .csv.gz or .parquet")
+        return read_table(path)
+    if not ask.dbcs:
+        raise Unreadable(
+            f"{path.name}: is no table (.csv, .csv.gz, .parquet); a recording of CAN frames needs --dbc FILE"
+        )
+    return read_can(path, through, ask.bus)
 
 
 def _check_names(model: Model, ask: Ask) -> None:
@@ -84,14 +121,14 @@ def _check_names(model: Model, ask: Ask) -> None:
             )
 
 
-def _distinct(recordings: Sequence[Recording]) -> list[Recording]:
-    """Names are how results refer to recordings, so no two may share one."""
-    seen: dict[str, int] = {}
-    named = []
-    for r in recordings:
-        seen[r.name] = seen.get(r.name, 0) + 1
-        named.append(r if seen[r.name] == 1 else replace(r, name=f"{r.name} ({seen[r.name]})"))
-    return named
+def _named(runs: Sequence[Sequence[Path]]) -> dict[str, Sequence[Path]]:
+    """Names are how results refer to runs, so no two may share one."""
+    found: dict[str, Sequence[Path]] = {}
+    for files in runs:
+        name = " + ".join(file.name for file in files)
+        same = sum(known.split(" (")[0] == name for known in found)
+        found[f"{name} ({same + 1})" if same else name] = files
+    return found
 
 
 def _mended(recording: Recording, ask: Ask) -> Recording:

@@ -1,34 +1,26 @@
-"""Recordings as tables: CSV or Parquet with one column per channel, headed `name [unit]`, into the engine's signals.
+"""Recordings as tables: CSV or Parquet with one column per channel, headed `name [unit]`, and one of time.
 
-Units are converted to the model's here and nowhere else. What is wrong with a file is told as complaints; an Unreadable is raised
-only where no column can be trusted. An empty cell is no sample; a cell that is no number counts as damage.
+An Unreadable is raised only where no column can be trusted. An empty cell is no sample; a cell that is no number counts as damage.
 """
 
 import csv
 import gzip
 import io
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
 from bus.mistake import Mistake
-from discrepancy.model import Model
-from discrepancy.recording import Array, Complaint, Recording, Signal
-from discrepancy.units import parse_scaled, parse_unit
+from discrepancy.recording import Array
 
 HEADING = re.compile(r"\s*(?P<name>[^\[]*?)\s*(?:\[(?P<unit>[^\]]*)\])?\s*$")
 TIME = ("time", "t", "timestamp", "time_s", "timestamps")
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
-EPOCH_S = 1e6  # stamps beyond count from some distant day; the recording is told from its own start
-SHOWN = 8
-
-Advance = Callable[[int, int], None]
 
 
 class Unreadable(Mistake, ValueError):
@@ -37,22 +29,35 @@ class Unreadable(Mistake, ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One column: values with NaN where there is no sample; damaged: cells that are no number, with the first's line."""
+    """One column with its stamps [s]; NaN where there is no sample; unit: None if nothing was said; damage: what was lost."""
 
     name: str
     unit: str | None
+    time_s: Array
     value: Array
-    damaged: int = 0
-    first_damaged: int = 0
+    damage: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Columns of one file, constants from its head, and lines that were skipped."""
+    """Columns of one file, constants from its head, and what was skipped."""
 
     columns: Sequence[Column]
     constants: Mapping[str, tuple[float, str | None]]
     skipped: Sequence[str] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Raw:
+    """A column before the one of time is known."""
+
+    name: str
+    unit: str | None
+    value: Array
+    damage: str = ""
+
+
+_Found = tuple[list[_Raw], dict[str, tuple[float, str | None]], list[str]]
 
 
 def heading(text: str) -> tuple[str, str | None]:
@@ -74,11 +79,14 @@ def read_table(path: Path) -> Table:
         found = _read_parquet(path) if path.suffix.lower() == ".parquet" else _read_csv(path)
     except (OSError, EOFError, UnicodeDecodeError, csv.Error, pa.ArrowException) as error:
         raise Unreadable(f"{path.name}: cannot be read: {_first_line(error)}") from error
-    if not found.columns:
+    raw, constants, skipped = found
+    if not raw:
         raise Unreadable(f"{path.name}: is empty; a heading like 'time [s],speed [m/s]' and rows are needed")
-    if found.columns[0].value.size == 0:
+    if raw[0].value.size == 0:
         raise Unreadable(f"{path.name}: has a heading but no rows")
-    return found
+    time_s = _stamps(raw, path.name)
+    columns = [Column(r.name, r.unit, time_s, r.value, r.damage) for r in raw if r.name.lower() not in TIME]
+    return Table(columns, constants, skipped)
 
 
 def _first_line(error: Exception) -> str:
@@ -86,7 +94,7 @@ def _first_line(error: Exception) -> str:
     return text[0] if text else type(error).__name__
 
 
-def _read_parquet(path: Path) -> Table:
+def _read_parquet(path: Path) -> _Found:
     table = pq.read_table(path)
     columns = []
     for field, data in zip(table.schema, table.columns, strict=True):
@@ -103,11 +111,11 @@ def _read_parquet(path: Path) -> Table:
             value = np.asarray(data.cast(pa.float64()), float)
         else:
             continue
-        columns.append(Column(name, unit, value))
-    return Table(columns, {})
+        columns.append(_Raw(name, unit, value))
+    return columns, {}, []
 
 
-def _read_csv(path: Path) -> Table:
+def _read_csv(path: Path) -> _Found:
     raw = path.read_bytes()
     if path.suffix.lower() == ".gz":
         raw = gzip.decompress(raw)
@@ -121,7 +129,7 @@ def _read_csv(path: Path) -> Table:
         elif line.strip():
             break
     else:
-        return Table((), constants)
+        return [], constants, []
     separator = max(",;\t", key=line.count)
     decimal = "," if separator == ";" else "."
     names = next(csv.reader([line], delimiter=separator))
@@ -132,7 +140,7 @@ def _read_csv(path: Path) -> Table:
         for i, name in enumerate(names)
         if name.strip()
     ]
-    return Table(columns, constants, skipped)
+    return columns, constants, skipped
 
 
 def _constant(line: str) -> dict[str, tuple[float, str | None]]:
@@ -159,7 +167,7 @@ def _rows(
     return kept, skipped
 
 
-def _column(title: str, cells: Sequence[str], decimal: str, lines: Sequence[int]) -> Column:
+def _column(title: str, cells: Sequence[str], decimal: str, lines: Sequence[int]) -> _Raw:
     name, unit = heading(title)
     value, damaged, first = np.full(len(cells), np.nan), 0, 0
     for i, cell in enumerate(cells):
@@ -170,59 +178,12 @@ def _column(title: str, cells: Sequence[str], decimal: str, lines: Sequence[int]
             if text.strip():
                 damaged += 1
                 first = first or lines[i]
-    return Column(name, unit, value, damaged, first)
+    damage = f"{damaged} of {value.size} cells are no numbers, the first in line {first}" if damaged else ""
+    return _Raw(name, unit, value, damage)
 
 
-def to_recording(
-    table: Table, name: str, model: Model, renamed: Mapping[str, str] | None = None
-) -> tuple[Recording, list[Complaint]]:
-    """The columns a model knows, in its units. renamed: channel of the model -> column of the file."""
-    complaints = [Complaint(name, "", text) for text in table.skipped[:SHOWN]]
-    if len(table.skipped) > SHOWN:
-        complaints.append(Complaint(name, "", f"{len(table.skipped)} damaged lines in all; skipped"))
-    time_s = _stamps(table, name)
-    by_name = {c.name: c for c in table.columns}
-    signals: dict[str, Signal] = {}
-    for channel, unit in {**model.inputs, **model.optional, **model.outputs}.items():
-        column = by_name.get((renamed or {}).get(channel, channel))
-        if column is None:
-            continue
-        values, told_unit, said = _converted(column, channel, unit, name)
-        complaints += said
-        if any(c.fatal for c in said):
-            continue
-        there = ~np.isnan(values) | _told_as_not_a_number(column)
-        signals[channel] = Signal(time_s[there], values[there], told_unit, channel in model.held)
-    gone = [column for column in (renamed or {}).values() if column not in by_name]
-    if gone:
-        complaints.append(
-            Complaint(name, "", f"has no column {', '.join(gone)}; {_columns(table)}", fatal=True)
-        )
-    elif not any(channel in signals for channel in model.outputs):
-        complaints.append(
-            Complaint(name, "", f"{_columns(table)}; --channel NAME=COLUMN says which is which")
-        )
-    constants, said = _constants(table, name, model)
-    return Recording(name, signals, constants), complaints + said
-
-
-def _told_as_not_a_number(column: Column) -> NDArray[np.bool_]:
-    """Cells that are damage and not merely empty: a column that is filled in nearly every row has no empty ones by design."""
-    missing = np.isnan(column.value)
-    return (
-        missing
-        if np.count_nonzero(missing) < 0.5 * missing.size or missing.all()
-        else np.zeros(missing.size, bool)
-    )
-
-
-def _columns(table: Table) -> str:
-    names = [c.name for c in table.columns]
-    return f"has the columns {', '.join(names[:30])}{' ...' if len(names) > 30 else ''}"
-
-
-def _stamps(table: Table, name: str) -> Array:
-    for column in table.columns:
+def _stamps(columns: Sequence[_Raw], name: str) -> Array:
+    for column in columns:
         if column.name.lower() not in TIME:
             continue
         unit = column.unit or "s"
@@ -230,41 +191,13 @@ def _stamps(table: Table, name: str) -> Array:
             raise Unreadable(f"{name}: time is in '{unit}'; known are {', '.join(TIME_UNITS)}")
         if np.isnan(column.value).all():
             raise Unreadable(f"{name}: the column {column.name} holds no numbers")
-        stamps = column.value * TIME_UNITS[unit]
-        first = float(np.nanmin(stamps))
-        return np.asarray(stamps - first if abs(first) > EPOCH_S else stamps, float)
+        return column.value * TIME_UNITS[unit]
     raise Unreadable(
-        f"{name}: no column of time; one must be headed 'time [s]', 'time_s' or 't [ms]'; {_columns(table)}"
+        f"{name}: no column of time; one must be headed 'time [s]', 'time_s' or 't [ms]'; it has {named(columns)}"
     )
 
 
-def _converted(column: Column, channel: str, unit: str, name: str) -> tuple[Array, str, list[Complaint]]:
-    complaints = []
-    if column.damaged:
-        text = f"{column.damaged} of {column.value.size} cells are no numbers, the first in line {column.first_damaged}"
-        complaints.append(Complaint(name, channel, text))
-    if column.unit is None:
-        complaints.append(Complaint(name, channel, f"has no unit in its heading; taken as {unit}"))
-        return column.value, unit, complaints
-    try:
-        scaled = parse_scaled(column.unit)
-    except ValueError as error:
-        complaints.append(Complaint(name, channel, str(error), fatal=True))
-        return column.value, unit, complaints
-    if not scaled.unit.same_quantity(parse_unit(unit)):
-        return column.value, str(scaled.unit), complaints
-    return column.value * scaled.factor, unit, complaints
-
-
-def _constants(table: Table, name: str, model: Model) -> tuple[dict[str, float], list[Complaint]]:
-    constants, complaints = {}, []
-    for key, (value, unit) in table.constants.items():
-        needed = model.constants.get(key)
-        if needed is None or unit is None:
-            constants[key] = value
-            continue
-        scaled = parse_scaled(unit)
-        if not scaled.unit.same_quantity(parse_unit(needed)):
-            complaints.append(Complaint(name, key, f"is in {unit}, the model needs {needed}", fatal=True))
-        constants[key] = value * scaled.factor
-    return constants, complaints
+def named(columns: Sequence[Column | _Raw], most: int = 30) -> str:
+    """Names of columns, not all of very many."""
+    names = [c.name for c in columns]
+    return f"the columns {', '.join(names[:most])}{' ...' if len(names) > most else ''}"

@@ -1,0 +1,104 @@
+"""Columns of a file into the channels of a model: which is which, in the model's units. Units are converted here and nowhere else."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discrepancy.model import Model
+from discrepancy.recording import Array, Complaint, Recording, Signal
+from discrepancy.units import parse_scaled, parse_unit
+from hil.diagnose.tables import Column, Table, named
+
+SHOWN = 8
+
+
+def to_recording(
+    table: Table, name: str, model: Model, renamed: Mapping[str, str]
+) -> tuple[Recording, list[Complaint]]:
+    """The columns a model knows, in its units. renamed: channel -> column, or several by comma, which are averaged."""
+    complaints = [Complaint(name, "", text) for text in table.skipped[:SHOWN]]
+    if len(table.skipped) > SHOWN:
+        complaints.append(Complaint(name, "", f"{len(table.skipped)} damaged lines in all; skipped"))
+    by_name = {c.name: c for c in table.columns}
+    signals: dict[str, Signal] = {}
+    for channel, unit in {**model.inputs, **model.optional, **model.outputs}.items():
+        wanted = renamed.get(channel, model.columns.get(channel, channel)).split(",")
+        columns = [by_name[w.strip()] for w in wanted if w.strip() in by_name]
+        if len(columns) < len(wanted):
+            continue
+        parts, said = _parts(columns, channel, unit, name, held=channel in model.held)
+        complaints += said
+        if parts:
+            signals[channel] = _mean(parts)
+    if not any(channel in signals for channel in model.outputs):
+        text = f"has {named(table.columns)}; --channel NAME=COLUMN says which is which"
+        complaints.append(Complaint(name, "", text))
+    constants, said = _constants(table, name, model)
+    return Recording(name, signals, constants), complaints + said
+
+
+def unknown_columns(tables: Sequence[Table], renamed: Mapping[str, str]) -> list[str]:
+    """Columns that were asked for by name and are in none of the files of a run."""
+    there = {c.name for table in tables for c in table.columns}
+    asked = [part.strip() for column in renamed.values() for part in column.split(",")]
+    return [column for column in asked if column not in there]
+
+
+def _parts(
+    columns: Sequence[Column], channel: str, unit: str, name: str, *, held: bool
+) -> tuple[list[Signal], list[Complaint]]:
+    parts, complaints = [], []
+    for column in columns:
+        values, told_unit, said = _converted(column, channel, unit, name)
+        complaints += said
+        if any(c.fatal for c in said):
+            return [], complaints
+        there = ~np.isnan(values) | _damaged(values)
+        parts.append(Signal(column.time_s[there], values[there], told_unit, held))
+    return parts, complaints
+
+
+def _mean(parts: Sequence[Signal]) -> Signal:
+    """The average at the stamps of the first."""
+    if len(parts) == 1:
+        return parts[0]
+    first = parts[0]
+    values: Array = np.mean([np.interp(first.time_s, p.time_s, p.value) for p in parts], axis=0)
+    return Signal(first.time_s, values, first.unit, first.held)
+
+
+def _damaged(values: Array) -> NDArray[np.bool_]:
+    """NaN that are damage: a column that is filled in most rows has no empty ones by design, a slow channel's has."""
+    missing = np.isnan(values)
+    by_design = np.count_nonzero(missing) >= 0.5 * missing.size and not missing.all()
+    return np.zeros(missing.size, bool) if by_design else missing
+
+
+def _converted(column: Column, channel: str, unit: str, name: str) -> tuple[Array, str, list[Complaint]]:
+    complaints = [Complaint(name, channel, column.damage)] if column.damage else []
+    if column.unit is None:
+        complaints.append(Complaint(name, channel, f"has no unit in its heading; taken as {unit}"))
+        return column.value, unit, complaints
+    try:
+        scaled = parse_scaled(column.unit)
+    except ValueError as error:
+        complaints.append(Complaint(name, channel, str(error), fatal=True))
+        return column.value, unit, complaints
+    if not scaled.unit.same_quantity(parse_unit(unit)):
+        return column.value, str(scaled.unit), complaints
+    return column.value * scaled.factor, unit, complaints
+
+
+def _constants(table: Table, name: str, model: Model) -> tuple[dict[str, float], list[Complaint]]:
+    constants, complaints = {}, []
+    for key, (value, unit) in table.constants.items():
+        needed = model.constants.get(key)
+        if needed is None or unit is None:
+            constants[key] = value
+            continue
+        scaled = parse_scaled(unit)
+        if not scaled.unit.same_quantity(parse_unit(needed)):
+            complaints.append(Complaint(name, key, f"is in {unit}, the model needs {needed}", fatal=True))
+        constants[key] = value * scaled.factor
+    return constants, complaints
