@@ -295,6 +295,7 @@ ELSEWHERE = {
     "record": "hil.recording.command",
     "inject": "hil.faults.command",
     "check": "hil.recording.check_command",
+    "soak": "hil.faults.soak_command",
 }
 
 

@@ -50,6 +50,13 @@ class _Running:
     ends_ns: int | None
     phase: Phase = Phase.WAITING
     struck: int = 0
+    first_ns: int | None = None
+
+    def strike(self, at_ns: int, count: int) -> None:
+        """Note that the fault did something to, or made, so many frames."""
+        self.struck += count
+        if count and self.first_ns is None:
+            self.first_ns = at_ns
 
 
 @dataclass(slots=True)
@@ -102,7 +109,7 @@ class Injector:
         for running in self._acting:
             if running.phase is Phase.ACTIVE:
                 made = running.effect.due(now_ns)
-                running.struck += len(made)
+                running.strike(now_ns, len(made))
                 frames += made
         return [(OTHER[side_from], frame) for side_from, frame in frames]
 
@@ -125,6 +132,10 @@ class Injector:
         for running in self._acting:
             if running.phase is Phase.ACTIVE:
                 self._end(running, now_ns, "ends")
+
+    def first_struck_ns(self, number: int) -> int | None:
+        """When a fault first did something to a frame, None if it has not yet."""
+        return next((r.first_ns for r in self._running if r.number == number), None)
 
     def command(self, request: Mapping[str, object], now_ns: int | None = None) -> dict[str, object]:
         """Do what a live command asks for; the answer has `ok`, and `error` where it is false.
@@ -216,7 +227,7 @@ class Injector:
     def _end(self, running: _Running, at_ns: int, what: str) -> None:
         last = [*running.effect.due(at_ns), *running.effect.end()]
         self._outbox.frames += last
-        running.struck += len(last)
+        running.strike(at_ns, len(last))
         self._outbox.actions += running.effect.ends_with
         running.phase = Phase.DRAINING
         self._note(running, at_ns, what)
@@ -239,7 +250,7 @@ def _through(
     left: list[Planned] = []
     for each in planned:
         became = running.effect.passed(each, side, codec)
-        running.struck += len(became) != 1 or became[0] is not each
+        running.strike(each.at_ns, int(len(became) != 1 or became[0] is not each))
         left += became
     return left
 

@@ -83,7 +83,13 @@ def _label(kind: str, values: Mapping[str, object]) -> str:
     """The fault in the words of its table, without its times."""
     said = {key: value for key, value in values.items() if key not in ("kind", "at_s", "for_s")}
     message = [str(said.pop("message"))] if "message" in said else []
-    return " ".join([kind, *message, *(f"{key}={value}" for key, value in said.items())])
+    return " ".join([kind, *message, *(f"{key}={_shown(value)}" for key, value in said.items())])
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, list):
+        return ",".join(map(str, value))
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _selection(table: CheckedTable, database: Database) -> Selection:

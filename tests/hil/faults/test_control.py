@@ -137,7 +137,7 @@ def test_options_become_a_table_in_its_units():
 def test_the_command_injects_lists_and_clears(inject, served):
     done = inject("drop", "WheelSpeeds", "--probability", "0.1", "--for", "2s")
     assert (done.exit_code, done.output) == (0, "fault 1: drop WheelSpeeds probability=0.1\n")
-    assert inject("corrupt", "--valid-crc", "--in", "500ms").output == "fault 2: corrupt valid_crc=True\n"
+    assert inject("corrupt", "--valid-crc", "--in", "500ms").output == "fault 2: corrupt valid_crc=true\n"
     listed = inject("--list").output.splitlines()
     assert listed[0].split(maxsplit=6) == [
         "1",

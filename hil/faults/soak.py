@@ -1,0 +1,226 @@
+"""Hours of lockstep under random faults: is each noticed, and does the ECU keep its word throughout.
+
+One fault at a time, so that what is noticed can be put down to it. Between faults nobody may notice
+anything. At every tick the ECU's answer has to be in a declared state, reached by a declared transition,
+with every limit inside the DBC's range; faults on the bus must never bring it into its fault state.
+"""
+
+import random
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from dbc import loader_database
+from ecu.states import TRANSITIONS, Event, State
+from hil.faults import chance
+from hil.faults.notice import DRIVE
+from hil.faults.passage import Fault
+from hil.faults.table import SECOND, read_fault
+from hil.faults.watch import Answer, Mechanism, Watch, Witness
+from hil.lockstep import PERIOD_NS
+from plant.checked import CheckedTable
+from plant.scenario import Scenario, load_scenario
+
+EPISODE_S = 600.0
+"""A drive lasts this long, or until the machine lies on its side; then a new machine and a new ECU begin."""
+SETTLED_S, FIRST_S = 1.0, 2.0
+LASTS_S = (0.2, 2.5)
+AFTERWARDS_S = 1.0
+"""How long after its end a fault may be noticed."""
+QUIET_S = (0.5, 1.5)
+"""After that, for so long nobody may notice anything."""
+MOST_TOLD = 50
+ROUNDING = 1e-6
+"""Of a decoded value: 254 times 0.2 is a little more than 50.8."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Happened:
+    """One fault of a soak: whether it struck anything, and who noticed it by what."""
+
+    fault: Fault
+    struck: bool
+    noticed: frozenset[tuple[Witness, Mechanism]]
+
+
+@dataclass(slots=True)
+class Told:
+    """Lines about things that must not be: how many, and the first MOST_TOLD of them."""
+
+    count: int = 0
+    lines: list[str] = field(default_factory=list)
+
+    def add(self, line: str) -> None:
+        """One more."""
+        self.count += 1
+        if len(self.lines) < MOST_TOLD:
+            self.lines.append(line)
+
+
+@dataclass(slots=True)
+class Soak:
+    """What a soak found.
+
+    violations: of the ECU's declared states and ranges; unexplained: noticed although nothing was injected.
+    states: ticks by the ECU's state.
+    """
+
+    seed: int
+    simulated_s: float = 0.0
+    episodes: int = 0
+    rolled_over: int = 0
+    faults: list[Happened] = field(default_factory=list)
+    states: Counter[str] = field(default_factory=Counter)
+    violations: Told = field(default_factory=Told)
+    unexplained: Told = field(default_factory=Told)
+
+    @property
+    def passed(self) -> bool:
+        """Whether the ECU kept its word and nothing was noticed that nobody had done."""
+        return self.simulated_s > 0 and not self.violations.count and not self.unexplained.count
+
+
+def soak(seconds: float, seed: int, progress: Callable[[float], None] = lambda done_s: None) -> Soak:
+    """Simulate so many seconds; `progress` hears how many are done."""
+    found = Soak(seed)
+    while found.simulated_s < seconds:
+        left_s = max(seconds - found.simulated_s, FIRST_S + 10.0)
+        _Episode(found, min(EPISODE_S, left_s)).run(progress)
+    return found
+
+
+class _Episode:
+    """One drive from standstill."""
+
+    def __init__(self, found: Soak, duration_s: float) -> None:
+        generator = random.Random(f"{found.seed}/{found.episodes}")
+        self._found = found
+        self._duration_s = duration_s
+        self._plan = _plan(generator, duration_s)
+        scenario = _scenario(generator, duration_s)
+        self._watch = Watch(scenario, self._plan, seed=generator.randrange(2**32))
+        self._keeper = Keeper(found)
+
+    def run(self, progress: Callable[[float], None]) -> None:
+        """Fault by fault, with quiet between them."""
+        found, watch = self._found, self._watch
+        before_s = found.simulated_s
+        self._until(SETTLED_S)
+        watch.forget()
+        for number, fault in enumerate(self._plan, start=1):
+            begins_s, ends_s = fault.at_ns / SECOND, (fault.at_ns + (fault.for_ns or 0)) / SECOND
+            self._until(begins_s)
+            self._nothing_noticed()
+            if not self._until(ends_s + AFTERWARDS_S):
+                break
+            struck = fault.kind == "kill" or watch.injector.first_struck_ns(number) is not None
+            found.faults.append(
+                Happened(fault=fault, struck=struck, noticed=frozenset(watch.noticed(fault.at_ns)))
+            )
+            watch.forget()
+            found.simulated_s = before_s + watch.now_ns / SECOND
+            progress(found.simulated_s)
+        else:
+            self._until(self._duration_s)
+            self._nothing_noticed()
+        found.episodes += 1
+        found.rolled_over += watch.rolled_over
+        found.simulated_s = before_s + watch.now_ns / SECOND
+
+    def _until(self, time_s: float) -> bool:
+        """Step to `time_s`; whether the drive still goes on then."""
+        watch = self._watch
+        while watch.now_ns < time_s * SECOND and not watch.finished:
+            watch.step()
+            self._keeper.check(watch.answers)
+            watch.answers.clear()
+            if not watch.sane:
+                self._found.violations.add(self._at("the machine's motion is not finite"))
+                return False
+        return not watch.rolled_over
+
+    def _nothing_noticed(self) -> None:
+        """What is noticed now has no cause; then forget it."""
+        watch = self._watch
+        for notice in watch.notices:
+            self._found.unexplained.add(self._at(f"{notice.who}, {notice.mechanism}: {notice.what}"))
+        for line in watch.late_messages():
+            self._found.unexplained.add(self._at(f"{Witness.BENCH}, {Mechanism.DEADLINE}: {line}"))
+        watch.forget()
+
+    def _at(self, what: str) -> str:
+        return f"drive {self._found.episodes + 1}, before {self._watch.now_ns / SECOND:.2f} s: {what}"
+
+
+class Keeper:
+    """Holds every answer of an ECU against what the DBC and the table of states declare."""
+
+    def __init__(self, found: Soak) -> None:
+        self._found = found
+        self._ranges = {
+            name: (signal.minimum, signal.maximum)
+            for name, signal in loader_database().by_name["Limits"].by_signal.items()
+            if signal.minimum is not None and signal.maximum is not None
+        }
+        self._before: Answer | None = None
+
+    def check(self, answers: list[Answer]) -> None:
+        """The answers of one tick, in the order of time."""
+        for answer in answers:
+            before, self._before = self._before, answer
+            self._check_state(answer, before)
+            for name, (lowest, highest) in self._ranges.items():
+                if not lowest - ROUNDING <= answer.limits[name] <= highest + ROUNDING:
+                    self._violate(
+                        answer, f"Limits.{name} = {answer.limits[name]}, outside {lowest}..{highest}"
+                    )
+
+    def _check_state(self, answer: Answer, before: Answer | None) -> None:
+        if answer.state not in tuple(State):
+            self._violate(answer, f"state {answer.state} is not declared")
+            return
+        state = State(answer.state)
+        self._found.states[state.name.lower()] += 1
+        if state is State.FAULT:
+            self._violate(answer, "in its fault state")
+        if before is None or answer.at_ns - before.at_ns != PERIOD_NS or before.state not in tuple(State):
+            return  # a new ECU
+        if state not in _reachable(State(before.state)):
+            self._violate(answer, f"from {State(before.state).name} to {state.name} is not declared")
+
+    def _violate(self, answer: Answer, what: str) -> None:
+        self._found.violations.add(f"drive {self._found.episodes + 1}, {answer.at_ns / SECOND:.2f} s: {what}")
+
+
+def _reachable(state: State) -> set[State]:
+    """States after one tick, in which at most two events happen: on the inputs, and on the estimates. Nobody resets."""
+    once = _after(state)
+    return once | {after for each in once for after in _after(each)}
+
+
+def _after(state: State) -> set[State]:
+    return {after for event, after in TRANSITIONS[state].items() if event is not Event.RESET}
+
+
+def _plan(generator: random.Random, duration_s: float) -> list[Fault]:
+    """Random faults, one after the other with quiet between them."""
+    plan: list[Fault] = []
+    at_s = FIRST_S
+    while at_s + LASTS_S[1] + AFTERWARDS_S < duration_s:
+        for_s = round(generator.uniform(*LASTS_S), 2)
+        table = chance.fault(generator) | {"at_s": at_s, "for_s": for_s}
+        plan.append(read_fault(CheckedTable(table, file="soak", section="fault"), loader_database()))
+        at_s = round(at_s + for_s + AFTERWARDS_S + generator.uniform(*QUIET_S), 2)  # on a tick
+    return plan
+
+
+def _scenario(generator: random.Random, duration_s: float) -> Scenario:
+    base = load_scenario(DRIVE)
+    return replace(
+        base,
+        duration_s=duration_s,
+        payload_mass=generator.uniform(0.0, 3000.0),
+        script=chance.drive(generator, duration_s),
+        start=replace(base.start, speed=0.0),
+        seed=generator.randrange(2**32),
+    )

@@ -1,0 +1,103 @@
+"""What a soak found, as a page: the promises, then every class of faults and what noticed it."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hil.campaign.batch import header
+from hil.faults.soak import Happened, Soak
+from hil.faults.table import KINDS
+from hil.faults.watch import Mechanism, Witness
+
+EXAMPLES = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClassOfFaults:
+    """All faults of one kind: how many were injected, struck a frame, and were noticed; by whom and what."""
+
+    kind: str
+    injected: int
+    struck: int
+    noticed: int
+    by: Counter[tuple[Witness, Mechanism]]
+    unnoticed: Sequence[str]
+
+
+def classes(faults: Sequence[Happened]) -> list[ClassOfFaults]:
+    """The faults by kind, in the order in which kinds are documented."""
+    return [_class(kind, [f for f in faults if f.fault.kind == kind]) for kind in KINDS]
+
+
+def _class(kind: str, faults: Sequence[Happened]) -> ClassOfFaults:
+    struck = [f for f in faults if f.struck]
+    return ClassOfFaults(
+        kind=kind,
+        injected=len(faults),
+        struck=len(struck),
+        noticed=sum(bool(f.noticed) for f in struck),
+        by=Counter(each for f in struck for each in f.noticed),
+        unnoticed=[f.fault.label for f in struck if not f.noticed],
+    )
+
+
+def page(found: Soak, command: str) -> str:
+    """The whole page."""
+    return (
+        header(
+            "Soak: an hour of random faults" if found.simulated_s >= 3600 else "Soak: random faults",
+            command,
+            f"seed {found.seed}",
+        )
+        + f"\n{_ran(found)}\n\n## What must hold\n\n{_promises(found)}\n"
+        + f"## What noticed what\n\n{_classes(found)}\n## Not noticed\n\n{_unnoticed(found)}"
+    )
+
+
+def _ran(found: Soak) -> str:
+    struck = sum(f.struck for f in found.faults)
+    return (
+        f"{found.simulated_s:.0f} s of simulated time in {found.episodes} drives; {len(found.faults)} faults, one at a\n"
+        f"time, {struck} of which changed at least one frame (a fault that shifts a signal by less than its\n"
+        "resolution, freezes one that stands still or waits for frames that do not come changes none)."
+    )
+
+
+def _promises(found: Soak) -> str:
+    share = {state: f"{state} {count}" for state, count in sorted(found.states.items())}
+    rows = [
+        (
+            "states and transitions are the declared ones, never fault; limits inside the DBC's range",
+            found.violations.count,
+        ),
+        ("between faults nobody notices anything", found.unexplained.count),
+    ]
+    table = "| promise | broken |\n|---|---|\n" + "".join(
+        f"| {what} | {count or 'never'} |\n" for what, count in rows
+    )
+    lines = "".join(f"- {line}\n" for line in (*found.violations.lines, *found.unexplained.lines))
+    return (
+        f"{table}\nTicks of the ECU by state: {', '.join(share.values())}. Roll-overs: {found.rolled_over}.\n"
+        + (f"\n{lines}" if lines else "")
+    )
+
+
+def _classes(found: Soak) -> str:
+    head = "| class | injected | struck | noticed | by |\n|---|---:|---:|---:|---|\n"
+    return head + "".join(
+        f"| {c.kind} | {c.injected} | {c.struck} | {c.noticed} | {_by(c)} |\n" for c in classes(found.faults)
+    )
+
+
+def _by(found: ClassOfFaults) -> str:
+    named = [f"{who}: {mechanism} {count}" for (who, mechanism), count in sorted(found.by.items())]
+    return ", ".join(named) or ("undetected" if found.struck else "–")
+
+
+def _unnoticed(found: Soak) -> str:
+    lines = []
+    for each in classes(found.faults):
+        if each.unnoticed:
+            examples = "; ".join(dict.fromkeys(each.unnoticed[:EXAMPLES]))
+            lines.append(f"- {each.kind}: {len(each.unnoticed)} of {each.struck}, such as {examples}\n")
+    return "".join(lines) or "Every fault that struck was noticed.\n"
