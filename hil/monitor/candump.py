@@ -52,6 +52,32 @@ class Style:
     colour: int = 0
 
 
+class Stamper:
+    """Time stamps in brackets, with a blank behind; the first of DELTA and ZERO is zero."""
+
+    def __init__(self, stamp: Stamp) -> None:
+        self._stamp = stamp
+        self._reference_us: int | None = None
+
+    def text(self, wall_ns: int) -> str:
+        """The stamp of the next line; wall_ns: when its frame came, since 1970."""
+        at_us = wall_ns // _MICROSECOND
+        match self._stamp:
+            case Stamp.NONE:
+                return ""
+            case Stamp.ABSOLUTE:
+                return f"({at_us // 1_000_000:010d}.{at_us % 1_000_000:06d}) "
+            case Stamp.DATE:
+                date = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at_us // 1_000_000))
+                return f"({date}.{at_us % 1_000_000:06d}) "
+        if self._reference_us is None:
+            self._reference_us = at_us
+        since_us = max(0, at_us - self._reference_us)
+        if self._stamp is Stamp.DELTA:
+            self._reference_us = at_us
+        return f"({since_us // 1_000_000:03d}.{since_us % 1_000_000:06d}) "
+
+
 class Candump:
     """Lines of the frames of one run of candump, in the order in which they are given."""
 
@@ -61,7 +87,7 @@ class Candump:
         self._width = max(map(len, interfaces), default=0)
         self._numbers: dict[str, int] = {}
         self._indent = False
-        self._reference_us: int | None = None
+        self._stamper = Stamper(style.stamp)
 
     def line(self, interface: str, frame: Frame, wall_ns: int) -> str:
         """One line without its end; wall_ns: when the frame came, since 1970."""
@@ -77,7 +103,7 @@ class Candump:
             (
                 " ",
                 ink if colour > 2 else "",
-                self._stamp(wall_ns // _MICROSECOND),
+                self._stamper.text(wall_ns),
                 " ",
                 ink if colour < 3 else "",
                 interface.rjust(self._width),
@@ -88,23 +114,6 @@ class Candump:
                 _RESET if colour > 1 else "",
             )
         )
-
-    def _stamp(self, at_us: int) -> str:
-        """The stamp in brackets, with the blank after it."""
-        match self._style.stamp:
-            case Stamp.NONE:
-                return ""
-            case Stamp.ABSOLUTE:
-                return f"({at_us // 1_000_000:010d}.{at_us % 1_000_000:06d}) "
-            case Stamp.DATE:
-                date = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at_us // 1_000_000))
-                return f"({date}.{at_us % 1_000_000:06d}) "
-        if self._reference_us is None:
-            self._reference_us = at_us
-        since_us = max(0, at_us - self._reference_us)
-        if self._style.stamp is Stamp.DELTA:
-            self._reference_us = at_us
-        return f"({since_us // 1_000_000:03d}.{since_us % 1_000_000:06d}) "
 
 
 def log_line(interface: str, frame: Frame, wall_ns: int, *, direction: bool = False) -> str:
@@ -118,13 +127,14 @@ def short_form(frame: Frame) -> str:
     """Identifier, '#' and data, as cansend takes them."""
     can_id, data, _, flags = frame
     if flags & FD:
-        return f"{_identifier(can_id)}##{flags & 0xF:X}{data.hex().upper()}"
+        return f"{identifier(can_id)}##{flags & 0xF:X}{data.hex().upper()}"
     if can_id & REMOTE:
-        return f"{_identifier(can_id)}#R{len(data) or ''}"
-    return f"{_identifier(can_id)}#{data.hex().upper()}"
+        return f"{identifier(can_id)}#R{len(data) or ''}"
+    return f"{identifier(can_id)}#{data.hex().upper()}"
 
 
-def _identifier(can_id: int) -> str:
+def identifier(can_id: int) -> str:
+    """The identifier in three or eight digits, with the error bit but no other flag."""
     if can_id & ERROR:
         return f"{can_id & (EXTENDED_MASK | ERROR):08X}"
     return f"{can_id & EXTENDED_MASK:08X}" if can_id & EXTENDED else f"{can_id & STANDARD_MASK:03X}"
@@ -139,8 +149,8 @@ def _extra(frame: Frame) -> str:
 def long_form(frame: Frame, style: Style, *, indent: bool) -> str:
     """Identifier, length and data, as people read them; indent: 11-bit identifiers stand below 29-bit ones."""
     can_id, data, _, flags = frame
-    identifier = _identifier(can_id)
-    head = f"{identifier:>8}  " if indent or len(identifier) > 3 else f"{identifier}  "
+    digits = identifier(can_id)
+    head = f"{digits:>8}  " if indent or len(digits) > 3 else f"{digits}  "
     head += f"[{len(data):02d}]" if flags & FD else f" [{len(data)}]"
     if can_id & REMOTE and not flags & FD:
         return f"{head}  remote request"

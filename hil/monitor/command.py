@@ -1,18 +1,41 @@
 """`loaderhil monitor`: its options, and what of them goes together."""
 
+import os
 import sys
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from typing import Annotated
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bus.frame import EXTENDED_MASK
 from bus.mistake import Mistake
+from hil.monitor.candump import Stamp, Style
+from hil.monitor.raw import LogFile, RawView
+from hil.monitor.run import Plan, View
+from hil.monitor.source import Source
+from hil.monitor.target import Target
+
+if TYPE_CHECKING:
+    from hil.monitor.messages import Messages
 
 DEFAULT = "hub:/tmp/loaderhil.hub"
+_RAW_ONLY = ("-L", "-l", "-x", "-a", "-i", "-S", "-d", "-c")
 
 
 class OptionError(Mistake, ValueError):
     """Options that do not go together."""
+
+
+class Form(StrEnum):
+    """What is made of the frames."""
+
+    RAW = "--raw"
+    LINES = "--lines"
+    JSON = "--json"
+    TABLE = "--table"
 
 
 def monitor(
@@ -25,6 +48,40 @@ def monitor(
         ),
     ] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Lines as candump prints them.")] = False,
+    lines: Annotated[
+        bool, typer.Option("--lines", help="One decoded line per frame; the default in a pipe.")
+    ] = False,
+    json: Annotated[bool, typer.Option("--json", help="One JSON object per frame and line.")] = False,
+    table: Annotated[
+        bool,
+        typer.Option(
+            "--table",
+            help="One row per message, redrawn; the default on a terminal. In a pipe: once, at the end.",
+        ),
+    ] = False,
+    dbc: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--dbc",
+            metavar="FILE",
+            help="DBC file, may be repeated. Default: our own and a few J1939 groups.",
+        ),
+    ] = None,
+    message: Annotated[
+        list[str] | None, typer.Option("--message", "-m", metavar="NAME", help="Only messages of that name.")
+    ] = None,
+    sender: Annotated[
+        list[str] | None, typer.Option("--sender", metavar="NODE", help="Only messages of that sender.")
+    ] = None,
+    signals: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--signals",
+            "-s",
+            metavar="A,B",
+            help="Only these signals, as Signal or Message.Signal; shell patterns, as with the two above.",
+        ),
+    ] = None,
     follow: Annotated[
         bool, typer.Option("--follow", "-f", help="Go on while the recording grows, like `tail -f`.")
     ] = False,
@@ -35,9 +92,13 @@ def monitor(
         int | None, typer.Option("--silence-ms", "-T", min=1, help="End after that long without a frame.")
     ] = None,
     stamp: Annotated[
-        str,
-        typer.Option("-t", metavar="a|A|d|z", help="raw: time, with date, since the last, since the first."),
-    ] = "",
+        str | None,
+        typer.Option(
+            "-t",
+            metavar="a|A|d|z",
+            help="Lines begin with the time, with the date, since the last, the first.",
+        ),
+    ] = None,
     log_format: Annotated[bool, typer.Option("-L", help="raw: candump's log format.")] = False,
     log: Annotated[
         bool, typer.Option("-l", help="raw: into a log candump-DATE_TIME.log, not shown.")
@@ -51,21 +112,26 @@ def monitor(
         int, typer.Option("-c", count=True, help="raw: colour per interface; more with -cc, -ccc.")
     ] = 0,
 ) -> None:
-    """Follow buses, or show recordings.
+    """Follow buses, or show recordings: as a table, as decoded lines, or as candump prints them.
 
-    Examples: `loaderhil monitor can0,123:7FF can1 --raw -t a` or `loaderhil monitor drive.log --raw -L -f`
+    Examples: `loaderhil monitor can0`, `loaderhil monitor drive.blf --lines --signals 'Wheel*.Left'`,
+    `loaderhil monitor can0,123:7FF can1 --raw -t a`, `loaderhil monitor can0 --json | jq .signals`
     """
-    from hil.monitor.candump import Stamp, Style
-    from hil.monitor.raw import LogFile, RawView
-    from hil.monitor.run import Plan, View, monitor
-    from hil.monitor.source import Source
-    from hil.monitor.target import Target
+    from hil.monitor.run import monitor
     from hil.processes.shell import ending_of
 
-    if stamp not in list(Stamp):
-        raise typer.BadParameter(f"'{stamp}' is not one of a, A, d, z", param_hint="-t")
+    form = _form(raw=raw, lines=lines, json=json, table=table)
+    used = (log_format, log, extra, text, binary, swapped, drops, colour)
+    _check_raw_options(form, [name for name, value in zip(_RAW_ONLY, used, strict=True) if value])
+    plan = Plan(
+        targets=_targets(targets or [DEFAULT], with_errors=form is not Form.RAW),
+        follow=follow,
+        origins=extra,
+        count=count,
+        silence_s=None if silence_ms is None else silence_ms * 1e-3,
+    )
     style = Style(
-        stamp=Stamp(stamp),
+        stamp=_stamp(stamp),
         log=log_format,
         extra=extra,
         text=text,
@@ -73,16 +139,79 @@ def monitor(
         swapped=swapped,
         colour=colour,
     )
-    if log_format and (text or binary or swapped):
-        raise OptionError("-L has no room for -a, -i or -S; leave one out")
-    plan = Plan(
-        targets=tuple(Target.parse(target) for target in targets or [DEFAULT]),
-        follow=follow,
-        origins=extra,
-        count=count,
-        silence_s=None if silence_ms is None else silence_ms * 1e-3,
-    )
+    view_of: Callable[[Source, ExitStack], View]
+    if form is Form.RAW:
+        view_of = _raw_view(style, log=log, drops=drops)
+    else:
+        stamps = Stamp.ABSOLUTE if stamp is None else style.stamp
+        known = _messages(
+            dbc or [], _names(message), _names(sender), _names(signals), protection=form is not Form.TABLE
+        )
+        view_of = _decoded_view(form, known, stamps, plan)
+    raise typer.Exit(ending_of(lambda _: monitor(plan, view_of)))
 
+
+def _form(*, raw: bool, lines: bool, json: bool, table: bool) -> Form:
+    """The form asked for, or the one that suits where the output goes."""
+    asked = [form for form, wanted in zip(Form, (raw, lines, json, table), strict=True) if wanted]
+    if len(asked) > 1:
+        raise OptionError(f"{' and '.join(asked)}: choose one")
+    if asked:
+        return asked[0]
+    return Form.TABLE if _on_terminal() else Form.LINES
+
+
+def _on_terminal() -> bool:
+    return sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb"
+
+
+def _check_raw_options(form: Form, used: Sequence[str]) -> None:
+    if used and form is not Form.RAW:
+        raise OptionError(f"{', '.join(used)}: only with --raw")
+    if "-L" in used and {"-a", "-i", "-S"} & set(used):
+        raise OptionError("-L has no room for -a, -i or -S; leave one out")
+
+
+def _stamp(text: str | None) -> Stamp:
+    if text is not None and text not in ("a", "A", "d", "z"):
+        raise typer.BadParameter(f"'{text}' is not one of a, A, d, z", param_hint="-t")
+    return Stamp(text or "")
+
+
+def _targets(texts: Sequence[str], *, with_errors: bool) -> tuple[Target, ...]:
+    """What to watch; with_errors: error frames too where no filter says otherwise, which candump leaves out."""
+    targets = [Target.parse(text) for text in texts]
+    return tuple(target.with_errors(EXTENDED_MASK) if with_errors else target for target in targets)
+
+
+def _names(texts: Sequence[str] | None) -> tuple[str, ...]:
+    """Names that were given one by one or with commas between them."""
+    return tuple(name.strip() for text in texts or [] for name in text.split(",") if name.strip())
+
+
+def _messages(
+    files: Sequence[Path],
+    messages: Sequence[str],
+    senders: Sequence[str],
+    signals: Sequence[str],
+    *,
+    protection: bool,
+) -> "Messages":
+    """The DBC files as far as they are shown; DatabaseError, SelectionError."""
+    from dbc import FOLDER, loader_database, reference_database
+    from dbc.database import Database
+    from hil.monitor.messages import Messages, Selection
+
+    if files:
+        databases = [Database.from_file(file, strict=False) for file in files]
+    else:
+        j1939 = Database.from_file(FOLDER / "j1939.dbc", strict=False)
+        databases = [loader_database(), reference_database(), j1939]
+    wanted = Selection(messages=messages, senders=senders, signals=signals, protection=protection)
+    return Messages(databases, wanted)
+
+
+def _raw_view(style: Style, *, log: bool, drops: bool) -> Callable[[Source, ExitStack], View]:
     def view_of(source: Source, stack: ExitStack) -> View:
         if not log:
             return RawView(style, source, drops=drops)
@@ -90,7 +219,33 @@ def monitor(
         print(f"loaderhil: logging into {file.path}", file=sys.stderr)
         return file
 
-    raise typer.Exit(ending_of(lambda _: monitor(plan, view_of)))
+    return view_of
+
+
+def _decoded_view(
+    form: Form, messages: "Messages", stamp: Stamp, plan: Plan
+) -> Callable[[Source, ExitStack], View]:
+    def view_of(source: Source, _: ExitStack) -> View:
+        if form is Form.TABLE:
+            return _table_view(messages, source, plan)
+        from hil.monitor.decoded import JsonView, LinesView
+
+        return JsonView(messages) if form is Form.JSON else LinesView(messages, stamp)
+
+    return view_of
+
+
+def _table_view(messages: "Messages", source: Source, plan: Plan) -> View:
+    """Redrawn on a terminal while frames come; otherwise once."""
+    from rich.console import Console
+
+    from hil.monitor.live import LiveView, TableView
+
+    console = Console(highlight=False)
+    lasting = plan.follow or all(target.path is None for target in plan.targets)
+    title = ", ".join(target.name for target in plan.targets)
+    kind = LiveView if lasting and _on_terminal() else TableView
+    return kind(messages, source, title, console)
 
 
 def register(app: typer.Typer) -> None:

@@ -24,6 +24,10 @@ class RawView:
         lines += [line(name, frame, frame.at_ns + ahead_ns) for name, frame in batch.frames]
         return "\n".join([*lines, ""])
 
+    def end(self) -> str:
+        """Nothing."""
+        return ""
+
     def _drop_lines(self) -> list[str]:
         lines = []
         for name, total in self._source.lost().items():
@@ -50,6 +54,10 @@ class LogFile:
         """Write the batch's lines into the file, whole; '' for standard output."""
         self._file.write(self._lines.text(batch))
         self._file.flush()
+        return ""
+
+    def end(self) -> str:
+        """Nothing."""
         return ""
 
     def __enter__(self) -> Self:

@@ -3,7 +3,7 @@
 import sys
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -24,6 +24,9 @@ class View(Protocol):
 
     def text(self, batch: Batch) -> str:
         """What is written for a batch, '' for nothing."""
+
+    def end(self) -> str:
+        """What is written when nothing more comes, however that happened."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,6 +76,9 @@ def monitor(plan: Plan, view_of: Callable[[Source, ExitStack], View]) -> Ending:
                     break
         except Closed:
             pass
+        finally:
+            with suppress(Closed):
+                output.write(view.end())
         teller.finish()
         if not signalled(stop):
             return Ending.PASSED

@@ -1,6 +1,6 @@
 """What `loaderhil monitor` is pointed at: a bus or a recording, and the filters behind its name."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
 
@@ -48,6 +48,10 @@ class Target:
                 "the name of an interface, or a recording's"
             )
         return cls(name=where, address=f"{_SOCKETCAN}{where}", filters=parsed)
+
+    def with_errors(self, mask: int) -> Self:
+        """The same with error frames of these classes, unless its filters have a mask of their own."""
+        return self if self.filters.errors else replace(self, filters=replace(self.filters, errors=mask))
 
     @property
     def interface(self) -> str:

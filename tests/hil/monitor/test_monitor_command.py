@@ -1,10 +1,13 @@
 """`loaderhil monitor` as a process: in a pipeline, at a hub, interrupted."""
 
+import json
 import os
+import pty
 import re
 import signal
 import subprocess
 import sys
+import termios
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +21,7 @@ from tests.bus.laws import WAIT_S, collect, numbered
 from tests.bus.test_hub import RunningHub
 from tests.hil.monitor.candump_tool import every_kind
 from tests.hil.monitor.make_golden import file_of
+from tests.hil.monitor.traffic import machine_frames
 
 pytestmark = pytest.mark.processes
 COMMAND = (sys.executable, "-m", "hil", "monitor")
@@ -182,9 +186,56 @@ def test_a_log_file_has_candumps_name_and_lines(hub: RunningHub, tmp_path: Path)
     assert {line.split()[1] for line in lines} == {"bench"}
 
 
+def machine_log(path: Path) -> Path:
+    path.write_text("".join(candump_line(frame, "can0") + "\n" for frame in machine_frames()))
+    return path
+
+
+def test_in_a_pipe_lines_are_the_default_and_json_is_json(tmp_path: Path) -> None:
+    log = machine_log(tmp_path / "machine.log")
+    plain, objects = start(log, "-m", "BodyRates"), start(log, "--json", "-m", "BodyRates,Articulation")
+    lines = ended(plain, 0)[0].splitlines()
+    assert len(lines) == 100
+    assert all(" can0  BodyRates Crc=" in line and " deg/s, State=ok" in line for line in lines)
+    named = {json.loads(line)["message"] for line in ended(objects, 0)[0].splitlines()}
+    assert named == {"BodyRates", "Articulation"}
+
+
+def test_a_table_in_a_pipe_comes_once_without_colours(tmp_path: Path) -> None:
+    out, _ = ended(start(machine_log(tmp_path / "machine.log"), "--table"), 0)
+    assert "\33" not in out
+    assert out.count("VehicleSpeed ") == 1
+
+
+def test_on_a_terminal_the_table_is_live_and_ctrl_c_gives_the_terminal_back(hub: RunningHub) -> None:
+    master, slave = pty.openpty()
+    termios.tcsetwinsize(slave, (24, 80))
+    environment = {**os.environ, "TERM": "xterm"}
+    process = start(f"hub:{hub.path}", stdin=slave, stdout=slave, env=environment)
+    os.close(slave)
+    wait_for_monitors(hub)
+    send_all(hub, list(machine_frames()))
+    screen = b""
+    while b"VehicleSpeed" not in screen:
+        screen += os.read(master, 65536)
+    process.send_signal(signal.SIGINT)
+    while not screen.endswith(b"\33[?1049l") and b"\33[?25h\33[?1049l" not in screen:
+        screen += os.read(master, 65536)
+    assert process.stderr is not None
+    with process:
+        assert process.stderr.read().startswith("loaderhil: interrupted after ")
+    assert process.returncode == 130
+    assert screen.startswith(b"\33[?1049h\33[?25l")
+    os.close(master)
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
+        (("--lines", "--json", "can0"), "--lines and --json: choose one"),
+        (("--lines", "-x", "can0"), "-x: only with --raw"),
+        (("--lines", "-m", "Nothing", "can0"), "no message 'Nothing' in"),
+        (("--lines", "--dbc", "no.dbc", "can0"), "no.dbc: cannot read the DBC"),
         (("--raw", "-t", "x", "can0"), "'x' is not one of a, A, d, z"),
         (("--raw", "-L", "-a", "can0"), "-L has no room for -a, -i or -S"),
         (("--raw", "can0,12"), "filter '12': not ID:MASK"),

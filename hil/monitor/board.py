@@ -1,0 +1,185 @@
+"""The state behind the table: the newest of every message, its period against the DBC's, and its age.
+
+Pure: stamps come in with the frames, and the time with the question. A cyclic message is *late* from 1.5 periods
+of silence on, *stale* from 3 on (the limits of `hil.deadlines`), *missing* if it never came although its sender
+sends; *slow* or *fast* if it keeps coming at a period that is off by more than half.
+"""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+
+from bus import errors
+from bus.frame import ERROR, Frame
+from dbc.errors import DecodeError
+from hil.deadlines import STALE_AFTER, TOLERANCE
+from hil.monitor.candump import identifier
+from hil.monitor.integrity import Integrity
+from hil.monitor.messages import Field, Messages, Number, Shown
+
+_STAMPS = 33
+_PAUSE_NS = 3_000_000_000
+"""A message without a cycle time that is silent for longer begins to be timed anew."""
+
+
+class Pace(StrEnum):
+    """How a message keeps its period; NONE: as it should, or it has none."""
+
+    NONE = ""
+    FAST = "fast"
+    SLOW = "slow"
+    LATE = "late"
+    STALE = "stale"
+    MISSING = "missing"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """One message on one bus, as the table shows it.
+
+    period_ns: mean of the latest gaps, None before the second frame; cycle_ns: the DBC's, 0 if it gives none;
+    age_ns: None if it never came; readings: each signal with its value; note: what else is to be said.
+    """
+
+    bus: str
+    name: str
+    identifier: str
+    count: int
+    period_ns: float | None
+    cycle_ns: int
+    age_ns: int | None
+    pace: Pace
+    readings: tuple[tuple[Field, Number], ...] = ()
+    note: str = ""
+    findings: int = 0
+
+
+class _Stream:
+    """What is remembered of the frames of one identifier on one bus."""
+
+    def __init__(self, bus: str, can_id: int, shown: Shown | None) -> None:
+        self.bus, self.can_id, self.shown = bus, can_id, shown
+        self.count = self.findings = 0
+        self.said = ""
+        self.stamps: deque[int] = deque(maxlen=_STAMPS)
+        self.data = b""
+        self.values: dict[str, Number] = {}
+        cycle_ns = shown.codec.cycle_ns if shown is not None else 0
+        self.cycle_ns = cycle_ns
+        self._pause_ns = round(STALE_AFTER * cycle_ns) or _PAUSE_NS
+
+    def take(self, frame: Frame) -> None:
+        if self.stamps and frame.at_ns - self.stamps[-1] > self._pause_ns:
+            self.stamps.clear()
+        self.stamps.append(frame.at_ns)
+        self.data = frame.data
+        self.count += 1
+        if self.shown is not None and self.shown.codec.is_multiplexed:
+            self._decode()  # each frame carries other signals: keep them all
+
+    def _decode(self) -> None:
+        assert self.shown is not None
+        try:
+            self.values |= self.shown.values(self.data)
+        except DecodeError as error:
+            self.said = str(error)
+
+    def row(self, now_ns: int) -> Row:
+        period_ns = None
+        if len(self.stamps) > 1:
+            period_ns = (self.stamps[-1] - self.stamps[0]) / (len(self.stamps) - 1)
+        age_ns = max(0, now_ns - self.stamps[-1])
+        name, note = "", self.data.hex(" ").upper()
+        readings: tuple[tuple[Field, Number], ...] = ()
+        if self.shown is not None:
+            if not self.shown.codec.is_multiplexed:
+                self._decode()
+            name, note = self.shown.codec.name, self.said
+            readings = tuple(
+                (field, self.values[field.name]) for field in self.shown.fields if field.name in self.values
+            )
+        elif self.can_id & ERROR:
+            name = "error frame"
+            note = "; ".join(map(str, errors.findings(Frame(self.can_id, self.data))))
+        return Row(
+            bus=self.bus,
+            name=name,
+            identifier=identifier(self.can_id),
+            count=self.count,
+            period_ns=period_ns,
+            cycle_ns=self.cycle_ns,
+            age_ns=age_ns,
+            pace=pace(self.cycle_ns, period_ns, age_ns),
+            readings=readings,
+            note=note,
+            findings=self.findings,
+        )
+
+
+def pace(cycle_ns: int, period_ns: float | None, age_ns: int) -> Pace:
+    """How a message that has come keeps its period."""
+    if not cycle_ns:
+        return Pace.NONE
+    if age_ns > STALE_AFTER * cycle_ns:
+        return Pace.STALE
+    if age_ns > (1 + TOLERANCE) * cycle_ns:
+        return Pace.LATE
+    if period_ns is None:
+        return Pace.NONE
+    if period_ns > (1 + TOLERANCE) * cycle_ns:
+        return Pace.SLOW
+    return Pace.FAST if period_ns < (1 - TOLERANCE) * cycle_ns else Pace.NONE
+
+
+class Board:
+    """Everything seen so far."""
+
+    def __init__(self, messages: Messages) -> None:
+        self._messages = messages
+        self._integrity = Integrity()
+        self._streams: dict[tuple[str, int], _Stream] = {}
+        self._first_ns: int | None = None
+        self.frames = 0
+
+    def take(self, bus: str, frame: Frame) -> None:
+        """A frame was seen; at_ns on the clock on which `rows` is asked."""
+        self.frames += 1
+        if self._first_ns is None:
+            self._first_ns = frame.at_ns
+        stream = self._streams.get((bus, frame.can_id))
+        if stream is None:
+            shown = self._messages.of(frame.can_id)
+            if shown is None and not self._messages.selection.everything:
+                return
+            stream = self._streams[bus, frame.can_id] = _Stream(bus, frame.can_id, shown)
+        stream.take(frame)
+        if stream.shown is not None and (found := self._integrity.findings(bus, frame, stream.shown.codec)):
+            stream.findings += 1
+            stream.said = "; ".join(found)
+
+    def since_ns(self, now_ns: int) -> int:
+        """How long ago the first frame came; 0 before it."""
+        return 0 if self._first_ns is None else max(0, now_ns - self._first_ns)
+
+    def rows(self, now_ns: int) -> list[Row]:
+        """Every message by bus and name, those that a sender owes included, unknown identifiers last."""
+        rows = [stream.row(now_ns) for stream in self._streams.values()]
+        rows += self._missing()
+        return sorted(rows, key=lambda row: (row.bus, not row.name, row.name, row.identifier))
+
+    def _missing(self) -> Iterator[Row]:
+        """What has never come although its sender sends."""
+        heard = {(stream.bus, stream.shown.codec) for stream in self._streams.values() if stream.shown}
+        owed = {(bus, other.codec) for bus, codec in heard for other in self._messages.expected_beside(codec)}
+        for bus, codec in owed - heard:
+            yield Row(
+                bus=bus,
+                name=codec.name,
+                identifier=identifier(codec.can_id),
+                count=0,
+                period_ns=None,
+                cycle_ns=codec.cycle_ns,
+                age_ns=None,
+                pace=Pace.MISSING,
+            )

@@ -1,0 +1,171 @@
+"""What the DBC files say of a frame, and which of it was asked for."""
+
+import difflib
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from fnmatch import fnmatchcase
+
+from bus.frame import ERROR, REMOTE
+from bus.mistake import Mistake
+from dbc.database import Database, MessageCodec
+from dbc.signal import Signal
+
+Number = int | float
+ABSENT = "n/a"
+_PROTECTION = ("Crc", "AliveCounter")
+_MOST_DECIMALS = 6
+
+
+class SelectionError(Mistake, ValueError):
+    """A message, signal or sender was asked for that no DBC has."""
+
+
+class Field:
+    """One signal as it is shown: its value with unit, the name of its value, or n/a."""
+
+    def __init__(self, signal: Signal) -> None:
+        self.signal = signal
+        self.name, self.unit = signal.name, signal.unit
+        self._labels = {raw * signal.scale + signal.offset: text for raw, text in signal.choices.items()}
+        raw = signal.not_available
+        self._absent = None if raw is None else raw * signal.scale + signal.offset
+        self._format = f".{_MOST_DECIMALS}g" if signal.is_float else f".{_decimals(signal)}f"
+
+    def label(self, value: Number) -> str:
+        """The name that the value table or the DBC's range gives the value, '' for a plain number."""
+        return self._labels.get(value) or (ABSENT if value == self._absent else "")
+
+    def text(self, value: Number) -> str:
+        """The value as people read it, with as many decimals as the signal resolves."""
+        label = self.label(value)
+        if label:
+            return label
+        number = format(value, self._format)
+        return f"{number} {self.unit}" if self.unit else number
+
+
+def _decimals(signal: Signal) -> int:
+    """Decimals that tell neighbouring values apart."""
+    step = math.ceil(-math.log10(abs(signal.scale)) - 1e-9)
+    exponent = Decimal(str(signal.offset)).normalize().as_tuple().exponent
+    of_offset = -exponent if isinstance(exponent, int) else 0
+    return min(max(step, of_offset, 0), _MOST_DECIMALS)
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A message and those of its signals that are shown."""
+
+    codec: MessageCodec
+    fields: tuple[Field, ...]
+
+    def values(self, data: bytes) -> dict[str, Number]:
+        """Physical values of the shown signals that the frame carries; DecodeError if it fits no such message."""
+        decoded = self.codec.decode_dict(data)
+        return {field.name: decoded[field.name] for field in self.fields if field.name in decoded}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Selection:
+    """What was asked for, as shell patterns; an empty part asks for everything.
+
+    signals: `Signal` or `Message.Signal`. protection: also CRC and counter, which are shown anyway when named.
+    """
+
+    messages: Sequence[str] = ()
+    senders: Sequence[str] = ()
+    signals: Sequence[str] = ()
+    protection: bool = False
+
+    @property
+    def everything(self) -> bool:
+        """Whether unknown frames are shown too."""
+        return not (self.messages or self.senders or self.signals)
+
+    def of(self, codec: MessageCodec) -> Shown | None:
+        """What is shown of a message, None if nothing."""
+        if self.messages and not _any_matches(self.messages, [codec.name]):
+            return None
+        if self.senders and not _any_matches(self.senders, codec.senders):
+            return None
+        wanted = [signal for signal in codec.layout if self._wants(codec, signal)]
+        if self.signals and not wanted:
+            return None
+        return Shown(codec, tuple(map(Field, wanted)))
+
+    def _wants(self, codec: MessageCodec, signal: Signal) -> bool:
+        if self.signals:
+            return any(_names_signal(pattern, codec.name, signal.name) for pattern in self.signals)
+        return self.protection or codec.e2e_data_id is None or signal.name not in _PROTECTION
+
+
+def _names_signal(pattern: str, message: str, signal: str) -> bool:
+    """Whether a pattern means a signal: its name, or with a dot in the pattern its message's and its own."""
+    return fnmatchcase(f"{message}.{signal}" if "." in pattern else signal, pattern)
+
+
+def _any_matches(patterns: Iterable[str], names: Iterable[str]) -> bool:
+    return any(fnmatchcase(name, pattern) for pattern in patterns for name in names)
+
+
+class Messages:
+    """The DBC files as one table; the first that knows an identifier decides, J1939 by parameter group."""
+
+    def __init__(self, databases: Sequence[Database], selection: Selection) -> None:
+        """SelectionError if the selection names what no DBC has."""
+        self._databases = databases
+        self.selection = selection
+        self._shown = {
+            codec: shown
+            for database in databases
+            for codec in database.by_id.values()
+            if (shown := selection.of(codec)) is not None
+        }
+        self._known: dict[int, Shown | None] = {}
+        self._check()
+
+    def of(self, can_id: int) -> Shown | None:
+        """What is shown of a frame, None if it is unknown or not asked for."""
+        if can_id not in self._known:
+            codec = None if can_id & (ERROR | REMOTE) else self._codec(can_id)
+            self._known[can_id] = None if codec is None else self._shown.get(codec)
+        return self._known[can_id]
+
+    def _codec(self, can_id: int) -> MessageCodec | None:
+        exact = (database.by_id.get(can_id) for database in self._databases)
+        grouped = (database.match(can_id) for database in self._databases)
+        return next((codec for codec in (*exact, *grouped) if codec is not None), None)
+
+    def expected_beside(self, codec: MessageCodec) -> list[Shown]:
+        """The cyclic messages that whoever sends this one sends as well."""
+        database = next(d for d in self._databases if d.by_id.get(codec.can_id) is codec)
+        return [
+            self._shown[other]
+            for other in database.by_id.values()
+            if other in self._shown and other.cycle_ns and set(other.senders) & set(codec.senders)
+        ]
+
+    def _check(self) -> None:
+        """Every pattern matches something."""
+        codecs = [codec for database in self._databases for codec in database.by_id.values()]
+        names = {
+            "message": [codec.name for codec in codecs],
+            "sender": [sender for codec in codecs for sender in codec.senders],
+            "signal": [
+                text for codec in codecs for name in codec.signals for text in (name, f"{codec.name}.{name}")
+            ],
+        }
+        asked = (self.selection.messages, self.selection.senders, self.selection.signals)
+        for (kind, known), patterns in zip(names.items(), asked, strict=True):
+            for pattern in patterns:
+                if not _any_matches([pattern], known):
+                    near = difflib.get_close_matches(pattern, dict.fromkeys(known), n=3)
+                    hint = f"; did you mean {', '.join(near)}?" if near else ""
+                    sources = ", ".join(database.source for database in self._databases)
+                    raise SelectionError(f"no {kind} '{pattern}' in {sources}{hint}")
+        if not self._shown:
+            raise SelectionError(
+                "no message has all that was asked for: leave out --message, --sender or --signals"
+            )
