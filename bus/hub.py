@@ -5,7 +5,8 @@ so all clients agree on the time and the order of the frames. A client that does
 up loses frames, which are counted for it; nobody else notices. With a bit rate, the hub
 also takes the time that a real bus would take (see bus.arbitration).
 
-The loop is plain epoll with one buffer: a relay is two system calls and little else.
+The loop is plain epoll with one buffer: what a client has sent meanwhile is one read, and one
+write to every other client.
 """
 
 import os
@@ -25,7 +26,11 @@ from bus.listener import Listener
 from bus.ticks import Alarm
 
 BATCH = 64
-"""Packets taken from one client before the others get their turn."""
+"""Records taken from one client before the others get their turn."""
+BATCH_SIZE = BATCH * packet.SIZE
+NO_HELLO = "the first message must be a hello"
+CONTROL_LIMIT = 16 * packet.SIZE
+"""Longest control message that a client may send [bytes]."""
 WAITING_LIMIT = 64
 """Frames of one client that may wait for the modelled wire before the hub stops reading from it."""
 CLIENT_LIMIT = 64
@@ -45,8 +50,8 @@ class Hub:
         self._peers: dict[int, Peer] = {}
         self._clients: tuple[Peer, ...] = ()
         self._paused: set[Peer] = set()
-        self._buffer = bytearray(packet.CONTROL_LIMIT)
-        self._frame = memoryview(self._buffer)[: packet.SIZE]
+        self._buffer = bytearray(CONTROL_LIMIT + BATCH_SIZE)
+        self._view = memoryview(self._buffer)
         self._stamp_ns = self._started_ns = time.monotonic_ns()
         self._frames = 0
         self._stopping = False
@@ -63,12 +68,17 @@ class Hub:
 
     def run(self) -> None:
         """Relay until `stop`."""
-        listening, alarm = self._listener.socket.fileno(), self._alarm.fileno()
+        listening, alarm, writable = self._listener.socket.fileno(), self._alarm.fileno(), select.EPOLLOUT
         while not self._stopping:
-            for number, events in self._epoll.poll():
+            for number, events in self._epoll.poll(maxevents=CLIENT_LIMIT):
                 peer = self._peers.get(number)
                 if peer is not None:
-                    self._serve(peer, events)
+                    if events & writable:
+                        self._flush(peer)
+                    if events != writable:
+                        self._read(peer)
+                    if peer.gone:
+                        self._remove(peer)
                 elif number == listening:
                     self._accept()
                 elif number == alarm:
@@ -123,72 +133,94 @@ class Hub:
         self._peers[peer.number] = peer
         self._epoll.register(peer.number, select.EPOLLIN)
 
-    def _serve(self, peer: Peer, events: int) -> None:
-        if events & select.EPOLLOUT:
-            peer.flush()
-            self._watch(peer)
-        if events & ~select.EPOLLOUT:
-            self._read(peer)
-        if peer.gone:
-            self._remove(peer)
+    def _flush(self, peer: Peer) -> None:
+        """Give a client what waited for its socket."""
+        peer.flush()
+        self._watch(peer)
 
     def _read(self, peer: Peer) -> None:
-        """Take over at most BATCH packets of one client."""
-        receive, buffer = peer.connection.recv_into, self._buffer
-        for _ in range(BATCH):
-            try:
-                size = receive(buffer)
-            except BlockingIOError:
-                return
-            except OSError:
-                peer.gone = True
-                return
-            if size == packet.SIZE:
-                if not peer.name:
-                    self._refuse(peer, "the first packet must be a hello")
-                elif buffer[packet.LENGTH_AT] > packet.CLASSIC_LIMIT and not packet.well_formed(buffer):
-                    peer.malformed += 1
-                elif self._arbiter is None:
-                    self._relay(peer)
-                elif self._offer(peer, self._arbiter):
-                    return
-            elif size == 0:
-                peer.gone = True
-            else:
-                self._answer(peer, bytes(buffer[:size]))
-            if peer.gone:
-                return
+        """Take over at most BATCH records of one client, after what it had begun before."""
+        begun, into = 0, self._view
+        if peer.unread:
+            begun = len(peer.unread)
+            into[:begun] = peer.unread
+            into, peer.unread = into[begun:], b""
+        try:
+            size = peer.receive(into, BATCH_SIZE if self._arbiter is None else self._room(peer))
+        except BlockingIOError:
+            return
+        except OSError:
+            size = 0
+        if size == 0:
+            peer.gone = True
+            return
+        end = begun + size
+        at = packet.frames_until(self._buffer, 0, end)
+        if at:
+            self._take(peer, self._view[:at])
+        if at < end and not peer.gone:
+            self._serve_others(peer, at, end)
 
-    def _relay(self, sender: Peer, at_ns: int = 0) -> None:
-        """Stamp the frame in the buffer (now, unless the wire has) and give it to every other client."""
-        frame = self._frame
-        stamp_ns = at_ns or time.monotonic_ns()
+    def _room(self, peer: Peer) -> int:
+        """Bytes that may be taken from a client while its frames wait; one record of what one left that hung up."""
+        return packet.SIZE * max(1, min(BATCH, WAITING_LIMIT - self._waiting(peer)))
+
+    def _serve_others(self, peer: Peer, at: int, end: int) -> None:
+        """Serve what is in that part of the buffer, where no frame begins; what is not whole is kept."""
+        while at + packet.SIZE <= end and not peer.gone:
+            message = packet.control_size(self._buffer, at)
+            if message > CONTROL_LIMIT:
+                self._refuse(peer, f"a control message of {message} bytes; at most {CONTROL_LIMIT} are taken")
+            elif at + message > end:
+                break
+            elif message:
+                self._answer(peer, self._view[at : at + message])
+            elif peer.name:
+                peer.malformed += 1
+            else:
+                self._refuse(peer, NO_HELLO)
+            start = at + (message or packet.SIZE)
+            at = packet.frames_until(self._buffer, start, end)
+            if at > start and not peer.gone:
+                self._take(peer, self._view[start:at])
+        peer.unread = bytes(self._view[at:end])
+
+    def _take(self, peer: Peer, records: memoryview) -> None:
+        """Frames of a client: relay them at once, or by the modelled wire."""
+        if not peer.name:
+            self._refuse(peer, NO_HELLO)
+        elif self._arbiter is None:
+            self._relay(peer, records, time.monotonic_ns())
+        else:
+            self._offer(peer, self._arbiter, records)
+
+    def _relay(self, sender: Peer, records: memoryview, stamp_ns: int) -> None:
+        """Stamp frames and give them to every other client."""
         if stamp_ns <= self._stamp_ns:
             stamp_ns = self._stamp_ns + 1
-        self._stamp_ns = stamp_ns
-        packet.TAIL.pack_into(frame, packet.TAIL_AT, stamp_ns, 0)
-        frame[packet.OWN_AT] = 0
-        self._frames += 1
-        sender.sent += 1
+        count = packet.stamp(records, stamp_ns)
+        self._stamp_ns = stamp_ns + count - 1
+        self._frames += count
+        sender.sent += count
         for client in self._clients:
-            if client is not sender and not client.give(frame):
+            if client is not sender and not client.give(records, count):
                 self._watch(client)
         if sender.wants_own and not sender.gone:
-            frame[packet.OWN_AT] = 1
-            if not sender.give(frame):
+            packet.mark_own(records)
+            if not sender.give(records, count):
                 self._watch(sender)
 
-    def _offer(self, peer: Peer, arbiter: Arbiter[Peer]) -> bool:
-        """Put the frame in the buffer on the modelled wire; True if the client has to wait now."""
-        can_id, length, flags, _, data, _, _ = packet.LAYOUT.unpack_from(self._buffer)
-        arrived = arbiter.offer(peer, Frame(can_id, data[:length], 0, flags), time.monotonic_ns())
+    def _offer(self, peer: Peer, arbiter: Arbiter[Peer], records: memoryview) -> None:
+        """Put frames on the modelled wire; a client whose frames wait for it has to wait too."""
+        now_ns = time.monotonic_ns()
+        arrived = []
+        for can_id, length, flags, _, data, _, _ in packet.LAYOUT.iter_unpack(records):
+            arrived += arbiter.offer(peer, Frame(can_id, data[:length], 0, flags), now_ns)
         self._deliver(arrived)
         self._alarm.set(arbiter.due_ns)
-        if arbiter.waiting(peer) < WAITING_LIMIT:
-            return False
-        self._paused.add(peer)
-        self._watch(peer)
-        return True
+        if arbiter.waiting(peer) >= WAITING_LIMIT:
+            self._paused.add(peer)
+            self._watch(peer)
 
     def _advance(self) -> None:
         """Deliver what the modelled wire has carried by now."""
@@ -200,18 +232,17 @@ class Hub:
     def _deliver(self, arrived: list[tuple[Peer, Frame]]) -> None:
         """Relay what the wire has carried; a sender that left meanwhile has still sent it."""
         for sender, frame in arrived:
-            self._frame[:] = packet.pack(frame)
-            self._relay(sender, frame.at_ns)
-            if sender in self._paused:
+            self._relay(sender, memoryview(bytearray(packet.pack(frame))), frame.at_ns)
+            if sender in self._paused and self._waiting(sender) < WAITING_LIMIT:
                 self._paused.discard(sender)
                 self._watch(sender)
 
-    def _answer(self, peer: Peer, text: bytes) -> None:
+    def _answer(self, peer: Peer, records: memoryview) -> None:
         """Serve a control message."""
         try:
-            message = packet.read_control(text)
+            message = packet.read_control(records)
         except ValueError as error:
-            self._refuse(peer, f"neither a frame ({packet.SIZE} bytes) nor a control message: {error}")
+            self._refuse(peer, f"no control message: {error}")
             return
         if "hello" in message:
             self._welcome(peer, message)

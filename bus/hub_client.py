@@ -1,5 +1,6 @@
 """A client of the embedded hub."""
 
+import errno
 import os
 import socket
 import time
@@ -17,8 +18,6 @@ from bus.transport import BusClosed, BusUnavailable, Statistics
 
 ANSWER_S = 2.0
 """How long a hub may take to answer."""
-_RECEIVE = 256
-"""More than a frame: anything that fills it is not one."""
 
 
 class HubTransport:
@@ -34,7 +33,8 @@ class HubTransport:
         self._received = self._sent = self._dropped_in = self._dropped_out = self._errors = 0
         self._confirmed: list[Frame] = []
         self._findings: deque[BusFinding] = deque(maxlen=FINDINGS_LIMIT)
-        self._ended = False
+        self._begun = b""
+        self._end = ""
         self._socket = _connect(path)
         hello = {"hello": name or f"pid {os.getpid()}", "protocol": packet.PROTOCOL, "own": own_messages}
         try:
@@ -48,52 +48,73 @@ class HubTransport:
     def send(self, frame: Frame) -> bool:
         """Hand one frame to the hub. False: the hub is too far behind, and the frame is lost."""
         try:
-            self._socket.send(packet.pack(frame))
+            taken = self._socket.send(packet.pack(frame))
         except BlockingIOError:
             self._dropped_out += 1
             return False
         except OSError as error:
             raise BusClosed(f"{self.path}: the hub is gone; frames can no longer be sent") from error
+        if taken < packet.SIZE:  # Linux takes what fits one page whole, or nothing
+            raise BusClosed(f"{self.path}: the socket took {taken} bytes of a frame's {packet.SIZE}")
         self._sent += 1
         return True
 
     def drain(self, limit: int = 64) -> list[Frame]:
         """At most `limit` frames that have arrived, stamped by the hub; [] if there are none."""
         frames: list[Frame] = []
-        receive, unpack = self._socket.recv, packet.LAYOUT.unpack
-        dropped = self._dropped_in
-        try:
-            for _ in range(0 if self._ended else limit):
-                data = receive(_RECEIVE)
-                if len(data) != packet.SIZE:
-                    self._note_end(data)
+        dropped_in = 0
+        records = self._receive(limit)
+        for can_id, length, flags, kind, data, at_ns, dropped in packet.LAYOUT.iter_unpack(records):
+            frame = Frame(can_id, data[:length], at_ns, flags)
+            if dropped:
+                dropped_in = dropped
+            if kind:
+                if kind == packet.CONTROL:
+                    self._note_refusal(records)
                     break
-                can_id, length, flags, own, content, at_ns, dropped = unpack(data)
-                frame = Frame(can_id, content[:length], at_ns, flags)
-                if own:
-                    self._confirmed.append(frame)
-                    continue
-                frames.append(frame)
-                if can_id & ERROR:
-                    self._errors += 1
-                    self._findings += errors.findings(frame)
-        except BlockingIOError:
-            pass
-        except ConnectionResetError:  # the hub closed with packets of ours unread; its own come first
-            pass
-        except OSError as error:
-            raise BusClosed(f"{self.path}: {error.strerror}; was the transport closed?") from error
-        self._dropped_in = dropped
+                self._confirmed.append(frame)
+                continue
+            frames.append(frame)
+            if can_id & ERROR:
+                self._errors += 1
+                self._findings += errors.findings(frame)
+        if dropped_in:
+            self._dropped_in = dropped_in
         self._received += len(frames)
-        if self._ended and not frames:
-            raise BusClosed(f"{self.path}: the hub is gone")
         return frames
 
-    def _note_end(self, data: bytes) -> None:
-        if data:
-            reason = packet.read_control(data).get("refused", "spoke out of turn")
-            raise BusClosed(f"{self.path}: the hub ended the connection: {reason}")
-        self._ended = True
+    def _receive(self, limit: int) -> bytes:
+        """At most `limit` whole records that have arrived; BusClosed if none will ever come."""
+        if self._end:
+            raise BusClosed(self._end)
+        try:
+            records = self._socket.recv(limit * packet.SIZE - len(self._begun))
+        except BlockingIOError:
+            return b""
+        except ConnectionResetError:  # the hub closed with records of ours unread
+            records = b""
+        except OSError as error:
+            raise BusClosed(f"{self.path}: {error.strerror}; was the transport closed?") from error
+        if not records:
+            self._end = f"{self.path}: the hub is gone"
+            raise BusClosed(self._end)
+        if not self._begun and len(records) % packet.SIZE == 0:
+            return records
+        records = self._begun + records
+        whole = len(records) // packet.SIZE * packet.SIZE
+        self._begun = records[whole:]
+        return records[:whole]
+
+    def _note_refusal(self, records: bytes) -> None:
+        """The hub ends the connection, and says why; what it gave before is still good."""
+        at = next(at for at in range(0, len(records), packet.SIZE) if packet.control_size(records, at))
+        message = records[at:] + self._begun
+        try:
+            message += self._socket.recv(max(packet.control_size(message) - len(message), 0))
+            reason = packet.read_control(message).get("refused", "spoke out of turn")
+        except (OSError, ValueError) as error:
+            reason = f"for a reason that was lost ({error})"
+        self._end = f"{self.path}: the hub ended the connection: {reason}"
 
     def confirmations(self) -> list[Frame]:
         """Own frames that the bus has carried, with its stamps, as far as `drain` has met them."""
@@ -158,7 +179,7 @@ def wait_for_hub(path: str, timeout_s: float = 5.0) -> None:
 
 def _connect(path: str) -> socket.socket:
     name = socket_name(path)
-    connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     connection.settimeout(ANSWER_S)
     try:
         connection.connect(name)
@@ -176,6 +197,8 @@ def _why_not(error: OSError) -> str:
             return "no hub listens there (it ended, or was killed); start one (loaderhil hub)"
         case PermissionError():
             return "no permission; the hub belongs to another user"
+        case OSError(errno=errno.EPROTOTYPE):
+            return "what listens there is no hub of this version"
         case _:
             return f"cannot be reached: {error.strerror or error}"
 
@@ -184,7 +207,10 @@ def _ask(connection: socket.socket, path: str, question: dict[str, Any], answer:
     """Put a control message and wait for its answer."""
     try:
         connection.send(packet.control(question))
-        message = packet.read_control(connection.recv(packet.CONTROL_LIMIT))
+        head = _receive_exactly(connection, packet.SIZE)
+        message = packet.read_control(
+            head + _receive_exactly(connection, packet.control_size(head) - packet.SIZE)
+        )
     except TimeoutError as error:
         raise BusUnavailable(
             f"{path}: the hub does not answer within {ANSWER_S:g} s; is it stopped?"
@@ -194,3 +220,14 @@ def _ask(connection: socket.socket, path: str, question: dict[str, Any], answer:
     if answer not in message:
         raise BusUnavailable(f"{path}: the hub refused: {message.get('refused', message)}")
     return message
+
+
+def _receive_exactly(connection: socket.socket, size: int) -> bytes:
+    """So many bytes; what follows them stays in the socket."""
+    data = b""
+    while len(data) < size:
+        chunk = connection.recv(size - len(data))
+        if not chunk:
+            raise ConnectionResetError("it hung up")
+        data += chunk
+    return data

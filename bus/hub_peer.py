@@ -1,9 +1,10 @@
-"""One client as the hub holds it: its socket, its counters, and the frames it has not taken yet."""
+"""One client as the hub holds it: its socket, its counters, and what either side has not taken yet."""
 
 import contextlib
 import socket
 import struct
 from collections import deque
+from itertools import islice
 
 from bus import packet
 from bus.hub_status import ClientStatus
@@ -13,12 +14,16 @@ SOCKET_BUFFER = 4 << 20
 SO_SNDBUFFORCE = 32  # include/uapi/asm-generic/socket.h
 BACKLOG_LIMIT = 16384
 """Frames held for a client whose socket is full: four seconds of a 500 kbit/s bus."""
-_DROPPED = struct.Struct("=I")
-_DROPPED_AT = packet.SIZE - _DROPPED.size
+FLUSH = 64
+"""Frames of the backlog that are sent at once."""
+_DROPPED = packet.DROPPED
 
 
 class Peer:
-    """A connection; a client once it has said hello. Nothing here blocks."""
+    """A connection; a client once it has said hello. Nothing here blocks.
+
+    unread: the beginning of a record, or of a control message, whose end has not come yet.
+    """
 
     def __init__(self, connection: socket.socket) -> None:
         connection.setblocking(False)
@@ -28,9 +33,11 @@ class Peer:
         self.name = ""
         self.wants_own = False
         self.gone = False
+        self.unread = b""
         self.pid = peer_pid(connection)
         self.sent = self.delivered = self.dropped = self.malformed = 0
         self._backlog: deque[bytes] = deque()
+        self.receive = connection.recv_into
         self._send = connection.send
 
     @property
@@ -38,41 +45,56 @@ class Peer:
         """Whether frames wait until its socket is writable."""
         return bool(self._backlog)
 
-    def give(self, frame: memoryview) -> bool:
-        """Pass on a frame's packet; False if the hub now has to wait for the socket."""
+    def give(self, records: memoryview, count: int) -> bool:
+        """Pass on `count` frames; False if the hub now has to wait for the socket."""
         if self._backlog:
-            self._hold(frame)
+            self._hold(records)
             return True
         if self.dropped:
-            _DROPPED.pack_into(frame, _DROPPED_AT, self.dropped & 0xFFFF_FFFF)
+            records = self._telling_drops(bytearray(records))
         try:
-            self._send(frame)
-            self.delivered += 1
+            taken = self._send(records)
         except BlockingIOError:
-            self._hold(frame)
-            return False
+            taken = 0
         except OSError:
             self.gone = True
-        finally:
-            if self.dropped:
-                _DROPPED.pack_into(frame, _DROPPED_AT, 0)
-        return True
+            return True
+        if taken == len(records):
+            self.delivered += count
+            return True
+        self._hold(records)
+        self._forget(taken)
+        return False
 
-    def _hold(self, frame: memoryview) -> None:
-        if len(self._backlog) < BACKLOG_LIMIT:
-            self._backlog.append(bytes(frame))
-        else:
-            self.dropped += 1
+    def _telling_drops(self, records: bytearray) -> memoryview:
+        """The records, the last of them with the count of frames lost."""
+        _DROPPED.pack_into(records, len(records) - _DROPPED.size, self.dropped & 0xFFFF_FFFF)
+        return memoryview(records)
+
+    def _hold(self, records: memoryview) -> None:
+        """Keep frames for later; those beyond the limit are lost for this client, and counted."""
+        for at in range(0, len(records), packet.SIZE):
+            if len(self._backlog) < BACKLOG_LIMIT:
+                self._backlog.append(bytes(records[at : at + packet.SIZE]))
+            else:
+                self.dropped += 1
+
+    def _forget(self, taken: int) -> None:
+        """The socket has taken so many bytes of the backlog."""
+        while taken:
+            first = self._backlog.popleft()
+            if taken < len(first):
+                self._backlog.appendleft(first[taken:])
+                return
+            taken -= len(first)
+            self.delivered += 1
 
     def flush(self) -> None:
         """Give what waits, as far as the socket takes it."""
         try:
             while self._backlog:
-                frame = bytearray(self._backlog[0])
-                _DROPPED.pack_into(frame, _DROPPED_AT, self.dropped & 0xFFFF_FFFF)
-                self._send(frame)
-                self._backlog.popleft()
-                self.delivered += 1
+                records = bytearray().join(islice(self._backlog, FLUSH))
+                self._forget(self._send(self._telling_drops(records)))
         except BlockingIOError:
             return
         except OSError:
@@ -80,8 +102,9 @@ class Peer:
 
     def say(self, message: bytes) -> None:
         """Send a control message; lost if the client is not reading."""
-        with contextlib.suppress(OSError):
-            self._send(message)
+        if not self._backlog:
+            with contextlib.suppress(OSError):
+                self.gone |= self._send(message) < len(message)
 
     def status(self, waiting: int) -> ClientStatus:
         """Its counters; waiting: its frames that the modelled wire has not carried."""

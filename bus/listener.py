@@ -35,7 +35,7 @@ class Listener:
     def __init__(self, path: str) -> None:
         name = socket_name(path)
         self.path = path
-        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK)
         self._file: tuple[int, int] | None = None
         try:
             if path.startswith("@"):
@@ -92,7 +92,7 @@ def _remove_stale(path: Path) -> None:
         return
     if not stat.S_ISSOCK(mode):
         raise BusUnavailable(f"{path}: in the way, and not a socket; remove it or use another path")
-    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK) as probe:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) as probe:
         answer = probe.connect_ex(os.fspath(path))
     if answer == errno.ECONNREFUSED:
         path.unlink()
