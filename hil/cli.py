@@ -119,6 +119,9 @@ def run(
     routes: Annotated[
         Path | None, typer.Option("--routes", metavar="FILE", help="With --gateway: its TOML file.")
     ] = None,
+    control: Annotated[
+        Path | None, typer.Option("--control", metavar="PATH", help="With --gateway: socket for `inject`.")
+    ] = None,
 ) -> None:
     """Run one scenario and say what happened.
 
@@ -138,7 +141,7 @@ def run(
         inject=inject,
     )
     folder = out or Path("out") / Path(scenario).stem
-    buses = Buses(gateway=gateway, plant=plant_bus, ecu=ecu_bus, routes=routes)
+    buses = Buses(gateway=gateway, plant=plant_bus, ecu=ecu_bus, routes=routes, control=control)
     raise typer.Exit(tell_run(choice, folder, realtime=realtime or gateway, strict=strict, buses=buses))
 
 

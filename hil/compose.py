@@ -60,10 +60,17 @@ class Choice:
     def injector(self) -> Injector | None:
         """The faults of the scenario, then those of `inject`, drawn from the seed; None if there are none."""
         database = loader_database()
-        faults = faults_of(find_file(_named(self.scenario), FOLDER, "scenario"), database)
-        if self.inject is not None:
-            faults += faults_of(self.inject, database, alone=True)
+        faults = tuple(
+            fault
+            for file in self.fault_files()
+            for fault in faults_of(file, database, alone=file == self.inject)
+        )
         return Injector(database, faults, seed=self.load().seed) if faults else None
+
+    def fault_files(self) -> list[Path]:
+        """The files that may hold faults: the scenario's, and `inject`."""
+        scenario = find_file(_named(self.scenario), FOLDER, "scenario")
+        return [scenario] if self.inject is None else [scenario, self.inject]
 
     def arguments(self) -> list[str]:
         """The same choice as command-line arguments of `loaderhil plant`."""

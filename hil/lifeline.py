@@ -56,6 +56,10 @@ class Lifeline:
         """Simulated time reached, of the time planned [s]."""
         self._say({"event": "progress", "time_s": time_s, "of_s": of_s})
 
+    def act(self, kind: str, target: str) -> None:
+        """Ask the supervisor to do something to another process: kill or restart."""
+        self._say({"event": "action", "kind": kind, "target": target})
+
     def finished(self, *, complete: bool, **figures: Any) -> None:
         """The end: whether the work is done, and figures for the run's record."""
         self._say({"event": "finished", "complete": complete, "figures": figures})

@@ -64,9 +64,9 @@ def run_realtime(
 ) -> RunResult:
     """Run `choice` as processes and leave the run directory `out`."""
     scenario = choice.load()
-    if choice.injector() is not None:
+    if not buses.gateway and choice.injector() is not None:
         raise ChoiceError(
-            f"{choice.scenario}: has faults to inject; in real time that takes the gateway, without it run in lockstep"
+            f"{choice.scenario}: has faults to inject; add --gateway to do so in real time, or run in lockstep"
         )
     record = record_of(scenario, form=choice.form, limits=choice.limits, mode="realtime")
     rundir.begin(out, record)
@@ -107,10 +107,14 @@ def _drive(
     others = [start("recorder", _record(f"loader={on['plant']}", out / rundir.BUS))]
     if buses.gateway:
         others.append(start("ecu-recorder", _record(f"loader={on['ecu']}", out / rundir.ECU_BUS)))
-        others.append(start("gateway", loaderhil("gateway", *_between(on, buses), "--out", str(out))))
+        others.append(start("gateway", loaderhil("gateway", *_between(on, buses, choice), "--out", str(out))))
     ecu_options = ["--form", choice.form, *([] if choice.limits else ["--no-limits"])]
     others.append(start("ecu", loaderhil("ecu", "--bus", on["ecu"], *ecu_options, "--out", str(out))))
-    plant = start("plant", loaderhil("plant", *choice.arguments(), "--bus", on["plant"], "--out", str(out)))
+    plant = start(
+        "plant",
+        loaderhil("plant", *choice.arguments(), "--bus", on["plant"], "--out", str(out)),
+        vital=True,
+    )
     supervisor.wait_ready([*others, plant], READY_S)
     supervisor.go(plant)
     first = supervisor.wait_first_end(duration_s + SLACK_S)
@@ -125,10 +129,17 @@ def _record(bus: str, log: Path) -> list[str]:
     return loaderhil("record", bus, "--out", str(log), "--monotonic")
 
 
-def _between(on: dict[Side, str], buses: Buses) -> list[str]:
+def _between(on: dict[Side, str], buses: Buses, choice: Choice) -> list[str]:
     """The options of the gateway."""
-    routes = ["--routes", str(buses.routes)] if buses.routes is not None else []
-    return ["--plant-bus", on["plant"], "--ecu-bus", on["ecu"], *routes]
+    words = ["--plant-bus", on["plant"], "--ecu-bus", on["ecu"]]
+    if buses.routes is not None:
+        words += ["--routes", str(buses.routes)]
+    if buses.control is not None:
+        words += ["--control", str(buses.control)]
+    if choice.injector() is not None:
+        words += [word for file in choice.fault_files() for word in ("--inject", str(file))]
+        words += ["--seed", str(choice.load().seed)]
+    return words
 
 
 def _cause(supervisor: Supervisor, hubs: list[Child], first: Child) -> tuple[Ending, str]:

@@ -36,10 +36,12 @@ class Child:
     """One supervised process.
 
     finished: its work is done; figures: what it measured; error: what it reported before it ended;
-    silent: it closed its lifeline.
+    silent: it closed its lifeline; vital: the run ends with it; condemned: it was killed as a fault asks.
     """
 
     name: str
+    command: Sequence[str]
+    environment: Mapping[str, str] | None
     process: subprocess.Popen[bytes]
     link: socket.socket
     pidfd: int
@@ -48,6 +50,8 @@ class Child:
     error: str = ""
     figures: Event = field(default_factory=dict)
     silent: bool = False
+    vital: bool = False
+    condemned: bool = False
     _unread: bytes = b""
 
     @property
@@ -62,7 +66,8 @@ class Child:
         if code is None:
             return f"{who} is still running"
         if code < 0:
-            return f"{who} was killed by {signal.Signals(-code).name}"
+            asked = ", as a fault asks" if self.condemned else ""
+            return f"{who} was killed by {signal.Signals(-code).name}{asked}"
         return f"{who} ended with exit code {code}" + (f": {self.error}" if self.error else "")
 
     def events(self) -> list[Event]:
@@ -87,8 +92,18 @@ class Supervisor:
         self._selector = selectors.DefaultSelector()
         self.children: list[Child] = []
 
-    def start(self, name: str, command: Sequence[str], environment: Mapping[str, str] | None = None) -> Child:
-        """Start `command`; it finds its lifeline in the environment."""
+    def start(
+        self,
+        name: str,
+        command: Sequence[str],
+        environment: Mapping[str, str] | None = None,
+        *,
+        vital: bool = False,
+    ) -> Child:
+        """Start `command`; it finds its lifeline in the environment.
+
+        vital: a fault that kills it ends the run.
+        """
         ours, theirs = socket.socketpair()
         with theirs:
             process = subprocess.Popen(
@@ -98,7 +113,15 @@ class Supervisor:
                 process_group=0,
                 env={**os.environ, **(environment or {}), FD_VARIABLE: f"{theirs.fileno()}:{os.getpid()}"},
             )
-        child = Child(name=name, process=process, link=ours, pidfd=os.pidfd_open(process.pid))
+        child = Child(
+            name=name,
+            command=command,
+            environment=environment,
+            process=process,
+            link=ours,
+            pidfd=os.pidfd_open(process.pid),
+            vital=vital,
+        )
         self.children.append(child)
         self._selector.register(child.link, selectors.EVENT_READ, child)
         self._selector.register(child.pidfd, selectors.EVENT_READ, child)
@@ -109,12 +132,25 @@ class Supervisor:
         deadline = time.monotonic() + timeout_s
         while not all(child.ready for child in children):
             self._listen(deadline - time.monotonic())
-            gone = next((child for child in self.children if child.ended), None)
+            gone = self._first_gone()
             if gone is not None:
                 raise StartFailed(gone.how_it_ended())
             if time.monotonic() > deadline:
                 late = ", ".join(child.name for child in children if not child.ready)
                 raise StartFailed(f"not ready after {timeout_s:.0f} s: {late}; is the machine overloaded?")
+
+    def kill(self, name: str) -> None:
+        """Kill the process of that name as a fault asks; the others go on, unless it is vital."""
+        for child in self.children:
+            if child.name == name and not child.ended:
+                child.condemned = True
+                self._signal(child, signal.SIGKILL)
+
+    def restart(self, name: str) -> None:
+        """Start the process of that name again as it was, unless one runs."""
+        of_name = [child for child in self.children if child.name == name]
+        if of_name and all(child.ended or child.condemned for child in of_name):
+            self.start(name, of_name[-1].command, of_name[-1].environment)
 
     def go(self, child: Child) -> None:
         """Let a process that is ready begin."""
@@ -124,12 +160,16 @@ class Supervisor:
         """The first child to end, or None after `timeout_s`; events are passed on meanwhile."""
         deadline = time.monotonic() + timeout_s
         while (left := deadline - time.monotonic()) > 0:
-            gone = next((child for child in self.children if child.ended), None)
+            gone = self._first_gone()
             if gone is not None:
                 self._listen(0)
                 return gone
             self._listen(left)
         return None
+
+    def _first_gone(self) -> Child | None:
+        told = (child for child in self.children if child.ended and (child.vital or not child.condemned))
+        return next(told, None)
 
     def wait_end(self, child: Child, timeout_s: float) -> None:
         """Until `child` has ended, at most `timeout_s`."""
@@ -156,6 +196,8 @@ class Supervisor:
                     child.figures = event["figures"]
                 case "error":
                     child.error = event["message"]
+                case "action":
+                    {"kill": self.kill, "restart": self.restart}[event["kind"]](event["target"])
             if self._on_event is not None:
                 self._on_event(child.name, event)
         if child.silent and child.link in self._selector.get_map():

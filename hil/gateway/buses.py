@@ -14,15 +14,24 @@ class BusesError(Mistake, ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Buses:
-    """plant, ecu: addresses for the two sides of a gateway, None for a hub of the run's own; routes: its TOML file."""
+    """plant, ecu: addresses for the two sides of a gateway, None for a hub of the run's own.
+
+    routes: the gateway's TOML file; control: where it listens for live commands.
+    """
 
     gateway: bool = False
     plant: str | None = None
     ecu: str | None = None
     routes: Path | None = None
+    control: Path | None = None
 
     def __post_init__(self) -> None:
-        options = {"--plant-bus": self.plant, "--ecu-bus": self.ecu, "--routes": self.routes}
+        options = {
+            "--plant-bus": self.plant,
+            "--ecu-bus": self.ecu,
+            "--routes": self.routes,
+            "--control": self.control,
+        }
         given = [name for name, value in options.items() if value is not None]
         if given and not self.gateway:
             raise BusesError(f"{given[0]} is about a gateway; add --gateway, or leave it out")

@@ -22,16 +22,32 @@ def gateway(
     dbc: Annotated[
         Path | None, typer.Option("--dbc", metavar="FILE", help="DBC instead of the bench's own.")
     ] = None,
+    inject: Annotated[
+        list[Path] | None,
+        typer.Option("--inject", metavar="FILE", help="TOML with [[fault]] tables; may be repeated."),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, max=2**32 - 1, help="Seed of the faults.")] = 0,
+    control: Annotated[
+        Path | None, typer.Option("--control", metavar="PATH", help="Socket for `loaderhil inject`.")
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Leave its log here.")] = None,
 ) -> None:
     """Routes frames between the machine's bus and the ECU's, until Ctrl-C.
 
-    Example: `loaderhil gateway --plant-bus hub:/tmp/plant.hub --ecu-bus socketcan:can0`
+    Faults count their times from the first frame of the machine. Example:
+    `loaderhil gateway --plant-bus hub:/tmp/plant.hub --ecu-bus socketcan:can0 --control /tmp/loaderhil.control`
     """
     from hil.processes import gateway as process
     from hil.processes.shell import ending_of
 
-    between = process.Between(addresses={"plant": plant_bus, "ecu": ecu_bus}, routes=routes, dbc=dbc)
+    between = process.Between(
+        addresses={"plant": plant_bus, "ecu": ecu_bus},
+        routes=routes,
+        dbc=dbc,
+        inject=tuple(inject or ()),
+        seed=seed,
+        control=control,
+    )
     raise typer.Exit(ending_of(lambda line: process.run(line, between, out)))
 
 

@@ -65,11 +65,13 @@ class GatewayCore:
         self._planned: list[tuple[int, int, Side, Frame]] = []
         self._order = 0  # frames planned for one moment keep their order
         self._bus_off: set[Side] = set()
+        self.started_ns: int | None = None
         self._told: set[tuple[Side, int, str]] = set()
         self._findings: list[Finding] = []
 
     def start(self, now_ns: int) -> None:
-        """The run begins."""
+        """The run begins: scripted faults count their times from here."""
+        self.started_ns = now_ns
         if self._injector is not None:
             self._injector.start(now_ns)
 
@@ -127,7 +129,7 @@ class GatewayCore:
                 self._queues[side].clear()
         elif action.kind == "bus_on":
             self._bus_off.difference_update(sides)
-        return action.kind != "kill"
+        return action.kind in ("bus_off", "bus_on")
 
     def next_ns(self) -> int | None:
         """When `advance` has something to do next; None while nothing is planned."""

@@ -15,7 +15,7 @@ __all__ = ["Action", "Injector", "Planned"]
 
 
 class Injector(Protocol):
-    """Decides what becomes of each frame. Every method may be called before `start`, except `pass_frame`."""
+    """Decides what becomes of each frame. Before `start` it has nothing scripted to do, and obeys commands."""
 
     def start(self, now_ns: int) -> None:
         """The run begins: times of a script count from here."""
@@ -35,5 +35,5 @@ class Injector(Protocol):
     def actions(self, now_ns: int) -> Sequence[Action]:
         """What is due by now beyond frames; each is given once."""
 
-    def command(self, message: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Obey a live command and say what came of it; a Mistake if it makes no sense."""
+    def command(self, request: Mapping[str, Any], now_ns: int) -> Mapping[str, Any]:
+        """Obey a live command and say what came of it."""

@@ -30,7 +30,10 @@ def log_finding(side: Side, finding: Finding | BusFinding) -> None:
 
 
 class GatewayLoop:
-    """Serves two transports. Wait on `fileno`, then call `serve`; neither blocks."""
+    """Serves two transports. Wait on `fileno`, then call `serve`; neither blocks.
+
+    The run begins with the first frame from the plant.
+    """
 
     def __init__(
         self,
@@ -55,7 +58,6 @@ class GatewayLoop:
         for transport in transports.values():
             self._epoll.register(transport.fileno(), select.EPOLLIN)
         self._epoll.register(self._alarm.fileno(), select.EPOLLIN)
-        core.start(time.monotonic_ns())
 
     def fileno(self) -> int:
         """Readable when there is something to do."""
@@ -71,8 +73,10 @@ class GatewayLoop:
         for side in SIDES:
             frames = self._transports[side].drain()
             if frames:
-                came = True
-                core.receive(side, frames, time.monotonic_ns())
+                came, now_ns = True, time.monotonic_ns()
+                if side == "plant" and core.started_ns is None:
+                    core.start(now_ns)
+                core.receive(side, frames, now_ns)
                 self._send(OTHER[side])
         now_ns = time.monotonic_ns()
         for action in core.advance(now_ns):

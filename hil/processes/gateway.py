@@ -1,14 +1,23 @@
 """The gateway process: everything between the plant's bus and the ECU's."""
 
-from contextlib import ExitStack
-from dataclasses import dataclass, field
+import logging
+import time
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, ExitStack, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from bus.transport import BusUnavailable, Transport
 from dbc import loader_database
 from dbc.database import Database
 from hil import rundir
 from hil.ending import Ending
+from hil.faults.control import ControlServer
+from hil.faults.injector import Injector
+from hil.faults.passage import Action
+from hil.faults.record import injected, write_faults
+from hil.faults.table import faults_of
 from hil.gateway.core import GatewayCore
 from hil.gateway.routes import SIDES, Side
 from hil.gateway.settings import Settings, read_settings, routes_of
@@ -17,6 +26,7 @@ from hil.gateway.tap import tapped
 from hil.lifeline import Lifeline
 from hil.processes.shell import HostShare, Stop, log_to
 
+log = logging.getLogger(__name__)
 LAST_BATCHES = 256
 """Batches passed on after the end was asked for: the hub's whole backlog."""
 
@@ -25,48 +35,105 @@ LAST_BATCHES = 256
 class Between:
     """What a gateway stands between, and by which rules.
 
-    routes: TOML file, None for what the DBC says; dbc: other than loader.dbc.
+    routes: TOML file, None for what the DBC says; dbc: other than loader.dbc. inject: files with faults, drawn
+    from `seed`; control: where it listens for live commands.
     """
 
     addresses: dict[Side, str]
     routes: Path | None = None
     dbc: Path | None = None
-    settings: Settings = field(init=False)
+    inject: tuple[Path, ...] = ()
+    seed: int = 0
+    control: Path | None = None
 
     def __post_init__(self) -> None:
         if self.addresses["plant"] == self.addresses["ecu"]:
             raise BusUnavailable(
                 f"both sides are {self.addresses['ecu']}: a gateway stands between two buses"
             )
-        settings = read_settings(self.routes) if self.routes is not None else Settings()
-        object.__setattr__(self, "settings", settings)
 
-    def core(self) -> GatewayCore:
+    def database(self) -> Database:
+        """Of the two buses."""
+        return Database.from_file(self.dbc) if self.dbc is not None else loader_database()
+
+    def injector(self, database: Database) -> Injector | None:
+        """The faults of the files, and those that commands will bring; None if there can be none."""
+        if not self.inject and self.control is None:
+            return None
+        faults = [fault for file in self.inject for fault in faults_of(file, database)]
+        return Injector(database, faults, seed=self.seed)
+
+    def core(self, database: Database, injector: Injector | None) -> GatewayCore:
         """A fresh gateway by these rules."""
-        database = Database.from_file(self.dbc) if self.dbc is not None else loader_database()
-        routes = routes_of(self.settings, database, str(self.routes or "the built-in routes"))
-        return GatewayCore(routes, queue_frames=self.settings.queue_frames)
+        settings = read_settings(self.routes) if self.routes is not None else Settings()
+        routes = routes_of(settings, database, str(self.routes or "the built-in routes"))
+        return GatewayCore(routes, injector=injector, queue_frames=settings.queue_frames)
 
 
 def run(line: Lifeline, between: Between, out: Path | None) -> Ending:
-    """Route between two buses until told to end; with `out`, its log and stamps are left there."""
+    """Route between two buses until told to end; with `out`, its log, stamps and faults are left there."""
     log_to(out and out / rundir.GATEWAY_LOG)
-    core = between.core()
+    database = between.database()
+    injector = between.injector(database)
+    core = between.core(database, injector)
     host = HostShare()
     with ExitStack() as stack:
         buses: dict[Side, Transport] = {}
         for side in SIDES:
             stamps = out and rundir.stamps(out, f"gateway-{side}")
             buses[side], _ = stack.enter_context(tapped(between.addresses[side], "gateway", stamps))
-        stop, loop = stack.enter_context(Stop()), stack.enter_context(GatewayLoop(core, buses))
+        control = stack.enter_context(_control(between.control, core, injector))
+        stop = stack.enter_context(Stop())
+        loop = stack.enter_context(GatewayLoop(core, buses, act=lambda action: _act(line, action)))
         line.ready()
         try:
-            for _ in stop.readable(loop.fileno()):
+            for _ in stop.readable(loop.fileno(), *([control.fileno()] if control else [])):
+                if control is not None:
+                    control.serve()
                 loop.serve()
             _pass_what_came(loop)
         finally:
+            if injector is not None:
+                _conclude(injector, core, out)
             line.finished(complete=True, dropped=lost(core, buses), **figures(core), **host.figures())
     return Ending.PASSED if line.supervised else Ending.INTERRUPTED
+
+
+def _control(
+    path: Path | None, core: GatewayCore, injector: Injector | None
+) -> AbstractContextManager[ControlServer | None]:
+    """Who listens for live commands, if anybody does."""
+    if path is None or injector is None:
+        return nullcontext()
+
+    def obey(request: Mapping[str, Any]) -> Mapping[str, Any]:
+        if request.get("command") == "status":
+            return {"ok": True, "figures": figures(core)}
+        return injector.command(request, time.monotonic_ns())
+
+    return ControlServer(path, obey)
+
+
+def _act(line: Lifeline, action: Action) -> None:
+    """What the gateway cannot do itself is the supervisor's to do."""
+    if line.supervised:
+        line.act(action.kind, action.target)
+    log.warning(
+        "%s the %s process%s", action.kind, action.target, "" if line.supervised else ": nobody supervises it"
+    )
+
+
+def _conclude(injector: Injector, core: GatewayCore, out: Path | None) -> None:
+    """End the faults that still last, log what there was, and leave it in the run directory."""
+    injector.finish(time.monotonic_ns())
+    zero_ns = core.started_ns or 0
+    for event in injector.events:
+        at_s = (event.at_ns - zero_ns) * 1e-9
+        log.info(
+            "%.3f s: fault %d %s: %s (%d frames)", at_s, event.number, event.what, event.label, event.struck
+        )
+    if out is not None:
+        write_faults(out, injected(injector.events, zero_ns))
 
 
 def _pass_what_came(loop: GatewayLoop) -> None:

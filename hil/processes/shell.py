@@ -86,10 +86,11 @@ class Stop:
         """Readable once the signal has come."""
         return self._reader
 
-    def readable(self, descriptor: int) -> Iterator[None]:
-        """Yield whenever `descriptor` is readable, and once more after the signal."""
+    def readable(self, *descriptors: int) -> Iterator[None]:
+        """Yield whenever one of `descriptors` is readable, and once more after the signal."""
         with selectors.DefaultSelector() as selector:
-            selector.register(descriptor, selectors.EVENT_READ)
+            for descriptor in descriptors:
+                selector.register(descriptor, selectors.EVENT_READ)
             selector.register(self._reader, selectors.EVENT_READ)
             while True:
                 ready = {key.fd for key, _ in selector.select()}

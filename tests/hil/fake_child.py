@@ -18,6 +18,11 @@ def main(behaviour: str) -> int:
         case "deaf":
             signal.signal(signal.SIGTERM, signal.SIG_IGN)
     line.ready()
+    if behaviour.startswith("strike"):
+        _, kinds, target = behaviour.split(" ")
+        line.wait_for_go()
+        for kind in kinds.split(","):
+            line.act(kind, target)
     if behaviour == "work":
         line.wait_for_go()
         line.progress(1.0, 2.0)

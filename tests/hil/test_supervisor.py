@@ -99,3 +99,36 @@ def test_processes_do_not_outlive_a_supervisor_that_is_killed():
     while running(child) and time.monotonic() < deadline:
         time.sleep(0.02)
     assert not running(child)
+
+
+def test_a_process_that_a_fault_kills_is_gone_and_the_others_go_on():
+    with Supervisor() as supervisor:
+        victim, killer = start(supervisor, "stay"), start(supervisor, "strike kill stay")
+        supervisor.wait_ready([victim, killer], 20)
+        supervisor.go(killer)
+        supervisor.wait_end(victim, 20)
+        assert victim.process.returncode == -signal.SIGKILL
+        assert supervisor.wait_first_end(0.2) is None  # its end is no news
+        assert victim.how_it_ended().endswith("was killed by SIGKILL, as a fault asks")
+
+
+def test_a_restart_is_the_same_process_anew_and_only_where_none_runs():
+    with Supervisor() as supervisor:
+        victim, killer = start(supervisor, "stay"), start(supervisor, "strike restart,kill,restart stay")
+        supervisor.wait_ready([victim, killer], 20)
+        supervisor.go(killer)
+        supervisor.wait_end(victim, 20)
+        (second,) = [c for c in supervisor.children if c.name == "stay" and c is not victim]
+        supervisor.wait_ready([second], 20)
+        assert running(second.process.pid)
+    assert not running(second.process.pid)
+
+
+def test_the_end_of_a_vital_process_is_news_whoever_killed_it():
+    with Supervisor() as supervisor:
+        command, environment = [sys.executable, FAKE, "stay"], {"PYTHONPATH": str(ROOT)}
+        victim = supervisor.start("stay", command, environment, vital=True)
+        killer = start(supervisor, "strike kill stay")
+        supervisor.wait_ready([victim, killer], 20)
+        supervisor.go(killer)
+        assert supervisor.wait_first_end(20) is victim

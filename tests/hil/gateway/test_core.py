@@ -55,7 +55,7 @@ class Script:
         self.wanted = [item for item in self.wanted if item[0] > now_ns]
         return due
 
-    def command(self, message):
+    def command(self, request, now_ns):
         return {}
 
 
@@ -124,7 +124,7 @@ def test_an_injector_starts_with_the_run_and_decides_of_each_crossing_frame():
     script = Script(becomes=lambda side, frame, now_ns: ())
     gateway = core(injector=script)
     gateway.start(42)
-    assert script.started_ns == 42
+    assert script.started_ns == gateway.started_ns == 42
     gateway.receive("plant", [frame(SENSOR), frame(STRANGE)], 50)
     assert not gateway.waiting("ecu")
     assert gateway.counts["plant"].stayed == {Fate.UNKNOWN: 1}

@@ -16,9 +16,11 @@ from bus.hub import Hub
 from bus.hub_client import hub_status
 from dbc import loader_database
 from hil.ending import Ending
+from hil.faults.control import Refused, ask
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(60)]
 SENSOR = loader_database().by_name["Articulation"].can_id
+SPEEDS = loader_database().by_name["WheelSpeedsFront"].can_id
 
 
 class RunningHub:
@@ -44,10 +46,15 @@ def hubs(tmp_path):
 
 
 @pytest.fixture
-def gateway(hubs):
+def control(tmp_path):
+    return tmp_path / "control"
+
+
+@pytest.fixture
+def gateway(hubs, control):
     """The process, once it is a client of both hubs."""
     with subprocess.Popen(
-        [sys.executable, "-m", "hil", "gateway"]
+        [sys.executable, "-m", "hil", "gateway", "--control", str(control)]
         + [word for side, hub in hubs.items() for word in (f"--{side}-bus", f"hub:{hub.path}")],
         stderr=subprocess.PIPE,
         text=True,
@@ -75,6 +82,33 @@ def test_frames_cross_and_ctrl_c_ends_it_quietly(hubs, gateway):
     gateway.send_signal(signal.SIGINT)
     assert gateway.wait(5) == Ending.INTERRUPTED
     assert gateway.stderr.read() == ""
+
+
+def test_faults_come_and_go_by_live_command(hubs, gateway, control):
+    with (
+        open_transport(f"hub:{hubs['plant'].path}") as machine,
+        open_transport(f"hub:{hubs['ecu'].path}") as controller,
+    ):
+
+        def crosses(number):
+            """Whether this sample arrives; another message behind it says that it had its time."""
+            machine.send(Frame(SENSOR, bytes([number] * 8)))
+            machine.send(Frame(SPEEDS, bytes([number] * 8)))
+            heard = []
+            while not heard or heard[-1].can_id != SPEEDS:
+                assert select.select([controller.fileno()], [], [], 5)[0]
+                heard += controller.drain()
+            return any(frame.can_id == SENSOR for frame in heard)
+
+        assert crosses(1)
+        answer = ask(control, {"command": "inject", "fault": {"kind": "drop", "message": "Articulation"}})
+        assert not crosses(2)
+        figures = ask(control, {"command": "status"})["figures"]
+        assert (figures["plant_received"], figures["ecu_sent"]) == (4, 3)
+        ask(control, {"command": "clear", "number": answer["number"]})
+        assert crosses(3)
+        with pytest.raises(Refused, match="smash"):
+            ask(control, {"command": "inject", "fault": {"kind": "smash"}})
 
 
 def test_a_lost_hub_is_told_in_one_line(hubs, gateway):

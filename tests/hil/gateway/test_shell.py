@@ -127,3 +127,20 @@ def test_findings_are_told(stack, tmp_path):
     machine.send(Frame(LIMITS, bytes(8)))
     serve_until(loop, lambda: told)
     assert "other side" in str(told[0])
+
+
+def test_the_run_begins_with_the_plants_first_frame(stack, tmp_path):
+    plant, machine = an_end(stack, "virtual", tmp_path, "plant")
+    ecu, controller = an_end(stack, "virtual", tmp_path, "ecu")
+    core = GatewayCore(Routes(DATABASE))
+    loop = stack.enter_context(GatewayLoop(core, {"plant": plant, "ecu": ecu}))
+    controller.send(Frame(LIMITS, bytes(8)))
+    serve_until(loop, machine.drain)
+    assert core.started_ns is None
+    machine.send(Frame(SENSOR, bytes(8)))
+    serve_until(loop, controller.drain)
+    began = core.started_ns
+    assert began is not None
+    machine.send(Frame(SENSOR, bytes(8)))
+    serve_until(loop, controller.drain)
+    assert core.started_ns == began
