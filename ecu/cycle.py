@@ -21,7 +21,7 @@ from ecu.estimators.live import LiveEstimator
 from ecu.findings import Finding, ProtectionFailed, Stale, StateChanged
 from ecu.inputs import Group, Heard, Hearing, estimator_inputs
 from ecu.states import Event, State, after
-from ecu.validity import NOTHING, valid
+from ecu.validity import NOTHING, valid_without
 
 Form = Literal["corrected", "printed"]
 NO_ESTIMATES: Final = Estimates(*([0.0] * len(Estimates._fields)))
@@ -147,7 +147,7 @@ class EcuCycle:
         if self._state not in (State.RUNNING, State.DEGRADED):
             return NO_ESTIMATES, NOTHING
         inputs = estimator_inputs(heard, self._period(now_ns), self._limits.rate)
-        return self._estimator.estimate(inputs), valid(heard)
+        return self._estimator.estimate(inputs), valid_without(heard.unusable)
 
     def _next_limits(self, estimates: Estimates, flags: Mapping[str, bool], now_ns: int) -> limits.Limits:
         rules, prediction = self._calibration.limits, self._parameters.prediction

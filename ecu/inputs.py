@@ -161,6 +161,7 @@ class _Listener:
         self.source = source
         self.codec = codec
         self.heard_ns: int | None = None
+        self.targets = frozenset(field.target for field in source.fields.values())
         self.unusable: frozenset[str] = frozenset()
         self._binding = Binding(codec, units)
         self._checker = Checker(codec) if codec.e2e_data_id is not None else None
@@ -187,10 +188,16 @@ class _Listener:
         self.heard_ns = now_ns
         numbers = self._binding.decode(frame.data)
         signals, states = numbers[: len(self._fields)], numbers[len(self._fields) :]
-        bad = dict.fromkeys(self._faulty(states), "its sensor reports a fault")
-        for k, (signal, field) in enumerate(self._fields):
-            value = signals[k]
-            reason = bad.get(field.target) or self._doubt(k, field, value)
+        bad = {
+            target: "its sensor reports a fault"
+            for state, targets in zip(states, self._states, strict=True)
+            if state >= FAULTY
+            for target in targets
+        }
+        for (signal, field), value, before in zip(
+            self._fields, signals, self._previous or signals, strict=True
+        ):
+            reason = bad.get(field.target) or _doubt(field, value, before)
             if not reason:
                 values[field.target] = float(value)  # an int would compile the estimators anew
                 continue
@@ -201,38 +208,33 @@ class _Listener:
         self.unusable = frozenset(bad)
         return found
 
-    def _faulty(self, states: tuple[float, ...]) -> list[str]:
-        return [
-            t for state, targets in zip(states, self._states, strict=True) if state >= FAULTY for t in targets
-        ]
 
-    def _doubt(self, k: int, field: Field, value: float) -> str:
-        """Why a value is not plausible, '' if it is. The step is taken against the previous frame, good or bad."""
-        if math.isnan(value):
-            return "not available"
-        if abs(value) > field.limit:
-            return f"outside +-{field.limit:.4g} {field.unit}"
-        previous = self._previous[k] if self._previous is not None else value
-        if abs(value - previous) > field.step:
-            return f"moved {value - previous:.4g} {field.unit} in one frame, at most {field.step:.4g} is possible"
+def _doubt(field: Field, value: float, before: float) -> str:
+    """Why a value is not plausible, '' if it is; `before` is that of the previous frame, good or bad."""
+    if abs(value) <= field.limit and not abs(value - before) > field.step:
         return ""
+    if math.isnan(value):
+        return "not available"
+    if abs(value) > field.limit:
+        return f"outside +-{field.limit:.4g} {field.unit}"
+    return f"moved {value - before:.4g} {field.unit} in one frame, at most {field.step:.4g} is possible"
 
 
 @dataclass(frozen=True, slots=True)
 class Heard:
     """The inputs of one cycle.
 
-    usable: per target; stale: groups without a fresh frame; implausible: groups with a bad signal.
+    unusable: targets not to be relied on; stale: groups without a fresh frame; implausible: groups with a bad signal.
     """
 
     values: Mapping[str, float]
-    usable: Mapping[str, bool]
+    unusable: frozenset[str]
     stale: frozenset[Group]
     implausible: frozenset[Group]
 
     def all_usable(self, *targets: str) -> bool:
         """Whether every one of `targets` is."""
-        return all(self.usable[target] for target in targets)
+        return self.unusable.isdisjoint(targets)
 
 
 class Hearing:
@@ -253,33 +255,35 @@ class Hearing:
 
     def gather(self, now_ns: int) -> Heard:
         """What can be relied on at this cycle."""
-        usable: dict[str, bool] = {}
+        unusable: set[str] = set()
         stale: set[Group] = set()
         implausible: set[Group] = set()
         for listener in self._listeners:
-            fresh = listener.fresh(now_ns, self._rules.stale_cycles)
-            for field in listener.source.fields.values():
-                usable[field.target] = fresh and field.target not in listener.unusable
-            if not fresh:
+            if not listener.fresh(now_ns, self._rules.stale_cycles):
                 stale.add(listener.source.group)
+                unusable |= listener.targets
             elif listener.unusable:
                 implausible.add(listener.source.group)
-        return Heard(dict(self._values), usable, frozenset(stale), frozenset(implausible))
+                unusable |= listener.unusable
+        return Heard(dict(self._values), frozenset(unusable), frozenset(stale), frozenset(implausible))
+
+
+FLAGS: Final[Mapping[str, tuple[str, ...]]] = {
+    "demand_usable": ("articulation_rate_demand",),
+    **{f"wheel_{n}_usable": (f"wheel_speed_{n}",) for n in (1, 2, 3, 4)},
+    "torque_usable": tuple(f"wheel_torque_{n}" for n in (1, 2, 3, 4)),
+    "acceleration_usable": ("specific_force_x", "specific_force_y", "specific_force_z"),
+    "rates_usable": ("roll_rate", "pitch_rate", "yaw_rate"),
+    "slope_usable": ("pitch", "roll"),
+    "pressure_usable": ("lift_pressure", "tilt_pressure"),
+}
+"""The estimators' flags: each is set while all of its targets are usable."""
+_OWN: Final = ("dt", "rate_limit", *FLAGS)
+_MEASURED: Final = tuple(name for name in Inputs._fields if name not in _OWN)
 
 
 def estimator_inputs(heard: Heard, dt: float, rate_limit: float) -> Inputs:
     """The estimators' inputs: values, and flags for what may be relied on. dt [s]; rate_limit [rad/s]."""
-    v = heard.values
-    flags = {
-        "demand_usable": heard.all_usable("articulation_rate_demand"),
-        **{f"wheel_{n}_usable": heard.all_usable(f"wheel_speed_{n}") for n in (1, 2, 3, 4)},
-        "torque_usable": heard.all_usable(*(f"wheel_torque_{n}" for n in (1, 2, 3, 4))),
-        "acceleration_usable": heard.all_usable("specific_force_x", "specific_force_y", "specific_force_z"),
-        "rates_usable": heard.all_usable("roll_rate", "pitch_rate", "yaw_rate"),
-        "slope_usable": heard.all_usable("pitch", "roll"),
-        "pressure_usable": heard.all_usable("lift_pressure", "tilt_pressure"),
-    }
-    known = {name: v[name] for name in Inputs._fields if name in v}
-    return Inputs(
-        dt=dt, rate_limit=rate_limit, **known, **{name: float(value) for name, value in flags.items()}
-    )
+    v, usable = heard.values, heard.all_usable
+    flags = {name: 1.0 if usable(*targets) else 0.0 for name, targets in FLAGS.items()}
+    return Inputs(dt=dt, rate_limit=rate_limit, **{name: v[name] for name in _MEASURED}, **flags)

@@ -139,7 +139,7 @@ def conditions(
         "WheelLock": moving and min(believed, default=0.0) < rules.lock_slip,
         "AxleOverload": valid["normal"]
         and max(normal[0] + normal[1], normal[2] + normal[3]) > rules.axle_rating,
-        "ArticulationNearStop": heard.usable["articulation_angle"]
+        "ArticulationNearStop": heard.all_usable("articulation_angle")
         and abs(v["articulation_angle"]) > articulation_stop - rules.stop_distance,
         "SteepSlope": heard.all_usable("pitch", "roll")
         and max(abs(v["pitch"]), abs(v["roll"])) > rules.slope,

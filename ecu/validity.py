@@ -4,10 +4,9 @@ Three conditions are derived from the inputs: *motion* is known from the inertia
 or else from the rear wheels with the slope sensor; *speed* from any wheel; *mass* from pressures and pose.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Final
-
-from ecu.inputs import Heard
 
 WHEELS: Final = (1, 2, 3, 4)
 
@@ -23,26 +22,27 @@ NEEDS: Final[Mapping[str, tuple[str, ...]]] = {
 }
 
 
-def conditions(heard: Heard) -> dict[str, bool]:
-    """The conditions of the table, from the inputs."""
-    wheels = {f"wheel_{n}": heard.usable[f"wheel_speed_{n}"] for n in WHEELS}
-    inertial = heard.all_usable(
+def conditions(usable: Callable[..., bool]) -> dict[str, bool]:
+    """The conditions of the table; usable(*targets): whether all of these inputs may be relied on."""
+    wheels = {f"wheel_{n}": usable(f"wheel_speed_{n}") for n in WHEELS}
+    inertial = usable(
         "specific_force_x", "specific_force_y", "specific_force_z", "roll_rate", "pitch_rate", "yaw_rate"
     )
-    from_wheels = wheels["wheel_3"] and wheels["wheel_4"] and heard.all_usable("pitch", "roll")
+    from_wheels = wheels["wheel_3"] and wheels["wheel_4"] and usable("pitch", "roll")
     return {
         **wheels,
-        "articulation": heard.all_usable("articulation_angle", "articulation_rate"),
-        "mass": heard.all_usable("lift_pressure", "tilt_pressure", "lift_arm_angle", "tilt_angle"),
+        "articulation": usable("articulation_angle", "articulation_rate"),
+        "mass": usable("lift_pressure", "tilt_pressure", "lift_arm_angle", "tilt_angle"),
         "motion": inertial or from_wheels,
         "speed": any(wheels.values()),
-        "torque": heard.all_usable(*(f"wheel_torque_{n}" for n in WHEELS)),
+        "torque": usable(*(f"wheel_torque_{n}" for n in WHEELS)),
     }
 
 
-def valid(heard: Heard) -> dict[str, bool]:
-    """Which estimates may be called valid."""
-    known = conditions(heard)
+@lru_cache(maxsize=256)
+def valid_without(unusable: frozenset[str]) -> Mapping[str, bool]:
+    """Which estimates may be called valid while these inputs are unusable; kept, because they seldom change."""
+    known = conditions(lambda *targets: unusable.isdisjoint(targets))
     return {estimate: all(known[need] for need in needs) for estimate, needs in NEEDS.items()}
 
 

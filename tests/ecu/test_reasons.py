@@ -37,8 +37,7 @@ QUIET = Hearing(CALIBRATION.inputs, loader_database()).gather(0)
 
 
 def heard(unusable=(), stale=(), implausible=(), **values):
-    usable = {name: name not in unusable for name in QUIET.values}
-    return Heard({**QUIET.values, **values}, usable, frozenset(stale), frozenset(implausible))
+    return Heard({**QUIET.values, **values}, frozenset(unusable), frozenset(stale), frozenset(implausible))
 
 
 def found(e=CALM, inputs=None, valid=ALL):
