@@ -73,7 +73,7 @@ class Packer:
         width = self._resting.shape[1]
         return Plan(due, [self._codecs[number] for number in due], width)
 
-    def pack(self, plan: "Plan", values: NDArray[np.float64]) -> list[Frame]:
+    def pack(self, plan: "Plan", values: NDArray[np.float64], at_ns: int = 0) -> list[Frame]:
         """The frames of a plan; values: SI, in the order of `sources`. EncodeError names a value that cannot be sent."""
         failed = pack_frames(
             plan.due,
@@ -90,7 +90,7 @@ class Packer:
             value = float(values[self._places[failed, P_SOURCE]])
             codegen.no_number(codec.name, [(signal, value)])
         data = self._frames.tobytes()
-        return [Frame(can_id, data[start:stop]) for can_id, start, stop in plan.cuts]
+        return [Frame(can_id, data[start:stop], at_ns) for can_id, start, stop in plan.cuts]
 
 
 class Plan:

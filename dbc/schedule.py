@@ -41,9 +41,9 @@ class FrameSchedule:
             tick, np.fromiter(map(values.__getitem__, self._sources), np.float64, len(self._sources))
         )
 
-    def pack(self, tick: int, values: NDArray[np.float64]) -> list[Frame]:
-        """The same from the values as a vector in the order of `sources`."""
-        return self._packer.pack(self._plans[tick % len(self._plans)], values)
+    def pack(self, tick: int, values: NDArray[np.float64], at_ns: int = 0) -> list[Frame]:
+        """The same from the values as a vector in the order of `sources`, stamped `at_ns`."""
+        return self._packer.pack(self._plans[tick % len(self._plans)], values, at_ns)
 
 
 def phases(cycles: Sequence[int]) -> list[int]:

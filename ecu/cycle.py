@@ -56,6 +56,7 @@ class EcuCycle:
         self._hearing = Hearing(calibration.inputs, database)
         self._answers = Answers(database)
         self._state = State.INIT
+        self._unlimited = limits.unlimited(calibration.limits, self._parameters.prediction)
         self._limits = limits.safe(calibration.limits)
         self._stale: frozenset[Group] = frozenset()
         self._times = reasons.times(calibration.alarms)
@@ -134,7 +135,7 @@ class EcuCycle:
         if before is self._state:
             return []
         if before is State.INIT and self._state is State.RUNNING:  # nothing to rise slowly from
-            self._limits = limits.unlimited(self._calibration.limits, self._parameters.prediction)
+            self._limits = self._unlimited
         return [StateChanged(before, self._state, event, now_ns)]
 
     def _period(self, now_ns: int) -> float:
@@ -152,7 +153,7 @@ class EcuCycle:
     def _next_limits(self, estimates: Estimates, flags: Mapping[str, bool], now_ns: int) -> limits.Limits:
         rules, prediction = self._calibration.limits, self._parameters.prediction
         if not self._limits_enabled:
-            return limits.unlimited(rules, prediction)
+            return self._unlimited
         if not flags["roll_over"]:
             return limits.safe(rules)
         dt, times = self._period(now_ns), self._times[reasons.PREVENTION]
@@ -174,7 +175,7 @@ class EcuCycle:
     def _values(self, e: Estimates, flags: Mapping[str, bool], heard: Heard) -> dict[str, float]:
         """Everything that goes into a frame, by name, SI."""
         raised = {name: self._alarms[name].on for name in reasons.REASONS}
-        acting, now = self._limits, limits.unlimited(self._calibration.limits, self._parameters.prediction)
+        acting, now = self._limits, self._unlimited
         prevents = acting.cause in (limits.Cause.ROLL_OVER_PREVENTION, limits.Cause.SAFE_VALUES)
         return {
             **e._asdict(),

@@ -278,12 +278,11 @@ FLAGS: Final[Mapping[str, tuple[str, ...]]] = {
     "pressure_usable": ("lift_pressure", "tilt_pressure"),
 }
 """The estimators' flags: each is set while all of its targets are usable."""
-_OWN: Final = ("dt", "rate_limit", *FLAGS)
-_MEASURED: Final = tuple(name for name in Inputs._fields if name not in _OWN)
+_MEASURED: Final = Inputs._fields[1 : -1 - len(FLAGS)]
+assert Inputs._fields == ("dt", *_MEASURED, *FLAGS, "rate_limit")
 
 
 def estimator_inputs(heard: Heard, dt: float, rate_limit: float) -> Inputs:
     """The estimators' inputs: values, and flags for what may be relied on. dt [s]; rate_limit [rad/s]."""
-    v, usable = heard.values, heard.all_usable
-    flags = {name: 1.0 if usable(*targets) else 0.0 for name, targets in FLAGS.items()}
-    return Inputs(dt=dt, rate_limit=rate_limit, **{name: v[name] for name in _MEASURED}, **flags)
+    flags = (1.0 if heard.unusable.isdisjoint(targets) else 0.0 for targets in FLAGS.values())
+    return Inputs._make((dt, *map(heard.values.__getitem__, _MEASURED), *flags, rate_limit))

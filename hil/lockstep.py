@@ -29,7 +29,9 @@ class PlantSide(Protocol):
 
     def tick(self, now_ns: int) -> Sequence[Frame]: ...
 
-    def reference_frames(self) -> Sequence[Frame]: ...
+    def reference_frames(self) -> Sequence[Frame]:
+        """Of the last tick, with its stamp."""
+        ...
 
     @property
     def truth(self) -> Any: ...
@@ -93,9 +95,7 @@ class Lockstep:
         wire.put(plant.tick(now_ns), now_ns, "plant")
         recording.truth.append(plant.truth)
         if self._reference:
-            recording.reference += [
-                Frame(f.can_id, f.data, now_ns, f.flags) for f in plant.reference_frames()
-            ]
+            recording.reference += plant.reference_frames()
 
         ecu_ns = now_ns + ECU_PHASE_NS
         self._deliver(ecu_ns)
@@ -108,13 +108,13 @@ class Lockstep:
 
     def _deliver(self, until_ns: int) -> None:
         """Hand every frame that has arrived to the other side."""
-        recording = self.recording
+        recording, to_ecu, to_plant = self.recording, self._ecu.receive, self._plant.receive
         for sender, frame in self._wire.take(until_ns):
             recording.bus.append(frame)
             if sender == "plant":
-                recording.ecu_findings += self._ecu.receive(frame, frame.at_ns)
+                recording.ecu_findings += to_ecu(frame, frame.at_ns)
             else:
-                recording.plant_findings += self._plant.receive(frame, frame.at_ns)
+                recording.plant_findings += to_plant(frame, frame.at_ns)
 
     def run(self, progress: Callable[[float], None] | None = None, *, every: int = 50) -> Recording:
         """Step until the plant has finished; `progress` hears the simulated seconds now and then."""

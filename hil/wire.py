@@ -42,33 +42,32 @@ class Wire:
                 f"bit_rate={bit_rate} bit/s is not positive; CAN runs at 10_000 to 1_000_000 bit/s"
             )
         self._bit_ns = SECOND / bit_rate
-        self._pending: list[tuple[int, str, Frame]] = []
-        self._priorities: dict[int, int] = {}
+        self._pending: list[tuple[int, int, str, Frame]] = []  # priority, duration [ns], sender, frame
+        self._known: dict[tuple[int, int], tuple[int, int]] = {}
         self._free_ns = 0
 
     def put(self, frames: Iterable[Frame], now_ns: int, sender: str) -> None:
         """Queue frames at `now_ns`; the wire cannot have carried them before that."""
-        known = self._priorities
+        known = self._known
         for frame in frames:
-            can_id = frame.can_id
-            if can_id not in known:
-                known[can_id] = priority(can_id)
-            self._pending.append((known[can_id], sender, frame))
+            kind = frame.can_id, len(frame.data)
+            if kind not in known:
+                known[kind] = priority(frame.can_id), round(wire_bits(frame) * self._bit_ns)
+            self._pending.append((*known[kind], sender, frame))
         self._pending.sort(key=_priority)  # stable: equal identifiers keep their order
         self._free_ns = max(self._free_ns, now_ns)
 
     def take(self, until_ns: int) -> list[tuple[str, Frame]]:
         """(sender, frame) of what has arrived by `until_ns`, in order, stamped with the arrival."""
         arrived = []
-        bit_ns, free_ns = self._bit_ns, self._free_ns
-        for _, sender, frame in self._pending:
-            at_ns = free_ns + round(wire_bits(frame) * bit_ns)
-            if at_ns > until_ns:
+        at_ns = self._free_ns
+        for _, duration_ns, sender, (can_id, data, _, flags) in self._pending:
+            if at_ns + duration_ns > until_ns:
                 break
-            arrived.append((sender, Frame(frame.can_id, frame.data, at_ns, frame.flags)))
-            free_ns = at_ns
+            at_ns += duration_ns
+            arrived.append((sender, Frame(can_id, data, at_ns, flags)))
         del self._pending[: len(arrived)]
-        self._free_ns = free_ns
+        self._free_ns = at_ns
         return arrived
 
     @property

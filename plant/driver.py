@@ -7,7 +7,7 @@ Pedals and joystick move at bounded rates. While the script itself brakes, the a
 Pure: state in, state out.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from plant.checked import CheckedTable
 from plant.script import DEGREE, Wish
@@ -68,7 +68,7 @@ def drive(
         lift=wish.lift,
         tilt=wish.tilt,
     )
-    return replace(state, demand=demand, integral=integral)
+    return DriverState(demand=demand, integral=integral)
 
 
 def _pedals(

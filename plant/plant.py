@@ -43,20 +43,26 @@ class Commands:
     tilt_rate: float = 0.0
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            values = value if isinstance(value, tuple) else (value,)
-            if not all(map(math.isfinite, values)):
-                raise ValueError(f"Commands.{item.name}={value} is not finite")
+        if not all(map(math.isfinite, self._numbers())):
+            raise ValueError(
+                "; ".join(
+                    f"Commands.{item.name}={getattr(self, item.name)} is not finite"
+                    for item in fields(self)
+                    if not np.isfinite(getattr(self, item.name)).all()
+                )
+            )
         if min(self.brake_torque) < 0.0:
             raise ValueError(
                 f"Commands.brake_torque={self.brake_torque} N m: a friction torque cannot be negative"
             )
 
+    def _numbers(self) -> tuple[float, ...]:
+        rates = (self.articulation_rate, self.lift_rate, self.tilt_rate)
+        return *self.wheel_torque, *self.brake_torque, *rates
+
     def vector(self) -> NDArray[np.float64]:
         """The command vector of the compiled dynamics."""
-        rates = (self.articulation_rate, self.lift_rate, self.tilt_rate)
-        return np.array((*self.wheel_torque, *self.brake_torque, *rates))
+        return np.array(self._numbers())
 
 
 class DivergedError(RuntimeError):

@@ -82,7 +82,7 @@ class PlantUnit:
             sources=interface.REFERENCE_SOURCES,
         )
         self._ticks = 0
-        self._started_ns = 0
+        self._started_ns = self._now_ns = 0  # of the first and of the last tick
 
     @property
     def truth(self) -> Truth:
@@ -134,6 +134,7 @@ class PlantUnit:
 
     def tick(self, now_ns: int) -> list[Frame]:
         """Advance 10 ms and return the sensor frames that are due. The first tick samples the start."""
+        self._now_ns = now_ns
         if self._readings is None:
             self._started_ns = now_ns
         else:
@@ -149,8 +150,9 @@ class PlantUnit:
         return self._schedule.pack(self._ticks - 1, values)
 
     def reference_frames(self) -> list[Frame]:
-        """The test instrumentation's frames that are due at the last tick."""
-        return self._reference.pack(self._ticks - 1, interface.reference_values(self._truth))
+        """The test instrumentation's frames that are due at the last tick, with its stamp."""
+        values = interface.reference_values(self._truth)
+        return self._reference.pack(self._ticks - 1, values, self._now_ns)
 
     def _advance(self, readings: Readings, now_ns: int) -> None:
         """Driver, limits and dynamics, from the last sample to now."""

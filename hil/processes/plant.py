@@ -51,7 +51,7 @@ def run(
             started_ns.append(now_ns)
             if reference:
                 for frame in ticked.reference_frames():
-                    reference.write(frame._replace(at_ns=now_ns), REFERENCE_CHANNEL)
+                    reference.write(frame, REFERENCE_CHANNEL)
             if ticked.sequence % PROGRESS_TICKS == 0:
                 line.progress(ticked.truth.time_s, scenario.duration_s)
 

@@ -31,7 +31,7 @@ class FakePlant:
         return [Frame(SPEEDS, number.to_bytes(8, "little")), Frame(SENSOR, number.to_bytes(8, "little"))]
 
     def reference_frames(self):
-        return [Frame(SENSOR + 0x100, b"ref")]
+        return [Frame(SENSOR + 0x100, b"ref", self.ticked[-1])]
 
     @property
     def truth(self):
