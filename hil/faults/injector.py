@@ -77,7 +77,7 @@ class Injector:
         self._scripted = tuple(faults)
         self._running: list[_Running] = []
         self._acting: list[_Running] = []  # active or draining
-        self._count = 0
+        self._count = len(self._scripted)  # numbers given; those of the script are taken whenever it starts
         self._now_ns = 0
         self._change_ns: int | None = None  # when the next fault begins or ends
         self._outbox = _Outbox()
@@ -86,8 +86,8 @@ class Injector:
     def start(self, now_ns: int) -> None:
         """The run begins; the scripted faults count their times from here."""
         self._now_ns = now_ns
-        for fault in self._scripted:
-            self._add(fault, now_ns)
+        for number, fault in enumerate(self._scripted, start=1):
+            self._add(number, fault, now_ns)
         self._advance(now_ns)
 
     def pass_frame(self, side_from: Side, frame: Frame, now_ns: int) -> Sequence[Planned]:
@@ -162,7 +162,9 @@ class Injector:
 
     def _command_inject(self, request: Mapping[str, object], now_ns: int) -> dict[str, object]:
         table = CheckedTable(request, file="inject").table("fault")
-        running = self._add(read_fault(table, self._database), now_ns)
+        fault = read_fault(table, self._database)
+        self._count += 1
+        running = self._add(self._count, fault, now_ns)
         self._advance(now_ns)
         return {"ok": True, "number": running.number, "fault": running.fault.label}
 
@@ -181,18 +183,18 @@ class Injector:
         self._arrange()
         return {"ok": True, "cleared": [r.number for r in chosen]}
 
-    def _add(self, fault: Fault, zero_ns: int) -> _Running:
-        self._count += 1
+    def _add(self, number: int, fault: Fault, zero_ns: int) -> _Running:
         begins_ns = zero_ns + fault.at_ns
-        generator = random.Random(f"{self._seed}/{self._count}")
+        generator = random.Random(f"{self._seed}/{number}")
         running = _Running(
-            number=self._count,
+            number=number,
             fault=fault,
             effect=fault.settings.effect(generator),
             begins_ns=begins_ns,
             ends_ns=None if fault.for_ns is None else begins_ns + fault.for_ns,
         )
         self._running.append(running)
+        self._running.sort(key=lambda each: each.number)
         self._arrange()
         return running
 

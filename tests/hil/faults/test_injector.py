@@ -80,6 +80,25 @@ def test_a_live_fault_counts_from_now_and_ends_by_itself():
     assert told(one) == [(1000, 1, "begins"), (3000, 1, "ends")]
 
 
+def test_a_live_fault_before_the_start_leaves_the_script_its_numbers_and_draws():
+    from hil.faults.injector import Injector
+    from tests.hil.faults.traffic import DATABASE, fault
+
+    script = [fault(kind="drop", probability=0.5)]
+    undisturbed, disturbed = (Injector(DATABASE, script, seed=2) for _ in range(2))
+    answer = disturbed.command(
+        {"command": "inject", "fault": {"kind": "bus_off", "node": "ecu", "for_s": 0.1}}, 0
+    )
+    assert answer["number"] == 2
+    undisturbed.start(200 * MS)
+    disturbed.start(200 * MS)
+    (frame,) = frames(SPEEDS, 1)
+    for at in range(200, 300):
+        assert bool(undisturbed.pass_frame("plant", frame, at * MS)) == bool(
+            disturbed.pass_frame("plant", frame, at * MS)
+        )
+
+
 def test_the_list_names_phase_times_and_frames():
     one = injector(
         {"kind": "drop", "message": SPEEDS, "at_s": 0.0, "for_s": 1.0},
