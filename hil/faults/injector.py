@@ -18,6 +18,9 @@ from hil.faults.passage import OTHER, Action, Effect, Fault, Planned, Side
 from hil.faults.table import SECOND, read_fault
 from plant.checked import CheckedTable
 
+REMEMBERED = 4096
+"""Identifiers whose message is remembered."""
+
 
 class Phase(Enum):
     """Where a fault is in its life; DRAINING: over, but frames that it delayed are still under way."""
@@ -77,6 +80,7 @@ class Injector:
         self._scripted = tuple(faults)
         self._running: list[_Running] = []
         self._acting: list[_Running] = []  # active or draining
+        self._concerned: dict[tuple[Side, int], list[_Running]] = {}  # of those, by the frames they are about
         self._count = len(self._scripted)  # numbers given; those of the script are taken whenever it starts
         self._now_ns = 0
         self._change_ns: int | None = None  # when the next fault begins or ends
@@ -96,10 +100,11 @@ class Injector:
         planned: Sequence[Planned] = (Planned(now_ns, frame),)
         if not self._acting:
             return planned
-        codec = self._codec(frame.can_id)
-        for running in self._acting:
-            if running.fault.selection.covers(side_from, codec):
-                planned = _through(running, planned, side_from, codec)
+        concerned = self._concerned.get((side_from, frame.can_id))
+        if concerned is None:
+            concerned = self._who_is_concerned(side_from, frame.can_id)
+        for running in concerned:
+            planned = _through(running, planned, side_from, self._codecs[frame.can_id])
         return planned
 
     def spontaneous(self, now_ns: int) -> list[tuple[Side, Frame]]:
@@ -200,7 +205,8 @@ class Injector:
 
     def _advance(self, now_ns: int) -> int:
         """Begin and end what is due, in the order of time; the time that counts."""
-        self._now_ns = max(self._now_ns, now_ns)
+        if now_ns > self._now_ns:
+            self._now_ns = now_ns
         while self._change_ns is not None and self._change_ns <= self._now_ns:
             at_ns = self._change_ns
             for running in self._running:
@@ -218,6 +224,7 @@ class Injector:
     def _arrange(self) -> None:
         """Which faults act, and when that changes next."""
         self._acting = [r for r in self._running if r.phase in (Phase.ACTIVE, Phase.DRAINING)]
+        self._concerned.clear()
         self._change_ns = min((t for r in self._running if (t := _changes_ns(r)) is not None), default=None)
 
     def _begin(self, running: _Running) -> None:
@@ -237,10 +244,15 @@ class Injector:
     def _note(self, running: _Running, at_ns: int, what: str) -> None:
         self.events.append(FaultEvent(at_ns, running.number, running.fault.label, what, running.struck))
 
-    def _codec(self, can_id: int) -> MessageCodec | None:
-        if can_id not in self._codecs:
-            self._codecs[can_id] = self._database.match(can_id)
-        return self._codecs[can_id]
+    def _who_is_concerned(self, side: Side, can_id: int) -> list[_Running]:
+        """The faults that act on such frames; remembered, but for a flood of random identifiers."""
+        if len(self._codecs) >= REMEMBERED:
+            self._codecs.clear()
+            self._concerned.clear()
+        codec = self._codecs[can_id] = self._database.match(can_id)
+        concerned = [running for running in self._acting if running.fault.selection.covers(side, codec)]
+        self._concerned[side, can_id] = concerned
+        return concerned
 
 
 def _through(

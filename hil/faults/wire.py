@@ -35,7 +35,8 @@ class FaultyWire:
         self._act = act
         self._bit_ns = SECOND / bit_rate
         self._requests: list[tuple[int, int, Side, Frame]] = []  # by the time they ask for the wire
-        self._waiting: list[tuple[object, int, Side, Frame]] = []  # by priority
+        self._waiting: list[tuple[int, int, Side, Frame]] = []  # by priority
+        self._priorities: dict[int, int] = {}
         self._depth: Counter[int] = Counter()
         self._order = 0
         self._free_ns = 0
@@ -60,7 +61,7 @@ class FaultyWire:
                 break
             heapq.heappop(self._waiting)
             self._depth[frame.can_id] -= 1
-            arrived.append((side, frame._replace(at_ns=at_ns)))
+            arrived.append((side, Frame(frame.can_id, frame.data, at_ns, frame.flags)))
             self._free_ns = at_ns
         return arrived
 
@@ -79,7 +80,9 @@ class FaultyWire:
             if self._depth[frame.can_id] >= WAITING_LIMIT:
                 self._lose_oldest(frame.can_id)
             self._depth[frame.can_id] += 1
-            heapq.heappush(self._waiting, (priority(frame.can_id), order, side, frame))
+            if frame.can_id not in self._priorities:
+                self._priorities[frame.can_id] = priority(frame.can_id)
+            heapq.heappush(self._waiting, (self._priorities[frame.can_id], order, side, frame))
 
     def _lose_oldest(self, can_id: int) -> None:
         oldest = min(

@@ -1,5 +1,7 @@
 """Faults begin, end and are commanded at their times; what was done is told."""
 
+from bus.frame import Frame
+from hil.faults.injector import REMEMBERED
 from hil.faults.passage import Action
 from tests.hil.faults.traffic import MS, frames, injector, passed
 
@@ -29,6 +31,14 @@ def test_times_count_from_the_start():
     one.start(7000 * MS)
     assert one.pass_frame("plant", frame, 7999 * MS)
     assert not one.pass_frame("plant", frame, 8000 * MS)
+
+
+def test_a_flood_of_identifiers_is_forgotten_and_the_faults_stay():
+    one = injector({"kind": "drop", "message": SPEEDS})
+    (frame,) = frames(SPEEDS, 1)
+    for identifier in range(3 * REMEMBERED):
+        assert one.pass_frame("plant", Frame(identifier, b""), MS)
+        assert not one.pass_frame("plant", frame, MS)
 
 
 def test_faults_act_one_after_the_other():
