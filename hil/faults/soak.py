@@ -105,13 +105,12 @@ class _Episode:
         """Fault by fault, with quiet between them."""
         found, watch = self._found, self._watch
         before_s = found.simulated_s
-        self._until(SETTLED_S)
+        self._until(round(SETTLED_S * SECOND))
         watch.forget()
         for number, fault in enumerate(self._plan, start=1):
-            begins_s, ends_s = fault.at_ns / SECOND, (fault.at_ns + (fault.for_ns or 0)) / SECOND
-            self._until(begins_s)
+            self._until(fault.at_ns)
             self._nothing_noticed()
-            if not self._until(ends_s + AFTERWARDS_S):
+            if not self._until(fault.at_ns + (fault.for_ns or 0) + round(AFTERWARDS_S * SECOND)):
                 break
             struck = fault.kind == "kill" or watch.injector.first_struck_ns(number) is not None
             found.faults.append(
@@ -121,16 +120,16 @@ class _Episode:
             found.simulated_s = before_s + watch.now_ns / SECOND
             progress(found.simulated_s)
         else:
-            self._until(self._duration_s)
+            self._until(round(self._duration_s * SECOND))
             self._nothing_noticed()
         found.episodes += 1
         found.rolled_over += watch.rolled_over
         found.simulated_s = before_s + watch.now_ns / SECOND
 
-    def _until(self, time_s: float) -> bool:
-        """Step to `time_s`; whether the drive still goes on then."""
+    def _until(self, time_ns: int) -> bool:
+        """Step to `time_ns`; whether the drive still goes on then."""
         watch = self._watch
-        while watch.now_ns < time_s * SECOND and not watch.finished:
+        while watch.now_ns < time_ns and not watch.finished:
             watch.step()
             self._keeper.check(watch.answers)
             watch.answers.clear()

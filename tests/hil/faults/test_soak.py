@@ -50,6 +50,10 @@ def test_faults_of_a_soak_do_not_touch_one_another(found):
         assert begins - ends >= AFTERWARDS_S * SECOND
 
 
+def test_faults_begin_on_a_tick_so_that_the_quiet_before_them_is_quiet(found):
+    assert all(h.fault.at_ns % PERIOD_NS == 0 for h in found.faults)
+
+
 def test_chance_gives_every_kind_and_only_sound_tables():
     generator = random.Random(1)
     kinds = {fault(**chance.fault(generator)).kind for _ in range(500)}
