@@ -1,7 +1,7 @@
-"""Benchmark of the hub and of the receive path: `python bench/bench_bus.py [--frames N] [--rounds N]`.
+"""Benchmark of the hub and of the receive path: `python -m bench.bench_bus [--frames N] [--rounds N]`.
 
 Latency, one way, sender and receiver in two processes, one frame per millisecond:
-  direct     one Unix SEQPACKET socket between them, 84 bytes as the hub uses: the floor of one hop
+  direct     one Unix stream socket between them, 84 bytes as the hub uses: the floor of one hop
   raw relay  a third process that does nothing but recv and send: the floor of any relay, two hops
   hub        HubTransport, hub process, HubTransport: packing, stamping, unpacking included
   python-can HubBus on the same hub, as a user of python-can sees it
@@ -10,7 +10,8 @@ Receive path, CPU time of the receiving process per frame, frames of loader.dbc 
   ours       asyncio add_reader, HubTransport.drain, generated codec
   python-can Notifier and AsyncBufferedReader on HubBus, cantools
 With CAN in the kernel (vcan0) the receive path is measured on SocketCAN too, there with python-can's own interface.
-Every arm runs in every round; the median over the rounds is told.
+Every arm runs in every round, so that a busy machine is busy for all; ratios are those of the medians over the
+rounds, with the range of the ratios within a round.
 """
 
 import argparse
@@ -110,7 +111,7 @@ def receive_python_can(pipe: Connection, path: str, frames: int) -> None:
 
 
 def latency_direct(path: str, frames: int) -> list[int]:
-    near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
     with near, far:
         process, pipe = in_process(receive_raw, far, frames)
         pipe.recv()
@@ -119,8 +120,8 @@ def latency_direct(path: str, frames: int) -> list[int]:
 
 
 def latency_relay(path: str, frames: int) -> list[int]:
-    near, middle = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    onward, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    near, middle = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    onward, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
     with near, middle, onward, far:
         receiver, pipe = in_process(receive_raw, far, frames)
         relay, relay_pipe = in_process(relay_raw, middle, onward, frames)
@@ -238,8 +239,8 @@ def serve(pipe: Connection, path: str) -> None:
 
 def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    arguments.add_argument("--frames", type=int, default=3000, help="frames per arm and round")
-    arguments.add_argument("--rounds", type=int, default=5)
+    arguments.add_argument("--frames", type=int, default=500, help="frames per arm and round")
+    arguments.add_argument("--rounds", type=int, default=20)
     chosen = arguments.parse_args()
     print(
         f"{platform.machine()}, {os.cpu_count()} CPUs, Linux {platform.release()}, Python {platform.python_version()}, "
@@ -252,7 +253,7 @@ def main() -> None:
         pipe.recv()
         try:
             latencies(path, chosen.rounds, chosen.frames)
-            receive_path(path, chosen.rounds, 4 * chosen.frames)
+            receive_path(path, max(chosen.rounds // 2, 1), 6 * chosen.frames)
         finally:
             hub.terminate()
             hub.join()
@@ -265,21 +266,18 @@ def latencies(path: str, rounds: int, frames: int) -> None:
         "hub": latency_hub,
         "python-can": latency_python_can,
     }
-    seen: dict[str, list[tuple[float, float]]] = {name: [] for name in arms}
+    p50: dict[str, list[float]] = {name: [] for name in arms}
+    p99: dict[str, list[float]] = {name: [] for name in arms}
     for _ in range(rounds):
         for name, measure in arms.items():
-            seen[name].append(quantiles_us(measure(path, frames)))
-    print(
-        f"\n{'one-way latency':18}{'p50 [us]':>10}{'range':>16}{'p99 [us]':>10}{'x direct':>10}{'x relay':>9}"
-    )
-    p50 = {name: statistics.median(value for value, _ in values) for name, values in seen.items()}
-    for name, values in seen.items():
-        p50s = [value for value, _ in values]
-        p99 = statistics.median(value for _, value in values)
-        spread = f"{min(p50s):.1f}..{max(p50s):.1f}"
+            median, tail = quantiles_us(measure(path, frames))
+            p50[name].append(median)
+            p99[name].append(tail)
+    print("\n| one way | p50 [us] | range | p99 [us] | x direct | x relay |\n|---|---|---|---|---|---|")
+    for name in arms:
         print(
-            f"{name:18}{p50[name]:10.1f}{spread:>16}{p99:10.1f}"
-            f"{p50[name] / p50['direct']:10.2f}{p50[name] / p50['raw relay']:9.2f}"
+            f"| {name} | {spread(p50[name], 1)} | {statistics.median(p99[name]):.0f} "
+            f"| {ratio(p50[name], p50['direct'])} | {ratio(p50[name], p50['raw relay'])} |"
         )
 
 
@@ -288,20 +286,27 @@ def receive_path(path: str, rounds: int, frames: int) -> None:
     if "vcan0" in can_interfaces():
         buses["SocketCAN"] = ("socketcan:vcan0", "socketcan", "vcan0")
     print(
-        f"\n{'receive path':18}{'ours':>10}{'range':>16}{'python-can':>12}{'range':>16}{'ratio':>8}   CPU us/frame"
+        "\n| CPU us/frame | ours | range | python-can | range | python-can/ours |\n|---|---|---|---|---|---|"
     )
     for name, (address, interface, channel) in buses.items():
         ours, theirs = [], []
         for _ in range(rounds):
             ours.append(cpu_per_frame(address, receive_ours, address, frames=frames))
             theirs.append(cpu_per_frame(address, receive_theirs, interface, channel, frames=frames))
-        ratio = statistics.median(theirs) / statistics.median(ours)
-        cells = [
-            (statistics.median(values), f"{min(values):.2f}..{max(values):.2f}") for values in (ours, theirs)
-        ]
-        print(
-            f"{name:18}{cells[0][0]:10.2f}{cells[0][1]:>16}{cells[1][0]:12.2f}{cells[1][1]:>16}{ratio:8.2f}"
-        )
+        print(f"| {name} | {spread(ours, 2)} | {spread(theirs, 2)} | {ratio(theirs, ours)} |")
+
+
+def spread(values: list[float], digits: int) -> str:
+    """Median and range, as two cells."""
+    return f"{statistics.median(values):.{digits}f} | {min(values):.{digits}f}..{max(values):.{digits}f}"
+
+
+def ratio(values: list[float], floor: list[float]) -> str:
+    """Of the medians, and its range over the rounds."""
+    rounds = [value / low for value, low in zip(values, floor, strict=True)]
+    return (
+        f"{statistics.median(values) / statistics.median(floor):.2f} ({min(rounds):.2f}..{max(rounds):.2f})"
+    )
 
 
 if __name__ == "__main__":

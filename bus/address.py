@@ -15,7 +15,7 @@ def open_transport(address: str, *, name: str = "") -> Transport:
     """
     scheme, separator, rest = address.partition(":")
     if not separator or not rest:
-        raise BusUnavailable(f"{address!r} is no address of a bus; write {FORMS}")
+        raise BusUnavailable(f"{address!r} is no address of a bus; write {_meant(address) or FORMS}")
     match scheme:
         case "hub":
             return HubTransport(rest, name=name)
@@ -24,3 +24,12 @@ def open_transport(address: str, *, name: str = "") -> Transport:
         case "virtual":
             return named_bus(rest).connect()
     raise BusUnavailable(f"{address!r}: there is no kind of bus {scheme!r}; write {FORMS}")
+
+
+def _meant(address: str) -> str:
+    """What somebody who left out the kind of bus will have meant; nothing if that cannot be said."""
+    if address.startswith(("can", "vcan", "slcan", "vxcan")):
+        return f"socketcan:{address}"
+    if address.startswith(("/", "./", "@")):
+        return f"hub:{address}"
+    return ""

@@ -185,20 +185,21 @@ def _connect(path: str) -> socket.socket:
         connection.connect(name)
     except OSError as error:
         connection.close()
-        raise BusUnavailable(f"{path}: {_why_not(error)}") from error
+        raise BusUnavailable(f"{path}: {_why_not(error, path)}") from error
     return connection
 
 
-def _why_not(error: OSError) -> str:
+def _why_not(error: OSError, path: str) -> str:
+    start = f"loaderhil hub --bus hub:{path}"
     match error:
         case FileNotFoundError():
-            return "there is no hub; start one there first (loaderhil hub)"
+            return f"there is no hub; start one there first ({start})"
         case ConnectionRefusedError():
-            return "no hub listens there (it ended, or was killed); start one (loaderhil hub)"
+            return f"no hub listens there (it ended, or was killed); start one ({start})"
         case PermissionError():
-            return "no permission; the hub belongs to another user"
+            return "no permission; the hub belongs to another user, who would have to share it (chmod)"
         case OSError(errno=errno.EPROTOTYPE):
-            return "what listens there is no hub of this version"
+            return "what listens there is no hub, or one of an older loaderhil"
         case _:
             return f"cannot be reached: {error.strerror or error}"
 

@@ -9,6 +9,7 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
+from bus.hub_peer import peer_pid
 from bus.transport import BusUnavailable
 
 BACKLOG = 64
@@ -24,7 +25,7 @@ def socket_name(path: str) -> str:
     if len(os.fsencode(name)) > PATH_LIMIT:
         raise BusUnavailable(
             f"{path}: {len(os.fsencode(name))} bytes are too long for a socket's name, at most "
-            f"{PATH_LIMIT}; use a shorter path, or @NAME"
+            f"{PATH_LIMIT}; use a shorter path such as /tmp/loader.hub, or hub:@NAME"
         )
     return name
 
@@ -56,7 +57,7 @@ class Listener:
             self.socket.bind(name)
         except OSError as error:
             if error.errno == errno.EADDRINUSE:
-                raise BusUnavailable(f"{self.path}: a hub already serves this address") from error
+                raise BusUnavailable(_in_use(self.path, name)) from error
             raise BusUnavailable(f"{self.path}: no socket can be made here: {error.strerror}") from error
 
     def close(self) -> None:
@@ -76,7 +77,10 @@ def _locked(folder: Path) -> Iterator[None]:
     try:
         descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     except OSError as error:
-        raise BusUnavailable(f"{folder}: the hub's socket cannot be made there: {error.strerror}") from error
+        remedy = f"mkdir -p {folder}" if isinstance(error, FileNotFoundError) else "choose another folder"
+        raise BusUnavailable(
+            f"{folder}: the hub's socket cannot be made there: {error.strerror}; {remedy}"
+        ) from error
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
@@ -97,6 +101,14 @@ def _remove_stale(path: Path) -> None:
     if answer == errno.ECONNREFUSED:
         path.unlink()
     elif answer in (0, errno.EAGAIN):
-        raise BusUnavailable(f"{path}: a hub already serves this address")
+        raise BusUnavailable(_in_use(os.fspath(path), os.fspath(path)))
     else:
         raise BusUnavailable(f"{path}: in the way, and {os.strerror(answer).lower()}; use another path")
+
+
+def _in_use(path: str, name: str) -> str:
+    """Who serves an address already, as far as the kernel tells."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) as probe:
+        pid = peer_pid(probe) if probe.connect_ex(name) == 0 else 0
+    who = f"a hub (process {pid})" if pid else "a hub"
+    return f"{path}: {who} already serves this address; use it, end it, or serve another (--bus hub:PATH)"

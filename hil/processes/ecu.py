@@ -10,7 +10,7 @@ from hil.ecu_side import Form, ecu_cycle
 from hil.ending import Ending
 from hil.gateway.tap import tapped
 from hil.lifeline import Lifeline
-from hil.processes.shell import HostShare, counters, log_to, run_until_signal
+from hil.processes.shell import HostShare, counters, log_to, reach, run_until_signal
 from hil.realtime_options import ORDINARY, RealtimeOptions
 
 
@@ -24,6 +24,7 @@ def run(
 ) -> Ending:
     """The virtual ECU on the bus, until it is told to end; with `out`, its timing and log are left there."""
     log_to(out and out / rundir.ECU_LOG)
+    reach(address)
     cycle = ecu_cycle(form=form, limits=limits)
     cycle.warm_up()  # compiles on a fresh machine: before anybody waits for answers
     realtime.apply()

@@ -15,7 +15,7 @@ from hil.compose import Choice, plant_unit
 from hil.ending import Ending
 from hil.gateway.tap import tapped
 from hil.lifeline import Lifeline
-from hil.processes.shell import HostShare, counters, log_to, run_until_signal
+from hil.processes.shell import HostShare, counters, log_to, reach, run_until_signal
 from hil.realtime_options import ORDINARY, RealtimeOptions
 from plant import node
 from plant.reception import Finding
@@ -34,6 +34,7 @@ def run(
     """The machine of one scenario on the bus; with `out`, its truth and timing are left there."""
     log_to(out and out / rundir.PLANT_LOG)
     scenario = choice.load()
+    reach(address)
     unit = plant_unit(scenario)
     _warm_plant(scenario)
     realtime.apply()

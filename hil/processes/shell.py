@@ -14,6 +14,7 @@ from collections.abc import Callable, Coroutine, Iterator
 from pathlib import Path
 from typing import Any, Self
 
+from bus.address import open_transport
 from bus.mistake import Mistake
 from bus.transport import BusClosed, BusUnavailable, Transport
 from hil.ending import Ending
@@ -37,6 +38,11 @@ def ending_of(body: Callable[[Lifeline], Ending]) -> Ending:
         line.error(str(error))
         return Ending.MISUSED
     return Ending.HUB_LOST
+
+
+def reach(address: str) -> None:
+    """Open a bus and leave it: what is missing is told now, and not after a minute of compiling."""
+    open_transport(address).close()
 
 
 def log_to(file: Path | None) -> None:

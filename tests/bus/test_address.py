@@ -14,7 +14,9 @@ from bus.transport import BusUnavailable
     ("address", "says"),
     [
         ("", "no address of a bus; write hub:/path"),
-        ("can0", "'can0' is no address of a bus; write"),
+        ("can0", "'can0' is no address of a bus; write socketcan:can0$"),
+        ("/tmp/loader.hub", "write hub:/tmp/loader.hub$"),
+        ("@bench", "write hub:@bench$"),
         ("hub:", "'hub:' is no address"),
         ("kvaser:0", "no kind of bus 'kvaser'; write hub:/path"),
     ],

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from bus.can_socket import kernel_has_can
 from bus.frame import BRS, FD, Frame
 from bus.hub_client import HubTransport, hub_status, wait_for_hub
 from bus.hub_status import HubStatus
@@ -100,6 +101,72 @@ def test_the_data_bit_rate_shortens_frames_that_switch(path: str) -> None:
 def test_bit_rates_that_no_bus_has_are_refused(nominal: int | None, data: int, says: str) -> None:
     with pytest.raises(ImpossibleRates, match=says):
         BitRates(nominal, data)
+
+
+def one_line(*words: str) -> str:
+    """What a command that cannot have its bus says."""
+    result = loaderhil(*words)
+    assert result.returncode == Ending.HUB_LOST
+    assert result.stdout == ""
+    assert len(result.stderr.splitlines()) == 1, result.stderr
+    assert result.stderr.startswith("loaderhil: ")
+    return result.stderr
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("x" * 120, "bytes are too long for a socket's name, at most 107; use a shorter path"),
+        ("missing/hub", "cannot be made there: No such file or directory; mkdir -p"),
+        ("file", "in the way, and not a socket; remove it or use another path"),
+    ],
+)
+def test_a_hub_that_cannot_serve_says_why_in_one_line(tmp_path: Path, name: str, says: str) -> None:
+    (tmp_path / "file").write_text("precious")
+    assert says in one_line("hub", "--bus", f"hub:{tmp_path / name}")
+    assert (tmp_path / "file").read_text() == "precious"
+
+
+@pytest.mark.processes
+def test_a_second_hub_names_the_first_which_goes_on(path: str) -> None:
+    with running("hub", "--bus", f"hub:{path}") as first:
+        wait_for_hub(path, WAIT_S)
+        assert f"a hub (process {first.pid}) already serves this address" in one_line(
+            "hub", "--bus", f"hub:{path}"
+        )
+        HubTransport(path).close()
+
+
+@pytest.mark.processes
+def test_the_socket_of_a_killed_hub_is_in_nobodys_way(path: str) -> None:
+    with running("hub", "--bus", f"hub:{path}") as killed:
+        wait_for_hub(path, WAIT_S)
+        killed.kill()
+    assert Path(path).exists()
+    assert "no hub listens there (it ended, or was killed)" in one_line(
+        "hub", "--status", "--bus", f"hub:{path}"
+    )
+    with running("hub", "--bus", f"hub:{path}"):
+        wait_for_hub(path, WAIT_S)
+    assert not Path(path).exists()
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("command", [("ecu",), ("plant", "standstill")])
+def test_a_bus_that_is_not_there_is_told_before_anything_is_compiled(
+    path: str, command: tuple[str, ...]
+) -> None:
+    says = one_line(*command, "--bus", f"hub:{path}")
+    assert f"there is no hub; start one there first (loaderhil hub --bus hub:{path})" in says
+
+
+@pytest.mark.processes
+def test_plant_without_can_is_told_what_is_missing() -> None:
+    """Either this kernel has no CAN, or no such interface; both in one line with its remedy."""
+    says = one_line("plant", "standstill", "--bus", "socketcan:nocan0")
+    missing = "no such CAN interface" if kernel_has_can() else "this kernel has no CAN; load its modules"
+    assert f"socketcan:nocan0: {missing}" in says
 
 
 @pytest.mark.processes
