@@ -19,7 +19,12 @@ LEGS_S = (3.0, 8.0)
 
 
 def drive(generator: random.Random, duration_s: float) -> Script:
-    """Speed and articulation in random legs, the lift arm moving now and then."""
+    """A random drive as the driver's script."""
+    return read_script(CheckedTable(driver(generator, duration_s), file="soak"))
+
+
+def driver(generator: random.Random, duration_s: float) -> dict[str, Table]:
+    """The [driver] table of a random drive: legs of speed and articulation, the lift arm moving now and then."""
     time_s, before = 1.0, 0.0
     speeds, angles, lifts = [[0.0, 0.0]], [[0.0, 0.0]], [[0.0, 0.0]]
     while time_s < duration_s:
@@ -31,7 +36,7 @@ def drive(generator: random.Random, duration_s: float) -> Script:
         angles.append([time_s, generator.uniform(-bound, bound)])
         lifts.append([time_s, generator.choice((-10.0, 0.0, 0.0, 10.0))])
     points = {"speed_kmh": speeds, "articulation_deg": angles, "lift_percent": lifts}
-    return read_script(CheckedTable({key: {"points": value} for key, value in points.items()}, file="soak"))
+    return {key: {"points": value} for key, value in points.items()}
 
 
 def fault(generator: random.Random) -> Table:

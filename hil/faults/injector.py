@@ -234,7 +234,7 @@ class Injector:
         self._note(running, running.begins_ns, "begins")
 
     def _end(self, running: _Running, at_ns: int, what: str) -> None:
-        last = [*running.effect.due(at_ns), *running.effect.end()]
+        last = [*running.effect.due(at_ns - 1), *running.effect.end()]
         self._outbox.frames += last
         running.strike(at_ns, len(last))
         self._outbox.actions += running.effect.ends_with

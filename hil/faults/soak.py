@@ -18,6 +18,7 @@ from hil.faults.passage import Fault
 from hil.faults.table import SECOND, read_fault
 from hil.faults.watch import Answer, Mechanism, Watch, Witness
 from hil.lockstep import PERIOD_NS
+from hil.verdict import Result
 from plant.checked import CheckedTable
 from plant.scenario import Scenario, load_scenario
 
@@ -30,6 +31,8 @@ AFTERWARDS_S = 1.0
 QUIET_S = (0.5, 1.5)
 """After that, for so long nobody may notice anything."""
 MOST_TOLD = 50
+LONGEST_TICK_NS = 10 * PERIOD_NS
+"""After a longer silence it may be another ECU that answers."""
 ROUNDING = 1e-6
 """Of a decoded value: 254 times 0.2 is a little more than 50.8."""
 
@@ -62,7 +65,7 @@ class Soak:
     """What a soak found.
 
     violations: of the ECU's declared states and ranges; unexplained: noticed although nothing was injected.
-    states: ticks by the ECU's state.
+    states: ticks by the ECU's state. doubt: why what is unexplained may be the host's doing.
     """
 
     seed: int
@@ -73,11 +76,16 @@ class Soak:
     states: Counter[str] = field(default_factory=Counter)
     violations: Told = field(default_factory=Told)
     unexplained: Told = field(default_factory=Told)
+    doubt: str = ""
 
     @property
-    def passed(self) -> bool:
+    def result(self) -> Result:
         """Whether the ECU kept its word and nothing was noticed that nobody had done."""
-        return self.simulated_s > 0 and not self.violations.count and not self.unexplained.count
+        if self.violations.count or self.simulated_s <= 0:
+            return Result.FAILED
+        if self.unexplained.count:
+            return Result.INCONCLUSIVE if self.doubt else Result.FAILED
+        return Result.PASSED
 
 
 def soak(seconds: float, seed: int, progress: Callable[[float], None] = lambda done_s: None) -> Soak:
@@ -96,7 +104,10 @@ class _Episode:
         generator = random.Random(f"{found.seed}/{found.episodes}")
         self._found = found
         self._duration_s = duration_s
-        self._plan = _plan(generator, duration_s)
+        self._plan = [
+            read_fault(CheckedTable(table, file="soak", section="fault"), loader_database())
+            for table in plan(generator, duration_s)
+        ]
         scenario = _scenario(generator, duration_s)
         self._watch = Watch(scenario, self._plan, seed=generator.randrange(2**32))
         self._keeper = Keeper(found)
@@ -182,7 +193,11 @@ class Keeper:
         self._found.states[state.name.lower()] += 1
         if state is State.FAULT:
             self._violate(answer, "in its fault state")
-        if before is None or answer.at_ns - before.at_ns != PERIOD_NS or before.state not in tuple(State):
+        if (
+            before is None
+            or answer.at_ns - before.at_ns > LONGEST_TICK_NS
+            or before.state not in tuple(State)
+        ):
             return  # a new ECU
         if state not in _reachable(State(before.state)):
             self._violate(answer, f"from {State(before.state).name} to {state.name} is not declared")
@@ -201,16 +216,27 @@ def _after(state: State) -> set[State]:
     return {after for event, after in TRANSITIONS[state].items() if event is not Event.RESET}
 
 
-def _plan(generator: random.Random, duration_s: float) -> list[Fault]:
-    """Random faults, one after the other with quiet between them."""
-    plan: list[Fault] = []
+def plan(
+    generator: random.Random,
+    duration_s: float,
+    afterwards_s: Callable[[str], float] = lambda kind: AFTERWARDS_S,
+    permitted: Callable[[chance.Table], bool] = lambda table: True,
+) -> list[chance.Table]:
+    """Tables of random faults, one after the other with quiet between them.
+
+    afterwards_s: how long after its end a fault of a kind may be noticed; permitted: others are drawn anew.
+    """
+    tables: list[chance.Table] = []
     at_s = FIRST_S
     while at_s + LASTS_S[1] + AFTERWARDS_S < duration_s:
+        table = chance.fault(generator)
+        if not permitted(table):
+            continue
         for_s = round(generator.uniform(*LASTS_S), 2)
-        table = chance.fault(generator) | {"at_s": at_s, "for_s": for_s}
-        plan.append(read_fault(CheckedTable(table, file="soak", section="fault"), loader_database()))
-        at_s = round(at_s + for_s + AFTERWARDS_S + generator.uniform(*QUIET_S), 2)  # on a tick
-    return plan
+        tables.append(table | {"at_s": at_s, "for_s": for_s})
+        after_s = afterwards_s(str(table["kind"])) + generator.uniform(*QUIET_S)
+        at_s = round(at_s + for_s + after_s, 2)  # on a tick
+    return tables
 
 
 def _scenario(generator: random.Random, duration_s: float) -> Scenario:

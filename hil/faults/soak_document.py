@@ -76,10 +76,9 @@ def _promises(found: Soak) -> str:
         f"| {what} | {count or 'never'} |\n" for what, count in rows
     )
     lines = "".join(f"- {line}\n" for line in (*found.violations.lines, *found.unexplained.lines))
-    return (
-        f"{table}\nTicks of the ECU by state: {', '.join(share.values())}. Roll-overs: {found.rolled_over}.\n"
-        + (f"\n{lines}" if lines else "")
-    )
+    doubt = f"What was noticed between faults decides nothing: {found.doubt}.\n\n" if found.doubt else ""
+    ticks = f"Ticks of the ECU by state: {', '.join(share.values())}. Roll-overs: {found.rolled_over}.\n"
+    return f"**{found.result.value}**\n\n{table}\n{doubt}{ticks}" + (f"\n{lines}" if lines else "")
 
 
 def _classes(found: Soak) -> str:

@@ -158,7 +158,7 @@ def test_bus_off_silences_both_directions_for_its_time():
 
 
 def test_a_babbling_node_sends_at_its_rate_and_only_while_the_fault_lasts():
-    table = {"kind": "babble", "at_s": 0.1, "for_s": 0.0499, "interval_us": 500.0, "from": "plant"}
+    table = {"kind": "babble", "at_s": 0.1, "for_s": 0.05, "interval_us": 500.0, "from": "plant"}
     arrived = passed(injector(table), [])
     assert [at for at, _ in arrived] == [100 * MS + n * MS // 2 for n in range(100)]
     assert {frame.can_id for _, frame in arrived} == {0}

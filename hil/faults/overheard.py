@@ -1,0 +1,123 @@
+"""Who noticed what in a real-time run, from what it left: the ECU's log, and the bus on either side of the gateway.
+
+The ECU's findings stand in its log with their stamps. The machine does not log its timeouts; what it must
+have found follows from the frames that it was sent, by the same checks.
+"""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dbc import loader_database
+from dbc.columns import ColumnDecoder
+from dbc.database import MessageCodec
+from dbc.logfile import FrameTable, read_candump
+from dbc.protection import Checker
+from dbc.protection import Finding as Check
+from ecu.calibration import load_calibration
+from ecu.inputs import sources
+from hil import rundir
+from hil.ecu_side import CALIBRATION
+from hil.faults.passage import Fault
+from hil.faults.watch import OF_CHECK, Answer, Mechanism, Notice, Witness
+
+_FINDING = re.compile(r"(?P<kind>ProtectionFailed|Stale|Implausible)\((?P<said>.*), at_ns=(?P<at_ns>\d+)\)")
+_CHECK = re.compile(r"what=<Finding\.(\w+):")
+_GROUP = re.compile(r"group='(\w+)'")
+HEARD_BY_MACHINE = ("Limits", "EcuStatus")
+
+
+def of_ecu(path: Path) -> list[Notice]:
+    """What the ECU logged in the run directory `path`."""
+    lines = (path / rundir.ECU_LOG).read_text(encoding="utf-8").splitlines()
+    return [notice for line in lines if (notice := _of_line(line)) is not None]
+
+
+def _of_line(line: str) -> Notice | None:
+    found = _FINDING.search(line)
+    if found is None:
+        return None
+    mechanism = {"Stale": Mechanism.TIMEOUT, "Implausible": Mechanism.PLAUSIBILITY}.get(found["kind"])
+    if mechanism is None and (check := _CHECK.search(found["said"])) is not None:
+        mechanism = OF_CHECK.get(Check[check[1]])
+    if mechanism is None:
+        return None
+    return Notice(int(found["at_ns"]), Witness.ECU, mechanism, found["said"])
+
+
+def of_machine(frames: FrameTable, stale_ns: int) -> list[Notice]:
+    """What the machine must have found in the frames of its bus."""
+    database = loader_database()
+    notices = []
+    for name in HEARD_BY_MACHINE:
+        notices += list(_checked(frames, database.by_name[name]))
+    at_ns = frames.time_ns[frames.can_id == database.by_name["Limits"].can_id]
+    late = np.flatnonzero(np.diff(at_ns) > stale_ns)
+    notices += [
+        Notice(int(at_ns[i]) + stale_ns, Witness.MACHINE, Mechanism.TIMEOUT, "Limits stale") for i in late
+    ]
+    return sorted(notices, key=lambda notice: notice.at_ns)
+
+
+def _checked(frames: FrameTable, codec: MessageCodec) -> Iterator[Notice]:
+    checker = Checker(codec)
+    for row in np.flatnonzero(frames.can_id == codec.can_id):
+        at_ns = int(frames.time_ns[row])
+        check = checker.check(frames.data[row, : frames.length[row]].tobytes(), at_ns)
+        if check in OF_CHECK:
+            yield Notice(at_ns, Witness.MACHINE, OF_CHECK[check], f"{codec.name}: {check.value}")
+
+
+def of_bench(frames: FrameTable) -> list[Notice]:
+    """Identifiers that no DBC knows."""
+    known = np.array(sorted(loader_database().by_id), np.uint32)
+    rows = np.flatnonzero(~np.isin(frames.can_id, known))
+    return [
+        Notice(int(frames.time_ns[row]), Witness.BENCH, Mechanism.UNKNOWN, "not in the DBC") for row in rows
+    ]
+
+
+def answers_of(frames: FrameTable) -> list[Answer]:
+    """What the ECU sent on its own bus: each state with the limits sent nearest to it."""
+    columns = ColumnDecoder(loader_database()).decode(frames)
+    if "EcuStatus" not in columns or "Limits" not in columns:
+        return []
+    status, limits = columns["EcuStatus"], columns["Limits"]
+    nearest = _nearest(limits.time_s, status.time_s)
+    return [
+        Answer(
+            round(at_s * 1e9),
+            int(state),
+            {name: float(values[row]) for name, values in limits.signals.items()},
+        )
+        for at_s, state, row in zip(status.time_s, status.signals["State"], nearest, strict=True)
+    ]
+
+
+def _nearest(times: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.intp]:
+    """For each wanted time the row of `times` nearest to it."""
+    after = np.clip(np.searchsorted(times, wanted), 1, max(len(times) - 1, 1))
+    closer = wanted - times[after - 1] < times[np.minimum(after, len(times) - 1)] - wanted
+    return np.where(closer, after - 1, np.minimum(after, len(times) - 1))
+
+
+def messages_of(notice: Notice) -> frozenset[str]:
+    """The messages that a notice is about: the one it names, or those of the input group it names."""
+    if (group := _GROUP.search(notice.what)) is not None:
+        rules = load_calibration(CALIBRATION).inputs
+        return frozenset(s.message for s in sources(rules) if s.group.name.lower() == group[1])
+    return frozenset(re.findall(r"\w+", notice.what)) & loader_database().by_name.keys()
+
+
+def concerns(notice: Notice, fault: Fault) -> bool:
+    """Whether a notice is about a message that the fault struck; a fault on no message in particular strikes all."""
+    struck = {codec.name for codec in fault.selection.codecs}
+    return not struck or not struck.isdisjoint(messages_of(notice))
+
+
+def read_bus(path: Path, name: str) -> FrameTable:
+    """One of the logs of a run directory."""
+    return read_candump(path / name)

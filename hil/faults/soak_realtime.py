@@ -1,0 +1,132 @@
+"""Minutes of random faults in real time: plant, gateway and ECU as processes.
+
+The faults are those of the soak in lockstep, but for the death of the plant, with which a run ends. A new ECU
+takes seconds to start: after a kill it is given that time. What is noticed between faults counts against
+the bench only if the host gave its processes their time.
+"""
+
+import json
+import random
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from dbc import loader_database
+from hil import rundir
+from hil.compose import Choice
+from hil.ending import Ending
+from hil.faults import chance, overheard
+from hil.faults.passage import Fault
+from hil.faults.record import Injected, read_faults
+from hil.faults.soak import AFTERWARDS_S, FIRST_S, Happened, Keeper, Soak, plan
+from hil.faults.table import SECOND, faults_of
+from hil.faults.watch import Notice
+from hil.gateway.buses import Buses
+from hil.judgement import timing_of
+from hil.realtime import run_realtime
+from hil.rundir import RunDirectory
+from hil.supervisor import Event
+from hil.timing import starvation
+from plant.scenario import load_scenario
+
+NAME = "soak"
+RESTARTED_S = 8.0
+"""A new ECU process has to import, compile and hear everything."""
+
+
+def soak_realtime(
+    seconds: float, seed: int, folder: Path, progress: Callable[[float], None] = lambda done_s: None
+) -> Soak:
+    """Run so many seconds and judge what is left in `folder`: the scenario and the run's directory."""
+    folder.mkdir(parents=True, exist_ok=True)
+    scenario, run = folder / f"{NAME}.toml", folder / "run"
+    scenario.write_text(written(random.Random(f"{seed}/real time"), seconds, seed), encoding="utf-8")
+
+    def on_event(_: str, event: Event) -> None:
+        if event["event"] == "progress":
+            progress(event["time_s"])
+
+    result = run_realtime(Choice(scenario=str(scenario)), run, on_event, Buses(gateway=True))
+    found = Soak(seed, simulated_s=result.record.duration_s, episodes=1)
+    if result.ending is not Ending.PASSED:
+        found.violations.add(f"the run did not end well: {result.reason}")
+    judge(
+        found,
+        run,
+        faults_of(scenario, loader_database()),
+        load_scenario(scenario).equipment.obedience.stale_after,
+    )
+    return found
+
+
+def written(generator: random.Random, seconds: float, seed: int) -> str:
+    """A scenario with a random drive and random faults, as TOML."""
+    lines = [
+        f'name = "{NAME}"',
+        'sentence = "A random drive under random faults."',
+        f"duration_s = {seconds!r}",
+        'machine = "l60"',
+        f"payload_kg = {generator.uniform(0.0, 3000.0)!r}",
+        f"seed = {seed}",
+    ]
+    for key, table in chance.driver(generator, seconds).items():
+        lines += ["", f"[driver.{key}]", f"points = {json.dumps(table['points'])}"]
+    for table in plan(generator, seconds, afterwards_s, permitted):
+        lines += ["", "[[fault]]", *(f"{key} = {json.dumps(value)}" for key, value in table.items())]
+    return "\n".join(lines) + "\n"
+
+
+def permitted(table: Mapping[str, object]) -> bool:
+    """Whether a run goes on after such a fault."""
+    return table.get("process") != "plant"
+
+
+def afterwards_s(kind: str) -> float:
+    """How long after its end a fault of this kind may be noticed."""
+    return RESTARTED_S if kind == "kill" else AFTERWARDS_S
+
+
+def judge(found: Soak, run: Path, faults: Sequence[Fault], stale_s: float) -> None:
+    """Fill in what the run directory shows."""
+    plant_bus, ecu_bus = overheard.read_bus(run, rundir.BUS), overheard.read_bus(run, rundir.ECU_BUS)
+    zero_ns = int(plant_bus.time_ns[plant_bus.can_id == loader_database().by_name["Articulation"].can_id][0])
+    Keeper(found).check(overheard.answers_of(ecu_bus))
+    notices = [
+        *overheard.of_ecu(run),
+        *overheard.of_machine(plant_bus, round(stale_s * SECOND)),
+        *overheard.of_bench(plant_bus),
+        *overheard.of_bench(ecu_bus),
+    ]
+    attribute(found, notices, zero_ns, {f.number: f for f in read_faults(run)}, faults)
+    found.doubt = starvation(timing_of(RunDirectory.read(run)))
+
+
+def attribute(
+    found: Soak,
+    notices: Sequence[Notice],
+    zero_ns: int,
+    was: Mapping[int, Injected],
+    faults: Sequence[Fault],
+) -> None:
+    """Each notice to the fault in whose time it falls and whose messages it is about.
+
+    Unexplained are those in no fault's time: what a starved host adds during one cannot be told apart.
+    """
+    at_s = np.array([(notice.at_ns - zero_ns) / SECOND for notice in notices])
+    explained = (at_s < FIRST_S) | (at_s > found.simulated_s)
+    for number, fault in enumerate(faults, start=1):
+        if number not in was:
+            continue
+        injected = was[number]
+        until_s = (injected.ended_s or found.simulated_s) + afterwards_s(fault.kind)
+        within = (at_s >= injected.began_s) & (at_s <= until_s)
+        explained |= within
+        mine = [notices[i] for i in np.flatnonzero(within).tolist() if overheard.concerns(notices[i], fault)]
+        by = frozenset((notice.who, notice.mechanism) for notice in mine)
+        found.faults.append(
+            Happened(fault=fault, struck=injected.struck > 0 or fault.kind == "kill", noticed=by)
+        )
+    for notice, time_s, known in zip(notices, at_s.tolist(), explained.tolist(), strict=True):
+        if not known:
+            found.unexplained.add(f"{time_s:.2f} s: {notice.who}, {notice.mechanism}: {notice.what}")

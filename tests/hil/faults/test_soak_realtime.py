@@ -1,0 +1,167 @@
+"""A soak in real time: its scenario is sound, and what a run left is read as it happened."""
+
+import random
+
+import numpy as np
+import pytest
+
+from dbc import loader_database
+from dbc.logfile import read_candump
+from dbc.protection import Protector
+from dbc.writer import CandumpWriter
+from hil.faults import overheard
+from hil.faults.record import Injected
+from hil.faults.soak import Soak
+from hil.faults.soak_realtime import attribute, permitted, soak_realtime, written
+from hil.faults.table import faults_of
+from hil.faults.watch import Mechanism, Notice, Witness
+from hil.verdict import Result
+from plant.scenario import load_scenario
+from tests.hil.faults.traffic import DATABASE, MS, fault, frames, injector, passed
+
+LOG = """\
+2026-11-21 08:00:00,001 ecu.node WARNING Stale(group='rates', at_ns=5000000)
+2026-11-21 08:00:00,002 ecu.node WARNING StateChanged(before=<State.RUNNING: 1>, after=<State.DEGRADED: 2>, event=<Event.INPUTS_BAD: 'x'>, at_ns=6000000)
+2026-11-21 08:00:00,003 ecu.node WARNING ProtectionFailed(message='BodyRates', what=<Finding.WRONG_CRC: 'wrong CRC'>, at_ns=7000000)
+2026-11-21 08:00:00,004 ecu.node WARNING Implausible(message='Articulation', signal='ArticulationAngle', value=1.0, reason='moved', at_ns=8000000)
+2026-11-21 08:00:00,005 hil WARNING something else
+"""
+
+
+def logged(tmp_path, arrived):
+    file = tmp_path / "bus.log"
+    with CandumpWriter(file) as writer:
+        for at_ns, frame in arrived:
+            writer.write(frame._replace(at_ns=at_ns), "loader")
+    return read_candump(file)
+
+
+def test_the_scenario_of_a_soak_is_sound_and_the_plant_survives_it(tmp_path):
+    file = tmp_path / "soak.toml"
+    file.write_text(written(random.Random(3), 600.0, 3))
+    assert load_scenario(file).duration_s == 600.0
+    faults = faults_of(file, loader_database())
+    assert len(faults) > 50
+    assert not any(f.label == "kill process=plant" for f in faults)
+    assert permitted({"kind": "kill", "process": "ecu"})
+    assert not permitted({"kind": "kill", "process": "plant"})
+
+
+def test_the_ecus_log_is_read_back(tmp_path):
+    (tmp_path / "ecu.log").write_text(LOG)
+    notices = overheard.of_ecu(tmp_path)
+    assert [(n.at_ns // MS, n.mechanism) for n in notices] == [
+        (5, Mechanism.TIMEOUT),
+        (7, Mechanism.CRC),
+        (8, Mechanism.PLAUSIBILITY),
+    ]
+    assert [sorted(overheard.messages_of(n)) for n in notices] == [
+        ["BodyRates"],
+        ["BodyRates"],
+        ["Articulation"],
+    ]
+
+
+def test_the_line_is_the_one_that_the_ecu_writes(tmp_path, caplog):
+    """The findings themselves, as the node logs them."""
+    from dbc.protection import Finding as Check
+    from ecu.findings import Implausible, ProtectionFailed, Stale
+    from ecu.node import log_finding
+
+    for finding in (
+        Stale("pressures", 1),
+        ProtectionFailed("BodyRates", Check.REPEATED, 2),
+        Implausible("X", "Y", 1.0, "far", 3),
+    ):
+        log_finding(finding)
+    (tmp_path / "ecu.log").write_text("\n".join(caplog.messages))
+    assert [n.mechanism for n in overheard.of_ecu(tmp_path)] == [
+        Mechanism.TIMEOUT,
+        Mechanism.COUNTER,
+        Mechanism.PLAUSIBILITY,
+    ]
+    assert overheard.messages_of(overheard.of_ecu(tmp_path)[0]) == {"LiftPressure", "TiltPressure"}
+
+
+@pytest.mark.parametrize(
+    ("table", "mechanism"),
+    [
+        ({"kind": "drop", "for_s": 0.2}, Mechanism.TIMEOUT),
+        ({"kind": "corrupt"}, Mechanism.CRC),
+        ({"kind": "repeat"}, Mechanism.COUNTER),
+    ],
+)
+def test_what_the_machine_must_have_found_follows_from_its_bus(tmp_path, table, mechanism):
+    arrived = passed(injector({"message": "Limits", "at_s": 0.1, **table}), frames("Limits", 50), side="ecu")
+    notices = overheard.of_machine(logged(tmp_path, arrived), 50 * MS)
+    assert mechanism in {n.mechanism for n in notices}
+    assert all(n.at_ns >= 100 * MS for n in notices)
+    assert {n.who for n in notices} == {Witness.MACHINE}
+
+
+def test_a_sound_bus_is_silent_and_a_babbler_is_not(tmp_path):
+    sound = logged(tmp_path, [(n * 10 * MS, f) for n, f in enumerate(frames("Limits", 50))])
+    assert overheard.of_machine(sound, 50 * MS) == overheard.of_bench(sound) == []
+    babble = logged(tmp_path, passed(injector({"kind": "babble", "for_s": 0.01, "interval_us": 1000.0}), []))
+    assert len(overheard.of_bench(babble)) == 10
+
+
+def test_answers_are_states_with_the_limits_sent_beside_them(tmp_path):
+    status, limits = DATABASE.by_name["EcuStatus"], DATABASE.by_name["Limits"]
+    sign = {c.name: Protector(c) for c in (status, limits)}
+    arrived = []
+    for n in range(20):
+        values = dict.fromkeys(limits.signals, 0) | {"Speed": float(n)}
+        arrived.append(
+            (
+                n * 10 * MS,
+                frames("Limits", 1)[0]._replace(data=sign["Limits"].protect(limits.encode_dict(values))),
+            )
+        )
+        values = dict.fromkeys(status.signals, 0) | {"State": n % 2 + 1}
+        arrived.append(
+            (
+                n * 10 * MS + MS,
+                frames("EcuStatus", 1)[0]._replace(
+                    data=sign["EcuStatus"].protect(status.encode_dict(values))
+                ),
+            )
+        )
+    answers = overheard.answers_of(logged(tmp_path, arrived))
+    assert [a.state for a in answers] == [n % 2 + 1 for n in range(20)]
+    assert [a.limits["Speed"] for a in answers] == list(range(20))
+    assert np.all(np.diff([a.at_ns for a in answers]) == 10 * MS)
+
+
+def test_notices_go_to_the_fault_of_their_time_and_message():
+    found = Soak(0, simulated_s=30.0)
+    faults = [
+        fault(kind="drop", message="BodyRates", at_s=5.0, for_s=1.0),
+        fault(kind="drop", message="Limits", at_s=10.0, for_s=1.0),
+    ]
+    was = {1: Injected(1, "a", 5.0, 6.0, 7), 2: Injected(2, "b", 10.0, 11.0, 0)}
+    notices = [
+        Notice(5_100 * MS, Witness.ECU, Mechanism.COUNTER, "message='BodyRates', what"),
+        Notice(5_200 * MS, Witness.ECU, Mechanism.TIMEOUT, "group='slope'"),  # a starved host
+        Notice(8_000 * MS, Witness.ECU, Mechanism.CRC, "message='BodyRates', what"),
+        Notice(1_000 * MS, Witness.ECU, Mechanism.TIMEOUT, "group='slope'"),  # starting up
+    ]
+    attribute(found, notices, 0, was, faults)
+    assert [(h.struck, h.noticed) for h in found.faults] == [
+        (True, {(Witness.ECU, Mechanism.COUNTER)}),
+        (False, frozenset()),
+    ]
+    assert found.unexplained.lines == ["8.00 s: ECU, CRC: message='BodyRates', what"]
+    assert found.result is Result.FAILED
+    found.doubt = "ecu waited 9 % of the time"
+    assert found.result is Result.INCONCLUSIVE
+
+
+@pytest.mark.processes
+def test_a_short_soak_in_real_time(tmp_path):
+    """Seven seconds as processes: nobody dies, and the ECU keeps its word; the host may be too busy to say more."""
+    found = soak_realtime(7.0, 4, tmp_path)
+    assert found.violations.lines == []
+    assert found.faults
+    assert found.states["running"] > 100
+    assert found.result is not Result.FAILED, found.unexplained.lines
