@@ -33,6 +33,18 @@ app = typer.Typer(
 ScenarioArgument = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="A name from `loaderhil scenarios`, or a TOML file.")
 ]
+ScenariosArgument = Annotated[
+    list[str],
+    typer.Argument(metavar="SCENARIO...", help="Names from `loaderhil scenarios`, or TOML files."),
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Another value for a key of the scenario's file, or, after `machine.` or `equipment.`, of theirs; repeatable.",
+    ),
+]
 BusOption = Annotated[
     str, typer.Option("--bus", metavar="ADDRESS", help="hub:PATH, socketcan:INTERFACE or virtual:NAME.")
 ]
@@ -90,17 +102,23 @@ def demo(
 
 @app.command()
 def run(
-    scenario: ScenarioArgument,
+    scenarios: ScenariosArgument,
     realtime: Annotated[
         bool, typer.Option("--realtime/--lockstep", help="As processes in real time, or on a virtual clock.")
     ] = False,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Run directory; by default out/SCENARIO.")
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Run directory, by default out/SCENARIO; the folder of all of them if there are several.",
+        ),
     ] = None,
     limits: LimitsOption = True,
     form: FormOption = "corrected",
     payload_kg: PayloadOption = None,
     seed: SeedOption = None,
+    changes: SetOption = None,
     strict: Annotated[
         bool, typer.Option("--strict", help="Timing that could not be judged counts as failed.")
     ] = False,
@@ -123,26 +141,38 @@ def run(
         Path | None, typer.Option("--control", metavar="PATH", help="With --gateway: socket for `inject`.")
     ] = None,
 ) -> None:
-    """Run one scenario and say what happened.
+    """Run one scenario, or several, and say what happened.
 
-    Examples: `loaderhil run hard_braking` or `loaderhil run abrupt_articulation --no-limits --realtime` or
+    Examples: `loaderhil run loaded unloaded hard_braking` or `loaderhil run abrupt_articulation --no-limits --realtime` or
+    `loaderhil run loaded --set surface.friction=0.4 --set machine.steering.time_constant_s=0.05` or
     `loaderhil run loaded --gateway --ecu-bus socketcan:can0`
     """
     from hil.compose import Choice
     from hil.console import tell_run
     from hil.gateway.buses import Buses
 
-    choice = Choice(
-        scenario=scenario,
-        form=_form(form),
-        limits=limits,
-        payload_kg=payload_kg,
-        seed=seed,
-        inject=inject,
-    )
-    folder = out or Path("out") / Path(scenario).stem
+    choices = [
+        Choice(
+            scenario=scenario,
+            form=_form(form),
+            limits=limits,
+            payload_kg=payload_kg,
+            seed=seed,
+            inject=inject,
+            changes=tuple(changes or ()),
+        )
+        for scenario in scenarios
+    ]
     buses = Buses(gateway=gateway, plant=plant_bus, ecu=ecu_bus, routes=routes, control=control)
-    raise typer.Exit(tell_run(choice, folder, realtime=realtime or gateway, strict=strict, buses=buses))
+    realtime = realtime or gateway
+    if len(choices) > 1:
+        from hil.several import tell_runs
+
+        raise typer.Exit(
+            tell_runs(choices, out or Path("out"), realtime=realtime, strict=strict, buses=buses)
+        )
+    folder = out or Path("out") / Path(scenarios[0]).stem
+    raise typer.Exit(tell_run(choices[0], folder, realtime=realtime, strict=strict, buses=buses))
 
 
 @app.command()
@@ -154,6 +184,7 @@ def plant(
     ] = None,
     payload_kg: PayloadOption = None,
     seed: SeedOption = None,
+    changes: SetOption = None,
     fifo: FifoOption = None,
     lock_memory: LockOption = False,
     cpu: CpuOption = None,
@@ -167,7 +198,7 @@ def plant(
     from hil.processes import plant as process
     from hil.processes.shell import ending_of
 
-    choice = Choice(scenario=scenario, payload_kg=payload_kg, seed=seed)
+    choice = Choice(scenario=scenario, payload_kg=payload_kg, seed=seed, changes=tuple(changes or ()))
     realtime = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
     raise typer.Exit(ending_of(lambda line: process.run(line, choice, bus, out, realtime)))
 
@@ -233,11 +264,18 @@ def hub(
 
 
 @app.command()
-def scenarios() -> None:
-    """List the drive cases that come with loaderhil."""
+def scenarios(
+    files: Annotated[
+        list[Path] | None, typer.Argument(metavar="[FILE]...", help="TOML files to look at instead.")
+    ] = None,
+) -> None:
+    """List the drive cases that come with loaderhil, or check files of your own without running them.
+
+    Example: `loaderhil scenarios wet_bend.toml`
+    """
     from hil.console import tell_scenarios
 
-    tell_scenarios()
+    tell_scenarios(files or [])
 
 
 @app.command()

@@ -22,8 +22,9 @@ from hil.faults.table import faults_of
 from hil.faults.wire import FaultyWire
 from hil.lockstep import Lockstep
 from hil.rundir import Mode, RunRecord
+from plant.changes import Changes
 from plant.equipment import find_file
-from plant.machine import load_machine
+from plant.machine import Machine, load_machine
 from plant.scenario import FOLDER, Scenario, load_scenario
 from plant.truth import Truth, columns_of
 from plant.unit import PlantUnit
@@ -39,6 +40,7 @@ class Choice:
 
     scenario: a shipped name or the path of a TOML file; limits: whether the ECU limits the machine.
     inject: a TOML file with more faults than the scenario has of its own.
+    changes: KEY=VALUE words laid over the files of scenario, machine and equipment.
     """
 
     scenario: str
@@ -47,10 +49,12 @@ class Choice:
     payload_kg: float | None = None
     seed: int | None = None
     inject: Path | None = None
+    changes: tuple[str, ...] = ()
 
     def load(self) -> Scenario:
-        """The scenario with the choices applied."""
-        scenario = load_scenario(_named(self.scenario))
+        """The scenario with the choices applied, its machine looked at too."""
+        scenario = load_scenario(_named(self.scenario), Changes.of(self.changes))
+        machine_of(scenario)
         if self.payload_kg is not None:
             if not 0 <= self.payload_kg <= 20_000:
                 raise ChoiceError(f"--payload-kg {self.payload_kg:g} kg is outside 0 .. 20000 kg")
@@ -79,6 +83,8 @@ class Choice:
             words += ["--payload-kg", repr(self.payload_kg)]
         if self.seed is not None:
             words += ["--seed", str(self.seed)]
+        for change in self.changes:
+            words += ["--set", change]
         return words
 
 
@@ -86,9 +92,14 @@ def _named(scenario: str) -> str | Path:
     return Path(scenario) if scenario.endswith(".toml") else scenario
 
 
+def machine_of(scenario: Scenario) -> Machine:
+    """The machine of a scenario, with its changes."""
+    return load_machine(scenario.machine, scenario.changes.machine)
+
+
 def plant_unit(scenario: Scenario) -> PlantUnit:
     """The machine of a scenario, settled and ready for its first tick."""
-    return PlantUnit(load_machine(scenario.machine), scenario, seed=scenario.seed)
+    return PlantUnit(machine_of(scenario), scenario, seed=scenario.seed)
 
 
 def lockstep(
@@ -123,6 +134,7 @@ def record_of(scenario: Scenario, *, form: Form, limits: bool, mode: Mode) -> Ru
         limits=limits,
         seed=scenario.seed,
         payload_kg=float(scenario.payload_mass),
+        changes=scenario.changes.words,
         started=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         versions=versions(),
     )

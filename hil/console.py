@@ -21,18 +21,30 @@ from hil.runs import RunResult, run_lockstep
 from hil.supervisor import Event
 from hil.timing import Spread, Timing, judge_timing
 from hil.verdict import WHEELS, Result, RunVerdict, Verdict, judge_warning
-from plant.scenario import list_scenarios
+from plant.scenario import Scenario, list_scenarios, load_scenario
 
 console = Console(highlight=False)
 COLOUR = {Result.PASSED: "green", Result.FAILED: "red", Result.INCONCLUSIVE: "yellow"}
 
 
-def tell_scenarios() -> None:
-    """The shipped drive cases, one line each."""
-    table = Table("scenario", "s", "what happens", box=None, header_style="bold")
-    for summary in list_scenarios():
-        table.add_row(summary.name, f"{summary.duration_s:g}", escape(summary.sentence))
+def tell_scenarios(files: Sequence[Path]) -> None:
+    """The shipped drive cases, or the ones in `files`: what each needs and what happens."""
+    table = Table("scenario", "s", "needs", "what happens", box=None, header_style="bold")
+    for scenario in [load_scenario(file) for file in files] if files else list_scenarios():
+        table.add_row(
+            scenario.name, f"{scenario.duration_s:g}", escape(_needs(scenario)), escape(scenario.sentence)
+        )
     console.print(table)
+
+
+def _needs(scenario: Scenario) -> str:
+    """What a scenario asks for: its machine, a payload, and what can inject its faults if it has some."""
+    needs = [Path(scenario.machine).stem]
+    if scenario.payload_mass:
+        needs.append(f"{scenario.payload_mass:.0f} kg")
+    if Choice(scenario=str(scenario.path)).injector() is not None:
+        needs.append("lockstep or a gateway")
+    return ", ".join(needs)
 
 
 def tell_run(choice: Choice, out: Path, *, realtime: bool, strict: bool, buses: Buses = ONE_BUS) -> Ending:
@@ -105,10 +117,10 @@ def two_columns(*headings: str) -> Table:
 def add_roll_over_rows(table: Table, runs: Sequence[RunVerdict]) -> None:
     """What happened to the machine, one column per run."""
     rows: dict[str, Callable[[RunVerdict], str]] = {
-        "true lift-off": _lift_off,
-        "first warning": lambda run: _seconds(run.warned_s),
-        "warning ahead of lift-off": lambda run: _seconds(run.lead_s),
-        "rolls over (45°) at": lambda run: _seconds(run.rolled_over_s),
+        "true lift-off": lift_off_text,
+        "first warning": lambda run: seconds_text(run.warned_s),
+        "warning ahead of lift-off": lambda run: seconds_text(run.lead_s),
+        "rolls over (45°) at": lambda run: seconds_text(run.rolled_over_s),
         "largest roll angle": lambda run: f"{run.largest_roll * 57.2958:.1f}°",
         "smallest wheel load": lambda run: f"{100 * run.margin:.0f} % of standing",
         "largest load-transfer ratio": lambda run: f"{run.largest_load_transfer:.2f}",
@@ -117,7 +129,7 @@ def add_roll_over_rows(table: Table, runs: Sequence[RunVerdict]) -> None:
         table.add_row(name, *(cell(run) for run in runs))
 
 
-def _lift_off(run: RunVerdict) -> str:
+def lift_off_text(run: RunVerdict) -> str:
     if run.lift_off_s is None or run.lifting_wheel is None:
         return "none"
     return f"{run.lift_off_s:.2f} s, {WHEELS[run.lifting_wheel]}"
@@ -133,7 +145,7 @@ def tell_faults(faults: Sequence[Injected]) -> None:
         )
 
 
-def _seconds(value: float | None) -> str:
+def seconds_text(value: float | None) -> str:
     return "–" if value is None else f"{value:.2f} s"
 
 
@@ -174,11 +186,12 @@ def _counts(values: object) -> str:
     return ", ".join(str(value) for value in values)  # type: ignore[attr-defined]
 
 
-def tell_verdicts(verdicts: Sequence[Verdict]) -> None:
-    """One line each: the result, the question, the reason."""
+def tell_verdicts(verdicts: Sequence[Verdict], of: str = "") -> None:
+    """One line each: the result, of which run if there are several, the question, the reason."""
+    run = f"{escape(of)}: " if of else ""
     for verdict in verdicts:
         colour = COLOUR[verdict.result]
         console.print(
-            f"[{colour}]{verdict.result.value:<12}[/] {escape(verdict.question)}: {escape(verdict.reason)}",
+            f"[{colour}]{verdict.result.value:<12}[/] {run}{escape(verdict.question)}: {escape(verdict.reason)}",
             soft_wrap=True,
         )

@@ -54,7 +54,7 @@ class RunError(Mistake, ValueError):
 class RunRecord:
     """The content of run.json.
 
-    duration_s: simulated time that was recorded. outcome "running" in a file that nobody
+    changes: KEY=VALUE words laid over the files. duration_s: simulated time that was recorded. outcome "running" in a file that nobody
     writes any more means that the run was killed.
     """
 
@@ -66,6 +66,7 @@ class RunRecord:
     seed: int
     payload_kg: float
     started: str
+    changes: tuple[str, ...] = ()
     duration_s: float = 0.0
     outcome: Outcome = "running"
     reason: str = ""
@@ -161,16 +162,21 @@ def _short(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
+def refuse_if_foreign(path: Path) -> None:
+    """Refuse a place where a run would not be alone: a file, or a folder that holds anything but an earlier run."""
+    if path.exists() and not path.is_dir():
+        raise RunError(f"{path}: is a file, not a folder")
+    if path.is_dir() and not (path / RECORD).exists() and any(path.iterdir()):
+        raise RunError(f"{path}: is not empty and holds no earlier run; name a new folder")
+
+
 def begin(path: Path, record: RunRecord) -> None:
     """Make `path` an empty run directory with the record of a run that is starting.
 
     The files of an earlier run in the same place are removed; a folder that holds
     anything else is refused.
     """
-    if path.exists() and not path.is_dir():
-        raise RunError(f"{path}: is a file, not a folder")
-    if path.is_dir() and not (path / RECORD).exists() and any(path.iterdir()):
-        raise RunError(f"{path}: is not empty and holds no earlier run; name a new folder")
+    refuse_if_foreign(path)
     path.mkdir(parents=True, exist_ok=True)
     for file in (*(path / name for name in FILES), *path.glob("timing.*.npz"), *path.glob("stamps.*")):
         file.unlink(missing_ok=True)

@@ -29,10 +29,11 @@ class RunResult:
 
 def run_lockstep(choice: Choice, out: Path, progress: Callable[[float], None] | None = None) -> RunResult:
     """Run `choice` on the virtual clock and leave the run directory `out`; `progress` hears simulated seconds."""
+    rundir.refuse_if_foreign(out)
     scenario, injector = choice.load(), choice.injector()
     record = record_of(scenario, form=choice.form, limits=choice.limits, mode="lockstep")
-    rundir.begin(out, record)
     bench = lockstep(scenario, form=choice.form, limits=choice.limits, injector=injector)
+    rundir.begin(out, record)
     ending = Ending.PASSED
     try:
         bench.run(progress)

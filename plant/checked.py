@@ -7,11 +7,14 @@ misspelt key that is silently ignored changes a run without a word.
 import difflib
 import math
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Self, cast
 
 from bus.mistake import Mistake
+
+Change = tuple[tuple[str, ...], object]
+"""A dotted key, split, and its new value."""
 
 
 class ConfigurationError(Mistake, ValueError):
@@ -28,16 +31,20 @@ class CheckedTable:
         self._asked: set[str] = set()
 
     @classmethod
-    def from_file(cls, path: Path) -> Self:
-        """The top table of a TOML file."""
+    def from_file(cls, path: Path, changes: Sequence[Change] = ()) -> Self:
+        """The top table of a TOML file, with `changes` laid over it."""
         try:
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise ConfigurationError(f"{path}: cannot be read: {error}") from error
         try:
-            return cls(tomllib.loads(text), file=str(path))
+            values = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise ConfigurationError(f"{path}: not valid TOML: {error}") from error
+        file = f"{path} with --set" if changes else str(path)
+        for key, value in changes:
+            _lay_over(values, key, value, file)
+        return cls(values, file=file)
 
     @property
     def file(self) -> str:
@@ -175,3 +182,15 @@ class CheckedTable:
         if value is None:
             raise self.error(key, "is missing")
         return value
+
+
+def _lay_over(values: dict[str, object], key: tuple[str, ...], value: object, file: str) -> None:
+    """Set one key of the tables; those it leads through are made where they are missing."""
+    for depth, part in enumerate(key[:-1], 1):
+        inner = values.setdefault(part, {})
+        if not isinstance(inner, dict):
+            raise ConfigurationError(
+                f"{file}: {'.'.join(key)}: {'.'.join(key[:depth])} = {inner!r} is not a table"
+            )
+        values = cast("dict[str, object]", inner)
+    values[key[-1]] = value

@@ -1,10 +1,11 @@
 """What is fitted to a machine and who drives it: sensors, actuators, obedience to limits, driver."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from plant.actuators import ActuatorParameters, read_actuators
-from plant.checked import CheckedTable, ConfigurationError
+from plant.checked import Change, CheckedTable, ConfigurationError
 from plant.driver import DriverParameters, read_driver
 from plant.limits import Obedience, read_obedience
 from plant.sensors import SensorParameters, read_sensors
@@ -24,10 +25,10 @@ class Equipment:
     driver: DriverParameters
 
 
-def load_equipment(name_or_path: str | Path) -> Equipment:
-    """Equipment by name (a file of plant/equipment_sets/) or by path of a TOML file."""
+def load_equipment(name_or_path: str | Path, changes: Sequence[Change] = ()) -> Equipment:
+    """Equipment by name (a file of plant/equipment_sets/) or by path of a TOML file, `changes` laid over it."""
     path = find_file(name_or_path, FOLDER, "equipment")
-    table = CheckedTable.from_file(path)
+    table = CheckedTable.from_file(path, changes)
     equipment = Equipment(
         name=path.stem,
         rolling_radius=table.number("rolling_radius_m", unit="m", low=0.1, high=2.0),

@@ -5,11 +5,12 @@ with a missing, unknown or impossible value gives one error that names file, key
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-from plant.checked import CheckedTable, ConfigurationError
+from plant.checked import Change, CheckedTable, ConfigurationError
 from plant.effects import ActiveEffect, effects
 
 MACHINES = Path(__file__).resolve().parent / "machines"
@@ -302,8 +303,8 @@ def machine_names() -> list[str]:
     return sorted(path.stem for path in MACHINES.glob("*.toml"))
 
 
-def load_machine(name_or_path: str | Path) -> Machine:
-    """A machine by name ("l60") or from a TOML file.
+def load_machine(name_or_path: str | Path, changes: Sequence[Change] = ()) -> Machine:
+    """A machine by name ("l60") or from a TOML file, `changes` laid over it.
 
     Raises ConfigurationError, naming file, key, value, unit and range, if the file cannot be used.
     """
@@ -314,7 +315,7 @@ def load_machine(name_or_path: str | Path) -> Machine:
             raise ConfigurationError(
                 f"no machine named {str(name_or_path)!r}; known: {', '.join(machine_names())}, or give a path to a .toml file"
             )
-    top = CheckedTable.from_file(path)
+    top = CheckedTable.from_file(path, changes)
     name = top.text("name")
     parts = {}
     for section, cls in _TABLES.items():

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from plant.changes import UNCHANGED, Changes
 from plant.checked import CheckedTable
 from plant.equipment import Equipment, find_file, load_equipment
 from plant.script import DEGREE, KMH, Script, read_script
@@ -28,6 +29,7 @@ class Start:
 class Scenario:
     """A drive case: which machine, on what ground, from where, and what its driver does. SI."""
 
+    path: Path
     name: str
     sentence: str
     duration_s: float
@@ -38,39 +40,28 @@ class Scenario:
     script: Script
     equipment: Equipment
     seed: int
+    changes: Changes = UNCHANGED
+    """What was laid over the files; that of the machine is still to be done when it is loaded."""
 
 
-@dataclass(frozen=True, slots=True)
-class Summary:
-    """One line of the list of scenarios."""
-
-    name: str
-    sentence: str
-    duration_s: float
-    path: Path
-
-
-def list_scenarios() -> list[Summary]:
+def list_scenarios() -> list[Scenario]:
     """The shipped scenarios in the order of their names."""
-    return [
-        Summary(scenario.name, scenario.sentence, scenario.duration_s, path)
-        for path in sorted(FOLDER.glob("*.toml"))
-        for scenario in [load_scenario(path)]
-    ]
+    return [load_scenario(path) for path in sorted(FOLDER.glob("*.toml"))]
 
 
-def load_scenario(name_or_path: str | Path) -> Scenario:
-    """A scenario by name (a file of plant/scenarios/) or by path of a TOML file.
+def load_scenario(name_or_path: str | Path, changes: Changes = UNCHANGED) -> Scenario:
+    """A scenario by name (a file of plant/scenarios/) or by path of a TOML file, `changes` laid over it.
 
     Raises ConfigurationError, which names file, key, value, unit and permitted range.
     """
     path = find_file(name_or_path, FOLDER, "scenario")
-    table = CheckedTable.from_file(path)
+    table = CheckedTable.from_file(path, changes.scenario)
     name = table.text("name")
     if name != path.stem:
         raise table.error("name", f"= {name!r} is not the name of the file, {path.stem!r}")
-    equipment = load_equipment(table.text("equipment", default="l60"))
+    equipment = load_equipment(table.text("equipment", default="l60"), changes.equipment)
     scenario = Scenario(
+        path=path,
         name=name,
         sentence=table.text("sentence"),
         duration_s=table.number("duration_s", unit="s", low=0.1, high=3600.0),
@@ -81,6 +72,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         script=read_script(table.table("driver")),
         equipment=replace(equipment, sensors=read_sensors(table.table("sensors"), equipment.sensors)),
         seed=table.integer("seed", low=0, high=2**32 - 1, default=0),
+        changes=changes,
     )
     table.tables("fault")  # the bench's own, which reads them with the DBC at hand
     table.finish()

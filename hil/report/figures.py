@@ -156,6 +156,7 @@ def conditions(run: RunDirectory) -> Figures:
         "Scenario": r.scenario,
         "Machine": r.machine,
         "Payload": f"{r.payload_kg:.0f} kg",
+        **({"Changed": ", ".join(r.changes)} if r.changes else {}),
         "Estimators": r.form,
         "ECU's limits": "on" if r.limits else "off: the ECU only warns",
         "Mode": where,
@@ -179,6 +180,8 @@ def command(run: RunDirectory) -> str:
         words.append("--realtime")
     if r.form != "corrected":
         words += ["--form", r.form]
+    for change in r.changes:
+        words += ["--set", change]
     return shlex.join([*words, "--payload-kg", f"{r.payload_kg:g}", "--seed", str(r.seed)])
 
 

@@ -18,6 +18,7 @@ _TRAITS: tuple[Callable[[RunRecord], str], ...] = (
     lambda r: "limits on" if r.limits else "limits off",
     lambda r: "real time" if r.mode == "realtime" else "lockstep",
     lambda r: f"seed {r.seed}",
+    lambda r: ", ".join(r.changes) or "nothing changed",
 )
 
 
@@ -83,9 +84,9 @@ def names(records: Sequence[RunRecord]) -> list[str]:
 def partner(section: Section, others: Sequence[Section]) -> Section | None:
     """The same drive case with the ECU's limits the other way round."""
 
-    def case(s: Section) -> tuple[str, str, float, str]:
+    def case(s: Section) -> tuple[object, ...]:
         r = s.run.record
-        return r.scenario, r.machine, r.payload_kg, r.form
+        return r.scenario, r.machine, r.payload_kg, r.form, r.changes
 
     return next(
         (

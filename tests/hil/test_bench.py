@@ -93,8 +93,16 @@ def test_choices_reach_the_scenario():
 
 
 def test_the_same_choice_as_arguments():
-    choice = Choice(scenario="loaded", payload_kg=0.1, seed=3)
-    assert choice.arguments() == ["loaded", "--payload-kg", "0.1", "--seed", "3"]
+    choice = Choice(scenario="loaded", payload_kg=0.1, seed=3, changes=("surface.friction=0.4",))
+    words = ["loaded", "--payload-kg", "0.1", "--seed", "3", "--set", "surface.friction=0.4"]
+    assert choice.arguments() == words
+
+
+def test_a_changed_key_reaches_the_machine_that_runs():
+    choice = Choice(scenario="standstill", changes=("machine.rear_frame.mass_kg=5000",))
+    changed, plain = (lockstep(c.load()) for c in (choice, Choice(scenario="standstill")))
+    loads = [bench.run().truth[-1].normal_force.sum() for bench in (plain, changed)]
+    assert loads[0] - loads[1] == pytest.approx(9.81 * 1018, rel=1e-3)  # it has 6018 kg
 
 
 def test_every_frame_on_the_bus_is_known_to_the_dbc(turn):
