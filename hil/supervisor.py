@@ -36,7 +36,7 @@ class Child:
     """One supervised process.
 
     finished: its work is done; figures: what it measured; error: what it reported before it ended;
-    silent: it closed its lifeline; vital: the run ends with it; condemned: it was killed as a fault asks.
+    silent: it closed its lifeline; vital: the run ends with it; condemned: it was killed as a fault asks; reached_s: simulated time it told [s].
     """
 
     name: str
@@ -50,6 +50,7 @@ class Child:
     error: str = ""
     figures: Event = field(default_factory=dict)
     silent: bool = False
+    reached_s: float = 0.0
     vital: bool = False
     condemned: bool = False
     _unread: bytes = b""
@@ -194,6 +195,8 @@ class Supervisor:
                 case "finished":
                     child.finished = event["complete"]
                     child.figures = event["figures"]
+                case "progress":
+                    child.reached_s = event["time_s"]
                 case "error":
                     child.error = event["message"]
                 case "action":

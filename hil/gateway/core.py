@@ -12,29 +12,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from bus.frame import EXTENDED, Frame
+from bus.frame import Frame
+from hil.gateway.findings import Finding
 from hil.gateway.injection import Action, Injector
 from hil.gateway.routes import KNOWN_LIMIT, OTHER, SIDES, Fate, Routes, Side
+from hil.gateway.watcher import Watcher
 
 QUEUE_FRAMES: Final = 4096
 """Frames that may wait for one bus: a second of a full 500 kbit/s bus."""
 _TELLING: Final = frozenset({Fate.WRONG_SIDE, Fate.UNKNOWN, Fate.BLOCKED})
 """Fates worth a finding."""
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """Something odd, told once: on which side, which identifier, what."""
-
-    side: Side
-    can_id: int
-    name: str
-    what: str
-    at_ns: int
-
-    def __str__(self) -> str:
-        width = 8 if self.can_id & EXTENDED else 3
-        return f"{self.side} side: {self.name or 'unknown'} {self.can_id & ~EXTENDED:0{width}X}: {self.what}"
 
 
 @dataclass(slots=True)
@@ -54,12 +41,18 @@ class GatewayCore:
     """Routes frames between two sides."""
 
     def __init__(
-        self, routes: Routes, *, injector: Injector | None = None, queue_frames: int = QUEUE_FRAMES
+        self,
+        routes: Routes,
+        *,
+        injector: Injector | None = None,
+        watcher: Watcher | None = None,
+        queue_frames: int = QUEUE_FRAMES,
     ) -> None:
         """queue_frames: that may wait for one bus; the same bound holds for frames that an injector delays."""
         self.routes = routes
         self.counts: dict[Side, Counts] = {side: Counts() for side in SIDES}
         self._injector = injector
+        self._watcher = watcher
         self._queue_frames = queue_frames
         self._queues: dict[Side, deque[Frame]] = {side: deque() for side in SIDES}
         self._planned: list[tuple[int, int, Side, Frame]] = []
@@ -82,8 +75,11 @@ class GatewayCore:
         if side in self._bus_off:
             counts.silenced += len(frames)
             return
+        watcher = self._watcher
         for frame in frames:
             fate = fate_of(side, frame.can_id)
+            if watcher is not None and fate is Fate.PASS:
+                watcher.receive(side, frame, now_ns)
             if fate is not Fate.PASS:
                 counts.stayed[fate] += 1
                 if fate in _TELLING:
@@ -93,6 +89,11 @@ class GatewayCore:
             else:
                 self._plan(self._injector, side, frame, now_ns)
         self._bound(OTHER[side], now_ns)
+
+    def nothing_came(self, side: Side, now_ns: int) -> None:
+        """Everything that came from the bus of `side` has been received by now."""
+        if self._watcher is not None:
+            self._watcher.look(side, now_ns)
 
     def _plan(self, injector: Injector, side: Side, frame: Frame, now_ns: int) -> None:
         """Ask the injector what becomes of a frame."""
@@ -132,10 +133,11 @@ class GatewayCore:
         return action.kind in ("bus_off", "bus_on")
 
     def next_ns(self) -> int | None:
-        """When `advance` has something to do next; None while nothing is planned."""
+        """When `advance` has something to do next; None while nothing is planned or watched."""
         planned = self._planned[0][0] if self._planned else None
         injected = self._injector.next_ns() if self._injector is not None else None
-        known = [at_ns for at_ns in (planned, injected) if at_ns is not None]
+        looking = self._watcher.next_ns() if self._watcher is not None else None
+        known = [at_ns for at_ns in (planned, injected, looking) if at_ns is not None]
         return min(known, default=None)
 
     def waiting(self, side: Side) -> deque[Frame]:
@@ -148,7 +150,7 @@ class GatewayCore:
     def findings(self) -> list[Finding]:
         """What was found since the last call."""
         found, self._findings = self._findings, []
-        return found
+        return found if self._watcher is None else found + self._watcher.findings()
 
     def _bound(self, side: Side, now_ns: int) -> None:
         queue = self._queues[side]

@@ -14,7 +14,8 @@ from typing import Self
 from bus.errors import BusFinding
 from bus.ticks import Alarm
 from bus.transport import Transport
-from hil.gateway.core import Finding, GatewayCore
+from hil.gateway.core import GatewayCore
+from hil.gateway.findings import Finding
 from hil.gateway.injection import Action
 from hil.gateway.routes import OTHER, SIDES, Side
 
@@ -78,6 +79,8 @@ class GatewayLoop:
                     core.start(now_ns)
                 core.receive(side, frames, now_ns)
                 self._send(OTHER[side])
+            else:
+                core.nothing_came(side, time.monotonic_ns())
         now_ns = time.monotonic_ns()
         for action in core.advance(now_ns):
             if self._act is not None:

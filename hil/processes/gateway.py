@@ -2,6 +2,7 @@
 
 import logging
 import time
+from collections import Counter
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ from hil.gateway.routes import SIDES, Side
 from hil.gateway.settings import Settings, read_settings, routes_of
 from hil.gateway.shell import GatewayLoop
 from hil.gateway.tap import tapped
+from hil.gateway.watcher import Watcher
 from hil.lifeline import Lifeline
 from hil.processes.shell import HostShare, Stop, log_to
 
@@ -63,11 +65,13 @@ class Between:
         faults = [fault for file in self.inject for fault in faults_of(file, database)]
         return Injector(database, faults, seed=self.seed)
 
-    def core(self, database: Database, injector: Injector | None) -> GatewayCore:
-        """A fresh gateway by these rules."""
+    def core(self, database: Database, injector: Injector | None) -> tuple[GatewayCore, Watcher]:
+        """A fresh gateway by these rules, and its end-to-end check."""
         settings = read_settings(self.routes) if self.routes is not None else Settings()
         routes = routes_of(settings, database, str(self.routes or "the built-in routes"))
-        return GatewayCore(routes, injector=injector, queue_frames=settings.queue_frames)
+        watcher = Watcher(routes)
+        frames = settings.queue_frames
+        return GatewayCore(routes, injector=injector, watcher=watcher, queue_frames=frames), watcher
 
 
 def run(line: Lifeline, between: Between, out: Path | None) -> Ending:
@@ -75,14 +79,14 @@ def run(line: Lifeline, between: Between, out: Path | None) -> Ending:
     log_to(out and out / rundir.GATEWAY_LOG)
     database = between.database()
     injector = between.injector(database)
-    core = between.core(database, injector)
+    core, watcher = between.core(database, injector)
     host = HostShare()
     with ExitStack() as stack:
         buses: dict[Side, Transport] = {}
         for side in SIDES:
             stamps = out and rundir.stamps(out, f"gateway-{side}")
             buses[side], _ = stack.enter_context(tapped(between.addresses[side], "gateway", stamps))
-        control = stack.enter_context(_control(between.control, core, injector))
+        control = stack.enter_context(_control(between.control, core, watcher, injector))
         stop = stack.enter_context(Stop())
         loop = stack.enter_context(GatewayLoop(core, buses, act=lambda action: _act(line, action)))
         line.ready()
@@ -93,14 +97,17 @@ def run(line: Lifeline, between: Between, out: Path | None) -> Ending:
                 loop.serve()
             _pass_what_came(loop)
         finally:
+            _tell_troubles(watcher)
             if injector is not None:
                 _conclude(injector, core, out)
-            line.finished(complete=True, dropped=lost(core, buses), **figures(core), **host.figures())
+            line.finished(
+                complete=True, dropped=lost(core, buses), **figures(core, watcher), **host.figures()
+            )
     return Ending.PASSED if line.supervised else Ending.INTERRUPTED
 
 
 def _control(
-    path: Path | None, core: GatewayCore, injector: Injector | None
+    path: Path | None, core: GatewayCore, watcher: Watcher, injector: Injector | None
 ) -> AbstractContextManager[ControlServer | None]:
     """Who listens for live commands, if anybody does."""
     if path is None or injector is None:
@@ -108,7 +115,7 @@ def _control(
 
     def obey(request: Mapping[str, Any]) -> Mapping[str, Any]:
         if request.get("command") == "status":
-            return {"ok": True, "figures": figures(core)}
+            return {"ok": True, "figures": figures(core, watcher)}
         return injector.command(request, time.monotonic_ns())
 
     return ControlServer(path, obey)
@@ -149,10 +156,21 @@ def lost(core: GatewayCore, buses: dict[Side, Transport]) -> int:
     return unread + sum(core.counts[side].overflowed + len(core.waiting(side)) for side in SIDES)
 
 
-def figures(core: GatewayCore) -> dict[str, int]:
-    """The counters of both sides as figures of the process, SIDE_NAME; what is zero is left out."""
-    named: dict[str, int] = {}
+def _tell_troubles(watcher: Watcher) -> None:
+    """One line per message that was ever in trouble."""
     for side in SIDES:
+        troubles = watcher.troubles(side)
+        for name in dict.fromkeys(name for name, _ in troubles):
+            said = [f"{count} {what.value}" for (of, what), count in troubles.items() if of == name]
+            log.info("%s side: %s: %s", side, name, ", ".join(said))
+
+
+def figures(core: GatewayCore, watcher: Watcher) -> dict[str, int]:
+    """The counters of both sides as figures of the process, SIDE_NAME; what is zero is left out."""
+    named: Counter[str] = Counter()
+    for side in SIDES:
+        for (_, trouble), count in watcher.troubles(side).items():
+            named[f"{side}_{trouble.name.lower()}"] += count
         counts = core.counts[side]
         named |= {f"{side}_received": counts.received, f"{side}_sent": counts.sent}
         others = {
@@ -163,4 +181,4 @@ def figures(core: GatewayCore) -> dict[str, int]:
             **{f"stayed_{fate.name.lower()}": count for fate, count in counts.stayed.items()},
         }
         named |= {f"{side}_{name}": count for name, count in others.items() if count}
-    return named
+    return dict(named)

@@ -1,0 +1,86 @@
+"""The end-to-end check of everything that crosses: a watch per message, on the side it comes from.
+
+The gateway judges what it receives, before any fault is injected, and passes it on whatever it is: what to
+do about a broken frame is its receiver's decision. So the gateway's findings are about the senders and the
+buses, and a receiver's findings beyond them are about the gateway.
+"""
+
+from collections import Counter
+from typing import Final
+
+from bus.frame import Frame
+from dbc.watch import State, Trouble, Watch
+from hil.gateway.findings import Finding
+from hil.gateway.routes import SIDES, Routes, Side
+
+LOOK_NS: Final = 10_000_000
+"""How often to look for messages that have fallen silent."""
+QUIET_NS: Final = 1_000_000_000
+"""A message that wavers between valid and invalid is told about once in this time."""
+_TELLING: Final = frozenset({State.VALID, State.INVALID})
+
+
+class Watcher:
+    """Watches the messages that cross from either side."""
+
+    def __init__(self, routes: Routes) -> None:
+        self._watches: dict[Side, dict[int, Watch]] = {
+            side: {codec.can_id: Watch(codec) for codec in routes.crossing(side)} for side in SIDES
+        }
+        self._told: set[tuple[Side, int, Trouble]] = set()
+        self._findings: list[Finding] = []
+        self._look_ns: dict[Side, int] = {}
+        self._told_ns: dict[tuple[Side, int], int] = {}
+
+    def receive(self, side: Side, frame: Frame, now_ns: int) -> None:
+        """Judge a frame by its bus' stamp, or by `now_ns` where it has none."""
+        watch = self._watches[side].get(frame.can_id)
+        if watch is None:
+            return
+        self._look_ns.setdefault(side, now_ns + LOOK_NS)
+        before = watch.state
+        trouble = watch.receive(frame.data, frame.at_ns or now_ns)
+        if trouble is not None or watch.state is not before:
+            self._note(side, watch, trouble, before, now_ns)
+
+    def look(self, side: Side, now_ns: int) -> None:
+        """Find what has fallen silent by now; to be called when everything that `side` sent has been received."""
+        if now_ns < self._look_ns.get(side, now_ns + 1):
+            return
+        self._look_ns[side] = now_ns + LOOK_NS
+        for watch in self._watches[side].values():
+            before = watch.state
+            trouble = watch.overdue(now_ns)
+            if trouble is not None:
+                self._note(side, watch, trouble, before, now_ns)
+
+    def next_ns(self) -> int | None:
+        """When to look next; None before the first frame."""
+        return min(self._look_ns.values(), default=None)
+
+    def _note(self, side: Side, watch: Watch, trouble: Trouble | None, before: State, now_ns: int) -> None:
+        """Tell each trouble of a message once, and when it stops or begins again to be valid."""
+        can_id, name = watch.codec.can_id, watch.codec.name
+        if trouble is not None and (side, can_id, trouble) not in self._told:
+            self._told.add((side, can_id, trouble))
+            claimed = f" ({watch.claimed})" if trouble is Trouble.MASQUERADED else ""
+            self._findings.append(Finding(side, can_id, name, f"{trouble.value}{claimed}", now_ns))
+        changed = watch.state is not before and {watch.state, before} == _TELLING
+        if changed and now_ns >= self._told_ns.get((side, can_id), now_ns):
+            self._told_ns[side, can_id] = now_ns + QUIET_NS
+            self._findings.append(Finding(side, can_id, name, f"is {watch.state.value}", now_ns))
+
+    def findings(self) -> list[Finding]:
+        """What was found since the last call."""
+        found, self._findings = self._findings, []
+        return found
+
+    def troubles(self, side: Side) -> Counter[tuple[str, Trouble]]:
+        """How often each trouble struck each message that comes from `side`: (message, trouble)."""
+        return Counter(
+            {
+                (watch.codec.name, trouble): count
+                for watch in self._watches[side].values()
+                for trouble, count in watch.counts.items()
+            }
+        )
