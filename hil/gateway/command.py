@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from hil.realtime_options import CpuOption, FifoOption, FreezeOption, LockOption, RealtimeOptions
+
 DEFAULT = {"plant": "hub:/tmp/loaderhil.plant.hub", "ecu": "hub:/tmp/loaderhil.ecu.hub"}
 
 
@@ -31,6 +33,10 @@ def gateway(
         Path | None, typer.Option("--control", metavar="PATH", help="Socket for `loaderhil inject`.")
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Leave its log here.")] = None,
+    fifo: FifoOption = None,
+    lock_memory: LockOption = False,
+    cpu: CpuOption = None,
+    gc_freeze: FreezeOption = True,
 ) -> None:
     """Routes frames between the machine's bus and the ECU's, until Ctrl-C.
 
@@ -48,7 +54,8 @@ def gateway(
         seed=seed,
         control=control,
     )
-    raise typer.Exit(ending_of(lambda line: process.run(line, between, out)))
+    realtime = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
+    raise typer.Exit(ending_of(lambda line: process.run(line, between, out, realtime)))
 
 
 def register(app: typer.Typer) -> None:

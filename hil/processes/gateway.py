@@ -27,6 +27,7 @@ from hil.gateway.tap import tapped
 from hil.gateway.watcher import Watcher
 from hil.lifeline import Lifeline
 from hil.processes.shell import HostShare, Stop, log_to
+from hil.realtime_options import ORDINARY, RealtimeOptions
 
 log = logging.getLogger(__name__)
 LAST_BATCHES = 256
@@ -74,7 +75,7 @@ class Between:
         return GatewayCore(routes, injector=injector, watcher=watcher, queue_frames=frames), watcher
 
 
-def run(line: Lifeline, between: Between, out: Path | None) -> Ending:
+def run(line: Lifeline, between: Between, out: Path | None, realtime: RealtimeOptions = ORDINARY) -> Ending:
     """Route between two buses until told to end; with `out`, its log, stamps and faults are left there."""
     log_to(out and out / rundir.GATEWAY_LOG)
     database = between.database()
@@ -89,6 +90,7 @@ def run(line: Lifeline, between: Between, out: Path | None) -> Ending:
         control = stack.enter_context(_control(between.control, core, watcher, injector))
         stop = stack.enter_context(Stop())
         loop = stack.enter_context(GatewayLoop(core, buses, act=lambda action: _act(line, action)))
+        realtime.apply()
         line.ready()
         try:
             for _ in stop.readable(loop.fileno(), *([control.fileno()] if control else [])):
