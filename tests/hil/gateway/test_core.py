@@ -132,10 +132,11 @@ def test_an_injector_starts_with_the_run_and_decides_of_each_crossing_frame():
 
 @given(st.lists(st.integers(0, 50), min_size=1, max_size=60))
 def test_delayed_frames_leave_at_their_time_in_its_order_and_none_early(delays):
-    plan = {frame(SENSOR, n).at_ns: delay for n, delay in enumerate(delays)}
+    frames = [frame(SENSOR, 100 - n) for n in range(len(delays))]  # content must not decide the order
+    plan = {f.at_ns: delay for f, delay in zip(frames, delays, strict=True)}
     script = Script(becomes=lambda side, f, now_ns: (Planned(now_ns + plan[f.at_ns], f),))
     gateway = core(injector=script)
-    gateway.receive("plant", [frame(SENSOR, n) for n in range(len(delays))], 0)
+    gateway.receive("plant", frames, 0)
     left = []
     for now_ns in range(52):
         due = gateway.next_ns()
@@ -145,7 +146,7 @@ def test_delayed_frames_leave_at_their_time_in_its_order_and_none_early(delays):
         left += [(now_ns, queue.popleft()) for _ in range(len(queue))]
     assert gateway.next_ns() is None
     expected = sorted(range(len(delays)), key=lambda n: (delays[n], n))
-    assert left == [(delays[n], frame(SENSOR, n)) for n in expected]
+    assert left == [(delays[n], frames[n]) for n in expected]
 
 
 def test_frames_may_be_repeated_and_replaced():
