@@ -330,6 +330,7 @@ def _form(form: str) -> Any:
 ELSEWHERE = {
     "effects": "hil.effects",
     "monitor": "hil.monitor.command",
+    "mqtt": "hil.mqtt.command",
     "decode": "hil.decode",
     "gateway": "hil.gateway.command",
     "diagnose": "hil.diagnose.command",

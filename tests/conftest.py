@@ -1,6 +1,6 @@
 """Tests run stricter than use: floating-point trouble is an error, and what must run may not skip.
 
-$LOADERHIL_MUST_RUN names markers (socketcan, browser, processes, ...); a test that carries one of
+$LOADERHIL_MUST_RUN names markers (socketcan, browser, processes, mqtt, ...); a test that carries one of
 them and skips is then a failure. Continuous integration sets it.
 """
 

@@ -40,6 +40,7 @@ class Row:
 
     period_ns: mean of the latest gaps, None before the second frame; cycle_ns: the DBC's, 0 if it gives none;
     age_ns: None if it never came; readings: each signal with its value; note: what else is to be said.
+    variant: the identifier where it is not the DBC's own (J1939, another source address), else ''.
     """
 
     bus: str
@@ -53,6 +54,8 @@ class Row:
     readings: tuple[tuple[Field, Number], ...] = ()
     note: str = ""
     findings: int = 0
+    shown: Shown | None = None
+    variant: str = ""
 
 
 class _Stream:
@@ -64,7 +67,9 @@ class _Stream:
         self.said = ""
         self.stamps: deque[int] = deque(maxlen=_STAMPS)
         self.data = b""
-        self.values: dict[str, Number] = {}
+        self.readings: dict[str, tuple[Field, Number]] = {}
+        own = shown is None or shown.codec.can_id == can_id
+        self.variant = "" if own else identifier(can_id)
         cycle_ns = shown.codec.cycle_ns if shown is not None else 0
         self.cycle_ns = cycle_ns
         self._pause_ns = round(STALE_AFTER * cycle_ns) or _PAUSE_NS
@@ -81,7 +86,7 @@ class _Stream:
     def _decode(self) -> None:
         assert self.shown is not None
         try:
-            self.values |= self.shown.values(self.data)
+            self.readings |= {field.name: (field, value) for field, value in self.shown.readings(self.data)}
         except DecodeError as error:
             self.said = str(error)
 
@@ -96,12 +101,11 @@ class _Stream:
             if not self.shown.codec.is_multiplexed:
                 self._decode()
             name, note = self.shown.codec.name, self.said
-            readings = tuple(
-                (field, self.values[field.name]) for field in self.shown.fields if field.name in self.values
-            )
+            readings = tuple(self.readings.values())
         elif self.can_id & ERROR:
             name = "error frame"
             note = "; ".join(map(str, errors.findings(Frame(self.can_id, self.data))))
+            self.findings = self.count
         return Row(
             bus=self.bus,
             name=name,
@@ -114,6 +118,8 @@ class _Stream:
             readings=readings,
             note=note,
             findings=self.findings,
+            shown=self.shown,
+            variant=self.variant,
         )
 
 
@@ -165,14 +171,16 @@ class Board:
     def rows(self, now_ns: int) -> list[Row]:
         """Every message by bus and name, those that a sender owes included, unknown identifiers last."""
         rows = [stream.row(now_ns) for stream in self._streams.values()]
-        rows += self._missing()
+        rows += self._missing(self.since_ns(now_ns))
         return sorted(rows, key=lambda row: (row.bus, not row.name, row.name, row.identifier))
 
-    def _missing(self) -> Iterator[Row]:
-        """What has never come although its sender sends."""
+    def _missing(self, watched_ns: int) -> Iterator[Row]:
+        """What has never come although its sender sends, and would be stale if it had come at the start."""
         heard = {(stream.bus, stream.shown.codec) for stream in self._streams.values() if stream.shown}
         owed = {(bus, other.codec) for bus, codec in heard for other in self._messages.expected_beside(codec)}
         for bus, codec in owed - heard:
+            if watched_ns <= STALE_AFTER * codec.cycle_ns:
+                continue
             yield Row(
                 bus=bus,
                 name=codec.name,

@@ -14,6 +14,7 @@ Flags of CAN FD frames are those of Linux 6.1 and later, where every such frame 
 import time
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 
 from bus.frame import BRS, ERROR, ESI, EXTENDED, EXTENDED_MASK, FD, LOCAL, REMOTE, STANDARD_MASK, Frame
 
@@ -86,34 +87,34 @@ class Candump:
         self._style = style
         self._width = max(map(len, interfaces), default=0)
         self._numbers: dict[str, int] = {}
+        self._names: dict[str, tuple[str, str]] = {}
         self._indent = False
         self._stamper = Stamper(style.stamp)
 
     def line(self, interface: str, frame: Frame, wall_ns: int) -> str:
         """One line without its end; wall_ns: when the frame came, since 1970."""
-        if interface not in self._numbers:
-            self._numbers[interface] = len(self._numbers)
-            self._width = max(self._width, len(interface))
+        if interface not in self._names:
+            self._meet(interface)
+        before, name = self._names[interface]
         if self._style.log:
-            return log_line(interface.rjust(self._width), frame, wall_ns, direction=self._style.extra)
+            return log_line(name, frame, wall_ns, direction=self._style.extra)
         self._indent |= bool(frame.can_id & EXTENDED)
-        colour, style = self._style.colour, self._style
-        ink = _COLOURS[self._numbers[interface] % len(_COLOURS)] if colour else ""
-        return "".join(
-            (
-                " ",
-                ink if colour > 2 else "",
-                self._stamper.text(wall_ns),
-                " ",
-                ink if colour < 3 else "",
-                interface.rjust(self._width),
-                _extra(frame) if style.extra else "",
-                _RESET if colour == 1 else "",
-                "  ",
-                long_form(frame, style, indent=self._indent),
-                _RESET if colour > 1 else "",
-            )
+        style = self._style
+        return (
+            f" {before}{self._stamper.text(wall_ns)} {name}{_extra(frame) if style.extra else ''}"
+            f"{_RESET if style.colour == 1 else ''}  {long_form(frame, style, indent=self._indent)}"
+            f"{_RESET if style.colour > 1 else ''}"
         )
+
+    def _meet(self, interface: str) -> None:
+        """Number an interface that speaks for the first time, and make its column wide enough."""
+        self._numbers[interface] = len(self._numbers)
+        self._width = max(self._width, len(interface))
+        colour, log = self._style.colour, self._style.log
+        for known, number in self._numbers.items():
+            ink = _COLOURS[number % len(_COLOURS)] if colour and not log else ""
+            before, beside = (ink, "") if colour > 2 else ("", ink)
+            self._names[known] = before, beside + known.rjust(self._width)
 
 
 def log_line(interface: str, frame: Frame, wall_ns: int, *, direction: bool = False) -> str:
@@ -133,6 +134,7 @@ def short_form(frame: Frame) -> str:
     return f"{identifier(can_id)}#{data.hex().upper()}"
 
 
+@lru_cache(maxsize=4096)
 def identifier(can_id: int) -> str:
     """The identifier in three or eight digits, with the error bit but no other flag."""
     if can_id & ERROR:
@@ -161,21 +163,21 @@ def _bytes(data: bytes, style: Style) -> str:
     """The data, each byte behind a blank, or in reverse and marked."""
     if not data:
         return ""
+    if not style.binary and not style.swapped:
+        return f" {data.hex(' ').upper()}"
     digits = _BITS if style.binary else _HEX
     if style.swapped:
-        return " " + "`".join(digits[byte] for byte in reversed(data))
+        return " " + "`".join([digits[byte] for byte in reversed(data)])
     return " " + " ".join([digits[byte] for byte in data])
 
 
 def _behind(can_id: int, data: bytes, style: Style) -> str:
     """What stands behind the data of at most eight bytes: the mark of an error frame, or the text."""
-    if len(data) > _CLASSIC_MOST:
+    if len(data) > _CLASSIC_MOST or not (style.text or can_id & ERROR):
         return ""
     room = (9 if style.binary else 3) * (_CLASSIC_MOST - len(data))
     if can_id & ERROR:
         return "ERRORFRAME".rjust(room + 13)
-    if not style.text:
-        return ""
     quote = "`" if style.swapped else "'"
     text = (data[::-1] if style.swapped else data).decode("latin-1").translate(_PRINTABLE)
     return f"{quote.rjust(room + 4)}{text}{quote}"

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bus.frame import EXTENDED_MASK
 from bus.mistake import Mistake
 from hil.monitor.candump import Stamp, Style
+from hil.monitor.choice import known_messages, names, watched
 from hil.monitor.raw import LogFile, RawView
 from hil.monitor.run import Plan, View
 from hil.monitor.source import Source
-from hil.monitor.target import Target
 
 if TYPE_CHECKING:
     from hil.monitor.messages import Messages
@@ -124,7 +123,7 @@ def monitor(
     used = (log_format, log, extra, text, binary, swapped, drops, colour)
     _check_raw_options(form, [name for name, value in zip(_RAW_ONLY, used, strict=True) if value])
     plan = Plan(
-        targets=_targets(targets or [DEFAULT], with_errors=form is not Form.RAW),
+        targets=watched(targets or [DEFAULT], with_errors=form is not Form.RAW),
         follow=follow,
         origins=extra,
         count=count,
@@ -144,8 +143,8 @@ def monitor(
         view_of = _raw_view(style, log=log, drops=drops)
     else:
         stamps = Stamp.ABSOLUTE if stamp is None else style.stamp
-        known = _messages(
-            dbc or [], _names(message), _names(sender), _names(signals), protection=form is not Form.TABLE
+        known = known_messages(
+            dbc or [], names(message), names(sender), names(signals), protection=form is not Form.TABLE
         )
         view_of = _decoded_view(form, known, stamps, plan)
     raise typer.Exit(ending_of(lambda _: monitor(plan, view_of)))
@@ -176,39 +175,6 @@ def _stamp(text: str | None) -> Stamp:
     if text is not None and text not in ("a", "A", "d", "z"):
         raise typer.BadParameter(f"'{text}' is not one of a, A, d, z", param_hint="-t")
     return Stamp(text or "")
-
-
-def _targets(texts: Sequence[str], *, with_errors: bool) -> tuple[Target, ...]:
-    """What to watch; with_errors: error frames too where no filter says otherwise, which candump leaves out."""
-    targets = [Target.parse(text) for text in texts]
-    return tuple(target.with_errors(EXTENDED_MASK) if with_errors else target for target in targets)
-
-
-def _names(texts: Sequence[str] | None) -> tuple[str, ...]:
-    """Names that were given one by one or with commas between them."""
-    return tuple(name.strip() for text in texts or [] for name in text.split(",") if name.strip())
-
-
-def _messages(
-    files: Sequence[Path],
-    messages: Sequence[str],
-    senders: Sequence[str],
-    signals: Sequence[str],
-    *,
-    protection: bool,
-) -> "Messages":
-    """The DBC files as far as they are shown; DatabaseError, SelectionError."""
-    from dbc import FOLDER, loader_database, reference_database
-    from dbc.database import Database
-    from hil.monitor.messages import Messages, Selection
-
-    if files:
-        databases = [Database.from_file(file, strict=False) for file in files]
-    else:
-        j1939 = Database.from_file(FOLDER / "j1939.dbc", strict=False)
-        databases = [loader_database(), reference_database(), j1939]
-    wanted = Selection(messages=messages, senders=senders, signals=signals, protection=protection)
-    return Messages(databases, wanted)
 
 
 def _raw_view(style: Style, *, log: bool, drops: bool) -> Callable[[Source, ExitStack], View]:

@@ -10,15 +10,15 @@ Findings, if any, are a list of texts.
 """
 
 import json
-import math
-from typing import Any
+from collections.abc import Sequence
+from functools import lru_cache
 
 from bus import errors
 from bus.frame import Frame
 from dbc.errors import DecodeError
 from hil.monitor.candump import Stamp, Stamper, identifier, short_form
 from hil.monitor.integrity import Integrity
-from hil.monitor.messages import Messages, Number, Shown
+from hil.monitor.messages import Field, Messages, Number, Shown
 from hil.monitor.source import Batch
 
 _MICROSECOND = 1_000
@@ -50,16 +50,10 @@ class LinesView:
             return f"{short_form(frame)}  [{found}]" if found else short_form(frame)
         findings = self._integrity.findings(name, frame, shown.codec)
         try:
-            values = shown.values(frame.data)
+            readings = shown.readings(frame.data)
         except DecodeError as error:
             return f"{short_form(frame)}  [{error}]"
-        signals = ", ".join(
-            [
-                f"{field.name}={field.text(values[field.name])}"
-                for field in shown.fields
-                if field.name in values
-            ]
-        )
+        signals = ", ".join([f"{field.name}={field.text(value)}" for field, value in readings])
         wrong = f"  [{'; '.join(findings)}]" if findings else ""
         return f"{shown.codec.name} {signals}{wrong}"
 
@@ -77,43 +71,51 @@ class JsonView:
 
     def text(self, batch: Batch) -> str:
         """The batch's objects, one per line."""
-        objects = (self._object(name, frame, batch.ahead_ns) for name, frame in batch.frames)
-        return "".join([f"{json.dumps(each)}\n" for each in objects if each is not None])
+        lines = []
+        for name, frame in batch.frames:
+            shown = self._messages.of(frame.can_id)
+            if shown is None and not self._messages.selection.everything:
+                continue
+            time_s = (frame.at_ns + batch.ahead_ns) // _MICROSECOND / 1e6
+            head = f'"time_s": {time_s}, "bus": {_key(name)}, "id": "{identifier(frame.can_id)}"'
+            lines.append(f"{{{head}, {self._content(name, frame, shown)}}}\n")
+        return "".join(lines)
 
-    def _object(self, name: str, frame: Frame, ahead_ns: int) -> dict[str, Any] | None:
-        shown = self._messages.of(frame.can_id)
-        if shown is None and not self._messages.selection.everything:
-            return None
-        head = {
-            "time_s": (frame.at_ns + ahead_ns) // _MICROSECOND / 1e6,
-            "bus": name,
-            "id": identifier(frame.can_id),
-        }
+    def _content(self, name: str, frame: Frame, shown: Shown | None) -> str:
         if shown is None:
-            return head | {"data": frame.data.hex().upper()} | _findings(map(str, errors.findings(frame)))
+            return undecoded(frame, [str(finding) for finding in errors.findings(frame)])
+        found = self._integrity.findings(name, frame, shown.codec)
         try:
-            content = described(shown, shown.values(frame.data))
+            return decoded(shown, shown.readings(frame.data), found)
         except DecodeError as error:
-            return head | {"data": frame.data.hex().upper(), "findings": [str(error)]}
-        return head | content | _findings(self._integrity.findings(name, frame, shown.codec))
+            return undecoded(frame, [str(error)])
 
     def end(self) -> str:
         """Nothing."""
         return ""
 
 
-def described(shown: Shown, values: dict[str, Number]) -> dict[str, Any]:
-    """A decoded message for programs."""
-    signals: dict[str, Any] = {}
-    for field in shown.fields:
-        if field.name in values:
-            value = values[field.name]
-            signals[field.name] = {"value": value if math.isfinite(value) else None, "unit": field.unit}
-            if label := field.label(value):
-                signals[field.name]["name"] = label
-    return {"message": shown.codec.name, "senders": list(shown.codec.senders), "signals": signals}
+def decoded(shown: Shown, readings: Sequence[tuple[Field, Number]], findings: Sequence[str]) -> str:
+    """The members of a decoded message's object, without the braces."""
+    signals = ", ".join([f"{_key(field.name)}: {field.json(value)}" for field, value in readings])
+    codec = shown.codec
+    return f'"message": {_key(codec.name)}, "senders": {_list(codec.senders)}, "signals": {{{signals}}}{_found(findings)}'
 
 
-def _findings(found: Any) -> dict[str, Any]:
-    texts = list(found)
-    return {"findings": texts} if texts else {}
+def undecoded(frame: Frame, findings: Sequence[str]) -> str:
+    """The members of any other frame's object."""
+    return f'"data": "{frame.data.hex().upper()}"{_found(findings)}'
+
+
+def _found(findings: Sequence[str]) -> str:
+    return f', "findings": {json.dumps(list(findings))}' if findings else ""
+
+
+@lru_cache(maxsize=4096)
+def _key(name: str) -> str:
+    return json.dumps(name)
+
+
+@lru_cache(maxsize=4096)
+def _list(names: tuple[str, ...]) -> str:
+    return json.dumps(names)

@@ -1,6 +1,7 @@
 """What the DBC files say of a frame, and which of it was asked for."""
 
 import difflib
+import json
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -30,20 +31,27 @@ class Field:
         self.name, self.unit = signal.name, signal.unit
         self._labels = {raw * signal.scale + signal.offset: text for raw, text in signal.choices.items()}
         raw = signal.not_available
-        self._absent = None if raw is None else raw * signal.scale + signal.offset
-        self._format = f".{_MOST_DECIMALS}g" if signal.is_float else f".{_decimals(signal)}f"
+        if raw is not None:
+            self._labels.setdefault(raw * signal.scale + signal.offset, ABSENT)
+        number = f"%.{_MOST_DECIMALS}g" if signal.is_float else f"%.{_decimals(signal)}f"
+        unit = signal.unit.replace("%", "%%")
+        self._format = f"{number} {unit}" if unit else number
+        self._json_unit = json.dumps(signal.unit)
 
     def label(self, value: Number) -> str:
         """The name that the value table or the DBC's range gives the value, '' for a plain number."""
-        return self._labels.get(value) or (ABSENT if value == self._absent else "")
+        return self._labels.get(value, "")
 
     def text(self, value: Number) -> str:
         """The value as people read it, with as many decimals as the signal resolves."""
-        label = self.label(value)
-        if label:
-            return label
-        number = format(value, self._format)
-        return f"{number} {self.unit}" if self.unit else number
+        return self._labels.get(value) or self._format % value
+
+    def json(self, value: Number) -> str:
+        """The value as an object of JSON: value (null for what is no number), unit, and name where it has one."""
+        number = repr(value) if math.isfinite(value) else "null"
+        label = self._labels.get(value)
+        name = f', "name": {json.dumps(label)}' if label else ""
+        return f'{{"value": {number}, "unit": {self._json_unit}{name}}}'
 
 
 def _decimals(signal: Signal) -> int:
@@ -54,17 +62,23 @@ def _decimals(signal: Signal) -> int:
     return min(max(step, of_offset, 0), _MOST_DECIMALS)
 
 
-@dataclass(frozen=True, slots=True)
 class Shown:
     """A message and those of its signals that are shown."""
 
-    codec: MessageCodec
-    fields: tuple[Field, ...]
+    def __init__(self, codec: MessageCodec, fields: tuple[Field, ...]) -> None:
+        self.codec, self.fields = codec, fields
+        self._places = [(codec.signals.index(field.name), field) for field in fields]
 
-    def values(self, data: bytes) -> dict[str, Number]:
-        """Physical values of the shown signals that the frame carries; DecodeError if it fits no such message."""
-        decoded = self.codec.decode_dict(data)
-        return {field.name: decoded[field.name] for field in self.fields if field.name in decoded}
+    def readings(self, data: bytes) -> list[tuple[Field, Number]]:
+        """The shown signals that the frame carries, with their physical values.
+
+        DecodeError if the frame fits no such message.
+        """
+        if self.codec.is_multiplexed:
+            decoded = self.codec.decode_dict(data)
+            return [(field, decoded[field.name]) for field in self.fields if field.name in decoded]
+        values = self.codec.decode(data)
+        return [(field, values[index]) for index, field in self._places]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -60,9 +60,16 @@ class Buses:
     """One or several buses, watched together until the signal."""
 
     def __init__(
-        self, targets: Sequence[Target], *, origins: bool = False, watch: Sequence[int] = ()
+        self,
+        targets: Sequence[Target],
+        *,
+        origins: bool = False,
+        watch: Sequence[int] = (),
+        client: str = "monitor",
     ) -> None:
-        """origins: frames sent from this machine (on a hub all of them) carry the flag LOCAL.
+        """client: what a hub calls us in its list.
+
+        origins: frames sent from this machine (on a hub all of them) carry the flag LOCAL.
 
         watch: descriptors whose hang-up ends it too (the reader of our output has gone).
         BusUnavailable if one of the buses cannot be opened.
@@ -77,7 +84,7 @@ class Buses:
         self._buses: list[tuple[Target, Transport]] = []
         try:
             for target in _expanded(targets):
-                transport = self._stack.enter_context(_open(target, origins=origins))
+                transport = self._stack.enter_context(_open(target, client, origins=origins))
                 self._epoll.register(transport.fileno(), select.EPOLLIN)
                 self._buses.append((target, transport))
         except BaseException:
@@ -94,14 +101,21 @@ class Buses:
         for _ in stop.readable(self._epoll.fileno()):
             if self._watched & {number for number, _ in self._epoll.poll(0)}:
                 return
-            while len(frames := self._drain()) > 0:
+            while len(frames := self.drain()) > 0:
                 yield Batch(frames, wallclock.SHARED.ahead_ns)
             now_ns = time.monotonic_ns()
             yield Batch([], wallclock.SHARED.ahead_ns)
             alarm.set(now_ns + every_ns)
 
-    def _drain(self) -> list[Seen]:
-        """What has arrived, up to some rounds; by time when several buses are watched."""
+    def fileno(self) -> int:
+        """Readable when `drain` has something to give."""
+        return self._epoll.fileno()
+
+    def drain(self) -> list[Seen]:
+        """What has arrived, up to some rounds; by time when several buses are watched.
+
+        BusClosed when a bus has ended and everything that arrived has been given.
+        """
         wallclock.SHARED.check()
         frames: list[Seen] = []
         for target, transport in self._buses:
@@ -163,10 +177,10 @@ def _expanded(targets: Sequence[Target]) -> list[Target]:
     return every
 
 
-def _open(target: Target, *, origins: bool) -> Transport:
+def _open(target: Target, client: str, *, origins: bool) -> Transport:
     """The bus of a target; an interface's kernel filters where it can."""
     if not target.interface:
-        return open_transport(target.address, name="monitor")
+        return open_transport(target.address, name=client)
     pairs = None if target.filters.joined else target.filters.pairs or None
     return SocketCanTransport(target.interface, filters=pairs, origins=origins)
 

@@ -1,0 +1,1 @@
+"""`loaderhil mqtt`: a bus, decoded, on an MQTT broker."""
