@@ -52,7 +52,7 @@ async def run(
     def tick(due_ns: int) -> None:
         started_ns = time.monotonic_ns()
         receive()  # what has come is used now, not a tick later
-        result = cycle.tick(started_ns)
+        result = cycle.tick(due_ns)  # not when it started: periods and delays then do not depend on the host
         for frame in result.frames:
             bus.send(frame)
         for finding in result.findings:

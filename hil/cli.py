@@ -338,6 +338,7 @@ ELSEWHERE = {
     "inject": "hil.faults.command",
     "check": "hil.recording.check_command",
     "soak": "hil.faults.soak_command",
+    "replay": "hil.recording.replay_command",
 }
 
 
