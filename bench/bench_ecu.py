@@ -17,7 +17,8 @@ import numpy as np
 from ecu.calibration import load_calibration
 from ecu.cycle import EcuCycle
 from ecu.estimators.columns import estimate_columns
-from ecu.estimators.estimate import INITIAL, Inputs, corrected
+from ecu.estimators.estimate import corrected
+from ecu.estimators.signals import INITIAL, Inputs
 from ecu.inputs import estimator_inputs
 from hil.compose import Choice, plant_unit
 
@@ -66,17 +67,25 @@ def main() -> int:
     parameters = load_calibration().parameters
     some = runs[0][1]
     rows = np.tile(some, (ROWS // len(some) + 1, 1))[:ROWS]
-    estimate_columns(rows[:10], parameters)
-    columns, plain = [], []
+    for outlook in (True, False):
+        estimate_columns(rows[:10], parameters, outlook=outlook)
+    columns, now, plain = [], [], []
     for _ in range(REPEATS):
         start = time.perf_counter()
         estimate_columns(rows, parameters)
         columns.append(ROWS / (time.perf_counter() - start) * 1e-6)
+        start = time.perf_counter()
+        estimate_columns(rows, parameters, outlook=False)
+        now.append(ROWS / (time.perf_counter() - start) * 1e-6)
         start, state = time.perf_counter(), INITIAL
         for row in rows[:PLAIN_ROWS]:
             _, state = corrected(Inputs(*row.tolist()), state, parameters)
         plain.append(PLAIN_ROWS / (time.perf_counter() - start) * 1e-6)
-    for name, rate in (("columns", columns), ("the compiled step, row by row from Python", plain)):
+    for name, rate in (
+        ("columns", columns),
+        ("columns without the outlook", now),
+        ("the compiled step, row by row from Python", plain),
+    ):
         print(
             f"{statistics.median(rate):7.3f} million samples/s ({min(rate):.3f} to {max(rate):.3f})  {name}"
         )

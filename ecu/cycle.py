@@ -16,8 +16,8 @@ from ecu import limits, reasons
 from ecu.alarms import Alarm, advanced
 from ecu.answers import TICK_NS, Answers
 from ecu.calibration import Calibration
-from ecu.estimators.estimate import Estimates
 from ecu.estimators.live import LiveEstimator
+from ecu.estimators.signals import Estimates
 from ecu.findings import Finding, ProtectionFailed, Stale, StateChanged
 from ecu.inputs import Group, Heard, Hearing, estimator_inputs
 from ecu.states import Event, State, after

@@ -18,8 +18,8 @@ from dbc.database import Database, MessageCodec
 from dbc.protection import Checker
 from dbc.protection import Finding as Check
 from ecu.calibration import InputRules
-from ecu.estimators.estimate import Inputs
 from ecu.estimators.parameters import GRAVITY
+from ecu.estimators.signals import Inputs
 from ecu.findings import Finding, Implausible, ProtectionFailed
 
 FAULTY: Final = 2

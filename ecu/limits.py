@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 from ecu.alarms import SILENT, Alarm, Times, after, below
 from ecu.calibration import LimitRules
-from ecu.estimators.estimate import Estimates
 from ecu.estimators.parameters import Prediction
+from ecu.estimators.signals import Estimates
 
 SPEED_HEADROOM = 0.3
 """A falling speed limit starts this far above the present speed [m/s]: further up it would limit nothing."""

@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 
 from ecu.alarms import Alarm, Times, below
 from ecu.calibration import AlarmRules, WarningRules
-from ecu.estimators.estimate import Estimates
 from ecu.estimators.rollover import NEVER
+from ecu.estimators.signals import Estimates
 from ecu.inputs import Heard
 from ecu.validity import WHEELS
 

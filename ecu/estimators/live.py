@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from ecu.estimators.columns import ESTIMATES, INPUTS, to_fixed_tuple
 from ecu.estimators.compiled import compiled
-from ecu.estimators.estimate import INITIAL, Estimates, Inputs, State, corrected, printed
+from ecu.estimators.estimate import corrected
 from ecu.estimators.parameters import Parameters
+from ecu.estimators.printed import printed
+from ecu.estimators.signals import INITIAL, Estimates, Inputs, State
 
 Floats = NDArray[np.float64]
 

@@ -54,7 +54,7 @@ class Course(NamedTuple):
 
 
 class Outlook(NamedTuple):
-    """What the horizon brings; it ends with a lift-off."""
+    """What the horizon brings, up to the moment the margin is used up."""
 
     time_to_lift_off: float  # [s]; NEVER if no wheel lifts
     margin: float  # the smallest
@@ -223,11 +223,17 @@ def laden(front: Body, p: Parameters) -> Laden:
 
 @compiled
 def steered(
-    rate: float, target: float, angle: float, dt: float, geometry: Geometry, prediction: Prediction
+    rate: float,
+    target: float,
+    angle: float,
+    share: float,
+    dt: float,
+    geometry: Geometry,
+    prediction: Prediction,
 ) -> float:
-    """Articulation rate after `dt` [s]: it follows the target with the steering's lag, no faster than the
-    steering can, and fades as the cushion of the end stop makes it."""
-    follow = (target - rate) * (1.0 - math.exp(-dt / prediction.steering_lag))
+    """Articulation rate after `dt` [s]: it follows the target with the steering's lag (`share` of the way in
+    a step), no faster than the steering can, and fades as the cushion of the end stop makes it."""
+    follow = (target - rate) * share
     most = prediction.steering_acceleration * dt
     then = rate + min(max(follow, -most), most)
     left = geometry.articulation_stop - abs(angle)
@@ -238,8 +244,10 @@ def steered(
 
 
 @compiled
-def look_ahead(course: Course, hold: float, machine: Laden) -> Outlook:
+def look_ahead(course: Course, hold: float, floor: float, machine: Laden) -> Outlook:
     """Margin and time to lift-off if the demanded rate lasts `hold` seconds and then ends.
+
+    It looks no further than the moment when the margin falls to `floor`; 0 is lift-off.
 
     The articulation rate follows the demand as the steering can and fades before the stop; the
     longitudinal acceleration fades; the tyres slip sideways and give what their grip allows; the support
@@ -251,6 +259,7 @@ def look_ahead(course: Course, hold: float, machine: Laden) -> Outlook:
     fade = math.exp(-dt / prediction.acceleration_memory)
     omega = machine.roll_frequency
     damping = 2.0 * prediction.roll_damping * omega
+    share = 1.0 - math.exp(-dt / prediction.steering_lag)
     stop = geometry.articulation_stop
     angle, rate = course.articulation_angle, course.articulation_rate
     speed, acceleration = course.speed, course.acceleration
@@ -263,7 +272,7 @@ def look_ahead(course: Course, hold: float, machine: Laden) -> Outlook:
         change = 0.0
         if k > 0:
             target = course.demanded_rate if k * dt < hold else 0.0
-            steered_rate = steered(rate, target, angle, dt, geometry, prediction)
+            steered_rate = steered(rate, target, angle, share, dt, geometry, prediction)
             change = (steered_rate - rate) / dt
             rate = steered_rate
         steering = Steering(angle, rate, change, speed, acceleration, gx, gy)
@@ -291,8 +300,9 @@ def look_ahead(course: Course, hold: float, machine: Laden) -> Outlook:
         now = margin(forces, machine.standing)
         if now.ratio < worst:
             worst, lifting = now.ratio, now.wheel
-        if worst <= 0.0:
-            lift_off = k * dt
+        if worst <= floor:
+            if worst <= 0.0:
+                lift_off = k * dt
             break
         turn = yaw * dt
         gx, gy = gx * math.cos(turn) + gy * math.sin(turn), gy * math.cos(turn) - gx * math.sin(turn)
@@ -326,8 +336,10 @@ def permitted_rate(course: Course, machine: Laden) -> float:
     low, high = 0.0, prediction.largest_rate
     for k in range(7):
         trial = high if k == 0 else (low + high) / 2.0
-        outlook = look_ahead(demanding(course, direction * trial), prediction.limit_hold, machine)
-        if outlook.margin >= prediction.margin_floor:
+        outlook = look_ahead(
+            demanding(course, direction * trial), prediction.limit_hold, prediction.margin_floor, machine
+        )
+        if outlook.margin > prediction.margin_floor:
             if k == 0:
                 return trial
             low = trial

@@ -143,10 +143,16 @@ def brush(slip: float, normal_force: float, friction: float, stiffness: float) -
 @compiled
 def lateral_force(slip_angle: float, normal_force: float, wheel: Wheel) -> float:
     """Lateral force [N] of the brush model in the lateral direction; initial slope C_Falpha."""
+    return sideways(math.tan(slip_angle), normal_force, wheel)
+
+
+@compiled
+def sideways(tangent: float, normal_force: float, wheel: Wheel) -> float:
+    """`lateral_force` by the tangent of the slip angle."""
     if normal_force <= 0.0:
         return 0.0
     sliding = wheel.lateral_peak * normal_force
-    s = wheel.cornering_stiffness * normal_force / (3.0 * sliding) * math.tan(slip_angle)
+    s = wheel.cornering_stiffness / (3.0 * wheel.lateral_peak) * tangent
     if abs(s) >= 1.0:
         return sliding if s > 0.0 else -sliding
     return 3.0 * sliding * s * (1.0 - abs(s) + s * s / 3.0)

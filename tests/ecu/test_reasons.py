@@ -9,8 +9,8 @@ from dbc import loader_database
 from ecu.alarms import SILENT, Alarm
 from ecu.calibration import load_calibration
 from ecu.cycle import EcuCycle
-from ecu.estimators.estimate import Estimates
 from ecu.estimators.rollover import NEVER
+from ecu.estimators.signals import Estimates
 from ecu.inputs import Group, Heard, Hearing
 from ecu.reasons import (
     REASONS,
