@@ -17,7 +17,10 @@ from typing import Any
 from rich.progress import track
 
 ROOT = Path(__file__).resolve().parents[2]
-SOURCES = ("bus", "dbc", "ecu", "plant", "hil/compose.py", "hil/lockstep.py", "hil/wire.py", "hil/verdict.py")
+SOURCES = (
+    "bus", "dbc", "ecu", "plant",
+    "hil/compose.py", "hil/ecu_side.py", "hil/judgement.py", "hil/lockstep.py", "hil/verdict.py", "hil/wire.py",
+)  # fmt: skip
 SUFFIXES = (".py", ".toml", ".dbc")
 Result = dict[str, Any]
 

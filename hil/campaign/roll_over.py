@@ -1,13 +1,12 @@
-"""Roll-over over a grid of speed, load and articulation rate: announced, how early, prevented.
+"""Roll-over over grids of speed, load and articulation rate: announced, how early, prevented.
 
-Each case is an abrupt turn from straight driving to the stop, driven three times: with the
-corrected and with the printed estimators that only warn (the very same drive), and with the
-corrected ones that also limit.
+Each case is an abrupt turn from straight driving, driven three times: with the corrected and with the
+printed estimators that only warn (the very same drive), and with the corrected ones that also limit.
+The thresholds were chosen on one grid; another, which shares no speed, load or rate with it, confirms them.
 """
 
 import dataclasses
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +15,7 @@ import numpy as np
 from hil.campaign.batch import Result, results_of
 from hil.campaign.memory import columns_of
 from hil.campaign.roll_over_document import FILE, document
-from hil.campaign.roll_over_picture import PICTURE, draw
+from hil.campaign.roll_over_picture import draw
 from hil.compose import lockstep
 from hil.ecu_side import Form
 from hil.judgement import first_warning, warning_flickers
@@ -27,13 +26,9 @@ from plant.scenario import Scenario, load_scenario
 BASE = "abrupt_articulation"
 KMH = 1 / 3.6
 TURN_AT_S = 1.5
-TO_DEG = 39.0
 AFTER_S = 4.0
 """How long to watch after the turn: a machine that tips is on its side 1.8 s after lift-off."""
 CACHE = Path("out/campaign/roll-over")
-
-SPEEDS_KMH = (10.0, 13.0, 16.0, 19.0, 22.0, 25.0)
-RATES_DEG_S = (9.0, 13.5, 18.0, 22.5, 27.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,33 +40,79 @@ class Load:
     arm_deg: float | None
 
 
-LOADS = (
-    Load("empty, carry", 0.0, None),
-    Load("3204 kg, carry", 3204.0, None),
-    Load("3204 kg, arm level", 3204.0, 0.0),
-    Load("3204 kg, arm up", 3204.0, 46.0),
-)
-
-
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One turn."""
+    """One turn; to_deg: articulation at its end, left +."""
 
     speed_kmh: float
     load: Load
     rate_deg_s: float
+    to_deg: float
+
+    @property
+    def turn(self) -> str:
+        """The turn for people."""
+        return f"{abs(self.to_deg):g}° {'left' if self.to_deg > 0 else 'right'}"
 
 
-def grid() -> list[Case]:
-    """Every case, by load, then rate, then speed."""
-    return [Case(speed, load, rate) for load in LOADS for rate in RATES_DEG_S for speed in SPEEDS_KMH]
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Every combination of its lists."""
+
+    name: str
+    speeds_kmh: tuple[float, ...]
+    loads: tuple[Load, ...]
+    rates_deg_s: tuple[float, ...]
+    turns_deg: tuple[float, ...]
+
+    @property
+    def picture(self) -> str:
+        """Name of the picture's file."""
+        return f"rollover_grid_{self.name}.svg"
+
+    def cases(self) -> list[Case]:
+        """Every case, by turn, then load, then rate, then speed."""
+        return [
+            Case(speed, load, rate, turn)
+            for turn in self.turns_deg
+            for load in self.loads
+            for rate in self.rates_deg_s
+            for speed in self.speeds_kmh
+        ]
+
+
+TUNING = Grid(
+    "tuning",
+    (10.0, 13.0, 16.0, 19.0, 22.0, 25.0),
+    (
+        Load("empty, carry", 0.0, None),
+        Load("3204 kg, carry", 3204.0, None),
+        Load("3204 kg, arm level", 3204.0, 0.0),
+        Load("3204 kg, arm up", 3204.0, 46.0),
+    ),
+    (9.0, 13.5, 18.0, 22.5, 27.0),
+    (39.0,),
+)
+CONFIRMATION = Grid(
+    "confirmation",
+    (11.5, 14.5, 17.5, 20.5, 23.5),
+    (
+        Load("1600 kg, carry", 1600.0, None),
+        Load("2400 kg, arm -20°", 2400.0, -20.0),
+        Load("800 kg, arm level", 800.0, 0.0),
+        Load("1600 kg, arm 40°", 1600.0, 40.0),
+    ),
+    (11.0, 16.0, 24.0),
+    (-39.0, 28.0),
+)
+GRIDS = (TUNING, CONFIRMATION)
 
 
 def scenario_of(case: Case) -> Scenario:
     """The abrupt turn of a case."""
     base = load_scenario(BASE)
-    turn_s = TO_DEG / case.rate_deg_s
-    angle = Profile(((TURN_AT_S, 0.0), (TURN_AT_S + turn_s, math.radians(TO_DEG))))
+    turn_s = abs(case.to_deg) / case.rate_deg_s
+    angle = Profile(((TURN_AT_S, 0.0), (TURN_AT_S + turn_s, math.radians(case.to_deg))))
     speed = case.speed_kmh * KMH
     arm = None if case.load.arm_deg is None else math.radians(case.load.arm_deg)
     return dataclasses.replace(
@@ -121,10 +162,13 @@ def drive(scenario: Scenario, form: Form, *, limits: bool) -> tuple[RunVerdict, 
 
 
 def run_campaign(out: Path, jobs: int | None = None) -> Path:
-    """Run the grid; write the table and the picture beside it."""
-    cases: Sequence[Case] = grid()
-    results = results_of(cases, run_case, cache=CACHE, jobs=jobs, title="turns")
+    """Run the grids; write the tables and the pictures beside them."""
     out.mkdir(parents=True, exist_ok=True)
-    (out / FILE).write_text(document(cases, results))
-    draw(cases, results, out / PICTURE)
+    found = []
+    for grid in GRIDS:
+        cases = grid.cases()
+        results = results_of(cases, run_case, cache=CACHE, jobs=jobs, title=f"turns for {grid.name}")
+        draw(cases, results, out / grid.picture)
+        found.append((grid.name, grid.picture, cases, results))
+    (out / FILE).write_text(document(found))
     return out / FILE

@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 
 from hil.campaign.batch import Result, header, markdown_table
-from hil.campaign.roll_over_picture import PICTURE
 from hil.verdict import JUSTIFIED_MARGIN, WHEELS
 
 COMMAND = "loaderhil campaign roll-over"
 FILE = "rollover_grid.md"
 
 INTRODUCTION = f"""
-Abrupt turns of the L60 from straight driving to 39 degrees of articulation, on level ground. Corrected and printed
-estimators watch the very same drive.
+Abrupt turns of the L60 from straight driving, on level ground, with every combination of speed, load and articulation
+rate. Corrected and printed estimators watch the very same drive. The ECU's thresholds were chosen on the grid
+*tuning*; the grid *confirmation* has other speeds, loads and rates, turns to both sides, and was not looked at for it.
 
 - *Lifts*: a wheel's true normal force is zero for more than 50 ms.
 - *Warning*: RollOver.State at warning or above, or a roll-over reason in Warnings, for at least 50 ms.
@@ -25,56 +25,63 @@ estimators watch the very same drive.
 
 """
 
+Found = tuple[str, str, Sequence[Any], Sequence[Result]]
+"""A grid's name, its picture, its cases and their results."""
 
-def document(cases: Sequence[Any], results: Sequence[Result]) -> str:
+
+def document(found: Sequence[Found]) -> str:
     """The whole document."""
-    seeds = sorted({result["seed"] for result in results})
+    seeds = sorted({result["seed"] for *_, results in found for result in results})
+    head = header("Roll-over: announced and prevented", COMMAND, f"seed {', '.join(map(str, seeds))}")
+    sections = [section(*grid) for grid in found]
+    return "\n".join(
+        (head + INTRODUCTION, summary({name: results for name, *_, results in found}), *sections)
+    )
+
+
+def section(name: str, picture: str, cases: Sequence[Any], results: Sequence[Result]) -> str:
+    """One grid: picture, turns that lift, failures."""
     return "\n".join(
         (
-            header("Roll-over: announced and prevented", COMMAND, f"seed {', '.join(map(str, seeds))}")
-            + INTRODUCTION,
-            summary(results),
-            f"![Lead over speed and articulation rate]({PICTURE})\n",
-            "## Turns that lift a wheel\n",
+            f"## Grid: {name}\n",
+            f"![Lead over speed and articulation rate]({picture})\n",
+            "### Turns that lift a wheel\n",
             lifting_table(cases, results),
-            "## Failures\n",
+            "### Failures\n",
             failures(cases, results),
         )
     )
 
 
-def summary(results: Sequence[Result]) -> str:
-    """Counts and lead times."""
+def summary(found: dict[str, Sequence[Result]]) -> str:
+    """Counts and lead times, a column per grid."""
+    columns = [counts(results) for results in found.values()]
+    rows = [[label, *(column[label] for column in columns)] for label in columns[0]]
+    return markdown_table(("", *found), rows)
+
+
+def counts(results: Sequence[Result]) -> dict[str, str]:
+    """Counts and lead times of one grid."""
     lifting = [result for result in results if result["lift_off_s"] is not None]
     calm = [result for result in results if result["lift_off_s"] is None]
     comfortable = [result for result in calm if result["margin"] > JUSTIFIED_MARGIN]
-    rows = [
-        ("turns", str(len(results))),
-        (
-            "lift a wheel with the limits off",
-            f"{len(lifting)}, of which {_count(lifting, 'rolls_over')} roll over",
+    near = [result for result in calm if result["margin"] <= JUSTIFIED_MARGIN]
+    return {
+        "turns": str(len(results)),
+        "lift a wheel with the limits off": f"{len(lifting)}, of which {_count(lifting, 'rolls_over')} roll over",
+        "corrected warning ahead of lift-off": _of(sum(_ahead(r["lead_s"]) for r in lifting), lifting),
+        "corrected lead: least, median, most": spread(r["lead_s"] for r in lifting),
+        "printed warning ahead of lift-off": _of(sum(_ahead(r["printed_lead_s"]) for r in lifting), lifting),
+        "printed lead: least, median, most (negative is late)": spread(r["printed_lead_s"] for r in lifting),
+        "printed: never warns": _of(sum(r["printed_lead_s"] is None for r in lifting), lifting),
+        "false alarms among turns that keep more than 30 %": _share(
+            _count(comfortable, "false_alarm"), comfortable
         ),
-        ("corrected warning ahead of lift-off", _of(sum(_ahead(r["lead_s"]) for r in lifting), lifting)),
-        ("corrected lead: least, median, most", spread(r["lead_s"] for r in lifting)),
-        (
-            "printed warning ahead of lift-off",
-            _of(sum(_ahead(r["printed_lead_s"]) for r in lifting), lifting),
-        ),
-        (
-            "printed lead: least, median, most (negative is late)",
-            spread(r["printed_lead_s"] for r in lifting),
-        ),
-        ("printed: never warns", _of(sum(r["printed_lead_s"] is None for r in lifting), lifting)),
-        ("false alarms", f"{_of(_count(calm, 'false_alarm'), comfortable)} turns that keep more than 30 %"),
-        (
-            "warned, no lift, less than 30 % left",
-            _of(sum(r["warned"] and not r["false_alarm"] for r in calm), calm),
-        ),
-        ("flicker: warnings shorter than 50 ms, not counted", _flicker(results)),
-        ("prevented with the limits on", _of(sum(not r["limited_lifts"] for r in lifting), lifting)),
-        ("roll over with the limits on", _of(_count(results, "limited_rolls_over"), results)),
-    ]
-    return markdown_table(("", "result"), rows)
+        "warned among turns that keep less, without lift-off": _of(_count(near, "warned"), near),
+        "flicker: warnings shorter than 50 ms, not counted": _flicker(results),
+        "prevented with the limits on": _of(sum(not r["limited_lifts"] for r in lifting), lifting),
+        "roll over with the limits on": _of(_count(results, "limited_rolls_over"), results),
+    }
 
 
 def _ahead(lead_s: float | None) -> bool:
@@ -93,6 +100,10 @@ def _of(count: int, among: Sequence[Result]) -> str:
     return f"{count} of {len(among)}"
 
 
+def _share(count: int, among: Sequence[Result]) -> str:
+    return f"{_of(count, among)} ({100 * count / len(among):.0f} %)" if among else _of(count, among)
+
+
 def spread(leads: Iterable[float | None]) -> str:
     """Least, median and most of the leads there are [s]."""
     known = [lead for lead in leads if lead is not None]
@@ -103,6 +114,7 @@ def spread(leads: Iterable[float | None]) -> str:
 
 COLUMNS: dict[str, Callable[[Any, Result], str]] = {
     "load": lambda case, _: case.load.name,
+    "turn": lambda case, _: case.turn,
     "rate [°/s]": lambda case, _: f"{case.rate_deg_s:g}",
     "speed [km/h]": lambda case, _: f"{case.speed_kmh:g}",
     "first wheel": lambda _, result: WHEELS[result["wheel"]],
@@ -143,6 +155,6 @@ def failures(cases: Sequence[Any], results: Sequence[Result]) -> str:
             wrong.append(f"false alarm, every wheel keeps {100 * result['margin']:.0f} %")
         if wrong:
             lines.append(
-                f"- {case.load.name}, {case.rate_deg_s:g} °/s, {case.speed_kmh:g} km/h: {'; '.join(wrong)}"
+                f"- {case.load.name}, {case.turn}, {case.rate_deg_s:g} °/s, {case.speed_kmh:g} km/h: {'; '.join(wrong)}"
             )
     return ("\n".join(lines) if lines else "None.") + "\n"

@@ -1,5 +1,6 @@
-"""The roll-over campaign as a picture: one panel per load, speed across, articulation rate upward."""
+"""The roll-over campaign as a picture: one panel per load and turn, speed across, articulation rate upward."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from matplotlib.lines import Line2D
 
 from hil.campaign.batch import Result
 
-PICTURE = "rollover_grid.svg"
+ABREAST = 4
 LONGEST_LEAD_S = 1.5
 MARKER = 150
 FIXED: Any = {"svg.hashsalt": "loaderhil", "svg.fonttype": "none", "font.size": 9}
@@ -33,17 +34,23 @@ LEGEND: dict[str, dict[str, Any]] = {
 
 def draw(cases: Sequence[Any], results: Sequence[Result], file: Path) -> None:
     """Write the picture; equal results give equal bytes."""
-    loads = list(dict.fromkeys(case.load.name for case in cases))
+    panels = list(dict.fromkeys((case.load.name, case.turn) for case in cases))
+    rows = math.ceil(len(panels) / ABREAST)
     norm = Normalize(0, LONGEST_LEAD_S)
     with plt.rc_context(FIXED):
-        figure, axes = plt.subplots(1, len(loads), figsize=(11, 3.9), sharey=True, layout="constrained")
-        for panel, load in zip(axes, loads, strict=True):
+        figure, axes = plt.subplots(
+            rows, ABREAST, figsize=(11, 1.1 + 2.8 * rows), sharex=True, sharey=True, layout="constrained", squeeze=False
+        )  # fmt: skip
+        for panel, (load, turn) in zip(axes.flat, panels, strict=False):
             for case, result in zip(cases, results, strict=True):
-                if case.load.name == load:
+                if (case.load.name, case.turn) == (load, turn):
                     panel.scatter(case.speed_kmh, case.rate_deg_s, **_mark(result, norm))
-            panel.set(title=load, xlabel="speed [km/h]")
+            panel.set_title(f"{load}, {turn}", fontsize="medium")
             panel.margins(0.12)
-        axes[0].set_ylabel("articulation rate [°/s]")
+        for panel in axes[-1]:
+            panel.set_xlabel("speed [km/h]")
+        for panel in axes[:, 0]:
+            panel.set_ylabel("articulation rate [°/s]")
         figure.colorbar(
             ScalarMappable(norm, "viridis"), ax=axes, label="warning ahead of lift-off [s]", pad=0.01
         )

@@ -12,7 +12,7 @@ from hil.campaign import roll_over
 from hil.campaign.batch import header, markdown_table, results_of
 from hil.campaign.memory import columns_of
 from hil.campaign.normal_force import Case, Series, errors_of, table
-from hil.campaign.roll_over_document import document, failures, spread, summary
+from hil.campaign.roll_over_document import counts, document, failures, spread, summary
 from hil.campaign.roll_over_picture import draw
 
 TIME = np.arange(0, 3, 0.01)
@@ -99,7 +99,7 @@ def test_frames_in_memory_decode_as_from_a_log():
     assert columns.signals["RollAngle"][0] == pytest.approx(-0.2)
 
 
-CASES = roll_over.grid()
+CASES = roll_over.TUNING.cases()
 
 
 def result(**changes):
@@ -128,35 +128,50 @@ NEAR = result(warned=True, margin=0.2)
 RESULTS = [GOOD, LATE, FALSE, NEAR, *[result()] * (len(CASES) - 4)]
 
 
-def test_the_grid_has_every_combination_once():
-    assert len(set(CASES)) == len(CASES) == 6 * 4 * 5
+@pytest.mark.parametrize("grid", roll_over.GRIDS)
+def test_a_grid_has_every_combination_once(grid):
+    lists = (grid.speeds_kmh, grid.loads, grid.rates_deg_s, grid.turns_deg)
+    assert len(set(grid.cases())) == len(grid.cases()) == np.prod([len(values) for values in lists])
 
 
-def test_a_case_becomes_its_scenario():
-    case = roll_over.Case(18.0, roll_over.Load("raised", 1000.0, 20.0), 13.0)
+def test_the_confirmation_shares_no_speed_load_or_rate_with_the_tuning():
+    one, other = roll_over.TUNING, roll_over.CONFIRMATION
+    assert not set(one.speeds_kmh) & set(other.speeds_kmh)
+    assert not set(one.loads) & set(other.loads)
+    assert not set(one.rates_deg_s) & set(other.rates_deg_s)
+
+
+@pytest.mark.parametrize("to_deg", [39.0, -28.0])
+def test_a_case_becomes_its_scenario(to_deg):
+    case = roll_over.Case(18.0, roll_over.Load("raised", 1000.0, 20.0), 13.0, to_deg)
     scenario = roll_over.scenario_of(case)
     assert scenario.start.speed == pytest.approx(5.0)
     assert scenario.payload_mass == 1000.0
     angle = scenario.script.articulation_angle
     slope = (angle.at(2.5) - angle.at(2.0)) / 0.5
-    assert np.degrees(slope) == pytest.approx(13.0)
-    assert np.degrees(angle.at(scenario.duration_s)) == pytest.approx(39.0)
+    assert np.degrees(slope) == pytest.approx(np.copysign(13.0, to_deg))
+    assert np.degrees(angle.at(scenario.duration_s)) == pytest.approx(to_deg)
 
 
 def test_the_summary_counts_what_the_results_hold():
-    text = summary(RESULTS)
-    for line in (
-        "| lift a wheel with the limits off | 2, of which 0 roll over |",
-        "| corrected warning ahead of lift-off | 1 of 2 |",
-        "| corrected lead: least, median, most | -0.10, 0.20, 0.50 s |",
-        "| printed warning ahead of lift-off | 0 of 2 |",
-        "| printed: never warns | 1 of 2 |",
-        f"| false alarms | 1 of {len(CASES) - 3} turns that keep more than 30 % |",
-        f"| warned, no lift, less than 30 % left | 1 of {len(CASES) - 2} |",
-        "| flicker: warnings shorter than 50 ms, not counted | 3 in 1 turns |",
-        "| prevented with the limits on | 1 of 2 |",
-    ):
-        assert line in text
+    found = counts(RESULTS)
+    assert found == {
+        "turns": str(len(CASES)),
+        "lift a wheel with the limits off": "2, of which 0 roll over",
+        "corrected warning ahead of lift-off": "1 of 2",
+        "corrected lead: least, median, most": "-0.10, 0.20, 0.50 s",
+        "printed warning ahead of lift-off": "0 of 2",
+        "printed lead: least, median, most (negative is late)": "-0.40, -0.40, -0.40 s",
+        "printed: never warns": "1 of 2",
+        "false alarms among turns that keep more than 30 %": f"1 of {len(CASES) - 3} (1 %)",
+        "warned among turns that keep less, without lift-off": "1 of 1",
+        "flicker: warnings shorter than 50 ms, not counted": "3 in 1 turns",
+        "prevented with the limits on": "1 of 2",
+        "roll over with the limits on": f"0 of {len(CASES)}",
+    }
+    text = summary({"one": RESULTS, "other": RESULTS[:1]})
+    assert "|  | one | other |" in text
+    assert f"| turns | {len(CASES)} | 1 |" in text
 
 
 def test_failures_are_listed_and_only_they():
@@ -174,7 +189,9 @@ def test_leads_that_do_not_exist_are_left_out():
 
 
 def test_document_and_picture_are_reproducible(tmp_path):
-    assert document(CASES, RESULTS) == document(CASES, RESULTS)
+    found = [("tuning", "one.svg", CASES, RESULTS)]
+    assert document(found) == document(found)
+    assert "![Lead over speed and articulation rate](one.svg)" in document(found)
     for name in ("one.svg", "two.svg"):
         draw(CASES, RESULTS, tmp_path / name)
     assert (tmp_path / "one.svg").read_bytes() == (tmp_path / "two.svg").read_bytes()
