@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ecu.calibration import load_calibration
+from hil.campaign.ablation import VARIANTS, estimated, inputs_of
 from hil.campaign.batch import Result, header, markdown_table, results_of
 from hil.campaign.memory import columns_of
 from hil.compose import Choice, lockstep
-from hil.ecu_side import FORMS, Form
+from hil.ecu_side import CALIBRATION, FORMS, Form
 from hil.lockstep import Recording
 from hil.verdict import WHEELS, first_lift_off
 from plant.scenario import list_scenarios
@@ -52,7 +54,24 @@ def run_case(case: Case) -> Result:
     recording = lockstep(scenario, form=case.form, limits=False, reference=False).run()
     time = np.array([truth.time_s for truth in recording.truth])
     force = np.array([truth.normal_force for truth in recording.truth])
-    return errors_of(estimates_of(recording), time, force) | {"seed": scenario.seed}
+    result = errors_of(estimates_of(recording), time, force) | {"seed": scenario.seed}
+    if case.form == "corrected":
+        result["ablation"] = ablation(recording, time, force)
+    return result
+
+
+def ablation(
+    recording: Recording, time_s: NDArray[np.float64], force: NDArray[np.float64]
+) -> dict[str, float]:
+    """Per variant of the estimate: RMS error of the worst wheel over what it carries standing."""
+    calibration = load_calibration(CALIBRATION)
+    times, inputs = inputs_of(recording.bus, calibration)
+    worst = {}
+    for name, (arrival, estimate) in estimated(inputs, calibration.parameters, times).items():
+        series = Series(arrival, estimate, np.ones(estimate.shape, bool))
+        result = errors_of(series, time_s, force)
+        worst[name] = float(np.max(np.array(result["rms"]) / result["standing"]))
+    return worst
 
 
 def estimates_of(recording: Recording) -> Series:
@@ -102,6 +121,8 @@ def table(cases: Sequence[Case], results: Sequence[Result]) -> str:
         + INTRODUCTION
         + markdown_table(("drive case", "form", *WHEELS, "valid"), rows)
         + _note(cases, results)
+        + ABLATION
+        + ablation_table(cases, results)
     )
 
 
@@ -112,6 +133,25 @@ Both forms see the same drive (limits off) and the same noisy, quantised, delaye
 with the truth of the moment its frame arrives. *valid*: share of frames that the ECU marks valid; others do not count.
 
 """
+
+
+ABLATION = """
+## What brings how much
+
+RMS of the worst wheel in % of its standing load, corrected form, on the same recorded drives with one source taken away.
+
+"""
+
+
+def ablation_table(cases: Sequence[Case], results: Sequence[Result]) -> str:
+    """One row per variant, one column per drive case."""
+    shown = [
+        (case.scenario.replace("_", " "), result["ablation"])
+        for case, result in zip(cases, results, strict=True)
+        if "ablation" in result
+    ]
+    rows = [[name, *(f"{100 * worst[name]:.1f}" for _, worst in shown)] for name in VARIANTS]
+    return markdown_table(("", *(name for name, _ in shown)), rows)
 
 
 def _row(case: Case, result: dict[str, Any]) -> list[str]:

@@ -1,5 +1,6 @@
 """The tables say what the runs gave: errors against truth, counts of the grid, nothing run twice."""
 
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,12 +9,17 @@ import pytest
 
 from bus.frame import EXTENDED, Frame
 from dbc import loader_database
+from ecu.calibration import load_calibration
+from ecu.estimators.signals import Inputs
 from hil.campaign import roll_over
+from hil.campaign.ablation import VARIANTS, estimated, inputs_of
 from hil.campaign.batch import header, markdown_table, results_of
 from hil.campaign.memory import columns_of
-from hil.campaign.normal_force import Case, Series, errors_of, table
+from hil.campaign.normal_force import Case, Series, ablation_table, errors_of, estimates_of, table
 from hil.campaign.roll_over_document import counts, document, failures, spread, summary
 from hil.campaign.roll_over_picture import draw
+from hil.compose import Choice, lockstep
+from hil.ecu_side import CALIBRATION
 
 TIME = np.arange(0, 3, 0.01)
 STANDING = np.array([10e3, 20e3, 30e3, 40e3])
@@ -68,6 +74,40 @@ def test_the_table_gives_newtons_and_percent_of_standing_load():
     text = table([Case("loaded", "corrected")], [result])
     assert "| loaded | corrected | 100 (1.0 %) | 200 (1.0 %) | 0 (0.0 %) | 50 (0.1 %) | 100.0 % |" in text
     assert "loaderhil campaign normal-force" in text
+
+
+def test_estimates_repeated_from_the_bus_are_those_the_ecu_sent():
+    """The ablation begins with what the estimators were given: nothing taken away gives the frames again."""
+    scenario = dataclasses.replace(Choice(scenario="transient_torque").load(), duration_s=1.5)
+    recording = lockstep(scenario, limits=False, reference=False).run()
+    calibration = load_calibration(CALIBRATION)
+    times, inputs = inputs_of(recording.bus, calibration)
+    arrival, repeated = estimated(inputs, calibration.parameters, times)["everything"]
+    sent = estimates_of(recording)
+    at = np.searchsorted(sent.time_s, times[:-1])
+    assert len(at) > 140
+    assert np.abs(sent.time_s[at] - arrival[:-1]).max() < 1e-3
+    assert np.abs(sent.force[at] - repeated[:-1]).max() <= 20.1  # half a bit of the frame
+
+
+def test_taking_a_source_away_changes_what_it_is_for():
+    rows = np.ones((5, len(Inputs._fields)))
+    parameters = load_calibration(CALIBRATION).parameters
+    deaf, same = VARIANTS["without pressures: no payload"](rows, parameters)
+    assert same is parameters
+    assert deaf[:, Inputs._fields.index("pressure_usable")].tolist() == [0.0] * 5
+    assert deaf.sum() == rows.sum() - 5
+    _, changed = VARIANTS["not carried ahead by the latency"](rows, parameters)
+    assert changed.contact == parameters.contact._replace(latency=0.0)
+    assert set(VARIANTS) >= {"everything"}
+
+
+def test_the_ablation_has_a_row_per_source_and_a_column_per_drive():
+    worst = dict.fromkeys(VARIANTS, 0.0123)
+    found = errors_of(series(0.0), TIME, truth()) | {"ablation": worst}
+    text = ablation_table([Case("loaded", "corrected"), Case("loaded", "printed")], [found, {}])
+    assert "|  | loaded |" in text
+    assert text.count("| 1.2 |") == len(VARIANTS)
 
 
 @dataclass(frozen=True)
