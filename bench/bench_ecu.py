@@ -6,6 +6,7 @@ The stream is the machine's own frames of the drive case `loaded`, made before t
 everything the process does between two waits but the system calls: receive the tick's frames, tick, make the answers.
 """
 
+import gc
 import platform
 import statistics
 import sys
@@ -19,7 +20,7 @@ from ecu.cycle import EcuCycle
 from ecu.estimators.columns import estimate_columns
 from ecu.estimators.estimate import corrected
 from ecu.estimators.signals import INITIAL, Inputs
-from ecu.inputs import estimator_inputs
+from hil.campaign.ablation import inputs_of
 from hil.compose import Choice, plant_unit
 
 TICKS = 1500
@@ -36,20 +37,36 @@ def stream():
     return [unit.tick(k * PERIOD_NS) for k in range(TICKS)]
 
 
-def cycle_us(frames):
-    """Time of every cycle after the warm-up [us], and the inputs of each."""
+def cycles(frames, *, collecting=True):
+    """Time of every cycle after the warm-up [us], shape (n, 2): by the clock, and of the processor for this thread."""
     ecu = EcuCycle(load_calibration())
     ecu.warm_up()
-    times, rows = [], []
+    gc.collect()
+    gc.freeze()
+    if not collecting:
+        gc.disable()
+    times = []
     for k, sent in enumerate(frames):
         now = k * PERIOD_NS
-        start = time.perf_counter_ns()
+        start, worked = time.perf_counter_ns(), time.thread_time_ns()
         for frame in sent:
             ecu.receive(frame, now)
         ecu.tick(now + PERIOD_NS // 2)
-        times.append((time.perf_counter_ns() - start) * 1e-3)
-        rows.append(estimator_inputs(ecu._hearing.gather(now), 0.01, 0.8))
-    return times[WARM:], np.array(rows[WARM:])
+        times.append((time.perf_counter_ns() - start, time.thread_time_ns() - worked))
+    gc.enable()
+    gc.unfreeze()
+    return np.array(times[WARM:]) * 1e-3
+
+
+def inputs(frames):
+    """The estimators' inputs of every cycle after the warm-up."""
+    stamped = [f._replace(at_ns=k * PERIOD_NS) for k, sent in enumerate(frames) for f in sent]
+    return inputs_of(stamped, load_calibration())[1][WARM:]
+
+
+def spread(values):
+    """Median, least and most."""
+    return f"{statistics.median(values):.0f} ({min(values):.0f} to {max(values):.0f})"
 
 
 def main() -> int:
@@ -57,15 +74,16 @@ def main() -> int:
         f"{platform.machine()}, Python {platform.python_version()}, numba {version('numba')}, loaded, n={TICKS - WARM}"
     )
     frames = stream()
-    runs = [cycle_us(frames) for _ in range(REPEATS)]
-    p50 = [float(np.percentile(times, 50)) for times, _ in runs]
-    p99 = [float(np.percentile(times, 99)) for times, _ in runs]
-    print(
-        f"cycle p50 {statistics.median(p50):.0f} us ({min(p50):.0f} to {max(p50):.0f}), p99 {statistics.median(p99):.0f} us ({min(p99):.0f} to {max(p99):.0f})"
-    )
+    print("\n| cycle | p50 [us] | p99 [us] | longest [us] |\n|---|--:|--:|--:|")
+    for name, collecting in (("collector on", True), ("collector off", False)):
+        runs = np.array([cycles(frames, collecting=collecting) for _ in range(REPEATS)])
+        for kind, found in (("clock", runs[:, :, 0]), ("processor", runs[:, :, 1])):
+            cells = [spread(np.percentile(found, q, axis=1)) for q in (50, 99, 100)]
+            print(f"| {name}, {kind} | {' | '.join(cells)} |")
+    print()
 
     parameters = load_calibration().parameters
-    some = runs[0][1]
+    some = inputs(frames)
     rows = np.tile(some, (ROWS // len(some) + 1, 1))[:ROWS]
     for outlook in (True, False):
         estimate_columns(rows[:10], parameters, outlook=outlook)
