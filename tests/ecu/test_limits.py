@@ -1,0 +1,147 @@
+"""The limits are within the machine's own, act at once where it matters, and give way slowly."""
+
+import dataclasses
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ecu.alarms import Times
+from ecu.calibration import load_calibration
+from ecu.estimators.rollover import NEVER
+from ecu.estimators.signals import Estimates
+from ecu.limits import Cause, Limits, next_limits, safe, torque_share, unlimited
+from ecu.reasons import PREVENTION, times
+
+CALIBRATION = load_calibration()
+RULES, PREDICTION = CALIBRATION.limits, CALIBRATION.parameters.prediction
+TIMES = times(CALIBRATION.alarms)[PREVENTION]
+NONE = unlimited(RULES, PREDICTION)
+DT, TICK = 0.01, 10_000_000
+CALM = Estimates(*([0.0] * len(Estimates._fields)))._replace(
+    lift_off_margin=1.0, predicted_margin=1.0, time_to_lift_off=NEVER, speed=5.0,
+    permitted_rate=PREDICTION.largest_rate, permitted_speed=PREDICTION.largest_speed,
+)  # fmt: skip
+VALUES = ("front_torque", "rear_torque", "speed", "rate")
+
+estimates = st.builds(
+    lambda now, later, rate, speed, v: CALM._replace(
+        lift_off_margin=now, predicted_margin=later, permitted_rate=rate, permitted_speed=speed, speed=v
+    ),
+    st.floats(-0.5, 1.2),
+    st.floats(-0.5, 1.2),
+    st.floats(0, PREDICTION.largest_rate),
+    st.floats(0, PREDICTION.largest_speed),
+    st.floats(-8, 8),
+)
+
+
+def limited(seen, start=NONE):
+    """The limits after each cycle."""
+    now, found = start, []
+    for k, e in enumerate(seen):
+        now = next_limits(now, e, k * TICK, DT, TIMES, RULES, PREDICTION)
+        found.append(now)
+    return found
+
+
+@given(st.lists(estimates, min_size=1, max_size=60))
+def test_limits_stay_within_the_machines_own_and_above_the_least(seen):
+    for now in limited(seen):
+        for name in VALUES:
+            assert 0.0 <= getattr(now, name) <= getattr(NONE, name)
+        assert now.speed >= RULES.creep_speed
+        assert now.front_torque >= RULES.torque_least_share * RULES.front_torque * (1 - 1e-12)
+
+
+@given(st.lists(estimates, min_size=1, max_size=60))
+def test_limits_rise_no_faster_than_permitted(seen):
+    before = NONE
+    for now in limited(seen):
+        assert now.rate <= before.rate + RULES.rate_rise * DT + 1e-12
+        assert now.speed <= before.speed + RULES.speed_rise * DT + 1e-12
+        assert now.front_torque <= before.front_torque + RULES.torque_rise * DT + 1e-9
+        assert now.rear_torque <= before.rear_torque + RULES.torque_rise * DT + 1e-9
+        before = now
+
+
+@given(st.lists(estimates, max_size=30), estimates)
+def test_the_rate_limit_is_never_above_what_the_prediction_permits(seen, last):
+    assert limited([*seen, last])[-1].rate <= last.permitted_rate
+
+
+def test_the_speed_limit_falls_as_the_machine_can_brake_and_starts_where_it_is():
+    e = CALM._replace(speed=5.0, permitted_speed=2.0)
+    found = limited([e] * 400)
+    assert found[0].speed == pytest.approx(5.3 - RULES.speed_fall * DT)
+    falls = [a.speed - b.speed for a, b in itertools.pairwise(found)]
+    assert max(falls) <= RULES.speed_fall * DT + 1e-12
+    assert found[-1].speed == 2.0
+
+
+def test_when_the_danger_is_over_everything_is_given_back():
+    worst = CALM._replace(lift_off_margin=0.0, predicted_margin=-1.0, permitted_rate=0.0, permitted_speed=0.0)
+    found = limited([worst] * 100 + [CALM] * 2000)
+    assert found[99].cause is Cause.ROLL_OVER_PREVENTION
+    assert found[99].rate == 0.0
+    assert found[99].speed > RULES.creep_speed  # still braking
+    assert found[-1].cause is Cause.NO_LIMIT
+    assert all(getattr(found[-1], name) == getattr(NONE, name) for name in VALUES)
+
+
+def test_prevention_acts_in_the_same_cycle_and_does_not_let_go_for_an_instant():
+    close = CALM._replace(predicted_margin=RULES.engage_margin - 0.01)
+    found = limited([close] + [CALM] * 100)
+    assert found[0].cause is Cause.ROLL_OVER_PREVENTION
+    acting = [now.cause is Cause.ROLL_OVER_PREVENTION for now in found]
+    assert sum(acting) * TICK >= TIMES.least_on_ns
+    assert acting == sorted(acting, reverse=True)
+
+
+@given(
+    st.lists(
+        st.sampled_from([RULES.engage_margin - 0.01, RULES.release_margin + 0.01]), min_size=1, max_size=200
+    )
+)
+def test_prevention_never_flickers(margins):
+    found = limited([CALM._replace(predicted_margin=margin) for margin in margins])
+    acting = [now.prevention.on for now in found]
+    rises = [k for k in range(1, len(acting)) if acting[k] and not acting[k - 1]] + [0] * acting[0]
+    for k in rises:
+        length = next((n for n in range(k, len(acting)) if not acting[n]), None)
+        assert length is None or (length - k) * TICK >= TIMES.least_on_ns
+
+
+def test_between_the_thresholds_prevention_stays_as_it_is():
+    middle = (RULES.engage_margin + RULES.release_margin) / 2
+    between, close = CALM._replace(predicted_margin=middle), CALM._replace(predicted_margin=0.0)
+    assert not limited([between] * 100)[-1].prevention.on
+    assert limited([close] + [between] * 1000)[-1].prevention.on
+
+
+@given(st.floats(-1, 2), st.floats(-1, 2))
+def test_the_torque_falls_with_the_margin_and_stays_a_share(one, other):
+    low, high = sorted((torque_share(one, RULES), torque_share(other, RULES)))
+    assert RULES.torque_least_share <= low <= high <= 1.0 + 1e-12
+    if one <= other:
+        assert torque_share(one, RULES) <= torque_share(other, RULES)
+    assert torque_share(RULES.torque_full_margin, RULES) == pytest.approx(1.0)
+    assert torque_share(RULES.torque_least_margin, RULES) == RULES.torque_least_share
+
+
+def test_safe_values_are_within_the_machines_own():
+    weak = dataclasses.replace(RULES, front_torque=1e3, rear_torque=2e3)
+    for rules in (RULES, weak):
+        values, own = safe(rules), unlimited(rules, PREDICTION)
+        assert all(getattr(values, name) <= getattr(own, name) for name in VALUES)
+        assert values.cause is Cause.SAFE_VALUES
+
+
+def test_a_repeated_cycle_changes_the_prevention_no_further():
+    close = CALM._replace(predicted_margin=0.0)
+    once = next_limits(NONE, close, 0, DT, TIMES, RULES, PREDICTION)
+    twice = next_limits(once, close, 0, DT, TIMES, RULES, PREDICTION)
+    assert isinstance(once, Limits)
+    assert once.prevention == twice.prevention
+    assert Times(on_delay_ns=0, least_on_ns=TIMES.least_on_ns, off_delay_ns=TIMES.off_delay_ns) == TIMES
