@@ -14,7 +14,8 @@ FILE = "rollover_grid.md"
 INTRODUCTION = f"""
 Abrupt turns of the L60 from straight driving, on level ground, with every combination of speed, load and articulation
 rate. Corrected and printed estimators watch the very same drive. The ECU's thresholds were chosen on the grid
-*tuning*; the grid *confirmation* has other speeds, loads and rates, turns to both sides, and was not looked at for it.
+*tuning* alone; the grid *confirmation* has other speeds, loads and rates and turns to both sides. No number was fitted
+to it, though it was watched while the prediction was written.
 
 - *Lifts*: a wheel's true normal force is zero for more than 50 ms.
 - *Warning*: RollOver.State at warning or above, or a roll-over reason in Warnings, for at least 50 ms.
