@@ -90,7 +90,11 @@ def afterwards_s(kind: str) -> float:
 def judge(found: Soak, run: Path, faults: Sequence[Fault], stale_s: float) -> None:
     """Fill in what the run directory shows."""
     plant_bus, ecu_bus = overheard.read_bus(run, rundir.BUS), overheard.read_bus(run, rundir.ECU_BUS)
-    zero_ns = int(plant_bus.time_ns[plant_bus.can_id == loader_database().by_name["Articulation"].can_id][0])
+    samples_ns = plant_bus.time_ns[plant_bus.can_id == loader_database().by_name["Articulation"].can_id]
+    if not samples_ns.size:
+        found.violations.add("the machine never sent a sample")
+        return
+    zero_ns = int(samples_ns[0])
     Keeper(found).check(overheard.answers_of(ecu_bus))
     notices = [
         *overheard.of_ecu(run),

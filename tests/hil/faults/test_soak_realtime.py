@@ -12,7 +12,7 @@ from dbc.writer import CandumpWriter
 from hil.faults import overheard
 from hil.faults.record import Injected
 from hil.faults.soak import Soak
-from hil.faults.soak_realtime import attribute, permitted, soak_realtime, written
+from hil.faults.soak_realtime import attribute, judge, permitted, soak_realtime, written
 from hil.faults.table import faults_of
 from hil.faults.watch import Mechanism, Notice, Witness
 from hil.verdict import Result
@@ -155,6 +155,15 @@ def test_notices_go_to_the_fault_of_their_time_and_message():
     assert found.result is Result.FAILED
     found.doubt = "ecu waited 9 % of the time"
     assert found.result is Result.INCONCLUSIVE
+
+
+def test_a_run_that_never_began_is_a_failure_and_not_a_crash(tmp_path):
+    for name in ("bus.log", "ecu-bus.log", "ecu.log"):
+        (tmp_path / name).write_text("")
+    found = Soak(0)
+    judge(found, tmp_path, [], 0.05)
+    assert found.violations.lines == ["the machine never sent a sample"]
+    assert found.result is Result.FAILED
 
 
 @pytest.mark.processes
