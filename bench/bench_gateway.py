@@ -6,7 +6,9 @@ millisecond. Arms, in one run:
   raw relay  a process that does nothing but recv and send on the sockets of the two hubs: the floor
   gateway    `loaderhil gateway`, with routes, stamps, counters and the end-to-end check of every frame
 The latency is that from sending on the one hub to the second hub's stamp: two relays and one way between. What the
-gateway adds is the difference of the two arms. Its resident memory is told after a tenth of the time and at the end.
+gateway adds is the difference of the two arms. On a machine that others use, run it as
+`chrt -r 1 python -m bench.bench_gateway`: a process that waits half a second for a processor is 20 000 frames behind.
+The relay's resident memory is told after a tenth of the time and at the end.
 """
 
 import argparse
