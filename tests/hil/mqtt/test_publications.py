@@ -84,6 +84,16 @@ def test_silence_and_its_end_are_findings_once() -> None:
     assert findings(told(publisher, board, last_ns + 100 * MS)) == [("LiftPressure", "in time again")]
 
 
+def test_a_slow_message_is_one_finding_though_each_gap_is_late_too() -> None:
+    board, publisher = Board(messages(messages=["LiftPressure"])), Publisher(TOPICS)
+    said = []
+    for index in range(20):
+        board.take("can0", Frame(can_id_of("LiftPressure"), bytes(8), index * 36 * MS))
+        said += findings(told(publisher, board, index * 36 * MS))
+        said += findings(told(publisher, board, index * 36 * MS + 35 * MS))
+    assert said == [("LiftPressure", "slow")]
+
+
 def test_a_message_that_never_comes_is_a_finding() -> None:
     board, publisher = Board(messages(messages=["LiftPressure", "TiltPressure"])), Publisher(TOPICS)
     for index in range(10):
