@@ -71,7 +71,8 @@ def settle(
             (linear, axes.T @ rise[:3], work.tree.joint_acceleration[s.REAR_AXLE : s.REAR_AXLE + 1])
         )
 
-    rest[2] = _resting_height(residual, p, work) + float(np.mean(work.ground[:, s.G_HEIGHT]))
+    rest[2] = _resting_height(residual, p, work)
+    rest += _over_the_ground(work.ground[:, s.G_HEIGHT], p)
     error = residual(rest)[free]
     for _ in range(ITERATIONS):
         if np.max(np.abs(error)) < AT_REST:
@@ -96,6 +97,16 @@ def _resting_height(residual: Callable[[Array], Array], p: Array, work: Workspac
     load = work.whole[0] * p[P_GRAVITY] / 4.0 / w[W_NOMINAL_LOAD]
     share = 2.0 * load / (w[W_QFZ1] + math.sqrt(w[W_QFZ1] ** 2 + 4.0 * w[W_QFZ2] * load))
     return float(w[W_RADIUS] * (1.0 - share) - w[W_CENTRE + 2])
+
+
+def _over_the_ground(heights: Array, p: Array) -> Array:
+    """Change of the unknowns that puts the machine as it stands on heights under its four wheels [m]."""
+    front, rear = P_WHEELS + W_CENTRE, P_WHEELS + 2 * WHEEL_SIZE + W_CENTRE
+    ahead, behind = heights[:2].mean(), heights[2:].mean()
+    roll = (heights[0] - heights[1]) / (2.0 * p[front + 1])
+    oscillation = (heights[2] - heights[3]) / (2.0 * p[rear + 1]) - roll
+    pitch = (behind - ahead) / (p[front] - p[P_OSCILLATION_X])
+    return np.array((0.0, 0.0, 0.5 * (ahead + behind), roll, pitch, 0.0, oscillation))
 
 
 def _best_part(

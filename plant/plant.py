@@ -19,8 +19,9 @@ from plant.machine import Machine
 from plant.parameters import P_BRAKE_CAPACITY, P_NORMAL, parameter_vector
 from plant.surface import Surface, road_axes
 from plant.truth import Observer, Truth
-from plant.workspace import new_workspace
+from plant.workspace import Workspace, new_workspace
 
+Array = NDArray[np.float64]
 Integrator = Literal["semi-implicit", "rk4"]
 
 RESTS = 60  # trials to bring the machine and the states of its effects to rest together
@@ -156,6 +157,16 @@ class Plant:
             self.time_s, self._state, self._command, self._parameters, self._work, self._active
         )
 
+    def inside(self) -> tuple[Array, Array, Workspace, Array | None, Array]:
+        """Copies of state and parameters, a workspace, the active effects and what the record needs of the machine."""
+        return (
+            self._state.copy(),
+            self._parameters.copy(),
+            new_workspace(),
+            self._active,
+            self._observer.from_joint,
+        )
+
     def copy(self) -> Self:
         """An independent plant in the same state."""
         twin = object.__new__(type(self))
@@ -173,6 +184,7 @@ class Plant:
         state, work = self._state, self._work
         standing = speed == 0.0
         road = road_axes(self._parameters[P_NORMAL : P_NORMAL + 3])
+        dispatch.start(self.machine.effects, state, self._parameters, work)
         for _ in range(RESTS):
             settle(state, self._parameters, work, self._active, road, heading=heading, standing=standing)
             if not dispatch.start(self.machine.effects, state, self._parameters, work):

@@ -180,7 +180,7 @@ class Observer:
         joint = geometry.joint_height
         self._lift, self._tilt = machine.lift, machine.tilt
         self._payload_mass = payload_mass
-        self._from_joint = np.array(
+        self.from_joint = np.array(
             (geometry.imu_x, geometry.imu_z - joint, geometry.wheel_centre_height - joint)
         )
 
@@ -190,7 +190,7 @@ class Observer:
         """The record of a state under a command; arguments as of `dynamics.derivative`, `work` left as it leaves it."""
         row = np.empty(Truth.size)
         row[TIME], row[PAYLOAD] = time_s, self._payload_mass
-        lift_torque, tilt_torque = observe(row, state, command, p, work, active, self._from_joint)
+        lift_torque, tilt_torque = observe(row, state, command, p, work, active, self.from_joint)
         slip_angle = row[SLIP_ANGLE : SLIP_ANGLE + 4]
         np.arctan(slip_angle, out=slip_angle)
         row[LIFT_PRESSURE] = lift_pressure(self._lift, float(row[LIFT_ARM]), lift_torque)

@@ -25,8 +25,8 @@ EFFECT = Effect(
     equation="T_b -> T_b (1 - f dtheta), C ddtheta/dt = P - C dtheta/tau",
     parameters=(
         Parameter("fade_per_K", "1/K", 0.002, 0.0, 0.02, "f: -10 to -30 per cent at 100 K"),
-        Parameter("capacity_J_per_K", "J/K", 8e3, 100.0, 1e6, "C of one axle's brakes"),
-        Parameter("cooling_s", "s", 300.0, 1.0, 1e4, "tau"),
+        Parameter("capacity_J_per_K", "J/K", 8e3, 100.0, 1e6, "C of one axle's brakes", shape=True),
+        Parameter("cooling_s", "s", 300.0, 1.0, 1e4, "tau", shape=True),
     ),
     acts_on="longitudinal force",
     signature="Torque per brake pressure falls with the energy braked away.",

@@ -19,7 +19,7 @@ EFFECT = Effect(
     name="coarse_resolution",
     sentence="The readings come in larger steps than assumed.",
     equation="y = k r round(x/(k r))",
-    parameters=(Parameter("factor", "1", 8.0, 1.0, 1000.0, "k over the resolution given"),),
+    parameters=(Parameter("factor", "1", 8.0, 1.0, 1000.0, "k over the resolution given", off=1.0),),
     acts_on="all channels",
     signature="Residuals uniform within a step, none beyond.",
     excited_by="slow motion",

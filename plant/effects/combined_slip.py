@@ -27,6 +27,7 @@ EFFECT = Effect(
             0.0,
             3.0,
             "k: steepness over that of the machine file; 0: the slips do not mix",
+            off=1.0,
         ),
     ),
     acts_on="longitudinal and lateral force together",

@@ -25,8 +25,10 @@ EFFECT = Effect(
     sentence="There is a ditch or a bump across the way.",
     equation="z = -d (1 - cos(2 pi s/l))/2",
     parameters=(
-        Parameter("distance_m", "m", 10.0, -1e3, 1e3, "where it begins, along the world's x axis"),
-        Parameter("length_m", "m", 3.0, 0.1, 50.0, "l across"),
+        Parameter(
+            "distance_m", "m", 10.0, -1e3, 1e3, "where it begins, along the world's x axis", shape=True
+        ),
+        Parameter("length_m", "m", 3.0, 0.1, 50.0, "l across", shape=True),
         Parameter("left_m", "m", 0.2, -1.0, 1.0, "d under the left wheels; negative: a bump"),
         Parameter("right_m", "m", 0.2, -1.0, 1.0, "d under the right wheels"),
     ),

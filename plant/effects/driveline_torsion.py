@@ -22,8 +22,10 @@ EFFECT = Effect(
     sentence="The axles are coupled by a shaft that winds up when they want to turn at different speeds.",
     equation="T = k_d dphi + c_d ddphi/dt, omega_f = omega_r",
     parameters=(
-        Parameter("stiffness_N_m_per_rad", "N m/rad", 2.0e5, 1e3, 1e7, "k_d, seen at the wheels"),
-        Parameter("damping_N_m_s_per_rad", "N m s/rad", 950.0, 0.0, 1e5, "c_d, seen at the wheels"),
+        Parameter("stiffness_N_m_per_rad", "N m/rad", 2.0e5, 0.0, 1e7, "k_d, seen at the wheels"),
+        Parameter(
+            "damping_N_m_s_per_rad", "N m s/rad", 950.0, 0.0, 1e5, "c_d, seen at the wheels", shape=True
+        ),
     ),
     acts_on="slip front against rear, wheel speeds",
     signature="Slips of opposite sign front and rear in turns; front and rear wheel speeds move together.",

@@ -38,6 +38,7 @@ class Parameter:
     """One number of an effect, in `unit`; the name carries the unit's suffix where there is one.
 
     low, high: permitted; typical: what is taken where the user gives none. si: SI per unit.
+    off: where the effect vanishes; shape: says how the effect acts, not how much, and has no such value.
     """
 
     name: str
@@ -47,15 +48,21 @@ class Parameter:
     high: float
     meaning: str
     si: float = 1.0
+    off: float = 0.0
+    shape: bool = False
 
     def __post_init__(self) -> None:
         if not self.low <= self.typical <= self.high:
             raise ValueError(f"{self.name}: typical {self.typical:g} is outside {self.low:g}..{self.high:g}")
+        if not self.shape and not self.low <= self.off <= self.high:
+            raise ValueError(f"{self.name}: off {self.off:g} is outside {self.low:g}..{self.high:g}")
 
 
-def degrees(name: str, typical: float, low: float, high: float, meaning: str) -> Parameter:
+def degrees(
+    name: str, typical: float, low: float, high: float, meaning: str, *, shape: bool = False
+) -> Parameter:
     """A parameter given in degrees."""
-    return Parameter(name, "deg", typical, low, high, meaning, si=math.radians(1.0))
+    return Parameter(name, "deg", typical, low, high, meaning, si=math.radians(1.0), shape=shape)
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,16 +21,24 @@ def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Work
 def states(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """The twist follows the roll moment of the front wheels."""
     moment = p[P_WHEELS + W_CENTRE + 1] * (work.tyres[0, T_NORMAL] - work.tyres[1, T_NORMAL])
-    work.rate[x] = (moment / q[0] - state[x]) / q[1]
+    work.rate[x] = (moment * q[0] - state[x]) / q[1]
 
 
 EFFECT = Effect(
     name="frame_torsion",
     sentence="The frames twist between the axles, so that the machine rolls further.",
-    equation="k_t (phi_f - phi_r) = t/2 (N_1 - N_2)",
+    equation="phi_f - phi_r = c_t t/2 (N_1 - N_2)",
     parameters=(
-        Parameter("stiffness_N_m_per_rad", "N m/rad", 1.0e6, 0.2e6, 1e8, "k_t: 1e6 to 5e6"),
-        Parameter("time_constant_ms", "ms", 30.0, 5.0, 500.0, "of the twist", si=1e-3),
+        Parameter(
+            "compliance_mrad_per_kN_m",
+            "mrad/(kN m)",
+            1.0,
+            0.0,
+            10.0,
+            "c_t: 0.2 to 1, a stiffness of 1e6 to 5e6 N m/rad",
+            si=1e-6,
+        ),
+        Parameter("time_constant_ms", "ms", 30.0, 5.0, 500.0, "of the twist", si=1e-3, shape=True),
     ),
     acts_on="roll, front normal forces",
     signature="The rear frame rolls more than the tyres allow, in proportion to the difference of the front loads.",

@@ -40,7 +40,7 @@ EFFECT = Effect(
     equation="c = eta k/omega, by two Maxwell elements at 1 and 5 Hz",
     parameters=(
         Parameter("loss_factor", "1", 0.15, 0.0, 0.6, "eta: 0.1 to 0.2"),
-        Parameter("viscous_share", "1", 0.0, 0.0, 1.0, "what is kept of the machine file's damper"),
+        Parameter("viscous_share", "1", 0.0, 0.0, 1.0, "what is kept of the machine file's damper", off=1.0),
     ),
     acts_on="normal forces",
     signature="Ringing of every frequency dies away after the same number of cycles.",

@@ -28,8 +28,10 @@ EFFECT = Effect(
     sentence="The ground steps up or down at one place.",
     equation="z = h (1 - cos(pi s/l))/2",
     parameters=(
-        Parameter("distance_m", "m", 10.0, -1e3, 1e3, "where it begins, along the world's x axis"),
-        Parameter("length_m", "m", 0.4, 0.05, 50.0, "l: as the tyre envelops it"),
+        Parameter(
+            "distance_m", "m", 10.0, -1e3, 1e3, "where it begins, along the world's x axis", shape=True
+        ),
+        Parameter("length_m", "m", 0.4, 0.05, 50.0, "l: as the tyre envelops it", shape=True),
         Parameter("left_m", "m", 0.1, -0.5, 0.5, "h under the left wheels"),
         Parameter("right_m", "m", 0.1, -0.5, 0.5, "h under the right wheels"),
     ),

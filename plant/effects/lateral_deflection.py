@@ -12,7 +12,7 @@ def after_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Works
     """The load moves with the patch, to the side to which the road pushes the tyre."""
     out, n = work.tyres[wheel], work.normal
     _, _, _, sx, sy, sz = heading(work, wheel)
-    shifted = out[T_NORMAL] * out[T_LATERAL] / q[0]
+    shifted = q[0] * out[T_NORMAL] * out[T_LATERAL]
     mx, my, mz = (
         shifted * (sy * n[2] - sz * n[1]),
         shifted * (sz * n[0] - sx * n[2]),
@@ -27,8 +27,18 @@ def after_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Works
 EFFECT = Effect(
     name="lateral_deflection",
     sentence="The tyres give way sideways, so that the outer ones carry nearer to the middle.",
-    equation="M_x = N F_y/k_y",
-    parameters=(Parameter("stiffness_N_per_m", "N/m", 0.4e6, 0.05e6, 1e8, "k_y of one tyre"),),
+    equation="M_x = N F_y c_y",
+    parameters=(
+        Parameter(
+            "compliance_mm_per_kN",
+            "mm/kN",
+            2.5,
+            0.0,
+            20.0,
+            "c_y of one tyre: 2.5 is a stiffness of 0.4 MN/m",
+            si=1e-6,
+        ),
+    ),
     acts_on="load transfer, lift-off",
     signature="Lift-off comes earlier than for rigid tyres; the surplus grows with the square of the lateral acceleration.",
     excited_by="hard turns up to lift-off",

@@ -19,7 +19,9 @@ EFFECT = Effect(
     sentence="The tyres need a longer or shorter way to build up their lateral force.",
     equation="sigma dF/ds + F = F_steady, sigma = k C_F/c",
     parameters=(
-        Parameter("factor", "1", 2.0, 0.2, 5.0, "k: relaxation length over that of the machine file"),
+        Parameter(
+            "factor", "1", 2.0, 0.2, 5.0, "k: relaxation length over that of the machine file", off=1.0
+        ),
     ),
     acts_on="lateral force, yaw rate",
     signature="The force lags by a way, not by a time: the lag falls with speed.",

@@ -23,7 +23,7 @@ EFFECT = Effect(
     equation="z = a sin(n theta)",
     parameters=(
         Parameter("amplitude_mm", "mm", 1.0, 0.0, 10.0, "a, after the tyre has enveloped the lug", si=1e-3),
-        Parameter("lugs", "1", 22.0, 1.0, 60.0, "n on the circumference: 20 to 24"),
+        Parameter("lugs", "1", 22.0, 1.0, 60.0, "n on the circumference: 20 to 24", shape=True),
     ),
     acts_on="normal forces, vertical acceleration",
     signature="A tone whose frequency is n times that of the wheel: 10 Hz at 2 m/s.",

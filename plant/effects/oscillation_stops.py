@@ -9,17 +9,17 @@ from plant.parameters import P_STOP_ANGLE, P_STOP_STIFFNESS
 
 def prepare(q: Mapping[str, float], p: Array, machine: Machine) -> None:
     """Another angle and stiffness of the stops."""
-    p[P_STOP_ANGLE] = q["angle_deg"]
-    p[P_STOP_STIFFNESS] = q["stiffness_N_m_per_rad"]
+    p[P_STOP_ANGLE] = max(p[P_STOP_ANGLE] - q["narrower_deg"], 0.0)
+    p[P_STOP_STIFFNESS] *= q["stiffness"]
 
 
 EFFECT = Effect(
     name="oscillation_stops",
     sentence="The rear axle meets its stops at another angle, or harder, than assumed.",
-    equation="M_p = -k_s (phi_o -+ phi_s) beyond +-phi_s",
+    equation="M_p = -k k_s (phi_o -+ (phi_s - d)) beyond the stops",
     parameters=(
-        degrees("angle_deg", 8.0, 0.5, 45.0, "phi_s"),
-        Parameter("stiffness_N_m_per_rad", "N m/rad", 2.0e6, 1e4, 2e7, "k_s: 1e6 to 5e6"),
+        degrees("narrower_deg", 5.0, -20.0, 20.0, "d"),
+        Parameter("stiffness", "1", 1.0, 0.1, 10.0, "k: over the stiffness of the machine file", off=1.0),
     ),
     acts_on="difference of the rear wheels' normal forces, roll",
     signature="Beyond one angle the rear axle takes its share of the roll moment, suddenly.",

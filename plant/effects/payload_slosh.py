@@ -45,8 +45,8 @@ EFFECT = Effect(
     equation="d2y/dt2 + 2 zeta omega dy/dt + omega^2 y = -a_y, M_x = -m_s g y",
     parameters=(
         Parameter("mass_kg", "kg", 250.0, 0.0, 1500.0, "m_s: 5 to 10 per cent of the payload"),
-        Parameter("frequency_hz", "Hz", 0.8, 0.2, 5.0, "omega/2 pi: 0.5 to 1.5"),
-        Parameter("damping", "1", 0.05, 0.0, 2.0, "zeta"),
+        Parameter("frequency_hz", "Hz", 0.8, 0.2, 5.0, "omega/2 pi: 0.5 to 1.5", shape=True),
+        Parameter("damping", "1", 0.05, 0.0, 2.0, "zeta", shape=True),
     ),
     acts_on="front normal forces left to right, roll",
     signature="Load transfer rings at a low frequency of its own after a turn.",

@@ -19,8 +19,8 @@ EFFECT = Effect(
     sentence="The frames resist roll acceleration more or less than assumed.",
     equation="I_xx -> k I_xx",
     parameters=(
-        Parameter("front", "1", 1.4, 0.2, 4.0, "k of the front frame"),
-        Parameter("rear", "1", 1.4, 0.2, 4.0, "k of the rear frame"),
+        Parameter("front", "1", 1.4, 0.2, 4.0, "k of the front frame", off=1.0),
+        Parameter("rear", "1", 1.4, 0.2, 4.0, "k of the rear frame", off=1.0),
     ),
     acts_on="normal forces left to right, roll rate",
     signature="Overshoot and slower ringing of the load transfer at 1 to 2 Hz.",

@@ -42,6 +42,7 @@ EFFECT = Effect(
             low=0.0,
             high=0.2,
             meaning="k: growth with speed",
+            shape=True,
         ),
     ),
     acts_on="wheel torque, longitudinal force, speed",

@@ -37,9 +37,9 @@ EFFECT = Effect(
     sentence="The ground shears under the tyres: traction has no peak and grows up to large slip.",
     equation="F_x = N tan(phi) s/sqrt(1 + s^2), s = kappa l/(2 K); R = R_b",
     parameters=(
-        degrees("friction_angle_deg", 30.0, 5.0, 50.0, "phi of the soil"),
-        Parameter("shear_mm", "mm", 15.0, 1.0, 100.0, "K: shear displacement, 10 to 25", si=1e-3),
-        Parameter("patch_m", "m", 0.48, 0.1, 1.5, "l of the contact patch"),
+        degrees("friction_angle_deg", 30.0, 5.0, 50.0, "phi of the soil", shape=True),
+        Parameter("shear_mm", "mm", 15.0, 1.0, 100.0, "K: shear displacement, 10 to 25", si=1e-3, shape=True),
+        Parameter("patch_m", "m", 0.48, 0.1, 1.5, "l of the contact patch", shape=True),
         Parameter("bulldozing_N", "N", 0.0, 0.0, 20e3, "R_b of each wheel: 1 to 5 kN in loose soil"),
     ),
     acts_on="longitudinal force over slip",

@@ -18,7 +18,7 @@ TURNING = 0.05  # speed below which the resistance fades [m/s]
 @compiled
 def sinkage(load: float, q: Array) -> float:
     """Depth of the rut [m] under a flexible wheel with its load [N] on its patch."""
-    return (max(load, 0.0) / (q[3] * q[4]) / (q[1] / q[3] + q[2])) ** (1.0 / q[0])
+    return q[6] * (max(load, 0.0) / (q[3] * q[4]) / (q[1] / q[3] + q[2])) ** (1.0 / q[0])
 
 
 @compiled
@@ -53,14 +53,23 @@ def start(q: Mapping[str, float], x: int, state: Array, p: Array, work: Workspac
 EFFECT = Effect(
     name="soil_sinkage",
     sentence="The wheels sink into soft ground and must press a rut ahead of them.",
-    equation="p = (k_c/b + k_phi) z^n, R = b (k_c/b + k_phi) z^(n+1)/(n+1)",
+    equation="p = (k_c/b + k_phi) (z/c)^n, R = b (k_c/b + k_phi) z^(n+1)/(n+1)",
     parameters=(
-        Parameter("exponent", "1", 1.1, 0.1, 2.0, "n; dry sand 1.1, sandy loam 0.7, clay 0.5"),
-        Parameter("cohesive_kN_per_m_n1", "kN/m^(n+1)", 0.99, 0.0, 500.0, "k_c", si=1e3),
-        Parameter("frictional_kN_per_m_n2", "kN/m^(n+2)", 1528.0, 10.0, 1e5, "k_phi", si=1e3),
-        Parameter("width_m", "m", 0.52, 0.1, 1.5, "b of the tyre"),
-        Parameter("patch_m", "m", 0.48, 0.1, 1.5, "length of the contact patch"),
-        Parameter("second_pass", "1", 0.4, 0.0, 1.0, "resistance of the axle behind, over that of the first"),
+        Parameter("exponent", "1", 1.1, 0.1, 2.0, "n; dry sand 1.1, sandy loam 0.7, clay 0.5", shape=True),
+        Parameter("cohesive_kN_per_m_n1", "kN/m^(n+1)", 0.99, 0.0, 500.0, "k_c", si=1e3, shape=True),
+        Parameter("frictional_kN_per_m_n2", "kN/m^(n+2)", 1528.0, 10.0, 1e5, "k_phi", si=1e3, shape=True),
+        Parameter("width_m", "m", 0.52, 0.1, 1.5, "b of the tyre", shape=True),
+        Parameter("patch_m", "m", 0.48, 0.1, 1.5, "length of the contact patch", shape=True),
+        Parameter(
+            "second_pass",
+            "1",
+            0.4,
+            0.0,
+            1.0,
+            "resistance of the axle behind, over that of the first",
+            shape=True,
+        ),
+        Parameter("softness", "1", 1.0, 0.0, 3.0, "c: depth over that of the ground described; 0 is hard"),
     ),
     acts_on="longitudinal force, torque, height",
     signature="Torque is needed to roll, growing faster than the load; the axle behind needs less.",

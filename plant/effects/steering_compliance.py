@@ -31,8 +31,16 @@ EFFECT = Effect(
     sentence="The steering gives way: oil, hoses and pins are a spring between cylinder and frame.",
     equation="J d2delta/dt2 + c (ddelta/dt - ddelta_c/dt) + k (delta - delta_c) = T",
     parameters=(
-        Parameter("stiffness_N_m_per_rad", "N m/rad", 4.4e6, 1e5, 1e8, "k = 2 beta (A1^2/V1 + A2^2/V2) r^2"),
-        Parameter("damping_N_m_s_per_rad", "N m s/rad", 26e3, 0.0, 1e6, "c"),
+        Parameter(
+            "stiffness_N_m_per_rad",
+            "N m/rad",
+            4.4e6,
+            1e5,
+            1e8,
+            "k = 2 beta (A1^2/V1 + A2^2/V2) r^2",
+            shape=True,
+        ),
+        Parameter("damping_N_m_s_per_rad", "N m s/rad", 26e3, 0.0, 1e6, "c", shape=True),
     ),
     acts_on="articulation angle, yaw rate, steering pressure",
     signature="The articulation angle moves at constant demand and rings at about 5 Hz; pressures oscillate with it.",

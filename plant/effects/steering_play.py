@@ -37,8 +37,8 @@ EFFECT = Effect(
     equation="T = k (e - D sgn(e)) for |e| > D, else 0, e = delta_c - delta",
     parameters=(
         degrees("play_deg", 0.3, 0.0, 3.0, "D to either side: 0.2 to 0.5"),
-        Parameter("stiffness_N_m_per_rad", "N m/rad", 4.4e6, 1e5, 1e8, "k in contact"),
-        Parameter("damping_N_m_s_per_rad", "N m s/rad", 26e3, 0.0, 1e6, "in contact"),
+        Parameter("stiffness_N_m_per_rad", "N m/rad", 4.4e6, 1e5, 1e8, "k in contact", shape=True),
+        Parameter("damping_N_m_s_per_rad", "N m s/rad", 26e3, 0.0, 1e6, "in contact", shape=True),
     ),
     acts_on="articulation angle, yaw rate",
     signature="A dead band: small steering motions do not arrive.",

@@ -17,8 +17,8 @@ EFFECT = Effect(
     sentence="The ground gives more or less grip than assumed, perhaps on one side only.",
     equation="D_i = k_i D",
     parameters=(
-        Parameter("left", "1", 0.5, 0.05, 2.0, "k under the left wheels, over the friction assumed"),
-        Parameter("right", "1", 0.5, 0.05, 2.0, "k under the right wheels"),
+        Parameter("left", "1", 0.5, 0.05, 2.0, "k under the left wheels, over the friction assumed", off=1.0),
+        Parameter("right", "1", 0.5, 0.05, 2.0, "k under the right wheels", off=1.0),
     ),
     acts_on="slip, longitudinal and lateral force, yaw moment",
     signature="Slip jumps at equal torque where the demand nears the peak; a yaw moment if the sides differ.",

@@ -26,8 +26,8 @@ EFFECT = Effect(
     equation="M_z = -mu N^1.5/(3 sqrt(p)) tanh(l omega_z/|V|)",
     parameters=(
         Parameter("friction", "1", 0.75, 0.0, 2.0, "mu of the sliding patch"),
-        Parameter("pressure_bar", "bar", 3.5, 0.5, 10.0, "p in the contact patch", si=1e5),
-        Parameter("length_m", "m", 0.25, 0.01, 1.0, "l: half the contact's length"),
+        Parameter("pressure_bar", "bar", 3.5, 0.5, 10.0, "p in the contact patch", si=1e5, shape=True),
+        Parameter("length_m", "m", 0.25, 0.01, 1.0, "l: half the contact's length", shape=True),
     ),
     acts_on="steering joint torque, steering pressure",
     signature="Torque of the steering joint when steering at standstill, gone at speed.",

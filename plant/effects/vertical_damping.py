@@ -21,8 +21,8 @@ EFFECT = Effect(
     sentence="The machine rings longer or shorter on its tyres than assumed.",
     equation="N = k_k k_z rho + k_c c_z drho/dt",
     parameters=(
-        Parameter("damping", "1", 0.4, 0.0, 5.0, "k_c: over the damping of the machine file"),
-        Parameter("stiffness", "1", 1.0, 0.3, 3.0, "k_k: over the stiffness of the machine file"),
+        Parameter("damping", "1", 0.4, 0.0, 5.0, "k_c: over the damping of the machine file", off=1.0),
+        Parameter("stiffness", "1", 1.0, 0.3, 3.0, "k_k: over the stiffness of the machine file", off=1.0),
     ),
     acts_on="normal forces, pitch rate, vertical acceleration",
     signature="Ringing at 2 to 3 Hz after brake steps and bumps that dies away too slowly or too fast.",

@@ -25,7 +25,7 @@ EFFECT = Effect(
     equation="z = a sin(2 pi x/L)",
     parameters=(
         Parameter("amplitude_mm", "mm", 15.0, 0.0, 200.0, "a", si=1e-3),
-        Parameter("wavelength_m", "m", 2.0, 0.3, 100.0, "L"),
+        Parameter("wavelength_m", "m", 2.0, 0.3, 100.0, "L", shape=True),
     ),
     acts_on="normal forces, pitch, roll",
     signature="A tone whose frequency is the speed over the wavelength.",

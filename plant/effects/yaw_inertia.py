@@ -19,8 +19,8 @@ EFFECT = Effect(
     sentence="The frames resist yaw acceleration more or less than assumed.",
     equation="I_zz -> k I_zz",
     parameters=(
-        Parameter("front", "1", 1.4, 0.2, 4.0, "k of the front frame"),
-        Parameter("rear", "1", 1.4, 0.2, 4.0, "k of the rear frame"),
+        Parameter("front", "1", 1.4, 0.2, 4.0, "k of the front frame", off=1.0),
+        Parameter("rear", "1", 1.4, 0.2, 4.0, "k of the rear frame", off=1.0),
     ),
     acts_on="yaw rate, joint torque, lateral force",
     signature="An error of joint torque and side force proportional to the yaw acceleration.",
