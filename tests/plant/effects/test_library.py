@@ -128,6 +128,7 @@ def run_python(code, folder):
     )
 
 
+@pytest.mark.processes  # compiles the plant with one effect more
 def test_the_effect_of_the_how_to_works(tmp_path):
     """Its force over the mass, less what turns with the wheels, is the deceleration."""
     (tmp_path / "headwind.py").write_text(own_effect(), encoding="utf-8")
