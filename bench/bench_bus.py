@@ -7,7 +7,7 @@ Latency, one way, sender and receiver in two processes, one frame per millisecon
   python-can HubBus on the same hub, as a user of python-can sees it
 
 Receive path, CPU time of the receiving process per frame, frames of loader.dbc in bursts of 16 every 4 ms:
-  ours       asyncio add_reader, HubTransport.drain, generated codec
+  ours       asyncio as plant and ECU read (bus.pacing.reading), HubTransport.drain, generated codec
   python-can Notifier and AsyncBufferedReader on HubBus, cantools
 With CAN in the kernel (vcan0) the receive path is measured on SocketCAN too, there with python-can's own interface.
 Every arm runs in every round, so that a busy machine is busy for all; ratios are those of the medians over the
@@ -40,6 +40,7 @@ from bus.frame import Frame
 from bus.hub import Hub
 from bus.hub_client import HubTransport
 from bus.link import can_interfaces
+from bus.pacing import reading
 from bus.python_can import HubBus
 from bus.ticks import Ticks
 
@@ -162,11 +163,11 @@ def traffic() -> list[Frame]:
 
 def receive_ours(pipe: Connection, address: str) -> None:
     async def listen() -> tuple[int, float]:
-        loop, done = asyncio.get_running_loop(), asyncio.Event()
+        done = asyncio.Event()
         codecs = dbc.loader_database().by_id
         count = 0
 
-        def readable() -> None:
+        def receive() -> None:
             nonlocal count
             for frame in transport.drain():
                 if frame.can_id == END:
@@ -176,11 +177,14 @@ def receive_ours(pipe: Connection, address: str) -> None:
                 count += 1
 
         with open_transport(address) as transport:
-            loop.add_reader(transport.fileno(), readable)
+            reader = asyncio.create_task(reading(transport.fileno(), receive))
+            await asyncio.sleep(0)
             pipe.send("ready")
             before = time.process_time()
             await done.wait()
-            return count, time.process_time() - before
+            used = time.process_time() - before
+            reader.cancel()
+            return count, used
 
     pipe.send(asyncio.run(listen()))
 
@@ -253,7 +257,7 @@ def main() -> None:
         pipe.recv()
         try:
             latencies(path, chosen.rounds, chosen.frames)
-            receive_path(path, max(chosen.rounds // 2, 1), 6 * chosen.frames)
+            receive_path(path, max(chosen.rounds // 3, 1), 24 * chosen.frames)
         finally:
             hub.terminate()
             hub.join()

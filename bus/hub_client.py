@@ -62,12 +62,11 @@ class HubTransport:
     def drain(self, limit: int = 64) -> list[Frame]:
         """At most `limit` frames that have arrived, stamped by the hub; [] if there are none."""
         frames: list[Frame] = []
-        dropped_in = 0
-        records = self._receive(limit)
+        records, make = self._receive(limit), Frame._make
         for can_id, length, flags, kind, data, at_ns, dropped in packet.LAYOUT.iter_unpack(records):
-            frame = Frame(can_id, data[:length], at_ns, flags)
+            frame = make((can_id, data[:length], at_ns, flags))
             if dropped:
-                dropped_in = dropped
+                self._dropped_in = dropped
             if kind:
                 if kind == packet.CONTROL:
                     self._note_refusal(records)
@@ -78,8 +77,6 @@ class HubTransport:
             if can_id & ERROR:
                 self._errors += 1
                 self._findings += errors.findings(frame)
-        if dropped_in:
-            self._dropped_in = dropped_in
         self._received += len(frames)
         return frames
 

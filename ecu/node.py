@@ -9,7 +9,7 @@ import logging
 import time
 from collections.abc import Callable
 
-from bus.pacing import TickTiming, first_of, readable
+from bus.pacing import TickTiming, first_of, readable, reading
 from bus.ticks import Ticks
 from bus.transport import BusClosed, Transport
 from bus.trouble_log import TroubleLog
@@ -61,11 +61,6 @@ async def run(
         cycle.executed(execution_ns)
         timing.add(started_ns - due_ns, execution_ns)
 
-    async def listen() -> None:
-        while True:
-            await readable(bus.fileno())
-            receive()
-
     async def pace() -> None:
         with Ticks(period_ns) as ticks:
             while True:
@@ -78,7 +73,7 @@ async def run(
 
     try:
         async with asyncio.TaskGroup() as group:
-            group.create_task(listen(), name="ecu-listen")
+            group.create_task(reading(bus.fileno(), receive), name="ecu-listen")
             group.create_task(pace(), name="ecu-tick")
     except BaseExceptionGroup as errors:
         closed, others = errors.split(BusClosed)

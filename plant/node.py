@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from bus.pacing import TickTiming, first_of, readable
+from bus.pacing import TickTiming, first_of, readable, reading
 from bus.ticks import Ticks
 from bus.transport import BusClosed, Transport
 from bus.trouble_log import TroubleLog
@@ -62,11 +62,6 @@ async def run(
         if on_tick:
             on_tick(unit, started_ns)
 
-    async def listen() -> None:
-        while True:
-            await readable(transport.fileno())
-            receive()
-
     async def pace() -> None:
         with Ticks(period_ns) as ticks:
             while not unit.finished:
@@ -81,7 +76,7 @@ async def run(
 
     try:
         async with asyncio.TaskGroup() as group:
-            listener = group.create_task(listen(), name="plant-listen")
+            listener = group.create_task(reading(transport.fileno(), receive), name="plant-listen")
             await (pace() if realtime else hurry())
             listener.cancel()
     except BaseExceptionGroup as errors:

