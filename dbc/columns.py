@@ -64,16 +64,18 @@ class ColumnDecoder:
                 return codec
         return next((codec for d in self._databases if (codec := d.match(can_id)) is not None), None)
 
-    def decode(self, table: FrameTable) -> dict[str, Columns]:
+    def decode(self, table: FrameTable, *, truncated: bool = False) -> dict[str, Columns]:
         """Columns by message name, for every message that occurs; other frames are passed over.
 
-        A frame shorter than its message is passed over too; `short` counts those.
+        A frame shorter than its message is passed over too; `short` counts those. truncated: its signals that lie within
+        it are decoded, the others NaN, as cantools does with allow_truncated; not so for multiplexed messages.
         """
         found: dict[str, Columns] = {}
         for codec, rows in self._grouped(table).items():
-            usable = rows[table.length[rows] >= codec.length]
-            if usable.size:
-                found[self._names[codec]] = decode_rows(codec, table, usable)
+            if not truncated or codec.is_multiplexed:
+                rows = rows[table.length[rows] >= codec.length]
+            if rows.size:
+                found[self._names[codec]] = decode_rows(codec, table, rows)
         return found
 
     def undecodable(self, table: FrameTable) -> dict[int, int]:
@@ -111,14 +113,19 @@ class ColumnDecoder:
 
 
 def decode_rows(codec: MessageCodec, table: FrameTable, rows: NDArray[np.int64]) -> Columns:
-    """Decode `rows` of `table`, all of them frames of `codec` and long enough."""
-    little = table.data.view("<u8")[rows]
+    """Decode `rows` of `table`, all of them frames of `codec`; NaN for what lies outside a short frame."""
+    room = -(-codec.length // 8) * 8
+    data = table.data if table.data.shape[1] >= room else np.pad(table.data, ((0, 0), (0, room - 8)))
+    little = data.view("<u8")[rows]
     orders = {signal.big_endian for signal in codec.layout}
     words = {big: _mirrored(little, codec.length) if big else little for big in orders}
     signals: dict[str, NDArray[Any]] = {}
     selectors: dict[str, NDArray[Any]] = {}
     for signal in _selectors_first(codec.layout):
         value = physical_values(raw_values(words[signal.big_endian], signal, codec.length), signal)
+        inside = table.length[rows] >= signal_end(signal, codec.length)
+        if not inside.all():
+            value = _masked(value, inside)
         if signal.multiplexer is None:
             signals[signal.name] = selectors[signal.name] = value
         else:
@@ -131,6 +138,12 @@ def decode_rows(codec: MessageCodec, table: FrameTable, rows: NDArray[np.int64])
         signals={name: signals[name] for name in codec.signals},
         rows=rows,
     )
+
+
+def signal_end(signal: Signal, length: int) -> int:
+    """Bytes that a frame of a message of `length` bytes must have to carry the signal."""
+    shift = signal.shift(8 * length)
+    return length - shift // 8 if signal.big_endian else (shift + signal.length + 7) // 8
 
 
 def _mirrored(words: NDArray[np.uint64], length: int) -> NDArray[np.uint64]:

@@ -1,7 +1,8 @@
 """`loaderhil decode`: recordings through DBC files into one table per message.
 
 Values are the DBC's physical values, equal to cantools' bit for bit. Frames that no DBC knows are
-counted and named; damaged lines are reported with their number and skipped.
+counted and named; damaged lines are reported with their number and skipped; of a frame shorter than its
+message the signals that lie within it are decoded.
 """
 
 import csv
@@ -26,8 +27,9 @@ from dbc import FOLDER
 from dbc.columns import ColumnDecoder, Columns
 from dbc.database import Database
 from dbc.errors import DatabaseError, LogError
-from dbc.j1939 import pgn
-from dbc.logfile import FrameTable, read_candump
+from dbc.j1939 import pgn, source_address
+from dbc.logfile import FrameTable
+from dbc.recording import read_frames
 from hil.ending import Ending
 
 DEFAULT_DBCS = ("loader.dbc", "reference.dbc", "j1939.dbc")
@@ -74,23 +76,39 @@ def identifier_text(can_id: int) -> str:
     return f"0x{can_id & EXTENDED_MASK:08X} (PGN {group}{f' {name}' if name else ''}){kind}"
 
 
-def decode_log(path: Path, decoder: ColumnDecoder, progress: Any = None) -> Decoded:
-    """Read and decode one recording; LogError when it cannot be read at all."""
-    table = read_candump(path, progress)
+def decode_log(
+    path: Path, decoder: ColumnDecoder, progress: Any = None, channel: str | None = None
+) -> Decoded:
+    """Read and decode one recording, or one channel of it; LogError when it cannot be read, or has no such channel."""
+    table = read_frames(path, progress)
+    table = table.on_channel(channel, path) if channel is not None else table
     return Decoded(
         path=path,
         frames=table,
-        columns=decoder.decode(table),
+        columns=decoder.decode(table, truncated=True),
         undecodable=decoder.undecodable(table),
         short=decoder.short(table),
     )
 
 
-def write_columns(columns: Columns, target: Path, form: Format) -> None:
-    """One message as a table: time_s, then each signal named `Signal [unit]`; all of it or nothing."""
+def origins(columns: Columns, table: FrameTable, *, j1939: bool) -> dict[str, Any]:
+    """Where each frame of a message came from: its channel if there are several, its source address in J1939."""
+    found: dict[str, Any] = {}
+    if len(table.channels) > 1:
+        found["channel"] = np.array(table.channels)[table.channel[columns.rows]]
+    if j1939:
+        found["source_address"] = np.array(
+            [source_address(word) for word in table.can_id[columns.rows].tolist()]
+        )
+    return found
+
+
+def write_columns(columns: Columns, target: Path, form: Format, origin: dict[str, Any] | None = None) -> None:
+    """One message as a table: time_s, `origin`, then each signal named `Signal [unit]`; all of it or nothing."""
+    origin = origin or {}
     units = {name: columns.codec.by_signal[name].unit for name in columns.signals}
-    headers = ["time_s", *(f"{name} [{unit}]" if unit else name for name, unit in units.items())]
-    values = [columns.time_s, *columns.signals.values()]
+    headers = ["time_s", *origin, *(f"{name} [{unit}]" if unit else name for name, unit in units.items())]
+    values = [columns.time_s, *origin.values(), *columns.signals.values()]
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile(dir=target.parent, prefix=f".{target.name}.", delete=False) as handle:
         part = Path(handle.name)
@@ -98,7 +116,7 @@ def write_columns(columns: Columns, target: Path, form: Format) -> None:
         if form is Format.CSV:
             _write_csv(part, headers, values)
         else:
-            _write_parquet(part, columns, units)
+            _write_parquet(part, columns, units, origin)
         part.chmod(0o644)
         part.replace(target)
     finally:
@@ -113,10 +131,13 @@ def _write_csv(path: Path, headers: Sequence[str], values: Sequence[Any]) -> Non
         out.writerows(zip(*(column.tolist() for column in values), strict=True))
 
 
-def _write_parquet(path: Path, columns: Columns, units: dict[str, str]) -> None:
+def _write_parquet(path: Path, columns: Columns, units: dict[str, str], origin: dict[str, Any]) -> None:
     """Columns under their plain names; units and the message's comment as field and table metadata."""
     fields = [pa.field("time_s", pa.float64(), metadata={"unit": "s"})]
-    arrays = [pa.array(columns.time_s)]
+    arrays: list[Any] = [pa.array(columns.time_s)]
+    for name, values in origin.items():
+        arrays.append(pa.array(values))
+        fields.append(pa.field(name, arrays[-1].type))
     for name, values in columns.signals.items():
         plain = np.array([float(v) for v in values]) if values.dtype == object else values
         arrays.append(pa.array(plain))
@@ -125,10 +146,17 @@ def _write_parquet(path: Path, columns: Columns, units: dict[str, str]) -> None:
     pq.write_table(pa.Table.from_arrays(arrays, schema=schema), path)
 
 
-def load_databases(files: Iterable[Path]) -> list[Database]:
-    """The DBC files in the order given; without any, our own and a few J1939 groups."""
+def load_databases(files: Iterable[Path], *, j1939: bool = False) -> list[Database]:
+    """The DBC files in the order given; without any, our own and a few J1939 groups.
+
+    j1939: every message with a 29-bit identifier stands for its parameter group, marked so or not.
+    """
     named = list(files) or [FOLDER / name for name in DEFAULT_DBCS]
-    return [Database.from_file(file, strict=False) for file in named]
+    databases = [Database.from_file(file, strict=False) for file in named]
+    for database in databases if j1939 else ():
+        extended = [codec for codec in database.by_id.values() if codec.can_id & EXTENDED]
+        database.by_pgn = {pgn(codec.can_id): codec for codec in reversed(extended)}
+    return databases
 
 
 def tell(console: Console, done: Decoded) -> None:
@@ -152,7 +180,9 @@ def tell(console: Console, done: Decoded) -> None:
         if len(ranked) > SHOWN:
             console.print(f"  and {len(ranked) - SHOWN} more")
     for name, count in done.short.items():
-        console.print(f"{name}: {count} frames shorter than the DBC says; skipped")
+        decoded_too = name in done.columns and not done.columns[name].codec.is_multiplexed
+        what = "signals outside them left empty" if decoded_too else "skipped"
+        console.print(f"{name}: {count} frames shorter than the DBC says; {what}")
     for damage in done.frames.damaged[:SHOWN]:
         console.print(f"{done.path}: {escape(str(damage))}")
     if done.frames.damaged_count > SHOWN:
@@ -161,12 +191,17 @@ def tell(console: Console, done: Decoded) -> None:
 
 def target_of(out: Path, log: Path, message: str, form: Format, *, several: bool) -> Path:
     """Where a message's table goes: in a folder per recording when there are several."""
-    stem = log.name.removesuffix(".gz").removesuffix(".log").removesuffix(".candump")
+    stem = log.name.removesuffix(".gz")
+    for suffix in (".log", ".candump", ".blf", ".asc", ".mf4"):
+        stem = stem.removesuffix(suffix)
     return (out / stem if several else out) / f"{message}.{form}"
 
 
 def decode(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="candump logs, plain or .gz.")],
+    logs: Annotated[
+        list[Path],
+        typer.Argument(metavar="LOG...", help="Recordings: candump log, .gz of one, BLF, ASC, MF4."),
+    ],
     dbc: Annotated[
         list[Path] | None,
         typer.Option(
@@ -180,6 +215,15 @@ def decode(
         typer.Option("--out", metavar="DIR", help="Folder for one table per message. Without: only tell."),
     ] = None,
     form: Annotated[Format, typer.Option("--format", help="What the tables are written as.")] = Format.CSV,
+    channel: Annotated[
+        str | None, typer.Option("--channel", metavar="NAME", help="Only this channel of the recordings.")
+    ] = None,
+    j1939: Annotated[
+        bool,
+        typer.Option(
+            "--j1939", help="Match every 29-bit message by parameter group; tables tell the source address."
+        ),
+    ] = False,
 ) -> None:
     """Decode recordings: count, name and write every message as a table.
 
@@ -189,17 +233,18 @@ def decode(
     console = Console(highlight=False, soft_wrap=True)
     errors = Console(stderr=True, highlight=False, soft_wrap=True)
     try:
-        decoder = ColumnDecoder(*load_databases(dbc or []))
+        decoder = ColumnDecoder(*load_databases(dbc or [], j1939=j1939))
     except DatabaseError as error:
         errors.print(f"loaderhil: {escape(str(error))}")
         raise typer.Exit(Ending.MISUSED) from None
     failed = False
     for log in logs:
         try:
-            done = _with_progress(log, decoder, errors)
+            done = _with_progress(log, decoder, errors, channel)
             if out is not None:
                 for name, columns in done.columns.items():
-                    write_columns(columns, target_of(out, log, name, form, several=len(logs) > 1), form)
+                    target = target_of(out, log, name, form, several=len(logs) > 1)
+                    write_columns(columns, target, form, origins(columns, done.frames, j1939=j1939))
         except (LogError, OSError) as error:
             errors.print(f"loaderhil: {escape(str(error))}")
             failed = True
@@ -210,12 +255,12 @@ def decode(
     raise typer.Exit(Ending.FAILED if failed else Ending.PASSED)
 
 
-def _with_progress(log: Path, decoder: ColumnDecoder, errors: Console) -> Decoded:
+def _with_progress(log: Path, decoder: ColumnDecoder, errors: Console, channel: str | None) -> Decoded:
     columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeElapsedColumn())
     with Progress(*columns, console=errors, transient=True) as progress:
         task = progress.add_task(log.name, total=None)
         return decode_log(
-            log, decoder, lambda read, total: progress.update(task, completed=read, total=total)
+            log, decoder, lambda read, total: progress.update(task, completed=read, total=total), channel
         )
 
 

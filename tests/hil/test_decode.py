@@ -13,8 +13,11 @@ from typer.testing import CliRunner
 
 from bus.frame import ERROR, EXTENDED, REMOTE
 from dbc import FOLDER, loader_database
+from dbc.recording import read_frames
 from dbc.writer import candump_line
 from hil.decode import identifier_text, load_databases, register
+from hil.recording.formats import open_writer
+from hil.recording.ring import records_of
 from plant.machine import load_machine
 from plant.scenario import load_scenario
 from plant.unit import PlantUnit
@@ -93,7 +96,7 @@ def test_damage_and_strangers_are_told_and_skipped(log, tmp_path):
     assert result.exit_code == 0
     assert "line 10:" in result.output
     assert "0x123, 1 frames" in result.output
-    assert "LFE: 1 frames shorter" in result.output
+    assert "LFE: 1 frames shorter than the DBC says; signals outside them left empty" in result.output
 
 
 def test_one_bad_file_does_not_lose_the_good_one(log, tmp_path):
@@ -137,3 +140,86 @@ def test_a_real_tractor(recordings):
     assert result.exit_code == 0
     assert "EEC1" in result.output
     assert "PropA" in result.output
+
+
+def test_of_a_short_frame_the_signals_within_it_are_decoded_as_cantools_does(tmp_path):
+    """Cut at every length, both byte orders: what lies within is equal, what does not is empty."""
+    dbc = tmp_path / "short.dbc"
+    dbc.write_text(
+        'VERSION ""\nNS_ :\nBS_:\nBU_: A\nBO_ 291 Mixed: 8 A\n'
+        ' SG_ One : 0|8@1+ (1,0) [0|0] "" A\n SG_ Two : 12|9@1- (0.5,1) [0|0] "" A\n'
+        ' SG_ Three : 31|16@0+ (1,0) [0|0] "" A\n SG_ Four : 43|10@0- (2,0) [0|0] "" A\n'
+    )
+    log = tmp_path / "short.log"
+    data = bytes.fromhex("A1B2C3D4E5F60718")
+    log.write_text("".join(f"({n}.0) can0 123#{data[:n].hex()}\n" for n in range(1, 9)))
+    result = run(log, "--dbc", dbc, "--out", tmp_path / "out")
+    assert result.exit_code == 0
+    assert "Mixed: 7 frames shorter than the DBC says; signals outside them left empty" in result.output
+    reference = cantools.database.load_file(dbc).get_message_by_name("Mixed")
+    with (tmp_path / "out" / "Mixed.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 8
+    for n, row in enumerate(rows, 1):
+        theirs = reference.decode(data[:n], decode_choices=False, allow_truncated=True)
+        ours = {name: float(value) for name, value in row.items() if name != "time_s" and value != "nan"}
+        assert ours == theirs
+
+
+def test_an_empty_log_is_one_clear_error(tmp_path):
+    empty = tmp_path / "empty.log"
+    empty.touch()
+    result = run(empty)
+    assert result.exit_code == 1
+    assert "empty.log: the recording is empty (0 bytes)" in result.output
+
+
+@pytest.mark.parametrize("suffix", [".blf", ".asc", ".mf4"])
+def test_other_formats_give_the_same_tables(log, tmp_path, suffix):
+    table = read_frames(log)
+    other = tmp_path / f"drive{suffix}"
+    writer = open_writer(other, table.channels)
+    writer.write(records_of(list(table.frames())))
+    writer.close()
+    for source, name in ((log, "a"), (other, "b")):
+        assert run(source, "--out", tmp_path / name).exit_code == 0
+    for file in (tmp_path / "a").iterdir():
+        ours, theirs = (list(csv.reader((tmp_path / n / file.name).read_text().splitlines())) for n in "ab")
+        assert [row[1:] for row in ours] == [row[1:] for row in theirs]
+
+
+def test_several_channels_have_a_column_and_can_be_chosen(log, tmp_path):
+    both = tmp_path / "both.log"
+    lines = log.read_text().splitlines()
+    both.write_text(
+        "".join(f"{line if k % 3 else line.replace('can0', 'can1')}\n" for k, line in enumerate(lines))
+    )
+    assert run(both, "--out", tmp_path / "out").exit_code == 0
+    with (tmp_path / "out" / "Articulation.csv").open() as stream:
+        channels = [row["channel"] for row in csv.DictReader(stream)]
+    assert set(channels) == {"can0", "can1"}
+    assert run(both, "--out", tmp_path / "one", "--channel", "can1").exit_code == 0
+    with (tmp_path / "one" / "Articulation.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == channels.count("can1")
+    assert "channel" not in rows[0]
+    result = run(both, "--channel", "can7")
+    assert result.exit_code == 1
+    assert "no channel 'can7'; there are can" in result.output
+
+
+def test_j1939_matches_by_group_what_the_dbc_does_not_mark(tmp_path):
+    dbc = tmp_path / "unmarked.dbc"
+    dbc.write_text(
+        'VERSION ""\nNS_ :\nBS_:\nBU_: A\nBO_ 2566844672 CCVS: 8 A\n SG_ Speed : 8|16@1+ (0.00390625,0) [0|250] "km/h" A\n'
+    )
+    log = tmp_path / "a.log"
+    log.write_text("(1.0) can0 18FEF103#0000320000000000\n(2.0) can0 0CFEF117#0000640000000000\n")
+    assert "in no DBC: 2 frames" in run(log, "--dbc", dbc).output
+    assert run(log, "--dbc", dbc, "--j1939", "--out", tmp_path / "out").exit_code == 0
+    with (tmp_path / "out" / "CCVS.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [(float(row["Speed [km/h]"]), row["source_address"]) for row in rows] == [
+        (50.0, "3"),
+        (100.0, "23"),
+    ]
