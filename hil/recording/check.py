@@ -22,6 +22,7 @@ from hil.deadlines import (
     MessageVerdict,
     Observation,
     Observer,
+    doubts_of,
     judge_message,
     overall,
     same_as_before,
@@ -99,7 +100,7 @@ def check(
                 judged.append(Judged(channel=channel, sender=next(iter(codec.senders), ""), verdict=verdict))
         if quiet := tuple(sorted(_nodes(databases, seen) - present)):
             silent[channel] = quiet
-    conclusion = _concluded(judged, silent, rules, several=len(table.channels) > 1)
+    conclusion = _concluded(judged, silent, rules, doubts_of(observer), several=len(table.channels) > 1)
     return Check(
         observer=observer,
         messages=tuple(judged),
@@ -178,10 +179,19 @@ def _name(can_id: int, codec: MessageCodec, groups: dict[int, tuple[MessageCodec
 
 
 def _concluded(
-    judged: Sequence[Judged], silent: dict[str, tuple[str, ...]], rules: Rules, *, several: bool
+    judged: Sequence[Judged],
+    silent: dict[str, tuple[str, ...]],
+    rules: Rules,
+    doubts: Sequence[str],
+    *,
+    several: bool,
 ) -> Verdict:
-    """The verdict on all messages; open when a node that may matter is not there."""
+    """The verdict on all messages; open when the observer is in doubt, or a node that may matter is not there."""
     verdict = overall([one.verdict for one in judged], QUESTION)
+    if doubts:
+        suspect = sum(1 for one in judged if one.verdict.missing or one.verdict.late or one.verdict.early)
+        found = f"{suspect} of {len(judged)} messages not in time" if suspect else "nothing found late"
+        return Verdict(question=QUESTION, result=Result.INCONCLUSIVE, reason=f"{'; '.join(doubts)} ({found})")
     missing = [
         f"{node} sent nothing{f' on {channel}' if several else ''}"
         for channel, nodes in silent.items()
