@@ -1,9 +1,11 @@
 """Lockstep against real time, and where its time goes.
 
-    python bench/bench_lockstep.py [SCENARIO]
+    python -m bench.bench_lockstep [SCENARIO]
 
-Real time is the peer: the same run paced by the clock takes its simulated duration. The parts are measured
-around the calls of one run: plant (dynamics, sensors, frames), ECU (receive and tick), the rest (wire, recording).
+Real time is the peer: the same run paced by the clock takes its simulated duration. Given by the clock on the
+wall, and by processor time, which is what the run takes on a machine that has nothing else to do. The parts are
+measured around the calls of one run: plant (dynamics, sensors, frames), its reference frames, ECU (receive and
+tick), the rest (wire, recording).
 """
 
 import platform
@@ -16,42 +18,62 @@ from hil.compose import Choice, plant_unit
 from hil.ecu_side import ecu_cycle
 from hil.lockstep import Lockstep
 
-REPEATS = 5
+REPEATS = 7
 
 
 class Timed:
-    """Passes calls on and adds up their time."""
+    """Passes calls on and adds up their processor time by name."""
 
-    def __init__(self, inner):
+    def __init__(self, inner, **parts):
         self._inner = inner
-        self.spent = 0.0
+        self._parts = parts
+        self.spent = dict.fromkeys(parts.values(), 0.0)
 
-    def _timed(self, work, *arguments):
-        start = time.perf_counter()
-        try:
-            return work(*arguments)
-        finally:
-            self.spent += time.perf_counter() - start
+    def __getattr__(self, name):
+        found = getattr(self._inner, name)
+        if name not in self._parts:
+            return found
 
-    def receive(self, frame, now_ns):
-        return self._timed(self._inner.receive, frame, now_ns)
+        def timed(*arguments):
+            start = time.thread_time()
+            try:
+                return found(*arguments)
+            finally:
+                self.spent[self._parts[name]] += time.thread_time() - start
 
-    def tick(self, now_ns):
-        return self._timed(self._inner.tick, now_ns)
+        return timed
 
-    def reference_frames(self):
-        return self._timed(self._inner.reference_frames)
 
-    @property
-    def truth(self):
-        start = time.perf_counter()
-        truth = self._inner.truth
-        self.spent += time.perf_counter() - start
-        return truth
+def sides(scenario):
+    """A fresh plant and a fresh ECU."""
+    return plant_unit(scenario), ecu_cycle(form="corrected", limits=True)
 
-    @property
-    def finished(self):
-        return self._inner.finished
+
+def whole_run(scenario):
+    """x real time by the wall clock and by processor time."""
+    bench = Lockstep(*sides(scenario))
+    wall, processor = time.perf_counter(), time.thread_time()
+    simulated = len(bench.run().truth) * 0.01
+    return simulated / (time.perf_counter() - wall), simulated / (time.thread_time() - processor)
+
+
+def parts(scenario):
+    """Microseconds of processor time per tick and part."""
+    plant, ecu = sides(scenario)
+    plant = Timed(plant, tick="plant", receive="plant", reference_frames="reference frames")
+    ecu = Timed(ecu, tick="ECU: tick", receive="ECU: receive")
+    start = time.thread_time()
+    ticks = len(Lockstep(plant, ecu).run().truth)
+    total = time.thread_time() - start
+    spent = plant.spent | ecu.spent
+    spent["wire and recording"] = total - sum(spent.values())
+    return {name: seconds / ticks * 1e6 for name, seconds in spent.items()}
+
+
+def row(name, values, digits):
+    print(
+        f"| {name} | {statistics.median(values):.{digits}f} | {min(values):.{digits}f}..{max(values):.{digits}f} |"
+    )
 
 
 def main() -> int:
@@ -59,31 +81,14 @@ def main() -> int:
     print(
         f"{platform.machine()}, Python {platform.python_version()}, numba {version('numba')}, {scenario.name}, n={REPEATS}"
     )
-    Lockstep(plant_unit(scenario), ecu_cycle(form="corrected", limits=True)).step()  # compile
-    speeds, parts = [], []
-    for timed in [False, True] * REPEATS:
-        plant, ecu = plant_unit(scenario), ecu_cycle(form="corrected", limits=True)
-        if timed:
-            plant, ecu = Timed(plant), Timed(ecu)
-        bench = Lockstep(plant, ecu)
-        start = time.perf_counter()
-        ticks = len(bench.run().truth)
-        elapsed = time.perf_counter() - start
-        if timed:
-            parts.append(
-                (
-                    plant.spent / ticks * 1e6,
-                    ecu.spent / ticks * 1e6,
-                    (elapsed - plant.spent - ecu.spent) / ticks * 1e6,
-                )
-            )
-        else:
-            speeds.append(ticks * 0.01 / elapsed)
-    print(f"{statistics.median(speeds):6.1f} x real time ({min(speeds):.1f} to {max(speeds):.1f})")
-    for name, values in zip(("plant", "ECU", "wire and recording"), zip(*parts, strict=True), strict=True):
-        print(
-            f"{statistics.median(values):6.0f} us per tick ({min(values):.0f} to {max(values):.0f})  {name}"
-        )
+    Lockstep(*sides(scenario)).step()  # compile
+    runs = [(whole_run(scenario), parts(scenario)) for _ in range(REPEATS)]
+    print("\n| x real time | median | min..max |\n|---|---:|---:|")
+    row("by the wall clock", [wall for (wall, _), _ in runs], 1)
+    row("by processor time", [processor for (_, processor), _ in runs], 1)
+    print("\n| us per tick of 10 ms | median | min..max |\n|---|---:|---:|")
+    for name in runs[0][1]:
+        row(name, [spent[name] for _, spent in runs], 0)
     return 0
 
 
