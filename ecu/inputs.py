@@ -188,12 +188,7 @@ class _Listener:
         self.heard_ns = now_ns
         numbers = self._binding.decode(frame.data)
         signals, states = numbers[: len(self._fields)], numbers[len(self._fields) :]
-        bad = {
-            target: "its sensor reports a fault"
-            for state, targets in zip(states, self._states, strict=True)
-            if state >= FAULTY
-            for target in targets
-        }
+        bad = self._faulty(states) if states and max(states) >= FAULTY else {}
         for (signal, field), value, before in zip(
             self._fields, signals, self._previous or signals, strict=True
         ):
@@ -207,6 +202,13 @@ class _Listener:
         self._previous = signals
         self.unusable = frozenset(bad)
         return found
+
+    def _faulty(self, states: tuple[float, ...]) -> dict[str, str]:
+        """The targets whose sensor does not vouch for them, and why."""
+        told = zip(states, self._states, strict=True)
+        return {
+            t: "its sensor reports a fault" for state, targets in told if state >= FAULTY for t in targets
+        }
 
 
 def _doubt(field: Field, value: float, before: float) -> str:
