@@ -363,3 +363,8 @@ def main() -> None:
     except Mistake as error:
         print(f"loaderhil: {error}", file=sys.stderr)
         sys.exit(Ending.MISUSED)
+    except OSError as error:
+        if error.filename is None:  # not about a file the user named
+            raise
+        print(f"loaderhil: {error.filename}: {error.strerror}", file=sys.stderr)
+        sys.exit(Ending.FAILED)

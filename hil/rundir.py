@@ -177,22 +177,32 @@ def begin(path: Path, record: RunRecord) -> None:
     anything else is refused.
     """
     refuse_if_foreign(path)
-    path.mkdir(parents=True, exist_ok=True)
-    for file in (*(path / name for name in FILES), *path.glob("timing.*.npz"), *path.glob("stamps.*")):
-        file.unlink(missing_ok=True)
+    with writing(path):
+        path.mkdir(parents=True, exist_ok=True)
+        for file in (*(path / name for name in FILES), *path.glob("timing.*.npz"), *path.glob("stamps.*")):
+            file.unlink(missing_ok=True)
     write_record(path, record)
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """What the system refuses while `path` is written becomes one line that names it."""
+    try:
+        yield
+    except OSError as error:
+        raise RunError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 def write_record(path: Path, record: RunRecord) -> None:
     """Replace run.json in one step: a reader sees the old or the new one, never half."""
     text = json.dumps(asdict(record), indent=2, ensure_ascii=False) + "\n"
-    with _replacing(path / RECORD) as part:
+    with writing(path / RECORD), _replacing(path / RECORD) as part:
         part.write_text(text, encoding="utf-8")
 
 
 def write_table(file: Path, columns: Mapping[str, NDArray[Any]]) -> None:
     """Write named arrays to `file` (.npz) in one step."""
-    with _replacing(file) as part, part.open("wb") as stream:
+    with writing(file), _replacing(file) as part, part.open("wb") as stream:
         np.savez(stream, **dict(columns))  # type: ignore[arg-type]  # names are columns, not options
 
 

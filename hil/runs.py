@@ -12,10 +12,15 @@ from hil.compose import Choice, lockstep, record_of, truth_columns
 from hil.ending import Ending
 from hil.faults.record import injected, write_faults
 from hil.lockstep import Recording
-from hil.rundir import RunRecord
+from hil.rundir import Outcome, RunError, RunRecord
 
 BUS_CHANNEL = "loader"
 REFERENCE_CHANNEL = "reference"
+_OUTCOMES: dict[Ending, Outcome] = {
+    Ending.PASSED: "finished",
+    Ending.INTERRUPTED: "interrupted",
+    Ending.FAILED: "failed",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,29 +45,42 @@ def run_lockstep(choice: Choice, out: Path, progress: Callable[[float], None] | 
     except KeyboardInterrupt:
         ending = Ending.INTERRUPTED
     recording = bench.recording
-    write_recording(out, recording)
+    reason = "" if ending is Ending.PASSED else "interrupted"
+    lost = write_recording(out, recording)
+    if lost:
+        ending, reason = Ending.FAILED, "; ".join(lost)
     if injector is not None:
         injector.finish(bench.now_ns)
         write_faults(out, injected(injector.events))
     record = replace(
         record,
-        outcome="finished" if ending is Ending.PASSED else "interrupted",
+        outcome=_OUTCOMES[ending],
+        reason="; ".join(lost),
         duration_s=float(recording.truth[-1].time_s) if recording.truth else 0.0,
         statistics=_statistics(recording),
     )
     rundir.write_record(out, record)
-    return RunResult(ending, "" if ending is Ending.PASSED else "interrupted", record)
+    return RunResult(ending, reason, record)
 
 
-def write_recording(out: Path, recording: Recording) -> None:
-    """truth.npz, bus.log and reference.log of a lockstep run."""
-    rundir.write_table(out / rundir.TRUTH, truth_columns(recording.truth))
-    _write_log(out / rundir.BUS, recording.bus, BUS_CHANNEL)
-    _write_log(out / rundir.REFERENCE, recording.reference, REFERENCE_CHANNEL)
+def write_recording(out: Path, recording: Recording) -> list[str]:
+    """truth.npz, bus.log and reference.log of a lockstep run; what could not be written, one sentence each."""
+    parts: tuple[Callable[[], None], ...] = (
+        lambda: rundir.write_table(out / rundir.TRUTH, truth_columns(recording.truth)),
+        lambda: _write_log(out / rundir.BUS, recording.bus, BUS_CHANNEL),
+        lambda: _write_log(out / rundir.REFERENCE, recording.reference, REFERENCE_CHANNEL),
+    )
+    lost = []
+    for write in parts:
+        try:
+            write()
+        except RunError as error:
+            lost.append(str(error))
+    return lost
 
 
 def _write_log(file: Path, frames: Sequence[Frame], channel: str) -> None:
-    with CandumpWriter(file) as writer:
+    with rundir.writing(file), CandumpWriter(file) as writer:
         for frame in frames:
             writer.write(frame, channel)
 

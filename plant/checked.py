@@ -36,7 +36,8 @@ class CheckedTable:
         try:
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
-            raise ConfigurationError(f"{path}: cannot be read: {error}") from error
+            cause = error.strerror if isinstance(error, OSError) else f"not UTF-8, {error}"
+            raise ConfigurationError(f"{path}: cannot be read: {cause}") from error
         try:
             values = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:

@@ -1,5 +1,7 @@
 """The real plant and the real ECU in lockstep: reproducible to the byte, and the demo's story holds."""
 
+import re
+import resource
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +11,9 @@ from hil import rundir
 from hil.compose import Choice, ChoiceError, lockstep
 from hil.ending import Ending
 from hil.judgement import judge_run
-from hil.rundir import RunDirectory
+from hil.rundir import RunDirectory, RunError
 from hil.runs import run_lockstep
+from plant.checked import ConfigurationError
 
 FILES = (rundir.BUS, rundir.REFERENCE, rundir.TRUTH)
 SCENARIO = """
@@ -82,6 +85,37 @@ def test_limits_decide_whether_the_abrupt_turn_rolls_over(tmp_path):
     assert seen[False].warned_in_time
     assert not seen[True].lifted
     assert not seen[True].rolled_over
+
+
+def test_a_full_disk_costs_only_what_does_not_fit(turn, tmp_path):
+    """A limit on the size of files stands in for the disk: truth and bus log are larger, the record is not."""
+    lockstep(Choice(scenario=turn).load()).step()  # what is compiled is written elsewhere
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
+    try:
+        result = run_lockstep(Choice(scenario=turn), tmp_path / "run")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert result.ending is Ending.FAILED
+    assert re.search(r"truth\.npz: cannot be written: File too large; .*bus\.log: cannot be", result.reason)
+    run = RunDirectory.read(tmp_path / "run")
+    assert (run.record.outcome, run.record.reason) == ("failed", result.reason)
+    assert run.messages["Articulation"].time_s.size > 50
+    assert run.reference["JointLoad"].time_s.size > 50
+
+
+def test_a_run_that_cannot_start_leaves_the_earlier_one(turn, tmp_path):
+    out = tmp_path / "run"
+    run_lockstep(Choice(scenario=turn), out)
+    before = bytes_of(out)
+    with pytest.raises(ConfigurationError, match=r"rear_frame\.mass_kg"):
+        run_lockstep(Choice(scenario=turn, changes=("machine.rear_frame.mass_kg=-1",)), out)
+    assert bytes_of(out) == before
+
+
+def test_a_place_that_cannot_be_written_is_told_in_one_line(turn):
+    with pytest.raises(RunError, match=r"/proc/run: cannot be written: No such file or directory"):
+        run_lockstep(Choice(scenario=turn), Path("/proc/run"))
 
 
 def test_choices_reach_the_scenario():
