@@ -246,7 +246,8 @@ def decode(
                     target = target_of(out, log, name, form, several=len(logs) > 1)
                     write_columns(columns, target, form, origins(columns, done.frames, j1939=j1939))
         except (LogError, OSError) as error:
-            errors.print(f"loaderhil: {escape(str(error))}")
+            told = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) else str(error)
+            errors.print(f"loaderhil: {escape(told)}")
             failed = True
             continue
         tell(console, done)

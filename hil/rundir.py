@@ -145,6 +145,8 @@ class RunDirectory:
 def read_record(path: Path) -> RunRecord:
     """run.json of the run directory `path`."""
     file = path / RECORD
+    if path.is_file():
+        raise RunError(f"{path}: is a file; a run is named by its folder")
     if not path.is_dir():
         raise RunError(f"{path}: no such run directory; `loaderhil run SCENARIO --out {path}` writes one")
     try:

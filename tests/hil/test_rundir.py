@@ -132,6 +132,9 @@ def test_a_folder_that_is_no_run_and_one_that_is_not_there(tmp_path):
         RunDirectory.read(tmp_path)
     with pytest.raises(RunError, match="no such run directory"):
         RunDirectory.read(tmp_path / "nowhere")
+    (tmp_path / "bus.log").touch()
+    with pytest.raises(RunError, match=r"bus\.log: is a file; a run is named by its folder"):
+        RunDirectory.read(tmp_path / "bus.log")
 
 
 def test_a_missing_column_is_an_error_that_says_what_there_is(path):
