@@ -70,6 +70,17 @@ def test_long_steps_are_stable_at_every_speed(speed, dt):
     assert abs(coarse.yaw_change) < 1e-3
 
 
+def test_a_step_halved_halves_the_error_and_the_outlooks_step_is_short_enough():
+    """First order, 0.2 s into a turn at 8 m/s; a term left out of the implicit part would cost several times as much."""
+    exact = turned(0.3, 8.0, 0.2, dt=1e-4)
+    found = {dt: turned(0.3, 8.0, 0.2, dt=dt) for dt in (0.04, 0.02, 0.01)}
+    error = {dt: abs(state.yaw_rate / exact.yaw_rate - 1) for dt, state in found.items()}
+    assert error[0.04] / error[0.02] == pytest.approx(2.0, abs=0.2)
+    assert error[0.02] / error[0.01] == pytest.approx(2.0, abs=0.2)
+    assert error[0.04] < 0.04
+    assert abs(found[0.04].drift / exact.drift - 1) < 0.08
+
+
 @unhurried
 @given(angles, speeds, st.floats(-0.4, 0.4), st.floats(-0.5, 0.5), st.floats(-0.4, 0.4), st.floats(-2, 2))
 def test_forces_and_inertia_balance(angle, speed, rate, drift, yaw, change):
