@@ -75,7 +75,8 @@ def _promises(found: Soak) -> str:
     table = "| promise | broken |\n|---|---|\n" + "".join(
         f"| {what} | {count or 'never'} |\n" for what, count in rows
     )
-    lines = "".join(f"- {line}\n" for line in (*found.violations.lines, *found.unexplained.lines))
+    unexplained = found.unexplained.lines[:EXAMPLES] if found.doubt else found.unexplained.lines
+    lines = "".join(f"- {line}\n" for line in (*found.violations.lines, *unexplained))
     doubt = f"What was noticed between faults decides nothing: {found.doubt}.\n\n" if found.doubt else ""
     ticks = f"Ticks of the ECU by state: {', '.join(share.values())}. Roll-overs: {found.rolled_over}.\n"
     return f"**{found.result.value}**\n\n{table}\n{doubt}{ticks}" + (f"\n{lines}" if lines else "")

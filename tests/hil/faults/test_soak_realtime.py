@@ -1,6 +1,7 @@
 """A soak in real time: its scenario is sound, and what a run left is read as it happened."""
 
 import random
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from dbc import loader_database
 from dbc.logfile import read_candump
 from dbc.protection import Protector
 from dbc.writer import CandumpWriter
+from hil.ending import Ending
 from hil.faults import overheard
 from hil.faults.record import Injected
 from hil.faults.soak import Soak
@@ -174,3 +176,22 @@ def test_a_short_soak_in_real_time(tmp_path):
     assert found.faults
     assert found.states["running"] > 100
     assert found.result is not Result.FAILED, found.unexplained.lines
+
+
+@pytest.mark.parametrize(
+    ("ending", "result"), [(Ending.FAILED, Result.INCONCLUSIVE), (Ending.PEER_DIED, Result.FAILED)]
+)
+def test_a_run_that_took_too_long_on_a_starved_host_decides_nothing_and_a_dead_process_does(
+    tmp_path, monkeypatch, ending, result
+):
+    record = SimpleNamespace(duration_s=8.0)
+    module = "hil.faults.soak_realtime"
+    monkeypatch.setattr(
+        f"{module}.run_realtime", lambda *_: SimpleNamespace(ending=ending, reason="why", record=record)
+    )
+
+    def judged(found, *_):
+        found.doubt = "plant waited 27 % of the time"
+
+    monkeypatch.setattr(f"{module}.judge", judged)
+    assert soak_realtime(10.0, 4, tmp_path).result is result
