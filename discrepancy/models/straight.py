@@ -45,8 +45,7 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
         [values["mass"], values["viscous"], values.get("square", 0.0), values.get("reverse", 0.0), resist]
     )
     speed = integrate(push, brake, coefficients, values["speed"], window.step_s)
-    # the accelerometer averages over the step that begins at its stamp
-    acceleration = np.diff(speed, append=2.0 * speed[-1] - speed[-2]) / window.step_s
+    acceleration = _averaged_slope(speed, window.step_s)
     force = acceleration + G * np.sin(values.get("slope", 0.0))
     # the wheels are read before the command that is stamped alike acts
     traction = np.concatenate((drive[:1], drive[:-1]))
@@ -54,6 +53,13 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
         "speed": speed * (1.0 + values.get("slip", 0.0) * traction / (values["mass"] * G)),
         "acceleration": force,
     }
+
+
+def _averaged_slope(speed: Array, step_s: float) -> Array:
+    """Mean acceleration over the 10 ms that begin at each stamp, which is what the accelerometer gives."""
+    n = max(1, round(STEP_S / step_s))
+    later = np.concatenate((speed[n:], speed[-1] + (speed[-1] - speed[-2]) * np.arange(1, n + 1)))
+    return (later - speed) / (n * step_s)
 
 
 def lagged_mean(command: Array, time_constant_s: float, step_s: float) -> Array:

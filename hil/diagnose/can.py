@@ -58,7 +58,7 @@ def _columns(name: str, message: Columns) -> list[Column]:
         described = message.codec.by_signal[signal]
         value = np.array([float(v) for v in raw]) if raw.dtype == object else raw.astype(float)
         low, high = described.minimum, described.maximum
-        damage = ""
+        damage, there = "", np.ones(value.size, bool)
         if low is not None and high is not None and low < high:
             room = MARGIN * (high - low)
             outside = (value < low - room) | (value > high + room)
@@ -66,7 +66,7 @@ def _columns(name: str, message: Columns) -> list[Column]:
             if codes:
                 what = "not available" if codes <= CODES else "kept, the range in the DBC seems wrong"
                 damage = f"{np.count_nonzero(outside)} of {value.size} values outside {low:g} to {high:g} {described.unit}: {what}"
-            if codes <= CODES:
-                value[outside] = np.nan
-        found.append(Column(f"{name}.{signal}", described.unit, message.time_s, value, damage))
+            if codes and codes <= CODES:
+                there = ~outside
+        found.append(Column(f"{name}.{signal}", described.unit, message.time_s[there], value[there], damage))
     return found

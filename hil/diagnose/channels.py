@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discrepancy.model import Model
 from discrepancy.recording import Array, Complaint, Recording, Signal
@@ -54,8 +53,7 @@ def _parts(
         complaints += said
         if any(c.fatal for c in said):
             return [], complaints
-        there = ~np.isnan(values) | _damaged(values)
-        parts.append(Signal(column.time_s[there], values[there], told_unit, held))
+        parts.append(Signal(column.time_s, values, told_unit, held))
     return parts, complaints
 
 
@@ -66,13 +64,6 @@ def _mean(parts: Sequence[Signal]) -> Signal:
     first = parts[0]
     values: Array = np.mean([np.interp(first.time_s, p.time_s, p.value) for p in parts], axis=0)
     return Signal(first.time_s, values, first.unit, first.held)
-
-
-def _damaged(values: Array) -> NDArray[np.bool_]:
-    """NaN that are damage: a column that is filled in most rows has no empty ones by design, a slow channel's has."""
-    missing = np.isnan(values)
-    by_design = np.count_nonzero(missing) >= 0.5 * missing.size and not missing.all()
-    return np.zeros(missing.size, bool) if by_design else missing
 
 
 def _converted(column: Column, channel: str, unit: str, name: str) -> tuple[Array, str, list[Complaint]]:

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from bus.mistake import Mistake
 from discrepancy.recording import Array
@@ -29,7 +30,7 @@ class Unreadable(Mistake, ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One column with its stamps [s]; NaN where there is no sample; unit: None if nothing was said; damage: what was lost."""
+    """One column with its stamps [s]; NaN is damage; unit: None if nothing was said; damage: what was lost, in words."""
 
     name: str
     unit: str | None
@@ -49,11 +50,12 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class _Raw:
-    """A column before the one of time is known."""
+    """A column before the one of time is known; there: rows with a sample."""
 
     name: str
     unit: str | None
     value: Array
+    there: NDArray[np.bool_]
     damage: str = ""
 
 
@@ -85,7 +87,11 @@ def read_table(path: Path) -> Table:
     if raw[0].value.size == 0:
         raise Unreadable(f"{path.name}: has a heading but no rows")
     time_s = _stamps(raw, path.name)
-    columns = [Column(r.name, r.unit, time_s, r.value, r.damage) for r in raw if r.name.lower() not in TIME]
+    columns = [
+        Column(r.name, r.unit, time_s[r.there], r.value[r.there], r.damage)
+        for r in raw
+        if r.name.lower() not in TIME
+    ]
     return Table(columns, constants, skipped)
 
 
@@ -111,7 +117,7 @@ def _read_parquet(path: Path) -> _Found:
             value = np.asarray(data.cast(pa.float64()), float)
         else:
             continue
-        columns.append(_Raw(name, unit, value))
+        columns.append(_Raw(name, unit, value, np.asarray(data.is_valid(), bool)))
     return columns, {}, []
 
 
@@ -169,17 +175,19 @@ def _rows(
 
 def _column(title: str, cells: Sequence[str], decimal: str, lines: Sequence[int]) -> _Raw:
     name, unit = heading(title)
-    value, damaged, first = np.full(len(cells), np.nan), 0, 0
+    value, there = np.full(len(cells), np.nan), np.ones(len(cells), bool)
+    damaged, first = 0, 0
     for i, cell in enumerate(cells):
         text = cell.strip().replace(decimal, ".") if decimal != "." else cell
         try:
             value[i] = float(text)
         except ValueError:
-            if text.strip():
+            there[i] = bool(text.strip())
+            if there[i]:
                 damaged += 1
                 first = first or lines[i]
     damage = f"{damaged} of {value.size} cells are no numbers, the first in line {first}" if damaged else ""
-    return _Raw(name, unit, value, damage)
+    return _Raw(name, unit, value, there, damage)
 
 
 def _stamps(columns: Sequence[_Raw], name: str) -> Array:

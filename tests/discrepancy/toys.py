@@ -15,7 +15,7 @@ STEP_S = 0.1
 def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Array]) -> dict[str, Array]:
     inflow = window["inflow"] / values["area"] + extra.get("inflow", 0.0)
     rate = 0.2 + values.get("leak", 0.0)
-    a = np.exp(-rate * STEP_S)  # exact for an inflow that is held over a step
+    a = np.exp(-rate * window.step_s)  # exact for an inflow that is held over a step
     moved = lfilter([0.0, (1.0 - a) / rate], [1.0, -a], inflow, zi=[values["level"]])[0]
     return {"level": moved + values.get("offset", 0.0)}
 
@@ -43,6 +43,7 @@ def tank(*effects: str) -> Model:
         name="tank",
         sentence="a tank that fills and drains",
         inputs={"inflow": "m/s"},
+        held=("inflow",),
         outputs={"level": "m"},
         nuisances=(
             Parameter(name="area", unit="1", value=1.0, lower=0.5, upper=2.0, typical=0.05, prior_sd=0.02),

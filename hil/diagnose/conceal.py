@@ -1,0 +1,149 @@
+"""`loaderhil conceal`: a recording with hidden effects, and their truth sealed beside it, so that anybody can test the diagnosis."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from discrepancy.model import Model
+    from discrepancy.recording import Recording
+
+
+def conceal(
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="Where recording.csv and truth.sealed go.")],
+    model: Annotated[str, typer.Option("--model", metavar="NAME|FILE.py", help="As for diagnose.")],
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--effect",
+            metavar="NAME[=SIZE]",
+            help="Hide this effect, of typical size if none is given; may be repeated.",
+        ),
+    ] = None,
+    random: Annotated[
+        int, typer.Option("--random", min=0, help="Hide so many effects, chosen by chance.")
+    ] = 0,
+    parameter: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--parameter", metavar="NAME=VALUE", help="True value of a baseline parameter; may be repeated."
+        ),
+    ] = None,
+    noise: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--noise", metavar="CHANNEL=SD", help="Noise in the channel's unit; else 1 % of its spread."
+        ),
+    ] = None,
+    memory: Annotated[
+        float,
+        typer.Option("--memory", min=0.0, max=0.999, help="Of the noise from sample to sample; 0 is white."),
+    ] = 0.0,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--fault",
+            metavar="CHANNEL:KIND=SIZE",
+            help="lost, damaged or spikes=SHARE; stuck or gap=START..END in seconds; may be repeated.",
+        ),
+    ] = None,
+    like: Annotated[
+        Path | None,
+        typer.Option("--like", metavar="RECORDING", help="Take inputs and stamps from this recording."),
+    ] = None,
+    manoeuvre: Annotated[
+        str | None,
+        typer.Option(
+            "--manoeuvre", metavar="NAME", help="Or from this manoeuvre of the model (default: its first)."
+        ),
+    ] = None,
+    constant: Annotated[
+        list[str] | None,
+        typer.Option("--constant", metavar="NAME=VALUE", help="Constant of the recording: `mass [g]=58`."),
+    ] = None,
+    part: Annotated[
+        str | None, typer.Option("--part", metavar="PART", help="Which part of a published data set.")
+    ] = None,
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, max=2**32 - 1, help="Of noise, faults and chance.")
+    ] = 0,
+) -> None:
+    """Make a recording with hidden effects, parameter errors, noise and faults; the truth is sealed in a file of its own.
+
+    Example: `loaderhil conceal out/blind --model straight --random 1 --seed 7`, then
+    `loaderhil diagnose out/blind/recording.csv --model straight --out out/blind`, then `loaderhil score out/blind`
+    """
+    import numpy as np
+
+    from hil.diagnose.command import write
+    from hil.diagnose.hidden import NotHidden, Truth, chosen, concealed, drawn, parsed_fault
+    from hil.diagnose.models import find_model
+    from hil.diagnose.reading import numbers
+    from hil.diagnose.seal import seal
+    from hil.diagnose.written import csv_text
+
+    choice = find_model(model)
+    basis, initial = _basis(choice, like, manoeuvre, part, numbers("--constant", constant or []))
+    built = choice.build([basis])
+    effects = {}
+    for text in effect or []:
+        name, _, sizes = text.partition("=")
+        try:
+            effects[name.strip()] = chosen(
+                built, name.strip(), [float(s) for s in sizes.split(",")] if sizes else []
+            )
+        except ValueError as error:
+            raise NotHidden(f"--effect '{text}': {error}") from error
+    truth = Truth(
+        model=built.name,
+        seed=seed,
+        effects=effects | drawn(built, random, np.random.default_rng([seed, 1])),
+        nuisances=numbers("--parameter", parameter or []),
+        noise=numbers("--noise", noise or []),
+        memory=memory,
+        faults=[parsed_fault(built, text) for text in fault or []],
+    )
+    recording = concealed(built, basis, truth, initial)
+    [file] = write(out, {"recording.csv": csv_text(recording)})
+    [sealed] = write(out, {"truth.sealed": seal(truth, [file])})
+    print(f"written: {file}\nwritten: {sealed}")
+
+
+def _basis(
+    choice: "Choice", like: Path | None, manoeuvre: str | None, part: str | None, constants: dict[str, float]
+) -> "tuple[Recording, dict[str, float]]":
+    """Inputs and stamps, and initial states where a manoeuvre gives them."""
+    from hil.diagnose.hidden import NotHidden, staged
+    from hil.diagnose.reading import Ask, read_all
+
+    channels = choice.channels
+    if like is not None:
+        read = read_all(choice, Ask(paths=[like], part=part, constants=constants), lambda _: None)
+        if not read.recordings:
+            raise NotHidden(f"--like {like}: {read.complaints[0].text}")
+        return read.recordings[0], {}
+    named = {m.name: m for m in channels.manoeuvres}
+    if not named:
+        raise NotHidden(f"{channels.name} has no manoeuvres; --like RECORDING gives inputs and stamps")
+    if manoeuvre is not None and manoeuvre not in named:
+        raise NotHidden(f"--manoeuvre '{manoeuvre}': {channels.name} has {', '.join(named)}")
+    _check_constants(channels, constants)
+    used = named[manoeuvre] if manoeuvre is not None else channels.manoeuvres[0]
+    return staged(channels, used, constants), dict(used.initial)
+
+
+def _check_constants(model: "Model", constants: dict[str, float]) -> None:
+    from hil.diagnose.hidden import NotHidden
+
+    if gone := [f"'{name} [{unit}]=...'" for name, unit in model.constants.items() if name not in constants]:
+        raise NotHidden(f"{model.name} needs --constant {' --constant '.join(gone)}")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command()(conceal)
+
+
+if TYPE_CHECKING:
+    from hil.diagnose.models import Choice

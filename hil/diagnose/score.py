@@ -1,0 +1,182 @@
+"""`loaderhil score`: findings against the sealed truth of a concealed recording.
+
+Exit codes: 0 every hidden effect is in a named group and no other name was given; 1 otherwise; 2 misused.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from bus.mistake import Mistake
+from hil.ending import Ending
+
+if TYPE_CHECKING:
+    from discrepancy.findings import Findings
+    from hil.diagnose.hidden import Truth
+
+
+class NotScored(Mistake, ValueError):
+    """Findings and truth that do not belong together, or cannot be read."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """One hidden effect. place: named, in group (of `found`), proxy, missed; within: share of parameters inside their intervals."""
+
+    effect: str
+    place: str
+    found: str
+    parameter: str
+    true: float
+    value: float | None
+    low: float | None
+    high: float | None
+
+    @property
+    def within(self) -> bool | None:
+        """Whether the interval holds the truth; None where there is none."""
+        if self.low is None or self.high is None:
+            return None
+        return self.low <= self.true <= self.high
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """All hidden effects, and names given to what is not hidden."""
+
+    rows: Sequence[Row]
+    false_names: Sequence[str]
+
+    @property
+    def passed(self) -> bool:
+        return not self.false_names and all(row.place in ("named", "in group") for row in self.rows)
+
+
+def compared(result: "Findings", truth: "Truth") -> Score:
+    """Every hidden effect with what was said of it."""
+    rows = [_row(result, effect, dict(parameters)) for effect, parameters in truth.effects.items()]
+    false = [
+        f.effect
+        for f in result.findings
+        if f.named and not {f.effect, *(m.effect for m in f.group)} & set(truth.effects)
+    ]
+    return Score(rows=rows, false_names=false)
+
+
+def _row(result: "Findings", effect: str, parameters: dict[str, float]) -> Row:
+    name, true = next(iter(parameters.items()))
+    for f in result.findings:
+        told = {f.effect: f.parameters, **{m.effect: m.parameters for m in f.group}}
+        if effect not in told:
+            continue
+        place = "proxy" if not f.named else "named" if f.effect == effect else "in group"
+        e = next(e for e in told[effect] if e.name == name)
+        return Row(
+            effect=effect,
+            place=place,
+            found=f.effect,
+            parameter=name,
+            true=true,
+            value=e.value,
+            low=e.low,
+            high=e.high,
+        )
+    return Row(
+        effect=effect, place="missed", found="", parameter=name, true=true, value=None, low=None, high=None
+    )
+
+
+def score(
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DIR|findings.json", help="Folder of both, or the findings with the truth named."
+        ),
+    ],
+    truth: Annotated[
+        Path | None,
+        typer.Argument(metavar="[truth.sealed]", help="By default truth.sealed beside the findings."),
+    ] = None,
+) -> None:
+    """Open the sealed truth and compare: what was hidden, what was found, with which value.
+
+    Example: `loaderhil score out/blind`
+    """
+    from rich.console import Console
+
+    from hil.diagnose.seal import unseal
+
+    findings = folder / "findings.json" if folder.is_dir() else folder
+    sealed_file = truth if truth is not None else findings.parent / "truth.sealed"
+    result, sealed = _findings(findings), unseal(sealed_file)
+    if result.model != sealed.truth.model:
+        raise NotScored(f"{findings}: is of model {result.model}, the truth of {sealed.truth.model}")
+    _check_files(sealed.files, sealed_file.parent, result.recordings)
+    compared_with = compared(result, sealed.truth)
+    _tell(compared_with, result.status, sealed.truth, Console(soft_wrap=True, highlight=False))
+    raise typer.Exit(int(Ending.PASSED if compared_with.passed else Ending.FAILED))
+
+
+def _findings(path: Path) -> "Findings":
+    from pydantic import ValidationError
+
+    from discrepancy.findings import from_json
+
+    try:
+        return from_json(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise NotScored(
+            f"{path}: {error.strerror or error}; `loaderhil diagnose --out DIR` writes it"
+        ) from error
+    except (ValidationError, UnicodeDecodeError) as error:
+        raise NotScored(f"{path}: is no findings.json of this version") from error
+
+
+def _check_files(files: dict[str, str], folder: Path, told: Sequence[str]) -> None:
+    from hil.diagnose.seal import digest
+
+    if not set(files) & set(told):
+        raise NotScored(f"the findings are of {', '.join(told)}, the truth is of {', '.join(files)}")
+    for name, expected in files.items():
+        if (folder / name).is_file() and digest(folder / name) != expected:
+            raise NotScored(f"{folder / name}: was changed after it was sealed")
+
+
+def _tell(score: Score, status: str, truth: "Truth", console: "Console") -> None:
+    from rich.table import Table
+
+    table = Table(
+        "hidden effect",
+        "found",
+        "parameter",
+        "true",
+        "estimated",
+        "95 %",
+        "holds it",
+        box=None,
+        header_style="bold",
+    )
+    for row in score.rows:
+        between = f"{row.low:.4g} to {row.high:.4g}" if row.low is not None and row.high is not None else "–"
+        holds = "–" if row.within is None else "yes" if row.within else "no"
+        place = row.place if row.place in ("named", "missed") else f"{row.place} of {row.found}"
+        value = "–" if row.value is None else f"{row.value:.4g}"
+        table.add_row(row.effect, place, row.parameter, f"{row.true:.4g}", value, between, holds)
+    console.print(f"verdict: {status}; hidden: {len(truth.effects)} effects, seed {truth.seed}")
+    if score.rows:
+        console.print(table)
+    for name in score.false_names:
+        console.print(f"false name: {name}")
+    console.print("passed" if score.passed else "failed")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command()(score)
+
+
+if TYPE_CHECKING:
+    from rich.console import Console
