@@ -116,7 +116,7 @@ def score(
         raise NotScored(f"{findings}: is of model {result.model}, the truth of {sealed.truth.model}")
     _check_files(sealed.files, sealed_file.parent, result.recordings)
     compared_with = compared(result, sealed.truth)
-    _tell(compared_with, result.status, sealed.truth, Console(soft_wrap=True, highlight=False))
+    _tell(compared_with, result.status, sealed.truth, Console(width=120, highlight=False))
     raise typer.Exit(int(Ending.PASSED if compared_with.passed else Ending.FAILED))
 
 
