@@ -20,6 +20,7 @@ STEP = 1e-3  # finite differences, in typical changes
 FORECAST = (
     0.02  # share of a step's gain by which a linear forecast may be wrong and the step still count as linear
 )
+BEND = 3.0  # of whitened SSE, by which a window may become worse before its own step is shortened
 CONVERGED = 1e-2  # in whitened SSE: a hundredth of what matters statistically
 
 
@@ -125,21 +126,20 @@ def fit(
         step = _bounded(A, b, parameters, point.values)
         left = point.white - point.white_columns @ (step * scale)
         local_step = point.states.solve(left, len(problem.windows), noise.row_window)
-        moved = (
-            _moved(problem, point.values, parameters, shrink * step * scale, shrink * local_step)
+        tried = (
+            _with_local_steps(problem, noise, point, shrink * step * scale, local_step, shrink, rows)
             for shrink in (1.0, 0.4, 0.1)
         )
-        better = next((v for v in moved if _misfit(problem, noise, parameters, v, rows) < point.sse), None)
+        better = next(((v, sse) for v, sse in tried if sse < point.sse), None)
         if better is None:
             break
-        before, promised = point.sse, float(np.sum((b - A @ step) ** 2))
-        sse = _misfit(problem, noise, parameters, better, rows)
+        before, promised, (moved, sse) = point.sse, float(np.sum((b - A @ step) ** 2)), better
         # where the linear forecast held, the sensitivities still do (chord method)
         linear = abs(sse - promised) < FORECAST * (before - sse) + CONVERGED
         point = (
-            point.renewed(problem, noise, better, rows)
+            point.renewed(problem, noise, moved, rows)
             if linear
-            else _Point.at(problem, noise, parameters, better, rows)
+            else _Point.at(problem, noise, parameters, moved, rows)
         )
         if before - point.sse < CONVERGED:
             break
@@ -147,6 +147,38 @@ def fit(
     data_sse = float(np.sum(point.residual[rows] ** 2))
     total = data_sse + float(np.sum((prior * point.deviation) ** 2))
     return Fit(tuple(names), point.values, total, data_sse, point.residual, point.columns, information)
+
+
+def _with_local_steps(
+    problem: Problem,
+    noise: Noise,
+    point: "_Point",
+    step: Array,
+    local_step: Array,
+    shrink: float,
+    rows: Mask,
+) -> tuple[Values, float]:
+    """The shared step, with as much of the local one in each window as does it good, and the SSE there.
+
+    One window in which the model bends (a stop, a contact) would otherwise hold back all.
+    """
+    count = len(problem.windows)
+    old = _per_window(point.white, noise, rows, count)
+    best, least = np.zeros_like(local_step), np.full(count, np.inf)
+    for part in (shrink, 0.3 * shrink, 0.0):
+        values = _moved(problem, point.values, point.parameters, step, part * local_step)
+        e = noise.whiten(problem.measured - problem.predict(values))
+        now = _per_window(e, noise, rows, count)
+        if not problem.local_names or np.all(now <= old + BEND):
+            return values, _sse(e, point.parameters, values, rows)
+        better = now < least
+        best[better], least[better] = part * local_step[better], now[better]
+    values = _moved(problem, point.values, point.parameters, step, best)
+    return values, _misfit(problem, noise, point.parameters, values, rows)
+
+
+def _per_window(e: Array, noise: Noise, rows: Mask, count: int) -> Array:
+    return np.asarray(np.bincount(noise.row_window[rows], e[rows] ** 2, count), float)
 
 
 @dataclass(frozen=True, slots=True)
