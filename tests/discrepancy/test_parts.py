@@ -13,7 +13,7 @@ from discrepancy.openended import play
 from discrepancy.recording import changes_only
 from discrepancy.screen import collinearity, penalty
 from discrepancy.sensors import delayed, lagged, sensor_effects, through_sensors
-from discrepancy.units import parse_unit
+from discrepancy.units import confusions, parse_scaled, parse_unit
 
 
 @pytest.mark.parametrize(
@@ -104,3 +104,33 @@ def test_collinearity_does_not_depend_on_scale_and_vanishes_at_right_angles() ->
 def test_a_parameter_outside_its_bounds_is_refused() -> None:
     with pytest.raises(ValueError, match=r"outside \[0"):
         Parameter(name="cd", unit="1", value=-1.0, lower=0.0, upper=2.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "si", "factor"),
+    [
+        ("km/h", "m/s", 1.0 / 3.6),
+        ("deg/s", "rad/s", np.pi / 180.0),
+        ("°", "rad", np.pi / 180.0),
+        ("kN", "N", 1e3),
+        ("kNm", "N.m", 1e3),
+        ("bar", "Pa", 1e5),
+        ("rpm", "rad/s", 2.0 * np.pi / 60.0),
+        ("mm/s²", "m/s^2", 1e-3),
+        ("1/min", "1/s", 1.0 / 60.0),
+        ("%", "1", 0.01),
+        ("", "1", 1.0),
+        ("g", "m/s^2", 9.80665),
+    ],
+)
+def test_headings_are_converted_to_si(text: str, si: str, factor: float) -> None:
+    scaled = parse_scaled(text)
+    assert scaled.unit.same_quantity(parse_unit(si))
+    assert scaled.factor == pytest.approx(factor, rel=1e-12)
+
+
+def test_confusions_are_factors_between_units_of_the_same_quantity_both_ways() -> None:
+    speeds = confusions("m/s")
+    assert speeds["km/h under a heading of m/s"] == pytest.approx(3.6)
+    assert speeds["m/s under a heading of km/h"] == pytest.approx(1.0 / 3.6)
+    assert not any("deg" in text for text in speeds)
