@@ -19,6 +19,17 @@ BALLS = ("Tennis Ball", "Whiffle Ball 1", "Whiffle Ball 2", "Yellow Whiffle Ball
 HEAVY = ("Bowling Ball", "Golf Ball", "Baseball", "Blue Basketball", "Green Basketball")
 
 
+FROM_THE_COMMAND_LINE = (
+    "",
+    "Each of them from the command line:",
+    "",
+    '    loaderhil diagnose FOLDER/ball_drops --model ball --part "Tennis Ball" --out out/ball',
+    "    loaderhil diagnose FOLDER/dart_rc_car/rubber_free_mid_100228.csv.gz --model car --out out/car",
+    "    loaderhil diagnose FOLDER/dart_rc_car/rubber_free_mid_100228.csv.gz --model car --part on-board --out out/car",
+    "    loaderhil diagnose FOLDER/comma2k19_rav4 --model road --out out/road",
+)
+
+
 def timed(model: Model, recording: list[Recording]) -> tuple[Findings, float]:
     start = time.perf_counter()
     return examine(model, recording, Settings()), time.perf_counter() - start
@@ -96,6 +107,7 @@ def main() -> None:
             "| recording | expected | status | findings | remainder | s |",
             "|---|---|---|---|---|---|",
             *rows(args.folder),
+            *FROM_THE_COMMAND_LINE,
         ]
     )
     if args.out:
