@@ -97,19 +97,43 @@ class NewFile:
             self._descriptor = -1
 
 
+_STAMP = len("(0000000000.000000)")
+
+
 class CandumpRecords:
     """A candump log (`candump -L`)."""
 
     def __init__(self, path: Path, channels: Sequence[str]) -> None:
         self._file = NewFile(path)
         self._channels = tuple(channels)
+        self._heads: dict[tuple[int, int, int], str] = {}  # what stands between stamp and data
 
     def write(self, records: Records) -> None:
-        """One line per frame."""
-        names = self._channels
-        lines = [candump_line(frame, names[channel]) for channel, frame in frames_of(records)]
-        if lines:
-            self._file.append(("\n".join(lines) + "\n").encode("ascii"))
+        """One line per frame, as `dbc.writer.candump_line` makes them one by one."""
+        if len(records):
+            self._file.append("".join(self._lines(records)).encode("ascii"))
+
+    def _lines(self, records: Records) -> list[str]:
+        digits, width = records["data"].tobytes().hex().upper(), 2 * records["data"].shape[1]
+        columns = (
+            records["at_ns"] // 1000,
+            records["can_id"],
+            records["length"],
+            records["flags"],
+            records["channel"],
+        )
+        heads = self._heads
+        lines = []
+        for row, (at_us, *kind, channel) in enumerate(
+            zip(*(column.tolist() for column in columns), strict=True)
+        ):
+            can_id, length, flags = kind
+            if (head := heads.get((can_id, flags, channel))) is None:
+                empty = Frame(can_id & ~REMOTE, b"", 0, flags)
+                head = heads[can_id, flags, channel] = candump_line(empty, self._channels[channel])[_STAMP:]
+            data = f"R{length or ''}" if can_id & REMOTE else digits[row * width : row * width + 2 * length]
+            lines.append(f"({at_us // 1_000_000:010d}.{at_us % 1_000_000:06d}){head}{data}\n")
+        return lines
 
     def size(self) -> int:
         """Bytes in the file."""

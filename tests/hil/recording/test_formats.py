@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from bus.frame import BRS, ERROR, ESI, EXTENDED, FD, REMOTE, Frame
 from dbc.errors import LogError
 from dbc.recording import read_frames
+from dbc.writer import candump_line
 from hil.recording import formats
 from hil.recording.formats import SUFFIXES, RecordingError, open_writer
 from hil.recording.ring import records_of
@@ -78,6 +79,13 @@ def test_python_can_reads_what_we_write(tmp_path_factory, suffix, frames):
         read = [plain(frame_of(message)) for message in reader]
     expected = [plain(frame) for frame in frames]
     assert read == expected
+
+
+@given(frames=numbered_frames())
+@settings(deadline=None, max_examples=50)
+def test_a_candump_log_is_what_is_written_line_by_line(tmp_path_factory, frames):
+    path = written(tmp_path_factory.mktemp("out"), ".log", [frames])
+    assert path.read_text() == "".join(f"{candump_line(frame, CHANNELS[0])}\n" for frame in frames)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
