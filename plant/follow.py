@@ -30,7 +30,7 @@ from plant.parameters import (
     WHEEL_SIZE,
 )
 from plant.plant import Plant
-from plant.truth import LIFT_PRESSURE, TILT_PRESSURE, TIME, Truth, observe
+from plant.truth import LIFT_PRESSURE, PAYLOAD, TILT_PRESSURE, TIME, Truth, observe
 from plant.workspace import Workspace
 
 Array = NDArray[np.float64]
@@ -145,6 +145,9 @@ def follow(
     rows, torques = np.full((len(measured), Truth.size), np.nan), np.zeros((len(measured), 2))
     count = round(interval_s / step_s)
     lead(state, measured, led_parameters(p), step_s, count, gain, work, active, from_joint, rows, torques)
+    rows[:, PAYLOAD] = plant.payload_mass
+    slip_angle = Truth.slip_angle.column(rows)
+    np.arctan(slip_angle, out=slip_angle)
     lift, tilt = plant.machine.lift, plant.machine.tilt
     angle = Truth.lift_arm_angle.column(rows)
     rows[:, LIFT_PRESSURE] = [

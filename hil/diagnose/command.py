@@ -52,7 +52,7 @@ def diagnose(
         typer.Option(
             "--model",
             metavar="NAME|FILE.py",
-            help="ball, car, road, straight, or a file that defines `model`.",
+            help="ball, car, loader, road, straight, or a file that defines `model`.",
         ),
     ],
     out: Annotated[

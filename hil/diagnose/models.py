@@ -62,6 +62,20 @@ def _build_car(recordings: Sequence[Recording]) -> Model:
     return car.model(reference=all("speed_reference" in r.signals for r in recordings))
 
 
+def _run(path: Path, _: str | None) -> list[Recording] | None:
+    if not (path / "bus.log").is_file():
+        return None
+    from discrepancy.models import loader  # with it comes the plant, compiled
+
+    return [loader.load_run(path)]
+
+
+def _build_loader(recordings: Sequence[Recording]) -> Model:
+    from discrepancy.models import loader
+
+    return loader.model(recordings)
+
+
 def _comma(path: Path, _: str | None) -> list[Recording] | None:
     return [road.load_comma(path)] if (path / "segment40.npz").is_file() else None
 
@@ -72,6 +86,7 @@ NAMED = {
         Choice("ball", lambda _: ball.model(), _drops, "folder with ball_drops.csv and balls.txt, with --part BALL"),
         Choice("car", _build_car, _dart, "DART csv.gz or a folder of them; --part on-board leaves motion capture out"),
         Choice("road", road.model, _comma, "folder of the comma2k19 minute with its DBC"),
+        Choice("loader", _build_loader, _run, "run directory of the bench, with or without reference.log"),
         Choice("straight", lambda _: straight.model(), _no_data_set),
     )
 }  # fmt: skip

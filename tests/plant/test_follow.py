@@ -1,0 +1,97 @@
+"""A plant led by what another one did does the same."""
+
+import math
+
+import numpy as np
+import pytest
+
+from plant import follow as f
+from plant.machine import load_machine
+from plant.plant import Commands, Plant
+from plant.truth import columns_of
+
+L60 = load_machine("l60")
+ACCURACY = {  # what the bench's own sensors and instruments resolve
+    "wheel_speed": 0.005,
+    "imu_specific_force": 0.03,
+    "angular_velocity": 0.002,
+    "normal_force": 50.0,
+    "lateral_force": 50.0,
+    "lift_pressure": 2e4,
+    "pitch": 5e-4,
+}
+
+
+def drive(seconds=6.0):
+    """Truth of a drive with steps of torque, steering to both sides, a lift and a stop: columns, 10 ms apart."""
+    plant = Plant(L60, speed=3.0)
+    rows = [plant.truth().row]
+    for k in range(round(seconds * 100)):
+        t = 0.01 * k
+        torque = 2500.0 if 0.5 < t < 2.0 else (-2000.0 if 2.5 < t < 3.5 else 0.0)
+        commands = Commands(
+            wheel_torque=(torque,) * 4,
+            brake_torque=(4000.0 if t > 4.5 else 0.0,) * 4,
+            articulation_rate=0.25 * math.sin(2.0 * t),
+            lift_rate=0.1 if 1.0 < t < 3.0 else 0.0,
+        )
+        plant.advance(commands, 0.01)
+        rows.append(plant.truth().row)
+    return columns_of(np.array(rows))
+
+
+def measured(truth, braking):
+    out = np.zeros((len(truth["time_s"]), f.MEASURED))
+    out[:, f.M_TORQUE : f.M_TORQUE + 4] = truth["wheel_torque"]
+    out[:, f.M_BRAKING] = braking
+    out[:, f.M_SPEED] = truth["wheel_speed"].mean(axis=1)
+    for at, name in ((f.M_ARTICULATION, "articulation"), (f.M_LIFT, "lift_arm"), (f.M_TILT, "tilt")):
+        out[:, at], out[:, at + 1] = truth[f"{name}_angle"], truth[f"{name}_rate"]
+    return out
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return drive()
+
+
+def led(truth, given=L60, **options):
+    rows = measured(truth, truth["time_s"] > 4.5)
+    return f.follow(Plant(given, speed=3.0), rows, interval_s=0.01, **options)
+
+
+@pytest.mark.parametrize("step", [1e-3, 2e-3])
+def test_it_does_what_the_leader_did_to_the_accuracy_of_the_sensors(truth, step):
+    found = led(truth, step_s=step)
+    assert found.whole
+    columns = columns_of(found.rows)
+    for name, accuracy in ACCURACY.items():
+        error = float(np.sqrt(np.mean((columns[name] - truth[name]) ** 2)))
+        assert error < accuracy, name
+
+
+def test_an_error_of_force_shows_as_a_steady_difference_of_speed(truth):
+    """Resistance the leader did not have, over mass and gain, is what the speed is off by."""
+    from dataclasses import replace
+
+    from plant.effects import effect
+
+    drag = effect("brake_drag").of(front_N_m=300.0, rear_N_m=300.0)
+    columns = columns_of(led(truth, replace(L60, effects=(drag,)), gain=2.0).rows)
+    coasting = slice(400, 440)
+    off = (columns["wheel_speed"] - truth["wheel_speed"])[coasting].mean() * 0.727
+    expected = -4 * 300.0 / 0.727 / (11842.0 + 4 * 110.0 / 0.73**2) / 2.0
+    assert off == pytest.approx(expected, rel=0.15)
+
+
+def test_a_motion_that_diverges_is_told(truth):
+    rows = measured(truth, truth["time_s"] > 4.5)
+    rows[100, f.M_ARTICULATION + 1] = math.inf
+    assert not f.follow(Plant(L60, speed=3.0), rows, interval_s=0.01).whole
+
+
+def test_the_plant_that_leads_in_is_left_as_it_was(truth):
+    plant = Plant(L60, speed=3.0)
+    before = plant.truth().row.copy()
+    f.follow(plant, measured(truth, truth["time_s"] > 4.5), interval_s=0.01)
+    np.testing.assert_array_equal(plant.truth().row, before)
