@@ -38,7 +38,7 @@ slow-tests: $(BIN)/.test ## tests with processes in real time and in a real brow
 	$(BIN)/pytest -m 'processes or browser'
 
 socketcan: $(BIN)/.test ## SocketCAN tests: natively where the kernel has CAN, else under user-mode Linux
-	scripts/with-vcan $(BIN)/pytest -m socketcan
+	UML_TIMEOUT_S=1800 scripts/with-vcan $(BIN)/pytest -m socketcan $$(grep -rlE 'mark\.socketcan' tests --include='test_*.py')
 
 bench: $(BIN)/.test ## every benchmark, each against its peer
 	@for b in $(basename $(notdir $(wildcard bench/bench_*.py))); do echo "== $$b"; $(BIN)/python -m bench.$$b || exit 1; done
