@@ -1,6 +1,6 @@
 """The command line: read what is wanted, call what does it, tell how it ended.
 
-Exit codes: 0 passed, 1 failed, 2 misused, 3 a process of the bench died, 4 the bus was lost,
+Exit codes: 0 passed, 1 failed, 2 misused, 3 a process of the bench died, 4 the bus was lost, 5 inconclusive,
 130 interrupted. Modules are imported by the command that needs them, so that the hub or the
 recorder does not load a plant.
 """
@@ -18,7 +18,7 @@ from hil.ending import Ending
 from hil.realtime_options import CpuOption, FifoOption, FreezeOption, LockOption, RealtimeOptions
 
 DEFAULT_BUS = "hub:/tmp/loaderhil.hub"  # a Unix socket; every user can name another
-EPILOG = "Exit codes: 0 passed, 1 failed, 2 misused, 3 a process died, 4 bus lost, 130 interrupted."
+EPILOG = "Exit codes: 0 passed, 1 failed, 2 misused, 3 a process died, 4 bus lost, 5 inconclusive, 130 interrupted."
 
 app = typer.Typer(
     name="loaderhil",
@@ -328,19 +328,19 @@ def _form(form: str) -> Any:
 
 # Commands whose options live with their code: the module's `register(app)` adds them.
 ELSEWHERE = {
-    "effects": "hil.effects",
-    "monitor": "hil.monitor.command",
-    "mqtt": "hil.mqtt.command",
     "decode": "hil.decode",
-    "gateway": "hil.gateway.command",
-    "conceal": "hil.diagnose.conceal",
-    "diagnose": "hil.diagnose.command",
-    "score": "hil.diagnose.score",
+    "monitor": "hil.monitor.command",
     "record": "hil.recording.command",
-    "inject": "hil.faults.command",
-    "check": "hil.recording.check_command",
-    "soak": "hil.faults.soak_command",
     "replay": "hil.recording.replay_command",
+    "check": "hil.recording.check_command",
+    "gateway": "hil.gateway.command",
+    "inject": "hil.faults.command",
+    "soak": "hil.faults.soak_command",
+    "mqtt": "hil.mqtt.command",
+    "effects": "hil.effects",
+    "diagnose": "hil.diagnose.command",
+    "conceal": "hil.diagnose.conceal",
+    "score": "hil.diagnose.score",
 }
 
 

@@ -25,12 +25,11 @@ if TYPE_CHECKING:
 
     from discrepancy.search import Progress
 
-INCONCLUSIVE = 5
 EXIT = {
     "explained": int(Ending.PASSED),
     "nothing missing": int(Ending.PASSED),
     "unknown": int(Ending.FAILED),
-    "inconclusive": INCONCLUSIVE,
+    "inconclusive": int(Ending.INCONCLUSIVE),
 }
 
 EPILOG = (

@@ -1,5 +1,6 @@
 """What a user gets wrong ends in one line and exit code 2; what is right says what it did."""
 
+import importlib
 import subprocess
 import sys
 from importlib.metadata import version
@@ -7,17 +8,18 @@ from importlib.metadata import version
 import pytest
 from typer.testing import CliRunner
 
-from hil.cli import app
-from hil.decode import register
+from hil.cli import ELSEWHERE, app
 from hil.ending import Ending
 
-COMMANDS = ("demo", "run", "plant", "ecu", "hub", "scenarios", "report", "campaign", "decode")
+COMMANDS = ("demo", "run", "plant", "ecu", "hub", "scenarios", "report", "campaign", *ELSEWHERE)
 
 
 @pytest.fixture(scope="module")
 def invoke():
-    if "decode" not in {command.name or command.callback.__name__ for command in app.registered_commands}:
-        register(app)
+    registered = {command.name or command.callback.__name__ for command in app.registered_commands}
+    for name, module in ELSEWHERE.items():
+        if name not in registered:
+            importlib.import_module(module).register(app)
     runner = CliRunner()
     return lambda *words: runner.invoke(app, [str(word) for word in words])
 
