@@ -1,0 +1,78 @@
+"""What effects cost: a step of the plain plant, and of the same plant with effects switched on, in one run.
+
+    python -m bench.bench_effects [--seconds 5] [--repeats 9]
+
+An effect that only changes parameters must cost nothing: the compiled code is the plain plant's. The first row is
+therefore measured twice, and the spread of that ratio is what the others can be told apart from.
+"""
+
+import argparse
+import statistics
+import time
+from dataclasses import replace
+
+from plant.effects import effects
+from plant.effects.dispatch import compiled_hooks
+from plant.machine import load_machine
+from plant.plant import Commands, Plant
+
+COMMANDS = Commands(wheel_torque=(500.0,) * 4)
+CALM = (
+    "camber_thrust",
+    "brake_drag",
+    "pivot_friction",
+    "lateral_deflection",
+    "rolling_resistance",
+    "turn_slip",
+)
+
+
+def variants():
+    """Machines by what is switched on."""
+    base, known = load_machine("l60"), effects()
+    prepared = [item for item in known.values() if item.prepare is not None and not compiled_hooks(item)]
+
+    def having(*names):
+        return replace(base, effects=tuple(known[name].typical() for name in names))
+
+    return {
+        "plain": base,
+        "plain, again": base,
+        "effects of parameters": having(
+            *(item.name for item in prepared if item.name in ("tyre_wear", "mass_split"))
+        ),
+        "one compiled effect": having("pivot_friction"),
+        f"{len(CALM)} compiled effects": having(*CALM),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seconds", type=float, default=5.0, help="simulated by each repeat")
+    parser.add_argument("--repeats", type=int, default=9)
+    options = parser.parse_args()
+    plants = {name: Plant(machine, speed=3.0) for name, machine in variants().items()}
+    spent = {name: [] for name in plants}
+    for plant in plants.values():
+        plant.advance(COMMANDS, 0.01)  # compiles
+    for _ in range(options.repeats):
+        for name, plant in plants.items():
+            fresh = plant.copy()
+            start = time.process_time()
+            fresh.advance(COMMANDS, options.seconds)
+            spent[name].append((time.process_time() - start) / (options.seconds / plant.step_s) * 1e6)
+    print(
+        "| switched on | us per step | range | x plain, median of pairs | range |\n| --- | ---: | ---: | ---: | ---: |"
+    )
+    for name, times in spent.items():
+        ratio = [a / b for a, b in zip(times, spent["plain"], strict=True)]
+        print(
+            f"| {name} | {statistics.median(times):.2f} | {min(times):.2f}..{max(times):.2f} "
+            f"| {statistics.median(ratio):.2f} | {min(ratio):.2f}..{max(ratio):.2f} |"
+        )
+
+
+if __name__ == "__main__":
+    main()
