@@ -6,6 +6,7 @@ the measured one, so that an error of force shows as a steady difference (plant.
 does not know exactly (masses, height of the centre of gravity, tyre stiffness, zero points of the sensors) gives way first.
 """
 
+import json
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -368,7 +369,10 @@ def model(_: Sequence[Recording] = (), *, machine: str = "l60", without: tuple[s
 
 
 def load_run(folder: Path) -> Recording:
-    """A recorded run: bus.log, and reference.log where instruments recorded; stamps are those of the samples."""
+    """A recorded run: bus.log, and reference.log where instruments recorded; stamps are those of the samples.
+
+    The payload is that of run.json, 0 where there is none.
+    """
     files = [(folder / "bus.log", loader_database(), MACHINE_MESSAGES)]
     if (folder / "reference.log").is_file():
         files.append((folder / "reference.log", reference_database(), REFERENCE_MESSAGES))
@@ -380,7 +384,16 @@ def load_run(folder: Path) -> Recording:
             signals |= {
                 k: s for k, s in _signals(columns[name], messages[name], first).items() if k not in signals
             }
-    return Recording(folder.name, signals)
+    return Recording(folder.name, signals, _constants(folder / "run.json"))
+
+
+def _constants(record: Path) -> dict[str, float]:
+    """What the record of the run tells of the day: the payload [kg]."""
+    try:
+        told = json.loads(record.read_text(encoding="utf-8"))
+        return {"payload": float(told["payload_kg"])}
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
 
 
 def _signals(found: Columns, wanted: Signals, first: float) -> dict[str, Signal]:
