@@ -20,6 +20,10 @@ $(BIN)/.test: $(BIN)/.run
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
 	@touch $@
 
+$(BIN)/.bench: $(BIN)/.test
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
+	@touch $@
+
 demo: $(BIN)/.run ## roll-over with the ECU's limits off and on; writes out/demo/report.html
 	$(BIN)/loaderhil demo --out out/demo
 
@@ -40,7 +44,7 @@ slow-tests: $(BIN)/.test ## tests with processes in real time and in a real brow
 socketcan: $(BIN)/.test ## SocketCAN tests: natively where the kernel has CAN, else under user-mode Linux
 	UML_TIMEOUT_S=1800 scripts/with-vcan $(BIN)/pytest -m socketcan $$(grep -rlE 'mark\.socketcan' tests --include='test_*.py')
 
-bench: $(BIN)/.test ## every benchmark, each against its peer
+bench: $(BIN)/.bench ## every benchmark, each against its peer
 	@for b in $(basename $(notdir $(wildcard bench/bench_*.py))); do echo "== $$b"; $(BIN)/python -m bench.$$b || exit 1; done
 
 results: $(BIN)/.test ## regenerate the tables under docs/results (minutes)
