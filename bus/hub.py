@@ -14,11 +14,11 @@ import select
 import signal
 import time
 from collections.abc import Callable
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from bus import packet
 from bus.arbitration import Arbiter
+from bus.closing import Closing
 from bus.frame import Frame
 from bus.hub_peer import Peer
 from bus.hub_status import HubStatus
@@ -37,7 +37,7 @@ CLIENT_LIMIT = 64
 """Clients at a time."""
 
 
-class Hub:
+class Hub(Closing):
     """A hub that listens from construction on and relays while `run` runs."""
 
     def __init__(self, path: str, *, bit_rate: int | None = None, data_bit_rate: int | None = None) -> None:
@@ -112,17 +112,6 @@ class Hub:
 
     def _waiting(self, client: Peer) -> int:
         return self._arbiter.waiting(client) if self._arbiter else 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _accept(self) -> None:
         try:

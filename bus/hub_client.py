@@ -5,10 +5,10 @@ import os
 import socket
 import time
 from collections import deque
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from bus import errors, packet
+from bus.closing import Closing
 from bus.errors import FINDINGS_LIMIT, BusFinding
 from bus.frame import ERROR, Frame
 from bus.hub_peer import enlarge_send_buffer
@@ -20,7 +20,7 @@ ANSWER_S = 2.0
 """How long a hub may take to answer."""
 
 
-class HubTransport:
+class HubTransport(Closing):
     """A Transport to the hub at `path`. Frames sent by others after construction are received."""
 
     def __init__(self, path: str, *, name: str = "", own_messages: bool = False) -> None:
@@ -141,17 +141,6 @@ class HubTransport:
     def close(self) -> None:
         """Leave the hub; a second call does nothing."""
         self._socket.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def hub_status(path: str) -> HubStatus:

@@ -20,11 +20,10 @@ import struct
 import time
 from collections import deque
 from collections.abc import Sequence
-from types import TracebackType
-from typing import Self
 
 from bus import errors, packet
 from bus.can_socket import bind, can_socket, longer_queue, require_up
+from bus.closing import Closing
 from bus.errors import FINDINGS_LIMIT, BusFinding, Fault
 from bus.frame import ERROR, FD, LOCAL, Frame
 from bus.link import Link, LinkWatch
@@ -45,7 +44,7 @@ _LINK_ERRORS = {errno.ENETDOWN: Fault.LINK_DOWN, errno.ENODEV: Fault.LINK_GONE, 
 _FULL = (errno.ENOBUFS, errno.EAGAIN)
 
 
-class SocketCanTransport:
+class SocketCanTransport(Closing):
     """A Transport on a CAN interface of this machine."""
 
     def __init__(
@@ -267,14 +266,3 @@ class SocketCanTransport:
         if self._watch is not None:
             self._watch.close()
             self._watch = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()

@@ -10,8 +10,8 @@ import ctypes
 import os
 import sys
 import time
-from types import TracebackType
-from typing import Self
+
+from bus.closing import Closing
 
 NS = 1_000_000_000
 TFD_TIMER_ABSTIME = 1  # include/uapi/linux/timerfd.h
@@ -70,7 +70,7 @@ class Alarm:
             self._fd = -1
 
 
-class Ticks:
+class Ticks(Closing):
     """A periodic timer with a file descriptor that is readable when a tick is due."""
 
     def __init__(self, period_ns: int, start_ns: int | None = None) -> None:
@@ -112,14 +112,3 @@ class Ticks:
         if self._fd >= 0:
             os.close(self._fd)
             self._fd = -1
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()

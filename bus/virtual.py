@@ -4,11 +4,10 @@ import os
 import time
 from collections import deque
 from collections.abc import Callable
-from types import TracebackType
-from typing import Self
 from weakref import WeakValueDictionary
 
 from bus import errors, packet
+from bus.closing import Closing
 from bus.errors import FINDINGS_LIMIT, BusFinding
 from bus.frame import ERROR, Frame
 from bus.transport import BusClosed, Statistics
@@ -52,7 +51,7 @@ class VirtualBus:
             self._connections.remove(connection)
 
 
-class VirtualTransport:
+class VirtualTransport(Closing):
     """A Transport on a VirtualBus; made by `VirtualBus.connect`."""
 
     def __init__(self, bus: VirtualBus, queue_limit: int) -> None:
@@ -126,17 +125,6 @@ class VirtualTransport:
         if self._ready >= 0:
             os.close(self._ready)
             self._ready = -1
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 _NAMED: WeakValueDictionary[str, VirtualBus] = WeakValueDictionary()

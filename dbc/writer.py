@@ -1,9 +1,8 @@
 """Writes candump logs (`candump -L`): one text line per frame, readable by can-utils, python-can and us."""
 
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
+from bus.closing import Closing
 from bus.frame import ERROR, EXTENDED, EXTENDED_MASK, FD, REMOTE, Frame
 
 FLUSH_EVERY = 64
@@ -27,7 +26,7 @@ def candump_line(frame: Frame, channel: str) -> str:
     return f"{stamp}{identifier}#{data.hex().upper()}"
 
 
-class CandumpWriter:
+class CandumpWriter(Closing):
     """A candump log that is complete up to the last flush, whatever ends the process."""
 
     def __init__(self, path: str | Path) -> None:
@@ -49,11 +48,3 @@ class CandumpWriter:
     def close(self) -> None:
         """Flush and close; a second call does nothing."""
         self._file.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, exc_type: type[BaseException] | None, exc: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self.close()

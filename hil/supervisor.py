@@ -17,9 +17,9 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
+from bus.closing import Closing
 from hil.lifeline import FD_VARIABLE
 
 Event = dict[str, Any]
@@ -85,7 +85,7 @@ class Child:
         return [json.loads(line) for line in lines]
 
 
-class Supervisor:
+class Supervisor(Closing):
     """A group of processes that live and die together; use it as a context manager."""
 
     def __init__(self, on_event: Callable[[str, Event], None] | None = None) -> None:
@@ -243,17 +243,6 @@ class Supervisor:
                 child.link.close()
                 os.close(child.pidfd)
             self.children.clear()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def loaderhil(*arguments: str) -> list[str]:

@@ -13,9 +13,9 @@ import socket
 import stat
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
+from bus.closing import Closing
 from bus.mistake import Mistake
 
 PACKET_LIMIT = 65_536
@@ -33,7 +33,7 @@ class Refused(Mistake, ValueError):
     """The injector refused a command; the message is its reason."""
 
 
-class ControlServer:
+class ControlServer(Closing):
     """Answers commands. Wait on `fileno`, then call `serve`."""
 
     def __init__(self, path: Path, obey: Callable[[Mapping[str, Any]], Mapping[str, Any]]) -> None:
@@ -100,14 +100,6 @@ class ControlServer:
         self._epoll.close()
         self._listener.close()
         self._path.unlink(missing_ok=True)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, exc_type: type[BaseException] | None, exc: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def ask(path: Path, request: Mapping[str, Any]) -> dict[str, Any]:

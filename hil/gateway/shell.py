@@ -8,9 +8,8 @@ import logging
 import select
 import time
 from collections.abc import Callable
-from types import TracebackType
-from typing import Self
 
+from bus.closing import Closing
 from bus.errors import BusFinding
 from bus.ticks import Alarm
 from bus.transport import Transport
@@ -30,7 +29,7 @@ def log_finding(side: Side, finding: Finding | BusFinding) -> None:
     log.warning("%s", finding if isinstance(finding, Finding) else f"{side} side: {finding}")
 
 
-class GatewayLoop:
+class GatewayLoop(Closing):
     """Serves two transports. Wait on `fileno`, then call `serve`; neither blocks.
 
     The run begins with the first frame from the plant.
@@ -119,11 +118,3 @@ class GatewayLoop:
         """Release what the loop made; the transports stay open."""
         self._epoll.close()
         self._alarm.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, exc_type: type[BaseException] | None, exc: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self.close()

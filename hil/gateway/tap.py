@@ -14,13 +14,13 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from types import TracebackType
-from typing import Final, Self
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bus.address import open_transport
+from bus.closing import Closing
 from bus.errors import BusFinding
 from bus.frame import Frame
 from bus.pacing import TickTiming
@@ -41,7 +41,7 @@ TRACED: Final = (
 """Kind when heard, message, and the signal that is its number."""
 
 
-class StampWriter:
+class StampWriter(Closing):
     """Appends rows to a file, a handful at a time."""
 
     def __init__(self, file: Path) -> None:
@@ -65,14 +65,6 @@ class StampWriter:
             self._flush()
             self._file.close()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, exc_type: type[BaseException] | None, exc: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self.close()
-
 
 def read_stamps(file: Path) -> NDArray[np.int64]:
     """The rows of a file, shape (n, 4); a row that was cut off by a kill is left out. No file: no rows."""
@@ -83,7 +75,7 @@ def read_stamps(file: Path) -> NDArray[np.int64]:
     return np.frombuffer(content[:whole], np.int64).reshape(-1, 4)
 
 
-class Tap:
+class Tap(Closing):
     """A Transport that is another one, with its traced frames stamped."""
 
     def __init__(self, transport: Transport, stamps: StampWriter, database: Database) -> None:
@@ -132,14 +124,6 @@ class Tap:
     def close(self) -> None:
         """As the transport's; the stamps stay open."""
         self._transport.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, exc_type: type[BaseException] | None, exc: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 @contextmanager

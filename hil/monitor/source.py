@@ -5,10 +5,11 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from typing import NamedTuple, Protocol, Self
+from typing import NamedTuple, Protocol
 
 from bus import wallclock
 from bus.address import open_transport
+from bus.closing import Closing
 from bus.errors import Fault
 from bus.frame import LOCAL, Frame
 from bus.link import Link, can_interfaces
@@ -56,7 +57,7 @@ class Source(Protocol):
         """The time now on the clock of the stamps."""
 
 
-class Buses:
+class Buses(Closing):
     """One or several buses, watched together until the signal."""
 
     def __init__(
@@ -155,12 +156,6 @@ class Buses:
     def close(self) -> None:
         """Leave the buses; a second call does nothing."""
         self._stack.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 def _expanded(targets: Sequence[Target]) -> list[Target]:
