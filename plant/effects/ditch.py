@@ -4,15 +4,14 @@ import math
 
 from plant.compiled import compiled
 from plant.effects.effect import Array, Confusable, Effect, Parameter
-from plant.effects.ports import in_world, raise_ground
+from plant.effects.ports import along_ground, raise_ground
 from plant.workspace import Workspace
 
 
 @compiled
 def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """One whole cosine down and up again."""
-    centre = work.places.centres[wheel]
-    ahead, _, _ = in_world(state, work, centre[0], centre[1], centre[2])
+    ahead = along_ground(state, work, wheel)
     depth = q[2] if wheel % 2 == 0 else q[3]
     part = (ahead - q[0]) / q[1]
     if 0.0 < part < 1.0:

@@ -23,6 +23,11 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 """Channels whose sensors are of one make."""
 
 
+def of_groups(q: Mapping[str, float], suffix: str) -> dict[str, float]:
+    """The value of each channel, from the parameters `<group>_<suffix>` of the groups."""
+    return {channel: q[f"{group}_{suffix}"] for group, channels in GROUPS.items() for channel in channels}
+
+
 def wheels(what: str, front: float, rear: float) -> dict[str, float]:
     """A value for the front and one for the rear channels of a quantity."""
     return {f"{what}_{wheel}": front if wheel.startswith("front") else rear for wheel in WHEELS}

@@ -160,6 +160,13 @@ def in_world(state: Array, work: Workspace, x: float, y: float, z: float) -> tup
 
 
 @compiled
+def along_ground(state: Array, work: Workspace, wheel: int) -> float:
+    """Where a wheel's centre is along the world's x axis [m]."""
+    c = work.places.centres[wheel]
+    return in_world(state, work, c[0], c[1], c[2])[0]
+
+
+@compiled
 def raise_ground(state: Array, work: Workspace, wheel: int, height: float, slope: float) -> None:
     """Raise the ground under a wheel by a profile's height [m] with its slope along the world's x axis."""
     motion, c, r = work.tree.motion[WHEEL + wheel], work.places.centres[wheel], work.places.world

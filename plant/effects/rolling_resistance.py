@@ -57,5 +57,5 @@ EFFECT = Effect(
             name="soil_sinkage", separate="sinkage grows faster than the load, and less on a second pass"
         ),
     ),
-    source="Wong, Theory of Ground Vehicles, 4th ed., chapter 1.3; values for earthmover tyres",
+    source="Wong, Theory of Ground Vehicles, 4th ed., section 1.2; values for earthmover tyres",
 )

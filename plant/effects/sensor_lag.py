@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from plant.effects.effect import Confusable, Effect, Parameter
-from plant.effects.faults import GROUPS, added
+from plant.effects.faults import added, of_groups
 
 if TYPE_CHECKING:
     from plant.sensors import SensorParameters
@@ -12,8 +12,7 @@ if TYPE_CHECKING:
 
 def sensors(q: Mapping[str, float], given: "SensorParameters") -> "SensorParameters":
     """Time constant of each group of channels."""
-    times = {channel: q[f"{group}_ms"] for group, channels in GROUPS.items() for channel in channels}
-    return added(given, "lag", times)
+    return added(given, "lag", of_groups(q, "ms"))
 
 
 EFFECT = Effect(

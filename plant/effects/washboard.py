@@ -4,15 +4,14 @@ import math
 
 from plant.compiled import compiled
 from plant.effects.effect import Array, Confusable, Effect, Parameter
-from plant.effects.ports import in_world, raise_ground
+from plant.effects.ports import along_ground, raise_ground
 from plant.workspace import Workspace
 
 
 @compiled
 def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """A sine along the way."""
-    centre = work.places.centres[wheel]
-    ahead, _, _ = in_world(state, work, centre[0], centre[1], centre[2])
+    ahead = along_ground(state, work, wheel)
     number = 2.0 * math.pi / q[1]
     raise_ground(
         state, work, wheel, q[0] * math.sin(number * ahead), q[0] * number * math.cos(number * ahead)
