@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from plant.effects.effect import Parameter
+
 if TYPE_CHECKING:
     from plant.sensors import SensorParameters
 
@@ -21,6 +23,23 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "articulation": ("articulation_angle", "articulation_rate"),
 }
 """Channels whose sensors are of one make."""
+
+
+NAMES: Mapping[str, str] = {
+    "inertial": "of the accelerometers and gyroscopes",
+    "wheel": "of the wheel speeds and torques",
+    "pressure": "of the cylinder pressures",
+    "articulation": "of the articulation angle and rate",
+}
+
+
+def per_group(suffix: str, unit: str, inertial: float, high: float, si: float) -> tuple[Parameter, ...]:
+    """A parameter `<group>_<suffix>` for each group; the inertial sensors typically have it, the others not."""
+    typical = {"inertial": inertial}
+    return tuple(
+        Parameter(f"{group}_{suffix}", unit, typical.get(group, 0.0), 0.0, high, meaning, si=si)
+        for group, meaning in NAMES.items()
+    )
 
 
 def of_groups(q: Mapping[str, float], suffix: str) -> dict[str, float]:

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from plant.effects.effect import Confusable, Effect, Parameter
-from plant.effects.faults import added, of_groups
+from plant.effects.effect import Confusable, Effect
+from plant.effects.faults import added, of_groups, per_group
 
 if TYPE_CHECKING:
     from plant.sensors import SensorParameters
@@ -19,12 +19,7 @@ EFFECT = Effect(
     name="sensor_delay",
     sentence="Readings arrive later than assumed.",
     equation="y(t) = x(t - T)",
-    parameters=(
-        Parameter("inertial_ms", "ms", 40.0, 0.0, 1000.0, "of the accelerometers and gyroscopes", si=1e-3),
-        Parameter("wheel_ms", "ms", 0.0, 0.0, 1000.0, "of the wheel speeds and torques", si=1e-3),
-        Parameter("pressure_ms", "ms", 0.0, 0.0, 1000.0, "of the cylinder pressures", si=1e-3),
-        Parameter("articulation_ms", "ms", 0.0, 0.0, 1000.0, "of the articulation angle and rate", si=1e-3),
-    ),
+    parameters=per_group("ms", "ms", inertial=40.0, high=1000.0, si=1e-3),
     acts_on="the named channels",
     signature="Every motion arrives later, at full amplitude.",
     excited_by="fast manoeuvres",
