@@ -119,6 +119,14 @@ def run(
     payload_kg: PayloadOption = None,
     seed: SeedOption = None,
     changes: SetOption = None,
+    machine: Annotated[
+        str | None,
+        typer.Option(
+            "--machine",
+            metavar="NAME|FILE",
+            help="Instead of the scenario's; equipment and calibration beside its file, as `diagnose --apply` writes them, are used too.",
+        ),
+    ] = None,
     strict: Annotated[
         bool, typer.Option("--strict", help="Timing that could not be judged counts as failed.")
     ] = False,
@@ -163,6 +171,8 @@ def run(
         )
         for scenario in scenarios
     ]
+    if machine is not None:
+        choices = [choice.on(machine) for choice in choices]
     buses = Buses(gateway=gateway, plant=plant_bus, ecu=ecu_bus, routes=routes, control=control)
     realtime = realtime or gateway
     if len(choices) > 1:
@@ -208,6 +218,9 @@ def ecu(
     bus: BusOption = DEFAULT_BUS,
     form: FormOption = "corrected",
     limits: LimitsOption = True,
+    calibration: Annotated[
+        str, typer.Option("--calibration", metavar="NAME|FILE", help="What the ECU knows of its machine.")
+    ] = "l60",
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Leave timing here.")] = None,
     fifo: FifoOption = None,
     lock_memory: LockOption = False,
@@ -223,7 +236,9 @@ def ecu(
 
     checked = _form(form)
     realtime = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
-    raise typer.Exit(ending_of(lambda line: process.run(line, checked, limits, bus, out, realtime)))
+    raise typer.Exit(
+        ending_of(lambda line: process.run(line, checked, limits, bus, out, realtime, calibration))
+    )
 
 
 @app.command()

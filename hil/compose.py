@@ -5,6 +5,7 @@ Besides the command line the only place of the bench that knows both sides.
 
 import datetime
 import importlib.metadata
+import json
 import platform
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +16,10 @@ from numpy.typing import NDArray
 
 from bus.mistake import Mistake
 from dbc import loader_database
-from hil.ecu_side import Form, ecu_cycle
+from ecu.cycle import EcuCycle
+from hil.companions import CALIBRATION as CALIBRATION_FILE
+from hil.companions import EQUIPMENT, companion
+from hil.ecu_side import CALIBRATION, Form, ecu_cycle
 from hil.faults.injector import Injector
 from hil.faults.mortal import MortalEcu, MortalPlant, acting_on
 from hil.faults.table import faults_of
@@ -40,7 +44,7 @@ class Choice:
 
     scenario: a shipped name or the path of a TOML file; limits: whether the ECU limits the machine.
     inject: a TOML file with more faults than the scenario has of its own.
-    changes: KEY=VALUE words laid over the files of scenario, machine and equipment.
+    changes: KEY=VALUE words laid over the files of scenario, machine and equipment; calibration: the ECU's, a name or file.
     """
 
     scenario: str
@@ -50,6 +54,21 @@ class Choice:
     seed: int | None = None
     inject: Path | None = None
     changes: tuple[str, ...] = ()
+    calibration: str = CALIBRATION
+
+    def on(self, machine: str) -> "Choice":
+        """The same on another machine, with the equipment and the calibration that lie beside its file."""
+        file = Path(machine)
+        equipment, calibration = companion(file, EQUIPMENT), companion(file, CALIBRATION_FILE)
+        words = [
+            f"machine={json.dumps(machine)}",
+            *([f"equipment={json.dumps(str(equipment))}"] if equipment else []),
+        ]
+        return replace(
+            self,
+            changes=(*words, *self.changes),
+            calibration=str(calibration) if calibration else self.calibration,
+        )
 
     def load(self) -> Scenario:
         """The scenario with the choices applied, its machine looked at too."""
@@ -109,11 +128,16 @@ def lockstep(
     limits: bool = True,
     reference: bool = True,
     injector: Injector | None = None,
+    calibration: str = CALIBRATION,
 ) -> Lockstep:
     """The two on one virtual clock; reference: with the frames of the test instrumentation."""
+
+    def fresh() -> EcuCycle:
+        return ecu_cycle(form=form, limits=limits, calibration=calibration)
+
     if injector is None:
-        return Lockstep(plant_unit(scenario), ecu_cycle(form=form, limits=limits), reference=reference)
-    plant, ecu = MortalPlant(plant_unit(scenario)), MortalEcu(lambda: ecu_cycle(form=form, limits=limits))
+        return Lockstep(plant_unit(scenario), fresh(), reference=reference)
+    plant, ecu = MortalPlant(plant_unit(scenario)), MortalEcu(fresh)
     injector.start(0)
     wire = FaultyWire(injector, acting_on(plant, ecu))
     return Lockstep(plant, ecu, wire=wire, reference=reference)
@@ -124,7 +148,9 @@ def truth_columns(truth: Sequence[Truth]) -> dict[str, NDArray[np.float64]]:
     return columns_of(np.array([moment.row for moment in truth]).reshape(-1, Truth.size))
 
 
-def record_of(scenario: Scenario, *, form: Form, limits: bool, mode: Mode) -> RunRecord:
+def record_of(
+    scenario: Scenario, *, form: Form, limits: bool, mode: Mode, calibration: str = CALIBRATION
+) -> RunRecord:
     """The record of a run that starts now."""
     return RunRecord(
         scenario=scenario.name,
@@ -132,6 +158,7 @@ def record_of(scenario: Scenario, *, form: Form, limits: bool, mode: Mode) -> Ru
         mode=mode,
         form=form,
         limits=limits,
+        calibration=calibration,
         seed=scenario.seed,
         payload_kg=float(scenario.payload_mass),
         changes=scenario.changes.words,

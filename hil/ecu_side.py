@@ -10,9 +10,10 @@ FORMS: tuple[Form, ...] = ("corrected", "printed")
 CALIBRATION = "l60"
 
 
-def ecu_cycle(*, form: Form, limits: bool) -> EcuCycle:
+def ecu_cycle(*, form: Form, limits: bool, calibration: str = CALIBRATION) -> EcuCycle:
     """A fresh ECU.
 
-    form: the estimators' equations, corrected or as printed in the thesis; limits: whether it limits.
+    form: the estimators' equations, corrected or as printed in the thesis; limits: whether it limits;
+    calibration: name or TOML file.
     """
-    return EcuCycle(load_calibration(CALIBRATION), form=form, limits_enabled=limits)
+    return EcuCycle(load_calibration(calibration), form=form, limits_enabled=limits)

@@ -68,7 +68,9 @@ def run_realtime(
         raise ChoiceError(
             f"{choice.scenario}: has faults to inject; add --gateway to do so in real time, or run in lockstep"
         )
-    record = record_of(scenario, form=choice.form, limits=choice.limits, mode="realtime")
+    record = record_of(
+        scenario, form=choice.form, limits=choice.limits, mode="realtime", calibration=choice.calibration
+    )
     rundir.begin(out, record)
     with _sigterm_interrupts(), socket_folder() as folder, Supervisor(on_event) as supervisor:
         try:
@@ -107,7 +109,13 @@ def _drive(
     if buses.gateway:
         others.append(start("ecu-recorder", _record(f"loader={on['ecu']}", out / rundir.ECU_BUS)))
         others.append(start("gateway", loaderhil("gateway", *_between(on, buses, choice), "--out", str(out))))
-    ecu_options = ["--form", choice.form, *([] if choice.limits else ["--no-limits"])]
+    ecu_options = [
+        "--form",
+        choice.form,
+        "--calibration",
+        choice.calibration,
+        *([] if choice.limits else ["--no-limits"]),
+    ]
     others.append(start("ecu", loaderhil("ecu", "--bus", on["ecu"], *ecu_options, "--out", str(out))))
     plant = start(
         "plant",

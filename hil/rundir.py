@@ -70,6 +70,7 @@ class RunRecord:
     duration_s: float = 0.0
     outcome: Outcome = "running"
     reason: str = ""
+    calibration: str = "l60"
     versions: dict[str, str] = field(default_factory=dict)
     statistics: dict[str, float | int | str] = field(default_factory=dict)
 

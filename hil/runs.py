@@ -36,8 +36,12 @@ def run_lockstep(choice: Choice, out: Path, progress: Callable[[float], None] | 
     """Run `choice` on the virtual clock and leave the run directory `out`; `progress` hears simulated seconds."""
     rundir.refuse_if_foreign(out)
     scenario, injector = choice.load(), choice.injector()
-    record = record_of(scenario, form=choice.form, limits=choice.limits, mode="lockstep")
-    bench = lockstep(scenario, form=choice.form, limits=choice.limits, injector=injector)
+    record = record_of(
+        scenario, form=choice.form, limits=choice.limits, mode="lockstep", calibration=choice.calibration
+    )
+    bench = lockstep(
+        scenario, form=choice.form, limits=choice.limits, injector=injector, calibration=choice.calibration
+    )
     rundir.begin(out, record)
     ending = Ending.PASSED
     try:

@@ -9,7 +9,7 @@ import platform
 import shlex
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bus.mistake import Mistake
+from hil.diagnose.options import ConstantOption, ModelOption, PartOption, WithOption
 from hil.ending import Ending
 
 if TYPE_CHECKING:
@@ -46,20 +47,20 @@ def diagnose(
             help="Tables (.csv, .csv.gz, .parquet) headed `name [unit]`, or CAN recordings with --dbc; A+B are files of one run.",
         ),
     ],
-    model: Annotated[
-        str,
-        typer.Option(
-            "--model",
-            metavar="NAME|FILE.py",
-            help="ball, car, loader, road, straight, or a file that defines `model`.",
-        ),
-    ],
+    model: ModelOption,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Write findings.json and report.html here.")
     ] = None,
-    part: Annotated[
-        str | None, typer.Option("--part", metavar="PART", help="Which part of a published data set.")
+    given: WithOption = None,
+    apply: Annotated[
+        Path | None,
+        typer.Option(
+            "--apply",
+            metavar="FILE.toml",
+            help="Write the model extended by what was named; for the loader a machine file, equipment and calibration beside it.",
+        ),
     ] = None,
+    part: PartOption = None,
     dbc: Annotated[
         list[Path] | None,
         typer.Option(
@@ -78,14 +79,7 @@ def diagnose(
             help="Which column (or CAN `Message.Signal`) a channel is; A,B are averaged; may be repeated.",
         ),
     ] = None,
-    constant: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--constant",
-            metavar="NAME=VALUE",
-            help="Constant of the recordings: `mass [g]=58`; may be repeated.",
-        ),
-    ] = None,
+    constant: ConstantOption = None,
     shift: Annotated[
         list[str] | None,
         typer.Option(
@@ -98,7 +92,8 @@ def diagnose(
 ) -> None:
     """Find what a model leaves out: where it and the recordings differ, the effect's name and size, or that nothing is missing.
 
-    Example: `loaderhil diagnose drive.csv --model straight --out out/diagnosis`
+    Examples: `loaderhil diagnose drive.csv --model straight --out out/diagnosis`,
+    `loaderhil diagnose out/gravel --model loader --apply mine.toml`, then `loaderhil run loaded --machine mine.toml`
     """
     from rich.console import Console
 
@@ -109,6 +104,7 @@ def diagnose(
     from discrepancy.judge import Judgement
     from discrepancy.search import Settings
     from discrepancy.words import tell
+    from hil.diagnose.applying import application, baseline
     from hil.diagnose.models import find_model
     from hil.diagnose.page import page
     from hil.diagnose.reading import Ask, numbers, pairs, read_all
@@ -123,12 +119,17 @@ def diagnose(
         dbcs=dbc or [],
         bus=bus,
     )
+    # said before the work, not after it
     if out is not None:
-        write(out, {})  # said before the work, not after it
+        write("--out", out, {})
+    if apply is not None:
+        check_applicable(apply)
+        write("--apply", apply.parent, {})
     settings, start = Settings(), time.monotonic()
     with told_progress(Console(stderr=True)) as progress:
         read = read_all(choice, ask, progress)
-        built = with_clocks(choice.build(read.recordings), read.clocks)
+        base = baseline(choice, given, read.recordings)
+        built = with_clocks(base, read.clocks)
         judged = investigate(built, read.recordings, settings, progress, read.complaints)
         result, shown = (judged.findings if isinstance(judged, Judgement) else judged), None
         if out is not None and isinstance(judged, Judgement):
@@ -137,8 +138,18 @@ def diagnose(
     tell(result, Console(soft_wrap=True), all_candidates=everything)
     if out is not None:
         text = page(result, shown, conditions(time.monotonic() - start))
-        for file in write(out, {"findings.json": to_json(result), "report.html": text}):
-            print(f"written: {file}")
+        tell_written(write("--out", out, {"findings.json": to_json(result), "report.html": text}))
+    if apply is not None:
+        outcome = application(choice, base, result, given, apply)
+        for line in outcome.said:
+            print(line)
+        tell_written(
+            [
+                file
+                for path, text in outcome.files.items()
+                for file in write("--apply", path.parent, {path.name: text})
+            ]
+        )
     raise typer.Exit(EXIT[result.status])
 
 
@@ -152,8 +163,20 @@ def conditions(seconds: float) -> dict[str, str]:
     }
 
 
-def write(folder: Path, texts: Mapping[str, str]) -> list[Path]:
-    """All files, each whole or not at all. Raises Misuse where the folder cannot be written."""
+def check_applicable(file: Path) -> None:
+    """Refuse a name that no reader of the file would take. Raises Unwritable."""
+    if file.suffix != ".toml":
+        raise Unwritable(f"--apply {file}: must end in .toml")
+
+
+def tell_written(files: Sequence[Path]) -> None:
+    """A line for each."""
+    for file in files:
+        print(f"written: {file}")
+
+
+def write(option: str, folder: Path, texts: Mapping[str, str]) -> list[Path]:
+    """All files, each whole or not at all. Raises Unwritable, naming the option, where the folder cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in texts.items():
@@ -161,7 +184,7 @@ def write(folder: Path, texts: Mapping[str, str]) -> list[Path]:
             part.write_text(text, encoding="utf-8")
             part.replace(folder / name)
     except OSError as error:
-        raise Unwritable(f"--out {folder}: {error.strerror or error}") from error
+        raise Unwritable(f"{option} {folder}: {error.strerror or error}") from error
     return [folder / name for name in texts]
 
 

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hil.diagnose.options import ConstantOption, ModelOption, PartOption
+
 if TYPE_CHECKING:
     from discrepancy.model import Model
     from discrepancy.recording import Recording
@@ -12,7 +14,7 @@ if TYPE_CHECKING:
 
 def conceal(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Where recording.csv and truth.sealed go.")],
-    model: Annotated[str, typer.Option("--model", metavar="NAME|FILE.py", help="As for diagnose.")],
+    model: ModelOption,
     effect: Annotated[
         list[str] | None,
         typer.Option(
@@ -58,13 +60,8 @@ def conceal(
             "--manoeuvre", metavar="NAME", help="Or from this manoeuvre of the model (default: its first)."
         ),
     ] = None,
-    constant: Annotated[
-        list[str] | None,
-        typer.Option("--constant", metavar="NAME=VALUE", help="Constant of the recording: `mass [g]=58`."),
-    ] = None,
-    part: Annotated[
-        str | None, typer.Option("--part", metavar="PART", help="Which part of a published data set.")
-    ] = None,
+    constant: ConstantOption = None,
+    part: PartOption = None,
     seed: Annotated[
         int, typer.Option("--seed", min=0, max=2**32 - 1, help="Of noise, faults and chance.")
     ] = 0,
@@ -105,8 +102,8 @@ def conceal(
         faults=[parsed_fault(built, text) for text in fault or []],
     )
     recording = concealed(built, basis, truth, initial)
-    [file] = write(out, {"recording.csv": csv_text(recording)})
-    [sealed] = write(out, {"truth.sealed": seal(truth, [file])})
+    [file] = write("DIR", out, {"recording.csv": csv_text(recording)})
+    [sealed] = write("DIR", out, {"truth.sealed": seal(truth, [file])})
     print(f"written: {file}\nwritten: {sealed}")
 
 

@@ -15,6 +15,7 @@ from discrepancy.recording import Recording
 
 T = TypeVar("T")
 Build = Callable[[Sequence[Recording]], Model]
+BuildFrom = Callable[[Path, Sequence[Recording]], Model]
 ReadNative = Callable[[Path, str | None], list[Recording] | None]
 
 
@@ -24,12 +25,16 @@ class NoModel(Mistake, ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """A model for recordings, made once these are read; `native` reads its own published data sets, None if it is none."""
+    """A model for recordings, made once these are read; `native` reads its own published data sets, None if it is none.
+
+    build_from: makes it from a file of its own kind, which `diagnose --apply` writes; None: from a plain list of effects.
+    """
 
     name: str
     build: Build
     native: ReadNative
     data: str = ""
+    build_from: BuildFrom | None = None
 
     @property
     def channels(self) -> Model:
@@ -76,6 +81,12 @@ def _build_loader(recordings: Sequence[Recording]) -> Model:
     return loader.model(recordings)
 
 
+def _build_loader_from(machine: Path, recordings: Sequence[Recording]) -> Model:
+    from hil.diagnose import machine_files
+
+    return machine_files.baseline(machine, recordings)
+
+
 def _comma(path: Path, _: str | None) -> list[Recording] | None:
     return [road.load_comma(path)] if (path / "segment40.npz").is_file() else None
 
@@ -86,7 +97,7 @@ NAMED = {
         Choice("ball", lambda _: ball.model(), _drops, "folder with ball_drops.csv and balls.txt, with --part BALL"),
         Choice("car", _build_car, _dart, "DART csv.gz or a folder of them; --part on-board leaves motion capture out"),
         Choice("road", road.model, _comma, "folder of the comma2k19 minute with its DBC"),
-        Choice("loader", _build_loader, _run, "run directory of the bench, with or without reference.log"),
+        Choice("loader", _build_loader, _run, "run directory of the bench, with or without reference.log", _build_loader_from),
         Choice("straight", lambda _: straight.model(), _no_data_set),
     )
 }  # fmt: skip

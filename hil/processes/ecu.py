@@ -6,7 +6,7 @@ from pathlib import Path
 from ecu import node
 from ecu.findings import Finding
 from hil import rundir
-from hil.ecu_side import Form, ecu_cycle
+from hil.ecu_side import CALIBRATION, Form, ecu_cycle
 from hil.ending import Ending
 from hil.gateway.tap import tapped
 from hil.lifeline import Lifeline
@@ -21,11 +21,12 @@ def run(
     address: str,
     out: Path | None,
     realtime: RealtimeOptions = ORDINARY,
+    calibration: str = CALIBRATION,
 ) -> Ending:
     """The virtual ECU on the bus, until it is told to end; with `out`, its timing and log are left there."""
     log_to(out and out / rundir.ECU_LOG)
     reach(address)
-    cycle = ecu_cycle(form=form, limits=limits)
+    cycle = ecu_cycle(form=form, limits=limits, calibration=calibration)
     cycle.warm_up()  # compiles on a fresh machine: before anybody waits for answers
     realtime.apply()
     kinds: Counter[str] = Counter()

@@ -93,7 +93,9 @@ def summary(source: Path, progress: Progress, elapsed_s: float, *, paced: bool) 
     return text + (f"; the bus made us wait {progress.refused} times" if progress.refused else "")
 
 
-def compare_with_ecu(recording: Path, table: FrameTable, *, form: str, limits: bool) -> Ending:
+def compare_with_ecu(
+    recording: Path, table: FrameTable, *, form: str, limits: bool, calibration: str
+) -> Ending:
     """Whether the ECU's core gives the recorded answers, in one line."""
     from dbc import loader_database
     from hil.ecu_side import FORMS, ecu_cycle
@@ -102,7 +104,12 @@ def compare_with_ecu(recording: Path, table: FrameTable, *, form: str, limits: b
     chosen = next((known for known in FORMS if known == form), None)
     if chosen is None:
         raise ReplayError(f"--form {form}: not one of {', '.join(FORMS)}")
-    found = into_ecu(table, lambda: ecu_cycle(form=chosen, limits=limits), loader_database(), str(recording))
+    found = into_ecu(
+        table,
+        lambda: ecu_cycle(form=chosen, limits=limits, calibration=calibration),
+        loader_database(),
+        str(recording),
+    )
     equal = f"{found.answers} answers of {found.ticks} ticks equal bit for bit"
     if found.open_ticks:
         equal += (
@@ -144,6 +151,10 @@ def replay(
         bool,
         typer.Option("--limits/--no-limits", help="With --into-ecu: whether the ECU limits the machine."),
     ] = True,
+    calibration: Annotated[
+        str,
+        typer.Option("--calibration", metavar="NAME|FILE", help="With --into-ecu: of the ECU that answered."),
+    ] = "l60",
 ) -> None:
     """Play a recording onto a bus with its own timing, or through the ECU's core.
 
@@ -156,13 +167,16 @@ def replay(
         from hil.rundir import read_record
 
         record = read_record(recording)
-        form, limits, recording = record.form, record.limits, recording / BUS
+        form, limits, calibration = record.form, record.limits, record.calibration
+        recording = recording / BUS
     table = read_frames(recording)
     for damage in table.damaged:
         typer.echo(f"{recording}: {damage}", err=True)
     if ecu:
         chosen = table.on_channel(channel, recording) if channel is not None else table
-        raise typer.Exit(compare_with_ecu(recording, chosen, form=form, limits=limits))
+        raise typer.Exit(
+            compare_with_ecu(recording, chosen, form=form, limits=limits, calibration=calibration)
+        )
     where = targets(buses or [], table, channel, recording)
     pace = None if fast else speed
     raise typer.Exit(

@@ -2,14 +2,15 @@
 
 import csv
 import sys
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
 
-from discrepancy.findings import Findings, from_json
+from discrepancy.findings import Estimate, Finding, Findings, GroupMember, Where, from_json
 from discrepancy.recording import Recording
 from hil import cli
 
@@ -69,3 +70,45 @@ def write_csv(path: Path, table: Mapping[str, np.ndarray], separator: str = ",",
         for row in zip(*(c.tolist() for c in table.values()), strict=True):
             out.writerow(["" if np.isnan(v) else repr(float(v)).replace(".", decimal) for v in row])
     return path
+
+
+def finding(
+    effect: str,
+    kind: Literal["physics", "sensor"],
+    values: Mapping[str, float],
+    *,
+    named: bool = True,
+    group: Sequence[str] = (),
+    interval: tuple[float, float] = (0.0, 1.0),
+) -> Finding:
+    """A finding with these parameters; a member of its group has the first of them, under its own name."""
+    parameters = [
+        Estimate(name=n, value=v, low=interval[0], high=interval[1], unit="1") for n, v in values.items()
+    ]
+    return Finding(
+        effect=effect,
+        named=named,
+        doubts=[],
+        kind=kind,
+        place="",
+        sentence="",
+        equation="",
+        parameters=parameters,
+        gain=1.0,
+        needed=1.0,
+        held_out_gain=1.0,
+        gap_closed=1.0,
+        absorbed=0.0,
+        held_out_error={},
+        group=[
+            GroupMember(
+                effect=g,
+                likelihood_difference=0.0,
+                collinearity=1.0,
+                parameters=[replace(parameters[0], name=g)],
+            )
+            for g in group
+        ],
+        separate_by=[],
+        where=Where(channels={}, throughout=True, intervals=[], regimes=[]),
+    )

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from discrepancy.findings import Estimate, Finding, Findings, GroupMember, Where
+from discrepancy.findings import Findings
 from discrepancy.models import ball, car, road, straight
 from discrepancy.problem import Problem
 from hil.diagnose.channels import to_recording
@@ -16,7 +16,7 @@ from hil.diagnose.seal import BrokenSeal, seal, unseal
 from hil.diagnose.tables import read_table
 from hil.diagnose.written import csv_text
 from tests.discrepancy.toys import record, tank
-from tests.hil.diagnose.cases import columns, loaderhil, model_file, write_csv
+from tests.hil.diagnose.cases import columns, finding, loaderhil, model_file, write_csv
 
 __all__ = ["loaderhil"]
 
@@ -132,16 +132,7 @@ def test_a_seal_hides_opens_and_breaks(tmp_path: Path) -> None:
 def told(
     *effects: str, named: bool = True, group: tuple[str, ...] = (), interval: tuple[float, float] = (0.0, 1.0)
 ) -> Findings:
-    def estimates(name: str) -> list[Estimate]:
-        return [Estimate(name=name, value=0.5, low=interval[0], high=interval[1], unit="1")]
-
-    findings = [
-        Finding(effect=e, named=named, doubts=[], kind="physics", place="", sentence="", equation="", parameters=estimates(e), gain=1.0,
-                needed=1.0, held_out_gain=1.0, gap_closed=1.0, absorbed=0.0, held_out_error={},
-                group=[GroupMember(effect=g, likelihood_difference=0.0, collinearity=1.0, parameters=estimates(g)) for g in group],
-                separate_by=[], where=Where(channels={}, throughout=True, intervals=[], regimes=[]))
-        for e in effects
-    ]  # fmt: skip
+    findings = [finding(e, "physics", {e: 0.5}, named=named, group=group, interval=interval) for e in effects]
     return Findings(model="tank", recordings=["r"], status="explained", reasons=[], findings=findings)
 
 

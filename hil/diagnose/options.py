@@ -1,0 +1,32 @@
+"""Options that several commands of the diagnosis share."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+ModelOption = Annotated[
+    str,
+    typer.Option(
+        "--model",
+        metavar="NAME|FILE.py",
+        help="ball, car, loader, road, straight, or a file that defines `model`.",
+    ),
+]
+PartOption = Annotated[
+    str | None, typer.Option("--part", metavar="PART", help="Which part of a published data set.")
+]
+ConstantOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--constant", metavar="NAME=VALUE", help="Constant of the recordings: `mass [g]=58`; may be repeated."
+    ),
+]
+WithOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--with",
+        metavar="FILE",
+        help="Baseline from this file, as --apply writes it; for the loader any machine file.",
+    ),
+]
