@@ -356,6 +356,7 @@ ELSEWHERE = {
     "diagnose": "hil.diagnose.command",
     "conceal": "hil.diagnose.conceal",
     "score": "hil.diagnose.score",
+    "thesis": "hil.thesis.command",
 }
 
 

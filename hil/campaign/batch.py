@@ -90,7 +90,7 @@ def commit() -> str:
     name = git("rev-parse", "--short=10", "HEAD")
     if not name:
         return "unknown (not a git checkout)"
-    changed = git("status", "--porcelain", "--", *SOURCES, "hil/campaign")
+    changed = git("status", "--porcelain", "--", *SOURCES, "hil/campaign", "hil/thesis")
     return f"{name} with uncommitted changes" if changed else name
 
 

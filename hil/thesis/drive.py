@@ -1,0 +1,97 @@
+"""A drive of the plant, and what estimators make of its signals.
+
+As in the thesis' tests against its simulation (4.5.1) the estimators get the simulation's own signals at 100 Hz: no
+noise, no bus. What the same estimators do on noisy, delayed frames is in docs/results/normal_force.md.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecu.estimators.columns import estimate_columns
+from ecu.estimators.signals import Estimates, Inputs
+from hil.ecu_side import Form
+from hil.thesis.split import Split, machine_of, parameters_of
+from plant.effects.effect import ActiveEffect
+from plant.profile import Profile
+from plant.scenario import Scenario, Start, load_scenario
+from plant.script import Script
+from plant.surface import Surface
+from plant.truth import Truth, columns_of
+from plant.unit import TICK_NS, TICK_S, PlantUnit
+
+Array = NDArray[np.float64]
+Truths = Mapping[str, Array]
+
+SEED = 4
+"""Of the noise of the sensors that the simulated driver steers by."""
+
+
+def drive_case(
+    duration_s: float,
+    *,
+    start: Start,
+    script: Script,
+    payload: float = 0.0,
+    surface: Surface | None = None,
+) -> Scenario:
+    """A drive of the L60 class machine, which nothing limits."""
+    base = load_scenario("standstill")
+    return replace(
+        base,
+        duration_s=duration_s,
+        payload_mass=payload,
+        start=start,
+        script=script,
+        surface=surface or base.surface,
+        seed=SEED,
+    )
+
+
+def line(*points: tuple[float, float]) -> Profile:
+    """Straight lines between (time [s], value)."""
+    return Profile(points)
+
+
+def driven(case: Scenario, split: Split, *effects: ActiveEffect) -> Truths:
+    """The truth of the drive, one row per 10 ms."""
+    unit = PlantUnit(replace(machine_of(split), effects=effects), case, seed=case.seed, obey_limits=False)
+    rows: list[Array] = []
+    while not unit.finished:
+        unit.tick(len(rows) * TICK_NS)
+        rows.append(unit.truth.row)
+    return columns_of(np.array(rows).reshape(-1, Truth.size))
+
+
+def inputs_of(truth: Truths) -> Array:
+    """Rows of `Inputs`: the simulation's own signals, all usable."""
+    rows = np.ones((len(truth["time_s"]), len(Inputs._fields)))
+    at = {name: place for place, name in enumerate(Inputs._fields)}
+    rows[:, at["dt"]] = TICK_S
+    rows[:, at["rate_limit"]] = np.inf
+    rows[:, at["demand_usable"]] = 0.0
+    for name in (
+        "articulation_angle",
+        "articulation_rate",
+        "pitch",
+        "roll",
+        "lift_pressure",
+        "tilt_pressure",
+    ):
+        rows[:, at[name]] = truth[name]
+    for name in ("lift_arm_angle", "tilt_angle"):
+        rows[:, at[name]] = truth[name]
+    for name in ("wheel_speed", "wheel_torque"):
+        rows[:, at[f"{name}_1"] : at[f"{name}_1"] + 4] = truth[name]
+    rows[:, at["specific_force_x"] : at["specific_force_x"] + 3] = truth["imu_specific_force"]
+    rows[:, at["roll_rate"] : at["roll_rate"] + 3] = truth["angular_velocity"]
+    return rows
+
+
+def estimated(truth: Truths, split: Split, form: Form, *, outlook: bool = False) -> Mapping[str, Array]:
+    """Estimates by name; normal forces also together, (n, 4), as `normal_force`."""
+    columns = estimate_columns(inputs_of(truth), parameters_of(split), form=form, outlook=outlook)
+    named = dict(zip(Estimates._fields, columns.T, strict=True))
+    return {**named, "normal_force": columns[:, :4]}

@@ -1,0 +1,54 @@
+"""How the pictures look: one style, colours that mean the same on every page, bands for the unknown mass split."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from numpy.typing import NDArray
+
+matplotlib.use("Agg")
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+TRUE, PRINTED, CORRECTED, REPAIRED = "#222222", "#c1121f", "#2a6f97", "#e09f3e"
+BAND = 0.18  # opacity
+FIXED: Any = {
+    "svg.hashsalt": "loaderhil",
+    "svg.fonttype": "none",
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e6e6e6",
+    "axes.axisbelow": True,
+    "lines.linewidth": 1.4,
+}
+
+
+@contextmanager
+def panels(
+    file: Path, rows: int, columns: int, size: tuple[float, float], **shared: Any
+) -> Iterator[tuple[Figure, Any]]:
+    """A figure with its axes, written when the block ends; equal data give equal bytes."""
+    with plt.rc_context(FIXED):
+        figure, axes = plt.subplots(rows, columns, figsize=size, layout="constrained", **shared)
+        yield figure, axes
+        figure.savefig(file, metadata={"Date": None})
+        plt.close(figure)
+
+
+def band(axes: Axes, x: Array, many: Array, colour: str) -> None:
+    """What every split of the mass gives, (splits, n)."""
+    axes.fill_between(x, many.min(axis=0), many.max(axis=0), color=colour, alpha=BAND, linewidth=0)
+
+
+def key(figure: Figure, axes: Axes, columns: int) -> None:
+    """The legend below everything."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False)

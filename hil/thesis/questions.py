@@ -1,0 +1,75 @@
+"""The five questions: what was asked, the answer in one line, and which module measures it. Loads no plant."""
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from bus.mistake import Mistake
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One line of the table: what the thesis reports, what the printed and the corrected estimator give."""
+
+    what: str
+    thesis: str
+    printed: str
+    corrected: str
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What one question came to: paragraphs of Markdown, the table, and what draws the picture into a file."""
+
+    paragraphs: tuple[str, ...]
+    rows: tuple[Row, ...]
+    draw: Callable[[Path], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """name: on the command line and of the page; asked: by the thesis, with its section; answer: in one line."""
+
+    name: str
+    title: str
+    asked: str
+    answer: str
+    module: str
+
+    @property
+    def command(self) -> str:
+        """What makes its page again."""
+        return f"loaderhil thesis {self.name}"
+
+    def measured(self) -> Answer:
+        """Drive, estimate, compare; takes some seconds."""
+        found: Answer = importlib.import_module(self.module).answer()
+        return found
+
+
+QUESTIONS = (
+    Question(
+        "front-offset",
+        "The front-wheel offset that follows the articulation",
+        "Against simulation the front wheels show an offset that changes its sign with the steering direction, the rear "
+        "wheels none (4.5.3, 5.3.1). Why?",
+        "The roll balance (80) lacks the arm of the rear pivot force about the centre of gravity; with it the offset is gone.",
+        "hil.thesis.front_offset",
+    ),
+)
+
+
+class NoSuchQuestion(Mistake, ValueError):
+    """A question that the thesis does not leave open."""
+
+
+def find(name: str) -> tuple[Question, ...]:
+    """The question of that name, or all of them for 'all'."""
+    if name == "all":
+        return QUESTIONS
+    found = tuple(question for question in QUESTIONS if question.name == name)
+    if not found:
+        names = ", ".join(question.name for question in QUESTIONS)
+        raise NoSuchQuestion(f"no question '{name}'; there are {names}, and all")
+    return found
