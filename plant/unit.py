@@ -11,7 +11,7 @@ Equal machine, scenario, seed and received frames give equal bytes.
 """
 
 import math
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from plant.driver import Demand, DriverState, drive
 from plant.effects.effect import faulty
 from plant.limits import UNLIMITED, Limits, in_force, obey
 from plant.machine import Machine
-from plant.plant import Plant
+from plant.plant import Commands, Plant
 from plant.reception import Finding, Reception
 from plant.scenario import Scenario
 from plant.sensors import WHEEL_SPEED, Readings, SensorBank, measured_values
@@ -38,18 +38,35 @@ ROLLED_OVER: Final = math.radians(
 )  # beyond any recovery; frames would touch the ground, which is not modelled
 
 
+class Motion(Protocol):
+    """What the unit needs of its dynamics."""
+
+    def advance(self, commands: Commands, duration_s: float) -> None: ...
+
+    def truth(self) -> Truth: ...
+
+
 class PlantUnit:
     """Plant, driver, actuators, sensors and bus interface of one run.
 
     obey_limits: False makes the machine ignore what the ECU permits (and its own safe values).
+    motion: what moves in place of the plant of machine and scenario.
     """
 
-    def __init__(self, machine: Machine, scenario: Scenario, *, seed: int, obey_limits: bool = True) -> None:
+    def __init__(
+        self,
+        machine: Machine,
+        scenario: Scenario,
+        *,
+        seed: int,
+        obey_limits: bool = True,
+        motion: Motion | None = None,
+    ) -> None:
         equipment, start = scenario.equipment, scenario.start
         self.scenario = scenario
         self._equipment = equipment
         self._obey_limits = obey_limits
-        self._plant = Plant(
+        self._plant: Motion = motion or Plant(
             machine,
             surface=scenario.surface,
             payload_mass=scenario.payload_mass,

@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 from scipy.signal import savgol_filter
 
+from bus.mistake import Mistake
 from dbc import loader_database, reference_database
 from dbc.columns import ColumnDecoder, Columns
 from dbc.packing import Signals
@@ -58,6 +59,8 @@ LEVELLED: Final = (
 KEPT: Final = 8  # motions kept, for effects of sensors that only look at them again
 STANDING: Final = 0.02  # wheel speed [rad/s] below which a recording begins at a standstill
 ABSURD: Final = 1e3  # what a motion that diverged predicts, in units of each output's typical size
+
+HEAVIEST_KG: Final = 20_000.0  # payload, as in a scenario
 
 UNSEARCHED: Final = frozenset(
     {
@@ -371,7 +374,7 @@ def model(_: Sequence[Recording] = (), *, machine: str = "l60", without: tuple[s
 def load_run(folder: Path) -> Recording:
     """A recorded run: bus.log, and reference.log where instruments recorded; stamps are those of the samples.
 
-    The payload is that of run.json, 0 where there is none.
+    The payload is that of run.json, 0 where there is none; raises DamagedRecord where that file cannot be used.
     """
     files = [(folder / "bus.log", loader_database(), MACHINE_MESSAGES)]
     if (folder / "reference.log").is_file():
@@ -387,13 +390,23 @@ def load_run(folder: Path) -> Recording:
     return Recording(folder.name, signals, _constants(folder / "run.json"))
 
 
+class DamagedRecord(Mistake, ValueError):
+    """The record of a run cannot be used; the message names the file, the key and the cause."""
+
+
 def _constants(record: Path) -> dict[str, float]:
-    """What the record of the run tells of the day: the payload [kg]."""
-    try:
-        told = json.loads(record.read_text(encoding="utf-8"))
-        return {"payload": float(told["payload_kg"])}
-    except (OSError, ValueError, KeyError, TypeError):
+    """What the record of the run tells of the day: the payload [kg]. Raises DamagedRecord; without a record nothing is known."""
+    if not record.is_file():
         return {}
+    try:
+        payload = json.loads(record.read_text(encoding="utf-8"))["payload_kg"]
+    except (OSError, ValueError) as error:
+        raise DamagedRecord(f"{record}: cannot be read as the record of a run: {error}") from error
+    except (KeyError, TypeError) as error:
+        raise DamagedRecord(f"{record}: has no payload_kg; is it the record of a run?") from error
+    if isinstance(payload, bool) or not isinstance(payload, int | float) or not 0.0 <= payload <= HEAVIEST_KG:
+        raise DamagedRecord(f"{record}: payload_kg={payload!r} is not a mass from 0 to {HEAVIEST_KG:g} kg")
+    return {"payload": float(payload)}
 
 
 def _signals(found: Columns, wanted: Signals, first: float) -> dict[str, Signal]:

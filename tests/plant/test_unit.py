@@ -12,6 +12,7 @@ from bus.frame import Frame
 from dbc import loader_database, reference_database
 from dbc.protection import Checker, Finding, Protector
 from plant.machine import load_machine
+from plant.plant import Plant
 from plant.profile import Profile
 from plant.scenario import Scenario, load_scenario
 from plant.sensors import SensorParameters
@@ -374,3 +375,13 @@ def test_the_grace_before_the_first_limits_counts_from_the_start_on_any_clock():
     unit.tick(start_ns)
     assert unit.limits_in_force(start_ns + 50_000_000).speed == math.inf
     assert unit.limits_in_force(start_ns + 50_000_001).speed == pytest.approx(8 / 3.6)
+
+
+def test_a_unit_moves_with_the_motion_it_is_given():
+    """Its sensors and frames come from that motion's truth: here of a laden plant in place of an empty one."""
+    scenario = load_scenario("unloaded")
+    machine = load_machine(scenario.machine)
+    laden = Plant(machine, payload_mass=2000.0, speed=scenario.start.speed)
+    unit = PlantUnit(machine, scenario, seed=1, motion=laden)
+    unit.tick(0)
+    assert unit.truth.payload_mass == 2000.0
