@@ -1,12 +1,17 @@
 """Bodies of truth for the loader: what is hidden is in the recording, and nothing else is changed."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from bench.loader_mujoco import MujocoMotion
 from bench.loader_truth import Arm, arms, hidden, record
 from discrepancy.models import loader
+from plant.effects import effect
+from plant.machine import load_machine
+from plant.plant import Commands, Plant
 
 
 @pytest.fixture(scope="module")
@@ -59,3 +64,40 @@ def test_a_damaged_record_of_a_run_is_named(tmp_path, text):
 
 def test_without_a_record_nothing_is_known_of_the_day(tmp_path):
     assert loader._constants(tmp_path / "run.json") == {}
+
+
+def test_mujoco_moves_as_the_plant_does():
+    """Two engines, one tyre law and step, payload and drag hidden in both: positions agree to rounding."""
+    hidden_in = replace(
+        load_machine("l60"),
+        effects=(
+            effect("payload_mass").of(extra_kg=500.0),
+            effect("brake_drag").of(front_N_m=300.0, rear_N_m=300.0),
+        ),
+    )
+    theirs, ours = (
+        MujocoMotion(hidden_in, payload_mass=1000.0, speed=2.0),
+        Plant(hidden_in, payload_mass=1000.0, speed=2.0),
+    )
+    for k in range(100):
+        commands = Commands(
+            wheel_torque=(2000.0,) * 4,
+            articulation_rate=0.2 * math.sin(0.05 * k),
+            lift_rate=0.1 if k > 50 else 0.0,
+        )
+        theirs.advance(commands, 0.01)
+        ours.advance(commands, 0.01)
+    for name in ("position", "wheel_speed", "oscillation_angle", "lift_arm_angle", "pitch"):
+        np.testing.assert_allclose(getattr(theirs.truth(), name), getattr(ours.truth(), name), atol=1e-9)
+    # the plant records forces at the instant, MuJoCo's those of the step that follows
+    np.testing.assert_allclose(theirs.truth().lift_pressure, ours.truth().lift_pressure, rtol=1e-4)
+    np.testing.assert_allclose(theirs.truth().imu_specific_force, ours.truth().imu_specific_force, atol=0.01)
+
+
+def test_mujoco_refuses_an_effect_it_cannot_have():
+    with pytest.raises(ValueError, match="rolling_resistance"):
+        MujocoMotion(
+            replace(load_machine("l60"), effects=(effect("rolling_resistance").typical(),)),
+            payload_mass=0.0,
+            speed=0.0,
+        )
