@@ -357,6 +357,7 @@ ELSEWHERE = {
     "conceal": "hil.diagnose.conceal",
     "score": "hil.diagnose.score",
     "thesis": "hil.thesis.command",
+    "standards": "hil.standards.command",
 }
 
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from hil.standards.rest import lift_off_slope, rigid, tipping_load
 from plant.equilibrium import NoEquilibriumError
 from plant.machine import load_machine
 from plant.plant import Commands, Plant
@@ -34,7 +35,7 @@ def pose(payload, delta, lift):
 @pytest.mark.parametrize(("payload", "delta", "lift", "left", "right", "rear"), TABLE)
 def test_wheel_loads_on_hard_tyres_are_those_of_three_point_statics(payload, delta, lift, left, right, rear):
     """On hard tyres the plant's loads are the table's. Tolerance 0.1 kN: the table gives one decimal."""
-    loads = Plant(statics.rigid(MACHINE), **pose(payload, delta, lift)).truth().normal_force / 1e3
+    loads = Plant(rigid(MACHINE), **pose(payload, delta, lift)).truth().normal_force / 1e3
     np.testing.assert_allclose(loads, (left, right, rear, rear), rtol=0, atol=0.1)
 
 
@@ -57,16 +58,14 @@ def test_rest_is_the_minimum_of_potential_energy(payload, delta, lift):
 @pytest.mark.parametrize(("delta_deg", "expected"), [(0, 8080.0), (35, 7347.0), (40, 7132.0)])
 def test_tipping_loads_on_hard_tyres(delta_deg, expected):
     """machine sheet 1.5. 0.2 %: its table rounds the CoG to a millimetre, worth 0.1 %; ours adds 0.1 mm of tyre."""
-    assert statics.tipping_load(statics.rigid(MACHINE), math.radians(delta_deg)) == pytest.approx(
-        expected, rel=2e-3
-    )
+    assert tipping_load(rigid(MACHINE), math.radians(delta_deg)) == pytest.approx(expected, rel=2e-3)
 
 
 def test_full_turn_tipping_load_meets_the_rated_payload():
     """ISO 14397-1 by the bench: rated load is half the tipping load, so 3204 kg needs 6408 kg; ratios of the class."""
-    hard, soft = statics.rigid(MACHINE), MACHINE
-    straight, full = statics.tipping_load(hard, 0.0), statics.tipping_load(hard, FULL)
-    soft_full = statics.tipping_load(soft, FULL)
+    hard, soft = rigid(MACHINE), MACHINE
+    straight, full = tipping_load(hard, 0.0), tipping_load(hard, FULL)
+    soft_full = tipping_load(soft, FULL)
     assert 0.86 <= full / straight <= 0.90
     assert soft_full >= 6408.0
     assert 0.05 <= 1.0 - soft_full / full <= 0.10
@@ -96,7 +95,7 @@ def test_straight_tipping_load_on_linear_tyres_by_hand():
         middle = (low + high) / 2
         low, high = (low, middle) if overturning(middle) > 0 else (middle, high)
     # 0.1 %: a secant over the last 2 % of the way to a nearly linear zero
-    assert statics.tipping_load(machine, 0.0) == pytest.approx(low, rel=1e-3)
+    assert tipping_load(machine, 0.0) == pytest.approx(low, rel=1e-3)
 
 
 # machine sheet 4: payload, articulation, arm, side of the rear frame that is uphill, a_y/g at lift-off.
@@ -123,7 +122,7 @@ def test_roll_over_thresholds_on_a_tilt_table(payload, delta, lift, side, expect
     figures agree to their last digit. What pins the plant is the closed form at its own share, next test.
     """
     machine = statics.with_tyre(
-        statics.rigid(MACHINE),
+        rigid(MACHINE),
         pdx1=3.0,
         pdx2=0.0,
         pdy1=3.0,
@@ -131,14 +130,14 @@ def test_roll_over_thresholds_on_a_tilt_table(payload, delta, lift, side, expect
         longitudinal_stiffness=1e8,
         lateral_stiffness=1e8,
     )
-    assert statics.lift_off_slope(machine, delta, payload, lift, side) == pytest.approx(expected, rel=0.045)
+    assert lift_off_slope(machine, delta, payload, lift, side) == pytest.approx(expected, rel=0.045)
 
 
 @pytest.mark.parametrize("bank", [-0.2, 0.1, 0.3])
 @pytest.mark.parametrize("delta", [-0.5, 0.0, 0.3])
 def test_banked_wheel_loads_agree_with_the_closed_form(delta, bank):
     """docs/explanation/estimators.md, with the side force at the pivot taken from the tyres. 0.1 %: hard tyres lean by 1e-4 rad."""
-    machine = statics.rigid(MACHINE)
+    machine = rigid(MACHINE)
     truth = Plant(machine, Surface(friction=2.0, bank=bank), articulation_angle=delta).truth()
     parts = statics.bodies(machine, 0.0, delta, truth.lift_arm_angle, truth.tilt_angle, 0.0)
     g, l_f, l_r, t = (

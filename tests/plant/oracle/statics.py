@@ -1,6 +1,5 @@
 """Statics of the loader written again from the machine file: bodies, potential energy, closed forms."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,16 +7,8 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from plant.machine import Machine
-from plant.plant import Plant
-from plant.surface import Surface
 
 G = 9.81
-
-
-def rigid(machine: Machine) -> Machine:
-    """The machine on hard tyres with the radius at which the machine file gives its heights."""
-    radius = machine.geometry.wheel_centre_height
-    return with_tyre(machine, radius=radius, qfz1=1000.0 * machine.tyre.qfz1, qfz2=0.0)
 
 
 def with_tyre(machine: Machine, **changes: float) -> Machine:
@@ -134,42 +125,3 @@ def resting_loads(
     deflection, upright = deflections(found.x)
     d = np.maximum(deflection, 0.0) / tyre.radius
     return scale * (tyre.qfz1 * d + tyre.qfz2 * d**2) / upright
-
-
-def tipping_load(machine: Machine, delta: float) -> float:
-    """Payload at which the rear wheels leave the ground, arm level, from the plant's rest positions [kg]."""
-
-    def rear(load: float) -> np.ndarray:
-        truth = Plant(machine, payload_mass=load, articulation_angle=delta, lift_arm_angle=0.0).truth()
-        return truth.normal_force[2:].sum(keepdims=True)
-
-    return _first_zero(rear, 3000.0, 4500.0)
-
-
-def lift_off_slope(
-    machine: Machine, delta: float, payload_mass: float, lift: float | None, side: int
-) -> float:
-    """Tangent of the bank at which the first wheel lifts; side +1: left side of the rear frame uphill.
-
-    The machine stands on its brakes: a tilt table.
-    """
-
-    def loads(slope: float) -> np.ndarray:
-        surface = Surface(friction=2.0, bank=side * math.atan(slope))
-        pose = {"payload_mass": payload_mass, "articulation_angle": delta, "lift_arm_angle": lift}
-        return Plant(machine, surface, **pose).truth().normal_force
-
-    return _first_zero(loads, 0.10, 0.15)
-
-
-def _first_zero(function, first: float, second: float) -> float:
-    """Where the first of several loads reaches zero, approached from below only: beyond, the machine has no rest."""
-    a, fa, b, fb = first, function(first), second, function(second)
-    for _ in range(30):
-        falling = fb < fa
-        zero = float(np.min(b + fb[falling] * (b - a) / (fa - fb)[falling]))
-        if abs(zero - b) < 3e-3 * abs(zero):  # nearer, hard tyres carry too little to be found
-            return zero
-        a, fa, b = b, fb, b + 0.85 * (zero - b)
-        fb = function(b)
-    raise AssertionError(f"no load reached zero near {zero}")

@@ -1,0 +1,52 @@
+"""The tests by name, the machine they are for, and what a terminal shows of them."""
+
+import importlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from hil.console import COLOUR
+from hil.standards.check import Candidate, Findings, Standard
+from hil.standards.page import HEADINGS, row
+from plant.changes import Changes
+from plant.checked import ConfigurationError
+from plant.equipment import load_equipment
+from plant.machine import load_machine
+
+
+def by_name(name: str) -> Standard:
+    """The test of that name."""
+    standard: Standard = importlib.import_module(f"hil.standards.{name}").STANDARD
+    return standard
+
+
+def candidate_of(machine: str, equipment: str, words: Sequence[str]) -> Candidate:
+    """A machine with its equipment, KEY=VALUE words laid over both files."""
+    changes = Changes.of(words)
+    if changes.scenario:
+        key = ".".join(changes.scenario[0][0])
+        raise ConfigurationError(
+            f"--set {key}: keys here begin with machine. or equipment.; there is no scenario"
+        )
+    return Candidate(
+        name=Path(machine).stem,
+        machine=load_machine(machine, changes.machine),
+        equipment=load_equipment(equipment, changes.equipment),
+    )
+
+
+def tell(console: Console, standard: Standard, findings: Findings) -> None:
+    """The checks of one standard as a table."""
+    table = Table(*HEADINGS, box=None, header_style="bold", title=standard.title, title_justify="left")
+    for check in findings.checks:
+        cells = [escape(cell) for cell in row(check, short=True)]
+        if check.result is not None:
+            cells[3] = f"[{COLOUR[check.result]}]{cells[3]}[/]"
+        table.add_row(*cells)
+    console.print(table)
+    if any(check.bound and not check.bound.clause.verified for check in findings.checks):
+        console.print("* unverified formula: from memory, not read in the standard")
+    console.print()
