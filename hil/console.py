@@ -16,15 +16,18 @@ from hil.faults.record import Injected, read_faults
 from hil.gateway.buses import ONE_BUS, Buses
 from hil.judgement import judge_run, timing_of
 from hil.realtime import run_realtime
-from hil.rundir import RunDirectory
+from hil.recording.tables import COLOUR, several_channels, table_of
+from hil.rundir import RECORD, RunDirectory
 from hil.runs import RunResult, run_lockstep
 from hil.supervisor import Event
-from hil.timing import Spread, Timing, judge_timing
+from hil.timing import Spread, Timing
 from hil.verdict import WHEELS, Result, RunVerdict, Verdict, judge_warning
 from plant.scenario import Scenario, list_scenarios, load_scenario
 
 console = Console(highlight=False)
-COLOUR = {Result.PASSED: "green", Result.FAILED: "red", Result.INCONCLUSIVE: "yellow"}
+
+LATE_SHOWN = 6
+"""Messages in the terminal; a late process makes all of its messages late."""
 
 
 def tell_scenarios(files: Sequence[Path]) -> None:
@@ -61,12 +64,33 @@ def tell_run(choice: Choice, out: Path, *, realtime: bool, strict: bool, buses: 
         timing = timing_of(run)
         add_timing_rows(table, [timing])
         add_hop_rows(table, [timing])
-        verdicts.append(judge_timing(timing))
+    verdicts += punctual(run)
     console.print(table)
+    tell_late_messages(run)
     tell_verdicts(verdicts)
     tell_faults(read_faults(out))
     console.print(f"run directory: {out}")
     return exit_code(verdicts, strict=strict)
+
+
+def punctual(run: RunDirectory) -> list[Verdict]:
+    """Whether a real-time run kept its times: its messages, its ticks."""
+    kept = run.record.punctuality
+    return [] if kept is None else [kept.frames, kept.ticks]
+
+
+def tell_late_messages(run: RunDirectory) -> None:
+    """The messages that were not in time, those with the most events first."""
+    kept = run.record.punctuality
+    late = [one for one in kept.messages if one.verdict.events] if kept else []
+    if not kept or not late:
+        return
+    late.sort(key=lambda one: one.verdict.missing + one.verdict.late + one.verdict.early, reverse=True)
+    console.print(table_of(late[:LATE_SHOWN], channels=several_channels(kept.messages)))
+    if len(late) > LATE_SHOWN:
+        console.print(
+            f"and {len(late) - LATE_SHOWN} more: {run.path / RECORD}, or the report", soft_wrap=True
+        )
 
 
 def exit_code(verdicts: Sequence[Verdict], *, strict: bool) -> Ending:

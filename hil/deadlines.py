@@ -69,7 +69,7 @@ class Observer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MessageVerdict:
-    """How one message kept its period. Counts of events; gaps [ns]; stale_share 0..1."""
+    """How one message kept its period. Counts of events; gaps [ns], None where there are none; stale_share 0..1."""
 
     name: str
     period_ns: int | None
@@ -82,11 +82,27 @@ class MessageVerdict:
     lost_frames: int = 0
     backwards: int = 0
     stale_share: float = 0.0
-    median_gap_ns: float = float("nan")
-    worst_gap_ns: float = float("nan")
+    median_gap_ns: float | None = None
+    worst_gap_ns: int | None = None
     worst_at_ns: int | None = None
     result: Result
     reason: str
+
+    @property
+    def events(self) -> list[str]:
+        """What was found against the message, whatever may be concluded from it."""
+        counts = (
+            (self.missing, "missing"),
+            (self.late, "late"),
+            (self.early, "early"),
+            (self.duplicates, "repeated"),
+            (self.counter_jumps, "counter jumps"),
+            (self.backwards, "stamps run backwards"),
+        )
+        found = [f"{count} {what}" for count, what in counts if count]
+        if found and self.period_ns and self.worst_gap_ns and self.worst_gap_ns > self.period_ns:
+            found.append(f"longest gap {self.worst_gap_ns * 1e-6:.1f} ms of {self.period_ns * 1e-6:.0f} ms")
+        return found
 
 
 def judge_message(
@@ -133,8 +149,8 @@ def judge_message(
         lost_frames=lost,
         backwards=int(np.count_nonzero(inner < 0)),
         stale_share=float(np.maximum(gaps - stale_after * period, 0).sum() / window),
-        median_gap_ns=float(np.median(inner)) if inner.size else float("nan"),
-        worst_gap_ns=float(gaps[worst]),
+        median_gap_ns=float(np.median(inner)) if inner.size else None,
+        worst_gap_ns=int(gaps[worst]),
         worst_at_ns=int(edges[worst]),
         result=Result.PASSED,
         reason="",
@@ -170,26 +186,10 @@ def _counter_events(seen: Observation, period_ns: int) -> tuple[int, int, int]:
     return int(duplicate.sum()), int(jump.sum()), int((step[step > 1] - 1).sum())
 
 
-def _events(verdict: MessageVerdict) -> list[str]:
-    assert verdict.period_ns is not None
-    counts = (
-        (verdict.missing, "missing"),
-        (verdict.late, "late"),
-        (verdict.early, "early"),
-        (verdict.duplicates, "repeated"),
-        (verdict.counter_jumps, "counter jumps"),
-        (verdict.backwards, "stamps run backwards"),
-    )
-    found = [f"{count} {what}" for count, what in counts if count]
-    if found and verdict.worst_gap_ns > verdict.period_ns:
-        found.append(f"longest gap {verdict.worst_gap_ns * 1e-6:.1f} ms of {verdict.period_ns * 1e-6:.0f} ms")
-    return found
-
-
 def _concluded(verdict: MessageVerdict, observer: Observer) -> MessageVerdict:
     """Passed, failed, or why it cannot be said."""
     doubts = doubts_of(observer)
-    events = _events(verdict)
+    events = verdict.events
     if events and not doubts:
         result, reason = Result.FAILED, "; ".join(events)
     elif doubts:

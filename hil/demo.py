@@ -9,6 +9,7 @@ from hil.console import (
     console,
     exit_code,
     perform,
+    punctual,
     tell_verdicts,
     two_columns,
 )
@@ -16,7 +17,6 @@ from hil.ending import Ending
 from hil.judgement import judge_run, timing_of
 from hil.report import write_report
 from hil.rundir import RunDirectory
-from hil.timing import judge_timing
 from hil.verdict import Result, RunVerdict, Verdict, judge_prevention, judge_warning
 
 SCENARIO = "abrupt_articulation"
@@ -42,9 +42,10 @@ def run_demo(out: Path, *, fast: bool) -> Ending:
     table = two_columns(*RUNS)
     add_roll_over_rows(table, [free, limited])
     if not fast:
-        timings = [timing_of(run) for run in runs]
-        add_timing_rows(table, timings)
-        verdicts += [_named(name, judge_timing(timing)) for name, timing in zip(RUNS, timings, strict=True)]
+        add_timing_rows(table, [timing_of(run) for run in runs])
+        verdicts += [
+            _named(name, kept) for name, run in zip(RUNS, runs, strict=True) for kept in punctual(run)
+        ]
     console.print(table)
     tell_verdicts(verdicts)
     page = write_report(list(folders.values()), out / "report.html")

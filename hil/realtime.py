@@ -19,7 +19,8 @@ from hil.ending import Ending
 from hil.gateway import latency
 from hil.gateway.buses import ONE_BUS, Buses
 from hil.gateway.routes import Side
-from hil.rundir import RunRecord
+from hil.recording.observed import punctuality_of
+from hil.rundir import RunDirectory, RunRecord
 from hil.runs import RunResult
 from hil.supervisor import Child, Event, StartFailed, Supervisor, loaderhil
 
@@ -84,6 +85,8 @@ def run_realtime(
     record = _ended(record, ending, reason, figures)
     latency.conclude(out, record)
     rundir.merge_timing(out)
+    rundir.write_record(out, record)
+    record = replace(record, punctuality=punctuality_of(RunDirectory.read(out)))
     rundir.write_record(out, record)
     return RunResult(ending, reason, record)
 

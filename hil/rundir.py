@@ -15,11 +15,10 @@ A killed run leaves a directory that still reads: what is missing or cut off is 
 """
 
 import contextlib
-import json
 import os
 import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -33,6 +32,7 @@ from dbc import loader_database, reference_database
 from dbc.columns import ColumnDecoder, Columns
 from dbc.database import Database
 from dbc.logfile import read_candump
+from hil.punctuality import Punctuality
 
 RECORD, TRUTH, BUS, REFERENCE, TIMING = "run.json", "truth.npz", "bus.log", "reference.log", "timing.npz"
 ECU_BUS, LATENCY = "ecu-bus.log", "latency.hlog"
@@ -55,7 +55,7 @@ class RunRecord:
     """The content of run.json.
 
     changes: KEY=VALUE words laid over the files. duration_s: simulated time that was recorded. outcome "running" in a file that nobody
-    writes any more means that the run was killed.
+    writes any more means that the run was killed. punctuality: of a real-time run that ended.
     """
 
     scenario: str
@@ -73,6 +73,7 @@ class RunRecord:
     calibration: str = "l60"
     versions: dict[str, str] = field(default_factory=dict)
     statistics: dict[str, float | int | str] = field(default_factory=dict)
+    punctuality: Punctuality | None = None
 
 
 _record = TypeAdapter(RunRecord)
@@ -198,7 +199,7 @@ def writing(path: Path) -> Iterator[None]:
 
 def write_record(path: Path, record: RunRecord) -> None:
     """Replace run.json in one step: a reader sees the old or the new one, never half."""
-    text = json.dumps(asdict(record), indent=2, ensure_ascii=False) + "\n"
+    text = _record.dump_json(record, indent=2).decode() + "\n"
     with writing(path / RECORD), _replacing(path / RECORD) as part:
         part.write_text(text, encoding="utf-8")
 

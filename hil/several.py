@@ -8,12 +8,11 @@ from rich.markup import escape
 from rich.table import Table
 
 from hil.compose import Choice, ChoiceError
-from hil.console import console, exit_code, lift_off_text, perform, seconds_text, tell_verdicts
+from hil.console import console, exit_code, lift_off_text, perform, punctual, seconds_text, tell_verdicts
 from hil.ending import Ending
 from hil.gateway.buses import ONE_BUS, Buses
-from hil.judgement import judge_run, timing_of
+from hil.judgement import judge_run
 from hil.rundir import RunDirectory, refuse_if_foreign
-from hil.timing import judge_timing
 from hil.verdict import RunVerdict, Verdict, judge_warning
 
 
@@ -66,9 +65,7 @@ def _run(choice: Choice, folder: Path, *, realtime: bool, buses: Buses) -> Done:
     run = RunDirectory.read(folder)
     seen = judge_run(run)
     verdicts = [judge_warning(seen)] if seen.lifted else []
-    if realtime:
-        verdicts.append(judge_timing(timing_of(run)))
-    return Done(folder.name, result.ending, result.reason, seen, verdicts)
+    return Done(folder.name, result.ending, result.reason, seen, verdicts + punctual(run))
 
 
 def summary(done: Sequence[Done]) -> Table:

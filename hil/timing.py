@@ -1,6 +1,6 @@
 """Did the processes keep their times, and could that be judged at all.
 
-Per process: lateness (start of a tick after its due time) and execution of the tick.
+Per process, which is one task: lateness (start of a tick after its due time) and execution of the tick.
 Across the bus: reaction, from a sample's frame to the ECU's first status frame that echoes
 its sequence number, both by the recorder's stamps. A starved host makes the verdict
 inconclusive whatever the figures say: good ones were luck, bad ones are not the software's.
@@ -26,6 +26,7 @@ STOLEN = 0.01
 WAITED = 0.03
 """The same for a process ready to run: 0.3 ms of each period. Our own processes cost one another less."""
 QUESTION = "every tick in time"
+STARVED = "the host was starved"
 SEQUENCES = 65_536
 
 
@@ -52,7 +53,7 @@ class Spread:
 class Timing:
     """The timing of one real-time run. Spreads [ns] by process name; counts; shares 0..1.
 
-    hops: spreads [ns] of the way of a reaction, in its order, by what happens there.
+    overruns: of every process that has to keep times, measured or not. hops: spreads [ns] of the way of a reaction, in its order, by what happens there.
     """
 
     lateness: Mapping[str, Spread]
@@ -63,6 +64,19 @@ class Timing:
     stolen: float
     waited: Mapping[str, float]
     hops: Mapping[str, Spread] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskVerdict:
+    """How one task kept its period: jitter of its start, execution, ticks skipped; None: not measured."""
+
+    name: str
+    period_ns: int
+    start: Spread | None
+    execution: Spread | None
+    overruns: int | None
+    result: Result
+    reason: str
 
 
 def reaction_ns(
@@ -94,9 +108,7 @@ def reaction_ns(
 def judge_timing(timing: Timing, period_ns: int = PERIOD_NS) -> Verdict:
     """Whether every tick came, started and ended in time, or why that cannot be said."""
     if starved := starvation(timing):
-        return Verdict(
-            question=QUESTION, result=Result.INCONCLUSIVE, reason=f"the host was starved: {starved}"
-        )
+        return Verdict(question=QUESTION, result=Result.INCONCLUSIVE, reason=f"{STARVED}: {starved}")
     if unmeasured := _unmeasured(timing):
         return Verdict(question=QUESTION, result=Result.INCONCLUSIVE, reason=f"not measured: {unmeasured}")
     misses = _misses(timing, period_ns)
@@ -110,6 +122,33 @@ def judge_timing(timing: Timing, period_ns: int = PERIOD_NS) -> Verdict:
     )
 
 
+def judge_task(timing: Timing, name: str, period_ns: int = PERIOD_NS) -> TaskVerdict:
+    """The verdict on one process by itself; a starved host leaves it open, with what was found."""
+    start, execution = (_measured(of.get(name)) for of in (timing.lateness, timing.execution))
+    misses = _task_misses(timing, name, period_ns)
+    if starved := starvation(timing):
+        result, reason = Result.INCONCLUSIVE, "; ".join([f"{STARVED}: {starved}", *misses])
+    elif start is None or execution is None:
+        result, reason = Result.INCONCLUSIVE, "not measured; did the process end before its time?"
+    elif misses:
+        result, reason = Result.FAILED, "; ".join(misses)
+    else:
+        result, reason = Result.PASSED, f"{start.count} ticks in time"
+    return TaskVerdict(
+        name=name,
+        period_ns=period_ns,
+        start=start,
+        execution=execution,
+        overruns=timing.overruns.get(name),
+        result=result,
+        reason=reason,
+    )
+
+
+def _measured(spread: Spread | None) -> Spread | None:
+    return spread if spread is not None and spread.count else None
+
+
 def starvation(timing: Timing) -> str:
     """What the host kept from the processes, in words; '' when it was too little to matter."""
     if not timing.stolen <= STOLEN:
@@ -120,7 +159,9 @@ def starvation(timing: Timing) -> str:
 
 
 def _unmeasured(timing: Timing) -> str:
-    missing = [f"lateness of {name}" for name, spread in timing.lateness.items() if spread.count == 0]
+    missing = [
+        f"lateness of {name}" for name in timing.overruns if _measured(timing.lateness.get(name)) is None
+    ]
     if not timing.lateness:
         missing.append("lateness")
     if timing.reaction.count == 0:
@@ -129,16 +170,8 @@ def _unmeasured(timing: Timing) -> str:
 
 
 def _misses(timing: Timing, period_ns: int) -> list[str]:
-    misses = [f"{name}: {count} ticks skipped" for name, count in timing.overruns.items() if count]
-    for what, spreads, share in (
-        ("starts late", timing.lateness, LATEST_START),
-        ("takes too long", timing.execution, LONGEST_EXECUTION),
-    ):
-        misses += [
-            f"{name} {what}: p99 {spread.p99 * 1e-6:.2f} ms, permitted {share * period_ns * 1e-6:.1f} ms"
-            for name, spread in spreads.items()
-            if not spread.p99 <= share * period_ns
-        ]
+    names = dict.fromkeys([*timing.overruns, *timing.lateness, *timing.execution])
+    misses = [f"{name} {miss}" for name in names for miss in _task_misses(timing, name, period_ns)]
     if not timing.reaction.p99 <= LONGEST_REACTION * period_ns:
         misses.append(
             f"reaction p99 {timing.reaction.p99 * 1e-6:.1f} ms, "
@@ -146,4 +179,18 @@ def _misses(timing: Timing, period_ns: int) -> list[str]:
         )
     if timing.dropped:
         misses.append(f"{timing.dropped} frames lost")
+    return misses
+
+
+def _task_misses(timing: Timing, name: str, period_ns: int) -> list[str]:
+    """What is held against one process."""
+    misses = [f"skipped {count} ticks"] if (count := timing.overruns.get(name)) else []
+    for what, spreads, share in (
+        ("starts late", timing.lateness, LATEST_START),
+        ("takes too long", timing.execution, LONGEST_EXECUTION),
+    ):
+        spread = spreads.get(name)
+        if spread is not None and not spread.p99 <= share * period_ns:
+            permitted = f"permitted {share * period_ns * 1e-6:.1f} ms"
+            misses.append(f"{what}: p99 {spread.p99 * 1e-6:.2f} ms, {permitted}")
     return misses

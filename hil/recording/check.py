@@ -189,9 +189,7 @@ def _concluded(
     """The verdict on all messages; open when the observer is in doubt, or a node that may matter is not there."""
     verdict = overall([one.verdict for one in judged], QUESTION)
     if doubts:
-        suspect = sum(1 for one in judged if one.verdict.missing or one.verdict.late or one.verdict.early)
-        found = f"{suspect} of {len(judged)} messages not in time" if suspect else "nothing found late"
-        return Verdict(question=QUESTION, result=Result.INCONCLUSIVE, reason=f"{'; '.join(doubts)} ({found})")
+        return doubtful(judged, doubts)
     missing = [
         f"{node} sent nothing{f' on {channel}' if several else ''}"
         for channel, nodes in silent.items()
@@ -205,3 +203,10 @@ def _concluded(
     if verdict.result is Result.INCONCLUSIVE and judged:
         reasons.insert(0, verdict.reason)
     return Verdict(question=QUESTION, result=Result.INCONCLUSIVE, reason="; ".join(reasons))
+
+
+def doubtful(judged: Sequence[Judged], doubts: Sequence[str]) -> Verdict:
+    """The verdict of an observer in doubt, with what was found nevertheless."""
+    suspect = sum(1 for one in judged if one.verdict.events)
+    found = f"{suspect} of {len(judged)} messages not in time" if suspect else "nothing found late"
+    return Verdict(question=QUESTION, result=Result.INCONCLUSIVE, reason=f"{'; '.join(doubts)} ({found})")

@@ -1,7 +1,6 @@
 """`loaderhil check`: deadline verdicts on a recording, or on the run directory of a real-time run."""
 
 import json
-import math
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -10,40 +9,20 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from dbc import FOLDER
 from dbc.database import Database
 from dbc.errors import LogError
-from dbc.logfile import FrameTable
-from dbc.recording import read_frames
-from hil import rundir
 from hil.deadlines import STALE_AFTER, TOLERANCE, Observer
 from hil.ending import Ending
-from hil.judgement import timing_of
-from hil.recording.check import Check, Rules, check, whole
-from hil.timing import starvation
+from hil.recording.check import Check, Rules, check
+from hil.recording.observed import read_observed
+from hil.recording.tables import COLOUR, several_channels, table_of
 from hil.verdict import Result
 
 DEFAULT_DBCS = ("loader.dbc", "reference.dbc", "j1939.dbc")
 WIDTH = 120
 """Columns that the table needs: what a pipe gets."""
-COLOUR = {Result.PASSED: "green", Result.FAILED: "red", Result.INCONCLUSIVE: "yellow"}
-
-
-def read_observed(recording: Path) -> tuple[FrameTable, Observer]:
-    """The frames and how far they can be trusted; of a run directory: the time in which its plant ticked."""
-    if not recording.is_dir():
-        table = read_frames(recording)
-        return table, whole(table)
-    run = rundir.RunDirectory.read(recording)
-    table = read_frames(recording / rundir.BUS)
-    realtime = run.record.mode == "realtime"
-    observer = whole(table, starvation(timing_of(run)) if realtime else "")
-    if "plant_due_ns" in run.timing and (due := run.timing["plant_due_ns"]).size:
-        observer = replace(observer, start_ns=int(due[0]), end_ns=int(due[-1]))
-    lost = observer.lost + int(run.record.statistics.get("recorder_dropped", 0))
-    return table, replace(observer, lost=lost, unfinished=run.record.outcome != "finished")
 
 
 def windowed(observer: Observer, from_s: float | None, to_s: float | None) -> Observer:
@@ -61,23 +40,9 @@ def windowed(observer: Observer, from_s: float | None, to_s: float | None) -> Ob
 
 def tell(console: Console, recording: Path, done: Check) -> None:
     """The verdicts as a table, and what was not judged."""
-    several = len({one.channel for one in done.messages}) > 1
-    head = (*(["channel"] if several else []), "message", "T \\[ms]", "frames", "missing", "late", "early",
-            "repeated", "jumps", "stale", "worst \\[ms]", "")  # fmt: skip
-    table = Table(*head, box=None, header_style="bold")
-    for one in done.messages:
-        v = one.verdict
-        colour = COLOUR[v.result]
-        worst = "–" if math.isnan(v.worst_gap_ns) else f"{v.worst_gap_ns * 1e-6:.1f}"
-        table.add_row(
-            *([one.channel] if several else []), v.name, f"{(v.period_ns or 0) * 1e-6:g}", str(v.frames),
-            *(str(count or "–") for count in (v.missing, v.late, v.early, v.duplicates, v.counter_jumps)),
-            f"{100 * v.stale_share:.1f} %" if v.stale_share else "–", worst,
-            f"[{colour}]{v.result.value}[/]",
-        )  # fmt: skip
     seconds = (done.observer.end_ns - done.observer.start_ns) * 1e-9
     console.print(f"{recording}: {seconds:.3f} s judged")
-    console.print(table)
+    console.print(table_of(done.messages, channels=several_channels(done.messages)))
     if done.aperiodic:
         console.print(f"without a cycle time, not judged: {', '.join(done.aperiodic)}")
     if done.unknown:
@@ -91,22 +56,14 @@ def tell(console: Console, recording: Path, done: Check) -> None:
 
 
 def as_json(recording: Path, done: Check) -> str:
-    """Everything of the check, NaN as null, results by their names."""
+    """Everything of the check, results by their names."""
     content: dict[str, Any] = {"recording": str(recording)} | asdict(done)
-    return json.dumps(_plain(content), indent=2, ensure_ascii=False)
+    return json.dumps(content, indent=2, ensure_ascii=False, default=_name_of_result)
 
 
-def _plain(value: Any) -> Any:
-    match value:
-        case dict():
-            return {key: _plain(item) for key, item in value.items()}
-        case list() | tuple():
-            return [_plain(item) for item in value]
-        case Result():
-            return value.value
-        case float() if math.isnan(value):
-            return None
-    return value
+def _name_of_result(value: object) -> str:
+    assert isinstance(value, Result)
+    return str(value.value)
 
 
 def check_recording(

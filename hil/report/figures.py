@@ -26,7 +26,7 @@ from hil.wire import wire_bits
 from plant.scenario import list_scenarios
 
 BIT_RATE = 500_000
-SHOWN = {"plant": "plant", "ecu": "ECU"}
+SHOWN = {"plant": "plant", "ecu": "ECU", "gateway": "gateway"}
 PERIOD_MS = PERIOD_NS * 1e-6
 Figures = dict[str, str]
 """What, and its value as text, in the order of the table."""

@@ -7,16 +7,14 @@ from importlib.resources import files
 
 from hil.faults.record import read_faults
 from hil.render import Film, Picture, Pictures, arrow_key
-from hil.report import bands, figures, histogram, plot, signals
+from hil.report import bands, deadlines, figures, histogram, plot, signals
 from hil.report.axis import Axis
 from hil.report.figures import Figures
+from hil.report.parts import columns, table, verdict_list
 from hil.report.plot import Timeline
 from hil.report.section import Headline, Section, headline, verdicts
 from hil.timing import judge_timing
-from hil.verdict import WHEELS, Verdict
-
-Columns = Sequence[tuple[str, str]]
-"""Markup per run, under the run's name."""
+from hil.verdict import WHEELS
 
 
 def page(sections: Sequence[Section]) -> str:
@@ -35,6 +33,7 @@ def page(sections: Sequence[Section]) -> str:
         *((_slug(name), name, markup) for name, markup in _plots(sections, lines)),
         ("errors", "Estimation errors", _errors(sections)),
         ("timing", "Loop timing", _timing(sections)),
+        ("deadlines", "Deadlines", deadlines.markup(sections)),
         ("traffic", "Traffic on the bus", _traffic(sections)),
         ("conditions", "What was run", _figures(sections, figures.conditions)),
         ("terms", "Terms", _TERMS),
@@ -50,7 +49,7 @@ def page(sections: Sequence[Section]) -> str:
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{escape(title)}</title><style>{style}{_sheets(sections)}</style></head><body>"
         f'<header><p class="kicker">loaderhil bench report</p><h1>{escape(title)}</h1>{_subtitle(sections)}'
-        f"{_headlines(sections)}{_verdicts(verdicts(sections))}</header>"
+        f"{_headlines(sections)}{verdict_list(verdicts(sections))}</header>"
         f'<nav aria-label="Contents">{contents}</nav><main>{body}</main>'
         f"<footer>Written by loaderhil. True values are the plant's own; the ECU has the sensor frames only.</footer>"
         f"{_bar(sections)}<script>{script}</script></body></html>\n"
@@ -96,31 +95,14 @@ def _card(name: str, told: Headline) -> str:
     )
 
 
-def _verdicts(found: Sequence[Verdict]) -> str:
-    rows = "".join(
-        f'<li class="{v.result.name.lower()}"><b>{v.result.value}</b><span>{escape(v.question)}: '
-        f"{escape(v.reason)}</span></li>"
-        for v in found
-    )
-    return f'<ul class="verdicts">{rows}</ul>' if rows else ""
-
-
 def _problems(sections: Sequence[Section]) -> str:
     found = [(s.name, problem) for s in sections for problem in s.problems]
     rows = "".join(f"<li><b>{escape(name)}</b> {escape(problem)}</li>" for name, problem in found)
     return f'<ul class="problems">{rows}</ul>' if rows else ""
 
 
-def _columns(parts: Columns) -> str:
-    """Runs side by side; a lone run takes the width."""
-    shown = "".join(
-        f'<div><p class="run">{escape(name)}</p>{markup}</div>' for name, markup in parts if markup
-    )
-    return f'<div class="columns">{shown}</div>' if shown else ""
-
-
 def _machine(sections: Sequence[Section]) -> str:
-    shown = _columns([(s.name, _drawn(s.pictures, i, s.name)) for i, s in enumerate(sections)])
+    shown = columns([(s.name, _drawn(s.pictures, i, s.name)) for i, s in enumerate(sections)])
     return f'<p class="soft">{arrow_key()}</p>{shown}' if shown else ""
 
 
@@ -201,11 +183,11 @@ def _states(sections: Sequence[Section], lines: Sequence[Timeline]) -> str:
         for s, line in zip(sections, lines, strict=True)
     ]
     raised = [(s.name, _raised(s)) for s in sections]
-    return _columns(drawn) + _columns(raised)
+    return columns(drawn) + columns(raised)
 
 
 def _faults(sections: Sequence[Section]) -> str:
-    return _columns([(s.name, _injected(s)) for s in sections])
+    return columns([(s.name, _injected(s)) for s in sections])
 
 
 def _injected(section: Section) -> str:
@@ -213,7 +195,7 @@ def _injected(section: Section) -> str:
         (f.fault, f"{f.began_s:.2f}", "–" if f.ended_s is None else f"{f.ended_s:.2f}", str(f.struck))
         for f in read_faults(section.run.path)
     ]
-    return _table(("fault", "from [s]", "to [s]", "frames"), rows, numbers_from=1) if rows else ""
+    return table(("fault", "from [s]", "to [s]", "frames"), rows, numbers_from=1) if rows else ""
 
 
 def _raised(section: Section) -> str:
@@ -221,7 +203,7 @@ def _raised(section: Section) -> str:
         (name, meaning, f"{first:.2f}", f"{length:.2f}")
         for name, meaning, first, length in figures.warnings_raised(section.run)
     ]
-    return _table(("warning", "meaning", "first [s]", "for [s]"), rows, numbers_from=2) if rows else ""
+    return table(("warning", "meaning", "first [s]", "for [s]"), rows, numbers_from=2) if rows else ""
 
 
 def _plots(sections: Sequence[Section], lines: Sequence[Timeline]) -> Iterable[tuple[str, str]]:
@@ -260,22 +242,7 @@ def _figures(sections: Sequence[Section], of: Callable[[Section], Figures] | Cal
         (name, *(figure.get(name, "–") for figure in told))
         for name in dict.fromkeys(name for figure in told for name in figure)
     ]
-    return _table(("", *(s.name for s in sections)), rows) if rows else ""
-
-
-def _table(
-    head: Sequence[str], rows: Iterable[Sequence[str]], numbers_from: int = 99, kind: str = "table"
-) -> str:
-    def cell(i: int, value: str, tag: str) -> str:
-        scope = ' scope="col"' if tag == "th" else ""
-        kind = ' class="n"' if i >= numbers_from else ""
-        return f"<{tag}{scope}{kind}>{escape(value)}</{tag}>"
-
-    header = "".join(cell(i, value, "th") for i, value in enumerate(head))
-    body = "".join(
-        "<tr>" + "".join(cell(i, value, "td") for i, value in enumerate(row)) + "</tr>" for row in rows
-    )
-    return f'<div class="{kind}" tabindex="0"><table><thead><tr>{header}</tr></thead><tbody>{body}</tbody></table></div>'
+    return table(("", *(s.name for s in sections)), rows) if rows else ""
 
 
 def _errors(sections: Sequence[Section]) -> str:
@@ -297,15 +264,15 @@ def _errors(sections: Sequence[Section]) -> str:
             )
         rows.append(row)
     note = "Normal force: estimate minus truth, where the ECU marks it valid, up to the first lift-off."
-    return f'<p class="soft">{note}</p>{_table(head, rows, numbers_from=1)}'
+    return f'<p class="soft">{note}</p>{table(head, rows, numbers_from=1)}'
 
 
 def _timing(sections: Sequence[Section]) -> str:
     timed = [s for s in sections if s.timing]
     if not timed:
         return '<p class="soft">A lockstep run has no timing: both sides are called in turn on a virtual clock.</p>'
-    judged = _columns([(s.name, _verdicts([judge_timing(s.timing)])) for s in timed if s.timing])
-    table = _table(
+    judged = columns([(s.name, verdict_list([judge_timing(s.timing)])) for s in timed if s.timing])
+    loop = table(
         ("", *(s.name for s in timed)), _rows([figures.timing_figures(s.timing) for s in timed if s.timing])
     )
     shown = [figures.histograms(s.run) for s in timed]
@@ -317,7 +284,7 @@ def _timing(sections: Sequence[Section]) -> str:
     heads = "".join(f'<p class="run key">{escape(s.name)}</p>' for s in timed)
     width = f' style="--runs:{len(timed)}"' if several else ""
     return (
-        f'{judged}{table}<p class="soft">Times: median / 99th percentile / largest.</p>'
+        f'{judged}{loop}<p class="soft">Times: median / 99th percentile / largest.</p>'
         f'<div class="rows {"several" if several else "single"}"{width}>{heads}{"".join(rows)}</div>'
     )
 
@@ -328,7 +295,7 @@ def _rows(told: Sequence[Figures]) -> list[tuple[str, ...]]:
 
 
 def _traffic(sections: Sequence[Section]) -> str:
-    return _columns([(s.name, _traffic_of(s)) for s in sections])
+    return columns([(s.name, _traffic_of(s)) for s in sections])
 
 
 def _traffic_of(section: Section) -> str:
@@ -358,10 +325,10 @@ def _traffic_of(section: Section) -> str:
         )
     )
     head = ("message", "frames", "cycle [ms]", "mean [ms]", "lost", "load [%]")
-    text = _table(head, rows, numbers_from=1, kind="table sum")
+    text = table(head, rows, numbers_from=1, kind="table sum")
     if reported := figures.findings(section.run):
         text += "<h3>What the processes found in their inputs</h3>"
-        text += _table(("finding", "times"), list(reported.items()), numbers_from=1)
+        text += table(("finding", "times"), list(reported.items()), numbers_from=1)
     return text
 
 

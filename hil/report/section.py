@@ -99,7 +99,7 @@ def partner(section: Section, others: Sequence[Section]) -> Section | None:
 
 
 def verdicts(sections: Sequence[Section]) -> list[Verdict]:
-    """Warning in time, prevention, timing: for every run that can answer."""
+    """Warning in time, prevention, deadlines, timing: for every run that can answer."""
     several = len(sections) > 1
     warned = [
         _named(judge_warning(s.verdict), s.name if several else "")
@@ -111,8 +111,14 @@ def verdicts(sections: Sequence[Section]) -> list[Verdict]:
         for s in sections
         if s.run.record.limits and s.verdict and (free := partner(s, sections)) and free.verdict
     ]
-    timed = [_named(judge_timing(s.timing), s.name if several else "") for s in sections if s.timing]
-    return warned + prevented + timed
+    kept = [
+        _named(verdict, s.name if several else "")
+        for s in sections
+        if s.timing
+        for verdict in ([s.run.record.punctuality.frames] if s.run.record.punctuality else [])
+        + [judge_timing(s.timing)]
+    ]
+    return warned + prevented + kept
 
 
 def _named(verdict: Verdict, name: str) -> Verdict:

@@ -6,6 +6,7 @@ Truth by numpy from truth.npz, frames by python-can and cantools from bus.log.
 import json
 import re
 import shutil
+from dataclasses import replace
 from types import SimpleNamespace
 
 import can
@@ -14,11 +15,13 @@ import numpy as np
 import pytest
 
 from dbc import FOLDER
+from hil import rundir
 from hil.compose import Choice
+from hil.recording.observed import punctuality_of
 from hil.report import write_report
 from hil.report.plot import UNITS
 from hil.report.section import names
-from hil.rundir import RunError, read_record
+from hil.rundir import RunDirectory, RunError, read_record
 from hil.runs import run_lockstep
 from tests.hil.drawn import Outline, points_of
 
@@ -276,6 +279,29 @@ def test_loop_timing(runs, tmp_path):
     assert "PASSED" in text
     for who in ("plant", "ecu"):
         assert f"median {np.median(columns[f'{who}_lateness_ns']) * 1e-6:.2f}" in text
+
+
+def test_deadlines_of_messages_and_tasks(runs, tmp_path):
+    """What the record says of each, in the order of the record; a gateway's waiting is told too."""
+    folder = tmp_path / "run"
+    columns = realtime(runs[1], folder)
+    record = read_record(folder)
+    record = replace(record, statistics=record.statistics | {"gateway_waited": 0.01})
+    rundir.write_record(folder, record)
+    kept = punctuality_of(RunDirectory.read(folder))
+    rundir.write_record(folder, replace(record, punctuality=kept))
+    told = Outline.of(write_report([folder], tmp_path / "page.html").read_text(encoding="utf-8"))
+    tasks, messages = ([row for row in told.tables["deadlines"] if len(row) == width] for width in (6, 11))
+    assert [row[0] for row in tasks[1:]] == ["plant", "ECU"]
+    lateness = columns["plant_lateness_ns"] * 1e-6
+    assert f"{np.median(lateness):.2f} / {np.percentile(lateness, 99):.2f}" in tasks[1][2]
+    shown = {row[0]: (row[2], row[-1]) for row in messages[1:]}
+    assert shown == {
+        one.verdict.name: (str(one.verdict.frames), one.verdict.result.value) for one in kept.messages
+    }
+    assert "PASSED" in {result for _, result in shown.values()}
+    assert "every message in time" in " ".join(told.text)
+    assert column(told, "timing", 0)["Time the gateway waited for a processor"] == "1.0 %"
 
 
 def test_a_starved_run_is_inconclusive_with_the_reason(runs, tmp_path):

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.host import HostClock, waited_ns
-from hil.timing import Spread, Timing, judge_timing, reaction_ns
+from hil.timing import Spread, Timing, judge_task, judge_timing, reaction_ns
 from hil.verdict import Result
 
 MS = 1_000_000
@@ -30,9 +30,9 @@ def test_a_run_in_time_passes():
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        ({"overruns": {"plant": 0, "ecu": 3}}, "ecu: 3 ticks skipped"),
+        ({"overruns": {"plant": 0, "ecu": 3}}, "ecu skipped 3 ticks"),
         ({"dropped": 2}, "2 frames lost"),
-        ({"lateness": {"plant": Spread.of([6 * MS] * 100)}}, "plant starts late"),
+        ({"lateness": dict.fromkeys(("plant", "ecu"), Spread.of([6 * MS] * 100))}, "plant starts late"),
         ({"execution": {"ecu": Spread.of([6 * MS] * 100)}}, "ecu takes too long"),
         ({"reaction": Spread.of([25 * MS] * 100)}, "reaction"),
     ],
@@ -54,6 +54,38 @@ def test_a_starved_host_is_inconclusive_with_good_and_with_bad_figures(change, m
 @pytest.mark.parametrize("change", [{"lateness": {}}, {"reaction": Spread.of([])}])
 def test_what_was_not_measured_cannot_pass(change):
     assert judge_timing(replace(GOOD, **change)).result is Result.INCONCLUSIVE
+
+
+def test_a_process_that_left_no_times_cannot_pass():
+    """The ECU was killed: its overruns are known from the bus, its ticks from nobody."""
+    verdict = judge_timing(replace(GOOD, lateness={"plant": GOOD.lateness["plant"]}))
+    assert verdict.result is Result.INCONCLUSIVE
+    assert "lateness of ecu" in verdict.reason
+    task = judge_task(replace(GOOD, lateness={}, execution={}), "ecu")
+    assert (task.result, task.start, task.execution) == (Result.INCONCLUSIVE, None, None)
+
+
+BOTH = replace(GOOD, execution=GOOD.execution | {"ecu": Spread.of([MS] * 100)})
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"overruns": {"plant": 0, "ecu": 3}}, "skipped 3 ticks"),
+        ({"lateness": BOTH.lateness | {"ecu": Spread.of([6 * MS] * 100)}}, "starts late: p99 6.00 ms"),
+        ({"execution": BOTH.execution | {"ecu": Spread.of([7 * MS] * 100)}}, "takes too long: p99 7.00 ms"),
+    ],
+)
+def test_each_task_is_judged_by_itself(change, named):
+    timing = replace(BOTH, **change)
+    assert judge_task(timing, "plant").result is Result.PASSED
+    ecu = judge_task(timing, "ecu")
+    assert ecu.result is Result.FAILED
+    assert named in ecu.reason
+    starved = judge_task(replace(timing, stolen=0.1), "ecu")
+    assert starved.result is Result.INCONCLUSIVE
+    assert "starved" in starved.reason
+    assert named in starved.reason
 
 
 @given(

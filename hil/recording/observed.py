@@ -1,0 +1,63 @@
+"""The frames of a recording, and how far whoever saw them can be trusted: what is judged by deadlines, and within which doubts."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from dbc import loader_database
+from dbc.errors import LogError
+from dbc.logfile import FrameTable
+from dbc.recording import read_frames
+from hil import rundir
+from hil.deadlines import Observer
+from hil.faults.record import read_faults
+from hil.judgement import PROCESSES, timing_of
+from hil.punctuality import Punctuality, all_frames
+from hil.recording.check import Check, check, whole
+from hil.rundir import RunDirectory
+from hil.timing import judge_task, judge_timing, starvation
+
+PLANT_BUS, ECU_BUS = "plant bus", "ECU bus"
+BUSES = {PLANT_BUS: (rundir.BUS, "recorder"), ECU_BUS: (rundir.ECU_BUS, "ecu-recorder")}
+"""Log of each, and the process that wrote it."""
+
+
+def read_observed(recording: Path) -> tuple[FrameTable, Observer]:
+    """The frames and their observer; of a run directory: of its plant's bus, in the time in which its plant ticked."""
+    if recording.is_dir():
+        return _read_bus(RunDirectory.read(recording), *BUSES[PLANT_BUS])
+    table = read_frames(recording)
+    return table, whole(table)
+
+
+def _read_bus(run: RunDirectory, log: str, recorder: str) -> tuple[FrameTable, Observer]:
+    table = read_frames(run.path / log)
+    realtime = run.record.mode == "realtime"
+    observer = whole(table, starvation(timing_of(run)) if realtime else "")
+    if "plant_due_ns" in run.timing and (due := run.timing["plant_due_ns"]).size:
+        observer = replace(observer, start_ns=int(due[0]), end_ns=int(due[-1]))
+    lost = observer.lost + int(run.record.statistics.get(f"{recorder}_dropped", 0))
+    return table, replace(observer, lost=lost, unfinished=run.record.outcome != "finished")
+
+
+def punctuality_of(run: RunDirectory) -> Punctuality:
+    """How a real-time run kept the times of its messages, on each of its buses, and of its tasks."""
+    checks: dict[str, Check] = {}
+    unread = []
+    for bus, (log, recorder) in BUSES.items():
+        if bus != PLANT_BUS and not (run.path / log).exists():
+            continue  # without a gateway both hear the same
+        try:
+            table, observer = _read_bus(run, log, recorder)
+        except LogError as error:
+            unread.append(str(error))
+        else:
+            named = replace(table, channels=(bus,) * len(table.channels))
+            checks[bus] = check(named, [loader_database()], observer=observer)
+    timing = timing_of(run)
+    struck = sum(fault.struck > 0 for fault in read_faults(run.path))
+    return Punctuality(
+        frames=all_frames(checks, unread, struck),
+        ticks=judge_timing(timing),
+        messages=tuple(message for check in checks.values() for message in check.messages),
+        tasks=tuple(judge_task(timing, name) for name in PROCESSES),
+    )
