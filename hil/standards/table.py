@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from hil.console import COLOUR
+from hil.recording.tables import COLOUR
 from hil.standards.check import Candidate, Findings, Standard
 from hil.standards.page import HEADINGS, row
 from plant.changes import Changes
