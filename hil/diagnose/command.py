@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from discrepancy.search import Progress
+    from hil.diagnose.question import Question
 
 EXIT = {
     "explained": int(Ending.PASSED),
@@ -89,27 +90,44 @@ def diagnose(
     everything: Annotated[
         bool, typer.Option("--all", help="List every candidate, not the best twelve.")
     ] = False,
+    each: Annotated[
+        bool,
+        typer.Option(
+            "--each", help="Every recording by itself, many at once, into results.parquet of --out."
+        ),
+    ] = False,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler",
+            metavar="ADDRESS",
+            help="With --each: of a dask cluster; else processes of this machine.",
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers", min=1, help="With --each: processes of this machine; else one per processor."
+        ),
+    ] = None,
 ) -> None:
     """Find what a model leaves out: where it and the recordings differ, the effect's name and size, or that nothing is missing.
 
     Examples: `loaderhil diagnose drive.csv --model straight --out out/diagnosis`,
-    `loaderhil diagnose out/gravel --model loader --apply mine.toml`, then `loaderhil run loaded --machine mine.toml`
+    `loaderhil diagnose out/gravel --model loader --apply mine.toml`, then `loaderhil run loaded --machine mine.toml`,
+    `loaderhil diagnose drives/*.csv --model straight --each --out out/fleet`
     """
     from rich.console import Console
 
-    from discrepancy.clocks import with_clocks
     from discrepancy.evidence import evidence
-    from discrepancy.examine import investigate
     from discrepancy.findings import to_json
-    from discrepancy.judge import Judgement
     from discrepancy.search import Settings
     from discrepancy.words import tell
-    from hil.diagnose.applying import application, baseline
-    from hil.diagnose.models import find_model
+    from hil.diagnose.applying import application
     from hil.diagnose.page import page
-    from hil.diagnose.reading import Ask, numbers, pairs, read_all
+    from hil.diagnose.question import Question, answer
+    from hil.diagnose.reading import Ask, Misuse, numbers, pairs
 
-    choice = find_model(model)
     ask = Ask(
         paths=recordings,
         part=part,
@@ -119,28 +137,30 @@ def diagnose(
         dbcs=dbc or [],
         bus=bus,
     )
+    question = Question(model=model, given=given, ask=ask)
     # said before the work, not after it
     if out is not None:
         write("--out", out, {})
+    if each:
+        raise typer.Exit(_each(question, out, apply, scheduler, workers))
+    if scheduler is not None or workers is not None:
+        raise Misuse("--scheduler and --workers: spread many diagnoses; with --each they are")
     if apply is not None:
         check_applicable(apply)
         write("--apply", apply.parent, {})
     settings, start = Settings(), time.monotonic()
     with told_progress(Console(stderr=True)) as progress:
-        read = read_all(choice, ask, progress)
-        base = baseline(choice, given, read.recordings)
-        built = with_clocks(base, read.clocks)
-        judged = investigate(built, read.recordings, settings, progress, read.complaints)
-        result, shown = (judged.findings if isinstance(judged, Judgement) else judged), None
-        if out is not None and isinstance(judged, Judgement):
+        found = answer(question, settings, progress)
+        result, shown = found.findings, None
+        if out is not None and found.judged is not None:
             progress("predicting held-out stretches for the report")
-            shown = evidence(judged, settings)
+            shown = evidence(found.judged, settings)
     tell(result, Console(soft_wrap=True), all_candidates=everything)
     if out is not None:
         text = page(result, shown, conditions(time.monotonic() - start))
         tell_written(write("--out", out, {"findings.json": to_json(result), "report.html": text}))
     if apply is not None:
-        outcome = application(choice, base, result, given, apply)
+        outcome = application(found.choice, found.model, result, given, apply)
         for line in outcome.said:
             print(line)
         tell_written(
@@ -151,6 +171,23 @@ def diagnose(
             ]
         )
     raise typer.Exit(EXIT[result.status])
+
+
+def _each(
+    question: "Question", out: Path | None, apply: Path | None, scheduler: str | None, workers: int | None
+) -> Ending:
+    """Many recordings, each by itself."""
+    from rich.console import Console
+
+    from hil.diagnose.fleet import diagnose_each
+    from hil.diagnose.reading import Misuse
+
+    if out is None:
+        raise Misuse("--each: needs --out DIR for its results")
+    if apply is not None:
+        raise Misuse("--each: each recording would --apply another model; apply the findings of one")
+    tally = diagnose_each(question, out, scheduler, workers, Console(stderr=True))
+    return Ending.FAILED if tally.failures else Ending.PASSED
 
 
 def conditions(seconds: float) -> dict[str, str]:

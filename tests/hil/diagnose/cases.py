@@ -34,8 +34,8 @@ Call = Callable[..., Ended]
 def loaderhil(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
     """Call the command line as a user does; findings.json is read back where one was written."""
 
-    def call(*words: object) -> Ended:
-        folder = tmp_path / f"out{len(list(tmp_path.glob('out*')))}"
+    def call(*words: object, folder: Path | None = None) -> Ended:
+        folder = folder or tmp_path / f"out{len(list(tmp_path.glob('out*')))}"
         monkeypatch.setattr(sys, "argv", ["loaderhil", *map(str, words), "--out", str(folder)])
         capsys.readouterr()
         with pytest.raises(SystemExit) as ended:

@@ -1,0 +1,46 @@
+"""One diagnosis, from what was asked to the verdict; the same for one call and for each of a fleet."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from discrepancy.clocks import with_clocks
+from discrepancy.examine import investigate
+from discrepancy.findings import Findings
+from discrepancy.judge import Judgement
+from discrepancy.model import Model
+from discrepancy.search import Progress, Settings
+from hil.diagnose.applying import baseline
+from hil.diagnose.models import Choice, find_model
+from hil.diagnose.reading import Ask, read_all
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """A model by name or file, the file of its baseline if there is one, and what is to be read how."""
+
+    model: str
+    given: Path | None
+    ask: Ask
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The verdict with the model it is of; judged: what it rests on, None where nothing was usable."""
+
+    choice: Choice
+    model: Model
+    findings: Findings
+    judged: Judgement | None
+
+
+def answer(question: Question, settings: Settings, progress: Progress) -> Answer:
+    """Read, compare, judge. Raises a Mistake about what was asked, never about what recordings contain."""
+    choice = find_model(question.model)
+    read = read_all(choice, question.ask, progress)
+    model = baseline(choice, question.given, read.recordings)
+    judged = investigate(
+        with_clocks(model, read.clocks), read.recordings, settings, progress, read.complaints
+    )
+    if isinstance(judged, Judgement):
+        return Answer(choice, model, judged.findings, judged)
+    return Answer(choice, model, judged, None)
