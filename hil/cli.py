@@ -358,6 +358,7 @@ ELSEWHERE = {
     "score": "hil.diagnose.score",
     "thesis": "hil.thesis.command",
     "standards": "hil.standards.command",
+    "render": "hil.render.command",
 }
 
 

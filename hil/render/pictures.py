@@ -13,6 +13,7 @@ from hil.render.loader import FIELDS, METRES_PER_NEWTON, Dimensions, frames, mac
 from hil.render.scene import Scene
 from hil.rundir import RunDirectory
 from hil.verdict import WHEELS, RunVerdict
+from plant.changes import Changes
 from plant.machine import load_machine
 
 AFTER_LIFT_OFF_S = 0.25
@@ -58,10 +59,10 @@ class Pictures:
     missing: str = ""
 
 
-def dimensions_of(machine: str) -> Dimensions:
-    """Dimensions for the drawing, from the machine file; a typical loader's where it cannot be read."""
+def dimensions_of(machine: str, words: Sequence[str] = ()) -> Dimensions:
+    """Dimensions for the drawing, from the machine file with a run's KEY=VALUE words; a typical loader's where it cannot be read."""
     try:
-        m = load_machine(machine)
+        m = load_machine(machine, Changes.of(words).machine)
     except (ValueError, OSError):
         return Dimensions()
     return Dimensions(
@@ -115,26 +116,37 @@ def png(pixels: raster.Pixels) -> bytes:
     return out.getvalue()
 
 
+def flat_scene(
+    instant: Mapping[str, Any],
+    dimensions: Dimensions,
+    view: tuple[str, float, float],
+    metres: float,
+    *,
+    heading: float,
+    size: tuple[int, int] = VIEW_SIZE,
+) -> Scene:
+    """The machine without perspective in one of VIEWS, `metres` from top to bottom; heading [rad] as for scene_of."""
+    _, azimuth, elevation = view
+    centre = np.asarray(instant["position"], float)
+    height = metres / 2 - 0.35 if elevation == 0 else 0.0
+    return Scene(
+        meshes=tuple(machine_meshes(instant, dimensions)),
+        look_at=np.array((centre[0], centre[1], height)),
+        azimuth_deg=np.degrees(heading) + azimuth,
+        elevation_deg=elevation,
+        width=size[0],
+        height=size[1],
+        parallel=metres,
+    )
+
+
 def views(instant: Mapping[str, Any], dimensions: Dimensions) -> raster.Pixels:
     """The machine from behind, from the left and from above, side by side, to scale."""
-    meshes = tuple(machine_meshes(instant, dimensions))
-    centre, heading = np.asarray(instant["position"], float), np.degrees(float(instant["yaw"]))
-    drawn = []
-    for (_, azimuth, elevation), metres in zip(VIEWS, VIEW_METRES, strict=True):
-        height = metres / 2 - 0.35 if elevation == 0 else 0.0
-        drawn.append(
-            raster.draw(
-                Scene(
-                    meshes=meshes,
-                    look_at=np.array((centre[0], centre[1], height)),
-                    azimuth_deg=heading + azimuth,
-                    elevation_deg=elevation,
-                    width=VIEW_SIZE[0],
-                    height=VIEW_SIZE[1],
-                    parallel=metres,
-                )
-            )
-        )
+    heading = float(instant["yaw"])
+    drawn = [
+        raster.draw(flat_scene(instant, dimensions, view, metres, heading=heading))
+        for view, metres in zip(VIEWS, VIEW_METRES, strict=True)
+    ]
     return np.concatenate(drawn, axis=1)
 
 
@@ -181,7 +193,7 @@ def pictures_of(run: RunDirectory, verdict: RunVerdict | None) -> Pictures:
     time, force = run.truth["time_s"], run.truth["normal_force"]
     if not all(np.isfinite(run.truth[name]).all() for name in FIELDS):
         return Pictures(missing="the truth has values that are not finite")
-    dimensions = dimensions_of(run.record.machine)
+    dimensions = dimensions_of(run.record.machine, run.record.changes)
     sample, wheel = np.unravel_index(np.argmin(force / force[0]), force.shape)
     lifting = verdict.lifting_wheel if verdict.lifting_wheel is not None else int(wheel)
     side = 1 if lifting in (0, 2) else -1

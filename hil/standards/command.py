@@ -26,8 +26,13 @@ def standards(
         ),
     ] = "l60",
     equipment: Annotated[
-        str, typer.Option("--equipment", metavar="NAME|FILE", help="What is fitted to it: brakes above all.")
-    ] = "l60",
+        str | None,
+        typer.Option(
+            "--equipment",
+            metavar="NAME|FILE",
+            help="What is fitted to it, brakes above all; by default the file beside the machine's, else l60.",
+        ),
+    ] = None,
     changes: Annotated[
         list[str] | None,
         typer.Option(

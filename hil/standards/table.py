@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from hil.companions import EQUIPMENT, companion
 from hil.recording.tables import COLOUR
 from hil.standards.check import Candidate, Findings, Standard
 from hil.standards.page import HEADINGS, row
@@ -23,8 +24,8 @@ def by_name(name: str) -> Standard:
     return standard
 
 
-def candidate_of(machine: str, equipment: str, words: Sequence[str]) -> Candidate:
-    """A machine with its equipment, KEY=VALUE words laid over both files."""
+def candidate_of(machine: str, equipment: str | None, words: Sequence[str]) -> Candidate:
+    """A machine with its equipment, KEY=VALUE words laid over both files; None takes the file beside the machine's, else the L60's."""
     changes = Changes.of(words)
     if changes.scenario:
         key = ".".join(changes.scenario[0][0])
@@ -34,7 +35,9 @@ def candidate_of(machine: str, equipment: str, words: Sequence[str]) -> Candidat
     return Candidate(
         name=Path(machine).stem,
         machine=load_machine(machine, changes.machine),
-        equipment=load_equipment(equipment, changes.equipment),
+        equipment=load_equipment(
+            equipment or companion(Path(machine), EQUIPMENT) or "l60", changes.equipment
+        ),
     )
 
 
