@@ -362,6 +362,27 @@ ELSEWHERE = {
 }
 
 
+# What the help shows together; the order is that of a user's way through the bench.
+PANELS = {
+    "The bench": ("demo", "run", "plant", "ecu", "hub", "gateway", "inject", "soak"),
+    "Buses and recordings": ("monitor", "record", "replay", "check", "decode", "mqtt"),
+    "What physics was left out": ("diagnose", "conceal", "score", "effects"),
+    "The machine and its results": ("scenarios", "report", "render", "campaign", "standards", "thesis"),
+}
+
+
+def _arrange() -> None:
+    """Commands in the order and under the titles of PANELS."""
+    panel_of = {name: panel for panel, names in PANELS.items() for name in names}
+    order = list(panel_of)
+    for command in app.registered_commands:
+        command.name = command.name or getattr(command.callback, "__name__", None)
+        command.rich_help_panel = panel_of[command.name or ""]
+    for group in app.registered_groups:
+        group.rich_help_panel = panel_of[group.name or ""]
+    app.registered_commands.sort(key=lambda command: order.index(command.name or ""))
+
+
 def _register_elsewhere() -> None:
     """Add the commands of ELSEWHERE: all of them for the help, else only the one that is asked for."""
     here = {command.callback.__name__ for command in app.registered_commands if command.callback}
@@ -377,6 +398,7 @@ def main() -> None:
     """Entry point: everything a user can get wrong ends in one line, not in a traceback."""
     try:
         _register_elsewhere()
+        _arrange()
         app()
     except KeyboardInterrupt:
         sys.exit(Ending.INTERRUPTED)

@@ -8,7 +8,7 @@ from importlib.metadata import version
 import pytest
 from typer.testing import CliRunner
 
-from hil.cli import ELSEWHERE, app
+from hil.cli import ELSEWHERE, PANELS, app
 from hil.ending import Ending
 
 COMMANDS = ("demo", "run", "plant", "ecu", "hub", "scenarios", "report", "campaign", *ELSEWHERE)
@@ -47,6 +47,14 @@ def test_every_command_explains_itself(invoke, command):
     result = invoke(command, "--help")
     assert result.exit_code == 0
     assert "Usage" in result.output
+
+
+def test_the_help_shows_every_command_once_under_a_title():
+    shown = [name for names in PANELS.values() for name in names]
+    assert sorted(shown) == sorted(COMMANDS)
+    page = loaderhil("--help").stdout
+    places = [page.index(title) for title in PANELS]
+    assert places == sorted(places)
 
 
 @pytest.mark.parametrize(
