@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from bus.mistake import Mistake
 from dbc import loader_database
+from ecu.calibration import load_calibration
 from ecu.cycle import EcuCycle
 from hil.companions import CALIBRATION as CALIBRATION_FILE
 from hil.companions import EQUIPMENT, companion
-from hil.ecu_side import CALIBRATION, Form, ecu_cycle
+from hil.ecu_side import Form, ecu_cycle
 from hil.faults.injector import Injector
 from hil.faults.mortal import MortalEcu, MortalPlant, acting_on
 from hil.faults.table import faults_of
@@ -44,7 +45,8 @@ class Choice:
 
     scenario: a shipped name or the path of a TOML file; limits: whether the ECU limits the machine.
     inject: a TOML file with more faults than the scenario has of its own.
-    changes: KEY=VALUE words laid over the files of scenario, machine and equipment; calibration: the ECU's, a name or file.
+    changes: KEY=VALUE words laid over the files of scenario, machine and equipment; calibration: the ECU's, a name or file,
+    by default that of the machine's family.
     """
 
     scenario: str
@@ -54,7 +56,7 @@ class Choice:
     seed: int | None = None
     inject: Path | None = None
     changes: tuple[str, ...] = ()
-    calibration: str = CALIBRATION
+    calibration: str | None = None
 
     def on(self, machine: str) -> "Choice":
         """The same on another machine, with the equipment and the calibration that lie beside its file."""
@@ -71,9 +73,9 @@ class Choice:
         )
 
     def load(self) -> Scenario:
-        """The scenario with the choices applied, its machine looked at too."""
+        """The scenario with the choices applied; its machine and its ECU's calibration are looked at too."""
         scenario = load_scenario(_named(self.scenario), Changes.of(self.changes))
-        machine_of(scenario)
+        load_calibration(calibration_of(scenario, self.calibration))
         if self.payload_kg is not None:
             if not 0 <= self.payload_kg <= 20_000:
                 raise ChoiceError(f"--payload-kg {self.payload_kg:g} kg is outside 0 .. 20000 kg")
@@ -116,6 +118,12 @@ def machine_of(scenario: Scenario) -> Machine:
     return load_machine(scenario.machine, scenario.changes.machine)
 
 
+def calibration_of(scenario: Scenario, chosen: str | None = None) -> str:
+    """The ECU's calibration: the chosen one, else that of the family of the scenario's machine."""
+    machine = machine_of(scenario)
+    return machine.family if chosen is None else chosen
+
+
 def plant_unit(scenario: Scenario) -> PlantUnit:
     """The machine of a scenario, settled and ready for its first tick."""
     return PlantUnit(machine_of(scenario), scenario, seed=scenario.seed)
@@ -128,12 +136,13 @@ def lockstep(
     limits: bool = True,
     reference: bool = True,
     injector: Injector | None = None,
-    calibration: str = CALIBRATION,
+    calibration: str | None = None,
 ) -> Lockstep:
     """The two on one virtual clock; reference: with the frames of the test instrumentation."""
+    fitting = calibration_of(scenario, calibration)
 
     def fresh() -> EcuCycle:
-        return ecu_cycle(form=form, limits=limits, calibration=calibration)
+        return ecu_cycle(form=form, limits=limits, calibration=fitting)
 
     if injector is None:
         return Lockstep(plant_unit(scenario), fresh(), reference=reference)
@@ -149,7 +158,7 @@ def truth_columns(truth: Sequence[Truth]) -> dict[str, NDArray[np.float64]]:
 
 
 def record_of(
-    scenario: Scenario, *, form: Form, limits: bool, mode: Mode, calibration: str = CALIBRATION
+    scenario: Scenario, *, form: Form, limits: bool, mode: Mode, calibration: str | None = None
 ) -> RunRecord:
     """The record of a run that starts now."""
     return RunRecord(
@@ -158,7 +167,7 @@ def record_of(
         mode=mode,
         form=form,
         limits=limits,
-        calibration=calibration,
+        calibration=calibration_of(scenario, calibration),
         seed=scenario.seed,
         payload_kg=float(scenario.payload_mass),
         changes=scenario.changes.words,

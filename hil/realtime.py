@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hil import rundir
-from hil.compose import Choice, ChoiceError, record_of
+from hil.compose import Choice, ChoiceError, calibration_of, record_of
 from hil.ending import Ending
 from hil.gateway import latency
 from hil.gateway.buses import ONE_BUS, Buses
@@ -116,7 +116,7 @@ def _drive(
         "--form",
         choice.form,
         "--calibration",
-        choice.calibration,
+        calibration_of(choice.load(), choice.calibration),
         *([] if choice.limits else ["--no-limits"]),
     ]
     others.append(start("ecu", loaderhil("ecu", "--bus", on["ecu"], *ecu_options, "--out", str(out))))

@@ -31,17 +31,14 @@ class CheckedTable:
         self._asked: set[str] = set()
 
     @classmethod
-    def from_file(cls, path: Path, changes: Sequence[Change] = ()) -> Self:
-        """The top table of a TOML file, with `changes` laid over it."""
-        try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            cause = error.strerror if isinstance(error, OSError) else f"not UTF-8, {error}"
-            raise ConfigurationError(f"{path}: cannot be read: {cause}") from error
-        try:
-            values = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise ConfigurationError(f"{path}: not valid TOML: {error}") from error
+    def from_file(cls, path: Path, changes: Sequence[Change] = (), *, bases: Path | None = None) -> Self:
+        """The top table of a TOML file, with `changes` laid over it.
+
+        bases: folder of the files that a key `base` may name; what the file does not say is as in its base.
+        """
+        values = _toml(path)
+        if bases is not None and "base" in values:
+            values = _merged(_toml(_base(path, values.pop("base"), bases)), values)
         file = f"{path} with --set" if changes else str(path)
         for key, value in changes:
             _lay_over(values, key, value, file)
@@ -183,6 +180,36 @@ class CheckedTable:
         if value is None:
             raise self.error(key, "is missing")
         return value
+
+
+def _toml(path: Path) -> dict[str, object]:
+    """A TOML file as it is."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{path}: not valid TOML: {error}") from error
+    except (OSError, UnicodeDecodeError) as error:
+        cause = error.strerror if isinstance(error, OSError) else f"not UTF-8, {error}"
+        raise ConfigurationError(f"{path}: cannot be read: {cause}") from error
+
+
+def _base(path: Path, name: object, bases: Path) -> Path:
+    """The file that `path` names as its base."""
+    known = sorted(file.stem for file in bases.glob("*.toml"))
+    if name not in known:
+        raise ConfigurationError(f"{path}: base = {name!r} is not one of {', '.join(known)}")
+    return bases / f"{name}.toml"
+
+
+def _merged(base: Mapping[str, object], over: Mapping[str, object]) -> dict[str, object]:
+    """Both in one, table by table; where both have a value, that of `over`."""
+    merged = dict(base)
+    for key, value in over.items():
+        below = merged.get(key)
+        if isinstance(below, dict) and isinstance(value, dict):
+            value = _merged(below, value)
+        merged[key] = value
+    return merged
 
 
 def _lay_over(values: dict[str, object], key: tuple[str, ...], value: object, file: str) -> None:

@@ -26,9 +26,12 @@ class Equipment:
 
 
 def load_equipment(name_or_path: str | Path, changes: Sequence[Change] = ()) -> Equipment:
-    """Equipment by name (a file of plant/equipment_sets/) or by path of a TOML file, `changes` laid over it."""
+    """Equipment by name (a file of plant/equipment_sets/) or by path of a TOML file, `changes` laid over it.
+
+    A file with a key `base` is another set but for what it says.
+    """
     path = find_file(name_or_path, FOLDER, "equipment")
-    table = CheckedTable.from_file(path, changes)
+    table = CheckedTable.from_file(path, changes, bases=FOLDER)
     equipment = Equipment(
         name=path.stem,
         rolling_radius=table.number("rolling_radius_m", unit="m", low=0.1, high=2.0),

@@ -243,9 +243,13 @@ class Tyre:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Machine:
-    """Everything the plant knows about one machine."""
+    """Everything the plant knows about one machine.
+
+    family: the name that its equipment and the calibration of an ECU that fits it go by.
+    """
 
     name: str
+    family: str
     geometry: Geometry
     rear_frame: Body
     rear_axle: Body
@@ -306,17 +310,11 @@ def machine_names() -> list[str]:
 def load_machine(name_or_path: str | Path, changes: Sequence[Change] = ()) -> Machine:
     """A machine by name ("l60") or from a TOML file, `changes` laid over it.
 
-    Raises ConfigurationError, naming file, key, value, unit and range, if the file cannot be used.
+    A file with a key `base` is another machine but for what it says. Raises ConfigurationError, naming file,
+    key, value, unit and range, if the file cannot be used.
     """
-    path = Path(name_or_path)
-    if path.suffix != ".toml":
-        path = MACHINES / f"{name_or_path}.toml"
-        if not path.is_file():
-            raise ConfigurationError(
-                f"no machine named {str(name_or_path)!r}; known: {', '.join(machine_names())}, or give a path to a .toml file"
-            )
-    top = CheckedTable.from_file(path, changes)
-    name = top.text("name")
+    top = _top(name_or_path, changes)
+    name, family = top.text("name"), top.text("family")
     parts = {}
     for section, cls in _TABLES.items():
         if section not in top:
@@ -329,9 +327,26 @@ def load_machine(name_or_path: str | Path, changes: Sequence[Change] = ()) -> Ma
             raise top.error(section, str(error)) from error
     chosen = _read_effects(top.table("effects"))
     top.finish()
-    machine = Machine(name=name, effects=chosen, **parts)
+    machine = Machine(name=name, family=family, effects=chosen, **parts)
     _check_order(machine, top)
     return machine
+
+
+def family_of(name_or_path: str | Path, changes: Sequence[Change] = ()) -> str:
+    """The family of a machine, without a look at the rest of it."""
+    return _top(name_or_path, changes).text("family")
+
+
+def _top(name_or_path: str | Path, changes: Sequence[Change]) -> CheckedTable:
+    """The top table of a machine by name or path."""
+    path = Path(name_or_path)
+    if path.suffix != ".toml":
+        path = MACHINES / f"{name_or_path}.toml"
+        if not path.is_file():
+            raise ConfigurationError(
+                f"no machine named {str(name_or_path)!r}; known: {', '.join(machine_names())}, or give a path to a .toml file"
+            )
+    return CheckedTable.from_file(path, changes, bases=MACHINES)
 
 
 def _read_effects(table: CheckedTable) -> tuple[ActiveEffect, ...]:

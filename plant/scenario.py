@@ -7,6 +7,7 @@ from pathlib import Path
 from plant.changes import UNCHANGED, Changes
 from plant.checked import CheckedTable
 from plant.equipment import Equipment, find_file, load_equipment
+from plant.machine import family_of
 from plant.script import DEGREE, KMH, Script, read_script
 from plant.sensors import read_sensors
 from plant.surface import Surface
@@ -59,13 +60,15 @@ def load_scenario(name_or_path: str | Path, changes: Changes = UNCHANGED) -> Sce
     name = table.text("name")
     if name != path.stem:
         raise table.error("name", f"= {name!r} is not the name of the file, {path.stem!r}")
-    equipment = load_equipment(table.text("equipment", default="l60"), changes.equipment)
+    machine = table.text("machine")
+    fitted = table.text("equipment") if "equipment" in table else family_of(machine, changes.machine)
+    equipment = load_equipment(fitted, changes.equipment)
     scenario = Scenario(
         path=path,
         name=name,
         sentence=table.text("sentence"),
         duration_s=table.number("duration_s", unit="s", low=0.1, high=3600.0),
-        machine=table.text("machine"),
+        machine=machine,
         payload_mass=table.number("payload_kg", unit="kg", low=0.0, high=20_000.0, default=0.0),
         surface=_read_surface(table.table("surface")),
         start=_read_start(table.table("start")),

@@ -18,8 +18,8 @@ from ecu.calibration import load_calibration
 from hil.campaign.ablation import VARIANTS, estimated, inputs_of
 from hil.campaign.batch import Result, header, markdown_table, results_of
 from hil.campaign.memory import columns_of
-from hil.compose import Choice, lockstep
-from hil.ecu_side import CALIBRATION, FORMS, Form
+from hil.compose import Choice, calibration_of, lockstep
+from hil.ecu_side import FORMS, Form
 from hil.lockstep import Recording
 from hil.verdict import WHEELS, first_lift_off
 from plant.scenario import list_scenarios
@@ -56,21 +56,21 @@ def run_case(case: Case) -> Result:
     force = np.array([truth.normal_force for truth in recording.truth])
     result = errors_of(estimates_of(recording), time, force) | {"seed": scenario.seed}
     if case.form == "corrected":
-        result["ablation"] = ablation(recording, time, force)
+        result["ablation"] = ablation(recording, time, force, calibration_of(scenario))
     return result
 
 
 def ablation(
-    recording: Recording, time_s: NDArray[np.float64], force: NDArray[np.float64]
+    recording: Recording, time_s: NDArray[np.float64], force: NDArray[np.float64], name: str
 ) -> dict[str, float]:
     """Per variant of the estimate: RMS error of the worst wheel over what it carries standing."""
-    calibration = load_calibration(CALIBRATION)
+    calibration = load_calibration(name)
     times, inputs = inputs_of(recording.bus, calibration)
     worst = {}
-    for name, (arrival, estimate) in estimated(inputs, calibration.parameters, times).items():
+    for variant, (arrival, estimate) in estimated(inputs, calibration.parameters, times).items():
         series = Series(arrival, estimate, np.ones(estimate.shape, bool))
         result = errors_of(series, time_s, force)
-        worst[name] = float(np.max(np.array(result["rms"]) / result["standing"]))
+        worst[variant] = float(np.max(np.array(result["rms"]) / result["standing"]))
     return worst
 
 

@@ -15,7 +15,7 @@ from bus.frame import Frame
 from dbc import loader_database
 from dbc.protection import Finding as Check
 from ecu.findings import Implausible, ProtectionFailed, Stale
-from hil.compose import plant_unit
+from hil.compose import calibration_of, plant_unit
 from hil.deadlines import Observation, Observer, judge_message
 from hil.ecu_side import ecu_cycle
 from hil.faults.injector import Injector
@@ -86,7 +86,10 @@ class Watch:
         self._cyclic = {codec.can_id: codec for codec in database.by_name.values() if codec.cycle_ns}
         self._stale_ns = round(scenario.equipment.obedience.stale_after * 1e9)
         self._unit = plant_unit(scenario)
-        self._probe = _Probe(MortalEcu(lambda: ecu_cycle(form="corrected", limits=True)))
+        calibration = calibration_of(scenario)
+        self._probe = _Probe(
+            MortalEcu(lambda: ecu_cycle(form="corrected", limits=True, calibration=calibration))
+        )
         self.injector = Injector(database, faults, seed=seed)
         self.injector.start(0)
         plant = MortalPlant(self._unit)

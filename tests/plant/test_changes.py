@@ -76,7 +76,7 @@ def test_machine_and_equipment_are_reached_by_their_names(bend):
 
 
 def test_machine_alone_is_the_scenarios_own_key(bend):
-    assert load_scenario(bend(), change("machine=other.toml")).machine == "other.toml"
+    assert load_scenario(bend(), change("machine=compact")).machine == "compact"
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from plant import state as s
-from plant.machine import load_machine
+from plant.machine import load_machine, machine_names
 from plant.parameters import P_NORMAL, P_STOP_ANGLE, P_WHEELS, W_DAMPING
 from plant.plant import Commands, Plant
 from plant.surface import Surface
@@ -34,7 +34,7 @@ def airborne(integrator, step_s=1e-3, *, turning=(0.3, -0.5, 1.0)) -> Plant:
 
 def totals(plant: Plant) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
     """Kinetic plus gravitational energy, momentum, angular momentum about the CoG, and CoG: MuJoCo's, not ours."""
-    oracle = MujocoLoader(MACHINE, plant._parameters, payload_mass=plant.payload_mass)
+    oracle = MujocoLoader(plant.machine, plant._parameters, payload_mass=plant.payload_mass)
     oracle.model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     oracle.set_state(plant._state)
     mujoco.mj_forward(oracle.model, oracle.data)
@@ -106,14 +106,18 @@ def test_order_of_convergence(integrator, order, steps):
     assert math.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.1)
 
 
-def test_energy_balance_of_a_drive():
+@pytest.mark.parametrize("name", machine_names())
+def test_energy_balance_of_a_drive(name):
     """Kinetic, gravitational and tyre energy change by the work of motors, brakes and cylinders less what tyres
     dissipate, over 4 s of driving, steering, lifting and braking uphill.
 
     Work is integrated here by Simpson's rule over 0.5 ms samples; 1e-5 of the energy turned over.
     """
-    plant = Plant(MACHINE, Surface(grade=0.1), payload_mass=2000.0, speed=3.0, integrator="rk4", step_s=5e-4)
-    tyre, power, turnover = MACHINE.tyre, [], []
+    machine = load_machine(name)
+    size = machine.mass / 11842  # of the torques below
+    load = 0.6 * machine.payload.reference_mass
+    plant = Plant(machine, Surface(grade=0.1), payload_mass=load, speed=3.0, integrator="rk4", step_s=5e-4)
+    tyre, power, turnover = machine.tyre, [], []
     radius = tyre.radius
     pressure = np.array((tyre.front_pressure,) * 2 + (tyre.rear_pressure,) * 2) / tyre.nominal_pressure - 1
     scale = tyre.nominal_load * radius * (1 + tyre.pfz1 * pressure)
@@ -151,12 +155,12 @@ def test_energy_balance_of_a_drive():
         turnover.append(np.abs(parts).sum())
         t = tick * 5e-4
         braking = t > 2.5
-        torque = 0.0 if braking else 4000.0
+        torque = 0.0 if braking else 4000.0 * size
         if tick < 8000:
             plant.advance(
                 Commands(
                     wheel_torque=(torque,) * 4,
-                    brake_torque=(3000.0 * braking,) * 4,
+                    brake_torque=(3000.0 * size * braking,) * 4,
                     articulation_rate=0.2 if t < 1.5 else -0.1,
                     lift_rate=0.1,
                     tilt_rate=-0.1,

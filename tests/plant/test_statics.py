@@ -7,7 +7,7 @@ import pytest
 
 from hil.standards.rest import lift_off_slope, rigid, tipping_load
 from plant.equilibrium import NoEquilibriumError
-from plant.machine import load_machine
+from plant.machine import load_machine, machine_names
 from plant.plant import Commands, Plant
 from plant.surface import Surface
 from tests.plant.oracle import statics
@@ -46,12 +46,19 @@ def test_soft_tyres_change_the_wheel_loads_by_pitch_and_roll_only(payload, delta
     np.testing.assert_allclose(loads, (left, right, rear, rear), rtol=0.02, atol=0)
 
 
-@pytest.mark.parametrize(("payload", "delta", "lift"), [row[:3] for row in TABLE])
-def test_rest_is_the_minimum_of_potential_energy(payload, delta, lift):
-    """Energy of all bodies and springs, minimised without any force balance. 2e-6: what the minimiser reaches."""
-    plant = Plant(MACHINE, **pose(payload, delta, lift))
-    truth = plant.truth()
-    expected = statics.resting_loads(MACHINE, payload, delta, truth.lift_arm_angle, truth.tilt_angle)
+@pytest.mark.parametrize("name", machine_names())
+@pytest.mark.parametrize(
+    ("load", "turn", "lift"), [(0, 0, None), (0, 1, None), (1, 1, None), (1, 0, 0.0), (1, -1, TOP)]
+)
+def test_rest_is_the_minimum_of_potential_energy(name, load, turn, lift):
+    """Energy of all bodies and springs, minimised without any force balance. 2e-6: what the minimiser reaches.
+
+    load: of the machine's rated payload; turn: of its largest articulation.
+    """
+    machine = load_machine(name)
+    payload, delta = load * machine.payload.reference_mass, turn * machine.steering.limit
+    truth = Plant(machine, **pose(payload, delta, lift)).truth()
+    expected = statics.resting_loads(machine, payload, delta, truth.lift_arm_angle, truth.tilt_angle)
     np.testing.assert_allclose(truth.normal_force, expected, rtol=2e-6)
 
 
