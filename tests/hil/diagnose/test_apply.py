@@ -179,7 +179,7 @@ def test_run_takes_what_lies_beside_the_machine(machine: Path) -> None:
     assert scenario.equipment.sensors.of("pitch_rate").bias == pytest.approx(0.05)
     assert scenario.surface.friction == 0.5
     assert choice.calibration == str(machine.with_name("mine.calibration.toml"))
-    assert Choice(scenario="standstill").on("l60").calibration == "l60"
+    assert Choice(scenario="standstill").on("compact").calibration is None, "that of the machine's family"
 
 
 def typical(name: str) -> Applied:
