@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check fast slow-tests socketcan bench results clean lock
+.PHONY: help demo test check fast slow-tests socketcan bench proof results clean lock
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
@@ -46,6 +46,9 @@ socketcan: $(BIN)/.test ## SocketCAN tests: natively where the kernel has CAN, e
 
 bench: $(BIN)/.bench ## every benchmark, each against its peer
 	@for b in $(basename $(notdir $(wildcard bench/bench_*.py))); do echo "== $$b"; $(BIN)/python -m bench.$$b || exit 1; done
+
+proof: $(BIN)/.bench ## prove the diagnosis: all arms into docs/results/proof.md (hours; run again to take up); PROOF='--arms straight --share 0.1'
+	$(BIN)/python -m bench.proof --out docs/results/proof.md $(PROOF)
 
 results: $(BIN)/.test ## regenerate the tables under docs/results (minutes)
 	$(BIN)/loaderhil campaign normal-force --out docs/results

@@ -16,7 +16,7 @@ STEP_S = 0.005
 KEEP = 8  # one of 8 steps is recorded: 25 Hz
 ORDER = (
     "mass", "viscous", "square", "reverse", "rolling", "slope", "motor_lag",
-    "drive_loss", "brake_fade", "slip", "hysteresis",
+    "drive_loss", "brake_fade", "slip", "hysteresis", "warming",
 )  # fmt: skip
 
 
@@ -31,6 +31,10 @@ class Noise:
     quantised: bool = True
 
 
+STANDING = ("mass", "viscous")
+"""Parameters that act all the time; the others are effects, which may act for a stretch only."""
+WARM_S = 40.0  # in which a warming driveline loses most of what it will
+
 WHITE = Noise(quantised=False)
 COLOURED = Noise(force_sd=600.0, quantised=False)
 QUANTISED = Noise(force_sd=300.0, speed_sd=0.004, acceleration_sd=0.03)
@@ -38,18 +42,28 @@ QUANTISED = Noise(force_sd=300.0, speed_sd=0.004, acceleration_sd=0.03)
 
 @numba.njit
 def _drive(
-    p: np.ndarray, target: np.ndarray, shake: np.ndarray, reading: np.ndarray, sense: np.ndarray
+    always: np.ndarray,
+    effects: np.ndarray,
+    acts: np.ndarray,
+    target: np.ndarray,
+    shake: np.ndarray,
+    reading: np.ndarray,
+    sense: np.ndarray,
 ) -> np.ndarray:
     """Closed loop; rows: speed of the machine, wheel speed, acceleration, drive command, brake command.
 
-    reading: error of the speed the driver acts on; sense: (scale, delay in steps) of the speed sensor.
+    always: parameters without the effects; effects: what they add where `acts` is 1; reading: error of the speed the driver acts on;
+    sense: (scale, delay in steps) of the speed sensor.
     """
-    mass, viscous, square, reverse, rolling, slope, lag, loss, fade, slip, hysteresis = p
     n = target.size
     out = np.zeros((5, n))
     v, force, memory, command, brake = 0.0, 0.0, 0.0, 0.0, 0.0
     delay = round(sense[1])
     for i in range(n):
+        mass, cold, square, reverse, rolling, slope, lag, loss, fade, slip, hysteresis, warming = (
+            always + acts[i] * effects
+        )
+        viscous = cold * (1.0 - warming * (1.0 - np.exp(-i * STEP_S / WARM_S)))
         out[0, i] = v
         traction = force * (1.0 - loss)
         out[1, i] = v * (1.0 + slip * traction / (mass * G))
@@ -88,10 +102,19 @@ def record(
     *,
     duration_s: float = 96.0,
     one_way: bool = False,
+    stretch: tuple[float, float] | None = None,
 ) -> Recording:
-    """Drive a random sequence of target speeds; truth: parameters by the model's names, mass and sensors included."""
+    """Drive a random sequence of target speeds; truth: parameters by the model's names, mass and sensors included.
+
+    stretch: the time [s] in which the effects act; else always.
+    """
     n = int(duration_s / STEP_S)
-    p = np.array([truth.get(name, 0.0) for name in ORDER])
+    always = np.array([truth.get(name, 0.0) if name in STANDING else 0.0 for name in ORDER])
+    effects = np.array([0.0 if name in STANDING else truth.get(name, 0.0) for name in ORDER])
+    acts = np.ones(n)
+    if stretch is not None:
+        at = STEP_S * np.arange(n)
+        acts = ((at >= stretch[0]) & (at < stretch[1])).astype(float)
     target = np.repeat(
         rng.choice([0.0, 1.5, 3.0, 5.0] if one_way else [-3.0, -1.5, 0.0, 2.0, 5.0], size=n // 600 + 1), 600
     )[:n]
@@ -104,13 +127,13 @@ def record(
             shake[i] = a * shake[i - 1] + drive[i]
     reading = rng.normal(0.0, noise.speed_sd, n)
     sense = np.array([truth.get("speed.scale", 0.0), truth.get("speed.delay", 0.0) / STEP_S])
-    out = _drive(p, target, shake, reading, sense)
+    out = _drive(always, effects, acts, target, shake, reading, sense)
     time_s = STEP_S * np.arange(n)
     rows = slice(0, n, KEEP)
     wheel = np.interp(time_s - truth.get("speed.delay", 0.0), time_s, out[1]) * (1.0 + sense[0]) + reading
     # the accelerometer averages over 10 ms from its stamp on
     acceleration = 0.5 * (out[2] + np.append(out[2, 1:], out[2, -1]))
-    force = acceleration + G * np.sin(truth.get("slope", 0.0))
+    force = acceleration + G * np.sin(acts * truth.get("slope", 0.0))
     force = force * (1.0 + truth.get("acceleration.scale", 0.0)) + truth.get("acceleration.bias", 0.0)
     force = force + rng.normal(0.0, noise.acceleration_sd, n)
     if noise.quantised:

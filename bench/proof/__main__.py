@@ -1,0 +1,75 @@
+"""`python -m bench.proof [--arms straight,ball] [--share 0.1]`: carry out the arms that are left, and write the report."""
+
+import argparse
+import shlex
+import sys
+from pathlib import Path
+
+from rich.console import Console
+
+from bench.proof import report
+from bench.proof.arm import read
+from bench.proof.plan import GROUPS, SLOW, carried_out, plan, sampled
+from hil.diagnose.fleet import bar
+from hil.scale.cluster import carry_out
+from hil.scale.store import Store
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m bench.proof", description=__doc__)
+    parser.add_argument("--arms", default=",".join(GROUPS), help=f"of {', '.join(GROUPS)}")
+    parser.add_argument("--seeds", type=int, default=3, help="repetitions of the whole plan")
+    parser.add_argument("--share", type=float, default=1.0, help="of the arms, evenly from each kind")
+    parser.add_argument(
+        "--loader-share",
+        type=float,
+        default=None,
+        help="of the loader's arms, which take minutes each; else --share",
+    )
+    parser.add_argument(
+        "--work", type=Path, default=Path("out/proof"), help="keeps each arm's result; run again to take up"
+    )
+    parser.add_argument("--out", type=Path, default=None, help="write the report here, else print it")
+    parser.add_argument("--workers", type=int, default=None, help="processes; else one per processor")
+    parser.add_argument(
+        "--scheduler", default=None, help="address of a dask scheduler; else processes of this machine"
+    )
+    parser.add_argument("--report-only", action="store_true", help="of the arms that are there")
+    args = parser.parse_args()
+    groups = args.arms.split(",")
+    if strange := [group for group in groups if group not in GROUPS]:
+        parser.error(f"--arms {strange[0]}: there are {', '.join(GROUPS)}")
+    planned = list(plan(groups, args.seeds))
+    of_loader = args.share if args.loader_share is None else args.loader_share
+    quick, slow = [a for a in planned if a.body not in SLOW], [a for a in planned if a.body in SLOW]
+    chosen = {a.key: a for a in (*sampled(quick, args.share), *sampled(slow, of_loader))}
+    version = report.commit()
+    store = Store(args.work, {"commit": version})
+    failures: dict[str, str] = {}
+    if not args.report_only:
+        with bar(Console(stderr=True)) as told:
+            failures = carry_out(
+                carried_out, chosen, store, scheduler=args.scheduler, workers=args.workers, told=told
+            ).failures
+    store.collect(chosen, failures)
+    note = (
+        f"{len(chosen)} arms were chosen of {len(planned)}, evenly by seed."
+        if len(chosen) < len(planned)
+        else ""
+    )
+    command = shlex.join(["python", "-m", "bench.proof", *(w for w in sys.argv[1:] if w != "--report-only")])
+    text = report.report(
+        [read(row) for row in store.rows(chosen)],
+        failures,
+        len(chosen),
+        command,
+        {"commit": version, "note": note},
+    )
+    if args.out:
+        args.out.write_text(text, encoding="utf-8")
+    else:
+        print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,146 @@
+"""One arm of the proof: what is hidden in which body of truth, and the row that is kept of its diagnosis."""
+
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from discrepancy.examine import examine
+from discrepancy.findings import Findings, from_json, to_json
+from discrepancy.model import Model
+from discrepancy.recording import Recording
+from discrepancy.search import Settings
+from hil.scale.store import Row
+
+LAMBDAS = (10.0, 20.0, 50.0, 250.0, 2500.0)
+STRONG = 50.0  # from here on the truth has to be found
+EXACT = 250.0  # from here on with its size
+SHORT = 0.8  # of the wanted lambda: an effect that its bound keeps below counts in no row of that lambda
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arm:
+    """body: of truth. kind: null, effect, outside (no effect of the library is the cause), pair, stretch (acts between start_s and
+
+    end_s only), real. strength: wanted lambda, or for the loader the size in typical changes.
+    """
+
+    body: str
+    kind: str
+    seed: int
+    effects: tuple[str, ...] = ()
+    noise: str = ""
+    strength: float = 0.0
+    what: str = ""
+    start_s: float | None = None
+    end_s: float | None = None
+
+    @property
+    def key(self) -> str:
+        """Unique, and fit for a file."""
+        told = "+".join(self.effects) or self.what
+        parts = (
+            self.body,
+            self.kind,
+            told,
+            self.noise,
+            f"{self.strength:g}" if self.strength else "",
+            str(self.seed),
+        )
+        return " ".join(part for part in parts if part).replace("/", "-")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Truth:
+    """What an arm hid: parameters, lambda that was reached, and where the effect shows.
+
+    channels: share of lambda per channel; beyond: what else is to be kept (a peer's answer).
+    """
+
+    values: Mapping[str, float] = field(default_factory=dict)
+    reached: float | None = None
+    channels: Mapping[str, float] = field(default_factory=dict)
+    beyond: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """A row read back."""
+
+    arm: Arm
+    truth: Truth
+    findings: Findings
+    seconds: float
+
+    @property
+    def named(self) -> list[str]:
+        return self.findings.named
+
+    def group_has(self, effect: str) -> bool:
+        """Whether a named finding is the effect or has it in its group."""
+        return any(
+            effect in (f.effect, *(m.effect for m in f.group)) for f in self.findings.findings if f.named
+        )
+
+    @property
+    def reached(self) -> bool:
+        """Whether the effect is as strong as was wanted."""
+        return self.truth.reached is None or self.truth.reached >= SHORT * self.arm.strength
+
+
+def diagnosed(arm: Arm, model: Model, recordings: list[Recording], truth: Truth) -> Row:
+    """Diagnose and make the row."""
+    start = time.perf_counter()
+    found = examine(model, recordings, Settings())
+    return row(arm, truth, found, time.perf_counter() - start)
+
+
+def row(arm: Arm, truth: Truth, found: Findings, seconds: float) -> Row:
+    """What is kept: columns to look at, and everything as JSON."""
+    return {
+        "body": arm.body,
+        "kind": arm.kind,
+        "effects": ", ".join(arm.effects) or arm.what,
+        "noise": arm.noise,
+        "strength": arm.strength,
+        "reached": truth.reached,
+        "seed": arm.seed,
+        "start_s": arm.start_s,
+        "end_s": arm.end_s,
+        "what": arm.what,
+        "status": found.status,
+        "named": ", ".join(found.named),
+        "seconds": seconds,
+        "simulations": found.simulations,
+        "truth": json.dumps(dict(truth.values)),
+        "channels": json.dumps(dict(truth.channels)),
+        "beyond": json.dumps(dict(truth.beyond)),
+        "hidden": json.dumps(arm.effects),
+        "findings": to_json(found),
+    }
+
+
+def read(kept: Row) -> Done:
+    """A row as it was made."""
+    arm = Arm(
+        body=str(kept["body"]),
+        kind=str(kept["kind"]),
+        seed=int(kept["seed"] or 0),
+        effects=tuple(json.loads(str(kept["hidden"]))),
+        noise=str(kept["noise"]),
+        strength=float(kept["strength"] or 0.0),
+        what=str(kept["what"]),
+        start_s=_number(kept["start_s"]),
+        end_s=_number(kept["end_s"]),
+    )
+    truth = Truth(
+        values=json.loads(str(kept["truth"])),
+        reached=_number(kept["reached"]),
+        channels=json.loads(str(kept["channels"])),
+        beyond=json.loads(str(kept["beyond"])),
+    )
+    return Done(arm, truth, from_json(str(kept["findings"])), float(kept["seconds"] or 0.0))
+
+
+def _number(value) -> float | None:
+    return None if value is None else float(value)

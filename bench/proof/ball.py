@@ -1,0 +1,82 @@
+"""A ball thrown before a camera: truth by an adaptive method of order 8 (DOP853), pixels and an unsure scale."""
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
+
+from bench.proof.arm import Arm
+from bench.proof.body import Body
+from discrepancy.models.ball import model
+from discrepancy.recording import Recording, signal
+
+G, AIR, VISCOSITY = 9.81, 1.2, 1.8e-5
+PICTURES_HZ = 60.0
+PIXEL_M = 0.01
+NOISE_M = 0.01
+THROWS = ((45.0, 0.0, 2.6), (2.0, 18.0, 3.2), (30.0, 8.0, 3.0))  # height [m], speed [m/s], duration [s]
+BALLS = ((0.045, 0.073), (0.058, 0.066), (0.020, 0.090))  # mass [kg], diameter [m]
+
+
+def recorded(values, arm: Arm, rng: np.random.Generator) -> list[Recording]:
+    """Three throws of one ball, all with one error of the camera's scale."""
+    mass, diameter = BALLS[int(rng.integers(len(BALLS)))]
+    camera = 1.0 + 0.02 * rng.normal()
+    return [
+        _throw(values, arm, rng, f"throw {i}", (mass, diameter, camera), throw)
+        for i, throw in enumerate(THROWS, 1)
+    ]
+
+
+def _throw(values, arm: Arm, rng: np.random.Generator, name: str, ball, throw) -> Recording:
+    (mass, diameter, camera), (height, speed, duration) = ball, throw
+    displaced = AIR * np.pi * diameter**3 / 6.0
+    square = 0.5 * AIR * np.pi / 4.0 * diameter**2 * values.get("drag_coefficient", 0.0)
+    linear = 3.0 * np.pi * VISCOSITY * diameter * values.get("stokes", 0.0)
+    inertia = mass + values.get("added_mass", 0.0) * displaced
+    gust = values.get("gust", 0.0)
+
+    def rates(t, y):
+        v = y[1]
+        wind = gust * np.sin(2.0 * np.pi * 0.8 * t)  # an updraught that comes and goes
+        force = (
+            -mass * G
+            + values.get("buoyancy", 0.0) * displaced * G
+            - square * v * abs(v)
+            - linear * v
+            + mass * wind
+        )
+        return v, force / inertia
+
+    time_s = np.arange(0.0, duration, 1.0 / PICTURES_HZ)
+    fine = np.linspace(0.0, duration, 20 * time_s.size)
+    z = solve_ivp(rates, (0.0, duration), (height, speed), "DOP853", t_eval=fine, rtol=1e-9, atol=1e-9).y[0]
+    seen = np.interp(np.maximum(time_s - values.get("release", 0.0), 0.0), fine, z)
+    seen = _low_passed(seen, values.get("height.lag", 0.0)) * camera
+    noise = NOISE_M * rng.normal(size=seen.size)
+    if arm.noise == "coloured":
+        noise = lfilter([np.sqrt(1.0 - 0.8**2)], [1.0, -0.8], noise)
+    seen = seen + noise
+    if arm.noise == "quantised":
+        seen = np.round(seen / PIXEL_M) * PIXEL_M
+    return Recording(name, {"height": signal(time_s, seen, "m")}, {"mass": mass, "diameter": diameter})
+
+
+def _low_passed(values: np.ndarray, time_constant_s: float) -> np.ndarray:
+    """First-order lag by fine Euler steps, settled at the start."""
+    if time_constant_s <= 0.0:
+        return values
+    fine = np.interp(np.arange(0.0, values.size - 1 + 1e-9, 0.02), np.arange(values.size), values)
+    a = 0.02 / PICTURES_HZ / time_constant_s
+    out = lfilter([a], [1.0, a - 1.0], fine, zi=[(1.0 - a) * fine[0]])[0]
+    return np.interp(np.arange(values.size), np.arange(0.0, values.size - 1 + 1e-9, 0.02), out)
+
+
+BALL = Body(
+    name="ball",
+    model=model,
+    record=recorded,
+    noises=("white", "coloured", "quantised"),
+    nulls=7,
+    outside={"updraught 0.3 g": {"gust": 0.3 * G}, "updraught 0.6 g": {"gust": 0.6 * G}},
+    pairs=(("quadratic drag", "late release"), ("late release", "height lag")),
+)

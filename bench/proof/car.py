@@ -1,0 +1,137 @@
+"""A small car: truth in steps of 1 ms, sensors at their own rates and resolutions, commands by chance."""
+
+import numba
+import numpy as np
+from scipy.signal import lfilter
+
+from bench.proof.arm import Arm
+from bench.proof.body import Body
+from discrepancy.models.car import WHEELBASE_M, model
+from discrepancy.recording import Recording, signal
+
+G = 9.81
+STEP_S = 1e-3
+DURATION_S = 60.0
+GYRO_EVERY, ENCODER_EVERY, REFERENCE_EVERY, COMMAND_EVERY = 20, 50, 20, 10  # steps; all at whole commands
+HAND_S = 0.15  # time constant of who steers; faster, and 50 Hz of motion capture would not hold the turns
+GYRO_SD, ENCODER_SD, REFERENCE_SD = 0.02, 0.02, 0.01
+GYRO_BIT, ENCODER_BIT = 0.01, 0.02
+
+
+@numba.njit
+def _yaw(
+    angle: np.ndarray,
+    speed: np.ndarray,
+    understeer: float,
+    slipperiness: float,
+    relaxation: float,
+    play: float,
+) -> np.ndarray:
+    """Yaw rate [rad/s] of a bicycle; play: half the dead zone of the steering [rad], which no effect of the library is."""
+    out = np.empty(angle.size)
+    now, held = 0.0, angle[0]
+    for i in range(angle.size):
+        held = min(max(held, angle[i] - play), angle[i] + play)
+        v = speed[i]
+        steady = v * np.tan(held) / (WHEELBASE_M * (1.0 + understeer * v * v))
+        demanded = slipperiness * v * steady / G
+        steady = steady / np.sqrt(1.0 + demanded * demanded)
+        if relaxation > 0.0:
+            now += (steady - now) * (1.0 - np.exp(-abs(v) * STEP_S / relaxation))
+        else:
+            now = steady
+        out[i] = now
+    return out
+
+
+def recorded(values, arm: Arm, rng: np.random.Generator) -> list[Recording]:
+    """A minute of steering steps at changing speed; the steering's own map differs from the model's start."""
+    n = round(DURATION_S / STEP_S)
+    time_s = STEP_S * np.arange(n)
+    steering = _by_hand(np.repeat(rng.uniform(-0.8, 0.8, n // 700 + 1), 700)[:n])
+    throttle = np.repeat(rng.uniform(0.15, 0.4, n // 4000 + 1), 4000)[:n]
+    speed = _lagged(4.0 * throttle, 0.6)
+    gain, cubic, offset = 0.4 + 0.03 * rng.normal(), 0.03 * rng.normal(), 0.01 * rng.normal()
+    angle = gain * steering + cubic * steering**3 + offset
+    angle = _late(_lagged(angle, values.get("servo_lag", 0.0)), values.get("servo_delay", 0.0))
+    yaw = _yaw(
+        angle,
+        speed,
+        values.get("understeer", 0.0),
+        values.get("slipperiness", 0.0),
+        values.get("relaxation", 0.0),
+        values.get("play", 0.0),
+    )
+    gyro = _sensed(
+        yaw,
+        "gyro",
+        values,
+        GYRO_EVERY,
+        _noise(rng, n, GYRO_SD, arm),
+        GYRO_BIT if arm.noise == "quantised" else 0.0,
+    )
+    encoder = _sensed(
+        speed,
+        "encoder",
+        values,
+        ENCODER_EVERY,
+        _noise(rng, n, ENCODER_SD, arm),
+        ENCODER_BIT if arm.noise == "quantised" else 0.0,
+    )
+    rows = slice(0, n, COMMAND_EVERY)
+    reference = slice(0, n, REFERENCE_EVERY)
+    signals = {
+        "steering": signal(time_s[rows], steering[rows], "1", held=True),
+        "throttle": signal(time_s[rows], throttle[rows], "1", held=True),
+        "speed_reference": signal(time_s[rows], speed[rows], "m/s"),
+        "gyro": signal(time_s[::GYRO_EVERY], gyro, "rad/s"),
+        "encoder": signal(time_s[::ENCODER_EVERY], encoder, "m/s"),
+        "yaw_rate_reference": signal(
+            time_s[reference], (yaw + REFERENCE_SD * rng.normal(size=n))[reference], "rad/s"
+        ),
+    }
+    return [Recording("car", signals)]
+
+
+def _by_hand(values: np.ndarray) -> np.ndarray:
+    """Without corners, and then held from one command to the next."""
+    smooth = _lagged(_lagged(values, HAND_S), HAND_S)
+    return np.repeat(smooth[::COMMAND_EVERY], COMMAND_EVERY)[: values.size]
+
+
+def _noise(rng: np.random.Generator, n: int, sd: float, arm: Arm) -> np.ndarray:
+    white = sd * rng.normal(size=n)
+    if arm.noise != "coloured":
+        return white
+    a = float(np.exp(-STEP_S / 0.05))
+    return lfilter([np.sqrt(1.0 - a * a)], [1.0, -a], white)
+
+
+def _sensed(true: np.ndarray, name: str, values, every: int, noise: np.ndarray, bit: float) -> np.ndarray:
+    seen = _late(_lagged(true, values.get(f"{name}.lag", 0.0)), values.get(f"{name}.delay", 0.0))
+    seen = seen * (1.0 + values.get(f"{name}.scale", 0.0)) * (1.0 - 2.0 * values.get(f"{name}.sign", 0.0))
+    seen = (seen + values.get(f"{name}.bias", 0.0) + noise)[::every]
+    return np.round(seen / bit) * bit if bit else seen
+
+
+def _lagged(values: np.ndarray, time_constant_s: float) -> np.ndarray:
+    if time_constant_s <= 0.0:
+        return values
+    a = STEP_S / time_constant_s
+    return lfilter([a], [1.0, a - 1.0], values, zi=[(1.0 - a) * values[0]])[0] if a < 1.0 else values
+
+
+def _late(values: np.ndarray, delay_s: float) -> np.ndarray:
+    at = STEP_S * np.arange(values.size)
+    return np.interp(at - delay_s, at, values) if delay_s else values
+
+
+CAR = Body(
+    name="car",
+    model=model,
+    record=recorded,
+    noises=("white", "coloured", "quantised"),
+    nulls=7,
+    outside={"steering play 0.01 rad": {"play": 0.01}, "steering play 0.03 rad": {"play": 0.03}},
+    pairs=(("servo lag", "encoder delay"), ("understeer", "gyro scale"), ("gyro delay", "encoder scale")),
+)

@@ -1,0 +1,42 @@
+"""The wheel loader: drives by chance through driver, limits, sensors, CAN encoding and ECU (bench.loader_truth), the whole library as candidates."""
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from bench import loader_truth
+from bench.proof.arm import Arm, Truth, diagnosed
+from hil.scale.store import Row
+
+SCALES = (0.3, 1.0, 3.0)  # of an effect's typical change
+
+
+def arms(seeds: int) -> Iterator[Arm]:
+    """Nulls, effects, pairs; the plant's own motion by another integrator and MuJoCo's."""
+    for drive in loader_truth.arms(seeds=seeds, scales=SCALES):
+        kind = ("null", "effect", "pair")[len(drive.effects)]
+        body = "mujoco" if drive.truth == "mujoco" else "loader"
+        yield Arm(
+            body=body,
+            kind=kind,
+            seed=drive.seed,
+            effects=drive.effects,
+            strength=drive.scale if drive.effects else 0.0,
+        )
+
+
+def carried_out(arm: Arm) -> Row:
+    """Drive, record as the bench does, read as the diagnosis does."""
+    from discrepancy.models import loader
+
+    drive = loader_truth.Arm(
+        effects=arm.effects,
+        seed=arm.seed,
+        scale=arm.strength or 1.0,
+        truth="mujoco" if arm.body == "mujoco" else "rk4",
+    )
+    with tempfile.TemporaryDirectory(prefix="loaderhil-proof-") as folder:
+        run = Path(folder) / "run"
+        values = loader_truth.record(drive, run)
+        recording = loader.load_run(run)
+    return diagnosed(arm, loader.model([recording]), [recording], Truth(values=values))

@@ -1,0 +1,45 @@
+"""Which arms there are, and who carries each out."""
+
+from collections.abc import Iterable, Iterator
+
+from bench.proof import loader, real, thesis
+from bench.proof.arm import Arm
+from bench.proof.ball import BALL
+from bench.proof.body import Body
+from bench.proof.car import CAR
+from bench.proof.straight import STRAIGHT
+from hil.scale.store import Row
+
+BODIES: dict[str, Body] = {body.name: body for body in (STRAIGHT, BALL, CAR)}
+GROUPS = (*BODIES, "loader", "real", "thesis")
+SLOW = ("loader", "mujoco")  # bodies whose arms take minutes each
+
+
+def plan(groups: Iterable[str], seeds: int) -> Iterator[Arm]:
+    """Every arm of the groups; real recordings only where there are any."""
+    for group in groups:
+        if group in BODIES:
+            yield from BODIES[group].arms(seeds)
+        elif group == "loader":
+            yield from loader.arms(seeds)
+        elif group == "real":
+            yield from real.arms()
+        elif group == "thesis":
+            yield from thesis.arms()
+
+
+def carried_out(arm: Arm) -> Row:
+    """One arm, wherever it is carried out."""
+    if arm.body in BODIES:
+        return BODIES[arm.body].carried_out(arm)
+    return {"loader": loader, "mujoco": loader, "real": real, "thesis": thesis}[arm.body].carried_out(arm)
+
+
+def sampled(arms: list[Arm], share: float) -> list[Arm]:
+    """Evenly every so many-th arm of each body and kind, at least one of each."""
+    kept = []
+    for body, kind in dict.fromkeys((a.body, a.kind) for a in arms):
+        some = [a for a in arms if (a.body, a.kind) == (body, kind)]
+        count = max(1, round(share * len(some)))
+        kept += [some[int((i + 0.5) * len(some) / count)] for i in range(count)]
+    return kept

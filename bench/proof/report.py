@@ -1,0 +1,115 @@
+"""The proof as a page of Markdown."""
+
+import platform
+import subprocess
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from bench.proof import real, score
+from bench.proof.arm import Done
+
+HEAD = ("| metric | target | measured | met |", "|---|---|---|---|")
+BODIES = {
+    "straight": "A loader driving straight, truth by Runge-Kutta in closed loop, 12 effects of which 4 of sensors, 96 s at 25 Hz",
+    "ball": "A ball thrown three times, truth by an adaptive method of order 8, 6 effects, 60 pictures a second",
+    "car": "A small car, truth at 1 kHz, 14 effects of which 9 of sensors, 60 s",
+    "loader": "The wheel loader through sensors, CAN encoding and ECU, its whole library; truth by Runge-Kutta at 1 ms",
+    "mujoco": "The wheel loader, moved by MuJoCo instead of our plant",
+}
+REMARKS = (
+    "- lambda is measured on the recording that holds the effect, by an oracle that knows it: squared size over the variance of its estimate, with all",
+    "  nuisances refitted and the correlation of the scores counted. Where a bound of the parameter comes first, the effect stays weaker and the arm counts in no row.",
+    "- Shares have Wilson's 95 % interval; the upper bound on nulls is Clopper and Pearson's, one-sided.",
+    "- pysindy (STLSQ on smoothed derivatives) is given the exact terms of the library, mass and drag to project out, and that threshold of its grid",
+    "  at which it does best, run by run; its answer is the largest term.",
+    "- A channel is right if the oracle gives it at least 80 % of the largest share of lambda.",
+)
+
+
+def commit() -> str:
+    """The last commit that touched more than documents, marked where files differ from it."""
+    rest = ("--", ".", ":!docs")
+    told = subprocess.run(
+        ["git", "log", "-1", "--format=%h", *rest], capture_output=True, text=True, check=False
+    )
+    changed = subprocess.run(["git", "diff", "--quiet", "HEAD", *rest], check=False)
+    return (told.stdout.strip() or "unknown") + ("-dirty" if changed.returncode else "")
+
+
+def report(
+    done: Sequence[Done], broken: Mapping[str, str], planned: int, command: str, told: Mapping[str, str]
+) -> str:
+    """The whole page. broken: arms that did not finish, with the reason; planned: arms in all; told: what else was said of the run."""
+    lines = [
+        "# Proof of the discrepancy engine",
+        "",
+        f"`{command}`, commit {told['commit']}, Python {platform.python_version()}, numpy {np.__version__}; {len(done)} of {planned} arms,"
+        f" {sum(d.seconds for d in done) / 3600.0:.1f} h of diagnosis. {told['note']}",
+        "",
+        "Every arm is seeded; the same command gives the same figures. What the words mean: [explanation](../explanation/discrepancy.md).",
+        "",
+    ]
+    for body, title in BODIES.items():
+        mine = [d for d in done if d.arm.body == body]
+        if mine:
+            lines += [f"## {title}", "", *_body(mine, sized=body not in ("loader", "mujoco")), ""]
+    lines += _real([d for d in done if d.arm.kind == "real"])
+    lines += ["## How to read it", "", *REMARKS, "", "## Failures, all of them", ""]
+    missed = list(score.failures(done))
+    lines += (
+        ["| arm | lambda or size | hidden | reported |", "|---|---|---|---|", *missed]
+        if missed
+        else ["None."]
+    )
+    if broken:
+        lines += ["", "Not finished:", "", *(f"- {key}: {why}" for key, why in broken.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _body(done: Sequence[Done], *, sized: bool) -> Iterator[str]:
+    kinds = {kind: sum(d.arm.kind == kind for d in done) for kind in dict.fromkeys(d.arm.kind for d in done)}
+    yield f"{len(done)} arms: {', '.join(f'{n} {kind}' for kind, n in kinds.items())}."
+    yield ""
+    yield from HEAD
+    yield from (str(line) for line in score.table(done, sized=sized))
+    if sized and kinds.get("effect"):
+        yield ""
+        yield from score.by_strength(done)
+
+
+def _real(done: Sequence[Done]) -> list[str]:
+    if not done:
+        return []
+    rows = []
+    for d in done:
+        said = "; ".join(_told(f) for f in d.findings.findings) or "none"
+        rest = d.findings.open_ended.equation.replace("|", "\\|") if d.findings.open_ended else "-"
+        extra = "; ".join(d.truth.beyond.values())
+        rows.append(f"| {d.arm.what} | {extra} | {d.findings.status} | {said} | {rest} | {d.seconds:.0f} |")
+    return [
+        "## Recordings of real things and the thesis' estimators, the effect concealed",
+        "",
+        "| recording | expected | status | findings (95 %) | remainder | s |",
+        "|---|---|---|---|---|---|",
+        *rows,
+        "",
+        real.decoded_traffic(real.folder()),
+        "There is no licensed public recording of an articulated loader.",
+        "",
+    ]
+
+
+def _told(f) -> str:
+    e = f.parameters[0]
+    value = (
+        f"{len(f.parameters)} values"
+        if len(f.parameters) > 3
+        else f"{e.value:.3g}{_interval(e)} {'' if e.unit == '1' else e.unit}".strip()
+    )
+    group = f" (or {', '.join(m.effect for m in f.group)})" if f.group else ""
+    return f"{'' if f.named else 'proxy: '}{f.effect} {value}{group}"
+
+
+def _interval(e) -> str:
+    return "" if e.low is None or e.high is None else f" [{e.low:.3g}, {e.high:.3g}]"
