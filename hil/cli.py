@@ -148,12 +148,16 @@ def run(
     control: Annotated[
         Path | None, typer.Option("--control", metavar="PATH", help="With --gateway: socket for `inject`.")
     ] = None,
+    fifo: FifoOption = None,
+    lock_memory: LockOption = False,
+    cpu: CpuOption = None,
+    gc_freeze: FreezeOption = True,
 ) -> None:
     """Run one scenario, or several, and say what happened.
 
     Examples: `loaderhil run loaded unloaded hard_braking` or `loaderhil run abrupt_articulation --no-limits --realtime` or
     `loaderhil run loaded --set surface.friction=0.4 --set machine.steering.time_constant_s=0.05` or
-    `loaderhil run loaded --gateway --ecu-bus socketcan:can0`
+    `loaderhil run loaded --gateway --ecu-bus socketcan:can0` or `loaderhil run loaded --realtime --fifo 50 --lock-memory`
     """
     from hil.compose import Choice
     from hil.console import tell_run
@@ -174,15 +178,18 @@ def run(
     if machine is not None:
         choices = [choice.on(machine) for choice in choices]
     buses = Buses(gateway=gateway, plant=plant_bus, ecu=ecu_bus, routes=routes, control=control)
-    realtime = realtime or gateway
+    options = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
+    if not realtime and not gateway and options.words():
+        raise typer.BadParameter(
+            "is about processes in real time; add --realtime or --gateway", param_hint=options.words()[0]
+        )
+    timed = options if realtime or gateway else None
     if len(choices) > 1:
         from hil.several import tell_runs
 
-        raise typer.Exit(
-            tell_runs(choices, out or Path("out"), realtime=realtime, strict=strict, buses=buses)
-        )
+        raise typer.Exit(tell_runs(choices, out or Path("out"), realtime=timed, strict=strict, buses=buses))
     folder = out or Path("out") / Path(scenarios[0]).stem
-    raise typer.Exit(tell_run(choices[0], folder, realtime=realtime, strict=strict, buses=buses))
+    raise typer.Exit(tell_run(choices[0], folder, realtime=timed, strict=strict, buses=buses))
 
 
 @app.command()

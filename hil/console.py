@@ -1,7 +1,7 @@
 """What the commands show: progress while a run lasts, tables and verdict lines after it."""
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -16,12 +16,14 @@ from hil.faults.record import Injected, read_faults
 from hil.gateway.buses import ONE_BUS, Buses
 from hil.judgement import judge_run, timing_of
 from hil.realtime import run_realtime
+from hil.realtime_options import RealtimeOptions
 from hil.recording.tables import COLOUR, several_channels, table_of
 from hil.rundir import RECORD, RunDirectory
 from hil.runs import RunResult, run_lockstep
 from hil.supervisor import Event
 from hil.timing import Spread, Timing
 from hil.verdict import WHEELS, Result, RunVerdict, Verdict, judge_warning
+from hil.vitals import Vitals
 from plant.scenario import Scenario, list_scenarios, load_scenario
 
 console = Console(highlight=False)
@@ -50,7 +52,9 @@ def _needs(scenario: Scenario) -> str:
     return ", ".join(needs)
 
 
-def tell_run(choice: Choice, out: Path, *, realtime: bool, strict: bool, buses: Buses = ONE_BUS) -> Ending:
+def tell_run(
+    choice: Choice, out: Path, *, realtime: RealtimeOptions | None, strict: bool, buses: Buses = ONE_BUS
+) -> Ending:
     """Run one scenario, show what happened, and say how it ended."""
     result = perform(choice, out, realtime=realtime, title=Path(choice.scenario).stem, buses=buses)
     if result.ending is not Ending.PASSED:
@@ -60,10 +64,11 @@ def tell_run(choice: Choice, out: Path, *, realtime: bool, strict: bool, buses: 
     table = two_columns()
     add_roll_over_rows(table, [seen])
     verdicts = [judge_warning(seen)] if seen.lifted else []
-    if realtime:
+    if realtime is not None:
         timing = timing_of(run)
         add_timing_rows(table, [timing])
         add_hop_rows(table, [timing])
+        add_memory_rows(table, run.record.vitals)
     verdicts += punctual(run)
     console.print(table)
     tell_late_messages(run)
@@ -99,12 +104,14 @@ def exit_code(verdicts: Sequence[Verdict], *, strict: bool) -> Ending:
     return Ending.FAILED if any(verdict.result in bad for verdict in verdicts) else Ending.PASSED
 
 
-def perform(choice: Choice, out: Path, *, realtime: bool, title: str, buses: Buses = ONE_BUS) -> RunResult:
-    """Run with a progress bar; a run that did not end well says why on standard error."""
+def perform(
+    choice: Choice, out: Path, *, realtime: RealtimeOptions | None, title: str, buses: Buses = ONE_BUS
+) -> RunResult:
+    """Run with a progress bar, in real time or (None) in lockstep; one that did not end well says why on standard error."""
     duration_s = choice.load().duration_s
     with _bar(title, duration_s) as advance:
-        if realtime:
-            result = run_realtime(choice, out, _to_progress(advance), buses)
+        if realtime is not None:
+            result = run_realtime(choice, out, _to_progress(advance), buses, realtime)
         else:
             result = run_lockstep(choice, out, advance)
     if result.ending is not Ending.PASSED:
@@ -189,9 +196,23 @@ def add_timing_rows(table: Table, timings: Sequence[Timing]) -> None:
     table.add_row("frames lost", *(str(timing.dropped) for timing in timings))
     table.add_row("processor time stolen", *(f"{100 * timing.stolen:.1f} %" for timing in timings))
     table.add_row(
-        "waited for a processor (plant, ecu, gateway)",
-        *(", ".join(f"{100 * share:.1f} %" for share in timing.waited.values()) for timing in timings),
+        "waited for a processor, worst second",
+        *(_longest_wait(timing.worst_waited) for timing in timings),
     )
+
+
+def _longest_wait(shares: Mapping[str, float]) -> str:
+    name = max(shares, key=lambda name: shares[name], default=None)
+    return "–" if name is None else f"{100 * shares[name]:.1f} % ({name})"
+
+
+def add_memory_rows(table: Table, vitals: Vitals | None) -> None:
+    """Resident memory of each process: at its start, at the end, and what it grew by."""
+    for life in vitals.lives if vitals else ():
+        start, end = life.start_bytes / 2**20, life.end_bytes / 2**20
+        table.add_row(
+            f"{life.process}: memory, start / end", f"{start:.1f} / {end:.1f} MiB ({end - start:+.1f})"
+        )
 
 
 def add_hop_rows(table: Table, timings: Sequence[Timing]) -> None:

@@ -57,13 +57,15 @@ class Observer:
     """How far the observer itself can be trusted.
 
     start_ns, end_ns: the judged window. lost: frames that it knows it lost. starved: why the host did not
-    give it (or the sender) time enough, '' when it did. unfinished: whether the run was cut off.
+    give it (or the sender) time enough, '' when it did. starved_moment: the same of its worst second, which
+    may be why a frame was late. unfinished: whether the run was cut off.
     """
 
     start_ns: int
     end_ns: int
     lost: int = 0
     starved: str = ""
+    starved_moment: str = ""
     unfinished: bool = False
 
 
@@ -190,7 +192,10 @@ def _concluded(verdict: MessageVerdict, observer: Observer) -> MessageVerdict:
     """Passed, failed, or why it cannot be said."""
     doubts = doubts_of(observer)
     events = verdict.events
-    if events and not doubts:
+    if events and not doubts and observer.starved_moment:
+        moment = f"the host was starved for a moment: {observer.starved_moment}"
+        result, reason = Result.INCONCLUSIVE, "; ".join([*events, moment])
+    elif events and not doubts:
         result, reason = Result.FAILED, "; ".join(events)
     elif doubts:
         result, reason = Result.INCONCLUSIVE, "; ".join([*doubts, *events])

@@ -15,6 +15,7 @@ from hil.console import (
 )
 from hil.ending import Ending
 from hil.judgement import judge_run, timing_of
+from hil.realtime_options import ORDINARY
 from hil.report import write_report
 from hil.rundir import RunDirectory
 from hil.verdict import Result, RunVerdict, Verdict, judge_prevention, judge_warning
@@ -32,7 +33,7 @@ def run_demo(out: Path, *, fast: bool) -> Ending:
     folders = {name: out / name.replace(" ", "_") for name in RUNS}
     for name, limits in RUNS.items():
         choice = Choice(scenario=SCENARIO, limits=limits)
-        result = perform(choice, folders[name], realtime=not fast, title=name)
+        result = perform(choice, folders[name], realtime=None if fast else ORDINARY, title=name)
         if result.ending is not Ending.PASSED:
             return result.ending
 

@@ -1,6 +1,6 @@
 """From the files of a run to its verdicts: which column and which signal answers which question."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,8 @@ from hil.timing import Spread, Timing, reaction_ns
 from hil.verdict import WARNING_MIN_S, RunVerdict, flickers, judge, lasting, roll_over_warning
 
 PROCESSES = ("plant", "ecu")
-BETWEEN = ("gateway", "recorder", "ecu-recorder")
+RECORDERS = ("recorder", "ecu-recorder", "recorder/child", "ecu-recorder/child")
+"""Frames are stamped before they come to them: what they wait for a processor makes nothing late."""
 WAY = "way_"
 
 
@@ -56,7 +57,8 @@ def warning_signals(
 
 def timing_of(run: RunDirectory) -> Timing:
     """The timing of a real-time run, from timing.npz, the log's echoes and the processes' counters."""
-    counts = run.record.statistics
+    counts, vitals = run.record.statistics, run.record.vitals
+    lives = [life for life in vitals.lives if life.process not in RECORDERS] if vitals else []
     return Timing(
         lateness={
             name: Spread.of(column)
@@ -70,15 +72,21 @@ def timing_of(run: RunDirectory) -> Timing:
         },
         reaction=Spread.of(_reactions(run)),
         overruns={"plant": int(counts.get("plant_missed", 0)), "ecu": _ecu_overruns(run)},
-        dropped=sum(int(counts.get(f"{name}_dropped", 0)) for name in (*PROCESSES, *BETWEEN)),
-        stolen=float(counts.get("plant_stolen", float("nan"))),
-        waited={
-            name: float(counts[f"{name}_waited"])
-            for name in (*PROCESSES, "gateway")
-            if f"{name}_waited" in counts
-        },
+        dropped=sum(int(counts.get(f"{name}_dropped", 0)) for name in (*PROCESSES, "gateway", *RECORDERS)),
+        stolen=vitals.stolen if vitals else float("nan"),
+        waited=_largest((life.process, life.waited) for life in lives),
+        worst_stolen=vitals.worst_stolen if vitals else float("nan"),
+        worst_waited=_largest((life.process, life.worst_waited) for life in lives),
         hops={name: Spread.of(durations) for name, durations in hops(_way(run)).items()},
     )
+
+
+def _largest(shares: Iterable[tuple[str, float]]) -> dict[str, float]:
+    """By process; one that was started again counts by its worst life."""
+    found: dict[str, float] = {}
+    for name, share in shares:
+        found[name] = max(share, found.get(name, 0.0))
+    return found
 
 
 def _ecu_overruns(run: RunDirectory) -> int:

@@ -8,6 +8,7 @@ with the reason why not.
 import shutil
 import signal
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -19,10 +20,12 @@ from hil.ending import Ending
 from hil.gateway import latency
 from hil.gateway.buses import ONE_BUS, Buses
 from hil.gateway.routes import Side
+from hil.realtime_options import ORDINARY, RealtimeOptions
 from hil.recording.observed import punctuality_of
 from hil.rundir import RunDirectory, RunRecord
 from hil.runs import RunResult
 from hil.supervisor import Child, Event, StartFailed, Supervisor, loaderhil
+from hil.vitals import SAMPLE_S, Watch, with_children
 
 HUB_READY_S = 20.0
 READY_S = 180.0
@@ -62,8 +65,9 @@ def run_realtime(
     out: Path,
     on_event: Callable[[str, Event], None] | None = None,
     buses: Buses = ONE_BUS,
+    options: RealtimeOptions = ORDINARY,
 ) -> RunResult:
-    """Run `choice` as processes and leave the run directory `out`."""
+    """Run `choice` as processes and leave the run directory `out`; options: of all but the recorders."""
     scenario = choice.load()
     if not buses.gateway and choice.injector() is not None:
         raise ChoiceError(
@@ -74,15 +78,15 @@ def run_realtime(
     )
     rundir.begin(out, record)
     with _sigterm_interrupts(), socket_folder() as folder, Supervisor(on_event) as supervisor:
+        bench = _Bench(supervisor, choice, buses, options, folder, out)
         try:
-            hubs = _start_hubs(supervisor, buses.own_hubs(folder))
-            ending, reason = _drive(supervisor, choice, buses, folder, hubs, out)
+            ending, reason = bench.drive()
         except StartFailed as error:
             ending, reason = Ending.FAILED, str(error)
         except KeyboardInterrupt:
             ending, reason = Ending.INTERRUPTED, "interrupted"
         figures = _stop_in_order(supervisor)
-    record = _ended(record, ending, reason, figures)
+    record = replace(_ended(record, ending, reason, figures), vitals=bench.watch.vitals())
     latency.conclude(out, record)
     rundir.merge_timing(out)
     rundir.write_record(out, record)
@@ -91,50 +95,80 @@ def run_realtime(
     return RunResult(ending, reason, record)
 
 
-def _start_hubs(supervisor: Supervisor, addresses: dict[str, str]) -> list[Child]:
-    hubs = [supervisor.start(name, loaderhil("hub", "--bus", address)) for name, address in addresses.items()]
-    supervisor.wait_ready(hubs, HUB_READY_S)
-    return hubs
+class _Bench:
+    """The processes of one run."""
 
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        choice: Choice,
+        buses: Buses,
+        options: RealtimeOptions,
+        folder: Path,
+        out: Path,
+    ) -> None:
+        self._supervisor = supervisor
+        self._choice, self._buses, self._options = choice, buses, options
+        self._folder, self._out = folder, out
+        self.watch = Watch()
 
-def _drive(
-    supervisor: Supervisor,
-    choice: Choice,
-    buses: Buses,
-    folder: Path,
-    hubs: list[Child],
-    out: Path,
-) -> tuple[Ending, str]:
-    """Start everything else, let the plant run, say how it ended."""
-    on = buses.addresses(folder)
-    start = supervisor.start
-    others = [start("recorder", _record(f"loader={on['plant']}", out / rundir.BUS))]
-    if buses.gateway:
-        others.append(start("ecu-recorder", _record(f"loader={on['ecu']}", out / rundir.ECU_BUS)))
-        others.append(start("gateway", loaderhil("gateway", *_between(on, buses, choice), "--out", str(out))))
-    ecu_options = [
-        "--form",
-        choice.form,
-        "--calibration",
-        calibration_of(choice.load(), choice.calibration),
-        *([] if choice.limits else ["--no-limits"]),
-    ]
-    others.append(start("ecu", loaderhil("ecu", "--bus", on["ecu"], *ecu_options, "--out", str(out))))
-    plant = start(
-        "plant",
-        loaderhil("plant", *choice.arguments(), "--bus", on["plant"], "--out", str(out)),
-        vital=True,
-    )
-    supervisor.wait_ready([*others, plant], READY_S)
-    supervisor.go(plant)
-    reached_s = plant.reached_s
-    while (first := supervisor.wait_first_end(STUCK_S)) is None:
-        if plant.reached_s == reached_s:
-            return Ending.FAILED, f"the plant's time has stood still at {reached_s:.1f} s for {STUCK_S:.0f} s"
-        reached_s = plant.reached_s
-    if first is plant and plant.finished:
-        return Ending.PASSED, ""
-    return _cause(supervisor, hubs, first)
+    def drive(self) -> tuple[Ending, str]:
+        """Start everything, let the plant run, say how it ended."""
+        supervisor = self._supervisor
+        hubs = self._start_hubs()
+        others = self._start_others()
+        options = [*self._choice.arguments(), *self._options.words(), "--out", str(self._out)]
+        bus = self._buses.addresses(self._folder)["plant"]
+        plant = supervisor.start("plant", loaderhil("plant", *options, "--bus", bus), vital=True)
+        supervisor.wait_ready([*others, plant], READY_S)
+        self._look()
+        supervisor.go(plant)
+        reached_s, moved_s = plant.reached_s, time.monotonic()
+        while (first := supervisor.wait_first_end(SAMPLE_S)) is None:
+            self._look()
+            if plant.reached_s != reached_s:
+                reached_s, moved_s = plant.reached_s, time.monotonic()
+            elif time.monotonic() - moved_s > STUCK_S:
+                return Ending.FAILED, (
+                    f"the plant's time has stood still at {reached_s:.1f} s for {STUCK_S:.0f} s"
+                )
+        if first is plant and plant.finished:
+            return Ending.PASSED, ""
+        return _cause(supervisor, hubs, first)
+
+    def _look(self) -> None:
+        """How the processes fare."""
+        running = [c for c in self._supervisor.children if c.ready and not c.ended]
+        processes = with_children((child.name, child.process.pid) for child in running)
+        self.watch.sample(processes, time.monotonic_ns())
+
+    def _start_hubs(self) -> list[Child]:
+        words = self._options.words(above=1)  # than what talks on them
+        hubs = [
+            self._supervisor.start(name, loaderhil("hub", "--bus", address, *words))
+            for name, address in self._buses.own_hubs(self._folder).items()
+        ]
+        self._supervisor.wait_ready(hubs, HUB_READY_S)
+        return hubs
+
+    def _start_others(self) -> list[Child]:
+        """All but hubs and plant."""
+        choice, out, start = self._choice, self._out, self._supervisor.start
+        on = self._buses.addresses(self._folder)
+        words = [*self._options.words(), "--out", str(out)]
+        others = [start("recorder", _record(f"loader={on['plant']}", out / rundir.BUS))]
+        if self._buses.gateway:
+            others.append(start("ecu-recorder", _record(f"loader={on['ecu']}", out / rundir.ECU_BUS)))
+            others.append(start("gateway", loaderhil("gateway", *_between(on, self._buses, choice), *words)))
+        form = [
+            "--form",
+            choice.form,
+            "--calibration",
+            calibration_of(choice.load(), choice.calibration),
+            *([] if choice.limits else ["--no-limits"]),
+        ]
+        others.append(start("ecu", loaderhil("ecu", "--bus", on["ecu"], *form, *words)))
+        return others
 
 
 def _record(bus: str, log: Path) -> list[str]:

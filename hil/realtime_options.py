@@ -56,6 +56,16 @@ class RealtimeOptions:
     cpu: int | None = None
     gc_freeze: bool = True
 
+    def words(self, *, above: int = 0) -> list[str]:
+        """The same for a process that is started, as its command line has it; above: so much higher a priority."""
+        fifo = None if self.fifo is None else min(self.fifo + above, PRIORITIES[1])
+        return [
+            *(["--fifo", str(fifo)] if fifo is not None else []),
+            *(["--lock-memory"] if self.lock_memory else []),
+            *(["--cpu", str(self.cpu)] if self.cpu is not None else []),
+            *([] if self.gc_freeze else ["--no-gc-freeze"]),
+        ]
+
     def apply(self) -> None:
         """Ask for everything, for the thread that calls; RealtimeRefused names the first refusal.
 

@@ -33,6 +33,7 @@ from dbc.columns import ColumnDecoder, Columns
 from dbc.database import Database
 from dbc.logfile import read_candump
 from hil.punctuality import Punctuality
+from hil.vitals import Vitals
 
 RECORD, TRUTH, BUS, REFERENCE, TIMING = "run.json", "truth.npz", "bus.log", "reference.log", "timing.npz"
 ECU_BUS, LATENCY = "ecu-bus.log", "latency.hlog"
@@ -55,7 +56,7 @@ class RunRecord:
     """The content of run.json.
 
     changes: KEY=VALUE words laid over the files. duration_s: simulated time that was recorded. outcome "running" in a file that nobody
-    writes any more means that the run was killed. punctuality: of a real-time run that ended.
+    writes any more means that the run was killed. punctuality, vitals: of a real-time run that ended.
     """
 
     scenario: str
@@ -74,6 +75,7 @@ class RunRecord:
     versions: dict[str, str] = field(default_factory=dict)
     statistics: dict[str, float | int | str] = field(default_factory=dict)
     punctuality: Punctuality | None = None
+    vitals: Vitals | None = None
 
 
 _record = TypeAdapter(RunRecord)

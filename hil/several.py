@@ -12,6 +12,7 @@ from hil.console import console, exit_code, lift_off_text, perform, punctual, se
 from hil.ending import Ending
 from hil.gateway.buses import ONE_BUS, Buses
 from hil.judgement import judge_run
+from hil.realtime_options import RealtimeOptions
 from hil.rundir import RunDirectory, refuse_if_foreign
 from hil.verdict import RunVerdict, Verdict, judge_warning
 
@@ -28,7 +29,12 @@ class Done:
 
 
 def tell_runs(
-    choices: Sequence[Choice], out: Path, *, realtime: bool, strict: bool, buses: Buses = ONE_BUS
+    choices: Sequence[Choice],
+    out: Path,
+    *,
+    realtime: RealtimeOptions | None,
+    strict: bool,
+    buses: Buses = ONE_BUS,
 ) -> Ending:
     """Run every choice into its own folder of `out`, show what happened, and say how it ended as a whole.
 
@@ -58,7 +64,7 @@ def _folders(choices: Sequence[Choice], out: Path) -> list[Path]:
     return folders
 
 
-def _run(choice: Choice, folder: Path, *, realtime: bool, buses: Buses) -> Done:
+def _run(choice: Choice, folder: Path, *, realtime: RealtimeOptions | None, buses: Buses) -> Done:
     result = perform(choice, folder, realtime=realtime, title=folder.name, buses=buses)
     if result.ending is not Ending.PASSED:
         return Done(folder.name, result.ending, result.reason, None, [])

@@ -6,7 +6,8 @@ its sequence number, both by the recorder's stamps. A starved host makes the ver
 inconclusive whatever the figures say: good ones were luck, bad ones are not the software's.
 """
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,6 +26,8 @@ STOLEN = 0.01
 """Share of the machine's processor time given to other guests from which the host decides, not the software."""
 WAITED = 0.03
 """The same for a process ready to run: 0.3 ms of each period. Our own processes cost one another less."""
+MOMENT = 0.1
+"""Either of them in one second: enough to make a run late that was given its time on the whole."""
 QUESTION = "every tick in time"
 STARVED = "the host was starved"
 SEQUENCES = 65_536
@@ -53,7 +56,8 @@ class Spread:
 class Timing:
     """The timing of one real-time run. Spreads [ns] by process name; counts; shares 0..1.
 
-    overruns: of every process that has to keep times, measured or not. hops: spreads [ns] of the way of a reaction, in its order, by what happens there.
+    overruns: of every process that has to keep times, measured or not. stolen, waited: what the host kept from
+    all and from each; worst_...: in the worst second. hops: spreads [ns] of the way of a reaction, in its order, by what happens there.
     """
 
     lateness: Mapping[str, Spread]
@@ -63,6 +67,8 @@ class Timing:
     dropped: int
     stolen: float
     waited: Mapping[str, float]
+    worst_stolen: float = 0.0
+    worst_waited: Mapping[str, float] = field(default_factory=dict)
     hops: Mapping[str, Spread] = field(default_factory=dict)
 
 
@@ -113,7 +119,8 @@ def judge_timing(timing: Timing, period_ns: int = PERIOD_NS) -> Verdict:
         return Verdict(question=QUESTION, result=Result.INCONCLUSIVE, reason=f"not measured: {unmeasured}")
     misses = _misses(timing, period_ns)
     if misses:
-        return Verdict(question=QUESTION, result=Result.FAILED, reason="; ".join(misses))
+        result, told = blamed(misses, timing)
+        return Verdict(question=QUESTION, result=result, reason=told)
     worst = max(spread.p99 for spread in timing.lateness.values())
     return Verdict(
         question=QUESTION,
@@ -131,7 +138,7 @@ def judge_task(timing: Timing, name: str, period_ns: int = PERIOD_NS) -> TaskVer
     elif start is None or execution is None:
         result, reason = Result.INCONCLUSIVE, "not measured; did the process end before its time?"
     elif misses:
-        result, reason = Result.FAILED, "; ".join(misses)
+        result, reason = blamed(misses, timing)
     else:
         result, reason = Result.PASSED, f"{start.count} ticks in time"
     return TaskVerdict(
@@ -149,12 +156,36 @@ def _measured(spread: Spread | None) -> Spread | None:
     return spread if spread is not None and spread.count else None
 
 
+def blamed(misses: Sequence[str], timing: Timing) -> tuple[Result, str]:
+    """The verdict on misses: the software's, unless the host starved it in some second of the run."""
+    told = "; ".join(misses)
+    if moment := starved_moment(timing):
+        return Result.INCONCLUSIVE, f"{told}; {STARVED} for a moment: {moment}"
+    return Result.FAILED, told
+
+
 def starvation(timing: Timing) -> str:
-    """What the host kept from the processes, in words; '' when it was too little to matter."""
-    if not timing.stolen <= STOLEN:
-        return f"{100 * timing.stolen:.1f} % of processor time went to other guests"
-    waiting = [f"{name} waited {100 * share:.1f} % of the time" for name, share in timing.waited.items()
-               if not share <= WAITED]  # fmt: skip
+    """What the host kept from the processes over the run, in words; '' when it was too little to matter."""
+    if math.isnan(timing.stolen):
+        return "nobody watched what it gave"
+    return _kept_from(timing.stolen, STOLEN, timing.waited, WAITED, "of the time")
+
+
+def starved_moment(timing: Timing) -> str:
+    """The same of the worst second: it explains what was late, and says nothing against what was not."""
+    return _kept_from(timing.worst_stolen, MOMENT, timing.worst_waited, MOMENT, "of its worst second")
+
+
+def _kept_from(
+    stolen: float, most_stolen: float, waited: Mapping[str, float], most_waited: float, of_what: str
+) -> str:
+    if stolen > most_stolen:
+        return f"{100 * stolen:.1f} % {of_what} the processors went to other guests"
+    waiting = [
+        f"{name} waited {100 * share:.1f} % {of_what}"
+        for name, share in waited.items()
+        if share > most_waited
+    ]
     return f"{', '.join(waiting)} for a processor" if waiting else ""
 
 

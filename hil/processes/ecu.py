@@ -10,7 +10,7 @@ from hil.ecu_side import CALIBRATION, Form, ecu_cycle
 from hil.ending import Ending
 from hil.gateway.tap import tapped
 from hil.lifeline import Lifeline
-from hil.processes.shell import HostShare, counters, log_to, reach, run_until_signal
+from hil.processes.shell import counters, log_to, reach, run_until_signal
 from hil.realtime_options import ORDINARY, RealtimeOptions
 
 
@@ -35,7 +35,6 @@ def run(
         kinds[f"finding_{type(finding).__name__}"] += 1
         node.log_finding(finding)
 
-    host = HostShare()
     with tapped(address, "ecu", out and rundir.stamps(out, "ecu")) as (bus, timing):
         line.ready()
         try:
@@ -43,5 +42,5 @@ def run(
         finally:
             if out:
                 rundir.write_table(rundir.part_of_timing(out, "ecu"), timing.arrays())
-            line.finished(complete=True, missed=timing.missed, **kinds, **host.figures(), **counters(bus))
+            line.finished(complete=True, missed=timing.missed, **kinds, **counters(bus))
     return Ending.PASSED if line.supervised else Ending.INTERRUPTED

@@ -26,7 +26,7 @@ from hil.gateway.shell import GatewayLoop
 from hil.gateway.tap import tapped
 from hil.gateway.watcher import Watcher
 from hil.lifeline import Lifeline
-from hil.processes.shell import HostShare, Stop, log_to
+from hil.processes.shell import Stop, log_to
 from hil.realtime_options import ORDINARY, RealtimeOptions
 
 log = logging.getLogger(__name__)
@@ -81,7 +81,6 @@ def run(line: Lifeline, between: Between, out: Path | None, realtime: RealtimeOp
     database = between.database()
     injector = between.injector(database)
     core, watcher = between.core(database, injector)
-    host = HostShare()
     with ExitStack() as stack:
         buses: dict[Side, Transport] = {}
         for side in SIDES:
@@ -102,9 +101,7 @@ def run(line: Lifeline, between: Between, out: Path | None, realtime: RealtimeOp
             _tell_troubles(watcher)
             if injector is not None:
                 _conclude(injector, core, out)
-            line.finished(
-                complete=True, dropped=lost(core, buses), **figures(core, watcher), **host.figures()
-            )
+            line.finished(complete=True, dropped=lost(core, buses), **figures(core, watcher))
     return Ending.PASSED if line.supervised else Ending.INTERRUPTED
 
 

@@ -15,7 +15,7 @@ from hil.compose import Choice, plant_unit
 from hil.ending import Ending
 from hil.gateway.tap import tapped
 from hil.lifeline import Lifeline
-from hil.processes.shell import HostShare, counters, log_to, reach, run_until_signal
+from hil.processes.shell import counters, log_to, reach, run_until_signal
 from hil.realtime_options import ORDINARY, RealtimeOptions
 from plant import node
 from plant.reception import Finding
@@ -42,7 +42,6 @@ def run(
     line.wait_for_go()
     started_ns: list[int] = []
     kinds: Counter[str] = Counter()
-    host = HostShare()
     with ExitStack() as stack:
         stamps = out and rundir.stamps(out, "plant")
         bus, timing = stack.enter_context(tapped(address, "plant", stamps))
@@ -75,7 +74,6 @@ def run(
                 duration_s=unit.truth.time_s,
                 missed=timing.missed,
                 **kinds,
-                **host.figures(),
                 **counters(bus),
             )
     return Ending.INTERRUPTED if interrupted else Ending.PASSED

@@ -9,7 +9,6 @@ import logging
 import os
 import selectors
 import signal
-import time
 from collections.abc import Callable, Coroutine, Iterator
 from pathlib import Path
 from typing import Any, Self
@@ -18,7 +17,6 @@ from bus.address import open_transport
 from bus.mistake import Mistake
 from bus.transport import BusClosed, BusUnavailable, Transport
 from hil.ending import Ending
-from hil.host import HostClock, waited_ns
 from hil.lifeline import Lifeline, SupervisorGone
 
 
@@ -103,22 +101,6 @@ class Stop:
                 yield
                 if self._reader in ready:
                     return
-
-
-class HostShare:
-    """What the host kept from this process since construction."""
-
-    def __init__(self) -> None:
-        self._start_ns, self._waited_ns = time.monotonic_ns(), waited_ns()
-        self._host = HostClock.read()
-
-    def figures(self) -> dict[str, float]:
-        """waited: share of time ready to run without a processor; stolen: of the machine's time, by other guests."""
-        elapsed_ns = time.monotonic_ns() - self._start_ns
-        return {
-            "waited": (waited_ns() - self._waited_ns) / max(elapsed_ns, 1),
-            "stolen": HostClock.read().stolen_since(self._host),
-        }
 
 
 def counters(bus: Transport) -> dict[str, int]:

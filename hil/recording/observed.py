@@ -14,7 +14,7 @@ from hil.judgement import PROCESSES, timing_of
 from hil.punctuality import Punctuality, all_frames
 from hil.recording.check import Check, check, whole
 from hil.rundir import RunDirectory
-from hil.timing import judge_task, judge_timing, starvation
+from hil.timing import judge_task, judge_timing, starvation, starved_moment
 
 PLANT_BUS, ECU_BUS = "plant bus", "ECU bus"
 BUSES = {PLANT_BUS: (rundir.BUS, "recorder"), ECU_BUS: (rundir.ECU_BUS, "ecu-recorder")}
@@ -31,8 +31,10 @@ def read_observed(recording: Path) -> tuple[FrameTable, Observer]:
 
 def _read_bus(run: RunDirectory, log: str, recorder: str) -> tuple[FrameTable, Observer]:
     table = read_frames(run.path / log)
-    realtime = run.record.mode == "realtime"
-    observer = whole(table, starvation(timing_of(run)) if realtime else "")
+    observer = whole(table)
+    if run.record.mode == "realtime":
+        timing = timing_of(run)
+        observer = replace(observer, starved=starvation(timing), starved_moment=starved_moment(timing))
     if "plant_due_ns" in run.timing and (due := run.timing["plant_due_ns"]).size:
         observer = replace(observer, start_ns=int(due[0]), end_ns=int(due[-1]))
     lost = observer.lost + int(run.record.statistics.get(f"{recorder}_dropped", 0))

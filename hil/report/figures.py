@@ -22,6 +22,7 @@ from hil.timing import (
     reaction_ns,
 )
 from hil.verdict import WHEELS, RunVerdict, first_lift_off
+from hil.vitals import Vitals
 from hil.wire import wire_bits
 from plant.scenario import list_scenarios
 
@@ -195,8 +196,18 @@ def timing_figures(timing: Timing) -> Figures:
     rows["Frames lost"] = str(timing.dropped)
     rows["Processor time taken by other guests"] = f"{100 * timing.stolen:.2f} %"
     return rows | {
-        f"Time the {SHOWN[who]} waited for a processor": f"{100 * share:.1f} %"
+        f"Time the {SHOWN.get(who, who)} waited for a processor": f"{100 * share:.1f} %"
         for who, share in timing.waited.items()
+    }
+
+
+def memory_figures(vitals: Vitals | None) -> Figures:
+    """Resident memory of each process of a real-time run, at its start and its end; the later life of one started again."""
+    return {
+        f"Memory of the {SHOWN.get(life.process, life.process)}, start / end": (
+            f"{life.start_bytes / 2**20:.1f} / {life.end_bytes / 2**20:.1f} MiB"
+        )
+        for life in (vitals.lives if vitals else ())
     }
 
 

@@ -272,9 +272,7 @@ def _timing(sections: Sequence[Section]) -> str:
     if not timed:
         return '<p class="soft">A lockstep run has no timing: both sides are called in turn on a virtual clock.</p>'
     judged = columns([(s.name, verdict_list([judge_timing(s.timing)])) for s in timed if s.timing])
-    loop = table(
-        ("", *(s.name for s in timed)), _rows([figures.timing_figures(s.timing) for s in timed if s.timing])
-    )
+    loop = table(("", *(s.name for s in timed)), _rows([_timing_figures(s) for s in timed]))
     shown = [figures.histograms(s.run) for s in timed]
     rows = []
     for same in zip(*shown, strict=True):
@@ -287,6 +285,11 @@ def _timing(sections: Sequence[Section]) -> str:
         f'{judged}{loop}<p class="soft">Times: median / 99th percentile / largest.</p>'
         f'<div class="rows {"several" if several else "single"}"{width}>{heads}{"".join(rows)}</div>'
     )
+
+
+def _timing_figures(section: Section) -> Figures:
+    timing = figures.timing_figures(section.timing) if section.timing else {}
+    return timing | figures.memory_figures(section.run.record.vitals)
 
 
 def _rows(told: Sequence[Figures]) -> list[tuple[str, ...]]:

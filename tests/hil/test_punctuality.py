@@ -15,12 +15,21 @@ from hil.faults.record import Injected, write_faults
 from hil.recording.observed import ECU_BUS, PLANT_BUS, punctuality_of
 from hil.rundir import RunDirectory
 from hil.verdict import Result
+from hil.vitals import Life, Vitals
 from plant.scenario import load_scenario
 
 TICKS = 200
 PERIOD = 10_000_000
 START = 10**9
-HEALTHY = {"plant_stolen": 0.0, "plant_waited": 0.001, "ecu_waited": 0.001}
+
+
+def vitals(*, stolen=0.0, waited=0.001, worst=0.01):
+    """Of an ECU that waited for a processor for a share of the time, and in its worst second."""
+    ecu = Life(
+        process="ecu", pid=1, seconds=2.0, start_bytes=2**27, settled_bytes=None, end_bytes=2**27,
+        largest_bytes=2**27, waited=waited, worst_waited=worst,
+    )  # fmt: skip
+    return Vitals(stolen=stolen, worst_stolen=stolen, lives=(ecu,))
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +56,7 @@ def run(frames, tmp_path):
         for what in ("lateness", "execution")
     }
     rundir.write_table(path / rundir.TIMING, {"plant_due_ns": due} | times)
-    rundir.write_record(path, replace(record, outcome="finished", statistics=HEALTHY))
+    rundir.write_record(path, replace(record, outcome="finished", vitals=vitals()))
     return path
 
 
@@ -99,10 +108,11 @@ def test_injected_faults_may_be_why_so_it_cannot_be_told(run, frames):
 @pytest.mark.parametrize(
     ("fields", "named"),
     [
-        ({"statistics": HEALTHY | {"ecu_waited": 0.2}}, "ecu waited 20.0 % of the time for a processor"),
-        ({"statistics": HEALTHY | {"plant_stolen": 0.2}}, "20.0 % of processor time went to other guests"),
-        ({"statistics": HEALTHY | {"ecu-recorder_dropped": 3}}, "lost 3 frames"),
+        ({"vitals": vitals(waited=0.2)}, "ecu waited 20.0 % of the time for a processor"),
+        ({"vitals": vitals(stolen=0.2)}, "20.0 % of the time the processors went to other guests"),
+        ({"statistics": {"ecu-recorder_dropped": 3}}, "lost 3 frames"),
         ({"outcome": "failed"}, "cut off"),
+        ({"vitals": None}, "nobody watched"),
     ],
 )
 def test_what_could_not_be_judged_does_not_pass(run, fields, named):
@@ -110,6 +120,16 @@ def test_what_could_not_be_judged_does_not_pass(run, fields, named):
     kept = judged(run)
     assert kept.frames.result is Result.INCONCLUSIVE
     assert named in kept.frames.reason
+
+
+def test_a_starved_second_explains_what_was_late_and_does_not_doubt_what_was_not(run, frames):
+    change(run, vitals=vitals(worst=0.4))
+    assert judged(run).frames.result is Result.PASSED
+    write(run / rundir.ECU_BUS, without_some(frames, "Articulation"))
+    kept = judged(run)
+    assert kept.frames.result is Result.INCONCLUSIVE
+    assert "10 missing" in kept.frames.reason
+    assert "ecu waited 40.0 % of its worst second" in kept.frames.reason
 
 
 def test_a_bus_that_was_not_recorded_does_not_pass(run):

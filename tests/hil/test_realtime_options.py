@@ -5,13 +5,17 @@ import multiprocessing
 import os
 import resource
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from hil.cli import app
 from hil.ending import Ending
 from hil.realtime_options import RealtimeOptions, RealtimeRefused
 from tests.hil.test_cli import loaderhil
+from tests.hil.test_realtime import SCENARIO, started, wait_until_running
 
 NOBODY = 65534
 WAIT_S = 60.0
@@ -141,3 +145,39 @@ def test_the_command_line_says_it_in_one_line(tmp_path: Path) -> None:
     assert result.stderr.startswith("loaderhil: --cpu 1023: this process may not run there")
     assert len(result.stderr.splitlines()) == 1
     assert not (tmp_path / "hub").exists()
+
+
+@pytest.mark.parametrize("command", ["plant loaded", "hub"])
+def test_the_words_for_a_process_say_the_same_to_it(monkeypatch: pytest.MonkeyPatch, command: str) -> None:
+    """What the command line understands of them is what they were made of; the hub goes before the others."""
+    options = RealtimeOptions(fifo=50, lock_memory=True, cpu=1, gc_freeze=False)
+    understood: list[RealtimeOptions] = []
+    module = f"hil.processes.{command.split()[0]}"
+    monkeypatch.setattr(
+        f"{module}.run", lambda *arguments, **_: understood.append(arguments[-1]) or Ending.PASSED
+    )
+    result = CliRunner().invoke(app, [*command.split(), *options.words(above=3)])
+    assert result.exit_code == Ending.PASSED, result.output
+    assert understood == [replace(options, fifo=53)]
+    assert RealtimeOptions(fifo=98).words(above=3) == ["--fifo", "99"]
+    assert RealtimeOptions().words() == []
+
+
+def test_in_lockstep_they_are_a_mistake() -> None:
+    result = loaderhil("run", "standstill", "--fifo", "50")
+    assert result.returncode == Ending.MISUSED
+    assert "--fifo" in result.stderr
+    assert "add --realtime" in result.stderr
+
+
+@pytest.mark.processes
+@pytest.mark.timeout(240)
+def test_a_run_passes_them_on_to_all_but_its_recorder(tmp_path: Path) -> None:
+    file, out, cpu = tmp_path / "short.toml", tmp_path / "run", min(os.sched_getaffinity(0))
+    file.write_text(SCENARIO.format(name="short", duration_s=3.0))
+    with started("run", file, "--realtime", "--cpu", cpu, "--out", out) as process:
+        running = wait_until_running(process, out)
+        keeps = {name: os.sched_getaffinity(pid) for name, pid in running.items()}
+        process.communicate(timeout=60)
+    assert keeps.pop("record") == os.sched_getaffinity(0)
+    assert keeps == {"hub": {cpu}, "ecu": {cpu}, "plant": {cpu}}

@@ -23,6 +23,7 @@ from hil.report.plot import UNITS
 from hil.report.section import names
 from hil.rundir import RunDirectory, RunError, read_record
 from hil.runs import run_lockstep
+from hil.vitals import Life, Vitals
 from tests.hil.drawn import Outline, points_of
 
 WHEELS = ("front left", "front right", "rear left", "rear right")
@@ -248,6 +249,14 @@ def test_the_same_plot_of_both_runs_has_one_range(told):
         assert len({(plot["t"], plot["y"]) for plot in plots}) == 1
 
 
+def life(process, waited):
+    """Of a process that waited for a processor for a share of the time."""
+    return Life(
+        process=process, pid=1, seconds=20.0, start_bytes=2**27, settled_bytes=None, end_bytes=2**27 + 2**20,
+        largest_bytes=2**27, waited=waited, worst_waited=waited,
+    )  # fmt: skip
+
+
 def realtime(source, folder, *, waited=0.0):
     """The run as if it had been made in real time, with timing of known percentiles."""
     shutil.copytree(source, folder)
@@ -259,9 +268,11 @@ def realtime(source, folder, *, waited=0.0):
         columns[f"{who}_lateness_ns"] = random.exponential(2e5, time_s.size).astype(np.int64)
         columns[f"{who}_execution_ns"] = random.normal(6e5, 5e4, time_s.size).astype(np.int64)
     np.savez(folder / "timing.npz", **columns)
-    record = json.loads((source / "run.json").read_text())
-    record["statistics"] |= {"plant_stolen": 0.0, "plant_waited": waited, "ecu_waited": 0.0}
-    (folder / "run.json").write_text(json.dumps({**record, "mode": "realtime"}))
+    lives = tuple(
+        life(who, waited if who == "plant" else 0.01) for who in ("plant", "ecu", "gateway", "plant-hub")
+    )
+    vitals = Vitals(stolen=0.0, worst_stolen=0.0, lives=lives)
+    rundir.write_record(folder, replace(read_record(source), mode="realtime", vitals=vitals))
     return columns
 
 
@@ -286,8 +297,6 @@ def test_deadlines_of_messages_and_tasks(runs, tmp_path):
     folder = tmp_path / "run"
     columns = realtime(runs[1], folder)
     record = read_record(folder)
-    record = replace(record, statistics=record.statistics | {"gateway_waited": 0.01})
-    rundir.write_record(folder, record)
     kept = punctuality_of(RunDirectory.read(folder))
     rundir.write_record(folder, replace(record, punctuality=kept))
     told = Outline.of(write_report([folder], tmp_path / "page.html").read_text(encoding="utf-8"))
@@ -301,7 +310,9 @@ def test_deadlines_of_messages_and_tasks(runs, tmp_path):
     }
     assert "PASSED" in {result for _, result in shown.values()}
     assert "every message in time" in " ".join(told.text)
-    assert column(told, "timing", 0)["Time the gateway waited for a processor"] == "1.0 %"
+    figures = column(told, "timing", 0)
+    assert figures["Time the gateway waited for a processor"] == "1.0 %"
+    assert figures["Memory of the plant-hub, start / end"] == "128.0 / 129.0 MiB"
 
 
 def test_a_starved_run_is_inconclusive_with_the_reason(runs, tmp_path):

@@ -21,6 +21,7 @@ from hil.ending import Ending
 from hil.recording.check import Rules, check, whole
 from hil.recording.check_command import register
 from hil.verdict import Result
+from hil.vitals import Vitals
 from plant.scenario import load_scenario
 
 TICKS = 200
@@ -259,8 +260,8 @@ def test_a_run_directory_brings_its_window_and_its_doubts(bench, log, tmp_path, 
     (run / rundir.BUS).write_text(stray + shift)
     due = np.arange(TICKS, dtype=np.int64) * 10_000_000 + 10**9
     rundir.write_table(run / rundir.TIMING, {"plant_due_ns": due, "plant_lateness_ns": due * 0})
-    statistics = {"plant_stolen": stolen, "plant_waited": 0.0, "ecu_waited": 0.0}
-    rundir.write_record(run, replace(record, outcome=outcome, statistics=statistics))
+    vitals = Vitals(stolen=stolen, worst_stolen=stolen, lives=())
+    rundir.write_record(run, replace(record, outcome=outcome, vitals=vitals))
     result = invoke(run)
     assert expected in result.output.splitlines()[-1]
     assert (result.exit_code == Ending.PASSED) == (expected == "PASSED")

@@ -1,0 +1,50 @@
+"""A run beside processes that take every processor: its timing is failed or inconclusive with the cause, never passed."""
+
+import os
+import subprocess
+import sys
+from contextlib import contextmanager
+
+import pytest
+
+from hil.ending import Ending
+from hil.rundir import RunDirectory
+from hil.verdict import Result
+from tests.hil.test_realtime import SCENARIO, started, wait_until_running
+
+pytestmark = [pytest.mark.processes, pytest.mark.timeout(240)]
+HOGS_PER_PROCESSOR = 3
+
+
+@contextmanager
+def hogs():
+    """Processes that never wait, on every processor this one may use; ended by their handles."""
+    count = HOGS_PER_PROCESSOR * len(os.sched_getaffinity(0))
+    running = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for hog in running:
+            hog.kill()
+        for hog in running:
+            hog.wait()
+
+
+def test_a_starved_run_never_passes_and_names_the_cause(tmp_path):
+    file, out = tmp_path / "short.toml", tmp_path / "run"
+    file.write_text(SCENARIO.format(name="short", duration_s=5.0))
+    with started("run", file, "--realtime", "--strict", "--out", out) as process:
+        wait_until_running(process, out)
+        with hogs():
+            told, errors = process.communicate(timeout=120)
+    assert process.returncode == Ending.FAILED, errors  # strict: inconclusive counts
+    record = RunDirectory.read(out).record
+    assert record.vitals is not None
+    assert max(life.worst_waited for life in record.vitals.lives) > 0.05
+    kept = record.punctuality
+    assert kept is not None
+    assert kept.ticks.result in (Result.INCONCLUSIVE, Result.FAILED)
+    assert any(cause in kept.ticks.reason for cause in ("starved", "starts late", "skipped"))
+    assert kept.frames.result is not Result.PASSED or "starved" in kept.ticks.reason
+    assert "starved" in kept.frames.reason or "late" in kept.frames.reason
+    assert kept.ticks.reason in " ".join(told.split())
