@@ -9,9 +9,10 @@ from plant.parameters import B_LIFT_ARM
 
 
 def prepare(q: Mapping[str, float], p: Array, machine: Machine) -> None:
-    """Scale the arm's pitch inertia and lift its centre of gravity."""
+    """Mass further out along the arm, which resists pitch and yaw alike, and a higher centre of gravity."""
     arm = body_block(p, B_LIFT_ARM)
     arm[5] += q["inertia_kg_m2"]
+    arm[6] += q["inertia_kg_m2"]
     arm[3] += q["higher_mm"]
 
 

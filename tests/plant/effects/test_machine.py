@@ -176,7 +176,7 @@ def test_lift_arm_inertia_shows_in_the_torque_while_the_arm_accelerates():
     """Inertia times the arm's angular acceleration against the ground: the frame, too, is pitched by it."""
     p = vector(machine("lift_arm_inertia", inertia_kg_m2=5000.0, higher_mm=100.0))
     expected = vector(L60)[B_LIFT_ARM : B_LIFT_ARM + 10].copy()
-    expected[[3, 5]] += 0.1, 5000.0
+    expected[[3, 5, 6]] += 0.1, 5000.0, 5000.0  # mass along the arm resists pitch and yaw alike
     np.testing.assert_allclose(p[B_LIFT_ARM : B_LIFT_ARM + 10], expected, rtol=1e-12)
     torque = []
     for given in (machine("lift_arm_inertia", inertia_kg_m2=5000.0, higher_mm=0.0), L60):

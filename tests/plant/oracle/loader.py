@@ -44,8 +44,8 @@ def _body(body: Body, x0: float, z0: float) -> str:
     return _inertial(body.mass, body.x - x0, body.z - z0, body.ixx, body.iyy, body.izz)
 
 
-def mjcf(machine: Machine, payload_mass: float, step: float) -> str:
-    """The model file."""
+def mjcf(machine: Machine, payload_mass: float, step: float, front: str = "") -> str:
+    """The model file; front: an inertial element for front frame and axle as one body, instead of the two."""
     g, lift, zj, zp = (
         machine.geometry,
         machine.lift,
@@ -62,6 +62,10 @@ def mjcf(machine: Machine, payload_mass: float, step: float) -> str:
             + "</body>"
         )
 
+    two = (
+        _body(machine.front_frame, 0.0, zj)
+        + f'<body name="front_axle">{_body(machine.front_axle, 0.0, zj)}</body>'
+    )
     half, front_z, rear_z = g.track / 2, g.wheel_centre_height - zj, g.wheel_centre_height - zp
     payload = (
         f'<body name="payload">{_inertial(payload_mass, load.x, load.z, *(share * i for i in (load.ixx, load.iyy, load.izz)))}</body>'
@@ -75,8 +79,7 @@ def mjcf(machine: Machine, payload_mass: float, step: float) -> str:
   <worldbody>
     <body name="rear_frame"><freejoint name="root"/>{_body(machine.rear_frame, 0.0, zj)}
       <site name="imu" pos="{g.imu_x!r} 0 {g.imu_z - zj!r}"/>
-      <body name="front_frame"><joint name="articulation" type="hinge" axis="0 0 1"/>{_body(machine.front_frame, 0.0, zj)}
-        <body name="front_axle">{_body(machine.front_axle, 0.0, zj)}</body>
+      <body name="front_frame"><joint name="articulation" type="hinge" axis="0 0 1"/>{front or two}
         {wheel("fl", g.front_axle_x, half, front_z)}{wheel("fr", g.front_axle_x, -half, front_z)}
         <body name="lift_arm" pos="{lift.pivot_x!r} 0 {lift.pivot_z - zj!r}"><joint name="lift" type="hinge" axis="0 -1 0"/>
           {_body(machine.lift_arm, 0.0, 0.0)}
@@ -99,9 +102,15 @@ class MujocoLoader:
     """The loader with MuJoCo's bodies, and the tyres of the parameter vector `p` where asked for."""
 
     def __init__(
-        self, machine: Machine, p: np.ndarray, *, payload_mass: float = 0.0, step: float = 1e-3
+        self,
+        machine: Machine,
+        p: np.ndarray,
+        *,
+        payload_mass: float = 0.0,
+        step: float = 1e-3,
+        front: str = "",
     ) -> None:
-        self.model = mujoco.MjModel.from_xml_string(mjcf(machine, payload_mass, step))
+        self.model = mujoco.MjModel.from_xml_string(mjcf(machine, payload_mass, step, front))
         self.data = mujoco.MjData(self.model)
         self.p = p
         self.step_s = step
