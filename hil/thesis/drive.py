@@ -10,7 +10,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ecu.estimators.cog import Centre, front_unit, machine_centre
 from ecu.estimators.columns import estimate_columns
+from ecu.estimators.parameters import Body
 from ecu.estimators.signals import Estimates, Inputs
 from hil.ecu_side import Form
 from hil.thesis.split import Split, machine_of, parameters_of
@@ -95,3 +97,19 @@ def estimated(truth: Truths, split: Split, form: Form, *, outlook: bool = False)
     columns = estimate_columns(inputs_of(truth), parameters_of(split), form=form, outlook=outlook)
     named = dict(zip(Estimates._fields, columns.T, strict=True))
     return {**named, "normal_force": columns[:, :4]}
+
+
+def centres(truth: Truths, split: Split, rear: Body) -> list[Centre]:
+    """Centre of gravity at every moment; rear: the rear unit, with its axle or without."""
+    p = parameters_of(split)
+    moments = zip(
+        truth["articulation_angle"].tolist(),
+        truth["lift_arm_angle"].tolist(),
+        truth["tilt_angle"].tolist(),
+        truth["payload_mass"].tolist(),
+        strict=True,
+    )
+    return [
+        machine_centre(angle, front_unit(arm, tilt, load, p.front, p.arm, p.bucket), rear)
+        for angle, arm, tilt, load in moments
+    ]

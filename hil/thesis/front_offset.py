@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ecu.estimators.cog import front_unit, machine_centre
 from ecu.estimators.normal_force import printed_arms
 from ecu.estimators.parameters import GRAVITY
-from hil.thesis.drive import Array, Truths, drive_case, driven, estimated, line
+from hil.thesis.drive import Array, Truths, centres, drive_case, driven, estimated, line
 from hil.thesis.questions import Answer, Row
 from hil.thesis.split import SHEET, SPLITS, Split, parameters_of
 from plant.scenario import Scenario, Start
@@ -94,14 +93,7 @@ def missing_arm(truth: Truths, split: Split) -> Array:
     p = parameters_of(split)
     pivot = truth["normal_force"][:, 2:].sum(axis=1) - p.axle.mass * GRAVITY
     lever = []
-    for angle, arm, tilt, load in zip(
-        truth["articulation_angle"],
-        truth["lift_arm_angle"],
-        truth["tilt_angle"],
-        truth["payload_mass"],
-        strict=True,
-    ):
-        centre = machine_centre(angle, front_unit(arm, tilt, load, p.front, p.arm, p.bucket), p.rear)
+    for angle, centre in zip(truth["articulation_angle"], centres(truth, split, p.rear), strict=True):
         arms = printed_arms(centre, angle, p.geometry)
         lever.append(-centre.y / (arms.b1 + arms.b2))
     return pivot * np.array(lever)
@@ -195,4 +187,4 @@ def _draw(file: Path, runs: Mapping[float, Run], spread: Mapping[str, Array]) ->
         over.set(
             title="offset in a left turn", xlabel="speed [m/s]", ylabel="front offset [kN]", xticks=SPEEDS
         )
-        picture.key(figure, left, 3)
+        picture.key(figure, [left], 3)

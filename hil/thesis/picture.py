@@ -1,6 +1,6 @@
 """How the pictures look: one style, colours that mean the same on every page, bands for the unknown mass split."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -48,7 +48,11 @@ def band(axes: Axes, x: Array, many: Array, colour: str) -> None:
     axes.fill_between(x, many.min(axis=0), many.max(axis=0), color=colour, alpha=BAND, linewidth=0)
 
 
-def key(figure: Figure, axes: Axes, columns: int) -> None:
-    """The legend below everything."""
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False)
+def key(figure: Figure, panels: Iterable[Axes], columns: int) -> None:
+    """One legend for all panels, below them."""
+    named = {
+        label: handle
+        for axes in panels
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=columns, frameon=False)

@@ -57,6 +57,14 @@ QUESTIONS = (
         "The roll balance (80) lacks the arm of the rear pivot force about the centre of gravity; with it the offset is gone.",
         "hil.thesis.front_offset",
     ),
+    Question(
+        "turning-torque",
+        "The turning torque, too large by 12 and 15",
+        "Against the torque that simulation has at the articulation joint, (94) is too large by 12 and 15, with an offset; why, and where should the "
+        "turning torque be calculated (4.6, 5.4, 7.2)?",
+        "(93) is no rotation and loses the front axle's lateral force, and the moment about the centre of gravity is not the torque at the joint: calculate both.",
+        "hil.thesis.turning_torque",
+    ),
 )
 
 
