@@ -87,6 +87,20 @@ def _build_loader_from(machine: Path, recordings: Sequence[Recording]) -> Model:
     return machine_files.baseline(machine, recordings)
 
 
+def _build_printed(recordings: Sequence[Recording]) -> Model:
+    from discrepancy.models import printed
+
+    return printed.model(recordings)
+
+
+def _slow_run(path: Path, _: str | None) -> list[Recording] | None:
+    if not (path / "bus.log").is_file():
+        return None
+    from discrepancy.models import printed
+
+    return [printed.load_quasi_static(path)]
+
+
 def _comma(path: Path, _: str | None) -> list[Recording] | None:
     return [road.load_comma(path)] if (path / "segment40.npz").is_file() else None
 
@@ -98,6 +112,7 @@ NAMED = {
         Choice("car", _build_car, _dart, "DART csv.gz or a folder of them; --part on-board leaves motion capture out"),
         Choice("road", road.model, _comma, "folder of the comma2k19 minute with its DBC"),
         Choice("loader", _build_loader, _run, "run directory of the bench, with or without reference.log", _build_loader_from),
+        Choice("printed-estimator", _build_printed, _slow_run, "run directory of the bench, with reference.log"),
         Choice("straight", lambda _: straight.model(), _no_data_set),
     )
 }  # fmt: skip

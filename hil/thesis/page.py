@@ -8,7 +8,6 @@ from hil.thesis.drive import SEED
 from hil.thesis.questions import Question
 
 INDEX = "README.md"
-HEADINGS = ("", "thesis", "printed", "corrected")
 
 INTRODUCTION = """
 J. Spencer and B. Wullt, *Tire and force distribution modeling and validation for wheel loader applications* (LTU, 2017), leave these questions
@@ -26,7 +25,6 @@ def write_page(question: Question, out: Path) -> Path:
     out.mkdir(parents=True, exist_ok=True)
     picture = f"{question.name}.svg"
     answer.draw(out / picture)
-    rows = [[row.what, row.thesis, row.printed, row.corrected] for row in answer.rows]
     parts = (
         header(question.title, question.command, f"seed {SEED}"),
         f"**Asked.** {question.asked}\n",
@@ -34,7 +32,7 @@ def write_page(question: Question, out: Path) -> Path:
         f"![{question.title}]({picture})\n",
         *(f"{paragraph}\n" for paragraph in answer.paragraphs),
         "## Reported and measured\n",
-        markdown_table(HEADINGS, rows),
+        markdown_table(answer.headings, answer.rows),
     )
     page = out / f"{question.name}.md"
     page.write_text("\n".join(parts), encoding="utf-8")

@@ -1,15 +1,15 @@
 """The five questions: what was asked, the answer in one line, and which module measures it. Loads no plant."""
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from bus.mistake import Mistake
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
+class Row(NamedTuple):
     """One line of the table: what the thesis reports, what the printed and the corrected estimator give."""
 
     what: str
@@ -23,8 +23,9 @@ class Answer:
     """What one question came to: paragraphs of Markdown, the table, and what draws the picture into a file."""
 
     paragraphs: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: Sequence[Sequence[str]]
     draw: Callable[[Path], None]
+    headings: tuple[str, ...] = ("", "thesis", "printed", "corrected")
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +65,13 @@ QUESTIONS = (
         "turning torque be calculated (4.6, 5.4, 7.2)?",
         "(93) is no rotation and loses the front axle's lateral force, and the moment about the centre of gravity is not the torque at the joint: calculate both.",
         "hil.thesis.turning_torque",
+    ),
+    Question(
+        "left-out",
+        "What the print leaves out, found without being told",
+        "Could the mistakes have been found from recordings alone, without going through the equations?",
+        "Yes: from one drive `loaderhil diagnose` names the pivot force's arm, the centripetal acceleration and three more, and none of the wrong corrections beside them.",
+        "hil.thesis.left_out",
     ),
 )
 
