@@ -1,16 +1,61 @@
-"""`loaderhil effects`: what the plant can do beyond its machine file."""
+"""`loaderhil effects`: what the plant can do beyond its machine file; `loaderhil effects add`: what a diagnosis found, as one more."""
 
 import difflib
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from plant.checked import ConfigurationError
 
+LISTING = "list"
+
+
+class _ListUnlessAsked(TyperGroup):
+    """A group whose first word may be the name of an effect: then, and without one, the listing is meant."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if not args or (args[0] not in self.commands and args[0] != "--help"):
+            args = [LISTING, *args]
+        return super().parse_args(ctx, args)
+
 
 def register(app: typer.Typer) -> None:
-    """Add the command to the command line."""
-    app.command()(effects)
+    """Add the commands to the command line."""
+    group = typer.Typer(
+        cls=_ListUnlessAsked,
+        help="List the physics that machine files leave out (`effects`, `effects NAME`), or add what a diagnosis found.",
+    )
+    group.command(LISTING)(effects)
+    group.command("add")(add)
+    app.add_typer(group, name="effects")
+
+
+def add(
+    findings: Annotated[
+        Path, typer.Argument(metavar="FINDINGS.json", help="Or the folder that `diagnose --out` wrote.")
+    ],
+    name: Annotated[str, typer.Option("--name", metavar="NAME", help="How the effect is to be called.")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE.py", help="The file to write.")],
+    model: Annotated[
+        str | None,
+        typer.Option(
+            "--model", metavar="NAME|FILE.py", help="The diagnosed model, where it is not one of loaderhil's."
+        ),
+    ] = None,
+) -> None:
+    """Make an effect of the equation that a diagnosis found outside the library.
+
+    Example: `loaderhil effects add out/diagnosis --name "pump leak" --out leaky.py --model tank.py`, then
+    `loaderhil diagnose drive.csv --model leaky.py`
+    """
+    from hil.diagnose.command import tell_written, write
+    from hil.diagnose.effect_file import written
+
+    text, told = written(findings, name, model, out)
+    tell_written(write("--out", out.parent, {out.name: text}))
+    print(told)
 
 
 def effects(

@@ -14,7 +14,7 @@ STEP_S = 1e-3
 DURATION_S = 60.0
 GYRO_EVERY, ENCODER_EVERY, REFERENCE_EVERY, COMMAND_EVERY = 20, 50, 20, 10  # steps; all at whole commands
 HAND_S = 0.15  # time constant of who steers; faster, and 50 Hz of motion capture would not hold the turns
-GYRO_SD, ENCODER_SD, REFERENCE_SD = 0.02, 0.02, 0.01
+GYRO_SD, ENCODER_SD, REFERENCE_SD = 0.02, 0.02, 0.001  # the model takes the reference for the state
 GYRO_BIT, ENCODER_BIT = 0.01, 0.02
 
 

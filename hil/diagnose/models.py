@@ -6,6 +6,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import TypeVar
 
 from bus.mistake import Mistake
@@ -119,7 +120,10 @@ NAMED = {
 
 
 def find_model(text: str) -> Choice:
-    """By name, or from a file that defines `model`: a Model, or a function of the recordings that returns one."""
+    """By name, or from a file that defines `model`: a Model, or a function of the recordings that returns one.
+
+    `native`, where the file defines it, reads published data sets.
+    """
     if text in NAMED:
         return NAMED[text]
     path = Path(text)
@@ -127,9 +131,10 @@ def find_model(text: str) -> Choice:
         raise NoModel(f"no model '{text}'; there are {', '.join(NAMED)}, or a FILE.py that defines `model`")
     if not path.is_file():
         raise NoModel(f"{path}: no such file; a model is a Python file that defines `model`")
-    made = _defined(path)
+    module = _defined(path)
+    made, native = getattr(module, "model", None), getattr(module, "native", _no_data_set)
     if isinstance(made, Model):
-        return Choice(made.name, lambda _: made, _no_data_set)
+        return Choice(made.name, lambda _: made, native)
     if not callable(made):
         what = "does not define `model`" if made is None else f"defines `model` as {type(made).__name__}"
         raise NoModel(f"{path}: {what}; it must be a discrepancy.model.Model or a function that makes one")
@@ -140,17 +145,17 @@ def find_model(text: str) -> Choice:
             raise NoModel(f"{path}: model(recordings) returned {type(model).__name__}, not a Model")
         return model
 
-    return Choice(build(()).name, build, _no_data_set)
+    return Choice(build(()).name, build, native)
 
 
-def _defined(path: Path) -> object:
+def _defined(path: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location(f"loaderhil_model_{path.stem}", path)
     assert spec is not None
     assert spec.loader is not None
     module, loader = importlib.util.module_from_spec(spec), spec.loader
     sys.modules[spec.name] = module  # dataclasses look their module up
     _told(path, lambda: loader.exec_module(module))
-    return getattr(module, "model", None)
+    return module
 
 
 def _told(path: Path, run: Callable[[], T]) -> T:

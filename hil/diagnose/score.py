@@ -107,32 +107,18 @@ def score(
     """
     from rich.console import Console
 
+    from hil.diagnose.kept import read_findings
     from hil.diagnose.seal import unseal
 
     findings = folder / "findings.json" if folder.is_dir() else folder
     sealed_file = truth if truth is not None else findings.parent / "truth.sealed"
-    result, sealed = _findings(findings), unseal(sealed_file)
+    result, sealed = read_findings(findings), unseal(sealed_file)
     if result.model != sealed.truth.model:
         raise NotScored(f"{findings}: is of model {result.model}, the truth of {sealed.truth.model}")
     _check_files(sealed.files, sealed_file.parent, result.recordings)
     compared_with = compared(result, sealed.truth)
     _tell(compared_with, result.status, sealed.truth, Console(width=120, highlight=False))
     raise typer.Exit(int(Ending.PASSED if compared_with.passed else Ending.FAILED))
-
-
-def _findings(path: Path) -> "Findings":
-    from pydantic import ValidationError
-
-    from discrepancy.findings import from_json
-
-    try:
-        return from_json(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise NotScored(
-            f"{path}: {error.strerror or error}; `loaderhil diagnose --out DIR` writes it"
-        ) from error
-    except (ValidationError, UnicodeDecodeError) as error:
-        raise NotScored(f"{path}: is no findings.json of this version") from error
 
 
 def _check_files(files: dict[str, str], folder: Path, told: Sequence[str]) -> None:

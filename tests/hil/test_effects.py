@@ -11,7 +11,7 @@ def run(*arguments):
 
     app = typer.Typer()
     command.register(app)
-    return CliRunner().invoke(app, list(arguments))
+    return CliRunner().invoke(app, ["effects", *arguments])
 
 
 def test_it_lists_every_effect_with_its_sentence():
