@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from plant.checked import Change, CheckedTable, ConfigurationError
 from plant.effects import ActiveEffect, effects
+from plant.tyre_file import with_tir
 
 MACHINES = Path(__file__).resolve().parent / "machines"
 
@@ -38,9 +39,10 @@ _UNITS = {
 }
 
 
-def quantity(key: str, low: float, high: float) -> Any:
-    """A field read from `key` of the file, within [low, high] in the key's unit."""
-    return field(metadata={"key": key, "low": low, "high": high})
+def quantity(key: str, low: float, high: float, default: float | None = None) -> Any:
+    """A field read from `key` of the file, within [low, high] in the key's unit; `default` where the key is absent."""
+    metadata = {"key": key, "low": low, "high": high, "default": default}
+    return field(metadata=metadata) if default is None else field(metadata=metadata, default=default)
 
 
 def _suffix(key: str) -> str:
@@ -51,11 +53,10 @@ def _read(cls: type[_T], table: CheckedTable) -> _T:
     """One dataclass of quantities from one table; unknown keys are refused."""
     values = {}
     for item in fields(cls):  # type: ignore[arg-type]
-        key, low, high = (item.metadata[name] for name in ("key", "low", "high"))
+        key, low, high, default = (item.metadata[name] for name in ("key", "low", "high", "default"))
         suffix = _suffix(key)
-        values[item.name] = table.number(key, unit=_UNITS.get(suffix, "1"), low=low, high=high) * _SCALES.get(
-            suffix, 1.0
-        )
+        number = table.number(key, unit=_UNITS.get(suffix, "1"), low=low, high=high, default=default)
+        values[item.name] = number * _SCALES.get(suffix, 1.0)
     table.finish()
     return cls(**values)
 
@@ -213,16 +214,20 @@ class Tyre:
     pdx1: float = quantity("pdx1", 0.01, 3.0)
     pdx2: float = quantity("pdx2", -0.2, 0.2)
     pex1: float = quantity("pex1", -20.0, 1.0)
+    pex2: float = quantity("pex2", -50.0, 50.0, default=0.0)
+    pex3: float = quantity("pex3", -50.0, 50.0, default=0.0)
+    pex4: float = quantity("pex4", -1.0, 1.0, default=0.0)
     ppx1: float = quantity("ppx1", -2.0, 2.0)
     ppx2: float = quantity("ppx2", -2.0, 2.0)
     ppx3: float = quantity("ppx3", -1.0, 1.0)
     ppx4: float = quantity("ppx4", -1.0, 1.0)
     pky1: float = quantity("pky1", 0.1, 100.0)
     pky2: float = quantity("pky2", 0.1, 20.0)
-    pcy1: float = quantity("pcy1", 1.0, 3.0)
+    pcy1: float = quantity("pcy1", 0.3, 3.0)
     pdy1: float = quantity("pdy1", 0.01, 3.0)
     pdy2: float = quantity("pdy2", -0.2, 0.2)
     pey1: float = quantity("pey1", -20.0, 1.0)
+    pey2: float = quantity("pey2", -50.0, 50.0, default=0.0)
     rbx1: float = quantity("rbx1", 0.0, 100.0)
     rbx2: float = quantity("rbx2", -100.0, 100.0)
     rcx1: float = quantity("rcx1", 0.0, 1.0)
@@ -320,7 +325,8 @@ def load_machine(name_or_path: str | Path, changes: Sequence[Change] = ()) -> Ma
         if section not in top:
             raise top.error(section, "is missing")
         try:
-            parts[section] = _read(cls, top.table(section))
+            table = top.table(section)
+            parts[section] = _read(cls, with_tir(table, changes) if section == "tyre" else table)
         except ConfigurationError:
             raise
         except ValueError as error:

@@ -92,7 +92,11 @@ W_SHORTEST_RELAXATION: Final = 43
 W_CARCASS_DAMPING: Final = 44
 W_CARCASS_DAMPING_SPEED: Final = 45
 W_ADDED_LOAD: Final = 46  # radial force beside spring and damper [N]
-WHEEL_SIZE: Final = 47
+W_PEX2: Final = 47
+W_PEX3: Final = 48
+W_PEX4: Final = 49
+W_PEY2: Final = 50
+WHEEL_SIZE: Final = 51
 PARAMETERS: Final = P_WHEELS + 4 * WHEEL_SIZE
 
 _FROM_TYRE = {
@@ -112,6 +116,7 @@ _FROM_TYRE = {
             ["rbx1", "rbx2", "rcx1", "rex1", "rby1", "rby2", "rcy1", "qbz1", "qcz1", "qdz1", "qdz2"]
         )
     },
+    **{W_PEX2 + i: name for i, name in enumerate(["pex2", "pex3", "pex4", "pey2"])},
     W_LONGITUDINAL_STIFFNESS: "longitudinal_stiffness",
     W_LATERAL_STIFFNESS: "lateral_stiffness",
     W_SHORTEST_RELAXATION: "shortest_relaxation",

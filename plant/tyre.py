@@ -5,7 +5,7 @@ force times the *effective* radius, as virtual work demands of a tyre that rolls
 that radius; the pressure centre then lies slightly ahead of the contact point under drive.
 Source: Pacejka, Tire and Vehicle Dynamics: Magic Formula (load, pressure and combined-slip terms
 of MF-Tyre 5.2 and 6.1), single-contact-point transient model; effective radius by Andreev.
-Left out: camber thrust, turn slip, rolling resistance, overturning moment, ply steer, conicity.
+Left out: camber thrust, turn slip, rolling resistance, overturning moment, ply steer, conicity (plant/effects has some).
 """
 
 import math
@@ -29,7 +29,11 @@ from plant.parameters import (
     W_PDY1,
     W_PDY2,
     W_PEX1,
+    W_PEX2,
+    W_PEX3,
+    W_PEX4,
     W_PEY1,
+    W_PEY2,
     W_PKX1,
     W_PKX2,
     W_PKX3,
@@ -141,6 +145,15 @@ def stiffness_and_peak(w: Array, friction: float, load: float) -> tuple[float, f
 
 
 @compiled
+def curvatures(w: Array, load: float, kappa: float) -> tuple[float, float]:
+    """Curvature factors of the longitudinal and the lateral curve at a load, at most 1; PEX4 tells driving from braking."""
+    df = load / w[W_NOMINAL_LOAD] - 1.0
+    along = w[W_PEX1] + w[W_PEX2] * df + w[W_PEX3] * df * df
+    along *= 1.0 - math.copysign(w[W_PEX4], kappa)
+    return min(along, 1.0), min(w[W_PEY1] + w[W_PEY2] * df, 1.0)
+
+
+@compiled
 def combined_forces(
     w: Array, load: float, curve: tuple[float, float, float, float], kappa: float, tan_alpha: float
 ) -> tuple[float, float, float]:
@@ -150,8 +163,9 @@ def combined_forces(
     lateral force is (against ISO's slip angle).
     """
     stiffness_x, stiffness_y, peak_x, peak_y = curve
-    pure_x = magic_formula(kappa, stiffness_x, w[W_PCX1], peak_x, w[W_PEX1])
-    pure_y = magic_formula(tan_alpha, stiffness_y, w[W_PCY1], peak_y, w[W_PEY1])
+    curvature_x, curvature_y = curvatures(w, load, kappa)
+    pure_x = magic_formula(kappa, stiffness_x, w[W_PCX1], peak_x, curvature_x)
+    pure_y = magic_formula(tan_alpha, stiffness_y, w[W_PCY1], peak_y, curvature_y)
     narrowing_x = w[W_RBX2] * kappa
     narrowing_y = w[W_RBY2] * tan_alpha
     along = pure_x * weight(tan_alpha, w[W_RBX1] / math.sqrt(1.0 + narrowing_x**2), w[W_RCX1], w[W_REX1])
@@ -204,8 +218,9 @@ def tyre_forces(
         return
     curve = stiffness_and_peak(w, friction, load)
     stiffness_x, stiffness_y, peak_x, peak_y = curve
-    length_x = magic_slope(kappa, stiffness_x, w[W_PCX1], peak_x, w[W_PEX1]) / w[W_LONGITUDINAL_STIFFNESS]
-    length_y = magic_slope(tan_alpha, stiffness_y, w[W_PCY1], peak_y, w[W_PEY1]) / w[W_LATERAL_STIFFNESS]
+    curvature_x, curvature_y = curvatures(w, load, kappa)
+    length_x = magic_slope(kappa, stiffness_x, w[W_PCX1], peak_x, curvature_x) / w[W_LONGITUDINAL_STIFFNESS]
+    length_y = magic_slope(tan_alpha, stiffness_y, w[W_PCY1], peak_y, curvature_y) / w[W_LATERAL_STIFFNESS]
     out[T_KAPPA_RATE] = relax(kappa, speed, sliding_x, max(length_x, shortest), ahead)
     out[T_TAN_ALPHA_RATE] = relax(tan_alpha, speed, sliding_y, max(length_y, shortest), ahead)
     kappa += ahead * out[T_KAPPA_RATE]

@@ -8,7 +8,7 @@ from plant.effects.blocks import wheel_blocks
 from plant.effects.effect import Array, Confusable, Effect, Parameter, degrees
 from plant.effects.ports import carrier_motion, push_centre
 from plant.machine import Machine
-from plant.parameters import W_PCX1, W_PDX1, W_PDX2, W_PEX1, W_PKX1, W_PKX2, W_PKX3
+from plant.parameters import W_PCX1, W_PDX1, W_PDX2, W_PEX1, W_PEX2, W_PEX3, W_PKX1, W_PKX2, W_PKX3
 from plant.state import T_NORMAL
 from plant.workspace import Workspace
 
@@ -19,7 +19,7 @@ def prepare(q: Mapping[str, float], p: Array, machine: Machine) -> None:
     """A Magic Formula without peak: force rises towards the soil's friction as the soil is sheared."""
     grip = math.tan(q["friction_angle_deg"])
     for block in wheel_blocks(p):
-        block[W_PCX1], block[W_PEX1] = 1.0, 0.0
+        block[W_PCX1], block[W_PEX1], block[W_PEX2], block[W_PEX3] = 1.0, 0.0, 0.0, 0.0
         block[W_PDX1], block[W_PDX2] = grip, 0.0
         block[W_PKX1], block[W_PKX2], block[W_PKX3] = grip * q["patch_m"] / (2.0 * q["shear_mm"]), 0.0, 0.0
 
