@@ -12,25 +12,35 @@ Error = TypeVar("Error", bound=BaseException)
 
 
 class TickTiming:
-    """Per tick: how late it started and how long it took, integer nanoseconds; and the ticks missed."""
+    """Told every tick of a process, and the ticks it missed; keeps the latter only, however long it runs."""
 
     def __init__(self) -> None:
-        self._lateness = array("q")
-        self._execution = array("q")
         self.missed = 0
 
-    def add(self, lateness_ns: int, execution_ns: int) -> None:
-        """One tick."""
-        self._lateness.append(lateness_ns)
-        self._execution.append(execution_ns)
+    def add(self, due_ns: int, started_ns: int, ended_ns: int) -> None:
+        """One tick: when it should have started, when it did, and when it ended."""
 
-    def arrays(self) -> dict[str, NDArray[np.int64]]:
+
+class KeptTiming(TickTiming):
+    """Keeps every tick in memory, for runs of known length."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._rows = array("q")
+
+    def add(self, due_ns: int, started_ns: int, ended_ns: int) -> None:
+        """One tick."""
+        self._rows.extend((due_ns, started_ns, ended_ns))
+
+    def columns(self) -> dict[str, NDArray[np.int64]]:
         """Columns for timing.npz."""
-        return {
-            "lateness_ns": np.array(self._lateness, dtype=np.int64),
-            "execution_ns": np.array(self._execution, dtype=np.int64),
-            "missed": np.array(self.missed, dtype=np.int64),
-        }
+        return columns_of(np.array(self._rows, np.int64).reshape(-1, 3))
+
+
+def columns_of(rows: NDArray[np.int64]) -> dict[str, NDArray[np.int64]]:
+    """rows: (n, 3) due, start and end of each tick [ns]; its due time, lateness and execution [ns]."""
+    due, started, ended = rows.T
+    return {"due_ns": due, "lateness_ns": started - due, "execution_ns": ended - started}
 
 
 async def readable(fd: int) -> None:

@@ -35,7 +35,7 @@ async def run(
 ) -> None:
     """Run the cycle on the bus until the task is cancelled; BusClosed when the bus is gone.
 
-    period_ns: real time between ticks. timing: filled with lateness and execution of every tick.
+    period_ns: real time between ticks. timing: told every tick.
     """
     timing = timing if timing is not None else TickTiming()
     cycle.warm_up()
@@ -57,9 +57,9 @@ async def run(
             bus.send(frame)
         for finding in result.findings:
             found(finding)
-        execution_ns = time.monotonic_ns() - started_ns
-        cycle.executed(execution_ns)
-        timing.add(started_ns - due_ns, execution_ns)
+        ended_ns = time.monotonic_ns()
+        cycle.executed(ended_ns - started_ns)
+        timing.add(due_ns, started_ns, ended_ns)
 
     async def pace() -> None:
         with Ticks(period_ns) as ticks:

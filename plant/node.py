@@ -24,7 +24,7 @@ async def run(
     *,
     period_ns: int = TICK_NS,
     realtime: bool = True,
-    on_tick: Callable[[PlantUnit, int], None] | None = None,
+    on_tick: Callable[[PlantUnit], None] | None = None,
     on_finding: Callable[[Finding], None] | None = None,
     timing: TickTiming | None = None,
     truth_path: Path | None = None,
@@ -33,11 +33,11 @@ async def run(
 
     period_ns: real time between ticks; each advances the machine by its own 10 ms.
     realtime: False ticks as fast as the loop permits, for tests.
-    on_tick: told the unit and the stamp after each tick.
+    on_tick: told the unit after each tick.
     truth_path: where the true motion is written at the end, however it comes: finished,
     cancelled, or BusClosed, which is raised to the caller when the hub or interface is gone.
     """
-    truth = TruthRecorder() if truth_path else None
+    truth = TruthRecorder(truth_path.parent) if truth_path else None
     timing = timing or TickTiming()
     trouble = TroubleLog()
 
@@ -53,14 +53,13 @@ async def run(
         started_ns = time.monotonic_ns()
         receive()  # what has come is used now, not a tick later
         frames = unit.tick(started_ns)
-        unit.reception.reactions.sent(unit.sequence, time.monotonic_ns())
         for frame in frames:
             transport.send(frame)
-        timing.add(started_ns - due_ns, time.monotonic_ns() - started_ns)
+        timing.add(due_ns, started_ns, time.monotonic_ns())
         if truth is not None:
             truth.append(unit.truth)
         if on_tick:
-            on_tick(unit, started_ns)
+            on_tick(unit)
 
     async def pace() -> None:
         with Ticks(period_ns) as ticks:
@@ -86,4 +85,5 @@ async def run(
         raise first_of(closed) from None
     finally:
         if truth is not None and truth_path is not None:
-            truth.save(truth_path)
+            with truth:
+                truth.save(truth_path)

@@ -1,4 +1,4 @@
-"""From the stamps that the processes of a run left to the way of its reactions, in its directory."""
+"""From the stamps that the processes of a run left to their ticks and the way of its reactions, in its directory."""
 
 import datetime
 from pathlib import Path
@@ -6,13 +6,21 @@ from pathlib import Path
 from hil import rundir
 from hil.gateway import histograms
 from hil.gateway.hops import StampFiles, hops, way_of_reactions
-from hil.gateway.tap import read_stamps
+from hil.gateway.tap import read_stamps, ticks_of
 
 PROCESSES = ("plant", "ecu", "gateway-plant", "gateway-ecu")
+TICKING = ("plant", "ecu")
+
+
+def keep_ticks(out: Path, process: str) -> None:
+    """The ticks among the stamps of a process as its part of the run's timing; one that was killed left those until then."""
+    ticks = ticks_of(read_stamps(rundir.stamps(out, process)))
+    if ticks["due_ns"].size:
+        rundir.write_table(rundir.part_of_timing(out, process), ticks)
 
 
 def conclude(out: Path, record: rundir.RunRecord) -> None:
-    """The way into the run's timing, its histograms into latency.hlog; the stamps are then removed."""
+    """Ticks and way into the run's timing, histograms of the way into latency.hlog; the stamps are then removed."""
     files = [rundir.stamps(out, process) for process in PROCESSES]
     plant, ecu, gateway_plant, gateway_ecu = (read_stamps(file) for file in files)
     way = way_of_reactions(
@@ -26,5 +34,7 @@ def conclude(out: Path, record: rundir.RunRecord) -> None:
             start_s=datetime.datetime.fromisoformat(record.started).timestamp(),
             duration_s=record.duration_s,
         )
+    for process in TICKING:
+        keep_ticks(out, process)
     for file in files:
         file.unlink(missing_ok=True)

@@ -7,6 +7,7 @@ a killed process leaves what it had.
 
 A row is four integers: kind, number (sequence, echo, or 0), stamp of the bus, stamp of the process [ns].
 The stamp of the process is that of reading for a frame that was heard, and that before sending for one sent.
+Of a tick they are its due time, its end and its start.
 """
 
 import struct
@@ -23,7 +24,7 @@ from bus.address import open_transport
 from bus.closing import Closing
 from bus.errors import BusFinding
 from bus.frame import Frame
-from bus.pacing import TickTiming
+from bus.pacing import TickTiming, columns_of
 from bus.transport import Statistics, Transport
 from dbc import loader_database
 from dbc.database import Database
@@ -139,13 +140,18 @@ def tapped(address: str, name: str, file: Path | None) -> Iterator[tuple[Transpo
 
 
 class TappedTiming(TickTiming):
-    """The times of a process that ticks, with the start of each tick among its stamps."""
+    """The times of a process that ticks, among its stamps."""
 
     def __init__(self, stamps: StampWriter) -> None:
         super().__init__()
         self._stamps = stamps
 
-    def add(self, lateness_ns: int, execution_ns: int) -> None:
+    def add(self, due_ns: int, started_ns: int, ended_ns: int) -> None:
         """One tick, told at its end."""
-        super().add(lateness_ns, execution_ns)
-        self._stamps.add(Kind.TICK, 0, 0, time.monotonic_ns() - execution_ns)
+        self._stamps.add(Kind.TICK, due_ns, ended_ns, started_ns)
+
+
+def ticks_of(rows: NDArray[np.int64]) -> dict[str, NDArray[np.int64]]:
+    """Due time, lateness and execution [ns] of the ticks among the stamps of a process."""
+    ticks = rows[rows[:, 0] == Kind.TICK]
+    return columns_of(ticks[:, [1, 3, 2]])

@@ -1,6 +1,7 @@
 """The ECU process: the virtual ECU on the bus, in real time."""
 
 from collections import Counter
+from contextlib import ExitStack
 from pathlib import Path
 
 from ecu import node
@@ -8,6 +9,7 @@ from ecu.findings import Finding
 from hil import rundir
 from hil.ecu_side import CALIBRATION, Form, ecu_cycle
 from hil.ending import Ending
+from hil.gateway.latency import keep_ticks
 from hil.gateway.tap import tapped
 from hil.lifeline import Lifeline
 from hil.processes.shell import counters, log_to, reach, run_until_signal
@@ -35,12 +37,13 @@ def run(
         kinds[f"finding_{type(finding).__name__}"] += 1
         node.log_finding(finding)
 
-    with tapped(address, "ecu", out and rundir.stamps(out, "ecu")) as (bus, timing):
+    with ExitStack() as stack:
+        if out and not line.supervised:
+            stack.callback(keep_ticks, out, "ecu")
+        bus, timing = stack.enter_context(tapped(address, "ecu", out and rundir.stamps(out, "ecu")))
         line.ready()
         try:
             run_until_signal(node.run(bus, cycle, timing=timing, found=found))
         finally:
-            if out:
-                rundir.write_table(rundir.part_of_timing(out, "ecu"), timing.arrays())
             line.finished(complete=True, missed=timing.missed, **kinds, **counters(bus))
     return Ending.PASSED if line.supervised else Ending.INTERRUPTED

@@ -5,14 +5,11 @@ from collections import Counter
 from contextlib import ExitStack
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
-from bus.pacing import TickTiming
 from dbc.writer import CandumpWriter
 from hil import rundir
 from hil.compose import Choice, plant_unit
 from hil.ending import Ending
+from hil.gateway.latency import keep_ticks
 from hil.gateway.tap import tapped
 from hil.lifeline import Lifeline
 from hil.processes.shell import counters, log_to, reach, run_until_signal
@@ -40,15 +37,15 @@ def run(
     realtime.apply()
     line.ready()
     line.wait_for_go()
-    started_ns: list[int] = []
     kinds: Counter[str] = Counter()
     with ExitStack() as stack:
         stamps = out and rundir.stamps(out, "plant")
+        if out and not line.supervised:
+            stack.callback(keep_ticks, out, "plant")
         bus, timing = stack.enter_context(tapped(address, "plant", stamps))
         reference = out and stack.enter_context(CandumpWriter(out / rundir.REFERENCE))
 
-        def on_tick(ticked: PlantUnit, now_ns: int) -> None:
-            started_ns.append(now_ns)
+        def on_tick(ticked: PlantUnit) -> None:
             if reference:
                 for frame in ticked.reference_frames():
                     reference.write(frame, REFERENCE_CHANNEL)
@@ -67,8 +64,6 @@ def run(
                 )
             )
         finally:
-            if out:
-                rundir.write_table(rundir.part_of_timing(out, "plant"), _columns(timing, started_ns))
             line.finished(
                 complete=unit.finished,
                 duration_s=unit.truth.time_s,
@@ -77,13 +72,6 @@ def run(
                 **counters(bus),
             )
     return Ending.INTERRUPTED if interrupted else Ending.PASSED
-
-
-def _columns(timing: TickTiming, started_ns: list[int]) -> dict[str, NDArray[np.int64]]:
-    """Of timing.npz; `due_ns` says which stamp of the bus clock each row of the truth belongs to."""
-    columns = timing.arrays()
-    due_ns = np.array(started_ns, np.int64) - columns["lateness_ns"][: len(started_ns)]
-    return {**columns, "due_ns": due_ns}
 
 
 def _warm_plant(scenario: Scenario) -> None:

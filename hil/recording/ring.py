@@ -48,7 +48,9 @@ class Ring:
     def __init__(self, descriptor: int, slots: int) -> None:
         self._descriptor = descriptor
         self._slots = slots
-        self._map = mmap.mmap(descriptor, _RECORDS + slots * RECORD.itemsize)
+        # All of its memory now: no page is waited for while frames come, and what a process holds does not grow.
+        size = _RECORDS + slots * RECORD.itemsize
+        self._map = mmap.mmap(descriptor, size, flags=mmap.MAP_SHARED | mmap.MAP_POPULATE)
         self._head = self._read(_HEAD)
         self._tail = self._read(_TAIL)
         self._dropped = self._read(_DROPPED)

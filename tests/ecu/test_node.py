@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from bus.frame import Frame
-from bus.pacing import TickTiming, readable
+from bus.pacing import KeptTiming, readable
 from bus.transport import BusClosed
 from bus.virtual import VirtualBus, VirtualTransport
 from dbc import loader_database
@@ -71,10 +71,10 @@ class Hindered(EcuCycle):
 
 def run(
     cycle: EcuCycle, play: Callable[[Machine, VirtualBus], asyncio.Future[None]]
-) -> tuple[Machine, list[Finding], TickTiming]:
+) -> tuple[Machine, list[Finding], KeptTiming]:
     """The shell and a machine on one bus, until `play` is over."""
     cycle.warm_up()  # compiling does not count against the patience
-    bus, findings, timing = VirtualBus(), list[Finding](), TickTiming()
+    bus, findings, timing = VirtualBus(), list[Finding](), KeptTiming()
 
     async def both(near: VirtualTransport, machine: Machine) -> None:
         async with asyncio.timeout(PATIENCE_S):
@@ -102,7 +102,7 @@ def test_every_sample_is_answered_and_every_answer_is_sound():
     assert StateChanged in {type(finding) for finding in findings}
     assert machine.last("EcuStatus")["State"] == State.RUNNING
     assert machine.last("EcuStatus")["ExecutionTime"] > 0
-    rows = timing.arrays()
+    rows = timing.columns()
     assert rows["execution_ns"].size == rows["lateness_ns"].size >= len(machine.echoes)
     assert (rows["execution_ns"] > 0).all()
     assert (rows["lateness_ns"] >= 0).all()

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from plant.machine import load_machine
 from plant.profile import Profile
-from plant.recorder import TruthRecorder
 from plant.scenario import Scenario, list_scenarios, load_scenario
+from plant.truth import columns_of
 from plant.unit import TICK_NS, PlantUnit
 from tests.plant.test_unit import Ecu
 
@@ -46,16 +46,16 @@ def simulate(scenario: Scenario, limited_from: float = np.inf, **limits: float) 
     unit = PlantUnit(MACHINE, scenario, seed=scenario.seed, obey_limits=obey)
     free, strict = Ecu(), Ecu(**limits)
     strict._protector = free._protector  # one sender, one counter
-    truth = TruthRecorder()
+    rows = []
     tick = 0
     while not unit.finished:
         unit.tick(tick * TICK_NS)
-        truth.append(unit.truth)
+        rows.append(unit.truth.row.copy())
         if obey:
             ecu = strict if unit.truth.time_s >= limited_from else free
             unit.receive(ecu.frame(), tick * TICK_NS + TICK_NS // 2)
         tick += 1
-    return Run(truth.columns(), unit.rolled_over)
+    return Run(columns_of(np.array(rows)), unit.rolled_over)
 
 
 @cache

@@ -3,7 +3,6 @@
 import asyncio
 import socket
 import time
-from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
@@ -11,10 +10,10 @@ import pytest
 
 from bus.errors import BusFinding
 from bus.frame import Frame
+from bus.pacing import KeptTiming
 from bus.transport import BusClosed, Statistics
 from dbc.protection import Finding as Check
 from plant import node
-from plant.latency import ReactionStamps
 from plant.reception import Finding
 from plant.truth import Truth
 
@@ -73,13 +72,6 @@ class FakeBus:
         self.close()
 
 
-@dataclass
-class Heard:
-    """Stands in for the unit's reception."""
-
-    reactions: ReactionStamps = field(default_factory=ReactionStamps)
-
-
 class FakeUnit:
     """Sends its tick number in one frame per tick; complains about every frame with id 13."""
 
@@ -87,7 +79,6 @@ class FakeUnit:
         self._last = ticks
         self.ticks = 0
         self.heard: list[tuple[Frame, int]] = []
-        self.reception = Heard()
 
     @property
     def sequence(self) -> int:
@@ -191,35 +182,14 @@ def test_a_bug_in_the_unit_is_not_hidden(bus):
 
 def test_in_real_time_ticks_are_never_early_and_every_one_is_timed(bus):
     """Not a test of speed: however starved the host is, due times and counts have to agree."""
-    timing, stamps, missed = node.TickTiming(), [], []
+    timing, missed = KeptTiming(), []
 
-    def note(_: FakeUnit, now_ns: int) -> None:
-        stamps.append(now_ns)
+    def note(_: FakeUnit) -> None:
         missed.append(timing.missed)
 
     asyncio.run(node.run(bus, FakeUnit(30), period_ns=2 * MS, timing=timing, on_tick=note))
-    columns = timing.arrays()
-    due = np.array(stamps) - columns["lateness_ns"]
+    columns = timing.columns()
     assert (columns["lateness_ns"] >= 0).all()
     assert (columns["execution_ns"] > 0).all()
-    assert len(stamps) == 30
-    assert (np.diff(due) == 2 * MS * (1 + np.diff(missed))).all()
-    assert columns["missed"] == missed[-1]
-
-
-def test_the_reaction_is_stamped_from_the_sensor_frame_to_the_answer(bus):
-    class Answered(FakeUnit):
-        def receive(self, frame: Frame, now_ns: int) -> list[Finding]:
-            self.reception.reactions.limits(now_ns)
-            self.reception.reactions.status(frame.data[0], now_ns + 5)
-            return []
-
-    def answer(unit: FakeUnit, now_ns: int) -> None:
-        if unit.sequence == 0:
-            bus.arrive(Frame(2, b"\x00", now_ns + 3 * MS))
-
-    unit = Answered(2)
-    asyncio.run(node.run(bus, unit, realtime=False, on_tick=answer))
-    reactions = unit.reception.reactions.reactions()
-    assert reactions.sequence.tolist() == [0]
-    assert 0 < reactions.limits_ns[0] - reactions.sent_ns[0] <= 3 * MS
+    assert len(columns["due_ns"]) == 30
+    assert (np.diff(columns["due_ns"]) == 2 * MS * (1 + np.diff(missed))).all()

@@ -7,7 +7,7 @@ from bus.frame import Frame
 from bus.virtual import VirtualBus
 from dbc import loader_database
 from hil.gateway.hops import Kind
-from hil.gateway.tap import ROW, StampWriter, Tap, TappedTiming, read_stamps
+from hil.gateway.tap import ROW, StampWriter, Tap, TappedTiming, read_stamps, ticks_of
 
 DATABASE = loader_database()
 
@@ -65,16 +65,18 @@ def test_a_frame_too_short_for_its_message_leaves_no_row(tapped):
     assert read_stamps(file).shape == (0, 4)
 
 
-def test_the_start_of_a_tick_is_stamped(tmp_path):
+def test_ticks_are_among_the_stamps_and_read_back_without_the_rest(tmp_path):
     file = tmp_path / "stamps.ticks"
     with StampWriter(file) as stamps:
         timing = TappedTiming(stamps)
-        timing.add(5, 1_000_000_000)
-        timing.add(6, 0)
+        timing.add(100, 105, 125)
+        stamps.add(Kind.SENT_SAMPLE, 7, 0, 130)
+        timing.add(200, 206, 206)
     rows = read_stamps(file)
-    assert rows[:, 0].tolist() == [Kind.TICK, Kind.TICK]
-    assert 0.9e9 < rows[1, 3] - rows[0, 3] < 60e9
-    assert timing.arrays()["lateness_ns"].tolist() == [5, 6]
+    assert rows[:, 0].tolist() == [Kind.TICK, Kind.SENT_SAMPLE, Kind.TICK]
+    assert rows[[0, 2], 3].tolist() == [105, 206]  # a hop begins with the start of the tick
+    ticks = {name: column.tolist() for name, column in ticks_of(rows).items()}
+    assert ticks == {"due_ns": [100, 200], "lateness_ns": [5, 6], "execution_ns": [20, 0]}
 
 
 def test_a_file_cut_off_by_a_kill_reads_up_to_its_last_whole_row(tmp_path):
