@@ -9,9 +9,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
-import cantools.database
-import cantools.errors
-
 from bus.frame import EXTENDED
 from dbc import codegen
 from dbc.errors import DatabaseError, DecodeError, EncodeError
@@ -125,6 +122,9 @@ class Database:
     @classmethod
     def from_file(cls, path: str | Path, *, strict: bool = True) -> Self:
         """Read a DBC file; `strict` refuses signals that overlap or do not fit their message."""
+        import cantools.database  # with python-can: half a second, and nothing without a DBC needs it
+        import cantools.errors
+
         try:
             read: Any = cantools.database.load_file(str(path), database_format="dbc", strict=strict)
         except OSError as error:

@@ -211,6 +211,10 @@ def plant(
 
     Example: `loaderhil plant loaded --bus socketcan:can0` against a real ECU.
     """
+    from hil.processes.lean import without_mf4
+
+    without_mf4()
+
     from hil.compose import Choice
     from hil.processes import plant as process
     from hil.processes.shell import ending_of
@@ -238,6 +242,10 @@ def ecu(
 
     Example: `loaderhil ecu --bus socketcan:can0 --fifo 50 --lock-memory --cpu 1`
     """
+    from hil.processes.lean import without_mf4
+
+    without_mf4()
+
     from hil.processes import ecu as process
     from hil.processes.shell import ending_of
 

@@ -33,6 +33,7 @@ STALE_AFTER = 3.0
 """Periods without a frame after which its values must not be used."""
 LEAST_PERIODS = 3
 """Shorter observations say nothing about a period."""
+QUESTION = "every message in time"
 COUNTER_MODULUS = 15
 """AUTOSAR E2E profile 1 counts 0..14."""
 
@@ -105,6 +106,15 @@ class MessageVerdict:
         if found and self.period_ns and self.worst_gap_ns and self.worst_gap_ns > self.period_ns:
             found.append(f"longest gap {self.worst_gap_ns * 1e-6:.1f} ms of {self.period_ns * 1e-6:.0f} ms")
         return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """The verdict on one message of one channel; sender: the first that the DBC names."""
+
+    channel: str
+    sender: str
+    verdict: MessageVerdict
 
 
 def judge_message(
@@ -216,7 +226,7 @@ def doubts_of(observer: Observer) -> list[str]:
     return doubts
 
 
-def overall(verdicts: Sequence[MessageVerdict], question: str = "every message in time") -> Verdict:
+def overall(verdicts: Sequence[MessageVerdict], question: str = QUESTION) -> Verdict:
     """One verdict over all messages: failed if any failed, inconclusive if any could not be judged."""
     if not verdicts:
         return Verdict(question=question, result=Result.INCONCLUSIVE, reason="no message was judged")
@@ -229,6 +239,13 @@ def overall(verdicts: Sequence[MessageVerdict], question: str = "every message i
     frames = sum(verdict.frames for verdict in verdicts)
     reason = f"{len(verdicts)} messages, {frames} frames, none late, early, missing or repeated"
     return Verdict(question=question, result=Result.PASSED, reason=reason)
+
+
+def doubtful(judged: Sequence[Judged], doubts: Sequence[str]) -> Verdict:
+    """The verdict of an observer in doubt, with what was found nevertheless."""
+    suspect = sum(1 for one in judged if one.verdict.events)
+    found = f"{suspect} of {len(judged)} messages not in time" if suspect else "nothing found late"
+    return Verdict(question=QUESTION, result=Result.INCONCLUSIVE, reason=f"{'; '.join(doubts)} ({found})")
 
 
 def absent(names: Iterable[str], seen: Mapping[str, Observation]) -> list[str]:

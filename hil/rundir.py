@@ -20,7 +20,7 @@ import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,11 +29,12 @@ from pydantic.dataclasses import dataclass as checked_dataclass
 
 from bus.mistake import Mistake
 from dbc import loader_database, reference_database
-from dbc.columns import ColumnDecoder, Columns
 from dbc.database import Database
-from dbc.logfile import read_candump
 from hil.punctuality import Punctuality
 from hil.vitals import Vitals
+
+if TYPE_CHECKING:
+    from dbc.columns import Columns
 
 RECORD, TRUTH, BUS, REFERENCE, TIMING = "run.json", "truth.npz", "bus.log", "reference.log", "timing.npz"
 ECU_BUS, LATENCY = "ecu-bus.log", "latency.hlog"
@@ -117,8 +118,8 @@ class RunDirectory:
     path: Path
     record: RunRecord
     truth: Table
-    messages: dict[str, Columns]
-    reference: dict[str, Columns]
+    messages: "dict[str, Columns]"
+    reference: "dict[str, Columns]"
     timing: Table
     problems: tuple[str, ...]
 
@@ -278,7 +279,10 @@ def _run_clock(record: RunRecord, truth: Table, timing: Table) -> Clock:
 
 def _read_log(
     file: Path, database: Database, clock: Clock, problems: list[str], *, optional: bool
-) -> dict[str, Columns]:
+) -> "dict[str, Columns]":
+    from dbc.columns import ColumnDecoder  # with numba: 60 MB, which a process that only writes does not need
+    from dbc.logfile import read_candump
+
     if not file.exists():
         if not optional:
             problems.append(f"{file}: missing; the run was killed before the first frame was written")

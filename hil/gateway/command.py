@@ -43,6 +43,10 @@ def gateway(
     Faults count their times from the first frame of the machine. Example:
     `loaderhil gateway --plant-bus hub:/tmp/plant.hub --ecu-bus socketcan:can0 --control /tmp/loaderhil.control`
     """
+    from hil.processes.lean import without_mf4
+
+    without_mf4()
+
     from hil.processes import gateway as process
     from hil.processes.shell import ending_of
 

@@ -17,11 +17,13 @@ from dbc.database import Database, MessageCodec
 from dbc.j1939 import source_address
 from dbc.logfile import FrameTable
 from hil.deadlines import (
+    QUESTION,
     STALE_AFTER,
     TOLERANCE,
-    MessageVerdict,
+    Judged,
     Observation,
     Observer,
+    doubtful,
     doubts_of,
     judge_message,
     overall,
@@ -29,7 +31,6 @@ from hil.deadlines import (
 )
 from hil.verdict import Result, Verdict
 
-QUESTION = "every message in time"
 _COUNTER_BYTE, _COUNTER_BITS = 1, 0x0F  # AUTOSAR E2E profile 1
 
 
@@ -40,15 +41,6 @@ class Rules:
     tolerance: float = TOLERANCE
     stale_after: float = STALE_AFTER
     nodes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Judged:
-    """The verdict on one message of one channel; sender: the first that the DBC names."""
-
-    channel: str
-    sender: str
-    verdict: MessageVerdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -203,10 +195,3 @@ def _concluded(
     if verdict.result is Result.INCONCLUSIVE and judged:
         reasons.insert(0, verdict.reason)
     return Verdict(question=QUESTION, result=Result.INCONCLUSIVE, reason="; ".join(reasons))
-
-
-def doubtful(judged: Sequence[Judged], doubts: Sequence[str]) -> Verdict:
-    """The verdict of an observer in doubt, with what was found nevertheless."""
-    suspect = sum(1 for one in judged if one.verdict.events)
-    found = f"{suspect} of {len(judged)} messages not in time" if suspect else "nothing found late"
-    return Verdict(question=QUESTION, result=Result.INCONCLUSIVE, reason=f"{'; '.join(doubts)} ({found})")

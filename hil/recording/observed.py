@@ -1,5 +1,6 @@
 """The frames of a recording, and how far whoever saw them can be trusted: what is judged by deadlines, and within which doubts."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,17 +9,19 @@ from dbc.errors import LogError
 from dbc.logfile import FrameTable
 from dbc.recording import read_frames
 from hil import rundir
-from hil.deadlines import Observer
+from hil.deadlines import QUESTION, Observer, doubtful, doubts_of
 from hil.faults.record import read_faults
 from hil.judgement import PROCESSES, timing_of
-from hil.punctuality import Punctuality, all_frames
+from hil.punctuality import Punctuality
 from hil.recording.check import Check, check, whole
 from hil.rundir import RunDirectory
 from hil.timing import judge_task, judge_timing, starvation, starved_moment
+from hil.verdict import Result, Verdict
 
 PLANT_BUS, ECU_BUS = "plant bus", "ECU bus"
 BUSES = {PLANT_BUS: (rundir.BUS, "recorder"), ECU_BUS: (rundir.ECU_BUS, "ecu-recorder")}
 """Log of each, and the process that wrote it."""
+GRAVITY = (Result.PASSED, Result.INCONCLUSIVE, Result.FAILED)
 
 
 def read_observed(recording: Path) -> tuple[FrameTable, Observer]:
@@ -63,3 +66,27 @@ def punctuality_of(run: RunDirectory) -> Punctuality:
         messages=tuple(message for check in checks.values() for message in check.messages),
         tasks=tuple(judge_task(timing, name) for name in PROCESSES),
     )
+
+
+def all_frames(checks: Mapping[str, Check], unread: Sequence[str], struck: int) -> Verdict:
+    """One verdict over the checks of several buses, by the name of each.
+
+    A fault that was injected may make frames late, and may hide that the bench was late by itself: with one that
+    struck frames, messages that were not in time decide nothing. unread: why a bus could not be read.
+    struck: injected faults that struck frames.
+    """
+    doubts = dict.fromkeys(
+        [*unread, *(doubt for check in checks.values() for doubt in doubts_of(check.observer))]
+    )
+    if doubts:
+        return doubtful([message for check in checks.values() for message in check.messages], list(doubts))
+    worst = max((check.overall.result for check in checks.values()), key=GRAVITY.index)
+    told = [
+        f"{bus}: {check.overall.reason}" if len(checks) > 1 else check.overall.reason
+        for bus, check in checks.items()
+        if check.overall.result is worst
+    ]
+    if worst is Result.FAILED and struck:
+        worst = Result.INCONCLUSIVE
+        told.insert(0, f"injected faults struck ({struck}) and may be why")
+    return Verdict(question=QUESTION, result=worst, reason="; ".join(told))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from hil.recording.check import Judged
+from hil.deadlines import Judged
 from hil.verdict import Result
 
 COLOUR = {Result.PASSED: "green", Result.FAILED: "red", Result.INCONCLUSIVE: "yellow"}

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
+from hil.deadlines import Judged
 from hil.punctuality import Punctuality
-from hil.recording.check import Judged
 from hil.report.figures import SHOWN, spread_text
 from hil.report.parts import columns, table, verdict_list
 from hil.report.section import Section
