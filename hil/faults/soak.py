@@ -18,7 +18,8 @@ from hil.faults.passage import Fault
 from hil.faults.table import SECOND, read_fault
 from hil.faults.watch import Answer, Mechanism, Watch, Witness
 from hil.lockstep import PERIOD_NS
-from hil.verdict import Result
+from hil.verdict import Result, Verdict
+from hil.vitals import Life, judge_memory
 from plant.checked import CheckedTable
 from plant.scenario import Scenario, load_scenario
 
@@ -65,7 +66,8 @@ class Soak:
     """What a soak found.
 
     violations: of the ECU's declared states and ranges; unexplained: noticed although nothing was injected.
-    states: ticks by the ECU's state. doubt: why what is unexplained may be the host's doing.
+    states: ticks by the ECU's state. doubt: why what is unexplained may be the host's doing. lives: of the processes,
+    in real time.
     """
 
     seed: int
@@ -77,15 +79,23 @@ class Soak:
     violations: Told = field(default_factory=Told)
     unexplained: Told = field(default_factory=Told)
     doubt: str = ""
+    lives: tuple[Life, ...] = ()
+
+    @property
+    def memory(self) -> Verdict | None:
+        """Whether it stayed flat; None in lockstep, which has no processes of its own."""
+        return judge_memory(self.lives) if self.lives else None
 
     @property
     def result(self) -> Result:
-        """Whether the ECU kept its word and nothing was noticed that nobody had done."""
-        if self.violations.count or self.simulated_s <= 0:
+        """Whether the ECU kept its word, nothing was noticed that nobody had done, and no process grew."""
+        memory = self.memory.result if self.memory else Result.PASSED
+        unexplained = self.unexplained.count > 0
+        if self.violations.count or self.simulated_s <= 0 or memory is Result.FAILED:
             return Result.FAILED
-        if self.unexplained.count:
-            return Result.INCONCLUSIVE if self.doubt else Result.FAILED
-        return Result.PASSED
+        if unexplained and not self.doubt:
+            return Result.FAILED
+        return Result.INCONCLUSIVE if unexplained or memory is Result.INCONCLUSIVE else Result.PASSED
 
 
 def soak(seconds: float, seed: int, progress: Callable[[float], None] = lambda done_s: None) -> Soak:

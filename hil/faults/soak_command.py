@@ -23,7 +23,7 @@ def soak(
 ) -> None:
     """Random drives under random faults: is each noticed, does the ECU keep its word.
 
-    Fails if the ECU leaves its declared states or ranges, or if anything is noticed that nobody had done.
+    Fails if the ECU leaves its declared states or ranges, if anything is noticed that nobody had done, or if a process grows.
     Example: `loaderhil soak --hours 1 --seed 1 --out docs/results/soak.md`
     """
     from rich.progress import Progress

@@ -50,6 +50,7 @@ def page(found: Soak, command: str) -> str:
             f"seed {found.seed}",
         )
         + f"\n{_ran(found)}\n\n## What must hold\n\n{_promises(found)}\n"
+        + _memory(found)
         + f"## What noticed what\n\n{_classes(found)}\n## Not noticed\n\n{_unnoticed(found)}"
     )
 
@@ -80,6 +81,25 @@ def _promises(found: Soak) -> str:
     doubt = f"What was noticed between faults decides nothing: {found.doubt}.\n\n" if found.doubt else ""
     ticks = f"Ticks of the ECU by state: {', '.join(share.values())}. Roll-overs: {found.rolled_over}.\n"
     return f"**{found.result.value}**\n\n{table}\n{doubt}{ticks}" + (f"\n{lines}" if lines else "")
+
+
+def _memory(found: Soak) -> str:
+    """Of every life of a process that was seen for long enough to tell; '' in lockstep."""
+    verdict = found.memory
+    if verdict is None:
+        return ""
+    rows = "".join(
+        f"| {life.process} | {life.seconds:.0f} | {_mib(life.start_bytes)} | {_mib(life.settled_bytes)} | "
+        f"{_mib(life.end_bytes)} | {life.growth_bytes / 1024:.0f} |\n"
+        for life in found.lives
+        if life.growth_bytes is not None
+    )
+    head = "| process | s | start [MiB] | after a minute | end | most above that [KiB] |\n|---|---:|---:|---:|---:|---:|\n"
+    return f"## Memory\n\n**{verdict.result.value}** {verdict.question}: {verdict.reason}.\n\n{head}{rows}\n"
+
+
+def _mib(size: int | None) -> str:
+    return "–" if size is None else f"{size / 2**20:.1f}"
 
 
 def _classes(found: Soak) -> str:

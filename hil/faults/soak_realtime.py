@@ -27,7 +27,7 @@ from hil.judgement import timing_of
 from hil.realtime import run_realtime
 from hil.rundir import RunDirectory
 from hil.supervisor import Event
-from hil.timing import starvation
+from hil.timing import starvation, starved_moment
 from plant.scenario import load_scenario
 
 NAME = "soak"
@@ -49,6 +49,7 @@ def soak_realtime(
 
     result = run_realtime(Choice(scenario=str(scenario)), run, on_event, Buses(gateway=True))
     found = Soak(seed, simulated_s=result.record.duration_s, episodes=1)
+    found.lives = result.record.vitals.lives if result.record.vitals else ()
     if result.ending is not Ending.PASSED:
         died = result.ending in (
             Ending.PEER_DIED,
@@ -107,7 +108,8 @@ def judge(found: Soak, run: Path, faults: Sequence[Fault], stale_s: float) -> No
         *overheard.of_bench(ecu_bus),
     ]
     attribute(found, notices, zero_ns, {f.number: f for f in read_faults(run)}, faults)
-    found.doubt = starvation(timing_of(RunDirectory.read(run)))
+    timing = timing_of(RunDirectory.read(run))
+    found.doubt = starvation(timing) or starved_moment(timing)
 
 
 def attribute(

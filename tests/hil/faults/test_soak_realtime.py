@@ -14,10 +14,12 @@ from hil.ending import Ending
 from hil.faults import overheard
 from hil.faults.record import Injected
 from hil.faults.soak import Soak
+from hil.faults.soak_document import page
 from hil.faults.soak_realtime import attribute, judge, permitted, soak_realtime, written
 from hil.faults.table import faults_of
 from hil.faults.watch import Mechanism, Notice, Witness
 from hil.verdict import Result
+from hil.vitals import Life
 from plant.scenario import load_scenario
 from tests.hil.faults.traffic import DATABASE, MS, fault, frames, injector, passed
 
@@ -184,7 +186,7 @@ def test_a_short_soak_in_real_time(tmp_path):
 def test_a_run_that_took_too_long_on_a_starved_host_decides_nothing_and_a_dead_process_does(
     tmp_path, monkeypatch, ending, result
 ):
-    record = SimpleNamespace(duration_s=8.0)
+    record = SimpleNamespace(duration_s=8.0, vitals=None)
     module = "hil.faults.soak_realtime"
     monkeypatch.setattr(
         f"{module}.run_realtime", lambda *_: SimpleNamespace(ending=ending, reason="why", record=record)
@@ -195,3 +197,24 @@ def test_a_run_that_took_too_long_on_a_starved_host_decides_nothing_and_a_dead_p
 
     monkeypatch.setattr(f"{module}.judge", judged)
     assert soak_realtime(10.0, 4, tmp_path).result is result
+
+
+@pytest.mark.parametrize(
+    ("grown_kib", "seconds", "result"),
+    [(1000, 600, Result.PASSED), (1100, 600, Result.FAILED), (0, 100, Result.INCONCLUSIVE)],
+)
+def test_a_process_that_grows_fails_the_soak_and_one_seen_too_briefly_leaves_it_open(
+    grown_kib, seconds, result
+):
+    settled = 60 << 20
+    life = Life(
+        process="ecu", pid=1, seconds=seconds, start_bytes=50 << 20, settled_bytes=settled, waited=0.0,
+        end_bytes=settled, largest_bytes=settled + grown_kib * 1024, worst_waited=0.0,
+    )  # fmt: skip
+    found = Soak(4, simulated_s=600.0, lives=(life,))
+    assert found.result is result
+    text = page(found, "loaderhil soak")
+    assert "## Memory" in text
+    assert f"**{result.value}** memory of every process flat" in text
+    assert (f"| ecu | 600 | 50.0 | 60.0 | 60.0 | {grown_kib} |" in text) == (seconds == 600)
+    assert "## Memory" not in page(Soak(4, simulated_s=600.0), "loaderhil soak")
