@@ -1,15 +1,43 @@
-"""The thesis' printed estimators against the plant: what do they leave out?"""
+"""The thesis' printed estimators against the plant: what do they leave out? Drives through CAN as hil.thesis makes them."""
 
+import tempfile
+import time
 from collections.abc import Iterator
+from pathlib import Path
 
-from bench.proof.arm import Arm
+from bench.proof.arm import Arm, Truth, row
 from hil.scale.store import Row
+from hil.thesis.left_out import EXPECTED, OTHERS, diagnose, record
+
+FIRST = (4, 0.0)
+"""Seed of the sensors' noise and payload [kg] of the drive that the thesis page shows."""
+TAKEN_OUT = ("pivot arm", "centripetal")
 
 
 def arms() -> Iterator[Arm]:
-    """None yet."""
-    yield from ()
+    """Every drive with the whole library, and the first without its two right answers."""
+    for seed, payload in (FIRST, *OTHERS):
+        yield Arm(
+            body="thesis",
+            kind="real",
+            seed=seed,
+            strength=payload,
+            what=f"printed estimators, {payload:.0f} kg, seed {seed}",
+        )
+    yield Arm(
+        body="thesis",
+        kind="real",
+        seed=FIRST[0],
+        what=f"the same without {' and '.join(TAKEN_OUT)} in the library",
+    )
 
 
 def carried_out(arm: Arm) -> Row:
-    raise NotImplementedError(arm.key)
+    """Drive, record through CAN, diagnose with the print as the model."""
+    without = TAKEN_OUT if "without" in arm.what else ()
+    with tempfile.TemporaryDirectory(prefix="loaderhil-proof-") as folder:
+        run = record(Path(folder) / "run", arm.seed, arm.strength)
+        start = time.perf_counter()
+        found = diagnose(run, without=without).findings
+    expected = f"{', '.join(EXPECTED)}; none else" if not without else "the nearest things left"
+    return row(arm, Truth(beyond={"expected": expected}), found, time.perf_counter() - start)

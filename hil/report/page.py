@@ -3,12 +3,12 @@
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Sequence
 from html import escape
-from importlib.resources import files
 
 from hil.faults.record import read_faults
 from hil.render import Film, Picture, Pictures, arrow_key
 from hil.report import bands, deadlines, figures, histogram, plot, signals
 from hil.report.axis import Axis
+from hil.report.document import bar, document
 from hil.report.figures import Figures
 from hil.report.parts import columns, table, verdict_list
 from hil.report.plot import Timeline
@@ -19,9 +19,6 @@ from hil.verdict import WHEELS
 
 def page(sections: Sequence[Section]) -> str:
     """The whole document."""
-    style, script = (
-        files("hil.report").joinpath(name).read_text(encoding="utf-8") for name in ("style.css", "page.js")
-    )
     title = _title(sections)
     lines = _timelines(sections)
     chapters = [
@@ -38,21 +35,15 @@ def page(sections: Sequence[Section]) -> str:
         ("conditions", "What was run", _figures(sections, figures.conditions)),
         ("terms", "Terms", _TERMS),
     ]
-    chapters = [chapter for chapter in chapters if chapter[2]]
-    contents = "".join(f'<a href="#{key}">{escape(name)}</a>' for key, name, _ in chapters)
-    body = "".join(
-        f'<section class="chapter" id="{key}"><h2>{escape(name)}</h2>{markup}</section>'
-        for key, name, markup in chapters
-    )
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(title)}</title><style>{style}{_sheets(sections)}</style></head><body>"
-        f'<header><p class="kicker">loaderhil bench report</p><h1>{escape(title)}</h1>{_subtitle(sections)}'
-        f"{_headlines(sections)}{verdict_list(verdicts(sections))}</header>"
-        f'<nav aria-label="Contents">{contents}</nav><main>{body}</main>'
-        f"<footer>Written by loaderhil. True values are the plant's own; the ECU has the sensor frames only.</footer>"
-        f"{_bar(sections)}<script>{script}</script></body></html>\n"
+    head = f"<h1>{escape(title)}</h1>{_subtitle(sections)}{_headlines(sections)}{verdict_list(verdicts(sections))}"
+    return document(
+        title=title,
+        kicker="loaderhil bench report",
+        head=head,
+        chapters=chapters,
+        footer="Written by loaderhil. True values are the plant's own; the ECU has the sensor frames only.",
+        aside=_bar(sections),
+        style=_sheets(sections),
     )
 
 
@@ -168,13 +159,7 @@ def _bar(sections: Sequence[Section]) -> str:
         for i, s in enumerate(sections)
         if s.pictures.film
     )
-    return (
-        f'<aside class="bar" hidden aria-label="Time cursor and zoom">{stages}<output class="now" aria-live="off"></output>'
-        '<button type="button" data-zoom="in" aria-label="Zoom in">+</button>'
-        '<button type="button" data-zoom="out" aria-label="Zoom out">−</button>'
-        '<button type="button" data-zoom="all">Whole run</button>'
-        '<button type="button" data-zoom="none" aria-label="Remove the time cursor">&times;</button></aside>'
-    )
+    return bar(stages)
 
 
 def _states(sections: Sequence[Section], lines: Sequence[Timeline]) -> str:

@@ -2,15 +2,15 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
-from importlib.resources import files
 
 from discrepancy.evidence import Evidence
 from discrepancy.findings import Estimate, Finding, Findings
 from discrepancy.words import number_and_unit, told_missing
-from hil.diagnose.page import drawn
+from hil.diagnose.page import drawn, machine
 from hil.diagnose.page.mathml import mathml
 from hil.diagnose.page.tables import Cell, definitions, meter, plain, table
 from hil.diagnose.page.told import better, lead, open_cards, percent, summary, told_where
+from hil.report.document import bar, document, resource
 
 CARD = {"explained": "good", "nothing missing": "good", "unknown": "warned", "inconclusive": "unknown"}
 SHOWN_CARDS = 4
@@ -18,11 +18,11 @@ SHOWN_CARDS = 4
 
 def page(result: Findings, shown: Evidence | None, conditions: Mapping[str, str]) -> str:
     """The whole document; shown: None where nothing was usable; conditions: what was run, as told to the reader."""
-    title = f"{result.model}: {result.status}"
     clock = drawn.Clock.of(shown) if shown else None
     chapters = [
         ("found", "What was found", "".join(_findings(result))),
         ("map", "Where model and recordings differ", drawn.mismatch(shown, clock) if shown and clock else ""),
+        ("machine", "On the machine", machine.chapter(result, shown) if shown else ""),
         ("traces", "Simulated against recorded", drawn.traces(shown, clock) if shown and clock else ""),
         ("residuals", "What is left", drawn.residuals(shown, result.noise) if shown else ""),
         ("candidates", "All candidates", _candidates(result)),
@@ -32,28 +32,20 @@ def page(result: Findings, shown: Evidence | None, conditions: Mapping[str, str]
         ("conditions", "What was run", definitions(conditions)),
         ("terms", "Terms", _TERMS),
     ]
-    chapters = [chapter for chapter in chapters if chapter[2]]
-    contents = "".join(f'<a href="#{key}">{escape(name)}</a>' for key, name, _ in chapters)
-    body = "".join(
-        f'<section class="chapter" id="{key}"><h2>{escape(name)}</h2>{markup}</section>'
-        for key, name, markup in chapters
+    head = (
+        f'<h1>{escape(_heading(result))}</h1><p class="soft">model {escape(result.model)} · '
+        f"{escape(', '.join(result.recordings))}</p>"
+        f'<p class="lead">{escape(lead(result))}</p>{_cards(result)}'
     )
-    style = _resource("hil.report", "style.css") + _resource("hil.diagnose.page", "page.css")
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(title)}</title><style>{style}</style></head><body>"
-        f'<header><p class="kicker">loaderhil diagnosis</p><h1>{escape(_heading(result))}</h1>'
-        f'<p class="soft">model {escape(result.model)} · {escape(", ".join(result.recordings))}</p>'
-        f'<p class="lead">{escape(lead(result))}</p>{_cards(result)}</header>'
-        f'<nav aria-label="Contents">{contents}</nav><main>{body}</main>'
-        "<footer>Written by loaderhil. Held-out: predicted with parameters from other stretches than the one shown.</footer>"
-        f"{_BAR}<script>{_resource('hil.report', 'page.js')}</script></body></html>\n"
+    return document(
+        title=f"{result.model}: {result.status}",
+        kicker="loaderhil diagnosis",
+        head=head,
+        chapters=chapters,
+        footer="Written by loaderhil. Held-out: predicted with parameters from other stretches than the one shown.",
+        aside=bar(),
+        style=resource("hil.diagnose.page", "page.css"),
     )
-
-
-def _resource(package: str, name: str) -> str:
-    return files(package).joinpath(name).read_text(encoding="utf-8")
 
 
 def _heading(result: Findings) -> str:
@@ -203,14 +195,6 @@ def _recordings(result: Findings) -> str:
     )
     return f"<p>{counted}</p>{f'<ul class=problems>{told}</ul>' if told else ''}"
 
-
-_BAR = (
-    '<aside class="bar" hidden aria-label="Time cursor and zoom"><output class="now" aria-live="off"></output>'
-    '<button type="button" data-zoom="in" aria-label="Zoom in">+</button>'
-    '<button type="button" data-zoom="out" aria-label="Zoom out">−</button>'
-    '<button type="button" data-zoom="all">Whole run</button>'
-    '<button type="button" data-zoom="none" aria-label="Remove the time cursor">&times;</button></aside>'
-)
 
 _TERMS = definitions(
     {

@@ -1,0 +1,55 @@
+"""The frame of a page: one self-contained HTML file, no script, style or font from elsewhere."""
+
+from collections.abc import Iterable
+from html import escape
+from importlib.resources import files
+
+Chapter = tuple[str, str, str]
+"""Its key, its heading, its markup; one without markup is left out."""
+
+ZOOM = (
+    '<button type="button" data-zoom="in" aria-label="Zoom in">+</button>'
+    '<button type="button" data-zoom="out" aria-label="Zoom out">−</button>'
+    '<button type="button" data-zoom="all">Whole run</button>'
+    '<button type="button" data-zoom="none" aria-label="Remove the time cursor">&times;</button>'
+)
+
+
+def resource(package: str, name: str) -> str:
+    """The text of a file that comes with a package."""
+    return files(package).joinpath(name).read_text(encoding="utf-8")
+
+
+def bar(stages: str = "") -> str:
+    """What stays in sight while plots are read: the time, the zoom, and what else is shown at that time."""
+    return (
+        f'<aside class="bar" hidden aria-label="Time cursor and zoom">{stages}<output class="now" aria-live="off"></output>'
+        f"{ZOOM}</aside>"
+    )
+
+
+def document(
+    *,
+    title: str,
+    kicker: str,
+    head: str,
+    chapters: Iterable[Chapter],
+    footer: str,
+    aside: str,
+    style: str = "",
+) -> str:
+    """The whole page. head: markup of the header under its kicker; style: beyond that of the bench report."""
+    shown = [chapter for chapter in chapters if chapter[2]]
+    contents = "".join(f'<a href="#{key}">{escape(name)}</a>' for key, name, _ in shown)
+    body = "".join(
+        f'<section class="chapter" id="{key}"><h2>{escape(name)}</h2>{markup}</section>'
+        for key, name, markup in shown
+    )
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(title)}</title><style>{resource('hil.report', 'style.css')}{style}</style></head><body>"
+        f'<header><p class="kicker">{escape(kicker)}</p>{head}</header>'
+        f'<nav aria-label="Contents">{contents}</nav><main>{body}</main>'
+        f"<footer>{escape(footer)}</footer>{aside}<script>{resource('hil.report', 'page.js')}</script></body></html>\n"
+    )
