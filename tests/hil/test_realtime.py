@@ -20,27 +20,6 @@ pytestmark = [pytest.mark.processes, pytest.mark.timeout(240)]
 PATIENCE_S = 150.0
 """On a small machine the first start compiles the plant."""
 
-SCENARIO = """
-name = "{name}"
-sentence = "Stands."
-duration_s = {duration_s}
-machine = "l60"
-seed = 1
-
-[driver.speed_kmh]
-points = [[0.0, 0.0]]
-"""
-
-
-@pytest.fixture
-def scenario(tmp_path):
-    def make(duration_s):
-        file = tmp_path / "short.toml"
-        file.write_text(SCENARIO.format(name="short", duration_s=duration_s))
-        return file
-
-    return make
-
 
 @contextmanager
 def started(*arguments) -> Iterator[subprocess.Popen[str]]:

@@ -15,7 +15,7 @@ from hil.cli import app
 from hil.ending import Ending
 from hil.realtime_options import RealtimeOptions, RealtimeRefused
 from tests.hil.test_cli import loaderhil
-from tests.hil.test_realtime import SCENARIO, started, wait_until_running
+from tests.hil.test_realtime import started, wait_until_running
 
 NOBODY = 65534
 WAIT_S = 60.0
@@ -172,10 +172,11 @@ def test_in_lockstep_they_are_a_mistake() -> None:
 
 @pytest.mark.processes
 @pytest.mark.timeout(240)
-def test_a_run_passes_them_on_to_all_but_its_recorder(tmp_path: Path) -> None:
-    file, out, cpu = tmp_path / "short.toml", tmp_path / "run", min(os.sched_getaffinity(0))
-    file.write_text(SCENARIO.format(name="short", duration_s=3.0))
-    with started("run", file, "--realtime", "--cpu", cpu, "--out", out) as process:
+def test_a_run_passes_them_on_to_all_but_its_recorder(
+    scenario: Callable[[float], Path], tmp_path: Path
+) -> None:
+    out, cpu = tmp_path / "run", min(os.sched_getaffinity(0))
+    with started("run", scenario(3.0), "--realtime", "--cpu", cpu, "--out", out) as process:
         running = wait_until_running(process, out)
         keeps = {name: os.sched_getaffinity(pid) for name, pid in running.items()}
         process.communicate(timeout=60)

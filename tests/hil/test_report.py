@@ -31,14 +31,6 @@ LOADS = ("FrontLeft", "FrontRight", "RearLeft", "RearRight")
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("runs")
-    for limits in (False, True):
-        run_lockstep(Choice(scenario="abrupt_articulation", limits=limits), folder / f"limits_{limits}")
-    return [folder / "limits_False", folder / "limits_True"]
-
-
-@pytest.fixture(scope="module")
 def page(runs, tmp_path_factory):
     return write_report(runs, tmp_path_factory.mktemp("report") / "report.html")
 

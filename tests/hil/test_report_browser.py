@@ -6,9 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.compose import Choice
 from hil.report import write_report
-from hil.runs import run_lockstep
 
 CHROMIUM = next((p for p in ("/usr/bin/chromium", "/usr/bin/chromium-browser") if Path(p).exists()), None)
 
@@ -17,14 +15,6 @@ pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="no chromium found: apt install chromium"),
     pytest.mark.filterwarnings("default"),  # the driver's own event loop and sockets are not ours to judge
 ]
-
-
-@pytest.fixture(scope="module")
-def runs(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("runs")
-    for limits in (False, True):
-        run_lockstep(Choice(scenario="abrupt_articulation", limits=limits), folder / f"limits_{limits}")
-    return [folder / "limits_False", folder / "limits_True"]
 
 
 @pytest.fixture(scope="module")

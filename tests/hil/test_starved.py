@@ -10,7 +10,7 @@ import pytest
 from hil.ending import Ending
 from hil.rundir import RunDirectory
 from hil.verdict import Result
-from tests.hil.test_realtime import SCENARIO, started, wait_until_running
+from tests.hil.test_realtime import started, wait_until_running
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(240)]
 HOGS_PER_PROCESSOR = 3
@@ -30,10 +30,9 @@ def hogs():
             hog.wait()
 
 
-def test_a_starved_run_never_passes_and_names_the_cause(tmp_path):
-    file, out = tmp_path / "short.toml", tmp_path / "run"
-    file.write_text(SCENARIO.format(name="short", duration_s=5.0))
-    with started("run", file, "--realtime", "--strict", "--out", out) as process:
+def test_a_starved_run_never_passes_and_names_the_cause(scenario, tmp_path):
+    out = tmp_path / "run"
+    with started("run", scenario(5.0), "--realtime", "--strict", "--out", out) as process:
         wait_until_running(process, out)
         with hogs():
             told, errors = process.communicate(timeout=120)

@@ -11,19 +11,9 @@ from hil.gateway.histograms import read_log, tag_of
 from hil.gateway.hops import AGE, PROCESSING, REACTION
 from hil.judgement import timing_of
 from hil.rundir import RunDirectory
-from tests.hil.test_realtime import SCENARIO, children, end, started, wait_until_ticking
+from tests.hil.test_realtime import children, end, started, wait_until_ticking
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(240)]
-
-
-@pytest.fixture
-def scenario(tmp_path):
-    def make(duration_s):
-        file = tmp_path / "short.toml"
-        file.write_text(SCENARIO.format(name="short", duration_s=duration_s))
-        return file
-
-    return make
 
 
 def frames_of(log):
