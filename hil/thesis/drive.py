@@ -10,10 +10,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from discrepancy.models.printed_forms import Corrections, estimate
 from ecu.estimators.cog import Centre, front_unit, machine_centre
 from ecu.estimators.columns import estimate_columns
 from ecu.estimators.parameters import Body
 from ecu.estimators.signals import Estimates, Inputs
+from ecu.estimators.wheels import radius
 from hil.ecu_side import Form
 from hil.thesis.split import Split, machine_of, parameters_of
 from plant.effects.effect import ActiveEffect
@@ -113,3 +115,17 @@ def centres(truth: Truths, split: Split, rear: Body) -> list[Centre]:
         machine_centre(angle, front_unit(arm, tilt, load, p.front, p.arm, p.bucket), rear)
         for angle, arm, tilt, load in moments
     ]
+
+
+def repaired(truth: Truths, split: Split, **corrections: float) -> Array:
+    """Normal forces (n, 4) [N] of the printed form with some of its corrections made (`Corrections`), 1 is the whole."""
+    p = parameters_of(split)
+    speed = truth["wheel_speed"].mean(axis=1) * radius(p.wheel.nominal_load, 1.0, p.wheel)
+    rates = truth["articulation_rate"], truth["angular_velocity"][:, 2]
+    angles = [truth[name] for name in ("articulation_angle", "roll", "pitch", "lift_arm_angle")]
+    changes = [np.gradient(values, TICK_S) for values in (*rates, speed)]
+    motion = np.column_stack((*angles, *rates, changes[0], changes[1], speed, changes[2]))
+    rows = np.hstack((motion, truth["longitudinal_force"], truth["lateral_force"]))
+    normal, side, torque = np.empty((len(rows), 4)), np.empty(len(rows)), np.empty(len(rows))
+    estimate(rows, Corrections(**corrections), float(truth["payload_mass"][0]), p, normal, side, torque)
+    return normal

@@ -59,6 +59,20 @@ QUESTIONS = (
         "hil.thesis.front_offset",
     ),
     Question(
+        "late-roll-over",
+        "The roll-over, seen late",
+        "An abrupt articulation rolls the simulated machine over; the estimator names the right wheel, but less than a second after it has lifted (4.5.6, 5.3.4). Why?",
+        "The acceleration of 2.5 has no centripetal part, so that only the roll angle of a machine already tipping tells; with it lift-off is foreseen.",
+        "hil.thesis.late_roll_over",
+    ),
+    Question(
+        "braking-spikes",
+        "The missed spikes of hard braking",
+        "In hard braking the measured loads swing in high spikes that the estimator misses (4.5.4, 4.5.5, 5.3.2). Why?",
+        "The trunnion is taken to be a pin (41 % too little), the machine rocks on its tyres, and the wheels' speed says nothing once they lock: measure the machine's acceleration and pitch rate.",
+        "hil.thesis.braking_spikes",
+    ),
+    Question(
         "turning-torque",
         "The turning torque, too large by 12 and 15",
         "Against the torque that simulation has at the articulation joint, (94) is too large by 12 and 15, with an offset; why, and where should the "
