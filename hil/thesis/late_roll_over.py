@@ -35,10 +35,10 @@ REPAIRS: Mapping[str, Mapping[str, float]] = {
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """When and at which wheel an estimate comes to zero; None: never."""
+    """When and at which wheel an estimate comes to zero; infinite and none: never."""
 
-    time: float | None
-    wheel: int | None
+    time: float = math.inf
+    wheel: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,12 +49,11 @@ class Run:
     forces: Mapping[str, Array]
     lift_off: Seen
     seen: Mapping[str, Seen]
-    foreseen: float | None
+    foreseen: float
 
-    def late(self, form: str) -> float | None:
-        """Seconds after the true lift-off."""
-        seen, true = self.seen[form].time, self.lift_off.time
-        return None if seen is None or true is None else seen - true
+    def late(self, form: str) -> float:
+        """Seconds after the true lift-off; infinite: never."""
+        return self.seen[form].time - self.lift_off.time
 
     @property
     def rolls_over(self) -> bool:
@@ -87,13 +86,13 @@ def measure(split: Split = SHEET, side: float = 1.0) -> Run:
         forces,
         _seen(time, truth["normal_force"]),
         {form: _seen(time, force) for form, force in forces.items()},
-        foreseen[0] if foreseen else None,
+        foreseen[0] if foreseen else math.inf,
     )
 
 
 def _seen(time: Array, force: Array) -> Seen:
     found = first_lift_off(time, force)
-    return Seen(*found) if found else Seen(None, None)
+    return Seen(*found) if found else Seen()
 
 
 def answer() -> Answer:
@@ -112,15 +111,13 @@ def answer() -> Answer:
         f"The corrected estimator sees lift-off {-run.late('corrected'):.2f} s ahead of the tyre, which has to be unloaded first, and its outlook from the articulation rate foresees it "
         f"{ahead:.2f} s ahead. Over the bus, with noisy and late sensors and alarms that must not flicker, the warning comes {warned.lead_s:.2f} s ahead. "
         "[The roll-over grid](../results/rollover_grid.md) has the same for 240 turns.",
-        f"Over the mass splits shown the printed estimator is {_range([r.late('printed') for r in many])} s late, the corrected one {_range([-(r.late('corrected') or 0.0) for r in many])} s ahead and its outlook "
+        f"Over the mass splits shown the printed estimator is {_range([r.late('printed') for r in many])} s late, the corrected one {_range([-r.late('corrected') for r in many])} s ahead and its outlook "
         f"{_range([_ahead(r) for r in many])} s; {sum(r.rolls_over for r in many)} of {len(many)} machines go over at this speed, and the first wheel is {_wheels(many)} in all of them.",
     )  # fmt: skip
     return Answer(text, _rows(run, warned.lead_s), partial(_draw, run=run, many=many))
 
 
 def _ahead(run: Run) -> float:
-    if run.foreseen is None or run.lift_off.time is None:
-        return math.nan
     return run.lift_off.time - run.foreseen
 
 
@@ -134,13 +131,13 @@ def _wheels(runs: list[Run]) -> str:
 
 def _sees(run: Run, form: str) -> str:
     late = run.late(form)
-    if late is None:
+    if math.isinf(late):
         return "never sees it"
     return f"is {late:.2f} s late" if late > 0.0 else f"is {-late:.2f} s ahead"
 
 
-def _range(values: list[float | None]) -> str:
-    known = [value for value in values if value is not None]
+def _range(values: list[float]) -> str:
+    known = [value for value in values if math.isfinite(value)]
     never = len(values) - len(known)
     return f"{min(known):.2f} to {max(known):.2f}" + (f" (never in {never})" if never else "")
 
@@ -148,7 +145,7 @@ def _range(values: list[float | None]) -> str:
 def _rows(run: Run, lead: float | None) -> tuple[Row, ...]:
     def late(form: str) -> str:
         value = run.late(form)
-        return "never" if value is None else f"{value:+.2f}"
+        return f"{value:+.2f}" if math.isfinite(value) else "never"
 
     return (
         Row("wheel that lifts first (plant: " + _wheel(run.lift_off) + ")", "front left", _wheel(run.seen["printed"]), _wheel(run.seen["corrected"])),
@@ -163,7 +160,7 @@ def _rows(run: Run, lead: float | None) -> tuple[Row, ...]:
 def _draw(file: Path, run: Run, many: list[Run]) -> None:
     from hil.thesis import picture
 
-    time, lift = run.truth["time_s"], run.lift_off.time or math.nan
+    time, lift = run.truth["time_s"], run.lift_off.time
     wheel = run.lift_off.wheel or 0
     with picture.panels(file, 1, 2, (11, 4), width_ratios=(2.2, 1)) as (figure, (left, right)):
         left.plot(time - lift, run.truth["normal_force"][:, wheel] / 1e3, color=picture.TRUE, label="plant")
@@ -174,13 +171,12 @@ def _draw(file: Path, run: Run, many: list[Run]) -> None:
         ):
             label = "printed with pivot arm and centripetal acceleration" if form == "both" else form
             left.plot(time - lift, run.forces[form][:, wheel] / 1e3, style, color=colour, label=label)
-        if run.foreseen is not None:
-            left.axvline(
-                run.foreseen - lift,
-                color=picture.CORRECTED,
-                linestyle=":",
-                label="foreseen by the corrected outlook",
-            )
+        left.axvline(
+            run.foreseen - lift,
+            color=picture.CORRECTED,
+            linestyle=":",
+            label="foreseen by the corrected outlook",
+        )
         left.set(
             title=f"{_wheel(run.lift_off)} wheel, joystick to the left at {SPEED_KMH:g} km/h",
             xlabel="time from lift-off [s]",
@@ -191,7 +187,7 @@ def _draw(file: Path, run: Run, many: list[Run]) -> None:
         left.axhline(0.0, color="#888888", linewidth=0.8)
         forward = [split.forward for split in SPLITS]
         for form, colour in (("printed", picture.PRINTED), ("corrected", picture.CORRECTED)):
-            late = [np.nan if (value := r.late(form)) is None else value for r in many]
+            late = [value if math.isfinite(value := r.late(form)) else np.nan for r in many]
             right.plot(forward, late, "o", color=colour)
         right.plot(forward, [-_ahead(r) for r in many], "v", color=picture.CORRECTED, label="foreseen")
         right.axhline(0.0, color="#888888", linewidth=0.8)
