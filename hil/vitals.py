@@ -71,9 +71,12 @@ def read(pid: int) -> Reading | None:
     """The process as it is now; None when it is gone."""
     try:
         pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-        return Reading(pages * os.sysconf("SC_PAGE_SIZE"), waited_ns(pid))
+        waited = waited_ns(pid)
     except (OSError, IndexError):
         return None
+    return (
+        Reading(pages * os.sysconf("SC_PAGE_SIZE"), waited) if pages else None
+    )  # none: dead, not yet reaped
 
 
 def with_children(processes: Iterable[tuple[str, int]]) -> list[tuple[str, int]]:

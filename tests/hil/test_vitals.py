@@ -95,6 +95,9 @@ def test_a_real_process_is_read_and_one_that_is_gone_is_not():
     child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
     try:
         assert ("us/child", child.pid) in with_children([("us", os.getpid())])
+        child.kill()
+        os.waitid(os.P_PID, child.pid, os.WEXITED | os.WNOWAIT)
+        assert read(child.pid) is None  # dead, but its parent has not looked
     finally:
         child.communicate()
     assert read(child.pid) is None
