@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from plant import state as s
-from plant.linkage import lift_pressure, tilt_pressure
+from plant.linkage import linkage_of, pressures
 from plant.machine import Machine
 from plant.plant import Commands, Plant
 from plant.truth import Truth
@@ -104,6 +104,8 @@ class MujocoMotion:
         velocity, turning = world.T @ d.qvel[:3], d.qvel[3:6]
         height = machine.geometry.wheel_centre_height - machine.geometry.joint_height
         lift, lift_rate = oracle.joint(s.LIFT_ARM)
+        linkage, tilt = linkage_of(machine.lift, machine.tilt), oracle.joint(s.BUCKET)[0]
+        in_lift, in_tilt = pressures(linkage, lift, tilt, float(efforts[1]), float(efforts[2]))
         values = {
             "time_s": self._steps * STEP_S,
             "position": d.qpos[:3],
@@ -126,8 +128,8 @@ class MujocoMotion:
             "aligning_moment": oracle.tyres[:, s.T_ALIGNING],
             "tyre_deflection": oracle.tyres[:, s.T_DEFLECTION],
             "joint_torque": efforts[0],
-            "lift_pressure": lift_pressure(machine.lift, lift, float(efforts[1])),
-            "tilt_pressure": tilt_pressure(machine.tilt, float(efforts[2])),
+            "lift_pressure": in_lift,
+            "tilt_pressure": in_tilt,
             "payload_mass": self._told_payload,
         }
         for name, body in (

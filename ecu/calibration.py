@@ -17,11 +17,13 @@ from ecu.estimators.parameters import (
     Bucket,
     Contact,
     Cylinders,
+    Digging,
     Geometry,
     MagicFormula,
     Parameters,
     Prediction,
     Sensors,
+    TiltLinkage,
     Wheel,
 )
 from ecu.quantity import CalibrationError, Quantity, read_table, read_toml
@@ -166,6 +168,16 @@ _TABLES: Mapping[str, tuple[type, Mapping[str, Quantity]]] = {
             "payload_roll_gyration": _q("payload_roll_gyration_m", 0, 3),
             "payload_pitch_gyration": _q("payload_pitch_gyration_m", 0, 3),
             "payload_yaw_gyration": _q("payload_yaw_gyration_m", 0, 3),
+        },
+    ),
+    "digging": (
+        Digging,
+        {
+            "edge_forward": _q("edge_forward_m", -3, 3),
+            "edge_above": _q("edge_above_m", -3, 3),
+            "force": _q("force_kn", 0.1, 500),
+            "speed": _q("speed_kmh", 0, 50),
+            "settling_time": _q("settling_time_s", 0, 10),
         },
     ),
     "axle": (
@@ -350,7 +362,23 @@ _CYLINDERS: Mapping[str, Quantity] = {
     "back_pressure": _q("back_pressure_kpa", 0, 5000),
     "settling_time": _q("settling_time_s", 0, 60),
 }
-_SECTIONS = frozenset(_TABLES) | {"cylinders", "name"}
+_TILT_LINKAGE: Mapping[str, Quantity] = {
+    "base_x": _q("base_x_m", -2, 5),
+    "base_z": _q("base_z_m", 0, 5),
+    "crank_along": _q("crank_along_m", 0, 10),
+    "crank_above": _q("crank_above_m", -2, 3),
+    "cylinder_arm": _q("cylinder_arm_m", 0.05, 5),
+    "link_arm": _q("link_arm_m", 0.05, 5),
+    "between": _q("between_deg", -360, 360),
+    "link": _q("link_m", 0.05, 5),
+    "pin_forward": _q("pin_forward_m", -2, 2),
+    "pin_above": _q("pin_above_m", -2, 2),
+    "bore": _q("bore_mm", 10, 500),
+    "rod": _q("rod_mm", 0, 500),
+    "count": _q("count", 1, 4),
+    "back_pressure": _q("back_pressure_kpa", 0, 5000),
+}
+_SECTIONS = frozenset(_TABLES) | {"cylinders", "tilt_linkage", "name"}
 
 
 def load_calibration(name_or_path: str | Path = "l60") -> Calibration:
@@ -383,7 +411,9 @@ def load_calibration(name_or_path: str | Path = "l60") -> Calibration:
         bucket=part("bucket", Bucket),
         rear=part("rear", Body),
         axle=part("axle", Axle),
-        cylinders=_cylinders(read_table(tables, "cylinders", _CYLINDERS, path), path),
+        cylinders=Cylinders(**_with_areas(tables, "cylinders", _CYLINDERS, path)),
+        tilt_linkage=TiltLinkage(**_with_areas(tables, "tilt_linkage", _TILT_LINKAGE, path)),
+        digging=part("digging", Digging),
         wheel=part("wheel", Wheel),
         magic_formula=part("magic_formula", MagicFormula),
         sensors=part("sensors", Sensors),
@@ -402,14 +432,18 @@ def load_calibration(name_or_path: str | Path = "l60") -> Calibration:
     return calibration
 
 
-def _cylinders(values: dict[str, float], path: Path) -> Cylinders:
+def _with_areas(
+    tables: Mapping[str, object], section: str, quantities: Mapping[str, Quantity], path: Path
+) -> dict[str, float]:
+    """A section with bore, rod and count of its cylinders turned into their areas."""
+    values = read_table(tables, section, quantities, path)
     bore, rod, count = values.pop("bore"), values.pop("rod"), values.pop("count")
     if not rod < bore:
         raise CalibrationError(
-            f"{path}: cylinders.rod_mm = {rod * 1e3:g} mm is not below the bore of {bore * 1e3:g} mm: were they swapped?"
+            f"{path}: {section}.rod_mm = {rod * 1e3:g} mm is not below the bore of {bore * 1e3:g} mm: were they swapped?"
         )
     area = count * math.pi / 4
-    return Cylinders(**values, head_area=area * bore**2, rod_area=area * (bore**2 - rod**2))
+    return {**values, "head_area": area * bore**2, "rod_area": area * (bore**2 - rod**2)}
 
 
 def _check(calibration: Calibration, path: Path) -> None:

@@ -5,7 +5,7 @@
 
 import tomllib
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 from plant.checked import Change, ConfigurationError
@@ -34,6 +34,10 @@ class Changes:
             else:
                 found["scenario"].append(((first, *rest), value))
         return cls(words, **{file: tuple(changes) for file, changes in found.items()})
+
+    def of_machine(self, given: Iterable[Change]) -> Self:
+        """The same with more for the machine, below what the words say."""
+        return replace(self, machine=(*given, *self.machine))
 
 
 UNCHANGED = Changes()

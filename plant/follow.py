@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from plant import state as s
 from plant.compiled import compiled
 from plant.dynamics import advance
-from plant.linkage import lift_pressure, tilt_pressure
 from plant.parameters import (
     P_BRAKE_CAPACITY,
     P_BRAKE_LAG,
@@ -30,7 +29,7 @@ from plant.parameters import (
     WHEEL_SIZE,
 )
 from plant.plant import Plant
-from plant.truth import LIFT_PRESSURE, PAYLOAD, TILT_PRESSURE, TIME, Truth, observe
+from plant.truth import PAYLOAD, TIME, Truth, observe
 from plant.workspace import Workspace
 
 Array = NDArray[np.float64]
@@ -93,15 +92,14 @@ def lead(
     gain: float,
     work: Workspace,
     active: Array | None,
-    from_joint: Array,
+    measures: Array,
     rows: Array,
-    torques: Array,
 ) -> None:
-    """Fill `rows` (n, Truth.size) and `torques` (n, 2) of lift arm and bucket; `count` steps between rows."""
+    """Fill `rows` (n, Truth.size); `count` steps between rows."""
     command = np.zeros(s.COMMANDS)
     radius = p[P_WHEELS + W_RADIUS]
     for k in range(measured.shape[0]):
-        torques[k, 0], torques[k, 1] = observe(rows[k], state, command, p, work, active, from_joint)
+        observe(rows[k], state, command, p, work, active, measures)
         after = measured[min(k + 1, measured.shape[0] - 1)]
         _command(command, state, measured[k], after, count * step, p)
         rows[k, TIME] = k * count * step
@@ -141,17 +139,11 @@ def follow(
 
     gain: with which the speed is drawn to the measured one [1/s]. The plant itself stays as it is.
     """
-    state, p, work, active, from_joint = plant.inside()
-    rows, torques = np.full((len(measured), Truth.size), np.nan), np.zeros((len(measured), 2))
+    state, p, work, active, measures = plant.inside()
+    rows = np.full((len(measured), Truth.size), np.nan)
     count = round(interval_s / step_s)
-    lead(state, measured, led_parameters(p), step_s, count, gain, work, active, from_joint, rows, torques)
+    lead(state, measured, led_parameters(p), step_s, count, gain, work, active, measures, rows)
     rows[:, PAYLOAD] = plant.payload_mass
     slip_angle = Truth.slip_angle.column(rows)
     np.arctan(slip_angle, out=slip_angle)
-    lift, tilt = plant.machine.lift, plant.machine.tilt
-    angle = Truth.lift_arm_angle.column(rows)
-    rows[:, LIFT_PRESSURE] = [
-        lift_pressure(lift, a, t) for a, t in zip(angle.tolist(), torques[:, 0].tolist(), strict=True)
-    ]
-    rows[:, TILT_PRESSURE] = [tilt_pressure(tilt, t) for t in torques[:, 1].tolist()]
     return Led(rows, bool(np.isfinite(rows[-1]).all()))

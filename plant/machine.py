@@ -160,7 +160,7 @@ class Lift:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tilt:
-    """Bucket tilt, its rate servo and its cylinder."""
+    """Bucket tilt, its rate servo and its cylinder with bell crank and link (plant.linkage)."""
 
     carry_angle: float = quantity("carry_angle_deg", -120.0, 120.0)
     lower_limit: float = quantity("lower_limit_deg", -120.0, 120.0)
@@ -171,7 +171,16 @@ class Tilt:
     cylinder_count: float = quantity("cylinder_count", 1, 4)
     bore: float = quantity("bore_m", 0.01, 0.5)
     rod: float = quantity("rod_m", 0.0, 0.5)
-    stroke: float = quantity("stroke_m", 0.05, 3.0)
+    base_x: float = quantity("base_x_m", -2.0, 5.0)
+    base_z: float = quantity("base_z_m", 0.0, 5.0)
+    crank_along: float = quantity("crank_along_m", 0.0, 10.0)
+    crank_above: float = quantity("crank_above_m", -2.0, 3.0)
+    crank_cylinder_arm: float = quantity("crank_cylinder_arm_m", 0.05, 5.0)
+    crank_link_arm: float = quantity("crank_link_arm_m", 0.05, 5.0)
+    crank_angle: float = quantity("crank_angle_deg", -360.0, 360.0)
+    link_length: float = quantity("link_length_m", 0.05, 5.0)
+    bucket_pin_x: float = quantity("bucket_pin_x_m", -2.0, 2.0)
+    bucket_pin_z: float = quantity("bucket_pin_z_m", -2.0, 2.0)
     back_pressure: float = quantity("back_pressure_Pa", 0.0, 5e6)
 
 

@@ -164,7 +164,7 @@ class Plant:
             self._parameters.copy(),
             new_workspace(),
             self._active,
-            self._observer.from_joint,
+            self._observer.measures,
         )
 
     def copy(self) -> Self:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from plant.changes import UNCHANGED, Changes
-from plant.checked import CheckedTable
+from plant.checked import Change, CheckedTable
 from plant.equipment import Equipment, find_file, load_equipment
 from plant.machine import family_of
 from plant.script import DEGREE, KMH, Script, read_script
@@ -61,6 +61,7 @@ def load_scenario(name_or_path: str | Path, changes: Changes = UNCHANGED) -> Sce
     if name != path.stem:
         raise table.error("name", f"= {name!r} is not the name of the file, {path.stem!r}")
     machine = table.text("machine")
+    changes = changes.of_machine(_read_effects(table))
     fitted = table.text("equipment") if "equipment" in table else family_of(machine, changes.machine)
     equipment = load_equipment(fitted, changes.equipment)
     scenario = Scenario(
@@ -80,6 +81,12 @@ def load_scenario(name_or_path: str | Path, changes: Changes = UNCHANGED) -> Sce
     table.tables("fault")  # the bench's own, which reads them with the DBC at hand
     table.finish()
     return scenario
+
+
+def _read_effects(table: CheckedTable) -> list[Change]:
+    """The [effects.NAME] tables as changes of the machine, which checks them: a pile, a kerb, soft ground."""
+    effects = table.table("effects")
+    return [(("effects", name), effects.table(name).values) for name in effects.keys()]  # noqa: SIM118
 
 
 def _read_surface(table: CheckedTable) -> Surface:

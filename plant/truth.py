@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from plant import state as s
 from plant.compiled import compiled
 from plant.dynamics import derivative
-from plant.linkage import lift_pressure, tilt_pressure
+from plant.linkage import LINKAGE, linkage_of, pressures
 from plant.machine import Machine
 from plant.parameters import P_GRAVITY
 from plant.workspace import Workspace
@@ -166,10 +166,11 @@ YAW_MOMENT: Final = Truth.yaw_moment.at
 PAYLOAD: Final = Truth.payload_mass.at
 LOAD_TRANSFER: Final = Truth.load_transfer_ratio.at
 
-# What only the record needs of a machine: place of the inertial sensor and height of the rear axle from the joint.
+# What only the record needs of a machine: places from the joint, and the linkage.
 O_IMU_X: Final = 0
 O_IMU_Z: Final = 1
 O_AXLE_Z: Final = 2
+O_LINKAGE: Final = 3
 
 
 class Observer:
@@ -178,10 +179,12 @@ class Observer:
     def __init__(self, machine: Machine, payload_mass: float) -> None:
         geometry = machine.geometry
         joint = geometry.joint_height
-        self._lift, self._tilt = machine.lift, machine.tilt
         self._payload_mass = payload_mass
-        self.from_joint = np.array(
-            (geometry.imu_x, geometry.imu_z - joint, geometry.wheel_centre_height - joint)
+        self.measures = np.array(
+            (
+                *(geometry.imu_x, geometry.imu_z - joint, geometry.wheel_centre_height - joint),
+                *linkage_of(machine.lift, machine.tilt),
+            )
         )
 
     def truth(
@@ -190,11 +193,9 @@ class Observer:
         """The record of a state under a command; arguments as of `dynamics.derivative`, `work` left as it leaves it."""
         row = np.empty(Truth.size)
         row[TIME], row[PAYLOAD] = time_s, self._payload_mass
-        lift_torque, tilt_torque = observe(row, state, command, p, work, active, self.from_joint)
+        observe(row, state, command, p, work, active, self.measures)
         slip_angle = row[SLIP_ANGLE : SLIP_ANGLE + 4]
         np.arctan(slip_angle, out=slip_angle)
-        row[LIFT_PRESSURE] = lift_pressure(self._lift, float(row[LIFT_ARM]), lift_torque)
-        row[TILT_PRESSURE] = tilt_pressure(self._tilt, tilt_torque)
         row.flags.writeable = False
         return Truth(row)
 
@@ -207,21 +208,21 @@ def observe(
     p: Array,
     work: Workspace,
     active: Array | None,
-    from_joint: Array,
-) -> tuple[float, float]:
-    """Evaluate the state and fill the row, but for time, payload and pressures; slip angles as their tangents.
-
-    Returns the torques at the joints of lift arm and bucket [N m].
-    """
+    measures: Array,
+) -> None:
+    """Evaluate the state and fill the row, but for time and payload; slip angles as their tangents."""
     derivative(state, command, p, 0.0, work, active)
-    _observe_frame(row, state, p, work, from_joint)
+    _observe_frame(row, state, p, work, measures)
     _observe_joints(row, state, work)
     _observe_tyres(row, work)
-    return work.tree.effort[s.LIFT_ARM], work.tree.effort[s.BUCKET]
+    linkage, effort = measures[O_LINKAGE : O_LINKAGE + LINKAGE], work.tree.effort
+    row[LIFT_PRESSURE], row[TILT_PRESSURE] = pressures(
+        linkage, row[LIFT_ARM], row[TILT], effort[s.LIFT_ARM], effort[s.BUCKET]
+    )
 
 
 @compiled
-def _observe_frame(row: Array, state: Array, p: Array, work: Workspace, from_joint: Array) -> None:
+def _observe_frame(row: Array, state: Array, p: Array, work: Workspace, measures: Array) -> None:
     """Where the rear frame is and how it moves."""
     world, motion = work.places.world, work.tree.motion[s.REAR_FRAME]
     rise = work.tree.acceleration[s.REAR_FRAME]
@@ -233,8 +234,8 @@ def _observe_frame(row: Array, state: Array, p: Array, work: Workspace, from_joi
     row[YAW] = math.atan2(world[1, 0], world[0, 0])
     row[VELOCITY : VELOCITY + 3] = velocity
     row[ANGULAR_VELOCITY : ANGULAR_VELOCITY + 3] = turning
-    row[SPEED] = velocity[0] + turning[1] * from_joint[O_AXLE_Z]
-    imu = (from_joint[O_IMU_X], 0.0, from_joint[O_IMU_Z])
+    row[SPEED] = velocity[0] + turning[1] * measures[O_AXLE_Z]
+    imu = (measures[O_IMU_X], 0.0, measures[O_IMU_Z])
     coriolis = _cross(turning, velocity)
     tangential, centripetal = _cross(rise[:3], imu), _cross(turning, _cross(turning, imu))
     for i in range(3):

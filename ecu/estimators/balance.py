@@ -12,6 +12,7 @@ from ecu.estimators.compiled import compiled
 from ecu.estimators.motion import Accelerations, Motion
 from ecu.estimators.normal_force import NormalForces, Support
 from ecu.estimators.parameters import Body, Parameters
+from ecu.estimators.payload import Push
 from ecu.estimators.signals import Inputs, State
 from ecu.estimators.turning import Lateral, WheelForces
 from ecu.estimators.wheels import spin_balance
@@ -48,11 +49,19 @@ def longitudinal_forces(
 
 @compiled
 def lateral_balance(
-    i: Inputs, m: Motion, a: Accelerations, front: Body, along: WheelForces, trail: float, p: Parameters
+    i: Inputs,
+    m: Motion,
+    a: Accelerations,
+    front: Body,
+    push: Push,
+    along: WheelForces,
+    trail: float,
+    p: Parameters,
 ) -> Lateral:
     """Lateral axle forces and joint torque from the moments of both halves about the joint."""
     c, s = math.cos(i.articulation_angle), math.sin(i.articulation_angle)
     side = front.mass * a.front.y + p.rear.mass * a.rear.y + p.axle.mass * a.axle.y
+    side -= push.x * s  # its line passes through the joint: no moment about it
     front_yaw = m.change.z + m.articulation_acceleration
     front_moment = front.mass * front.x * (c * a.front.y - s * a.front.x) + front.yaw_inertia * front_yaw
     moment = front_moment + p.rear.mass * p.rear.x * a.rear.y
@@ -63,23 +72,36 @@ def lateral_balance(
 
 @compiled
 def balance(
-    i: Inputs, m: Motion, a: Accelerations, front: Body, along: WheelForces, trail: float, p: Parameters
+    i: Inputs,
+    m: Motion,
+    a: Accelerations,
+    front: Body,
+    push: Push,
+    along: WheelForces,
+    trail: float,
+    p: Parameters,
 ) -> Balance:
     """Lateral and normal forces; trail: pneumatic trail with the sign of travel [m].
+
+    push: what acts on the bucket beside its weight, a fifth contact.
 
     Beyond the axle's stop the front wheels' forces are those that lifted them, the others those on the stop.
     """
     g, w, d = p.geometry, p.wheel, i.articulation_angle
     c, s = math.cos(d), math.sin(d)
-    lateral = lateral_balance(i, m, a, front, along, trail, p)
+    lateral = lateral_balance(i, m, a, front, push, along, trail, p)
     xf, yf = front.x * c, front.x * s
-    carried = front.mass * a.front.z + p.rear.mass * a.rear.z
+    carried = front.mass * a.front.z + p.rear.mass * a.rear.z - push.z
     pivot_side = lateral.rear - p.axle.mass * a.axle.y
     about_y = xf * front.mass * a.front.z + p.rear.x * p.rear.mass * a.rear.z
     about_y -= front.z * front.mass * a.front.x + p.rear.z * p.rear.mass * a.rear.x
     about_y -= p.axle.height * p.axle.mass * a.axle.x
     about_x = yf * front.mass * a.front.z - front.z * front.mass * a.front.y
     about_x += g.pivot_height * pivot_side - p.rear.z * p.rear.mass * a.rear.y
+    # a force on the bucket's edge, and a load that lies elsewhere in the bucket
+    pitching = push.couple - push.ahead * push.z + push.height * push.x
+    about_y += pitching * c
+    about_x += pitching * s
     # the front unit's inertia turned into rear axes
     roll_change = c * m.change.x + s * m.change.y
     pitch_change = c * m.change.y - s * m.change.x

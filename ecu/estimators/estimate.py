@@ -23,8 +23,8 @@ from ecu.estimators.motion import (
     motion,
 )
 from ecu.estimators.normal_force import NormalForces
-from ecu.estimators.parameters import GRAVITY, Parameters
-from ecu.estimators.payload import payload
+from ecu.estimators.parameters import GRAVITY, Body, Parameters
+from ecu.estimators.payload import BucketLoad, followed_load, push_of
 from ecu.estimators.planar import Steering, slid
 from ecu.estimators.rollover import Course, Laden, Margin, Outlook
 from ecu.estimators.signals import Estimates, Inputs, State
@@ -63,16 +63,15 @@ UNKNOWN = Ahead(Outlook(math.nan, math.nan, math.nan, math.nan), math.nan, math.
 
 
 @compiled
-def followed_payload(i: Inputs, s: State, a: Accelerations, p: Parameters) -> float:
-    """Payload [kg]: what the pressure says, settling slowly; the last one without pressures."""
-    if i.pressure_usable == 0.0:
-        return s.payload
-    along = a.front.x * math.cos(i.articulation_angle) + a.front.y * math.sin(i.articulation_angle)
-    fresh = payload(
-        i.lift_pressure, i.lift_arm_angle, i.tilt_angle, along, a.front.z, p.arm, p.bucket, p.cylinders
-    )
-    share = i.dt / (p.cylinders.settling_time + i.dt) if s.cycles != 0.0 else 1.0
-    return s.payload + (fresh - s.payload) * share
+def bucket_load(
+    i: Inputs, s: State, a: Accelerations, x: WheelForces, front: Body, p: Parameters
+) -> BucketLoad:
+    """What the bucket carries and pushes, from the pressures and the traction that the motion does not explain."""
+    c, d = math.cos(i.articulation_angle), math.sin(i.articulation_angle)
+    along = Vector(a.front.x * c + a.front.y * d, a.front.y * c - a.front.x * d, a.front.z)
+    traction = (x.x1 + x.x2) * c + x.x3 + x.x4
+    traction -= front.mass * a.front.x + p.rear.mass * a.rear.x + p.axle.mass * a.axle.x
+    return followed_load(i, s, along, traction, s.speed, p)
 
 
 @compiled
@@ -103,8 +102,9 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
         a = measured_accelerations(i, m, front, p)
     else:
         a = kinematic_accelerations(i, s, m, front, p)
-    load = followed_payload(i, s, a, p)
-    front = front_unit(i.lift_arm_angle, i.tilt_angle, load, p.front, p.arm, p.bucket)
+    x = longitudinal_forces(i, s, m, a, front, p)
+    load = bucket_load(i, s, a, x, front, p)
+    front = front_unit(i.lift_arm_angle, i.tilt_angle, load.payload, p.front, p.arm, p.bucket)
     machine = rollover.laden(front, p)
 
     r1 = radius(s.normal_1, w.front_stiffening, w)
@@ -115,8 +115,7 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     axle_acceleration = (m.wheel_acceleration_3 + m.wheel_acceleration_4) / 2.0 * r3
     trail = w.pneumatic_trail * min(max(v / 0.5, -1.0), 1.0)
 
-    x = longitudinal_forces(i, s, m, a, front, p)
-    lateral, balanced = balance(i, m, a, front, x, trail, p)
+    lateral, balanced = balance(i, m, a, front, push_of(i, load, p), x, trail, p)
     n, tilt = follow_tilt(i, s, m, balanced, p)
 
     rest = Vector(a.rear.x, a.rear.y, a.rear.z)
@@ -155,7 +154,7 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     now = Present(
         n, forces, slips, WheelForces(t1, t2, t3, t4, 0.0, 0.0, 0.0, 0.0),
         rollover.margin(n, machine.standing), turn, lateral.joint_torque, v,
-        centre_force(a, front, p.rear, p.axle.mass), load, course, machine,
+        centre_force(a, front, p.rear, p.axle.mass), load.payload, course, machine,
     )  # fmt: skip
     state = next_state(
         i, s, m, load, v, axle_speed, axle_acceleration, n, forces,

@@ -75,6 +75,34 @@ class Cylinders(NamedTuple):
     settling_time: float  # time constant of the payload filter [s]
 
 
+class TiltLinkage(NamedTuple):
+    """Tilt cylinder on the front frame, bell crank on the arm, link to the bucket; areas of all cylinders together."""
+
+    base_x: float  # [m]
+    base_z: float
+    crank_along: float  # pivot of the crank, along the arm from the arm's pivot [m]
+    crank_above: float
+    cylinder_arm: float  # of the crank, to the cylinder [m]
+    link_arm: float  # of the crank, to the link [m]
+    between: float  # angle from the link's arm to the cylinder's, upwards [rad]
+    link: float  # length of the link [m]
+    pin_forward: float  # link on the bucket, from the bucket's pin as carried [m]
+    pin_above: float
+    head_area: float  # [m2]
+    rod_area: float
+    back_pressure: float  # [Pa]
+
+
+class Digging(NamedTuple):
+    """The cutting edge, and when the machine is in a pile."""
+
+    edge_forward: float  # ahead of the bucket's pin, as carried [m]
+    edge_above: float
+    force: float  # on the edge, and of traction nothing else explains, from which on it digs [N]
+    speed: float  # above which it does not begin to [m/s]
+    settling_time: float  # of the force's filter [s]
+
+
 class Axle(NamedTuple):
     """Oscillating rear axle with its wheels."""
 
@@ -183,6 +211,8 @@ class Parameters(NamedTuple):
     rear: Body  # rear frame without the rear axle
     axle: Axle
     cylinders: Cylinders
+    tilt_linkage: TiltLinkage
+    digging: Digging
     wheel: Wheel
     magic_formula: MagicFormula
     sensors: Sensors

@@ -9,7 +9,7 @@ from ecu.estimators.compiled import compiled
 from ecu.estimators.contact import Tilt
 from ecu.estimators.motion import motion
 from ecu.estimators.parameters import GRAVITY, Parameters
-from ecu.estimators.payload import payload
+from ecu.estimators.payload import BucketLoad, standing_payload
 from ecu.estimators.rollover import NEVER
 from ecu.estimators.signals import Estimates, Inputs, State
 from ecu.estimators.state import next_state
@@ -30,9 +30,7 @@ def printed(i: Inputs, s: State, p: Parameters) -> tuple[Estimates, State]:
     d = i.articulation_angle
     load = s.payload
     if i.pressure_usable != 0.0:
-        fresh = payload(
-            i.lift_pressure, i.lift_arm_angle, i.tilt_angle, 0.0, GRAVITY, p.arm, p.bucket, p.cylinders
-        )
+        fresh = standing_payload(i, GRAVITY, p)
         share = i.dt / (p.cylinders.settling_time + i.dt) if s.cycles != 0.0 else 1.0
         load += (fresh - load) * share
     front = front_unit_printed(i.lift_arm_angle, load, p.front, p.arm, p.bucket)
@@ -90,4 +88,5 @@ def printed(i: Inputs, s: State, p: Parameters) -> tuple[Estimates, State]:
     )  # fmt: skip
     deflections = WheelForces(u1, u2, u3, u4, 0.0, 0.0, 0.0, 0.0)
     none = Tilt(0.0, 0.0)
-    return estimates, next_state(i, s, m, load, v, v, dv, n, forces, deflections, 0.0, none, none)
+    on_bucket = BucketLoad(load, 0.0, load, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return estimates, next_state(i, s, m, on_bucket, v, v, dv, n, forces, deflections, 0.0, none, none)

@@ -89,6 +89,13 @@ class State(NamedTuple):
     pitch_tilt: float
     roll_bias: float
     pitch_bias: float
+    couple: float  # of the load on the bucket (ecu.estimators.payload)
+    calm_payload: float
+    calm_couple: float
+    digging: float
+    push_x: float
+    push_z: float
+    traction: float
 
 
 INITIAL = State(*([0.0] * len(State._fields)))

@@ -11,7 +11,7 @@ STANDING = {
     **{f"wheel_torque_{n}": 0.0 for n in (1, 2, 3, 4)},
     "specific_force_x": 0.0, "specific_force_y": 0.0, "specific_force_z": 9.81,
     "roll_rate": 0.0, "pitch_rate": 0.0, "yaw_rate": 0.0, "pitch": 0.0, "roll": 0.0,
-    "lift_pressure": 4.12e6, "tilt_pressure": 1.17e6, "lift_arm_angle": -0.6458, "tilt_angle": 0.8203,
+    "lift_pressure": 3.56e6, "tilt_pressure": 1.45e6, "lift_arm_angle": -0.6458, "tilt_angle": 0.8203,
     "torque_demand": 0.0, "brake_demand": 0.0, "articulation_rate_demand": 0.0, "lift_demand": 0.0,
     "tilt_demand": 0.0, "speed": 0.0,
 }  # fmt: skip

@@ -105,7 +105,7 @@ def test_a_table_without_its_source_is_refused(tmp_path):
 
 
 def test_an_unknown_name_lists_the_known_ones():
-    with pytest.raises(CalibrationError, match="no calibration named 'l90'; known: l60"):
+    with pytest.raises(CalibrationError, match="no calibration named 'l90'; known: compact, l60"):
         load_calibration("l90")
 
 
