@@ -32,7 +32,7 @@ def torques(machine, arm, tilt, payload, force=(0.0, 0.0), ahead=0.0):
     back = tilt - machine.tilt.carry_angle
     on_bucket = [
         (turned(machine.bucket.x, machine.bucket.z, back), (0.0, -G * machine.bucket.mass)),
-        (turned(machine.payload.x, machine.payload.z, back) + (ahead, 0.0), (0.0, -G * payload)),
+        (turned(machine.payload.x, machine.payload.z, back) + np.array((ahead, 0.0)), (0.0, -G * payload)),
         (turned(edge.edge_forward, edge.edge_above, back), force),
     ]
     on_arm = [(turned(machine.lift_arm.x, machine.lift_arm.z, arm), (0.0, -G * machine.lift_arm.mass))]
