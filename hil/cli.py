@@ -342,11 +342,17 @@ def campaign_normal_force(out: ResultsOption = Path("docs/results"), jobs: JobsO
 
 
 @campaign.command("roll-over")
-def campaign_roll_over(out: ResultsOption = Path("docs/results"), jobs: JobsOption = None) -> None:
+def campaign_roll_over(
+    out: ResultsOption = Path("docs/results"),
+    jobs: JobsOption = None,
+    extended: Annotated[
+        bool, typer.Option("--extended", help="On grades, banks and slippery ground instead of the level.")
+    ] = False,
+) -> None:
     """Warning, lead and prevention over a grid of speed, load and articulation rate."""
-    from hil.campaign.roll_over import run_campaign
+    from hil.campaign import roll_over, roll_over_extended
 
-    print(run_campaign(out, jobs))
+    print((roll_over_extended if extended else roll_over).run_campaign(out, jobs))
 
 
 def _form(form: str) -> Any:

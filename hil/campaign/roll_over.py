@@ -7,11 +7,13 @@ The thresholds were chosen on one grid; another, which shares no speed, load or 
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from dbc.columns import Columns
 from hil.campaign.batch import Result, results_of
 from hil.campaign.memory import columns_of
 from hil.campaign.roll_over_document import FILE, document
@@ -22,6 +24,7 @@ from hil.judgement import first_warning, warning_flickers
 from hil.verdict import RunVerdict, judge
 from plant.profile import Profile
 from plant.scenario import Scenario, load_scenario
+from plant.surface import Surface
 
 BASE = "abrupt_articulation"
 KMH = 1 / 3.6
@@ -41,6 +44,19 @@ class Load:
 
 
 @dataclass(frozen=True, slots=True)
+class Ground:
+    """What the turn is driven on; grade uphill ahead and bank left side up where the turn begins."""
+
+    name: str
+    grade_percent: float = 0.0
+    bank_deg: float = 0.0
+    friction: float = 0.75
+
+
+LEVEL = Ground("level")
+
+
+@dataclass(frozen=True, slots=True)
 class Case:
     """One turn; to_deg: articulation at its end, left +."""
 
@@ -48,6 +64,7 @@ class Case:
     load: Load
     rate_deg_s: float
     to_deg: float
+    ground: Ground = LEVEL
 
     @property
     def turn(self) -> str:
@@ -64,6 +81,7 @@ class Grid:
     loads: tuple[Load, ...]
     rates_deg_s: tuple[float, ...]
     turns_deg: tuple[float, ...]
+    grounds: tuple[Ground, ...] = (LEVEL,)
 
     @property
     def picture(self) -> str:
@@ -71,9 +89,10 @@ class Grid:
         return f"rollover_grid_{self.name}.svg"
 
     def cases(self) -> list[Case]:
-        """Every case, by turn, then load, then rate, then speed."""
+        """Every case, by ground, then turn, then load, then rate, then speed."""
         return [
-            Case(speed, load, rate, turn)
+            Case(speed, load, rate, turn, ground)
+            for ground in self.grounds
             for turn in self.turns_deg
             for load in self.loads
             for rate in self.rates_deg_s
@@ -119,6 +138,11 @@ def scenario_of(case: Case) -> Scenario:
         base,
         duration_s=TURN_AT_S + turn_s + AFTER_S,
         payload_mass=case.load.payload_kg,
+        surface=Surface(
+            friction=case.ground.friction,
+            grade=math.atan(case.ground.grade_percent / 100),
+            bank=math.radians(case.ground.bank_deg),
+        ),
         start=dataclasses.replace(base.start, speed=speed, lift_arm_angle=arm),
         script=dataclasses.replace(base.script, speed=Profile(((0.0, speed),)), articulation_angle=angle),
     )
@@ -127,13 +151,14 @@ def scenario_of(case: Case) -> Scenario:
 def run_case(case: Case) -> Result:
     """The three drives of a case as plain values."""
     scenario = scenario_of(case)
-    free, flickers = drive(scenario, "corrected", limits=False)
-    limited, _ = drive(scenario, "corrected", limits=True)
-    printed, _ = drive(scenario, "printed", limits=False)
+    free, flickers, named = drive(scenario, "corrected", limits=False)
+    limited, _, _ = drive(scenario, "corrected", limits=True)
+    printed, _, _ = drive(scenario, "printed", limits=False)
     return {
         "seed": scenario.seed,
         "lift_off_s": free.lift_off_s,
         "wheel": free.lifting_wheel,
+        "named_wheel": named,
         "rolls_over": free.rolled_over,
         "margin": free.margin,
         "lead_s": free.lead_s,
@@ -142,13 +167,17 @@ def run_case(case: Case) -> Result:
         "flickers": flickers,
         "printed_lead_s": printed.lead_s,
         "limited_lifts": limited.lifted,
+        "limited_lead_s": limited.lead_s,
         "limited_rolls_over": limited.rolled_over,
         "limited_margin": limited.margin,
     }
 
 
-def drive(scenario: Scenario, form: Form, *, limits: bool) -> tuple[RunVerdict, int]:
-    """Run a scenario in lockstep and judge it; with the number of warnings too short to count."""
+def drive(scenario: Scenario, form: Form, *, limits: bool) -> tuple[RunVerdict, int, int | None]:
+    """Run a scenario in lockstep and judge it.
+
+    With the number of warnings too short to count, and the wheel that the ECU named last before one lifted.
+    """
     recording = lockstep(scenario, form=form, limits=limits, reference=False).run()
     truth, messages = recording.truth, columns_of(recording.bus)
     verdict = judge(
@@ -158,7 +187,16 @@ def drive(scenario: Scenario, form: Form, *, limits: bool) -> tuple[RunVerdict, 
         load_transfer_ratio=np.array([row.load_transfer_ratio for row in truth]),
         warned_s=first_warning(messages),
     )
-    return verdict, warning_flickers(messages)
+    return verdict, warning_flickers(messages), named_wheel(messages, verdict.lift_off_s)
+
+
+def named_wheel(messages: Mapping[str, Columns], lift_off_s: float | None) -> int | None:
+    """Index (FL, FR, RL, RR) of the wheel that RollOver names last before the lift-off; None if it names none."""
+    if lift_off_s is None:
+        return None
+    roll_over = messages["RollOver"]
+    before = roll_over.signals["LiftingWheel"][roll_over.time_s < lift_off_s]
+    return int(before[-1]) - 1 if before.size and 1 <= before[-1] <= 4 else None
 
 
 def run_campaign(out: Path, jobs: int | None = None) -> Path:

@@ -1,6 +1,6 @@
 """The roll-over campaign as a document: what was found, in counts, in lead times, and case by case."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -113,7 +113,8 @@ def spread(leads: Iterable[float | None]) -> str:
     return f"{min(known):.2f}, {float(np.median(known)):.2f}, {max(known):.2f} s"
 
 
-COLUMNS: dict[str, Callable[[Any, Result], str]] = {
+Cell = Callable[[Any, Result], str]
+COLUMNS: dict[str, Cell] = {
     "load": lambda case, _: case.load.name,
     "turn": lambda case, _: case.turn,
     "rate [°/s]": lambda case, _: f"{case.rate_deg_s:g}",
@@ -130,14 +131,20 @@ def _lead(lead_s: float | None) -> str:
     return "never" if lead_s is None else f"{lead_s:.2f}"
 
 
-def lifting_table(cases: Sequence[Any], results: Sequence[Result]) -> str:
+def _place(case: Any) -> str:
+    return f"{case.ground.name}, " if case.ground.name != "level" else ""
+
+
+def lifting_table(
+    cases: Sequence[Any], results: Sequence[Result], columns: Mapping[str, Cell] = COLUMNS
+) -> str:
     """One row per turn that lifts a wheel when nothing limits it."""
     rows = [
-        [cell(case, result) for cell in COLUMNS.values()]
+        [cell(case, result) for cell in columns.values()]
         for case, result in zip(cases, results, strict=True)
         if result["lift_off_s"] is not None
     ]
-    return markdown_table(tuple(COLUMNS), rows)
+    return markdown_table(tuple(columns), rows)
 
 
 def failures(cases: Sequence[Any], results: Sequence[Result]) -> str:
@@ -156,6 +163,6 @@ def failures(cases: Sequence[Any], results: Sequence[Result]) -> str:
             wrong.append(f"false alarm, every wheel keeps {100 * result['margin']:.0f} %")
         if wrong:
             lines.append(
-                f"- {case.load.name}, {case.turn}, {case.rate_deg_s:g} °/s, {case.speed_kmh:g} km/h: {'; '.join(wrong)}"
+                f"- {_place(case)}{case.load.name}, {case.turn}, {case.rate_deg_s:g} °/s, {case.speed_kmh:g} km/h: {'; '.join(wrong)}"
             )
     return ("\n".join(lines) if lines else "None.") + "\n"

@@ -11,7 +11,7 @@ from bus.frame import EXTENDED, Frame
 from dbc import loader_database
 from ecu.calibration import load_calibration
 from ecu.estimators.signals import Inputs
-from hil.campaign import roll_over
+from hil.campaign import roll_over, roll_over_extended
 from hil.campaign.ablation import VARIANTS, estimated, inputs_of
 from hil.campaign.batch import header, markdown_table, results_of
 from hil.campaign.memory import columns_of
@@ -72,7 +72,10 @@ def test_after_the_first_lift_off_nothing_counts():
 def test_the_table_gives_newtons_and_percent_of_standing_load():
     result = errors_of(series([100.0, -200.0, 0.0, 50.0]), TIME, truth()) | {"seed": 1}
     text = table([Case("loaded", "corrected")], [result])
-    assert "| loaded | corrected | 100 (1.0 %) | 200 (1.0 %) | 0 (0.0 %) | 50 (0.1 %) | 100.0 % |" in text
+    assert (
+        "| loaded | corrected | 100 (1.0 %) | 200 (1.0 %) | 0 (0.0 %) | 50 (0.1 %) | 100.0 % | 3 % | yes |"
+        in text
+    )
     assert "loaderhil campaign normal-force" in text
 
 
@@ -155,13 +158,17 @@ def result(**changes):
         "flickers": 0,
         "printed_lead_s": None,
         "limited_lifts": False,
+        "limited_lead_s": None,
+        "named_wheel": None,
         "limited_rolls_over": False,
         "limited_margin": 0.8,
     }
     return calm | changes
 
 
-GOOD = result(lift_off_s=3.0, wheel=0, margin=0.0, lead_s=0.5, warned=True, printed_lead_s=-0.4)
+GOOD = result(
+    lift_off_s=3.0, wheel=0, named_wheel=0, margin=0.0, lead_s=0.5, warned=True, printed_lead_s=-0.4
+)
 LATE = result(lift_off_s=3.0, wheel=1, margin=0.0, lead_s=-0.1, warned=True, limited_lifts=True)
 FALSE = result(warned=True, false_alarm=True, flickers=3)
 NEAR = result(warned=True, margin=0.2)
@@ -235,6 +242,57 @@ def test_document_and_picture_are_reproducible(tmp_path):
     for name in ("one.svg", "two.svg"):
         draw(CASES, RESULTS, tmp_path / name)
     assert (tmp_path / "one.svg").read_bytes() == (tmp_path / "two.svg").read_bytes()
+
+
+OFF_LEVEL = roll_over_extended.EXTENDED.cases()
+
+
+def test_the_extended_grid_has_every_ground_and_both_sides():
+    grid = roll_over_extended.EXTENDED
+    lists = (grid.speeds_kmh, grid.loads, grid.rates_deg_s, grid.turns_deg, grid.grounds)
+    assert len(set(OFF_LEVEL)) == len(OFF_LEVEL) == np.prod([len(values) for values in lists])
+    assert sum(grid.turns_deg) == 0.0
+
+
+def test_the_ground_of_a_case_is_that_of_its_scenario():
+    ground = roll_over.Ground("steep", grade_percent=-15.0, bank_deg=6.0, friction=0.45)
+    surface = roll_over.scenario_of(dataclasses.replace(CASES[0], ground=ground)).surface
+    assert np.tan(surface.grade) == pytest.approx(-0.15)
+    assert np.degrees(surface.bank) == pytest.approx(6.0)
+    assert surface.friction == 0.45
+
+
+def test_only_a_lift_that_nobody_prevented_or_told_of_is_unanswered():
+    unanswered = roll_over_extended.unanswered
+    assert not unanswered(GOOD)
+    assert not unanswered(result(limited_lifts=True, limited_lead_s=0.3))
+    assert unanswered(result(limited_lifts=True, limited_lead_s=-0.3))
+    assert unanswered(result(limited_lifts=True))
+
+
+def test_the_extended_page_counts_by_ground_and_names_failures_by_it():
+    late = LATE | {"limited_lead_s": -0.1, "named_wheel": 0}
+    results = [GOOD, *[result()] * (len(OFF_LEVEL) - 2), late]
+    text = roll_over_extended.page(OFF_LEVEL, results)
+    assert f"Neither prevented nor warned of: **1 of {len(OFF_LEVEL)}** turns" in text
+    assert "the ECU named in 1 of 2 turns" in text
+    assert f"- {OFF_LEVEL[-1].ground.name}, {OFF_LEVEL[-1].load.name}" in text
+    each = len(OFF_LEVEL) // len(roll_over_extended.EXTENDED.grounds)
+    assert f"| turns | {len(OFF_LEVEL)} | {each} | {each} |" in text
+
+
+def test_the_wheel_the_ecu_named_is_the_last_before_the_lift_off():
+    codec = loader_database().by_name["RollOver"]
+    names = codec.signals
+
+    def frame(wheel, at_s):
+        values = [float(wheel) if name == "LiftingWheel" else 0.0 for name in names]
+        return Frame(codec.can_id, codec.encode(values), round(at_s * 1e9))
+
+    messages = columns_of([frame(0, 1.0), frame(3, 2.0), frame(1, 3.0)])
+    assert roll_over.named_wheel(messages, 2.5) == 2
+    assert roll_over.named_wheel(messages, 1.5) is None
+    assert roll_over.named_wheel(messages, None) is None
 
 
 def test_a_header_names_command_and_commit():
