@@ -94,6 +94,13 @@ class CheckedTable:
             raise self.error(key, f"= {value!r} is not a text")
         return value
 
+    def choice(self, key: str, choices: Sequence[str]) -> str:
+        """The text at `key`, one of `choices`."""
+        value = self.text(key)
+        if value not in choices:
+            raise self.error(key, f"= {value!r} is not one of {', '.join(choices)}")
+        return value
+
     def flag(self, key: str, *, default: bool) -> bool:
         """true or false at `key`."""
         value = self._value(key, default)

@@ -24,6 +24,9 @@ from plant.parameters import (
     P_GRAVITY,
     P_LIFT,
     P_NORMAL,
+    P_SHAFT,
+    P_SHAFT_DAMPING,
+    P_SHAFT_STIFFNESS,
     P_STEERING,
     P_STOP_ANGLE,
     P_STOP_DAMPING,
@@ -58,6 +61,7 @@ from plant.state import (
     POSITION,
     REAR_AXLE,
     REAR_FRAME,
+    SHAFT,
     STATES,
     STICK,
     T_KAPPA_RATE,
@@ -100,6 +104,35 @@ def stop_moment(angle: float, rate: float, p: Array) -> float:
 
 
 @compiled
+def axle_difference(state: Array) -> float:
+    """How much faster the front axle's differential turns than the rear one's [rad/s]."""
+    w = JOINT_RATE + WHEEL
+    return 0.5 * (state[w] + state[w + 1] - state[w + 2] - state[w + 3])
+
+
+@compiled
+def drive_torque(state: Array, p: Array, wheel: int) -> float:
+    """Torque of the driveline on a wheel [N m]: of its motor, or of its differential."""
+    if p[P_SHAFT] == 0.0:
+        return state[DRIVE + wheel]
+    wound = p[P_SHAFT_STIFFNESS] * state[SHAFT] + p[P_SHAFT_DAMPING] * axle_difference(state)
+    return state[DRIVE + wheel] + (-0.5 if wheel < 2 else 0.5) * wound
+
+
+@compiled
+def drive_demand(command: Array, p: Array, wheel: int) -> float:
+    """Demanded torque [N m] within what there is; a shaft shares it equally between the wheels."""
+    if p[P_SHAFT] != 0.0:
+        total = 0.0
+        for other in range(4):
+            peak = p[P_WHEELS + other * WHEEL_SIZE + W_PEAK_TORQUE]
+            total += min(max(command[C_DRIVE + other], -peak), peak)
+        return total / 4.0
+    peak = p[P_WHEELS + wheel * WHEEL_SIZE + W_PEAK_TORQUE]
+    return min(max(command[C_DRIVE + wheel], -peak), peak)
+
+
+@compiled
 def set_joints(state: Array, command: Array, p: Array, tree: Tree) -> None:
     """Accelerations of the driven joints and efforts of the free ones."""
     for body in range(BODIES):
@@ -133,7 +166,8 @@ def set_joints(state: Array, command: Array, p: Array, tree: Tree) -> None:
             tree.driven[body] = 1.0
             tree.joint_acceleration[body] = 0.0
         else:
-            tree.effort[body] = state[DRIVE + wheel] - state[STICK + wheel] * state[BRAKE + wheel]
+            friction = state[STICK + wheel] * state[BRAKE + wheel]
+            tree.effort[body] = drive_torque(state, p, wheel) - friction
 
 
 @compiled
@@ -244,13 +278,12 @@ def derivative(
         rate[JOINT_RATE + body] = tree.joint_acceleration[body]
     rate[JOINT_RATE + BUCKET] += tree.joint_acceleration[LIFT_ARM]
     for wheel in range(4):
-        peak = p[P_WHEELS + wheel * WHEEL_SIZE + W_PEAK_TORQUE]
-        demand = min(max(command[C_DRIVE + wheel], -peak), peak)
-        change = (demand - state[DRIVE + wheel]) / p[P_DRIVE_LAG]
+        change = (drive_demand(command, p, wheel) - state[DRIVE + wheel]) / p[P_DRIVE_LAG]
         rate[DRIVE + wheel] = min(max(change, -p[P_DRIVE_RATE]), p[P_DRIVE_RATE])
         available = min(max(command[C_BRAKE + wheel], 0.0), p[P_BRAKE_CAPACITY])
         rate[BRAKE + wheel] = (available - state[BRAKE + wheel]) / p[P_BRAKE_LAG]
         rate[STICK + wheel] = 0.0
+    rate[SHAFT] = axle_difference(state) if p[P_SHAFT] != 0.0 else 0.0
     if active is not None:
         effects.states(active, state, p, work)
 
@@ -293,7 +326,7 @@ def turn(state: Array, step: float) -> None:
 
 
 @compiled
-def hold_or_slip(state: Array, work: Workspace) -> None:
+def hold_or_slip(state: Array, p: Array, work: Workspace) -> None:
     """Let go of wheels whose brake was overpowered; hold those whose slipping brake came to rest.
 
     Uses the efforts of the last evaluation and the wheel speeds as they are now.
@@ -301,7 +334,7 @@ def hold_or_slip(state: Array, work: Workspace) -> None:
     for wheel in range(4):
         stick = state[STICK + wheel]
         if stick == 0.0:
-            friction = work.tree.effort[WHEEL + wheel] - state[DRIVE + wheel]
+            friction = work.tree.effort[WHEEL + wheel] - drive_torque(state, p, wheel)
             if abs(friction) > state[BRAKE + wheel]:
                 state[STICK + wheel] = -math.copysign(1.0, friction)
         elif state[JOINT_RATE + WHEEL + wheel] * stick < 0.0:
@@ -373,4 +406,4 @@ def advance(
         else:
             step_semi_implicit(state, command, p, step, work, active)
         normalise(state)
-        hold_or_slip(state, work)
+        hold_or_slip(state, p, work)

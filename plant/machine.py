@@ -45,14 +45,22 @@ def quantity(key: str, low: float, high: float, default: float | None = None) ->
     return field(metadata=metadata) if default is None else field(metadata=metadata, default=default)
 
 
+def choice(key: str, *choices: str) -> Any:
+    """A field read from `key` of the file: one of `choices`."""
+    return field(metadata={"key": key, "choices": choices})
+
+
 def _suffix(key: str) -> str:
     return next((suffix for suffix in _UNITS if key.endswith(suffix)), "")
 
 
 def _read(cls: type[_T], table: CheckedTable) -> _T:
     """One dataclass of quantities from one table; unknown keys are refused."""
-    values = {}
+    values: dict[str, float | str] = {}
     for item in fields(cls):  # type: ignore[arg-type]
+        if choices := item.metadata.get("choices"):
+            values[item.name] = table.choice(item.metadata["key"], choices)
+            continue
         key, low, high, default = (item.metadata[name] for name in ("key", "low", "high", "default"))
         suffix = _suffix(key)
         number = table.number(key, unit=_UNITS.get(suffix, "1"), low=low, high=high, default=default)
@@ -195,6 +203,19 @@ class Drive:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Driveline:
+    """How torque comes to the wheels: a motor at each, or one that drives both axles through a propeller shaft.
+
+    With a shaft the axles' differentials are open: both wheels of an axle have the same torque, and the shaft
+    makes the axles turn alike, but for its wind-up. Its values are seen at the wheels.
+    """
+
+    layout: str = choice("layout", "motors", "shaft")
+    stiffness: float = quantity("shaft_stiffness_N_m_per_rad", 0.0, 1e7)
+    damping: float = quantity("shaft_damping_N_m_s_per_rad", 0.0, 1e5)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Brake:
     """Friction brake of one wheel."""
 
@@ -278,6 +299,7 @@ class Machine:
     lift: Lift
     tilt: Tilt
     drive: Drive
+    driveline: Driveline
     brake: Brake
     tyre: Tyre
     effects: tuple[ActiveEffect, ...] = ()
@@ -311,6 +333,7 @@ _TABLES: dict[str, type[Any]] = {
     "lift": Lift,
     "tilt": Tilt,
     "drive": Drive,
+    "driveline": Driveline,
     "brake": Brake,
     "tyre": Tyre,
 }

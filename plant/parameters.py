@@ -44,9 +44,12 @@ P_DRIVE_LAG: Final = 82
 P_DRIVE_RATE: Final = 83
 P_BRAKE_LAG: Final = 84
 P_BRAKE_CAPACITY: Final = 85
+P_SHAFT: Final = 86  # 1 where a shaft drives both axles, 0 with a motor at each wheel
+P_SHAFT_STIFFNESS: Final = 87
+P_SHAFT_DAMPING: Final = 88
 
 # Wheel block.
-P_WHEELS: Final = 86
+P_WHEELS: Final = 89
 W_MASS: Final = 0
 W_SPIN: Final = 1
 W_TRANSVERSE: Final = 2
@@ -145,6 +148,9 @@ def parameter_vector(machine: Machine, surface: Surface, payload_mass: float) ->
     _servos(p, machine)
     p[P_DRIVE_LAG] = machine.drive.time_constant
     p[P_DRIVE_RATE] = machine.drive.rate_limit
+    p[P_SHAFT] = 1.0 if machine.driveline.layout == "shaft" else 0.0
+    p[P_SHAFT_STIFFNESS] = machine.driveline.stiffness
+    p[P_SHAFT_DAMPING] = machine.driveline.damping
     p[P_BRAKE_LAG] = machine.brake.time_constant
     p[P_BRAKE_CAPACITY] = machine.brake.capacity
     for wheel in range(4):

@@ -27,7 +27,8 @@ TAN_ALPHA: Final = 33  # four: transient tan of the slip angle, positive when th
 DRIVE: Final = 37  # four: motor torque at the wheel [N m]
 BRAKE: Final = 41  # four: available friction torque [N m]
 STICK: Final = 45  # four: 0 wheel locked by its brake, +-1 direction in which the brake slips
-EXTRA: Final = 49  # states of the effects that are switched on
+SHAFT: Final = 49  # wind-up of the propeller shaft, seen at the wheels, front ahead positive [rad]
+EXTRA: Final = 50  # states of the effects that are switched on
 EXTRAS: Final = 32
 STATES: Final = EXTRA + EXTRAS
 
