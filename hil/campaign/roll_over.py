@@ -151,20 +151,20 @@ def scenario_of(case: Case) -> Scenario:
 def run_case(case: Case) -> Result:
     """The three drives of a case as plain values."""
     scenario = scenario_of(case)
-    free, flickers, named = drive(scenario, "corrected", limits=False)
-    limited, _, _ = drive(scenario, "corrected", limits=True)
-    printed, _, _ = drive(scenario, "printed", limits=False)
+    free, messages = observed(scenario, "corrected", limits=False)
+    limited, _ = observed(scenario, "corrected", limits=True)
+    printed, _ = observed(scenario, "printed", limits=False)
     return {
         "seed": scenario.seed,
         "lift_off_s": free.lift_off_s,
         "wheel": free.lifting_wheel,
-        "named_wheel": named,
+        "named_wheel": named_wheel(messages, free.lift_off_s),
         "rolls_over": free.rolled_over,
         "margin": free.margin,
         "lead_s": free.lead_s,
         "warned": free.warned_s is not None,
         "false_alarm": free.false_alarm,
-        "flickers": flickers,
+        "flickers": warning_flickers(messages),
         "printed_lead_s": printed.lead_s,
         "limited_lifts": limited.lifted,
         "limited_lead_s": limited.lead_s,
@@ -173,11 +173,14 @@ def run_case(case: Case) -> Result:
     }
 
 
-def drive(scenario: Scenario, form: Form, *, limits: bool) -> tuple[RunVerdict, int, int | None]:
-    """Run a scenario in lockstep and judge it.
+def drive(scenario: Scenario, form: Form, *, limits: bool) -> tuple[RunVerdict, int]:
+    """Run a scenario in lockstep and judge it; with the number of warnings too short to count."""
+    verdict, messages = observed(scenario, form, limits=limits)
+    return verdict, warning_flickers(messages)
 
-    With the number of warnings too short to count, and the wheel that the ECU named last before one lifted.
-    """
+
+def observed(scenario: Scenario, form: Form, *, limits: bool) -> tuple[RunVerdict, dict[str, Columns]]:
+    """Run a scenario in lockstep and judge it; with what was on the bus."""
     recording = lockstep(scenario, form=form, limits=limits, reference=False).run()
     truth, messages = recording.truth, columns_of(recording.bus)
     verdict = judge(
@@ -187,7 +190,7 @@ def drive(scenario: Scenario, form: Form, *, limits: bool) -> tuple[RunVerdict, 
         load_transfer_ratio=np.array([row.load_transfer_ratio for row in truth]),
         warned_s=first_warning(messages),
     )
-    return verdict, warning_flickers(messages), named_wheel(messages, verdict.lift_off_s)
+    return verdict, messages
 
 
 def named_wheel(messages: Mapping[str, Columns], lift_off_s: float | None) -> int | None:
