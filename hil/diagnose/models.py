@@ -13,11 +13,12 @@ from bus.mistake import Mistake
 from discrepancy.model import Model
 from discrepancy.models import ball, car, road, straight
 from discrepancy.recording import Recording
+from hil.diagnose.native import Native, damage_of_run, is_run
 
 T = TypeVar("T")
 Build = Callable[[Sequence[Recording]], Model]
 BuildFrom = Callable[[Path, Sequence[Recording]], Model]
-ReadNative = Callable[[Path, str | None], list[Recording] | None]
+ReadNative = Callable[[Path, str | None], Native | None]
 
 
 class NoModel(Mistake, ValueError):
@@ -47,33 +48,34 @@ def _no_data_set(_: Path, __: str | None) -> None:
     return None
 
 
-def _drops(path: Path, part: str | None) -> list[Recording] | None:
+def _drops(path: Path, part: str | None) -> Native | None:
     if not (path / "ball_drops.csv").is_file():
         return None
     if part is None:
         raise NoModel(
             f"{path} holds drops of several balls; name one by --part: {', '.join(map(repr, ball.WEIGHED))}"
         )
-    return ball.load_drops(path, part)
+    return Native(ball.load_drops(path, part))
 
 
-def _dart(path: Path, part: str | None) -> list[Recording] | None:
+def _dart(path: Path, part: str | None) -> Native | None:
     files = sorted(path.glob("*.csv.gz")) if path.is_dir() else [path]
     if not files or not all(car.is_dart(file) for file in files):
         return None
-    return [car.load_dart(file, reference=part != "on-board") for file in files]
+    return Native([car.load_dart(file, reference=part != "on-board") for file in files])
 
 
 def _build_car(recordings: Sequence[Recording]) -> Model:
     return car.model(reference=all("speed_reference" in r.signals for r in recordings))
 
 
-def _run(path: Path, _: str | None) -> list[Recording] | None:
-    if not (path / "bus.log").is_file():
+def _run(path: Path, _: str | None) -> Native | None:
+    if not is_run(path):
         return None
+    damage = damage_of_run(path)
     from discrepancy.models import loader  # with it comes the plant, compiled
 
-    return [loader.load_run(path)]
+    return Native([loader.load_run(path)], damage)
 
 
 def _build_loader(recordings: Sequence[Recording]) -> Model:
@@ -94,16 +96,17 @@ def _build_printed(recordings: Sequence[Recording]) -> Model:
     return printed.model(recordings)
 
 
-def _slow_run(path: Path, _: str | None) -> list[Recording] | None:
-    if not (path / "bus.log").is_file():
+def _slow_run(path: Path, _: str | None) -> Native | None:
+    if not is_run(path):
         return None
+    damage = damage_of_run(path)
     from discrepancy.models import printed
 
-    return [printed.load_quasi_static(path)]
+    return Native([printed.load_quasi_static(path)], damage)
 
 
-def _comma(path: Path, _: str | None) -> list[Recording] | None:
-    return [road.load_comma(path)] if (path / "segment40.npz").is_file() else None
+def _comma(path: Path, _: str | None) -> Native | None:
+    return Native([road.load_comma(path)]) if (path / "segment40.npz").is_file() else None
 
 
 NAMED = {

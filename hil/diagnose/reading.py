@@ -85,7 +85,7 @@ def _run(
 ) -> Read:
     native = choice.native(files[0], ask.part) if len(files) == 1 else None
     if native is not None:
-        return Read(native, (), ())
+        return Read(native.recordings, native.complaints, ())
     tables = [_table(file, choice, ask, through) for file in files]
     if unknown := unknown_columns(tables, ask.renamed):
         columns = [c for table in tables for c in table.columns]

@@ -1,0 +1,173 @@
+"""`loaderhil diagnose --model loader` on recordings that are not what they should be: each has a clear verdict.
+
+Run directories as the bench leaves them, and tables of the same channels. The library is cut to one effect of a sensor and
+nothing open-ended is looked for, so that a search takes seconds; what is asked of the input does not depend on it.
+"""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from discrepancy.examine import investigate
+from discrepancy.models import loader
+from discrepancy.recording import Recording, Signal
+from hil.compose import Choice
+from hil.diagnose.written import csv_text
+from hil.runs import run_lockstep
+from tests.hil.diagnose.cases import Call, loaderhil
+
+__all__ = ["loaderhil"]
+
+DRIVE = """
+name = "drive"
+sentence = "Speeds up in a zigzag."
+duration_s = 9.0
+machine = "l60"
+seed = 1
+[start]
+speed_kmh = 8.0
+[driver.speed_kmh]
+points = [[0.0, 8.0], [3.0, 12.0], [9.0, 6.0]]
+[driver.articulation_deg]
+points = [[0.3, 0.0], [1.5, 15.0], [3.5, -12.0], [6.0, 10.0], [6.8, 10.0], [8.5, -5.0]]
+"""
+KEPT = ("yaw_rate", "roll_rate", "acceleration_x", "acceleration_y", "acceleration_z", *loader.SPEEDS)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("drive")
+    (folder / "drive.toml").write_text(DRIVE)
+    run_lockstep(Choice(scenario=str(folder / "drive.toml")), folder / "run")
+    return folder / "run"
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = loader.model
+
+    def short(recordings=()):  # type: ignore[no-untyped-def]
+        model = whole(recordings)
+        return replace(model, effects=tuple(e for e in model.effects if e.name == "yaw_rate scale"))
+
+    def without_equations(model, recordings, settings, *rest):  # type: ignore[no-untyped-def]
+        return investigate(model, recordings, replace(settings, open_ended=False), *rest)
+
+    monkeypatch.setattr(loader, "model", short)
+    monkeypatch.setattr("hil.diagnose.question.investigate", without_equations)
+
+
+def cut(folder: Path) -> None:
+    """Half of the bytes, and a line that is none."""
+    data = (folder / "bus.log").read_bytes()
+    (folder / "bus.log").write_bytes(
+        data[: len(data) // 3] + b"\n(0.1) garbage\n" + data[len(data) // 3 : len(data) // 2]
+    )
+    (folder / "reference.log").unlink()
+
+
+RUNS: dict[str, tuple[Callable[[Path], object], int, str]] = {
+    "no log": (lambda d: (d / "bus.log").unlink(), 5, "loader reads a run directory"),
+    "empty log": (lambda d: (d / "bus.log").write_text(""), 5, "the recording is empty"),
+    "junk": (lambda d: (d / "bus.log").write_bytes(bytes(range(256)) * 40), 5, "not a candump log"),
+    "another bus": (lambda d: shutil.copy(d / "reference.log", d / "bus.log"), 5, "is of this bus; is it the log of another?"),
+    "record cut off": (lambda d: (d / "run.json").write_text('{"payl'), 5, "cannot be read as the record of a run"),
+    "cut off": (cut, 0, "damaged places, skipped; the first"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", RUNS)
+def test_run_directories(kind: str, run: Path, tmp_path: Path, loaderhil: Call) -> None:
+    change, code, said = RUNS[kind]
+    folder = tmp_path / "copy"
+    shutil.copytree(run, folder)
+    change(folder)
+    ended = loaderhil("diagnose", folder, "--model", "loader")
+    assert ended.code == code, ended.out + ended.err
+    assert ended.result is not None
+    assert said in " ".join([*ended.result.reasons, *(c.text for c in ended.result.complaints)])
+
+
+@pytest.fixture(scope="module")
+def drive(run: Path) -> Recording:
+    whole = loader.load_run(run)
+    names = {*loader.INPUTS, *loader.OPTIONAL, *KEPT} & set(whole.signals)
+    return replace(whole, signals={n: s for n, s in whole.signals.items() if n in names})
+
+
+def scaled(factor: float) -> Callable[[Signal], Signal]:
+    return lambda s: replace(s, value=factor * s.value)
+
+
+def late(seconds: float) -> Callable[[Signal], Signal]:
+    return lambda s: replace(s, value=np.interp(s.time_s - seconds, s.time_s, s.value))
+
+
+def holed(s: Signal) -> Signal:
+    value = s.value.copy()
+    value[::7] = np.nan
+    return replace(s, value=value)
+
+
+def written(drive: Recording, file: Path, **changes: Callable[[Signal], Signal]) -> Path:
+    """The drive as a table, some of its channels changed."""
+    for name, change in changes.items():
+        drive = replace(drive, signals={**drive.signals, name: change(drive.signals[name])})
+    file.write_text(csv_text(drive))
+    return file
+
+
+def test_damaged_channels_are_told_one_by_one_and_the_others_judged(
+    drive: Recording, tmp_path: Path, loaderhil: Call
+) -> None:
+    """A dead sensor, holes, nothing but holes, degrees under a heading of radians, a clock of its own: none becomes a finding."""
+    file = written(
+        drive,
+        tmp_path / "drive.csv",
+        roll_rate=lambda s: replace(s, value=np.full(s.value.size, 0.1)),
+        acceleration_x=holed,
+        acceleration_z=scaled(float("nan")),
+        yaw_rate=scaled(180.0 / np.pi),
+        acceleration_y=late(1.6),
+    )
+    ended = loaderhil("diagnose", file, "--model", "loader")
+    assert ended.result is not None, ended.err
+    told = {c.signal: c.text for c in ended.result.complaints if c.signal}
+    assert "is constant at 0.1 rad/s: a dead sensor" in told["roll_rate"]
+    assert "samples are not numbers; dropped" in told["acceleration_x"]
+    assert "has 0 usable samples" in told["acceleration_z"]
+    assert "deg/s under a heading of rad/s" in told["yaw_rate"]
+    assert (
+        "recorded with another clock? Left out; try again with --shift acceleration_y=-1.6"
+        in told["acceleration_y"]
+    )
+    assert not ended.result.named
+    assert {n.channel for n in ended.result.noise} == {"acceleration_x", *loader.SPEEDS}
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("yaw_rate", lambda s: replace(s, unit="m"), "is in m, the model loader needs rad/s"),
+        ("articulation_angle", lambda s: Signal(s.time_s[:1], s.value[:1], s.unit), "has fewer than 2 usable samples"),
+        ("wheel_torque_rear_left", scaled(float("nan")), "has fewer than 2 usable samples"),
+    ],
+)  # fmt: skip
+def test_what_nothing_can_be_told_from_ends_at_once(
+    name: str,
+    change: Callable[[Signal], Signal],
+    said: str,
+    drive: Recording,
+    tmp_path: Path,
+    loaderhil: Call,
+) -> None:
+    ended = loaderhil(
+        "diagnose", written(drive, tmp_path / "drive.csv", **{name: change}), "--model", "loader"
+    )
+    assert ended.code == 5
+    assert ended.result is not None
+    assert f"{name} {said}" in ended.result.reasons[0]
