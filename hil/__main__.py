@@ -1,5 +1,17 @@
 """`python -m hil` is `loaderhil`."""
 
-from hil.cli import main
+import sys
 
-main()
+
+def main() -> None:
+    """Entry point: Ctrl-C ends without a traceback while the command line itself is still being loaded, too."""
+    try:
+        from hil.cli import main as command_line
+
+        command_line()
+    except KeyboardInterrupt:
+        sys.exit(130)  # Ending.INTERRUPTED, which may not have been loaded
+
+
+if __name__ == "__main__":
+    main()

@@ -74,9 +74,9 @@ def read(pid: int) -> Reading | None:
         waited = waited_ns(pid)
     except (OSError, IndexError):
         return None
-    return (
-        Reading(pages * os.sysconf("SC_PAGE_SIZE"), waited) if pages else None
-    )  # none: dead, not yet reaped
+    if not pages:
+        return None  # dead, but its parent has not looked
+    return Reading(pages * os.sysconf("SC_PAGE_SIZE"), waited)
 
 
 def with_children(processes: Iterable[tuple[str, int]]) -> list[tuple[str, int]]:

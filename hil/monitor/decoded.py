@@ -10,6 +10,7 @@ Findings, if any, are a list of texts.
 """
 
 import json
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -24,25 +25,42 @@ from hil.monitor.source import Batch
 _MICROSECOND = 1_000
 
 
-class LinesView:
-    """`--lines`."""
+class _View(ABC):
+    """A line per frame that was asked for."""
 
-    def __init__(self, messages: Messages, stamp: Stamp) -> None:
-        self._messages, self._stamper = messages, Stamper(stamp)
+    def __init__(self, messages: Messages) -> None:
+        self._messages = messages
         self._integrity = Integrity()
-        self._width = 0
 
     def text(self, batch: Batch) -> str:
         """The batch's lines, each with its end."""
         lines = []
         for name, frame in batch.frames:
             shown = self._messages.of(frame.can_id)
-            if shown is None and not self._messages.selection.everything:
-                continue
-            self._width = max(self._width, len(name))
-            stamp = self._stamper.text(frame.at_ns + batch.ahead_ns)
-            lines.append(f"{stamp}{name:>{self._width}}  {self._content(name, frame, shown)}\n")
+            if shown is not None or self._messages.selection.everything:
+                lines.append(f"{self._line(name, frame, frame.at_ns + batch.ahead_ns, shown)}\n")
         return "".join(lines)
+
+    @abstractmethod
+    def _line(self, name: str, frame: Frame, at_ns: int, shown: Shown | None) -> str:
+        """Of a frame seen on the interface `name` at `at_ns` since 1970; shown: None if no DBC knows it."""
+
+    def end(self) -> str:
+        """Nothing."""
+        return ""
+
+
+class LinesView(_View):
+    """`--lines`."""
+
+    def __init__(self, messages: Messages, stamp: Stamp) -> None:
+        super().__init__(messages)
+        self._stamper = Stamper(stamp)
+        self._width = 0
+
+    def _line(self, name: str, frame: Frame, at_ns: int, shown: Shown | None) -> str:
+        self._width = max(self._width, len(name))
+        return f"{self._stamper.text(at_ns)}{name:>{self._width}}  {self._content(name, frame, shown)}"
 
     def _content(self, name: str, frame: Frame, shown: Shown | None) -> str:
         if shown is None:
@@ -57,29 +75,14 @@ class LinesView:
         wrong = f"  [{'; '.join(findings)}]" if findings else ""
         return f"{shown.codec.name} {signals}{wrong}"
 
-    def end(self) -> str:
-        """Nothing."""
-        return ""
 
-
-class JsonView:
+class JsonView(_View):
     """`--json`."""
 
-    def __init__(self, messages: Messages) -> None:
-        self._messages = messages
-        self._integrity = Integrity()
-
-    def text(self, batch: Batch) -> str:
-        """The batch's objects, one per line."""
-        lines = []
-        for name, frame in batch.frames:
-            shown = self._messages.of(frame.can_id)
-            if shown is None and not self._messages.selection.everything:
-                continue
-            time_s = (frame.at_ns + batch.ahead_ns) // _MICROSECOND / 1e6
-            head = f'"time_s": {time_s}, "bus": {_key(name)}, "id": "{identifier(frame.can_id)}"'
-            lines.append(f"{{{head}, {self._content(name, frame, shown)}}}\n")
-        return "".join(lines)
+    def _line(self, name: str, frame: Frame, at_ns: int, shown: Shown | None) -> str:
+        time_s = at_ns // _MICROSECOND / 1e6
+        head = f'"time_s": {time_s}, "bus": {_key(name)}, "id": "{identifier(frame.can_id)}"'
+        return f"{{{head}, {self._content(name, frame, shown)}}}"
 
     def _content(self, name: str, frame: Frame, shown: Shown | None) -> str:
         if shown is None:
@@ -89,10 +92,6 @@ class JsonView:
             return decoded(shown, shown.readings(frame.data), found)
         except DecodeError as error:
             return undecoded(frame, [str(error)])
-
-    def end(self) -> str:
-        """Nothing."""
-        return ""
 
 
 def decoded(shown: Shown, readings: Sequence[tuple[Field, Number]], findings: Sequence[str]) -> str:

@@ -144,7 +144,6 @@ class Buses(Closing):
         return [
             f"{target.name}: {finding.fault}"
             for target, transport in self._buses
-            if isinstance(transport, SocketCanTransport)
             for finding in transport.findings()
             if finding.fault in _LINK
         ]

@@ -8,6 +8,7 @@ from importlib.metadata import version
 import pytest
 from typer.testing import CliRunner
 
+import hil.__main__
 from hil.cli import ELSEWHERE, PANELS, app
 from hil.ending import Ending
 
@@ -109,3 +110,19 @@ def test_a_lockstep_run_says_what_happened(tmp_path):
     assert result.returncode == Ending.PASSED, result.stderr
     assert "true lift-off" in result.stdout
     assert (tmp_path / "run" / "run.json").exists()
+
+
+class _Interrupting:
+    """Ctrl-C comes while the command line is being imported."""
+
+    def find_spec(self, name, *_):
+        if name == "hil.cli":
+            raise KeyboardInterrupt
+
+
+def test_ctrl_c_while_the_command_line_is_loaded_is_no_traceback(monkeypatch):
+    monkeypatch.delitem(sys.modules, "hil.cli")
+    monkeypatch.setattr(sys, "meta_path", [_Interrupting(), *sys.meta_path])
+    with pytest.raises(SystemExit) as ended:
+        hil.__main__.main()
+    assert ended.value.code == Ending.INTERRUPTED
