@@ -103,6 +103,12 @@ class InputRules:
     wheel_speed_step: float
     linkage_step: float
     slope_step: float
+    frozen_frames: float  # identical values in a row that a sensor with noise does not send; 0: not judged
+    exchanged_frames: float  # in a row in which left and right wheels turn the wrong way round; 0: not judged
+    turning: float  # least yaw rate of an axle to judge that by
+    carried: (
+        float  # largest lateral specific force to judge it at: no wheel is near to lifting and spinning free
+    )
     start_up: float  # inputs may be missing this long after the start
 
 
@@ -347,6 +353,10 @@ _TABLES: Mapping[str, tuple[type, Mapping[str, Quantity]]] = {
             "wheel_speed_step": _q("wheel_speed_step_rad_s", 0.1, 60),
             "linkage_step": _q("linkage_step_deg", 0.1, 90),
             "slope_step": _q("slope_step_deg", 0.1, 90),
+            "frozen_frames": _q("frozen_frames", 0, 1000),
+            "exchanged_frames": _q("exchanged_frames", 0, 1000),
+            "turning": _q("turning_deg_s", 1, 90),
+            "carried": _q("carried_m_s2", 0, 10),
             "start_up": _q("start_up_s", 0, 10),
         },
     ),

@@ -53,7 +53,7 @@ class EcuCycle:
         self._parameters = calibration.parameters
         self._estimator = LiveEstimator(self._parameters, form)
         self._limits_enabled = limits_enabled
-        self._hearing = Hearing(calibration.inputs, database)
+        self._hearing = Hearing(calibration, database)
         self._answers = Answers(database)
         self._state = State.INIT
         self._unlimited = limits.unlimited(calibration.limits, self._parameters.prediction)

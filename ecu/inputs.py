@@ -2,7 +2,8 @@
 
 A frame is used when its protection holds. A signal is plausible when it is available, inside the
 range the machine can reach, no further from the one before than the machine can move in a frame,
-and not reported as faulty by its sensor. An implausible or stale message keeps its last good values,
+and not reported as faulty by its sensor; it does not stand still to the bit while most others move, and the
+wheels of an axle turn with it (`ecu.coherence`). An implausible or stale message keeps its last good values,
 marked unusable; nothing else is touched by it. Signal names of the DBC end here.
 """
 
@@ -17,11 +18,14 @@ from dbc.binding import Binding
 from dbc.database import Database, MessageCodec
 from dbc.protection import Checker
 from dbc.protection import Finding as Check
-from ecu.calibration import InputRules
+from ecu.calibration import Calibration, InputRules
+from ecu.coherence import AxleSides
 from ecu.estimators.parameters import GRAVITY
 from ecu.estimators.signals import Inputs
 from ecu.findings import Finding, Implausible, ProtectionFailed
 
+FROZEN: Final = "stands still to the bit while others move"
+EXCHANGED: Final = "left and right are exchanged, says the yaw rate"
 FAULTY: Final = 2
 """Sensor states from here on (error, not available) make a signal unusable."""
 
@@ -42,12 +46,16 @@ class Group(enum.IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One signal: its SI unit, where its value goes, and what is plausible (SI; step per frame)."""
+    """One signal: its SI unit, where its value goes, and what is plausible (SI; step per frame).
+
+    sensed: by a sensor with noise, so that it never stands still for long.
+    """
 
     unit: str
     target: str
     limit: float
     step: float = math.inf
+    sensed: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +92,7 @@ def sources(r: InputRules) -> tuple[Source, ...]:
             {
                 "ArticulationAngle": Field("rad", "articulation_angle", r.articulation, r.articulation_step),
                 "ArticulationRate": Field("rad/s", "articulation_rate", r.articulation_rate),
-                "SampleSequence": Field("1", "sequence", math.inf),
+                "SampleSequence": Field("1", "sequence", math.inf, sensed=False),
             },
             {"State": ("articulation_angle", "articulation_rate")},
         ),
@@ -145,7 +153,11 @@ def sources(r: InputRules) -> tuple[Source, ...]:
         Source(
             "DriverDemand",
             Group.DEMAND,
-            {"ArticulationRateDemand": Field("rad/s", "articulation_rate_demand", r.articulation_rate)},
+            {
+                "ArticulationRateDemand": Field(
+                    "rad/s", "articulation_rate_demand", r.articulation_rate, sensed=False
+                )
+            },
             {},
         ),
     )
@@ -168,13 +180,19 @@ class _Listener:
         self._fields = tuple(source.fields.items())
         self._states = tuple(source.states.values())
         self._previous: tuple[float, ...] | None = None
+        self._same = [0] * len(self._fields)  # frames in a row with the value of the one before
+
+    def standing(self, frames: float) -> tuple[int, int]:
+        """How many of its sensed signals have stood still for so many frames, and of how many."""
+        sensed = [same for (_, field), same in zip(self._fields, self._same, strict=True) if field.sensed]
+        return sum(same >= frames for same in sensed), len(sensed)
 
     def fresh(self, now_ns: int, stale_cycles: float) -> bool:
         """Whether a good frame came within the permitted time."""
         return self.heard_ns is not None and now_ns - self.heard_ns <= stale_cycles * self.codec.cycle_ns
 
-    def receive(self, frame: Frame, now_ns: int, values: dict[str, float]) -> list[Finding]:
-        """Check a frame and put its plausible values into `values`."""
+    def receive(self, frame: Frame, now_ns: int, values: dict[str, float], among: "Hearing") -> list[Finding]:
+        """Check a frame and put its plausible values into `values`; among: the other messages, which may contradict it."""
         found: list[Finding] = []
         name = self.source.message
         if self._checker is not None:
@@ -189,10 +207,15 @@ class _Listener:
         numbers = self._binding.decode(frame.data)
         signals, states = numbers[: len(self._fields)], numbers[len(self._fields) :]
         bad = self._faulty(states) if states and max(states) >= FAULTY else {}
-        for (signal, field), value, before in zip(
-            self._fields, signals, self._previous or signals, strict=True
+        if among.exchanged(name, signals, now_ns):
+            bad = dict.fromkeys(self.targets, EXCHANGED) | bad
+        for i, ((signal, field), value, before) in enumerate(
+            zip(self._fields, signals, self._previous or signals, strict=True)
         ):
+            self._same[i] = self._same[i] + 1 if value == before else 0
             reason = bad.get(field.target) or _doubt(field, value, before)
+            if not reason and field.sensed and among.frozen(self._same[i]):
+                reason = FROZEN
             if not reason:
                 values[field.target] = float(value)  # an int would compile the estimators anew
                 continue
@@ -242,18 +265,52 @@ class Heard:
 class Hearing:
     """Every message the ECU uses; others are not looked at."""
 
-    def __init__(self, rules: InputRules, database: Database) -> None:
-        self._rules = rules
+    def __init__(self, calibration: Calibration, database: Database) -> None:
+        rules = self._rules = calibration.inputs
         self._listeners = [_Listener(source, database.by_name[source.message]) for source in sources(rules)]
         self._by_id = {listener.codec.can_id: listener for listener in self._listeners}
+        self._by_name = {listener.source.message: listener for listener in self._listeners}
         self._values: dict[str, float] = {
             field.target: 0.0 for listener in self._listeners for field in listener.source.fields.values()
         } | {"specific_force_z": GRAVITY}
+        geometry, radius = calibration.parameters.geometry, calibration.parameters.wheel.unloaded_radius
+        tracks = {"WheelSpeedsFront": geometry.front_track, "WheelSpeedsRear": geometry.rear_track}
+        self._axles = {
+            name: AxleSides(radius / track, rules.turning, rules.exchanged_frames)
+            for name, track in tracks.items()
+        }
 
     def receive(self, frame: Frame, now_ns: int) -> list[Finding]:
         """Use one frame, if the ECU uses it at all and it is sound."""
         listener = self._by_id.get(frame.can_id)
-        return listener.receive(frame, now_ns, self._values) if listener else []
+        return listener.receive(frame, now_ns, self._values, self) if listener else []
+
+    def frozen(self, same: int) -> bool:
+        """Whether a sensed signal that was the same in so many frames is frozen: most others moved a moment ago."""
+        frames = self._rules.frozen_frames
+        if not frames or same < frames:
+            return False
+        # A quarter: of the slowest message, half as many frames come, and all begin to stand still one after the other.
+        told = (each.standing(frames / 4) for each in self._listeners)
+        still, sensed = map(sum, zip(*told, strict=True))
+        return 2 * still < sensed
+
+    def exchanged(self, message: str, signals: tuple[float, ...], now_ns: int) -> bool:
+        """Whether a message is one of wheel speeds and has left and right exchanged."""
+        axle = self._axles.get(message)
+        if axle is None:
+            return False
+        for told in ("BodyRates", "Articulation", "BodyAcceleration"):
+            listener = self._by_name[told]
+            if listener.unusable or not listener.fresh(now_ns, self._rules.stale_cycles):
+                return axle.exchanged
+        if abs(self._values["specific_force_y"]) > self._rules.carried:
+            return axle.exchanged
+        left, right = signals
+        front = message == "WheelSpeedsFront"
+        return axle.look(
+            left, right, self._values["yaw_rate"] + (self._values["articulation_rate"] if front else 0.0)
+        )
 
     def gather(self, now_ns: int) -> Heard:
         """What can be relied on at this cycle."""

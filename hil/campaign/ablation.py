@@ -27,7 +27,7 @@ def inputs_of(frames: Sequence[Frame], calibration: Calibration) -> tuple[Floats
 
     frames: of the machine, in the order of their arrival. Begins when every input has been heard.
     """
-    hearing = Hearing(calibration.inputs, loader_database())
+    hearing = Hearing(calibration, loader_database())
     times: list[float] = []
     rows: list[Inputs] = []
     waiting = iter(frames)

@@ -33,7 +33,7 @@ CALM = Estimates(*([0.0] * len(Estimates._fields)))._replace(
     lift_off_margin=1.0, predicted_margin=1.0, time_to_lift_off=NEVER, speed=5.0,
 )  # fmt: skip
 ALL = dict.fromkeys(NEEDS, True)
-QUIET = Hearing(CALIBRATION.inputs, loader_database()).gather(0)
+QUIET = Hearing(CALIBRATION, loader_database()).gather(0)
 
 
 def heard(unusable=(), stale=(), implausible=(), **values):
