@@ -252,6 +252,7 @@ def derivative(
     if active is not None:
         for i in range(EXTRA, STATES):
             rate[i] = 0.0
+        work.ahead[0] = ahead
     place_loader(state, p, tree, work.places)
     centre_of_gravity(tree, work.whole)
     set_joints(state, command, p, tree)
@@ -352,7 +353,7 @@ def step_semi_implicit(
     """One step: velocities from the forces, then positions from the new velocities."""
     derivative(state, command, p, step, work, active)
     rate = work.rate
-    for i in range(VELOCITY, STATES):
+    for i in range(VELOCITY, STATES if active is not None else EXTRA):
         state[i] += step * rate[i]
     for i in range(3):
         state[POSITION + i] += step * state[VELOCITY + i]
@@ -373,17 +374,18 @@ def step_rk4(
 ) -> None:
     """One step of the classical Runge-Kutta method of fourth order. scratch: (2, STATES)."""
     trial, total = scratch[0], scratch[1]
-    for i in range(STATES):
+    count = STATES if active is not None else EXTRA
+    for i in range(count):
         trial[i] = state[i]
         total[i] = 0.0
     for stage in range(4):
         derivative(trial, command, p, 0.0, work, active)
         weight = step / 6.0 if stage in (0, 3) else step / 3.0
         reach = step if stage == 2 else 0.5 * step
-        for i in range(STATES):
+        for i in range(count):
             total[i] += weight * work.rate[i]
             trial[i] = state[i] + reach * work.rate[i]
-    for i in range(STATES):
+    for i in range(count):
         state[i] += total[i]
 
 

@@ -99,7 +99,9 @@ W_PEX2: Final = 47
 W_PEX3: Final = 48
 W_PEX4: Final = 49
 W_PEY2: Final = 50
-WHEEL_SIZE: Final = 51
+W_ADDED_SLIDING_X: Final = 51  # of the contact patch beside the rigid wheel's, along the heading [m/s]
+W_ADDED_SLIDING_Y: Final = 52  # and across it
+WHEEL_SIZE: Final = 53
 PARAMETERS: Final = P_WHEELS + 4 * WHEEL_SIZE
 
 _FROM_TYRE = {

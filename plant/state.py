@@ -29,7 +29,7 @@ BRAKE: Final = 41  # four: available friction torque [N m]
 STICK: Final = 45  # four: 0 wheel locked by its brake, +-1 direction in which the brake slips
 SHAFT: Final = 49  # wind-up of the propeller shaft, seen at the wheels, front ahead positive [rad]
 EXTRA: Final = 50  # states of the effects that are switched on
-EXTRAS: Final = 32
+EXTRAS: Final = 64
 STATES: Final = EXTRA + EXTRAS
 
 # Commands.

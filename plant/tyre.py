@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from plant.compiled import compiled
 from plant.parameters import (
     W_ADDED_LOAD,
+    W_ADDED_SLIDING_X,
+    W_ADDED_SLIDING_Y,
     W_CARCASS_DAMPING,
     W_CARCASS_DAMPING_SPEED,
     W_DAMPING,
@@ -277,8 +279,8 @@ def wheel_contact(
     vx, vy, vz = motion[3] + oy * pz - oz * py, motion[4] + oz * px - ox * pz, motion[5] + ox * py - oy * px
     spin = ox * ax + oy * ay + oz * az
     speed = vx * hx + vy * hy + vz * hz + loaded * spin  # of the wheel centre, along the heading
-    sliding_x = speed - rolling * spin
-    sliding_y = vx * sx + vy * sy + vz * sz
+    sliding_x = speed - rolling * spin + w[W_ADDED_SLIDING_X]
+    sliding_y = vx * sx + vy * sy + vz * sz + w[W_ADDED_SLIDING_Y]
     rising = vx * nx + vy * ny + vz * nz
     # the spring acts in the wheel plane; what leans out of it the stiff side of the tyre carries
     load = radial_force(w, deflection, (rise - rising) / upright) / upright

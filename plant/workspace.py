@@ -24,6 +24,9 @@ class Workspace(NamedTuple):
     normal: Array  # (3) road normal
     local: Array  # (4, WHEEL_SIZE) each tyre's block as effects have changed it for this instant
     ground: Array  # (4, GROUND) what effects have done to the ground under each wheel
+    ahead: (
+        Array  # (1,) step [s] at whose end an effect's fast states are to be taken, 0 for the true derivative
+    )
 
 
 def new_workspace() -> Workspace:
@@ -37,4 +40,5 @@ def new_workspace() -> Workspace:
         np.zeros(3),
         np.zeros((4, WHEEL_SIZE)),
         np.zeros((4, GROUND)),
+        np.zeros(1),
     )

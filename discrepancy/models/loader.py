@@ -69,6 +69,8 @@ UNSEARCHED: Final = frozenset(
         "steering_compliance",
         "kerb",  # somewhere on the way: the open-ended part tells where
         "ditch",
+        "enveloped_step",
+        "wheel_rigid_ring",  # its modes are above what 100 Hz and the bus's filters show
     }
 )
 """Effects of the plant that cannot be seen in, or not searched for by, this form of the model."""

@@ -1,0 +1,97 @@
+"""A sharp step, as a tyre envelops it with two elliptical cams."""
+
+import math
+
+from plant.compiled import compiled
+from plant.effects.effect import Array, Confusable, Effect, Parameter
+from plant.effects.ports import in_world, push_centre, raise_ground
+from plant.parameters import W_RADIUS
+from plant.state import T_NORMAL
+from plant.workspace import Workspace
+
+
+@compiled
+def below(way: float, length: float, height: float, exponent: float) -> float:
+    """How far the lower side of a cam is below its lowest point's tangent [m], negative above; at `way` [m] from its middle."""
+    part = min(abs(way) / length, 1.0)
+    return -height * (1.0 - (1.0 - part**exponent) ** (1.0 / exponent))
+
+
+@compiled
+def cam_lift(
+    ahead: float, step: float, radius: float, length: float, height: float, exponent: float
+) -> float:
+    """How far a cam stands above flat ground [m] when its middle is `ahead` [m] of a step up by `step` [m]; step < 0 down.
+
+    The cam touches the upper level where it reaches over the edge: ellipse |x/a|^c + |z/b|^c = 1, a = length radius, b = height radius.
+    """
+    edge = below(ahead, length * radius, height * radius, exponent)
+    if step >= 0.0:
+        return step if ahead >= 0.0 else max(step + edge, 0.0)
+    return 0.0 if ahead <= 0.0 else max(edge, step)
+
+
+@compiled
+def enveloped(ahead: float, step: float, radius: float, q: Array) -> tuple[float, float]:
+    """Height of the effective road [m] and its slope under a wheel whose centre is `ahead` [m] of the edge.
+
+    q: from index 3 on, distance of the cams [m], length and height over the radius, exponent.
+    """
+    front = cam_lift(ahead + 0.5 * q[3], step, radius, q[4], q[5], q[6])
+    behind = cam_lift(ahead - 0.5 * q[3], step, radius, q[4], q[5], q[6])
+    return 0.5 * (front + behind), (front - behind) / q[3]
+
+
+@compiled
+def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
+    """The mean height of both cams, with its own slope for the rate at which it rises."""
+    centre, radius = work.places.centres[wheel], work.local[wheel, W_RADIUS]
+    ahead, _, _ = in_world(state, work, centre[0], centre[1], centre[2])
+    step, way, reach = q[1 + wheel % 2], ahead - q[0], 1e-4
+    height, _ = enveloped(way, step, radius, q)
+    later, _ = enveloped(way + reach, step, radius, q)
+    before, _ = enveloped(way - reach, step, radius, q)
+    if later != before or height != 0.0:
+        raise_ground(state, work, wheel, height, (later - before) / (2.0 * reach))
+
+
+@compiled
+def after_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
+    """The effective road leans by the slope between the cams: the load pushes the wheel back, or on."""
+    centre, radius = work.places.centres[wheel], work.local[wheel, W_RADIUS]
+    ahead, _, _ = in_world(state, work, centre[0], centre[1], centre[2])
+    _, slope = enveloped(ahead - q[0], q[1 + wheel % 2], radius, q)
+    axle = work.places.axles[wheel]
+    r = work.places.world
+    along = (
+        r[1, 0] * axle[0] + r[1, 1] * axle[1] + r[1, 2] * axle[2]
+    )  # of the wheel, along the world's x axis
+    if slope != 0.0:
+        push_centre(
+            work, wheel, -work.tyres[wheel, T_NORMAL] * slope * math.copysign(min(abs(along), 1.0), along)
+        )
+
+
+EFFECT = Effect(
+    name="enveloped_step",
+    sentence="The tyres climb or leave a sharp edge, which they envelop.",
+    equation="|x/a|^c + |z/b|^c = 1, w = (Z_f + Z_r)/2 - b, tan(beta) = (Z_f - Z_r)/l_s",
+    parameters=(
+        Parameter(
+            "distance_m", "m", 10.0, -1e3, 1e3, "where the edge is, along the world's x axis", shape=True
+        ),
+        Parameter("left_m", "m", 0.1, -0.4, 0.4, "step up under the left wheels"),
+        Parameter("right_m", "m", 0.1, -0.4, 0.4, "step up under the right wheels"),
+        Parameter(
+            "spacing_m", "m", 0.26, 0.02, 2.0, "l_s: of the cams, 0.8 of the contact's length", shape=True
+        ),
+        Parameter("length", "1", 1.0, 0.3, 2.0, "a over the tyre's radius", shape=True),
+        Parameter("height", "1", 1.0, 0.3, 2.0, "b over the tyre's radius", shape=True),
+        Parameter("exponent", "1", 1.8, 1.2, 4.0, "c", shape=True),
+    ),
+    acts_on="normal forces, longitudinal force, pitch, roll",
+    signature="The wheels rise before the edge is below them, and are pushed back while they climb.",
+    excited_by="driving over a kerb",
+    confusable=(Confusable("kerb", "a ramp of one length for every height, and no push back"),),
+    source="tandem elliptical cams of MF-Swift: Schmeitz, TU Delft 2004; Pacejka, 3rd ed., chapter 10.1",
+)
