@@ -20,6 +20,7 @@ from dbc.protection import Finding as Check
 from ecu.calibration import load_calibration
 from ecu.inputs import sources
 from hil import rundir
+from hil.deadlines import TOLERANCE
 from hil.ecu_side import CALIBRATION
 from hil.faults.passage import Fault
 from hil.faults.watch import OF_CHECK, Answer, Mechanism, Notice, Witness
@@ -78,6 +79,24 @@ def of_bench(frames: FrameTable) -> list[Notice]:
     return [
         Notice(int(frames.time_ns[row]), Witness.BENCH, Mechanism.UNKNOWN, "not in the DBC") for row in rows
     ]
+
+
+def untimely(frames: FrameTable) -> list[Notice]:
+    """What the bench holds against the times of the cyclic messages of a bus: gaps that are too long or too short."""
+    notices = []
+    for codec in loader_database().by_name.values():
+        if not codec.cycle_ns:
+            continue
+        at_ns = frames.time_ns[frames.can_id == codec.can_id]
+        gaps = np.diff(at_ns)
+        late = at_ns[:-1][gaps > codec.cycle_ns * (1 + TOLERANCE)] + round(codec.cycle_ns * (1 + TOLERANCE))
+        early = at_ns[1:][gaps < codec.cycle_ns * (1 - TOLERANCE)]
+        for what, stamps in (("late", late), ("early", early)):
+            notices += [
+                Notice(stamp, Witness.BENCH, Mechanism.DEADLINE, f"{codec.name} {what}")
+                for stamp in stamps.tolist()
+            ]
+    return sorted(notices, key=lambda notice: notice.at_ns)
 
 
 def answers_of(frames: FrameTable) -> list[Answer]:

@@ -2,7 +2,7 @@
 
 The faults are those of the soak in lockstep, but for the death of the plant, with which a run ends. A new ECU
 takes seconds to start: after a kill it is given that time. What is noticed between faults counts against
-the bench only if the host gave its processes their time.
+the bench only if the host gave its processes their time, and only then the bench judges deadlines.
 """
 
 import json
@@ -107,9 +107,10 @@ def judge(found: Soak, run: Path, faults: Sequence[Fault], stale_s: float) -> No
         *overheard.of_bench(plant_bus),
         *overheard.of_bench(ecu_bus),
     ]
-    attribute(found, notices, zero_ns, {f.number: f for f in read_faults(run)}, faults)
     timing = timing_of(RunDirectory.read(run))
     found.doubt = starvation(timing) or starved_moment(timing)
+    untimely = [] if found.doubt else [*overheard.untimely(plant_bus), *overheard.untimely(ecu_bus)]
+    attribute(found, notices, zero_ns, {f.number: f for f in read_faults(run)}, faults, untimely)
 
 
 def attribute(
@@ -118,11 +119,14 @@ def attribute(
     zero_ns: int,
     was: Mapping[int, Injected],
     faults: Sequence[Fault],
+    untimely: Sequence[Notice] = (),
 ) -> None:
     """Each notice to the fault in whose time it falls and whose messages it is about.
 
-    Unexplained are those in no fault's time: what a starved host adds during one cannot be told apart.
+    Unexplained are those in no fault's time: what a starved host adds during one cannot be told apart. untimely: of
+    the bench's deadlines, which a host may miss by itself now and then, and so only count during a fault.
     """
+    late_s = np.array([(notice.at_ns - zero_ns) / SECOND for notice in untimely])
     at_s = np.array([(notice.at_ns - zero_ns) / SECOND for notice in notices])
     explained = (at_s < FIRST_S) | (at_s > found.simulated_s)
     for number, fault in enumerate(faults, start=1):
@@ -132,7 +136,10 @@ def attribute(
         until_s = (injected.ended_s or found.simulated_s) + afterwards_s(fault.kind)
         within = (at_s >= injected.began_s) & (at_s <= until_s)
         explained |= within
-        mine = [notices[i] for i in np.flatnonzero(within).tolist() if overheard.concerns(notices[i], fault)]
+        late = (late_s >= injected.began_s) & (late_s <= until_s)
+        told = [notices[i] for i in np.flatnonzero(within).tolist()]
+        told += [untimely[i] for i in np.flatnonzero(late).tolist()]
+        mine = [notice for notice in told if overheard.concerns(notice, fault)]
         by = frozenset((notice.who, notice.mechanism) for notice in mine)
         found.faults.append(
             Happened(fault=fault, struck=injected.struck > 0 or fault.kind == "kill", noticed=by)

@@ -106,8 +106,25 @@ def test_what_the_machine_must_have_found_follows_from_its_bus(tmp_path, table, 
 def test_a_sound_bus_is_silent_and_a_babbler_is_not(tmp_path):
     sound = logged(tmp_path, [(n * 10 * MS, f) for n, f in enumerate(frames("Limits", 50))])
     assert overheard.of_machine(sound, 50 * MS) == overheard.of_bench(sound) == []
+    assert overheard.untimely(sound) == []
     babble = logged(tmp_path, passed(injector({"kind": "babble", "for_s": 0.01, "interval_us": 1000.0}), []))
     assert len(overheard.of_bench(babble)) == 10
+
+
+@pytest.mark.parametrize(
+    ("table", "told"),
+    [
+        ({"kind": "drop", "for_s": 0.05}, ["Limits late"]),
+        ({"kind": "repeat", "for_s": 0.01, "gap_ms": 2.0}, ["Limits early"]),
+        ({"kind": "delay", "delay_ms": 6.0, "for_s": 0.2}, ["Limits late", "Limits early"]),
+    ],
+)
+def test_what_comes_late_or_early_is_told_at_that_time(tmp_path, table, told):
+    arrived = passed(injector({"message": "Limits", "at_s": 0.1, **table}), frames("Limits", 50), side="ecu")
+    notices = overheard.untimely(logged(tmp_path, arrived))
+    assert [n.what for n in notices] == told
+    assert all(95 * MS <= n.at_ns <= 330 * MS for n in notices)
+    assert {(n.who, n.mechanism) for n in notices} == {(Witness.BENCH, Mechanism.DEADLINE)}
 
 
 def test_answers_are_states_with_the_limits_sent_beside_them(tmp_path):
@@ -150,10 +167,14 @@ def test_notices_go_to_the_fault_of_their_time_and_message():
         Notice(8_000 * MS, Witness.ECU, Mechanism.CRC, "message='BodyRates', what"),
         Notice(1_000 * MS, Witness.ECU, Mechanism.TIMEOUT, "group='slope'"),  # starting up
     ]
-    attribute(found, notices, 0, was, faults)
+    late = [
+        Notice(at_ms * MS, Witness.BENCH, Mechanism.DEADLINE, "BodyRates late")
+        for at_ms in (5_300, 8_000, 10_500)
+    ]
+    attribute(found, notices, 0, was, faults, late)
     assert [(h.struck, h.noticed) for h in found.faults] == [
-        (True, {(Witness.ECU, Mechanism.COUNTER)}),
-        (False, frozenset()),
+        (True, {(Witness.ECU, Mechanism.COUNTER), (Witness.BENCH, Mechanism.DEADLINE)}),
+        (False, frozenset()),  # of another message
     ]
     assert found.unexplained.lines == ["8.00 s: ECU, CRC: message='BodyRates', what"]
     assert found.result is Result.FAILED
