@@ -18,18 +18,28 @@ Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
 
 
-class Number:
-    """One number of a record."""
+class Part:
+    """Some numbers of a record that have a name."""
 
-    size = 1
-
-    def __init__(self) -> None:
-        self.at = 0  # its place in the row
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self.at = 0  # their place in the row
 
     def __set_name__(self, owner: type["Truth"], name: str) -> None:
         self.at = owner.size
         owner.size += self.size
         owner.fields[name] = self
+
+    def column(self, rows: Array) -> Array:
+        """Their values in many rows."""
+        return rows[:, self.at : self.at + self.size]
+
+
+class Number(Part):
+    """One number of a record."""
+
+    def __init__(self) -> None:
+        super().__init__(1)
 
     @overload
     def __get__(self, truth: None, owner: object) -> Self: ...
@@ -41,21 +51,12 @@ class Number:
         return self if truth is None else float(truth.row[self.at])
 
     def column(self, rows: Array) -> Array:
-        """Its values in many rows."""
+        """Its values in many rows, (n,)."""
         return rows[:, self.at]
 
 
-class Vector:
+class Vector(Part):
     """Several numbers of a record that belong together."""
-
-    def __init__(self, size: int) -> None:
-        self.size = size
-        self.at = 0
-
-    def __set_name__(self, owner: type["Truth"], name: str) -> None:
-        self.at = owner.size
-        owner.size += self.size
-        owner.fields[name] = self
 
     @overload
     def __get__(self, truth: None, owner: object) -> Self: ...
@@ -65,10 +66,6 @@ class Vector:
 
     def __get__(self, truth: "Truth | None", owner: object) -> Self | Array:
         return self if truth is None else truth.row[self.at : self.at + self.size]
-
-    def column(self, rows: Array) -> Array:
-        """Its values in many rows."""
-        return rows[:, self.at : self.at + self.size]
 
 
 class Truth:
@@ -80,7 +77,7 @@ class Truth:
 
     __slots__ = ("row",)
     size: ClassVar[int] = 0
-    fields: ClassVar[dict[str, Number | Vector]] = {}
+    fields: ClassVar[dict[str, Part]] = {}
 
     time_s = Number()
     position = Vector(3)  # articulation joint in the world [m]

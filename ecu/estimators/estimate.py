@@ -30,7 +30,7 @@ from ecu.estimators.rollover import Course, Laden, Margin, Outlook
 from ecu.estimators.signals import Estimates, Inputs, State
 from ecu.estimators.state import next_state
 from ecu.estimators.turning import WheelForces
-from ecu.estimators.wheels import radius, shared, transient_force, wheel_slips
+from ecu.estimators.wheels import radius, shared, transient_forces, wheel_slips
 
 
 class Present(NamedTuple):
@@ -136,29 +136,18 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     y3, y4 = shared(lateral.rear, n.rear_left, n.rear_right)
     forces = WheelForces(x.x1, x.x2, x.x3, x.x4, y1, y2, y3, y4)
     slips = wheel_slips(i, m.rate.z, v, slide.drift - g.rear_length * m.rate.z, n, w, g)
-    u1, t1 = transient_force(
-        s.deflection_1, slips.x1, v, n.front_left, w.front_pressure, i.dt, w, p.magic_formula
-    )
-    u2, t2 = transient_force(
-        s.deflection_2, slips.x2, v, n.front_right, w.front_pressure, i.dt, w, p.magic_formula
-    )
-    u3, t3 = transient_force(
-        s.deflection_3, slips.x3, v, n.rear_left, w.rear_pressure, i.dt, w, p.magic_formula
-    )
-    u4, t4 = transient_force(
-        s.deflection_4, slips.x4, v, n.rear_right, w.rear_pressure, i.dt, w, p.magic_formula
-    )
+    deflections, models = transient_forces(s, slips, v, n, i.dt, w, p.magic_formula)
 
     whole = machine_centre(d, front, machine.rear_unit)
     turn = turning.yaw_moment(forces, whole.x, whole.y, d, g) - trail * (lateral.front + lateral.rear)
     now = Present(
-        n, forces, slips, WheelForces(t1, t2, t3, t4, 0.0, 0.0, 0.0, 0.0),
+        n, forces, slips, models,
         rollover.margin(n, machine.standing), turn, lateral.joint_torque, v,
         centre_force(a, front, p.rear, p.axle.mass), load.payload, course, machine,
     )  # fmt: skip
     state = next_state(
         i, s, m, load, v, axle_speed, axle_acceleration, n, forces,
-        WheelForces(u1, u2, u3, u4, 0.0, 0.0, 0.0, 0.0), slide.drift, tilt.tilt, tilt.bias,
+        deflections, slide.drift, tilt.tilt, tilt.bias,
     )  # fmt: skip
     return now, state
 

@@ -14,7 +14,7 @@ from ecu.estimators.rollover import NEVER
 from ecu.estimators.signals import Estimates, Inputs, State
 from ecu.estimators.state import next_state
 from ecu.estimators.turning import WheelForces
-from ecu.estimators.wheels import radius, transient_force, wheel_slips
+from ecu.estimators.wheels import radius, transient_forces, wheel_slips
 
 
 @compiled
@@ -59,34 +59,22 @@ def printed(i: Inputs, s: State, p: Parameters) -> tuple[Estimates, State]:
 
     yaw = yaw_rate(v, d, 0.0, g)
     slips = wheel_slips(i, yaw, v, 0.0, n, w, g)
-    u1, x1 = transient_force(
-        s.deflection_1, slips.x1, v, n.front_left, w.front_pressure, i.dt, w, p.magic_formula
-    )
-    u2, x2 = transient_force(
-        s.deflection_2, slips.x2, v, n.front_right, w.front_pressure, i.dt, w, p.magic_formula
-    )
-    u3, x3 = transient_force(
-        s.deflection_3, slips.x3, v, n.rear_left, w.rear_pressure, i.dt, w, p.magic_formula
-    )
-    u4, x4 = transient_force(
-        s.deflection_4, slips.x4, v, n.rear_right, w.rear_pressure, i.dt, w, p.magic_formula
-    )
+    deflections, x = transient_forces(s, slips, v, n, i.dt, w, p.magic_formula)
     y1 = tyre.sideways(slips.y1, n.front_left, w)
     y2 = tyre.sideways(slips.y2, n.front_right, w)
     y3 = tyre.sideways(slips.y3, n.rear_left, w)
     y4 = tyre.sideways(slips.y4, n.rear_right, w)
-    forces = WheelForces(x1, x2, x3, x4, y1, y2, y3, y4)
+    forces = WheelForces(x.x1, x.x2, x.x3, x.x4, y1, y2, y3, y4)
     turn = turning.yaw_moment_printed(forces, centre.x, centre.y, d, g)
 
     transfer = rollover.load_transfer_ratio(n)
     estimates = Estimates(
         n.front_left, n.front_right, n.rear_left, n.rear_right,
-        x1, x2, x3, x4, y1, y2, y3, y4, slips.x1, slips.x2, slips.x3, slips.x4, x1, x2, x3, x4,
+        x.x1, x.x2, x.x3, x.x4, y1, y2, y3, y4, slips.x1, slips.x2, slips.x3, slips.x4, x.x1, x.x2, x.x3, x.x4,
         transfer, transfer, now.ratio, now.wheel, now.ratio, lift_off, now.wheel, turn, turn, yaw, v,
         ax - GRAVITY * math.sin(i.pitch), -ay + GRAVITY * math.sin(i.roll), GRAVITY * math.cos(i.pitch) * math.cos(i.roll),
         load, p.prediction.largest_rate, p.prediction.largest_speed,
     )  # fmt: skip
-    deflections = WheelForces(u1, u2, u3, u4, 0.0, 0.0, 0.0, 0.0)
     none = Tilt(0.0, 0.0)
     on_bucket = BucketLoad(load, 0.0, load, 0.0, 0.0, 0.0, 0.0, 0.0)
     return estimates, next_state(i, s, m, on_bucket, v, v, dv, n, forces, deflections, 0.0, none, none)

@@ -6,7 +6,7 @@ from ecu.estimators import tyre
 from ecu.estimators.compiled import compiled
 from ecu.estimators.normal_force import NormalForces
 from ecu.estimators.parameters import Geometry, MagicFormula, Wheel
-from ecu.estimators.signals import Inputs
+from ecu.estimators.signals import Inputs, State
 from ecu.estimators.turning import WheelForces
 
 
@@ -73,6 +73,19 @@ def transient_force(
     sigma = w.longitudinal_relaxation
     new = tyre.contact_point(u, slip * max(abs(v), w.low_speed), v, sigma, dt)
     return new, tyre.magic_formula(new / sigma, normal, pressure, m)
+
+
+@compiled
+def transient_forces(
+    s: State, slips: WheelForces, v: float, n: NormalForces, dt: float, w: Wheel, m: MagicFormula
+) -> tuple[WheelForces, WheelForces]:
+    """Deflections of the contact points [m] and longitudinal forces of the tyre model [N], as x1..x4; the rest 0."""
+    front, rear = w.front_pressure, w.rear_pressure
+    u1, x1 = transient_force(s.deflection_1, slips.x1, v, n.front_left, front, dt, w, m)
+    u2, x2 = transient_force(s.deflection_2, slips.x2, v, n.front_right, front, dt, w, m)
+    u3, x3 = transient_force(s.deflection_3, slips.x3, v, n.rear_left, rear, dt, w, m)
+    u4, x4 = transient_force(s.deflection_4, slips.x4, v, n.rear_right, rear, dt, w, m)
+    return WheelForces(u1, u2, u3, u4, 0.0, 0.0, 0.0, 0.0), WheelForces(x1, x2, x3, x4, 0.0, 0.0, 0.0, 0.0)
 
 
 @compiled

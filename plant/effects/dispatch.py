@@ -25,6 +25,8 @@ from plant.workspace import Workspace
 
 Array = NDArray[np.float64]
 
+KEPT_S = 86_400.0
+"""How much older generated callers of other sources are when they are removed [s]."""
 ARGUMENTS = {
     "joints": "state, p, work",
     "before_tyre": "state, p, wheel, work",
@@ -84,6 +86,7 @@ def _generated() -> ModuleType:
                 fresh = path.with_suffix(".new")
                 fresh.write_text(text, encoding="utf-8")
                 fresh.replace(path)
+                _forget_others(path)
         except OSError:
             continue
         spec = importlib.util.spec_from_file_location(name, path)
@@ -94,6 +97,17 @@ def _generated() -> ModuleType:
     raise ConfigurationError(
         f"neither {FOLDER} nor {tempfile.gettempdir()} can be written to: free space or permissions?"
     )
+
+
+def _forget_others(path: Path) -> None:
+    """Remove callers that were generated long ago from other sources, with their machine code.
+
+    Recent ones stay: another process may be about to load its own.
+    """
+    made = path.stat().st_mtime
+    for old in path.parent.glob("loaderhil_effects_*"):
+        if not old.name.startswith(path.stem) and made - old.stat().st_mtime > KEPT_S:
+            old.unlink(missing_ok=True)
 
 
 _module = _generated()
