@@ -124,12 +124,19 @@ class Wheel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Steering:
-    """Steering cylinders as a rate servo with cushioned end stops."""
+    """Steering cylinders (plant.steering) as a rate servo with cushioned end stops."""
 
     limit: float = quantity("limit_deg", 1.0, 80.0)
     rate_limit: float = quantity("rate_limit_deg_per_s", 0.1, 200.0)
     time_constant: float = quantity("time_constant_s", 0.005, 5.0)
     cushion_time_constant: float = quantity("cushion_time_constant_s", 0.02, 20.0)
+    bore: float = quantity("bore_m", 0.01, 0.5)
+    rod: float = quantity("rod_m", 0.0, 0.5)
+    rear_pin_x: float = quantity("rear_pin_x_m", -3.0, 0.0)
+    rear_pin_y: float = quantity("rear_pin_y_m", 0.01, 2.0)
+    front_pin_x: float = quantity("front_pin_x_m", 0.0, 3.0)
+    front_pin_y: float = quantity("front_pin_y_m", 0.01, 2.0)
+    back_pressure: float = quantity("back_pressure_Pa", 0.0, 5e6)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

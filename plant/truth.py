@@ -12,6 +12,7 @@ from plant.dynamics import derivative
 from plant.linkage import LINKAGE, linkage_of, pressures
 from plant.machine import Machine
 from plant.parameters import P_GRAVITY
+from plant.steering import STEERING, cylinders_of, steering_pressures
 from plant.workspace import Workspace
 
 Array = NDArray[np.float64]
@@ -111,6 +112,7 @@ class Truth:
     joint_torque = Number()  # of the rear frame on the front frame, turning it left [N m]
     lift_pressure = Number()  # head side [Pa]
     tilt_pressure = Number()  # head side [Pa]
+    steering_pressure = Vector(2)  # lines for turning left and right [Pa]
     yaw_moment = Number()  # of the tyre forces about the centre of gravity, rear frame's z [N m]
     payload_mass = Number()  # [kg]
     load_transfer_ratio = Number()  # (right - left) / sum of the normal forces; 0 when all wheels are up
@@ -159,15 +161,17 @@ DEFLECTION: Final = Truth.tyre_deflection.at
 JOINT_TORQUE: Final = Truth.joint_torque.at
 LIFT_PRESSURE: Final = Truth.lift_pressure.at
 TILT_PRESSURE: Final = Truth.tilt_pressure.at
+STEERING_PRESSURE: Final = Truth.steering_pressure.at
 YAW_MOMENT: Final = Truth.yaw_moment.at
 PAYLOAD: Final = Truth.payload_mass.at
 LOAD_TRANSFER: Final = Truth.load_transfer_ratio.at
 
-# What only the record needs of a machine: places from the joint, and the linkage.
+# What only the record needs of a machine: places from the joint, the linkage, the steering cylinders.
 O_IMU_X: Final = 0
 O_IMU_Z: Final = 1
 O_AXLE_Z: Final = 2
 O_LINKAGE: Final = 3
+O_STEERING: Final = O_LINKAGE + LINKAGE
 
 
 class Observer:
@@ -181,6 +185,7 @@ class Observer:
             (
                 *(geometry.imu_x, geometry.imu_z - joint, geometry.wheel_centre_height - joint),
                 *linkage_of(machine.lift, machine.tilt),
+                *cylinders_of(machine.steering),
             )
         )
 
@@ -215,6 +220,9 @@ def observe(
     linkage, effort = measures[O_LINKAGE : O_LINKAGE + LINKAGE], work.tree.effort
     row[LIFT_PRESSURE], row[TILT_PRESSURE] = pressures(
         linkage, row[LIFT_ARM], row[TILT], effort[s.LIFT_ARM], effort[s.BUCKET]
+    )
+    row[STEERING_PRESSURE], row[STEERING_PRESSURE + 1] = steering_pressures(
+        measures[O_STEERING : O_STEERING + STEERING], row[ARTICULATION], row[JOINT_TORQUE]
     )
 
 

@@ -4,10 +4,13 @@ import math
 
 from plant.compiled import compiled
 from plant.effects.effect import Array
-from plant.parameters import P_NORMAL, W_RADIUS
+from plant.parameters import P_NORMAL, P_STEERING, W_RADIUS
 from plant.state import (
+    FRONT_FRAME,
     G_HEIGHT,
     G_RISE,
+    JOINT,
+    JOINT_RATE,
     POSITION,
     T_ALIGNING,
     T_DEFLECTION,
@@ -146,6 +149,21 @@ def pressed(state: Array, p: Array, work: Workspace, wheel: int) -> float:
     for i in range(3):
         height += p[P_NORMAL + i] * state[POSITION + i]
     return work.local[wheel, W_RADIUS] - height / math.sqrt(max(1.0 - lean(work, wheel) ** 2, LEAST))
+
+
+@compiled
+def steering_cylinders(state: Array, p: Array, work: Workspace, x: int) -> tuple[float, float]:
+    """Let the steering cylinders move as demanded and the joint go free of them: how far [rad] and how fast they are ahead of it.
+
+    x: the effect's first own state of two, angle and rate of the cylinders; in the joints hook.
+    """
+    tree, lag = work.tree, p[P_STEERING + 4]
+    angle, rate = state[JOINT + FRONT_FRAME], state[JOINT_RATE + FRONT_FRAME]
+    demand = rate + lag * tree.joint_acceleration[FRONT_FRAME]
+    tree.driven[FRONT_FRAME] = 0.0
+    work.rate[x] = state[x + 1]
+    work.rate[x + 1] = (demand - state[x + 1]) / lag
+    return state[x] - angle, state[x + 1] - rate
 
 
 @compiled

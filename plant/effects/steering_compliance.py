@@ -4,21 +4,16 @@ from collections.abc import Mapping
 
 from plant.compiled import compiled
 from plant.effects.effect import Array, Confusable, Effect, Parameter
-from plant.parameters import P_STEERING
-from plant.state import FRONT_FRAME, JOINT, JOINT_RATE
+from plant.effects.ports import steering_cylinders
+from plant.state import FRONT_FRAME, JOINT
 from plant.workspace import Workspace
 
 
 @compiled
 def joints(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """The cylinders move as demanded; oil and hoses between them and the frames are a spring."""
-    tree, lag = work.tree, p[P_STEERING + 4]
-    angle, rate = state[JOINT + FRONT_FRAME], state[JOINT_RATE + FRONT_FRAME]
-    demand = rate + lag * tree.joint_acceleration[FRONT_FRAME]
-    tree.driven[FRONT_FRAME] = 0.0
-    tree.effort[FRONT_FRAME] += q[0] * (state[x] - angle) + q[1] * (state[x + 1] - rate)
-    work.rate[x] = state[x + 1]
-    work.rate[x + 1] = (demand - state[x + 1]) / lag
+    ahead, faster = steering_cylinders(state, p, work, x)
+    work.tree.effort[FRONT_FRAME] += q[0] * ahead + q[1] * faster
 
 
 def start(q: Mapping[str, float], x: int, state: Array, p: Array, work: Workspace) -> None:

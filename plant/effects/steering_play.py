@@ -5,25 +5,19 @@ from collections.abc import Mapping
 
 from plant.compiled import compiled
 from plant.effects.effect import Array, Confusable, Effect, Parameter, degrees
-from plant.parameters import P_STEERING
-from plant.state import FRONT_FRAME, JOINT, JOINT_RATE
+from plant.effects.ports import steering_cylinders
+from plant.state import FRONT_FRAME, JOINT
 from plant.workspace import Workspace
 
 
 @compiled
 def joints(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """Stiff contact beyond the play; within it the frames swing freely."""
-    tree, lag = work.tree, p[P_STEERING + 4]
-    angle, rate = state[JOINT + FRONT_FRAME], state[JOINT_RATE + FRONT_FRAME]
-    demand = rate + lag * tree.joint_acceleration[FRONT_FRAME]
-    behind = state[x] - angle
-    pressed = max(abs(behind) - q[0], 0.0)
-    tree.driven[FRONT_FRAME] = 0.0
+    ahead, faster = steering_cylinders(state, p, work, x)
+    pressed = max(abs(ahead) - q[0], 0.0)
     if pressed > 0.0:
-        pushing = q[1] * pressed + q[2] * math.copysign(1.0, behind) * (state[x + 1] - rate)
-        tree.effort[FRONT_FRAME] += math.copysign(max(pushing, 0.0), behind)
-    work.rate[x] = state[x + 1]
-    work.rate[x + 1] = (demand - state[x + 1]) / lag
+        pushing = q[1] * pressed + q[2] * math.copysign(1.0, ahead) * faster
+        work.tree.effort[FRONT_FRAME] += math.copysign(max(pushing, 0.0), ahead)
 
 
 def start(q: Mapping[str, float], x: int, state: Array, p: Array, work: Workspace) -> None:
