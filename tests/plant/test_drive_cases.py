@@ -15,7 +15,6 @@ from plant.unit import TICK_NS, PlantUnit
 from tests.plant.test_unit import Ecu
 
 G = 9.81
-MACHINE = load_machine("l60")
 FL, FR, RL, RR = range(4)
 NAMES = [summary.name for summary in list_scenarios()]
 UPRIGHT = [name for name in NAMES if name != "abrupt_articulation"]
@@ -43,7 +42,8 @@ class Run:
 def simulate(scenario: Scenario, limited_from: float = np.inf, **limits: float) -> Run:
     """Run it; from `limited_from` [s] on an ECU sends these limits, which the machine obeys."""
     obey = bool(limits)
-    unit = PlantUnit(MACHINE, scenario, seed=scenario.seed, obey_limits=obey)
+    machine = load_machine(scenario.machine, scenario.changes.machine)
+    unit = PlantUnit(machine, scenario, seed=scenario.seed, obey_limits=obey)
     free, strict = Ecu(), Ecu(**limits)
     strict._protector = free._protector  # one sender, one counter
     rows = []
