@@ -279,6 +279,7 @@ _TABLES: Mapping[str, tuple[type, Mapping[str, Quantity]]] = {
             "acceleration_memory": _q("acceleration_memory_s", 0.01, 10),
             "demand_hold": _q("demand_hold_s", 0, 5),
             "limit_hold": _q("limit_hold_s", 0.01, 5),
+            "turn_ahead": _q("turn_ahead_s", 0, 10),
             "tyre_stiffness": _q("tyre_stiffness_kn_per_m", 100, 5000),
             "roll_damping": _q("roll_damping", 0, 1),
             "margin_floor": _q("margin_floor", 0, 0.9),

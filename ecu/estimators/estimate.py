@@ -165,7 +165,7 @@ def ahead(course: Course, rate_limit: float, machine: Laden) -> Ahead:
     return Ahead(
         outlook,
         rollover.permitted_rate(course, machine),
-        rollover.permitted_speed(turned, rest, direction, machine),
+        rollover.permitted_speed_around(turned, rest, course.yaw_rate, direction, machine),
     )
 
 

@@ -193,6 +193,7 @@ class Prediction(NamedTuple):
     acceleration_memory: float  # present longitudinal acceleration fades with this time constant [s]
     demand_hold: float  # the demanded rate is assumed to last this long [s]
     limit_hold: float  # a permitted rate has to be safe if it lasts this long [s]
+    turn_ahead: float  # headings this far ahead have to be safe at the permitted speed [s]
     tyre_stiffness: float  # k_z of a front tyre [N/m]
     roll_damping: float  # damping ratio of the roll mode
     margin_floor: float  # the articulation rate is limited so that the predicted margin stays above

@@ -349,6 +349,28 @@ def permitted_rate(course: Course, machine: Laden) -> float:
 
 
 @compiled
+def turned_gravity(gravity: Vector, angle: float) -> Vector:
+    """Specific force at rest once the machine has turned left by `angle` [rad] on the same slope."""
+    c, s = math.cos(angle), math.sin(angle)
+    return Vector(gravity.x * c + gravity.y * s, gravity.y * c - gravity.x * s, gravity.z)
+
+
+@compiled
+def permitted_speed_around(
+    articulation_angle: float, gravity: Vector, yaw_rate: float, direction: float, machine: Laden
+) -> float:
+    """Least `permitted_speed` of the headings that the machine comes to within the time it needs to slow down.
+
+    On a slope a turn that is safe now may point its outer side downhill two seconds later.
+    """
+    least = permitted_speed(articulation_angle, gravity, direction, machine)
+    for part in (0.5, 1.0):
+        turned = turned_gravity(gravity, part * machine.prediction.turn_ahead * yaw_rate)
+        least = min(least, permitted_speed(articulation_angle, turned, direction, machine))
+    return least
+
+
+@compiled
 def permitted_speed(articulation_angle: float, gravity: Vector, direction: float, machine: Laden) -> float:
     """Largest speed [m/s] at which a steady turn at this angle keeps the margin `speed_floor`.
 
