@@ -13,9 +13,9 @@ from ecu.estimators.signals import INITIAL, Inputs
 from hil.campaign.normal_force import errors_of, estimates_of
 from hil.compose import Choice, lockstep
 from plant.linkage import lift_cylinder, linkage_of, pressures, tilt_cylinder
-from plant.machine import load_machine, machine_names
+from plant.machine import load_machine
 
-MACHINES = pytest.mark.parametrize("name", machine_names())
+MACHINES = pytest.mark.parametrize("name", ["l60", "compact"])
 POSES = [(-0.78, 0.0), (-0.65, 0.82), (0.0, 0.82), (0.3, 0.2)]
 G = 9.81
 

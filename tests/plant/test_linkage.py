@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from plant import state as s
 from plant.linkage import LINKAGE, lift_cylinder, linkage_of, pressures, tilt_cylinder
-from plant.machine import load_machine, machine_names
+from plant.machine import load_machine
 from plant.plant import Commands, Plant
 
 MACHINE = load_machine("l60")
@@ -69,7 +69,7 @@ def lengths_by_closing_the_loop(machine, arm, tilt):
     )
 
 
-@pytest.mark.parametrize("name", machine_names())
+@pytest.mark.parametrize("name", ["l60", "compact"])
 @pytest.mark.parametrize(("arm", "tilt"), POSES)
 def test_moment_arms_of_the_tilt_cylinder_by_virtual_work(name, arm, tilt):
     """Pin equilibrium gives the derivative of the length: over 2e-5 rad, the loop closed to 1e-14, 1e-8 m."""
@@ -84,7 +84,7 @@ def test_moment_arms_of_the_tilt_cylinder_by_virtual_work(name, arm, tilt):
     assert on_arm == pytest.approx((at(arm + h, tilt + h) - at(arm - h, tilt - h)) / (2 * h), abs=1e-8)
 
 
-@pytest.mark.parametrize("name", machine_names())
+@pytest.mark.parametrize("name", ["l60", "compact"])
 def test_the_linkage_moves_over_the_whole_range(name):
     """No dead point within the limits: the tilt cylinder's moment arm on the bucket stays above a third of its most."""
     machine = load_machine(name)
@@ -97,7 +97,7 @@ def test_the_linkage_moves_over_the_whole_range(name):
     assert min(arms) > max(arms) / 3
 
 
-@pytest.mark.parametrize("name", machine_names())
+@pytest.mark.parametrize("name", ["l60", "compact"])
 @pytest.mark.parametrize(("arm", "tilt"), POSES)
 def test_pressures_at_rest_are_the_slope_of_potential_energy_over_length(name, arm, tilt):
     """Lift and tilt forces F with F . dL = dU for every motion of arm and bucket, U of the weights in the machine's lean.

@@ -7,7 +7,7 @@ import pytest
 
 from hil.standards.rest import lift_off_slope, rigid, tipping_load
 from plant.equilibrium import NoEquilibriumError
-from plant.machine import load_machine, machine_names
+from plant.machine import load_machine
 from plant.plant import Commands, Plant
 from plant.surface import Surface
 from tests.plant.oracle import statics
@@ -46,7 +46,7 @@ def test_soft_tyres_change_the_wheel_loads_by_pitch_and_roll_only(payload, delta
     np.testing.assert_allclose(loads, (left, right, rear, rear), rtol=0.02, atol=0)
 
 
-@pytest.mark.parametrize("name", machine_names())
+@pytest.mark.parametrize("name", ["l60", "compact"])
 @pytest.mark.parametrize(
     ("load", "turn", "lift"), [(0, 0, None), (0, 1, None), (1, 1, None), (1, 0, 0.0), (1, -1, TOP)]
 )

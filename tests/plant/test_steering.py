@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from plant.machine import load_machine, machine_names
+from plant.machine import load_machine
 from plant.plant import Commands, Plant
 from plant.steering import cylinders_of, steering_cylinder, steering_pressures
 
-MACHINES = pytest.mark.parametrize("name", machine_names())
+MACHINES = pytest.mark.parametrize("name", ["l60", "compact"])
 
 
 def length(steering, angle, side):
