@@ -21,10 +21,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3, help="repetitions of the whole plan")
     parser.add_argument("--share", type=float, default=1.0, help="of the arms, evenly from each kind")
     parser.add_argument(
-        "--loader-share",
-        type=float,
-        default=None,
-        help="of the loader's arms, which take minutes each; else --share",
+        "--loader-share", type=float, default=0.15, help="of the loader's arms, which take minutes each"
     )
     parser.add_argument(
         "--work", type=Path, default=Path("out/proof"), help="keeps each arm's result; run again to take up"
@@ -40,9 +37,8 @@ def main() -> None:
     if strange := [group for group in groups if group not in GROUPS]:
         parser.error(f"--arms {strange[0]}: there are {', '.join(GROUPS)}")
     planned = list(plan(groups, args.seeds))
-    of_loader = args.share if args.loader_share is None else args.loader_share
     quick, slow = [a for a in planned if a.body not in SLOW], [a for a in planned if a.body in SLOW]
-    chosen = {a.key: a for a in (*sampled(quick, args.share), *sampled(slow, of_loader))}
+    chosen = {a.key: a for a in (*sampled(quick, args.share), *sampled(slow, args.share * args.loader_share))}
     version = report.commit()
     store = Store(args.work, {"commit": version})
     failures: dict[str, str] = {}

@@ -13,7 +13,10 @@ if TYPE_CHECKING:
 
 
 def conceal(
-    out: Annotated[Path, typer.Argument(metavar="DIR", help="Where recording.csv and truth.sealed go.")],
+    out: Annotated[
+        Path,
+        typer.Argument(metavar="DIR", help="Where recording.csv (for the loader: run) and truth.sealed go."),
+    ],
     model: ModelOption,
     effect: Annotated[
         list[str] | None,
@@ -57,7 +60,9 @@ def conceal(
     manoeuvre: Annotated[
         str | None,
         typer.Option(
-            "--manoeuvre", metavar="NAME", help="Or from this manoeuvre of the model (default: its first)."
+            "--manoeuvre",
+            metavar="NAME",
+            help="Or from this manoeuvre of the model (default: its first); for the loader a scenario.",
         ),
     ] = None,
     constant: ConstantOption = None,
@@ -81,8 +86,13 @@ def conceal(
     from hil.diagnose.written import csv_text
 
     choice = find_model(model)
-    basis, initial = _basis(choice, like, manoeuvre, part, numbers("--constant", constant or []))
-    built = choice.build([basis])
+    runs = choice.build_from is not None
+    if runs:
+        _refuse(like=like, constant=constant, part=part, parameter=parameter, noise=noise, fault=fault)
+        built = choice.channels
+    else:
+        basis, initial = _basis(choice, like, manoeuvre, part, numbers("--constant", constant or []))
+        built = choice.build([basis])
     effects = {}
     for text in effect or []:
         name, _, sizes = text.partition("=")
@@ -101,10 +111,26 @@ def conceal(
         memory=memory,
         faults=[parsed_fault(built, text) for text in fault or []],
     )
-    recording = concealed(built, basis, truth, initial)
-    [file] = write("DIR", out, {"recording.csv": csv_text(recording)})
+    if runs:
+        from hil.diagnose.hidden_run import SCENARIO, concealed_run
+
+        file = out / "run"
+        concealed_run(manoeuvre or SCENARIO, truth, file)
+    else:
+        [file] = write("DIR", out, {"recording.csv": csv_text(concealed(built, basis, truth, initial))})
     [sealed] = write("DIR", out, {"truth.sealed": seal(truth, [file])})
     print(f"written: {file}\nwritten: {sealed}")
+
+
+def _refuse(**options: object) -> None:
+    """Say which option the bench has no use for. Raises NotHidden."""
+    from hil.diagnose.hidden import NotHidden
+
+    if given := [name for name, value in options.items() if value]:
+        raise NotHidden(
+            f"--{given[0]}: the loader's runs come from the bench, with its sensors, drivers and noise; "
+            "--manoeuvre SCENARIO, --effect, --random and --seed choose"
+        )
 
 
 def _basis(

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING
 from discrepancy.findings import Findings, to_json
 from discrepancy.search import Settings
 from hil.diagnose.question import Question, answer
+from hil.diagnose.seal import digest
 from hil.scale.cluster import Tally, carry_out
 from hil.scale.store import Row, Store
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-CHUNK = 1 << 20
 EVERY_S = 10.0  # between lines of progress where there is no terminal
 
 
@@ -105,16 +105,9 @@ def _told(question: Question) -> dict[str, str]:
 
 
 def _digest(path: Path) -> str:
-    """SHA-256 of a file, of all files of a folder, or of all files of a run joined by '+'."""
+    """Of a recording; of all files of a run joined by '+'."""
     parts = [path] if path.exists() else [Path(part) for part in str(path).split("+")]
-    found = hashlib.sha256()
-    for part in parts:
-        for file in sorted(f for f in part.rglob("*") if f.is_file()) if part.is_dir() else [part]:
-            found.update(file.name.encode())
-            with file.open("rb") as stream:
-                while chunk := stream.read(CHUNK):
-                    found.update(chunk)
-    return found.hexdigest()
+    return hashlib.sha256("".join(digest(part) for part in parts).encode()).hexdigest()
 
 
 @contextmanager

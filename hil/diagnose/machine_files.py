@@ -151,7 +151,7 @@ def _sensor_lines(faults: Sequence[Applied]) -> tuple[list[Line], list[str]]:
     for item in faults:
         ((name, value),) = item.values.items()
         channel, _, kind = name.rpartition(".")
-        key, number = _entry(channel, kind, value, sheet.of(channel))
+        key, number = entry(channel, kind, value, sheet.of(channel))
         if kind in ("lag", "delay") and number < 0.0:
             refused.append(
                 f"{item.effect} of {value:.4g} s is not applied: the sensor would know the future; is the sheet's delay too long?"
@@ -161,8 +161,8 @@ def _sensor_lines(faults: Sequence[Applied]) -> tuple[list[Line], list[str]]:
     return lines, refused
 
 
-def _entry(channel: str, kind: str, value: float, sheet: ChannelParameters) -> tuple[str, float]:
-    """Key and number of an equipment file for a fault in SI."""
+def entry(channel: str, kind: str, value: float, sheet: ChannelParameters) -> tuple[str, float]:
+    """Key and number of an equipment file for a fault in SI; lag and delay come on top of the sheet's."""
     if kind == "bias":
         unit = FAMILIES[CHANNELS[channel]]
         return f"bias_{unit.suffix}", value / unit.si

@@ -127,7 +127,7 @@ def _check_files(files: dict[str, str], folder: Path, told: Sequence[str]) -> No
     if not set(files) & set(told):
         raise NotScored(f"the findings are of {', '.join(told)}, the truth is of {', '.join(files)}")
     for name, expected in files.items():
-        if (folder / name).is_file() and digest(folder / name) != expected:
+        if (folder / name).exists() and digest(folder / name) != expected:
             raise NotScored(f"{folder / name}: was changed after it was sealed")
 
 

@@ -36,8 +36,12 @@ _ADAPTER = TypeAdapter(Sealed)
 
 
 def digest(path: Path) -> str:
-    """SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    """SHA-256 of a file, or of the names and digests of all files of a folder."""
+    if path.is_dir():
+        told = (f"{f.relative_to(path)} {digest(f)}" for f in sorted(path.rglob("*")) if f.is_file())
+        return hashlib.sha256("\n".join(told).encode()).hexdigest()
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def seal(truth: Truth, files: Sequence[Path]) -> str:

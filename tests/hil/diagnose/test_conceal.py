@@ -232,3 +232,48 @@ def test_a_road_without_its_distance_still_climbs() -> None:
     flat = concealed(model, basis, Truth(model="road", seed=0, noise={"accel_x": 0.0}))
     lifted = made.signals["accel_x"].value - flat.signals["accel_x"].value
     np.testing.assert_allclose(lifted, 9.81 * np.sin(0.05), rtol=1e-6)
+
+
+def test_the_loader_is_concealed_in_a_run_of_the_bench_that_does_not_tell(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The run is that of a machine with the effects, to the frame; seal, score and refusals as for any model."""
+    from discrepancy.findings import to_json
+    from hil import cli
+    from hil.compose import Choice
+    from hil.rundir import read_record
+    from hil.runs import run_lockstep
+
+    def call(*words: object) -> int:
+        monkeypatch.setattr("sys.argv", ["loaderhil", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return int(ended.value.code or 0)
+
+    scenario = tmp_path / "short.toml"
+    scenario.write_text(
+        'name = "short"\nsentence = "Rolls."\nduration_s = 0.5\nmachine = "l60"\n[start]\nspeed_kmh = 8.0\n'
+    )
+    hidden = ("--effect", "payload_mass=700", "--effect", "yaw_rate bias=0.1", "--seed", 7)
+    folder = tmp_path / "blind"
+    assert call("conceal", folder, "--model", "loader", "--manoeuvre", scenario, *hidden) == 0
+    assert not (folder / "run" / "truth.npz").exists()
+    record_of = read_record(folder / "run")
+    assert (record_of.changes, record_of.seed) == ((), 7)
+    words = (
+        "machine.effects.payload_mass.extra_kg=700",
+        f"equipment.sensors.yaw_rate.bias_deg_s={0.3 + float(np.degrees(0.1))!r}",
+    )
+    run_lockstep(Choice(scenario=str(scenario), seed=7, changes=words), tmp_path / "open")
+    assert (folder / "run" / "bus.log").read_text() == (tmp_path / "open" / "bus.log").read_text()
+    found = finding("payload_mass", "physics", {"payload_mass.extra_kg": 650.0})
+    result = Findings(model="loader", recordings=["run"], status="explained", reasons=[], findings=[found])
+    (folder / "findings.json").write_text(to_json(result))
+    capsys.readouterr()
+    assert call("score", folder) == 1
+    assert "yaw_rate bias" in capsys.readouterr().out
+    (folder / "run" / "bus.log").write_text("")
+    assert call("score", folder) == 2
+    assert "was changed after it was sealed" in capsys.readouterr().err
+    assert call("conceal", folder, "--model", "loader", "--noise", "yaw_rate=1") == 2
+    assert "--noise: the loader's runs come from the bench" in capsys.readouterr().err

@@ -1,0 +1,47 @@
+"""Runs of the bench with hidden effects: what `conceal` makes for the loader, through driver, sensors, CAN encoding and ECU.
+
+The run directory then says nothing of what is hidden: without truth.npz, and without the changes in run.json.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from hil.compose import Choice
+from hil.diagnose.hidden import NotHidden, Truth
+from hil.diagnose.machine_files import BASE, entry
+from hil.rundir import TRUTH, read_record, write_record
+from hil.runs import run_lockstep
+from plant.checked import ConfigurationError
+from plant.equilibrium import NoEquilibriumError
+from plant.equipment import load_equipment
+from plant.plant import DivergedError
+
+SCENARIO = "loaded"
+
+
+def concealed_run(scenario: str, truth: Truth, folder: Path) -> None:
+    """Run a scenario with the truth's effects. Raises NotHidden where the machine cannot have them."""
+    try:
+        run_lockstep(Choice(scenario=scenario, seed=truth.seed, changes=tuple(_words(truth))), folder)
+    except (ConfigurationError, DivergedError, NoEquilibriumError) as error:
+        raise NotHidden(f"cannot run: {error}") from error
+    (folder / TRUTH).unlink()
+    write_record(folder, replace(read_record(folder), changes=()))
+
+
+def _words(truth: Truth) -> Iterator[str]:
+    """The effects as changes of the machine and its equipment; a sensor's fault comes on top of what its sheet says."""
+    sheet = load_equipment(BASE).sensors
+    for values in truth.effects.values():
+        for name, value in values.items():
+            effect, _, parameter = name.partition(".")
+            if effect not in sheet.channels:
+                yield f"machine.effects.{effect}.{parameter}={value!r}"
+                continue
+            own = sheet.of(effect)
+            more = {"bias": own.bias + value, "scale": (1.0 + own.scale_error) * (1.0 + value) - 1.0}
+            key, number = entry(effect, parameter, more.get(parameter, value), own)
+            if parameter in ("lag", "delay") and number < 0.0:
+                raise NotHidden(f"{name}={value:g} s: the sensor would know the future")
+            yield f"equipment.sensors.{effect}.{key}={number!r}"
