@@ -2,7 +2,6 @@
 
 import argparse
 import shlex
-import sys
 from pathlib import Path
 
 from rich.console import Console
@@ -53,7 +52,13 @@ def main() -> None:
         if len(chosen) < len(planned)
         else ""
     )
-    command = shlex.join(["python", "-m", "bench.proof", *(w for w in sys.argv[1:] if w != "--report-only")])
+    chosen_by = ("arms", "seeds", "share", "loader_share")
+    options = [
+        f"--{name.replace('_', '-')}={value}"
+        for name in chosen_by
+        if (value := getattr(args, name)) != parser.get_default(name)
+    ]
+    command = shlex.join(["python", "-m", "bench.proof", *options])
     text = report.report(
         [read(row) for row in store.rows(chosen)],
         failures,

@@ -15,7 +15,10 @@ from hil.scale.store import Row
 LAMBDAS = (10.0, 20.0, 50.0, 250.0, 2500.0)
 STRONG = 50.0  # from here on the truth has to be found
 EXACT = 250.0  # from here on with its size
-SHORT = 0.8  # of the wanted lambda: an effect that its bound keeps below counts in no row of that lambda
+NEAR = (
+    0.8,
+    1.5,
+)  # of the wanted lambda; an effect beyond, because of its bound or of a start far from it, counts in no row of that lambda
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +88,8 @@ class Done:
     @property
     def reached(self) -> bool:
         """Whether the effect is as strong as was wanted."""
-        return self.truth.reached is None or self.truth.reached >= SHORT * self.arm.strength
+        low, high = (share * self.arm.strength for share in NEAR)
+        return self.truth.reached is None or low <= self.truth.reached <= high
 
 
 def diagnosed(arm: Arm, model: Model, recordings: list[Recording], truth: Truth) -> Row:

@@ -14,7 +14,7 @@ STEP_S = 1e-3
 DURATION_S = 60.0
 GYRO_EVERY, ENCODER_EVERY, REFERENCE_EVERY, COMMAND_EVERY = 20, 50, 20, 10  # steps; all at whole commands
 HAND_S = 0.15  # time constant of who steers; faster, and 50 Hz of motion capture would not hold the turns
-GYRO_SD, ENCODER_SD, REFERENCE_SD = 0.02, 0.02, 0.001  # the model takes the reference for the state
+GYRO_SD, ENCODER_SD, REFERENCE_SD = 0.02, 0.02, 0.003  # the model takes the reference for the state
 GYRO_BIT, ENCODER_BIT = 0.01, 0.02
 
 
@@ -117,8 +117,8 @@ def _sensed(true: np.ndarray, name: str, values, every: int, noise: np.ndarray, 
 def _lagged(values: np.ndarray, time_constant_s: float) -> np.ndarray:
     if time_constant_s <= 0.0:
         return values
-    a = STEP_S / time_constant_s
-    return lfilter([a], [1.0, a - 1.0], values, zi=[(1.0 - a) * values[0]])[0] if a < 1.0 else values
+    a = 1.0 - float(np.exp(-STEP_S / time_constant_s))
+    return lfilter([a], [1.0, a - 1.0], values, zi=[(1.0 - a) * values[0]])[0]
 
 
 def _late(values: np.ndarray, delay_s: float) -> np.ndarray:

@@ -252,7 +252,7 @@ def overlap(run: Done) -> float:
 
 def regime_right(run: Done) -> bool | None:
     """Whether the regime in which the effect acts by its equation is among those reported."""
-    expected = REGIMES.get(run.arm.effects[0])
+    expected = REGIMES.get(run.arm.effects[0]) if run.arm.body == "straight" else None
     f = next((f for f in run.findings.findings if f.effect == run.arm.effects[0]), None)
     if expected is None or f is None:
         return None
