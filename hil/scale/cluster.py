@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+LOOPBACK = "127.0.0.1"
 PATIENCE_S = 10.0
 TRIES = 3  # workers that an arm may take down with it before it counts as failed
 
@@ -106,8 +107,8 @@ def client_of(scheduler: str | None, workers: int) -> Iterator["Client"]:
             LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
-                host="127.0.0.1",
-                dashboard_address=None,
+                host=LOOPBACK,
+                dashboard_address=f"{LOOPBACK}:0",  # any free port: several clusters may run
                 memory_limit=None,
                 silence_logs=50,
             ) as cluster,

@@ -6,6 +6,7 @@ import threading
 import time
 from pathlib import Path
 
+import psutil
 import pyarrow.parquet as pq
 import pytest
 
@@ -117,6 +118,20 @@ def test_an_existing_cluster_by_its_address(tmp_path: Path) -> None:
         store = Store(tmp_path / "out", WORK)
         tally = carry_out(note, arms(tmp_path / "log", "one", "two"), store, scheduler=address)
     assert tally.done == 2
+
+
+@pytest.mark.processes
+@pytest.mark.timeout(180)
+def test_two_clusters_run_beside_one_another_and_listen_on_the_loopback_only() -> None:
+    with client_of(None, 1), client_of(None, 1):
+        me = psutil.Process()
+        heard = {
+            c.laddr.ip
+            for process in (me, *me.children(recursive=True))
+            for c in process.net_connections(kind="inet")
+            if c.status == psutil.CONN_LISTEN
+        }
+    assert heard == {"127.0.0.1"}
 
 
 def test_no_scheduler_there_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
