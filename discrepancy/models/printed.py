@@ -27,7 +27,7 @@ STEP_S: Final = 0.5
 SPEEDS = tuple(f"wheel_speed_{wheel}" for wheel in WHEELS)
 NORMAL = tuple(f"normal_force_{wheel}" for wheel in WHEELS)
 FORCES = tuple(f"{along}_force_{wheel}" for along in ("longitudinal", "lateral") for wheel in WHEELS)
-ANGLES = ("articulation_angle", "roll_angle", "pitch_angle", "lift_arm_angle")
+ANGLES = ("articulation_angle", "roll_angle", "pitch_angle", "lift_arm_angle", "tilt_angle")
 RATES = ("articulation_rate", "yaw_rate")
 
 ROLL, SIDE, PITCH, TORQUE = (
@@ -92,6 +92,8 @@ LIBRARY = (
            "Z_cog + (m_a/m) h_a instead of Z_cog - Z_R/2", "braking", higher="fast turns: a height acts on roll as well"),
     _share("wheel_spin", PITCH, "the wheels' own spin takes part in the pitch moment", "sum M_y + sum J_w Omega'", "braking",
            trunnion="a wheel that spins without the machine accelerating"),
+    _share("arm_rotation", "centre of gravity (37), (42)", "the whole lift arm turns about its own pivot, the payload with it", "full rotation about (x_p, z_p)",
+           "laden, braking and fast turns", higher="arm level and arm down: a height is the same in both"),
     _share("lateral_share", ROLL, "the rear pivot bears another share of the lateral force than half", "F_yR = (1/2 + s) m a_y", "fast turns",
            size=0.2, most=0.5),
     _share("axle_roll", ROLL, "the rear axle does not oscillate freely but bears part of the roll moment", "M_p = s m Z_cog a_y", "fast turns",

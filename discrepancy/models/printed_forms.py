@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from discrepancy.recording import Array
 from ecu.estimators.acceleration import printed_acceleration
-from ecu.estimators.cog import Centre, front_unit_printed, machine_centre, with_axle
+from ecu.estimators.cog import Centre, front_unit, front_unit_printed, machine_centre, with_axle
 from ecu.estimators.compiled import compiled
 from ecu.estimators.normal_force import printed_arms
 from ecu.estimators.parameters import GRAVITY, Body, Parameters
@@ -26,6 +26,7 @@ class Corrections(NamedTuple):
     yaw_acceleration: float = 0.0
     trunnion: float = 0.0
     wheel_spin: float = 0.0
+    arm_rotation: float = 0.0
     lateral_share: float = 0.0
     axle_roll: float = 0.0
     mirrored_joint: float = 0.0
@@ -51,6 +52,7 @@ class Moment(NamedTuple):
     roll: float
     pitch: float
     lift_arm: float
+    bucket: float
     articulation_rate: float
     yaw_rate: float
     articulation_acceleration: float
@@ -76,14 +78,25 @@ def estimate(
     for k in range(rows.shape[0]):
         r = rows[k]
         m = Moment(
-            r[0] + c.articulation_zero, r[1] + c.roll_zero, r[2], r[3], r[4], r[5], r[6], r[7],
-            r[8] * (1.0 + c.speed_error), r[9] * (1.0 + c.speed_error),
+            r[0] + c.articulation_zero, r[1] + c.roll_zero, r[2], r[3], r[4], r[5], r[6], r[7], r[8],
+            r[9] * (1.0 + c.speed_error), r[10] * (1.0 + c.speed_error),
         )  # fmt: skip
-        front = front_unit_printed(m.lift_arm, load + c.payload_error, p.front, p.arm, p.bucket)
+        whole = front_unit(m.lift_arm, m.bucket, load + c.payload_error, p.front, p.arm, p.bucket)
+        front = _front(
+            front_unit_printed(m.lift_arm, load + c.payload_error, p.front, p.arm, p.bucket), whole, c
+        )
         side[k] = _left(m, p.geometry.rear_length + p.sensors.imu_x, c)
         _normal_forces(m, c, front, p, normal[k])
-        forces = WheelForces(r[10], r[11], r[12], r[13], r[14], r[15], r[16], r[17])
+        forces = WheelForces(r[11], r[12], r[13], r[14], r[15], r[16], r[17], r[18])
         torque[k] = _turning_torque(m, forces, c, front, rear_unit, p)
+
+
+@compiled
+def _front(printed: Body, whole: Body, c: Corrections) -> Body:
+    """The front unit with its centre where the print has it, or where the whole arm turned about its pivot has it; inertias are true."""
+    x = printed.x + c.arm_rotation * (whole.x - printed.x)
+    z = printed.z + c.arm_rotation * (whole.z - printed.z)
+    return Body(whole.mass, x, z, whole.roll_inertia, whole.pitch_inertia, whole.yaw_inertia)
 
 
 @compiled

@@ -122,7 +122,7 @@ def repaired(truth: Truths, split: Split, **corrections: float) -> Array:
     p = parameters_of(split)
     speed = truth["wheel_speed"].mean(axis=1) * radius(p.wheel.nominal_load, 1.0, p.wheel)
     rates = truth["articulation_rate"], truth["angular_velocity"][:, 2]
-    angles = [truth[name] for name in ("articulation_angle", "roll", "pitch", "lift_arm_angle")]
+    angles = [truth[name] for name in ("articulation_angle", "roll", "pitch", "lift_arm_angle", "tilt_angle")]
     changes = [np.gradient(values, TICK_S) for values in (*rates, speed)]
     motion = np.column_stack((*angles, *rates, changes[0], changes[1], speed, changes[2]))
     rows = np.hstack((motion, truth["longitudinal_force"], truth["lateral_force"]))

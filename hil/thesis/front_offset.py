@@ -14,7 +14,7 @@ import numpy as np
 
 from ecu.estimators.normal_force import printed_arms
 from ecu.estimators.parameters import GRAVITY
-from hil.thesis.drive import Array, Truths, centres, drive_case, driven, estimated, line
+from hil.thesis.drive import Array, Truths, centres, drive_case, driven, estimated, line, repaired
 from hil.thesis.questions import Answer, Row
 from hil.thesis.split import SHEET, SPLITS, Split, parameters_of
 from plant.scenario import Scenario, Start
@@ -24,6 +24,10 @@ SPEEDS = (1.0, 2.0, 3.0, 4.0)  # [m/s]
 ANGLE = math.radians(20.0)
 HELD = 0.95  # of the angle: the turn counts as held
 TURNS = (1, -1, 1, -1)  # left, right
+REPAIRS: Mapping[str, Mapping[str, float]] = {
+    "pivot arm alone (E-15)": {"pivot_arm": 1.0},
+    "pivot arm and centripetal acceleration (E-18)": {"pivot_arm": 1.0, "centripetal": 1.0},
+}
 PAYLOAD = 3204.0  # thesis, table 2 [kg]
 
 
@@ -68,10 +72,9 @@ def zigzag(speed: float, payload: float = 0.0) -> Scenario:
 def measure(speed: float, split: Split = SHEET, payload: float = 0.0) -> Run:
     """Drive once and estimate in both forms."""
     truth = driven(zigzag(speed, payload), split)
-    errors = {
-        form: estimated(truth, split, form)["normal_force"] - truth["normal_force"]
-        for form in ("printed", "corrected")
-    }
+    forces = {form: estimated(truth, split, form)["normal_force"] for form in ("printed", "corrected")}
+    forces |= {form: repaired(truth, split, **made) for form, made in REPAIRS.items()}
+    errors = {form: force - truth["normal_force"] for form, force in forces.items()}
     angle = truth["articulation_angle"]
     return Run(truth, errors, {form: offsets(error, angle) for form, error in errors.items()})
 
@@ -145,19 +148,20 @@ def _worst(runs: Mapping[float, Run], form: str) -> float:
 
 
 def _rows(runs: Mapping[float, Run], laden: Run) -> tuple[Row, ...]:
-    def line_of(what: str, thesis: str, run: Run, *, front: bool) -> Row:
-        cells = []
-        for form in ("printed", "corrected"):
-            o = run.offsets[form]
-            left, right = (o.front_left, o.front_right) if front else (o.rear_left, o.rear_right)
-            cells.append(f"{left / 1e3:+.2f} / {right / 1e3:+.2f}")
-        return Row(what, thesis, *cells)
+    def cell(run: Run, form: str, *, front: bool = True) -> str:
+        o = run.offsets[form]
+        left, right = (o.front_left, o.front_right) if front else (o.rear_left, o.rear_right)
+        return f"{left / 1e3:+.2f} / {right / 1e3:+.2f}"
+
+    def line_of(what: str, thesis: str, run: Run, *, front: bool = True) -> Row:
+        return Row(what, thesis, cell(run, "printed", front=front), cell(run, "corrected", front=front))
 
     sign = "changes sign with the direction"
     return (
-        *(line_of(f"front offset, left / right turn, {v:g} m/s [kN]", sign, run, front=True) for v, run in runs.items()),
-        line_of(f"the same with {PAYLOAD:.0f} kg, {SPEEDS[0]:g} m/s [kN]", "not simulated", laden, front=True),
+        *(line_of(f"front offset, left / right turn, {v:g} m/s [kN]", sign, run) for v, run in runs.items()),
+        line_of(f"the same with {PAYLOAD:.0f} kg, {SPEEDS[0]:g} m/s [kN]", "not simulated", laden),
         line_of(f"rear offset, left / right turn, {SPEEDS[0]:g} m/s [kN]", "none", runs[SPEEDS[0]], front=False),
+        *(Row(f"printed with {form}, {v:g} m/s [kN]", "–", cell(runs[v], form), "–") for form in REPAIRS for v in (SPEEDS[0], SPEEDS[-1])),
     )  # fmt: skip
 
 

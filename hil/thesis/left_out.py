@@ -33,6 +33,8 @@ EXPECTED = {
 """What the errata list holds of them: the answer, which the engine does not see."""
 OTHERS = ((1, 0.0), (2, 0.0), (3, 1500.0), (5, 3204.0))
 """Seeds of the sensors' noise, and payloads [kg], of further drives."""
+SHIPPED = ("unloaded", "loaded", "high_articulation", "transient_articulation")
+"""Drive cases of the bench that were not made for this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,14 +51,21 @@ class Case:
         return found[0].parameters[0] if found else None
 
     @property
+    def right(self) -> list[str]:
+        """What was named and is true."""
+        return [f.effect for f in self.findings.findings if f.named and f.effect in EXPECTED]
+
+    @property
     def wrong(self) -> list[str]:
         """What was named and is not true."""
         return [f.effect for f in self.findings.findings if f.named and f.effect not in EXPECTED]
 
 
-def record(folder: Path, seed: int | None = None, payload: float = 0.0) -> Path:
-    """The run directory of the drive, its sensors and instruments as the bench has them."""
-    run_lockstep(Choice(scenario=str(DRIVE), limits=False, seed=seed, payload_kg=payload), folder)
+def record(
+    folder: Path, seed: int | None = None, payload: float | None = None, *, scenario: str = str(DRIVE)
+) -> Path:
+    """The run directory of a drive, its sensors and instruments as the bench has them; None: the scenario's own."""
+    run_lockstep(Choice(scenario=scenario, limits=False, seed=seed, payload_kg=payload), folder)
     return folder
 
 
@@ -79,6 +88,7 @@ def answer() -> Answer:
             Case(seed, load, diagnose(record(Path(scratch) / f"other{seed}", seed, load)).findings)
             for seed, load in OTHERS
         ]
+        shipped = {name: diagnose(record(Path(scratch) / name, scenario=name)).findings for name in SHIPPED}
         blind = diagnose(main, without=("pivot arm", "centripetal")).findings
     cases = [first, *others]
     text = (
@@ -87,13 +97,16 @@ def answer() -> Answer:
         "wrong ones (a mirrored axis, a stiff rear axle, another payload, height or tare, a plain gain, the moment about the joint) and the offsets, scales and delays of the sensors. "
         f"Of these it names {_counted(first)}. With other noise and payloads it names {_totals(others)}.",
         "The size comes with the name: 1 is the whole correction. The trunnion asks for more than 1 since the wheels' own spin, 5 % of the pitch moment, goes the same way and "
-        "is too weak here to be told from it. Laden, the share of the centripetal acceleration falls: (37) and (42) put the payload too high (E-12), which weighs every lateral "
-        "acceleration too much. "
+        "is too weak here to be told from it. Laden, the share of the centripetal acceleration falls: in part because (37) and (42) put the payload too high (E-12), for the rest unexplained. "
         "The turning torque takes two: the rotation that (93) is not, and that the torque at the joint is the balance of one half of the machine; "
         "*too large by a factor*, the thesis' own reading, is what the engine takes first and drops at the end.",
         f"A library can only name what it holds. With pivot arm and centripetal acceleration taken out of it the same recording gives {_named(blind)}: the nearest things left, "
-        "a centre of gravity that does not move to the side (half of *mirrored joint*), and a part of the lateral acceleration. "
+        "a centre of gravity that moves further to the side than it does (*mirrored joint* below zero), and a part of the lateral acceleration. "
         f"What else it says then: {'; '.join(blind.reasons) or 'nothing'}.",
+        "Nor will every drive do. The bench's own drive cases, quick and mostly at one speed, at which pivot arm and centripetal acceleration act alike, give: "
+        + "; ".join(f"`{name}`: {_named(found)}" for name, found in shipped.items())
+        + ". There wrong ones are named beside right ones (*torque gain*, *higher*, *mirrored joint*, *about joint*). What a drive needs is turns held at several speeds, and braking: that is what "
+        f"`{DRIVE.name}` is.",
         "The estimators are quasi-static, so recordings are read as means over half a second: what the machine rocks on its tyres they do not estimate. "
         f"By hand: `loaderhil run hil/thesis/{DRIVE.name} --no-limits --out out/held_turns`, then `loaderhil diagnose out/held_turns --model printed-estimator`.",
     )  # fmt: skip
@@ -110,15 +123,15 @@ def _named(findings: Findings) -> str:
 
 
 def _counted(case: Case) -> str:
-    right = [name for name in EXPECTED if case.share(name) is not None]
     wrong = f"and wrongly {', '.join(case.wrong)}" if case.wrong else "and no wrong one"
-    return f"{len(right)} of the {len(EXPECTED)} that are right ({', '.join(right)}) {wrong}"
+    return f"{len(case.right)} of the {len(EXPECTED)} that are right ({', '.join(case.right)}) {wrong}"
 
 
 def _totals(cases: Sequence[Case]) -> str:
-    right = sum(case.share(name) is not None for case in cases for name in EXPECTED)
+    right = sum(len(case.right) for case in cases)
+    proxies = sum(not f.named and f.effect in EXPECTED for case in cases for f in case.findings.findings)
     wrong = [name for case in cases for name in case.wrong]
-    return f"{right} of {len(cases) * len(EXPECTED)}, wrong ones {', '.join(wrong) if wrong else 'none'}"
+    return f"{right} of {len(cases) * len(EXPECTED)} ({proxies} more as best proxies), wrong ones: {', '.join(wrong) or 'none'}"
 
 
 def _rows(first: Case, others: Sequence[Case]) -> list[list[str]]:

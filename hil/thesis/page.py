@@ -21,8 +21,8 @@ answer is given for a range of them. Numbers in parentheses are its equations an
 
 def write_page(question: Question, out: Path) -> Path:
     """Measure, write picture and page; the page's path."""
+    out.mkdir(parents=True, exist_ok=True)  # what is wrong with it is told before the work
     answer = question.measured()
-    out.mkdir(parents=True, exist_ok=True)
     picture = f"{question.name}.svg"
     answer.draw(out / picture)
     parts = (

@@ -69,8 +69,15 @@ QUESTIONS = (
         "braking-spikes",
         "The missed spikes of hard braking",
         "In hard braking the measured loads swing in high spikes that the estimator misses (4.5.4, 4.5.5, 5.3.2). Why?",
-        "The trunnion is taken to be a pin (41 % too little), the machine rocks on its tyres, and the wheels' speed says nothing once they lock: measure the machine's acceleration and pitch rate.",
+        "The trunnion is taken to be a pin (two fifths too little), the machine rocks on its tyres, and the wheels' speed says nothing once they lock: measure the machine's acceleration and pitch rate.",
         "hil.thesis.braking_spikes",
+    ),
+    Question(
+        "pile-entry",
+        "Pile entry: which pressure",
+        "In a pile the estimator cannot predict the loads; in one recording the lift pressure P_LP looks like them, in another P_TP (4.5.7, 5.3.5). Which should be used?",
+        "Both: each is one moment of a force with two components, and which of them looks like the load depends on what arm and bucket do.",
+        "hil.thesis.pile_entry",
     ),
     Question(
         "turning-torque",

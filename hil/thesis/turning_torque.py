@@ -20,10 +20,12 @@ from hil.thesis.split import SHEET, SPLITS, Split, parameters_of
 from plant.profile import Profile, Sine
 from plant.scenario import Scenario, Start
 from plant.script import KMH, Script
+from plant.unit import TICK_S
 
 TORQUE, ZIGZAG = "torque", "zigzag"
 TITLES = {TORQUE: "transient torque, 20° held", ZIGZAG: "zigzag ±30°, speed rising"}
 REPORTED = "12 or 15"
+LONGEST_S = 1.5  # of a delay looked for
 FORMS = ("printed", "rotated", "at the joint", "corrected")
 
 
@@ -55,15 +57,22 @@ CASES = {TORQUE: (_torque_case, 4.0), ZIGZAG: (_zigzag_case, 4.0)}
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """One signal over another: ratio of amplitudes (standard deviations) and of rms, offset [N m], correlation.
+    """One signal over another: ratio of amplitudes (standard deviations) and of rms, offset [N m], correlation, delay [s].
 
-    The offset is that of the least-squares line, whose gain is amplitude times correlation.
+    The offset is that of the least-squares line, whose gain is amplitude times correlation; shifted back by the delay the signals
+    are most alike.
     """
 
     amplitude: float
     rms: float
     offset: float
     correlation: float
+    delay: float
+
+    @property
+    def ahead(self) -> float:
+        """Of the other signal [s]."""
+        return -self.delay
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +92,21 @@ def line_through(x: Array, y: Array) -> Fit:
     """y over x."""
     _, offset = np.polyfit(x, y, 1)
     ratio = math.sqrt(float(np.mean(y**2) / np.mean(x**2)))
-    return Fit(float(np.std(y) / np.std(x)), ratio, float(offset), float(np.corrcoef(x, y)[0, 1]))
+    return Fit(float(np.std(y) / np.std(x)), ratio, float(offset), _alike(x, y), _delay(x, y))
+
+
+def _alike(x: Array, y: Array) -> float:
+    return float(np.corrcoef(x, y)[0, 1])
+
+
+def _delay(x: Array, y: Array) -> float:
+    """How late y is for x [s], at most LONGEST_S."""
+    most = min(round(LONGEST_S / TICK_S), x.size // 2 - 1)
+    n = x.size
+    alike = [
+        _alike(x[max(0, -k) : n - max(0, k)], y[max(0, k) : n - max(0, -k)]) for k in range(-most, most + 1)
+    ]
+    return (int(np.argmax(alike)) - most) * TICK_S
 
 
 def measure(case: str, split: Split = SHEET) -> Run:
@@ -136,7 +159,7 @@ def answer() -> Answer:
         f"Given the plant's own tyre forces, (94) with (93) as printed swings {_two(fits, 'printed', 'amplitude')} times as far as the torque at the joint in torque case "
         f"and zigzag ({_two(fits, 'printed', 'rms')} times by rms, offset included), with the right shape (correlation {_two(fits, 'printed', 'correlation', 2)}) and an offset of "
         f"{t['printed'].offset / 1e3:.1f} and {z['printed'].offset / 1e3:.1f} kN m. The thesis multiplies its simulation by 12 and 15 until the curves match, and sees shape, offset and "
-        "a phase shift at the beginning. Which of its factors belongs to which drive cannot be told: text and captions of its figures 75 to 78 differ (E-35).",
+        f"a phase shift at the beginning (here the printed form is ahead by {_two(fits, 'printed', 'ahead', 2)} s). Which of its factors belongs to which drive cannot be told: text and captions of its figures 75 to 78 differ (E-35).",
         "Two mistakes make it, and one of them is in no equation. **(93) is no rotation** (E-26): it drops the lateral force of the front axle, so that −a_r F_yr stands alone, "
         "proportional to the lateral acceleration as the joint torque is, which is why the shape looks right; its even part, in proportion to F_yf sin δ, is the one-signed offset. "
         "**And the two are different quantities**: (94) is what turns the machine, the sensor at the joint reads what bends it. With (93) mended the offset is "
@@ -181,6 +204,7 @@ def _rows(fits: Fits) -> tuple[Row, ...]:
             ),
             Row("rms over the plant's", REPORTED, f"{p.rms:.1f}", f"{c.rms:.2f}"),
             Row("offset [kN m]", "an offset", f"{p.offset / 1e3:+.2f}", f"{c.offset / 1e3:+.2f}"),
+            Row("delay [s]", "a phase shift at the beginning", f"{p.delay:+.2f}", f"{c.delay:+.2f}"),
             Row("correlation", "shape correct", f"{p.correlation:.2f}", f"{c.correlation:.2f}"),
         ]
     return tuple(rows)

@@ -12,7 +12,7 @@ from discrepancy.recording import Recording, signal
 from ecu.calibration import load_calibration
 from ecu.estimators import normal_force
 from ecu.estimators.acceleration import printed_acceleration
-from ecu.estimators.cog import front_unit_printed, machine_centre, with_axle
+from ecu.estimators.cog import front_unit, front_unit_printed, machine_centre, with_axle
 from ecu.estimators.turning import WheelForces, joint_torque, yaw_moment, yaw_moment_printed
 
 P = load_calibration("l60").parameters
@@ -21,9 +21,9 @@ LOAD = 800.0
 GRAVITY = 9.81
 FORCES = WheelForces(5e3, 4e3, 2e3, 3e3, -3e3, -2e3, 2.5e3, 4e3)
 MOMENTS = [
-    Moment(0.35, 0.03, -0.05, -0.6, 0.1, 0.2, 0.3, -0.1, 2.0, 0.7),
-    Moment(-0.5, -0.02, 0.04, 0.2, -0.3, -0.4, 0.1, 0.2, 3.0, -1.5),
-    Moment(0.0, 0.0, 0.0, -0.6, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
+    Moment(0.35, 0.03, -0.05, -0.6, 0.8, 0.1, 0.2, 0.3, -0.1, 2.0, 0.7),
+    Moment(-0.5, -0.02, 0.04, 0.2, 0.3, -0.3, -0.4, 0.1, 0.2, 3.0, -1.5),
+    Moment(0.0, 0.0, 0.0, -0.6, 0.8, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
 ]
 LEVEL = [m._replace(roll=0.0, pitch=0.0) for m in MOMENTS]
 
@@ -68,12 +68,18 @@ def test_with_all_that_is_missing_they_are_the_closed_form_of_the_rigid_machine(
 
 @pytest.mark.parametrize("moment", MOMENTS)
 def test_turning_torque_from_the_print_to_the_torque_at_the_joint(moment):
-    front, _ = centre_of(moment)
+    printed_front, _ = centre_of(moment)
+    whole = front_unit(moment.lift_arm, moment.bucket, LOAD, P.front, P.arm, P.bucket)
+    front = whole._replace(
+        x=printed_front.x, z=printed_front.z
+    )  # inertias are not the print's to get wrong: it has none
     rear = with_axle(P.rear, P.axle, G)
-    whole = machine_centre(moment.articulation, front, rear)
+    together = machine_centre(moment.articulation, front, rear)
     d, t = moment.articulation, P.wheel.pneumatic_trail
-    assert estimated(moment)[2] == pytest.approx(yaw_moment_printed(FORCES, whole.x, whole.y, d, G))
-    assert estimated(moment, rotation=1.0)[2] == pytest.approx(yaw_moment(FORCES, whole.x, whole.y, d, G))
+    assert estimated(moment)[2] == pytest.approx(yaw_moment_printed(FORCES, together.x, together.y, d, G))
+    assert estimated(moment, rotation=1.0)[2] == pytest.approx(
+        yaw_moment(FORCES, together.x, together.y, d, G)
+    )
     at_joint = estimated(moment, rotation=1.0, about_joint=1.0)[2]
     assert at_joint == pytest.approx(yaw_moment(FORCES, 0.0, 0.0, d, G))
     bent = joint_torque(
@@ -81,6 +87,21 @@ def test_turning_torque_from_the_print_to_the_torque_at_the_joint(moment):
         moment.articulation_acceleration, front, rear, G,
     ).torque  # fmt: skip
     assert estimated(moment, rotation=1.0, between_halves=1.0)[2] == pytest.approx(bent)
+
+
+@pytest.mark.parametrize("moment", LEVEL)
+def test_with_the_arm_turned_about_its_pivot_the_centre_is_the_true_one(moment):
+    """E-11, E-12 mended: loads of the machine at rest are those of the corrected centre of gravity."""
+    still = moment._replace(
+        articulation_rate=0.0, yaw_rate=0.0, yaw_acceleration=0.0, speed=0.0, acceleration=0.0
+    )
+    front = front_unit(still.lift_arm, still.bucket, LOAD, P.front, P.arm, P.bucket)
+    centre = machine_centre(still.articulation, front, P.rear)
+    n = normal_force.rigid_normal_forces(
+        centre, still.articulation, 0.0, 0.0, GRAVITY, P.axle.mass, P.axle.height, 0.5, G
+    )
+    found = estimated(still, pivot_arm=1.0, arm_rotation=1.0)[0]
+    assert found == pytest.approx((n.front_left, n.front_right, n.rear_left, n.rear_right))
 
 
 def test_the_lateral_reading_of_the_print_is_gravity_and_the_speeds_derivative_alone():

@@ -43,6 +43,13 @@ def test_the_corrected_form_keeps_less_than_a_fiftieth(walk):
     assert abs(corrected.front_left) < 150.0
 
 
+def test_with_the_arm_alone_it_is_gone_at_a_walk(walk):
+    """What is left is the centripetal acceleration's, a sixth of the arm's at 1 m/s; with both, next to nothing."""
+    printed = abs(walk.offsets["printed"].odd)
+    assert abs(walk.offsets["pivot arm alone (E-15)"].odd) < printed / 5
+    assert abs(walk.offsets["pivot arm and centripetal acceleration (E-18)"].odd) < printed / 25
+
+
 def test_faster_the_missing_centripetal_acceleration_takes_it_back_as_the_square_of_the_speed(walk):
     """The change from 1 m/s grows 1:8 from 2 to 3 m/s (4 - 1 to 9 - 1 square metres per square second are 3 to 8)."""
     odd = {speed: measure(speed).offsets["printed"].odd for speed in (2.0, 3.0, 4.0)}

@@ -2,6 +2,7 @@
 
 import pytest
 
+from hil.diagnose.models import find_model
 from hil.thesis.left_out import EXPECTED, Case, diagnose, record
 
 
@@ -50,3 +51,12 @@ def test_without_the_cause_in_the_library_another_is_not_found_whole(run):
     assert found.share("pivot arm") is None
     mirrored = found.share("mirrored joint")
     assert mirrored is None or abs(mirrored.value - 1.0) > 0.2
+
+
+def test_the_command_line_knows_the_model_and_reads_its_runs(run, tmp_path):
+    choice = find_model("printed-estimator")
+    (recording,) = choice.native(run, None)
+    model = choice.build([recording])
+    assert set(model.inputs) | set(model.outputs) <= set(recording.signals)
+    assert set(model.constants) <= set(recording.constants)
+    assert choice.native(tmp_path, None) is None

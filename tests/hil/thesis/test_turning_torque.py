@@ -69,7 +69,11 @@ def test_in_a_steady_turn_the_moment_about_the_centre_vanishes_and_the_joint_tor
     assert abs(total.mean()) < 0.3 * abs(steady["joint_torque"].mean())
 
 
-def test_a_line_of_known_gain_and_offset():
-    x = np.array([-1.0, 0.0, 1.0, 2.0])
-    fit = line_through(x, -3.0 * x + 5.0)
-    assert (fit.amplitude, fit.offset, fit.correlation) == pytest.approx((3.0, 5.0, -1.0))
+def test_a_line_of_known_gain_offset_and_delay():
+    time = np.arange(0.0, 10.0, 0.01)
+    x = np.sin(time) * np.exp(-0.1 * time)
+    fit = line_through(x, 3.0 * x + 5.0)
+    assert (fit.amplitude, fit.offset, fit.correlation, fit.delay) == pytest.approx((3.0, 5.0, 1.0, 0.0))
+    assert line_through(x, -x).correlation == pytest.approx(-1.0)
+    assert line_through(x[50:], x[:-50]).delay == pytest.approx(0.5)
+    assert line_through(x[:-50], x[50:]).delay == pytest.approx(-0.5)
