@@ -55,7 +55,7 @@ def test_without_the_cause_in_the_library_another_is_not_found_whole(run):
 
 def test_the_command_line_knows_the_model_and_reads_its_runs(run, tmp_path):
     choice = find_model("printed-estimator")
-    (recording,) = choice.native(run, None)
+    (recording,) = choice.native(run, None).recordings
     model = choice.build([recording])
     assert set(model.inputs) | set(model.outputs) <= set(recording.signals)
     assert set(model.constants) <= set(recording.constants)
