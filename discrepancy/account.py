@@ -14,8 +14,8 @@ from discrepancy.noise import Noise
 from discrepancy.openended import OpenEnded
 from discrepancy.problem import Problem
 from discrepancy.recording import Array, Complaint
-from discrepancy.screen import Score, active, inflation_of, penalty, time_blocks
-from discrepancy.search import Settings, State, project_out
+from discrepancy.screen import Score, active, inflation_of, penalty, switches, time_blocks
+from discrepancy.search import Settings, State, Trial, project_out
 
 ENOUGH_POWER = 0.8
 FEWEST_STRETCHES = 8  # whose disagreement says something about an interval
@@ -71,6 +71,7 @@ def candidates(
     first = {s.effect: s for s in baseline.scores}
     names = {x.effect for x in found}
     grouped = {m.effect for x in found for m in x.group}
+    small = _negligible(problem, (*baseline.trials, *state.trials))
     rows = []
     for score in baseline.scores:
         effect = problem.model.effect(score.effect)
@@ -85,6 +86,8 @@ def candidates(
         elif last.power < ENOUGH_POWER:
             text = "a typical one would hardly be noticed here"
             verdict, reason = "could not be judged", f"{text}; needs {effect.excited_by or 'more data'}"
+        elif score.effect in small:
+            verdict, reason = "negligible", small[score.effect]
         elif first[score.effect].statistic > penalty(
             len(active(effect)), len(problem.model.effects), settings.alpha
         ):
@@ -107,6 +110,19 @@ def candidates(
     return rows
 
 
+def _negligible(problem: Problem, trials: Sequence[Trial]) -> dict[str, str]:
+    """What was seen of effects that are significant and yet too small to matter."""
+    least, told = problem.model.negligible, {}
+    for t in [t for t in trials if t.gain > t.needed and t.negligible(problem)]:
+        seen = [
+            f"{p.name} = {t.fit.values.shared[p.name]:.3g} {p.unit}".removesuffix(" 1")
+            for p in switches(problem.model.effect(t.effect))
+        ]
+        why = f"below {least:.0%} of a change that matters" if t.size < least else "hardly helps any channel"
+        told[t.effect] = f"{why}: {', '.join(seen)}"
+    return told
+
+
 def _why_invisible(problem: Problem, effect: Effect) -> str:
     gone = [name for name in problem.missing if name in effect.place or name in effect.excited_by]
     if gone:
@@ -115,12 +131,11 @@ def _why_invisible(problem: Problem, effect: Effect) -> str:
 
 
 def _expected(effect: Effect, score: Score) -> list[f.Estimate]:
-    switches = [p for p in effect.parameters if not p.shape]
     if score.power == 0.0:
         return []
     return [
         f.Estimate(name=p.name, value=float(p.value + c), low=None, high=None, unit=p.unit)
-        for p, c in zip(switches, score.change, strict=True)
+        for p, c in zip(switches(effect), score.change, strict=True)
     ]
 
 

@@ -15,7 +15,9 @@ SCHEMA_VERSION = 1
 SCHEMA = Path(__file__).with_name("schema.json")
 
 Status = Literal["explained", "unknown", "nothing missing", "inconclusive"]
-Verdict = Literal["found", "confusable with a finding", "ruled out", "not needed", "could not be judged"]
+Verdict = Literal[
+    "found", "confusable with a finding", "ruled out", "negligible", "not needed", "could not be judged"
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,7 +3,7 @@
 All in whitened units: an SSE difference is twice a difference of log-likelihoods.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,27 +82,32 @@ class WindowStates:
 
 def differences(problem: Problem, values: Values, base: Array, names: Sequence[str]) -> Array:
     """Derivative of the raw rows by parameters (N, k); for local ones in all windows at once."""
-    return _columns(_one_by_one(problem, values, base, names), base.size)
+    found = {name: problem.kept_slope(name, None, values) for name in names}
+    new = [name for name, column in found.items() if column is None]
+    steps = {name: _difference(problem, values, name) for name in new}
+    rows = problem.predict_each([_stepped(problem, values, name, step) for name, step in steps.items()])
+    for (name, step), moved in zip(steps.items(), rows, strict=True):
+        found[name] = column = (moved - base) / step
+        problem.keep_slope(name, None, values, column)
+    columns = [column for column in found.values() if column is not None]
+    return np.stack(columns, axis=1) if columns else np.zeros((base.size, 0))
 
 
-def _columns(parts: Iterator[Array], size: int) -> Array:
-    found = list(parts)
-    return np.stack(found, axis=1) if found else np.zeros((size, 0))
+def _difference(problem: Problem, values: Values, name: str) -> float:
+    """Step of a finite difference, away from the upper bound."""
+    parameter = problem.model.parameter(name)
+    step = STEP * parameter.typical
+    if parameter.unit == "s":  # below its grid a model knows of times only what interpolation makes up
+        step = max(step, problem.model.step_s)
+    if parameter.scope == "all" and values.shared[name] + step > parameter.upper:
+        return -step
+    return step
 
 
-def _one_by_one(problem: Problem, values: Values, base: Array, names: Sequence[str]) -> Iterator[Array]:
-    for name in names:
-        parameter = problem.model.parameter(name)
-        step = STEP * parameter.typical
-        if parameter.unit == "s":  # below its grid a model knows of times only what interpolation makes up
-            step = max(step, problem.model.step_s)
-        if parameter.scope == "window":
-            moved = Values(values.shared, {**values.local, name: values.local[name] + step})
-        else:
-            now = values.shared[name]
-            step = step if now + step <= parameter.upper else -step
-            moved = values.with_shared({name: now + step})
-        yield (problem.predict(moved) - base) / step
+def _stepped(problem: Problem, values: Values, name: str, step: float) -> Values:
+    if problem.model.parameter(name).scope == "window":
+        return Values(values.shared, {**values.local, name: values.local[name] + step})
+    return values.with_shared({name: values.shared[name] + step})
 
 
 def fit(

@@ -30,6 +30,7 @@ from discrepancy.search import (
     held_out_residual,
     screen,
     search,
+    size_of,
 )
 
 FEW_SAMPLES = 30
@@ -112,7 +113,8 @@ def backward(problem: Problem, state: State, settings: Settings) -> State:
             gains[name] = _without(problem, state, others).sse - state.fit.sse
         weakest = min(gains, key=lambda n: gains[n])
         least = penalty(problem.model.effect(weakest).size, len(problem.model.effects), settings.alpha)
-        if gains[weakest] > least:
+        size = size_of(problem.model.effect(weakest), state.fit)
+        if gains[weakest] > least and size >= problem.model.negligible:
             break
         kept = tuple(n for n in state.accepted if n != weakest)
         state = replace(
@@ -217,9 +219,8 @@ def _scores_without(
 ) -> list[Score]:
     """Screen of the library with one accepted effect taken out again."""
     base = problem.predict(without.values)
-    columns = [
-        sensitivities(problem, without.values, base, e) for e in problem.model.effects if e.name not in others
-    ]
+    rest = [e for e in problem.model.effects if e.name not in others]
+    columns = sensitivities(problem, without.values, base, rest)
     return screen(problem, state.noise, without, columns, settings)
 
 

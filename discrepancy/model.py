@@ -7,13 +7,13 @@ A model may use measured outputs of the past (an observer gain, a measured speed
 form. Short windows with free initial states (`scope='window'`) are the other way to keep errors from piling up.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 import numpy as np
 
-from discrepancy.recording import Array, Signal
+from discrepancy.recording import Array, Recording, Signal
 
 NEARLY_NONE = 0.02  # of a typical change: the local gradient
 
@@ -25,7 +25,7 @@ class Parameter:
     name: unique in the model; lower, upper: physical bounds; prior_sd: standard deviation of what is known beforehand,
     None if nothing; scope 'window': refitted in every window without prior (initial states), `guess` gives its
     start there; shape: has no meaning while the effect is off (a time constant, a corner speed); probes: finite changes at
-    which an effect is scored, default (typical,), needed where the gradient vanishes at zero.
+    which an effect is scored, default (typical,), needed where the gradient vanishes at zero; small: scored at nearly no change too.
     """
 
     name: str
@@ -38,6 +38,7 @@ class Parameter:
     scope: Literal["all", "window"] = "all"
     shape: bool = False
     probes: tuple[float, ...] = ()
+    small: bool = True
     guess: Callable[["Window"], float] | None = None
 
     def __post_init__(self) -> None:
@@ -52,9 +53,10 @@ class Parameter:
 
     @property
     def tried(self) -> tuple[float, ...]:
-        """Values of the parameter at which the effect is scored: finite changes, and nearly none."""
+        """Values of the parameter at which the effect is scored: finite changes, and nearly none where asked for."""
+        sizes = self.probes or (self.typical,)
         return tuple(
-            self.value + probe for probe in (*(self.probes or (self.typical,)), NEARLY_NONE * self.typical)
+            self.value + size for size in ((*sizes, NEARLY_NONE * self.typical) if self.small else sizes)
         )
 
 
@@ -144,6 +146,10 @@ class Clock:
 
 
 class Simulate(Protocol):
+    """The function of a model. One that also has `together(windows, values)`, the list of what it returns for each of many
+    windows, is asked for all at once where nothing is added at ports and no parameter belongs to a window.
+    """
+
     def __call__(
         self, window: Window, values: Mapping[str, float], extra: Mapping[str, Array]
     ) -> Mapping[str, Array]:
@@ -159,6 +165,11 @@ class Model:
     None for whole windows (shorter ones where an effect is a profile along the recording); constants: what each recording
     must say beside its signals, with units; held: channels whose values stand until the next one (commands); columns: what
     channels are called in recordings where not by their own names ('Message.Signal', several by comma are averaged).
+    stretches: chooses what of a recording, between two times, is scored, in place of all of it. For costly models: slopes_hold, by how many
+    typical changes parameters may move before sensitivities are computed anew; threads: whether `simulate` may run in several at once. negligible: share of a typical change
+    below which an effect is told but is no finding; least_explained: share of some channel's squared one-step errors that an effect or an
+    equation must take away. floors: standard deviation by output that the model's one-step errors have at least. All
+    three hold off what the model itself is wrong by, which long recordings and instruments without noise make significant.
     """
 
     name: str
@@ -179,6 +190,12 @@ class Model:
     ports: tuple[Port, ...] = ()
     manoeuvres: tuple[Manoeuvre, ...] = ()
     clocks: tuple[Clock, ...] = ()
+    stretches: Callable[[Recording, tuple[float, float]], Sequence[tuple[float, float]]] | None = None
+    slopes_hold: float = 0.0
+    negligible: float = 0.0
+    least_explained: float = 0.0
+    floors: Mapping[str, float] = field(default_factory=dict)
+    threads: bool = False
 
     def __post_init__(self) -> None:
         names = [p.name for p in self.parameters]

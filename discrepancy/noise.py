@@ -36,10 +36,12 @@ class Whitener:
 
     def apply(self, rows: Array) -> Array:
         """rows (n, c, k) -> whitened (n - order, c, k)."""
-        e = rows[self.order :].copy()
+        n, c, k = rows.shape
+        flat = np.ascontiguousarray(rows.transpose(1, 0, 2)).reshape(c, n * k)
+        e = flat[:, self.order * k :].copy()
         for i, A in enumerate(self.past, start=1):
-            e -= np.einsum("cd,ndk->nck", A, rows[self.order - i : len(rows) - i])
-        return np.asarray(np.einsum("cd,ndk->nck", self.inverse_factor, e), float)
+            e -= A @ flat[:, (self.order - i) * k : (n - i) * k]
+        return np.asarray((self.inverse_factor @ e).reshape(c, n - self.order, k).transpose(1, 0, 2), float)
 
 
 class Noise:
@@ -83,6 +85,7 @@ def white_noise(problem: Problem, residual: Array) -> Noise:
     for blocks in by_group(problem.blocks):
         spread = np.std(_stack(blocks, residual), axis=0)
         size = np.maximum(spread, 1e-9 * (1.0 + np.abs(np.mean(_stack(blocks, problem.measured), axis=0))))
+        size = np.maximum(size, _floors(problem, blocks))
         c = blocks[0].shape[1]
         whiteners.append(Whitener(np.zeros((0, c, c)), np.diag(1.0 / size)))
     return Noise(problem, whiteners)
@@ -92,8 +95,17 @@ def estimate_noise(problem: Problem, residual: Array, used: float) -> Noise:
     """Autoregression of the residual rows; `used` parameters were fitted to them (their share of freedom is given back)."""
     inflation = residual.size / max(residual.size - used, 0.25 * residual.size)
     return Noise(
-        problem, [_autoregression(blocks, residual, inflation) for blocks in by_group(problem.blocks)]
+        problem,
+        [
+            _autoregression(blocks, residual, inflation, _floors(problem, blocks))
+            for blocks in by_group(problem.blocks)
+        ],
     )
+
+
+def _floors(problem: Problem, blocks: Sequence[Block]) -> Array:
+    """What the model says its one-step errors are at least, for the channels of a group."""
+    return np.array([problem.model.floors.get(name, 0.0) for name in blocks[0].channels])
 
 
 def by_group(blocks: Sequence[Block]) -> list[list[Block]]:
@@ -105,25 +117,23 @@ def _stack(blocks: Sequence[Block], rows: Array) -> Array:
     return np.concatenate([rows[b.start : b.stop].reshape(b.shape) for b in blocks])
 
 
-def _autoregression(blocks: Sequence[Block], residual: Array, inflation: float) -> Whitener:
+def _autoregression(blocks: Sequence[Block], residual: Array, inflation: float, floors: Array) -> Whitener:
     c = blocks[0].shape[1]
     shortest = min(b.shape[0] for b in blocks)
     total = sum(b.shape[0] for b in blocks)
     highest = max(0, min(HIGHEST_ORDER, shortest // 4, total // (15 * c)))
     runs = [residual[b.start : b.stop].reshape(b.shape) for b in blocks]
+    # the same rows for every order, or BIC would compare different data
+    target = np.concatenate([run[highest:] for run in runs])
+    lags = [np.concatenate([run[highest - i : len(run) - i] for run in runs]) for i in range(1, highest + 1)]
+    # orders are nested: one triangular factor serves all
+    factor: Array = np.asarray(np.linalg.qr(np.concatenate([*lags, target], axis=1), mode="r"))
     best: tuple[float, Array, Array] | None = None
     for order in range(highest + 1):
-        # the same rows for every order, or BIC would compare different data
-        target = np.concatenate([run[highest:] for run in runs])
-        lags = [
-            np.concatenate([run[highest - i : len(run) - i] for run in runs]) for i in range(1, order + 1)
-        ]
-        past = np.concatenate([np.zeros((len(target), 0)), *lags], axis=1)
-        solved = np.linalg.lstsq(past, target, rcond=None)[0]
-        matrices = settled(solved.reshape(order, c, c).transpose(0, 2, 1), shortest)
-        error = target - sum(
-            (lag @ A.T for lag, A in zip(lags, matrices, strict=True)), np.zeros_like(target)
-        )
+        solved = np.linalg.lstsq(factor[:, : order * c], factor[:, highest * c :], rcond=None)[0]
+        matrices = settled(np.asarray(solved.reshape(order, c, c).transpose(0, 2, 1), float), shortest)
+        coefficients = matrices.transpose(0, 2, 1).reshape(order * c, c)
+        error = factor[:, highest * c :] - factor[:, : order * c] @ coefficients
         covariance = error.T @ error / max(len(target) - order * c, 1)
         covariance += np.diag(1e-18 + 1e-12 * np.var(target, axis=0))
         score = len(target) * float(np.linalg.slogdet(covariance)[1]) + np.log(len(target)) * order * c * c
@@ -131,7 +141,7 @@ def _autoregression(blocks: Sequence[Block], residual: Array, inflation: float) 
             best = (score, matrices, covariance)
     assert best is not None
     _, matrices, covariance = best
-    return Whitener(matrices, np.linalg.inv(np.linalg.cholesky(covariance * inflation)))
+    return Whitener(matrices, np.linalg.inv(np.linalg.cholesky(covariance * inflation + np.diag(floors**2))))
 
 
 def settled(past: Array, run: int) -> Array:

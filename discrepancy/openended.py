@@ -6,6 +6,7 @@ it is simulated, so that it reaches the outputs through the model's own dynamics
 told apart the simplest is written down and the others are named with it.
 """
 
+import heapq
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -24,6 +25,7 @@ from discrepancy.units import Unit, parse_unit
 
 MOST_TERMS = 3
 MOST_SIGNALS = 6
+MOST_READINGS = 200  # functions added to readings that are looked at closely
 LAG_S = (0.2, 1.0)
 PLAY = 0.3  # width of the hysteresis operator, in standard deviations of its signal
 
@@ -148,8 +150,9 @@ def play(x: Array, width: float) -> Array:
 
 def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
     """Search the innovations of a state for what the known signals could still explain."""
-    candidates = _candidates(problem, state.fit)
+    candidates = _candidates(problem, state)
     noise, fitted = state.noise, state.fit
+    whole = np.bincount(noise.row_channel, fitted.residual**2, len(problem.channels))
     blocks = time_blocks(noise)
     projector = Projector(problem, noise, fitted)
     white = np.stack([noise.whiten(c.raw) for c in candidates], axis=1)
@@ -174,7 +177,10 @@ def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
         rivals: list[int] = [i for i in close if i not in chosen]
         simplest = min(rivals, key=lambda i: (candidates[i].function.complexity, -plain[i]))
         confirmed = _held_out(problem, state, white[:, [*chosen, simplest]], settings)
+        taken = np.bincount(noise.row_channel, confirmed, len(problem.channels)) / np.maximum(whole, 1e-300)
         if float(np.sum(confirmed)) < settings.held_out + gain * settings.confirmed:
+            break
+        if float(np.max(taken)) < problem.model.least_explained:
             break
         equally.append(tuple(_place(candidates[i]) for i in rivals if i != simplest))
         chosen.append(simplest)
@@ -232,14 +238,15 @@ def _terms(
     ]
 
 
-def _candidates(problem: Problem, fitted: Fit) -> list[_Candidate]:
-    model, base = problem.model, problem.predict(fitted.values)
+def _candidates(problem: Problem, state: State) -> list[_Candidate]:
+    model, fitted = problem.model, state.fit
+    base = problem.predict(fitted.values)
     units = {**model.inputs, **model.optional, **model.outputs}
     known = [driven(model, w, fitted.values.in_window(i)) for i, w in enumerate(problem.windows)]
     common = [n for n in units if all(n in k for k in known)]
     spread = {n: float(np.std(np.concatenate([k[n] for k in known]))) for n in common}
     moving = {n: units[n] for n in common if spread[n] > 0.0}
-    found = []
+    readings, found = _Readings(problem, state), []
     for function in functions(moving, spread):
         series = [function.of(k, w.step_s) for k, w in zip(known, problem.windows, strict=True)]
         rms = float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
@@ -250,12 +257,9 @@ def _candidates(problem: Problem, fitted: Fit) -> list[_Candidate]:
             extra = [{port.name: amplitude * s} for s in series]
             raw = problem.predict(fitted.values, extra) - base
             found.append(_Candidate(port.name, port.unit, function, amplitude, raw))
-        found += [
-            _Candidate(f"reading of {name}", model.outputs[name], function, spread[name] / rms, raw)
-            for name, raw in _on_outputs(problem, series, spread, rms)
-            if function.text != name
-        ]
-    return found
+        for name in [c for c in problem.channels if spread.get(c, 0.0) > 0.0 and function.text != c]:
+            readings.consider(function, name, series, spread[name] / rms)
+    return found + readings.best()
 
 
 def driven(model: Model, window: Window, values: Mapping[str, float]) -> dict[str, Array]:
@@ -271,19 +275,43 @@ def driven(model: Model, window: Window, values: Mapping[str, float]) -> dict[st
     return {**inputs, **{n: y for n, y in true.items() if n in model.outputs}}
 
 
-def _on_outputs(
-    problem: Problem, series: Sequence[Array], spread: Mapping[str, float], rms: float
-) -> list[tuple[str, Array]]:
-    found = []
-    for name in [c for c in problem.channels if spread.get(c, 0.0) > 0.0]:
-        raw = np.zeros(problem.measured.size)
-        for block in problem.blocks:
-            if name in block.channels:
-                i, c = block.channels.index(name), len(block.channels)
-                grid = problem.windows[block.window].time_s
+class _Readings:
+    """Functions that may be added to the readings of outputs, the most promising of them where there are many.
+
+    Promising is what correlates with the innovations of the channel itself; only those are whitened with all other channels.
+    """
+
+    def __init__(self, problem: Problem, state: State) -> None:
+        self._problem = problem
+        self._kept: list[tuple[float, int, _Candidate]] = []
+        self._seen = 0
+        self._own = {
+            name: np.flatnonzero(state.noise.row_channel == i) for i, name in enumerate(problem.channels)
+        }
+        self._noise, self._residual = state.noise, state.fit.residual
+
+    def consider(self, function: Function, channel: str, series: Sequence[Array], amplitude: float) -> None:
+        """Keep the function for this channel if it is among the most promising so far; series: per window, on its grid."""
+        raw = np.zeros(self._problem.measured.size)
+        for block in self._problem.blocks:
+            if channel in block.channels:
+                i, c = block.channels.index(channel), len(block.channels)
+                grid = self._problem.windows[block.window].time_s
                 raw[block.start + i : block.stop : c] = np.interp(block.time_s, grid, series[block.window])
-        found.append((name, raw * spread[name] / rms))
-    return found
+        rows = self._own[channel]
+        seen, left = raw[self._noise.keep[rows]], self._residual[rows]
+        power = float(seen @ seen)
+        promise = float(seen @ left) ** 2 / power if power > 0.0 else 0.0
+        unit = self._problem.model.outputs[channel]
+        candidate = _Candidate(f"reading of {channel}", unit, function, amplitude, raw * amplitude)
+        self._seen += 1
+        heapq.heappush(self._kept, (promise, self._seen, candidate))
+        if len(self._kept) > MOST_READINGS:
+            heapq.heappop(self._kept)
+
+    def best(self) -> list[_Candidate]:
+        """Those kept, most promising first."""
+        return [candidate for _, _, candidate in sorted(self._kept, key=lambda entry: -entry[0])]
 
 
 def _held_out(problem: Problem, state: State, white: Array, settings: Settings) -> Array:

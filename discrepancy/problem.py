@@ -5,7 +5,9 @@ a block is one such run. The rows of a window are therefore contiguous, which le
 projected out by themselves.
 """
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -18,6 +20,9 @@ from discrepancy.sensors import through_sensors
 from discrepancy.units import parse_unit
 
 GAP = 3.5  # in median sample times: a longer pause starts a new run of the whitening filter
+OWN_SHARE = (
+    0.5  # of what other parameters may move, that a parameter may before its own sensitivity is computed anew
+)
 FEWEST_SAMPLES = 8  # of a channel in a window; fewer say nothing beyond the initial state
 
 
@@ -110,6 +115,9 @@ class Problem:
         self.row_window, self.row_channel, self.row_time = self._labels()
         self.local_names = tuple(p.name for p in model.nuisances if p.scope == "window")
         self.nuisance_names = tuple(p.name for p in model.nuisances if p.scope == "all")
+        self._typical = np.array([p.typical for p in model.parameters if p.scope == "all"])
+        self._slopes: dict[tuple[str, float | None], tuple[Array, Array]] = {}
+        self._places = [_Place.on(self.windows[b.window].time_s, b.time_s) for b in self.blocks]
 
     def _usable(self, recording: Recording) -> tuple[list[str], tuple[float, float]] | None:
         """Channels to score and the interval in which all inputs exist; complaints say what is wrong."""
@@ -193,8 +201,15 @@ class Problem:
         self, index: int, values: Values, extra: Mapping[str, Array] | None = None
     ) -> dict[str, Array]:
         """Sensor outputs on the grid of one window."""
-        window, parameters = self.windows[index], values.in_window(index)
-        true = self.model.simulate(window, parameters, extra or {})
+        parameters = values.in_window(index)
+        return self._sensed(
+            index, self.model.simulate(self.windows[index], parameters, extra or {}), parameters
+        )
+
+    def _sensed(
+        self, index: int, true: Mapping[str, Array], parameters: dict[str, float]
+    ) -> dict[str, Array]:
+        window = self.windows[index]
         for clock in [c for c in self.model.clocks if c.recording == window.recording]:
             for name in clock.channels:
                 late = parameters.get(f"{name}.delay", 0.0) + parameters[clock.parameter]
@@ -204,18 +219,79 @@ class Problem:
     def predict(self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None) -> Array:
         """Rows of the predicted outputs; extra: per window, what is added at the model's ports."""
         self.simulations += 1
+        return self._predicted(values, extra)
+
+    def predict_each(self, points: Sequence[Values]) -> list[Array]:
+        """Rows at many points, in threads where the model may run in several."""
+        self.simulations += len(points)
+        if not self.model.threads or len(points) < 2:
+            return [self._predicted(values) for values in points]
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            return list(pool.map(self._predicted, points))
+
+    def kept_slope(self, name: str, probe: float | None, values: Values) -> Array | None:
+        """What `keep_slope` was given for a parameter and a probe, if parameters have hardly moved since (Model.slopes_hold)."""
+        kept = self._slopes.get((name, probe))
+        if kept is None:
+            return None
+        at, column = kept
+        moved = np.abs(self._scaled(values) - at)
+        own = [p.name for p in self.model.parameters if p.scope == "all"].index(name)
+        if moved[own] > OWN_SHARE * self.model.slopes_hold or np.max(moved) > self.model.slopes_hold:
+            return None
+        return column
+
+    def keep_slope(self, name: str, probe: float | None, values: Values, column: Array) -> None:
+        """Keep a column of the sensitivities; probe: the finite change it is for, None for a derivative."""
+        if self.model.slopes_hold > 0.0 and name not in self.local_names:
+            self._slopes[(name, probe)] = (self._scaled(values), column)
+
+    def _scaled(self, values: Values) -> Array:
+        """Shared parameters in typical changes."""
+        shared = np.array([values.shared[p.name] for p in self.model.parameters if p.scope == "all"])
+        return np.asarray(shared / self._typical, float)
+
+    def _predicted(self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None) -> Array:
         rows = np.empty(self.measured.size)
-        current, seen = -1, dict[str, Array]()
-        for block in self.blocks:
-            if block.window != current:
-                current = block.window
-                seen = self.outputs(current, values, extra[current] if extra else None)
-            grid = self.windows[current].time_s
+        seen = self._all_outputs(values, extra)
+        for block, place in zip(self.blocks, self._places, strict=True):
+            outputs = seen[block.window]
             for i, name in enumerate(block.channels):
-                rows[block.start + i : block.stop : len(block.channels)] = np.interp(
-                    block.time_s, grid, seen[name]
-                )
+                rows[block.start + i : block.stop : len(block.channels)] = place.of(outputs[name])
         return rows
+
+    def _all_outputs(
+        self, values: Values, extra: Sequence[Mapping[str, Array]] | None
+    ) -> list[dict[str, Array]]:
+        together = getattr(self.model.simulate, "together", None)
+        if extra or self.local_names or together is None:
+            return [self.outputs(i, values, extra[i] if extra else None) for i in range(len(self.windows))]
+        motions = together(self.windows, values.shared)
+        return [self._sensed(i, true, dict(values.shared)) for i, true in enumerate(motions)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where on a grid stamps lie: linear between `before` and the point after it."""
+
+    before: NDArray[np.intp]
+    part: Array | None
+
+    @classmethod
+    def on(cls, grid: Array, time_s: Array) -> "_Place":
+        at = np.clip(np.searchsorted(grid, time_s, side="right") - 1, 0, max(grid.size - 2, 0))
+        part = (time_s - grid[at]) / (grid[at + 1] - grid[at]) if grid.size > 1 else np.zeros(time_s.size)
+        whole: Array = np.round(part)
+        if np.all(np.abs(part - whole) < 1e-6):
+            return cls(at + whole.astype(np.intp), None)
+        return cls(at, np.clip(part, 0.0, 1.0))
+
+    def of(self, values: Array) -> Array:
+        """Values at the stamps."""
+        if self.part is None:
+            return np.asarray(values[self.before], float)
+        rise = values[self.before + 1] - values[self.before]
+        return np.asarray(values[self.before] + self.part * rise, float)
 
 
 def _apart(recording: Recording, driving: Sequence[Signal], start: float, end: float) -> str:
@@ -228,15 +304,12 @@ def _apart(recording: Recording, driving: Sequence[Signal], start: float, end: f
 
 def cut(model: Model, recording: Recording, interval: tuple[float, float]) -> Iterable[Window]:
     """Windows of equal length near model.window_s, each with its lead-in as far as the recording has one."""
-    start, end = interval
-    count = max(1, round((end - start) / model.window_s)) if model.window_s else 1
-    edges = np.linspace(start, end, count + 1)
-    # on one grid through the recording: even sampling then meets even steps
-    edges[1:-1] = start + model.step_s * np.round((edges[1:-1] - start) / model.step_s)
+    start = interval[0]
     names = {**model.inputs, **model.optional, **model.outputs}
-    for low, high in pairwise(edges.tolist()):
+    for low, high in _spans(model, recording, interval):
         lead = max(low - model.step_s * round(model.lead_s / model.step_s), start)
-        grid = lead + model.step_s * np.arange(int(np.ceil((high - lead) / model.step_s - 1e-9)) + 1)
+        count = int(np.ceil((high - lead) / model.step_s - 1e-9)) + 1
+        grid: Array = lead + model.step_s * np.arange(count, dtype=np.float64)
         known = {
             name: resampled(s, grid)
             for name, s in recording.signals.items()
@@ -251,6 +324,22 @@ def cut(model: Model, recording: Recording, interval: tuple[float, float]) -> It
             known=known,
             constants=recording.constants,
         )
+
+
+def _spans(model: Model, recording: Recording, interval: tuple[float, float]) -> list[tuple[float, float]]:
+    """From when to when each window is scored, on one grid through the recording: even sampling then meets even steps."""
+    start, end = interval
+
+    def on_grid(time_s: Array) -> Array:
+        return np.asarray(start + model.step_s * np.round((time_s - start) / model.step_s), float)
+
+    if model.stretches is not None:
+        chosen = np.array(model.stretches(recording, interval))
+        return [(low, high) for low, high in np.clip(on_grid(chosen), start, end).tolist()]
+    count = max(1, round((end - start) / model.window_s)) if model.window_s else 1
+    edges = np.linspace(start, end, count + 1)
+    edges[1:-1] = on_grid(edges[1:-1])
+    return list(pairwise(edges.tolist()))
 
 
 def resampled(source: Signal, grid: Array) -> Array:

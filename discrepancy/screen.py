@@ -7,13 +7,14 @@ wrong noise model leaves there, is measured over blocks of time and divides the 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, ncx2
 
 from discrepancy.fit import Fit, WindowStates, differences
-from discrepancy.model import Effect
+from discrepancy.model import Effect, Parameter
 from discrepancy.noise import Noise
 from discrepancy.problem import Problem, Values
 from discrepancy.recording import Array
@@ -30,7 +31,6 @@ class Columns:
     effect: Effect
     raw: tuple[Array, ...]
     changes: tuple[Array, ...]  # (parameters,) per probe
-    simulations: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,25 +59,64 @@ class Score:
 
 
 def active(effect: Effect) -> list[str]:
+    """Names of the parameters that switch the effect on."""
+    return [p.name for p in switches(effect)]
+
+
+def sensitivities(problem: Problem, values: Values, base: Array, effects: Sequence[Effect]) -> list[Columns]:
+    """Simulate each effect at each of its probes, shapes at their typical value."""
+    tried = {
+        (effect.name, probe, p.name): p.tried[min(probe, len(p.tried) - 1)]
+        for effect in effects
+        for probe in range(_probes(effect))
+        for p in switches(effect)
+    }
+    raw = {key: problem.kept_slope(key[2], value, values) for key, value in tried.items()}
+    new = [key for key, column in raw.items() if column is None]
+    shapes = {e.name: {p.name: p.value + p.typical for p in e.parameters if p.shape} for e in effects}
+    points = [values.with_shared({**shapes[key[0]], key[2]: tried[key]}) for key in new]
+    for key, rows in zip(new, problem.predict_each(points), strict=True):
+        raw[key] = column = rows - base
+        problem.keep_slope(key[2], tried[key], values, column)
+    found = []
+    for effect in effects:
+        own = [[(effect.name, probe, p.name) for p in switches(effect)] for probe in range(_probes(effect))]
+        found.append(
+            Columns(
+                effect,
+                tuple(np.stack([c for k in keys if (c := raw[k]) is not None], axis=1) for keys in own),
+                tuple(
+                    np.array([tried[k] - p.value for k, p in zip(keys, switches(effect), strict=True)])
+                    for keys in own
+                ),
+            )
+        )
+    return found
+
+
+def switches(effect: Effect) -> list[Parameter]:
     """Parameters that switch the effect on (all but shapes)."""
-    return [p.name for p in effect.parameters if not p.shape]
+    return [p for p in effect.parameters if not p.shape]
 
 
-def sensitivities(problem: Problem, values: Values, base: Array, effect: Effect) -> Columns:
-    """Simulate the effect at each of its probes, shapes at their typical value."""
-    shapes = {p.name: p.value + p.typical for p in effect.parameters if p.shape}
-    switches = [p for p in effect.parameters if not p.shape]
-    raw, changes = [], []
-    probes = max(len(p.tried) for p in switches) if len(switches) <= FEW else 1
-    for probe in range(probes):
-        tried = {p.name: p.tried[min(probe, len(p.tried) - 1)] for p in switches}
-        columns = [
-            problem.predict(values.with_shared({**shapes, name: value})) - base
-            for name, value in tried.items()
-        ]
-        raw.append(np.stack(columns, axis=1))
-        changes.append(np.array([tried[p.name] - p.value for p in switches]))
-    return Columns(effect, tuple(raw), tuple(changes), len(raw) * len(switches))
+def _probes(effect: Effect) -> int:
+    own = switches(effect)
+    return max(len(p.tried) for p in own) if len(own) <= FEW else 1
+
+
+def projected(
+    noise: Noise, projector: "Projector", columns: Sequence[Columns]
+) -> list[list[tuple[Array, float]]]:
+    """Per effect and probe: whitened sensitivity beyond nuisances and initial states, and its squared size before; all at once."""
+    parts = [raw for c in columns for raw in c.raw]
+    if not parts:
+        return []
+    white = noise.whiten(np.concatenate(parts, axis=1))
+    free = projector.off(projector.states.off(white))
+    size = np.sum(white**2, axis=0)
+    edges = np.cumsum([0, *(raw.shape[1] for raw in parts)]).tolist()
+    found = iter([(free[:, a:b], float(np.sum(size[a:b]))) for a, b in pairwise(edges)])
+    return [[next(found) for _ in c.raw] for c in columns]
 
 
 class Projector:
@@ -122,36 +161,37 @@ def time_blocks(noise: Noise, count: int = BLOCKS) -> NDArray[np.intp]:
 
 
 def score(
-    noise: Noise,
-    projector: Projector,
-    residual: Array,
     columns: Columns,
+    seen_by: Sequence[tuple[Array, float]],
+    residual: Array,
     critical: float,
     blocks: NDArray[np.intp],
 ) -> Score:
-    """Score one effect at the best of its probes; `critical` is the statistic that would count, for the power."""
+    """Score one effect at the best of its probes.
+
+    seen_by: for each probe the projected whitened sensitivity and the squared size before the projection; critical: the statistic that
+    would count, for the power.
+    """
     best: Score | None = None
-    for probe, (raw, change) in enumerate(zip(columns.raw, columns.changes, strict=True)):
-        white = projector.states.off(noise.whiten(raw))
-        X = projector.off(white)
+    for probe, ((X, whole), change) in enumerate(zip(seen_by, columns.changes, strict=True)):
         gram, total = X.T @ X, X.T @ residual
         coefficient = np.linalg.pinv(gram, rcond=1e-10) @ total
         plain = float(total @ coefficient)
         inflation = inflation_of(X, residual, blocks) if X.any() else 1.0
         moved = coefficient * change
-        switches = [p for p in columns.effect.parameters if not p.shape]
+        own = switches(columns.effect)
         plausible = (
             all(
                 p.lower - 0.5 * abs(p.typical) <= p.value + m <= p.upper + 0.5 * abs(p.typical)
                 and (np.isinf(p.lower) or p.lower < p.value or m > 0.0)
-                for p, m in zip(switches, moved, strict=True)
+                for p, m in zip(own, moved, strict=True)
             )
-            or len(switches) > 1
+            or len(own) > 1
         )
-        seen, whole = float(np.sum(X**2)), float(np.sum(noise.whiten(raw) ** 2))
+        seen = float(np.sum(X**2))
         if seen < INVISIBLE * whole or whole == 0.0:
             plausible, seen = False, 0.0  # nuisances or initial states can do exactly the same
-        typical = np.array([p.typical for p in switches])
+        typical = np.array([p.typical for p in own])
         noncentrality = seen * float(np.mean((typical / change) ** 2)) / inflation
         found = Score(
             effect=columns.effect.name,

@@ -22,8 +22,10 @@ from discrepancy.screen import (
     by_statistic,
     inflation_of,
     penalty,
+    projected,
     score,
     sensitivities,
+    switches,
     time_blocks,
 )
 
@@ -58,10 +60,18 @@ class Trial:
     needed: float
     held_out_gain: float | None = None  # summed over folds; only put to the test if gain > needed
     inflation: float = 1.0
+    size: float = np.inf  # of its largest switch, in typical changes
+    explained: float = (
+        1.0  # share of the squared errors of the channel it helps most that it takes away, held out
+    )
 
     def accepted(self, settings: Settings) -> bool:
         confirmed = max(settings.held_out, settings.confirmed * self.gain)
         return self.held_out_gain is not None and self.held_out_gain > confirmed
+
+    def negligible(self, problem: Problem) -> bool:
+        """Whether it is too small to matter, however significant."""
+        return self.size < problem.model.negligible or self.explained < problem.model.least_explained
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +103,7 @@ def search(
             progress(f"{len(state.scores)} effects screened, {problem.simulations} simulations")
             state = replace(state, trials=tuple(try_shortlist(problem, state, settings)))
         history.append(state)
-        passed = [t for t in state.trials if t.accepted(settings)]
+        passed = [t for t in state.trials if t.accepted(settings) and not t.negligible(problem)]
         if not passed:
             return state, history
         best = max(passed, key=lambda t: t.gain - t.needed)
@@ -115,7 +125,7 @@ def assess(problem: Problem, accepted: tuple[str, ...], values: Values, settings
     columns: list[Columns] = []
     for _ in range(2):
         base = problem.predict(fitted.values)
-        columns = [sensitivities(problem, fitted.values, base, effect) for effect in candidates]
+        columns = sensitivities(problem, fitted.values, base, candidates)
         raw = problem.measured - base
         noise = estimate_noise(problem, *_unexplained(problem, noise, fitted, raw, columns))
         fitted = fit(problem, noise, names, fitted.values)
@@ -144,7 +154,7 @@ def _screen_at(
     settings: Settings,
 ) -> list[Score]:
     point, base = fit(problem, noise, names, values, iterations=0), problem.predict(values)
-    columns = [sensitivities(problem, values, base, effect) for effect in candidates]
+    columns = sensitivities(problem, values, base, candidates)
     return screen(problem, noise, point, columns, settings)
 
 
@@ -194,18 +204,11 @@ def screen(
 ) -> list[Score]:
     """Scores of all candidates, best first."""
     projector, blocks = Projector(problem, noise, fitted), time_blocks(noise)
-    count = len(columns)
+    needed = [penalty(len(active(c.effect)), len(columns), settings.alpha) for c in columns]
     return by_statistic(
         [
-            score(
-                noise,
-                projector,
-                fitted.residual,
-                c,
-                penalty(len(active(c.effect)), count, settings.alpha),
-                blocks,
-            )
-            for c in columns
+            score(c, seen, fitted.residual, critical, blocks)
+            for c, seen, critical in zip(columns, projected(noise, projector, columns), needed, strict=True)
         ]
     )
 
@@ -234,10 +237,12 @@ def try_shortlist(problem: Problem, state: State, settings: Settings) -> list[Tr
     trials = [
         refit(problem, state, s, settings) for s in shortlisted(problem.model.effects, state.scores, settings)
     ]
-    best = max((t.gain - t.needed for t in trials), default=0.0)
+    best = max((t.gain - t.needed for t in trials if t.size >= problem.model.negligible), default=0.0)
     return [
-        replace(t, held_out_gain=confirm(problem, state, t.effect, t.fit.values, settings))
-        if t.gain > t.needed and t.gain - t.needed > best - 3.0 * settings.same
+        confirm(problem, state, t, settings)
+        if t.gain > t.needed
+        and t.gain - t.needed > best - 3.0 * settings.same
+        and t.size >= problem.model.negligible
         else t
         for t in trials
     ]
@@ -254,25 +259,29 @@ def refit(
         for start in starts(state, effect, found)
     ]
     best = min(fits, key=lambda f: f.sse)
-    switches = [names.index(name) for name in active(effect)]
-    direction = project_out(best, switches)
+    direction = project_out(best, [names.index(name) for name in active(effect)])
     inflation = inflation_of(direction, best.residual, time_blocks(state.noise)) if direction.any() else 1.0
     needed = penalty(effect.size, len(problem.model.effects), settings.alpha)
-    return Trial(effect.name, best, (state.fit.sse - best.sse) / inflation, needed, None, inflation)
+    gain = (state.fit.sse - best.sse) / inflation
+    return Trial(effect.name, best, gain, needed, None, inflation, size_of(effect, best))
+
+
+def size_of(effect: Effect, fitted: Fit) -> float:
+    """The largest of an effect's switches, in typical changes."""
+    return max(abs((fitted.values.shared[p.name] - p.value) / p.typical) for p in switches(effect))
 
 
 def starts(state: State, effect: Effect, found: Score) -> list[Values]:
     """Where the refit begins: the expected change, within bounds; shapes at their typical value."""
     shapes = {p.name: p.value + p.typical for p in effect.parameters if p.shape}
-    switches = [p for p in effect.parameters if not p.shape]
     expected = {
         p.name: float(np.clip(p.value + change, p.lower, p.upper))
-        for p, change in zip(switches, found.change, strict=True)
+        for p, change in zip(switches(effect), found.change, strict=True)
     }
     points = [state.fit.values, *([state.unstrained] if state.unstrained else [])]
     found_at = [point.with_shared({**shapes, **expected}) for point in points]
-    if any(p.probes for p in switches):
-        probe = {p.name: p.tried[min(found.probe, len(p.tried) - 1)] for p in switches}
+    if any(p.probes for p in switches(effect)):
+        probe = {p.name: p.tried[min(found.probe, len(p.tried) - 1)] for p in switches(effect)}
         found_at.append(state.fit.values.with_shared({**shapes, **probe}))
     return found_at
 
@@ -296,11 +305,16 @@ def folds(problem: Problem, noise: Noise, count: int) -> list[Mask]:
     return [number % count == i for i in range(count)]
 
 
-def confirm(problem: Problem, state: State, effect: str, values: Values, settings: Settings) -> float:
-    """Gain in SSE on held-out rows, summed over the folds: everything shared is fitted on the other rows."""
-    before = held_out_residual(problem, state.noise, state.accepted, state.fit.values, settings)
-    after = held_out_residual(problem, state.noise, (*state.accepted, effect), values, settings)
-    return float(np.sum(before**2) - np.sum(after**2))
+def confirm(problem: Problem, state: State, trial: Trial, settings: Settings) -> Trial:
+    """The trial with its gain in SSE on held-out rows, summed over the folds: everything shared is fitted on the other rows."""
+    noise, count = state.noise, len(problem.channels)
+    before = held_out_residual(problem, noise, state.accepted, state.fit.values, settings) ** 2
+    after = (
+        held_out_residual(problem, noise, (*state.accepted, trial.effect), trial.fit.values, settings) ** 2
+    )
+    whole = np.bincount(noise.row_channel, before, count)
+    taken = np.bincount(noise.row_channel, before - after, count) / np.maximum(whole, 1e-300)
+    return replace(trial, held_out_gain=float(np.sum(before - after)), explained=float(np.max(taken)))
 
 
 def held_out_residual(

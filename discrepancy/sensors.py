@@ -14,6 +14,7 @@ from discrepancy.recording import Array
 from discrepancy.units import parse_unit
 
 KINDS = ("bias", "scale", "delay", "lag", "sign", "drift")
+LINEAR = ("bias", "scale", "sign", "drift")  # for which one size tells of all
 LONGEST_DELAY_S = 0.5
 
 
@@ -26,7 +27,10 @@ def sensor_effects(
         kind: str, of: str, value_range: tuple[float, float], size: float, *probes: float
     ) -> Parameter:
         low, high = value_range
-        return Parameter(name=f"{output}.{kind}", unit=of, lower=low, upper=high, typical=size, probes=probes)
+        small = kind not in LINEAR
+        return Parameter(
+            name=f"{output}.{kind}", unit=of, lower=low, upper=high, typical=size, probes=probes, small=small
+        )
 
     longest = LONGEST_DELAY_S
     library = {

@@ -129,6 +129,6 @@ def _reasons(result: Findings) -> Iterator[str]:
         yield f"Ruled out, a typical one would have been noticed: {', '.join(ruled_out)}"
     by_reason: dict[str, list[str]] = {}
     for c in result.candidates:
-        if c.verdict in ("could not be judged", "not needed"):
+        if c.verdict in ("could not be judged", "not needed", "negligible"):
             by_reason.setdefault(f"{c.verdict.capitalize()}, {c.reason}", []).append(c.effect)
     yield from (f"{reason}: {', '.join(effects)}" for reason, effects in by_reason.items())

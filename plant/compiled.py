@@ -22,6 +22,8 @@ SOURCES = (
     "workspace.py",
     "dynamics.py",
     "truth.py",
+    "resting.py",
+    "follow.py",
     "effects/ports.py",
 )
 
@@ -51,3 +53,6 @@ def _forget_stale_code(folder: Path) -> None:
 _forget_stale_code(FOLDER)
 
 compiled = njit(cache=True, error_model="numpy")
+
+released = njit(cache=True, error_model="numpy", nogil=True)
+"""For long work that may run beside other threads: it lets go of the interpreter while it runs."""

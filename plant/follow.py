@@ -1,18 +1,18 @@
 """The plant led by a recording: measured torques and joint angles in, everything else out.
 
-The working joints follow their measured angles; the motors and brakes give the measured torque at once. A gain
-draws the speed towards the measured one, so that an error of force shows as a steady difference and does not pile up.
+Steering follows its measured angle; lift arm and bucket follow what their cylinders were asked for, drawn to their measured angles, or
+these angles alone where no demand was recorded; motors and brakes give the measured torque at once. A gain draws the speed towards the
+measured one, so that an error of force shows as a steady difference and does not pile up.
 """
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plant import state as s
-from plant.compiled import compiled
+from plant.compiled import compiled, released
 from plant.dynamics import advance
 from plant.parameters import (
     P_BRAKE_CAPACITY,
@@ -29,6 +29,7 @@ from plant.parameters import (
     WHEEL_SIZE,
 )
 from plant.plant import Plant
+from plant.resting import REST, moved_to_rest
 from plant.truth import PAYLOAD, TIME, Truth, observe
 from plant.workspace import Workspace
 
@@ -39,21 +40,27 @@ M_TORQUE: Final = 0  # four [N m]
 M_BRAKING: Final = 4  # above zero while the brakes are applied
 M_SPEED: Final = 5  # mean wheel speed [rad/s]
 M_ARTICULATION: Final = 6  # angle [rad], rate [rad/s]
-M_LIFT: Final = 8
+M_LIFT: Final = 8  # angle, and the rate: measured, or asked for
 M_TILT: Final = 10
 MEASURED: Final = 12
 
-AT_ONCE: Final = 2e-3  # lag of motors and brakes whose torque was measured [s]
+AT_ONCE: Final = 2e-3  # lag of motors and brakes whose torque was measured [s], or the step if that is longer
 SERVO_LAG: Final = 0.02  # of joints whose angle was measured [s]
 ANGLE_GAIN: Final = 4.0  # how fast an error of such an angle decays [1/s]
+ASKED_GAIN: Final = 1.0  # the same where the rate is the one that was asked for
 HELD: Final = 0.05  # wheel speed below which an applied brake holds the wheels [rad/s]
+GAIN: Final = 0.5  # with which the speed is drawn to the measured one [1/s]
 
 
 @compiled
-def _command(command: Array, state: Array, m: Array, after: Array, interval: float, p: Array) -> None:
+def _command(
+    command: Array, state: Array, m: Array, after: Array, interval: float, p: Array, asked: bool
+) -> None:
     """Commands that make the plant do what was measured from one row to the next."""
+    middle = 0.5 + p[P_DRIVE_LAG] / interval  # a lagging motor or servo is asked for what comes later
     for wheel in range(4):
-        torque, capacity = 0.5 * (m[M_TORQUE + wheel] + after[M_TORQUE + wheel]), 0.0
+        torque = m[M_TORQUE + wheel] + middle * (after[M_TORQUE + wheel] - m[M_TORQUE + wheel])
+        capacity = 0.0
         if m[M_BRAKING] > 0.0:
             capacity = p[P_BRAKE_CAPACITY] if abs(m[M_SPEED]) < HELD else abs(torque)
             torque = 0.0
@@ -63,13 +70,19 @@ def _command(command: Array, state: Array, m: Array, after: Array, interval: flo
         (M_LIFT, s.LIFT_ARM, s.C_LIFT_RATE),
         (M_TILT, s.BUCKET, s.C_TILT_RATE),
     ):
-        change = after[at + 1] - m[at + 1]
-        lead_in = m[at + 1] + (0.5 + SERVO_LAG / interval) * change  # a lagging servo is asked for more
-        command[rate] = lead_in + ANGLE_GAIN * (m[at] - state[s.JOINT + body])
+        error = m[at] - state[s.JOINT + body]
+        if asked and at != M_ARTICULATION:
+            command[rate] = (
+                after[at + 1] + ASKED_GAIN * error
+            )  # a frame tells what the tick before it was asked for
+        else:
+            change = after[at + 1] - m[at + 1]
+            lead_in = m[at + 1] + (0.5 + SERVO_LAG / interval) * change
+            command[rate] = lead_in + ANGLE_GAIN * error
 
 
 @compiled
-def _draw(state: Array, work: Workspace, m: Array, radius: float, share: float) -> None:
+def draw(state: Array, work: Workspace, m: Array, radius: float, share: float) -> None:
     """Draw the machine's speed towards the measured one by a share of the difference."""
     turning = 0.0
     for wheel in range(4):
@@ -82,68 +95,95 @@ def _draw(state: Array, work: Workspace, m: Array, radius: float, share: float) 
             state[s.JOINT_RATE + s.WHEEL + wheel] += change
 
 
-@compiled
+@released
 def lead(
-    state: Array,
+    starts: Array,
+    rests: Array,
     measured: Array,
+    edges: NDArray[np.intp],
     p: Array,
+    asked: bool,
     step: float,
     count: int,
-    gain: float,
     work: Workspace,
     active: Array | None,
     measures: Array,
     rows: Array,
+    states: Array,
 ) -> None:
-    """Fill `rows` (n, Truth.size); `count` steps between rows."""
+    """Lead one start after the other through its stretch measured[edges[i] : edges[i + 1]], `count` steps between rows.
+
+    rests: (n, REST) of each start on the plant it is from, or (0, REST) to take starts as they are.
+    Fills `rows` (n, Truth.size), and `states` (n, STATES) unless that is empty.
+    """
     command = np.zeros(s.COMMANDS)
     radius = p[P_WHEELS + W_RADIUS]
-    for k in range(measured.shape[0]):
-        observe(rows[k], state, command, p, work, active, measures)
-        after = measured[min(k + 1, measured.shape[0] - 1)]
-        _command(command, state, measured[k], after, count * step, p)
-        rows[k, TIME] = k * count * step
-        advance(state, command, p, step, count, False, work, active)
-        _draw(state, work, after, radius, gain * count * step)
-        if not math.isfinite(state[s.POSITION]):
-            break
+    interval = count * step
+    for stretch in range(edges.size - 1):
+        begin, end = edges[stretch], edges[stretch + 1]
+        state = starts[stretch].copy()
+        if rests.shape[0] > 0:
+            moved_to_rest(state, rests[stretch], p, work, active)
+            draw(state, work, measured[begin], radius, 1.0)
+        for k in range(begin, end):
+            if states.shape[0] > 0:
+                states[k] = state
+            observe(rows[k], state, command, p, work, active, measures)
+            after = measured[min(k + 1, end - 1)]
+            _command(command, state, measured[k], after, interval, p, asked)
+            rows[k, TIME] = (k - begin) * interval
+            advance(state, command, p, step, count, False, work, active)
+            draw(state, work, after, radius, GAIN * interval)
+            if not math.isfinite(state[s.POSITION]):
+                break
 
 
-def led_parameters(p: Array) -> Array:
-    """The plant's parameters with joints, motors and brakes that do what was measured."""
+def led_parameters(p: Array, step: float, *, asked: bool) -> Array:
+    """The plant's parameters with joints, motors and brakes that do what was measured; asked: working cylinders stay as they are."""
     led = p.copy()
-    for at in (P_STEERING, P_LIFT, P_TILT):
+    for at in (P_STEERING,) if asked else (P_STEERING, P_LIFT, P_TILT):
         servo = led[at : at + SERVO_SIZE]
         servo[:2] = -math.pi, math.pi  # measured angles may pass the stops by their error
         servo[2:4] = 1e3
         servo[4] = SERVO_LAG
-    led[P_DRIVE_LAG] = led[P_BRAKE_LAG] = AT_ONCE
+    led[P_DRIVE_LAG] = led[P_BRAKE_LAG] = max(AT_ONCE, step)
     led[P_DRIVE_RATE] = 1e12
     for wheel in range(4):
         led[P_WHEELS + wheel * WHEEL_SIZE + W_PEAK_TORQUE] = 1e9
     return led
 
 
-@dataclass(frozen=True, slots=True)
-class Led:
-    """What the plant did, as rows of Truth; `whole` is False where the motion diverged (the rest is not a number)."""
-
-    rows: Array
-    whole: bool
-
-
 def follow(
-    plant: Plant, measured: Array, *, interval_s: float, step_s: float = 1e-3, gain: float = 0.5
-) -> Led:
+    plant: Plant, measured: Array, *, interval_s: float, step_s: float = 1e-3, asked: bool = False
+) -> tuple[Array, Array]:
     """Lead a plant at its start through `measured` (n, MEASURED), one row every `interval_s`.
 
-    gain: with which the speed is drawn to the measured one [1/s]. The plant itself stays as it is.
+    asked: the rates of lift arm and bucket are those asked for [rad/s]. Returns rows of Truth and states of the plant; from where the
+    motion diverged on they are not numbers. The plant itself stays as it is.
     """
     state, p, work, active, measures = plant.inside()
-    rows = np.full((len(measured), Truth.size), np.nan)
-    count = round(interval_s / step_s)
-    lead(state, measured, led_parameters(p), step_s, count, gain, work, active, measures, rows)
-    rows[:, PAYLOAD] = plant.payload_mass
+    rows, states = np.full((len(measured), Truth.size), np.nan), np.full((len(measured), s.STATES), np.nan)
+    lead(
+        state[None],
+        np.zeros((0, REST)),
+        measured,
+        np.array((0, len(measured)), np.intp),
+        led_parameters(p, step_s, asked=asked),
+        asked,
+        step_s,
+        round(interval_s / step_s),
+        work,
+        active,
+        measures,
+        rows,
+        states,
+    )
+    finish(rows, plant.payload_mass)
+    return rows, states
+
+
+def finish(rows: Array, payload_mass: float) -> None:
+    """What the compiled record leaves out: payload, and slip angles from their tangents."""
+    rows[:, PAYLOAD] = payload_mass
     slip_angle = Truth.slip_angle.column(rows)
     np.arctan(slip_angle, out=slip_angle)
-    return Led(rows, bool(np.isfinite(rows[-1]).all()))

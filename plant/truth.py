@@ -101,7 +101,7 @@ class Truth:
     tilt_angle = Number()  # bucket's bottom above the front frame's horizontal, rolled back positive
     tilt_rate = Number()
     wheel_speed = Vector(4)  # against the carrier, rolling forward [rad/s]
-    wheel_torque = Vector(4)  # drive plus brake [N m]
+    wheel_torque = Vector(4)  # drive plus brake [N m]; without what effects take from it on its way
     normal_force = Vector(4)  # [N]
     longitudinal_force = Vector(4)  # wheel axes [N]
     lateral_force = Vector(4)  # wheel axes [N]
@@ -264,7 +264,9 @@ def _observe_joints(row: Array, state: Array, work: Workspace) -> None:
     row[JOINT_TORQUE] = effort[s.FRONT_FRAME]
     for wheel in range(4):
         row[WHEEL_SPEED + wheel] = state[s.JOINT_RATE + s.WHEEL + wheel]
-        row[WHEEL_TORQUE + wheel] = effort[s.WHEEL + wheel]
+        stick = state[s.STICK + wheel]
+        rolling = state[s.DRIVE + wheel] - stick * state[s.BRAKE + wheel]
+        row[WHEEL_TORQUE + wheel] = effort[s.WHEEL + wheel] if stick == 0.0 else rolling
 
 
 @compiled

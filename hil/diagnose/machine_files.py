@@ -40,11 +40,10 @@ BASE = "l60"
 def baseline(machine_file: Path, recordings: Sequence[Recording]) -> Model:
     """The loader's model of a machine file and the equipment beside it. Raises ConfigurationError."""
     machine = load_machine(machine_file)
-    model = loader.model(recordings)
-    searched = {effect.name: effect for effect in model.effects}
+    searched = {effect.name: effect for effect in loader.model().effects}
     known = [item for item in machine.effects if item.effect.name in searched]
     others = tuple(item for item in machine.effects if item.effect.name not in searched)
-    simulate = loader.Loader(replace(machine, effects=others), load_equipment(BASE).sensors)
+    model = loader.model(recordings, machine=replace(machine, effects=others))
     values: dict[str, dict[str, float]] = {}
     for item in known:
         name = item.effect.name
@@ -54,7 +53,7 @@ def baseline(machine_file: Path, recordings: Sequence[Recording]) -> Model:
             for p, value in zip(item.effect.parameters, item.values, strict=True)
             if f"{name}.{p.name}" in kept
         }
-    return extended(replace(model, simulate=simulate), {**values, **_faults(machine_file, model)})
+    return extended(model, {**values, **_faults(machine_file, model)})
 
 
 def _faults(machine_file: Path, model: Model) -> Values:

@@ -8,53 +8,50 @@ import pytest
 
 from discrepancy.model import Model
 from discrepancy.models import loader
+from discrepancy.models.led import Loader
+from discrepancy.models.loader_library import CHANNELS, INPUTS, UNSEARCHED, library
 from discrepancy.problem import Problem
 from discrepancy.recording import Recording, signal
 from plant.effects import effect, effects
+from plant.equipment import load_equipment
 from plant.machine import load_machine
 from plant.plant import Commands, Plant
+from plant.sensors import INDEX, SensorBank, SensorParameters, measured_values
 
 L60 = load_machine("l60")
 
 
-def recorded(*chosen, seconds=8.0, noise=1.0, seed=1):
+def recorded(*chosen, seconds=12.0, noise=1.0, seed=1):
     """A drive as its sensors read it, without bias: torque steps both ways, coasting, zigzag, a lift."""
-    generator = np.random.default_rng(seed)
+    sheet = load_equipment("l60").sensors
+    ideal = {
+        name: replace(item, bias=0.0, scale_error=0.0, noise=noise * item.noise)
+        for name, item in sheet.channels.items()
+    }
+    bank = SensorBank(SensorParameters(ideal), step=0.01, generator=np.random.default_rng(seed))
     plant = Plant(replace(L60, effects=chosen), speed=3.0, integrator="rk4")
-    rows = [plant.truth()]
+    rows, lifting = [bank.sample(measured_values(plant.truth())).values], [0.0]
     for k in range(round(seconds * 100)):
         t = 0.01 * k
-        torque = 2500.0 if 0.5 < t < 2.0 else (-2000.0 if 3.0 < t < 4.0 else 0.0)
+        torque = 2500.0 if 0.5 < t < 2.0 else (-2000.0 if 3.0 < t < 4.0 else 300.0)
+        lifting.append(0.08 if 4.5 < t < 6.0 else 0.0)
         plant.advance(
             Commands(
                 wheel_torque=(torque,) * 4,
                 articulation_rate=0.25 * math.sin(1.5 * t),
-                lift_rate=0.08 if 4.5 < t < 6.0 else 0.0,
+                lift_rate=lifting[-1],
             ),
             0.01,
         )
-        rows.append(plant.truth())
-    sheet = loader.load_equipment("l60").sensors
-    time_s = 0.01 * np.arange(len(rows))
-    signals = {}
-
-    def add(name, unit, values):
-        sensor = sheet.of(name) if name in sheet.channels else None
-        if sensor is not None:
-            values = loader.delayed(loader.lagged(values, sensor.lag, 0.01), sensor.delay, time_s)
-            values = values + noise * sensor.noise * generator.standard_normal(values.size)
-        signals[name] = signal(time_s, values, unit)
-
-    for i, name in enumerate(loader.TORQUES):
-        add(name, "N.m", np.array([row.wheel_torque[i] for row in rows]))
-    for name in ("articulation_angle", "lift_arm_angle", "tilt_angle"):
-        add(name, "rad", np.array([getattr(row, name) for row in rows]))
-    add("articulation_rate", "rad/s", np.array([row.articulation_rate for row in rows]))
-    for name, channel in loader.CHANNELS.items():
-        field, index = channel.columns
-        values = np.array([getattr(row, field) for row in rows])
-        if name in sheet.channels:
-            add(name, channel.unit, values if index is None else values[:, index])
+        rows.append(bank.sample(measured_values(plant.truth())).values)
+    time_s, readings = 0.01 * np.arange(len(rows)), np.array(rows)
+    signals = {
+        name: signal(time_s, readings[:, INDEX[name]], unit)
+        for name, unit in {**INPUTS, **{n: c.unit for n, c in CHANNELS.items()}}.items()
+        if name in INDEX
+    }
+    signals["lift_demand"] = signal(time_s, np.array(lifting) / L60.lift.raise_rate_limit, "1")
+    signals["tilt_demand"] = signal(time_s, 0.0 * time_s, "1")
     return Recording("drive", signals)
 
 
@@ -65,7 +62,7 @@ def plain():
 
 def test_every_searched_effect_is_off_at_its_value():
     """At the baseline nothing is switched on; at any typical change exactly that effect is."""
-    simulate = loader.Loader(L60, loader.load_equipment("l60").sensors)
+    simulate = Loader(L60, load_equipment("l60").sensors)
     model = loader.model()
     off = {p.name: p.value for p in model.parameters}
     assert simulate._changed(off).effects == ()
@@ -79,27 +76,27 @@ def test_every_searched_effect_is_off_at_its_value():
 
 
 def test_the_library_has_every_effect_that_can_be_seen():
-    named = {item.name for item in loader.library()}
+    named = {item.name for item in library()}
     physics = {name for name, item in effects().items() if item.sensors is None}
-    assert physics - named <= loader.UNSEARCHED
+    assert physics - named <= UNSEARCHED
     for channel in ("yaw_rate", "acceleration_x", "lift_pressure"):
         assert {f"{channel} delay", f"{channel} scale", f"{channel} bias"} <= named
 
 
 def test_it_predicts_a_recorded_drive_to_its_noise(plain):
     """Another integrator and half the step made the truth; what is left is little more than the sensors' own noise."""
-    problem = Problem(loader.model(), [plain])
+    problem = Problem(loader.model([plain]), [plain])
     residual = problem.measured - problem.predict(problem.start())
-    sheet = loader.load_equipment("l60").sensors
+    sheet = load_equipment("l60").sensors
     for i, name in enumerate(problem.channels):
         error = float(np.std(residual[problem.row_channel == i]))
         allowed = 3.0 * sheet.of(name).noise if "wheel_speed" not in name else 0.03
         assert error < allowed, name
 
 
-def restricted(*names) -> Model:
+def restricted(*names, recordings=()) -> Model:
     """The model with a short library, so that a search takes seconds."""
-    model = loader.model()
+    model = loader.model(recordings)
     return replace(model, effects=tuple(item for item in model.effects if item.name in names))
 
 
@@ -118,11 +115,8 @@ def test_a_concealed_effect_is_named_with_its_size():
     from discrepancy.examine import examine
     from discrepancy.search import Settings
 
-    found = examine(
-        restricted(*LIBRARY),
-        [recorded(effect("payload_mass").of(extra_kg=700.0))],
-        Settings(open_ended=False),
-    )
+    drive = recorded(effect("payload_mass").of(extra_kg=700.0))
+    found = examine(restricted(*LIBRARY, recordings=[drive]), [drive], Settings(open_ended=False))
     assert found.status == "explained"
     (first,) = found.findings
     assert first.effect == "payload_mass"
@@ -135,4 +129,5 @@ def test_nothing_is_found_where_nothing_was_concealed(plain):
     from discrepancy.examine import examine
     from discrepancy.search import Settings
 
-    assert examine(restricted(*LIBRARY), [plain], Settings(open_ended=False)).status == "nothing missing"
+    model = restricted(*LIBRARY, recordings=[plain])
+    assert examine(model, [plain], Settings(open_ended=False)).status == "nothing missing"

@@ -57,17 +57,16 @@ def truth():
 
 def led(truth, given=L60, **options):
     rows = measured(truth, truth["time_s"] > 4.5)
-    return f.follow(Plant(given, speed=3.0), rows, interval_s=0.01, **options)
+    return f.follow(Plant(given, speed=3.0), rows, interval_s=0.01, **options)[0]
 
 
-@pytest.mark.parametrize("step", [1e-3, 2e-3])
+@pytest.mark.parametrize("step", [1e-3, 2e-3, 5e-3])
 def test_it_does_what_the_leader_did_to_the_accuracy_of_the_sensors(truth, step):
     found = led(truth, step_s=step)
-    assert found.whole
-    columns = columns_of(found.rows)
+    columns = columns_of(found)
     for name, accuracy in ACCURACY.items():
         error = float(np.sqrt(np.mean((columns[name] - truth[name]) ** 2)))
-        assert error < accuracy, name
+        assert error < accuracy * (2.0 if step > 2e-3 else 1.0), name
 
 
 def test_an_error_of_force_shows_as_a_steady_difference_of_speed(truth):
@@ -77,17 +76,21 @@ def test_an_error_of_force_shows_as_a_steady_difference_of_speed(truth):
     from plant.effects import effect
 
     drag = effect("brake_drag").of(front_N_m=300.0, rear_N_m=300.0)
-    columns = columns_of(led(truth, replace(L60, effects=(drag,)), gain=2.0).rows)
+    columns = columns_of(led(truth, replace(L60, effects=(drag,))))
     coasting = slice(400, 440)
     off = (columns["wheel_speed"] - truth["wheel_speed"])[coasting].mean() * 0.727
-    expected = -4 * 300.0 / 0.727 / (11842.0 + 4 * 110.0 / 0.73**2) / 2.0
+    steady = -4 * 300.0 / 0.727 / (11842.0 + 4 * 110.0 / 0.73**2) / f.GAIN
+    expected = steady * (1.0 - math.exp(-f.GAIN * 4.2))
     assert off == pytest.approx(expected, rel=0.15)
 
 
 def test_a_motion_that_diverges_is_told(truth):
     rows = measured(truth, truth["time_s"] > 4.5)
     rows[100, f.M_ARTICULATION + 1] = math.inf
-    assert not f.follow(Plant(L60, speed=3.0), rows, interval_s=0.01).whole
+    led_rows, states = f.follow(Plant(L60, speed=3.0), rows, interval_s=0.01)
+    assert np.isfinite(led_rows[:100]).all()
+    assert not np.isfinite(led_rows[-1]).all()
+    assert not np.isfinite(states[-1]).any()
 
 
 def test_the_plant_that_leads_in_is_left_as_it_was(truth):

@@ -1,0 +1,356 @@
+"""The plant led through many stretches of recordings at once, with any of its parameters and effects changed.
+
+A pilot, the machine of the sheet led through the whole recording, gives every stretch the state it begins with; a changed machine begins
+moved by as much as its rest differs (plant.resting). All stretches of a recording are one call of compiled code, which runs beside
+other threads.
+"""
+
+import math
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from threading import Lock
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter, savgol_filter
+
+from discrepancy.model import Window
+from discrepancy.models.loader_library import (
+    CHANNELS,
+    INPUTS,
+    NUISANCES,
+    OPTIONAL,
+    SPEEDS,
+    TORQUES,
+    fitted,
+    searched,
+    zero,
+)
+from discrepancy.problem import resampled
+from discrepancy.recording import Array, Recording
+from discrepancy.sensors import delayed
+from plant import state as s
+from plant.effects import dispatch
+from plant.equilibrium import NoEquilibriumError
+from plant.follow import (
+    M_ARTICULATION,
+    M_BRAKING,
+    M_LIFT,
+    M_SPEED,
+    M_TILT,
+    M_TORQUE,
+    MEASURED,
+    finish,
+    follow,
+    lead,
+    led_parameters,
+)
+from plant.machine import Machine
+from plant.parameters import parameter_vector
+from plant.plant import Plant
+from plant.resting import REST, rest_records
+from plant.sensors import ChannelParameters, SensorParameters
+from plant.surface import Surface
+from plant.truth import Observer, Truth, columns_of
+from plant.workspace import new_workspace
+
+FINE_S: Final = 5e-3  # step of the plant: what that is wrong by is below the sensors' noise
+SMOOTHED: Final = (
+    11  # grid points of the centred quadratic that smooths articulation and speed: 0.2 s, no phase
+)
+LEVELLED: Final = 51  # the same of the linkage's angles, which move slowly
+KEPT: Final = 8  # motions kept, for effects of sensors that only look at them again
+STANDING: Final = 0.02  # wheel speed [rad/s] below which a stretch begins at a standstill
+ABSURD: Final = (
+    1e3  # most that is predicted of a motion that diverged, in units of what matters of each output
+)
+LINKAGE: Final = ((M_LIFT, "lift_arm_angle", "lift_zero"), (M_TILT, "tilt_angle", "tilt_zero"))
+
+Key = tuple[object, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Basis:
+    """Stretches of one recording, one after the other, as they were measured.
+
+    edges: rows where stretches begin, and their end; starts, rests: of the pilot (plant.resting); asked: whether the linkage's rates are those asked for.
+    """
+
+    measured: Array
+    edges: NDArray[np.intp]
+    starts: Array
+    rests: Array
+    asked: bool
+    payload: float
+    step_s: float
+
+
+class Loader:
+    """Simulates one machine.
+
+    Keeps the last few motions and, for each set of stretches, how they begin; recordings: whole, for the pilot. Without them each
+    stretch begins at rest on its tyres or rolling evenly.
+    """
+
+    def __init__(
+        self, machine: Machine, sensors: SensorParameters, recordings: Sequence[Recording] = ()
+    ) -> None:
+        self._machine = machine
+        self._sensors = sensors
+        self._recordings = {r.name: r for r in recordings}
+        self._searched = searched()
+        self._moving = {p.name for p in NUISANCES if not p.name.startswith("zero.")}
+        self._moving |= {f"{name}.{p.name}" for name, item in self._searched.items() for p in item.parameters}
+        self._kept: OrderedDict[Key, list[Mapping[str, Array]]] = OrderedDict()
+        self._bases: dict[Key, Basis] = {}
+        self._pilots: dict[str, tuple[float, Array] | None] = {}
+        self._lock = Lock()
+
+    def __call__(
+        self, window: Window, values: Mapping[str, float], extra: Mapping[str, Array]
+    ) -> dict[str, Array]:
+        """Outputs on the grid, as the sensors of the sheet would report them."""
+        return self.together([window], values)[0]
+
+    def together(self, windows: Sequence[Window], values: Mapping[str, float]) -> list[dict[str, Array]]:
+        """The same for many windows."""
+        seen = self._motions(windows, values)
+        return [{name: true + values.get(zero(name), 0.0) for name, true in each.items()} for each in seen]
+
+    def _motions(self, windows: Sequence[Window], values: Mapping[str, float]) -> list[Mapping[str, Array]]:
+        """Outputs before the zero points of the sensors; the last few motions are kept."""
+        which = tuple(_identity(window) for window in windows)
+        moving = sorted(item for item in values.items() if item[0] in self._moving)
+        key = (which, *moving)
+        with self._lock:
+            if key in self._kept:
+                self._kept.move_to_end(key)
+                return self._kept[key]
+        found: list[Mapping[str, Array]] = [{}] * len(windows)
+        for recording in dict.fromkeys(window.recording for window in windows):
+            own = [i for i, window in enumerate(windows) if window.recording == recording]
+            basis = self._basis([windows[i] for i in own])
+            for i, outputs in zip(own, self._simulated(basis, values), strict=True):
+                found[i] = outputs
+        with self._lock:
+            self._kept[key] = found
+            while len(self._kept) > KEPT:
+                self._kept.popitem(last=False)
+        return found
+
+    def _simulated(self, basis: Basis, values: Mapping[str, float]) -> list[Mapping[str, Array]]:
+        """Outputs of every stretch of one recording."""
+        machine = self._changed(values)
+        p = led_parameters(parameter_vector(machine, Surface(), basis.payload), FINE_S, asked=basis.asked)
+        active, work = dispatch.active_vector(machine.effects), new_workspace()
+        starts = basis.starts
+        if any(item.effect.start is not None for item in machine.effects):
+            starts = starts.copy()
+            for state in starts:
+                dispatch.start(machine.effects, state, p, work)
+        rows = np.full((len(basis.measured), Truth.size), np.nan)
+        lead(
+            starts,
+            basis.rests,
+            _shifted(basis.measured, values),
+            basis.edges,
+            p,
+            basis.asked,
+            FINE_S,
+            round(basis.step_s / FINE_S),
+            work,
+            active,
+            Observer(machine, basis.payload).measures,
+            rows,
+            np.zeros((0, s.STATES)),
+        )
+        finish(rows, basis.payload)
+        seen, columns = {}, columns_of(rows)
+        for name, channel in CHANNELS.items():
+            field, index = channel.columns
+            true = columns[field] if index is None else columns[field][:, index]
+            most = ABSURD * channel.typical
+            true = np.clip(np.where(np.isfinite(true), true, most), -most, most)
+            seen[name] = self._sensed(name, true, basis.step_s)
+        parts = [slice(a, b) for a, b in zip(basis.edges[:-1], basis.edges[1:], strict=True)]
+        return [{name: values[part] for name, values in seen.items()} for part in parts]
+
+    def _sensed(self, name: str, true: Array, step_s: float) -> Array:
+        """Lag and delay of the sensor as its sheet says; its errors are what is searched for.
+
+        Where one stretch follows another the memory of the sensor reaches into the lead-in only.
+        """
+        if name not in self._sensors.channels:
+            return true
+        sheet = self._sensors.of(name)
+        kept = _kept_share(sheet.lag, step_s)
+        felt = lfilter(np.array([1.0 - kept]), np.array([1.0, -kept]), true, zi=np.array([kept * true[0]]))[0]
+        return delayed(np.asarray(felt, float), sheet.delay, step_s * np.arange(true.size, dtype=np.float64))
+
+    def _basis(self, windows: Sequence[Window]) -> Basis:
+        """How the windows of one recording begin and what leads through them; made once."""
+        key = tuple(_identity(window) for window in windows)
+        with self._lock:
+            if key not in self._bases:
+                self._bases[key] = self._new_basis(windows)
+            return self._bases[key]
+
+    def _new_basis(self, windows: Sequence[Window]) -> Basis:
+        machine, payload, step = self._machine, windows[0].constants.get("payload", 0.0), windows[0].step_s
+        asked = all(window.has(name) for window in windows for name in ("lift_demand", "tilt_demand"))
+        parts = [measured_of(window, self._sensors, machine, asked=asked) for window in windows]
+        sizes = [len(part) for part in parts]
+        p = led_parameters(parameter_vector(machine, Surface(), payload), FINE_S, asked=asked)
+        active, work = dispatch.active_vector(machine.effects), new_workspace()
+        starts = np.stack([self._start(w, part[0], asked) for w, part in zip(windows, parts, strict=True)])
+        rests = np.empty((len(windows), REST))
+        rest_records(starts, p, work, active, rests)
+        standing = [abs(part[0, M_SPEED]) < STANDING for part in parts]
+        rests[standing] = np.nan  # brakes hold it as it stands
+        edges = np.concatenate(([0], np.cumsum(sizes))).astype(np.intp)
+        return Basis(np.concatenate(parts), edges, starts, rests, asked, payload, step)
+
+    def _start(self, window: Window, first: Array, asked: bool) -> Array:
+        """State at the begin of a window: the pilot's, or at rest on the tyres, or rolling evenly."""
+        pilot = self._pilot(window, asked)
+        if pilot is not None:
+            begin, states = pilot
+            row = round((float(window.time_s[0]) - begin) / window.step_s)
+            if 0 <= row < len(states) and np.isfinite(states[row]).all():
+                return np.asarray(states[row], float)
+        return _plant(self._machine, window.constants.get("payload", 0.0), first).inside()[0]
+
+    def _pilot(self, window: Window, asked: bool) -> tuple[float, Array] | None:
+        """First time and the states of the whole recording led by the machine of the sheet; None where it is not known."""
+        name = window.recording
+        if name not in self._pilots:
+            self._pilots[name] = (
+                self._flown(self._recordings[name], window, asked) if name in self._recordings else None
+            )
+        return self._pilots[name]
+
+    def _flown(self, recording: Recording, like: Window, asked: bool) -> tuple[float, Array] | None:
+        used = [recording.signals[name] for name in INPUTS]
+        begin, end = max(x.time_s[0] for x in used), min(x.time_s[-1] for x in used)
+        grid = begin + like.step_s * np.arange(int((end - begin) / like.step_s) + 1, dtype=np.float64)
+        names = [n for n in (*INPUTS, *OPTIONAL, *SPEEDS) if like.has(n) and n in recording.signals]
+        whole = replace(
+            like,
+            start_s=float(begin),
+            end_s=float(end),
+            time_s=grid,
+            known={n: resampled(recording.signals[n], grid) for n in names},
+        )
+        measured = measured_of(whole, self._sensors, self._machine, asked=asked)
+        try:
+            plant = _plant(self._machine, like.constants.get("payload", 0.0), measured[0])
+        except NoEquilibriumError:
+            return None
+        _, states = follow(plant, measured, interval_s=like.step_s, step_s=FINE_S, asked=asked)
+        return float(begin), states
+
+    def _changed(self, values: Mapping[str, float]) -> Machine:
+        """The sheet's machine with the nuisances' values, and the effects that are not at their off."""
+        m = self._machine
+        stiffer = 1.0 + values.get("tyre_stiffness", 0.0)
+        tyre = replace(
+            m.tyre,
+            qfz1=m.tyre.qfz1 * stiffer,
+            qfz2=m.tyre.qfz2 * stiffer,
+            radius=m.tyre.radius + values.get("wheel_radius", 0.0),
+        )
+        rear = replace(
+            m.rear_frame,
+            mass=m.rear_frame.mass + values.get("rear_mass", 0.0),
+            z=m.rear_frame.z + values.get("rear_height", 0.0),
+        )
+        front = replace(m.front_frame, mass=m.front_frame.mass + values.get("front_mass", 0.0))
+        chosen = [
+            item.of(**{p.name: values[f"{name}.{p.name}"] for p in item.parameters if fitted(name, p)})
+            for name, item in self._searched.items()
+            if any(values.get(f"{name}.{p.name}", p.off) != p.off for p in item.parameters if not p.shape)
+        ]
+        return replace(m, tyre=tyre, rear_frame=rear, front_frame=front, effects=(*m.effects, *chosen))
+
+
+def _identity(window: Window) -> Key:
+    return window.recording, window.start_s, window.end_s, *sorted(window.known)
+
+
+def _plant(machine: Machine, payload: float, first: Array) -> Plant:
+    """A plant as the first row of what was measured begins."""
+    speed = float(first[M_SPEED]) * machine.tyre.radius * 0.98
+    return Plant(
+        machine,
+        payload_mass=payload,
+        speed=speed if abs(first[M_SPEED]) > STANDING else 0.0,
+        articulation_angle=_within(first[M_ARTICULATION], -machine.steering.limit, machine.steering.limit),
+        lift_arm_angle=_within(first[M_LIFT], machine.lift.lower_limit, machine.lift.upper_limit),
+        tilt_angle=_within(first[M_TILT], machine.tilt.lower_limit, machine.tilt.upper_limit),
+    )
+
+
+def _kept_share(lag_s: float, step_s: float) -> float:
+    """Share of its last value that a sampled sensor of this lag keeps; samples are taken to have been held (plant.sensors)."""
+    return math.exp(-step_s / lag_s) if lag_s > 0.0 else 0.0
+
+
+def _late(sheet: ChannelParameters, step_s: float) -> float:
+    """By how much such a sensor is late for slow motions [s]."""
+    kept = _kept_share(sheet.lag, step_s)
+    return step_s * kept / (1.0 - kept) + sheet.delay
+
+
+def _within(value: float, low: float, high: float) -> float:
+    return float(min(max(value, low), high))
+
+
+def _shifted(measured: Array, values: Mapping[str, float]) -> Array:
+    """What was measured without what the sensors of torque and angles are taken to add."""
+    shifted = measured.copy()
+    shifted[:, M_TORQUE : M_TORQUE + 4] /= 1.0 + values.get("torque_scale", 0.0)
+    shifted[:, M_ARTICULATION] -= values.get("articulation_zero", 0.0)
+    for at, _, name in LINKAGE:
+        shifted[:, at] -= values.get(name, 0.0)
+    return shifted
+
+
+def measured_of(window: Window, sensors: SensorParameters, machine: Machine, *, asked: bool) -> Array:
+    """What leads the plant, (n, MEASURED): the recorded inputs without what their sensors did to them.
+
+    Lags and delays of the sheet are undone by reading as much later as they make slow motions late.
+    asked: rates of the linkage are those the driver asked for.
+    """
+
+    def read(name: str) -> Array:
+        return delayed(window[name], -_late(sensors.of(name), window.step_s), window.time_s)
+
+    measured = np.zeros((window.time_s.size, MEASURED))
+    for i, name in enumerate(TORQUES):
+        measured[:, M_TORQUE + i] = read(name)
+    if window.has("brake_demand"):
+        measured[:, M_BRAKING] = window["brake_demand"] > 0.0
+    known = [read(name) for name in SPEEDS if window.has(name)]
+    measured[:, M_SPEED] = _smooth(np.mean(known, axis=0)) if known else 0.0
+    measured[:, M_ARTICULATION] = _smooth(read("articulation_angle"))
+    measured[:, M_ARTICULATION + 1] = _smooth(read("articulation_rate"))
+    for at, name, _ in LINKAGE:
+        angle = read(name)
+        measured[:, at] = _smooth(angle, LEVELLED)
+        if not asked:
+            measured[:, at + 1] = _smooth(angle, LEVELLED, rate_of=window.step_s)
+    if asked:
+        lift, tilt = window["lift_demand"], window["tilt_demand"]
+        up, down = machine.lift.raise_rate_limit, machine.lift.lower_rate_limit
+        measured[:, M_LIFT + 1] = lift * np.where(lift > 0.0, up, down)
+        measured[:, M_TILT + 1] = tilt * machine.tilt.rate_limit
+    return measured
+
+
+def _smooth(values: Array, points: int = SMOOTHED, *, rate_of: float | None = None) -> Array:
+    """Centred quadratic over `points`; its slope per second where rate_of gives the step [s]."""
+    odd = min(points, values.size // 2 * 2 - 1)
+    order, delta = (0, 1.0) if rate_of is None else (1, rate_of)
+    return np.asarray(savgol_filter(values, odd, 2, deriv=order, delta=delta, mode="nearest"), np.float64)
