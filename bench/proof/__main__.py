@@ -20,7 +20,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3, help="repetitions of the whole plan")
     parser.add_argument("--share", type=float, default=1.0, help="of the arms, evenly from each kind")
     parser.add_argument(
-        "--loader-share", type=float, default=0.15, help="of the loader's arms, which take minutes each"
+        "--loader-share", type=float, default=0.06, help="of the loader's arms, which take minutes each"
     )
     parser.add_argument(
         "--work", type=Path, default=Path("out/proof"), help="keeps each arm's result; run again to take up"
