@@ -30,7 +30,7 @@ def standards(
         typer.Option(
             "--equipment",
             metavar="NAME|FILE",
-            help="What is fitted to it, brakes above all; by default the file beside the machine's, else l60.",
+            help="What is fitted to it, brakes above all; by default the file beside the machine's, else its family's.",
         ),
     ] = None,
     changes: Annotated[

@@ -25,19 +25,19 @@ def by_name(name: str) -> Standard:
 
 
 def candidate_of(machine: str, equipment: str | None, words: Sequence[str]) -> Candidate:
-    """A machine with its equipment, KEY=VALUE words laid over both files; None takes the file beside the machine's, else the L60's."""
+    """A machine with its equipment, KEY=VALUE words laid over both files; None takes the file beside the machine's, else its family's."""
     changes = Changes.of(words)
     if changes.scenario:
         key = ".".join(changes.scenario[0][0])
         raise ConfigurationError(
             f"--set {key}: keys here begin with machine. or equipment.; there is no scenario"
         )
+    built = load_machine(machine, changes.machine)
+    fitted = equipment or companion(Path(machine), EQUIPMENT) or built.family
     return Candidate(
         name=Path(machine).stem,
-        machine=load_machine(machine, changes.machine),
-        equipment=load_equipment(
-            equipment or companion(Path(machine), EQUIPMENT) or "l60", changes.equipment
-        ),
+        machine=built,
+        equipment=load_equipment(fitted, changes.equipment),
     )
 
 

@@ -8,7 +8,7 @@ from hil.ending import Ending
 from hil.standards import command
 from hil.standards.check import Bound, Check, Clause, ending_of
 from hil.standards.page import figure, row
-from hil.standards.table import by_name
+from hil.standards.table import by_name, candidate_of
 
 
 def run(*arguments):
@@ -85,3 +85,8 @@ def test_an_unverified_formula_is_marked_wherever_it_is_shown():
 )
 def test_figures_are_readable(value, shown):
     assert figure(value, "m") == shown
+
+
+def test_a_machine_comes_with_what_its_family_is_fitted_with():
+    assert candidate_of("compact", None, []).equipment.name == "compact"
+    assert candidate_of("compact", "l60", []).equipment.name == "l60"
