@@ -28,6 +28,7 @@ FIXED: Any = {
     "grid.color": "#e6e6e6",
     "axes.axisbelow": True,
     "lines.linewidth": 1.4,
+    "path.simplify_threshold": 0.5,  # of a pixel: what nobody sees takes no room
 }
 
 
