@@ -30,6 +30,9 @@ from plant.machine import Machine, load_machine
 
 STEP_S: Final = 0.01
 FLOOR: Final = 0.2  # one-step errors are at least this share of an error that matters: led by noisy inputs, no plant is better
+NEGLIGIBLE: Final = (
+    0.35  # of a typical change: random drives with nothing hidden show up to 0.3 of some effects
+)
 THINNED_S: Final = 0.04  # between samples of outputs: the machine's own motions are below 5 Hz
 HEAVIEST_KG: Final = 20_000.0  # payload, as in a scenario
 WAYS: Final = (*SPEEDS[:1], *INPUTS, *OPTIONAL)
@@ -55,7 +58,7 @@ def model(
         lead_s=LEAD_S,
         stretches=lambda recording, interval: stretches(recording, interval, SPEEDS, WAYS),
         slopes_hold=3.0,
-        negligible=0.1,
+        negligible=NEGLIGIBLE,
         floors={name: FLOOR * channel.typical for name, channel in CHANNELS.items()},
         least_explained=0.05,
         threads=True,
