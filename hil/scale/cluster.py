@@ -77,12 +77,12 @@ def _drain(
     for future in as_completed(list(futures)):
         key = futures.pop(future)
         try:
-            store.keep(key, future.result())
-            tally.done += 1
-        except OSError:
-            raise  # the store's disk, which no other arm will find better
+            row = future.result()
         except Exception as error:
             tally.failures[key] = f"{type(error).__name__}: {error}".splitlines()[0]
+        else:
+            store.keep(key, row)  # a disk that is full ends the work: no other arm will find it better
+            tally.done += 1
         told(tally)
 
 

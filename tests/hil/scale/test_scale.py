@@ -93,19 +93,22 @@ def test_a_killed_worker_loses_nothing_and_repeats_only_what_it_was_at(tmp_path:
 @pytest.mark.processes
 @pytest.mark.timeout(180)
 def test_a_run_taken_up_again_does_only_what_is_left(tmp_path: Path) -> None:
-    """An arm that raises and one that kills its workers fail alone; the next run tries those two and no other."""
+    """Arms that raise, whose file is missing or that kill their workers fail alone; the next run tries those and no other."""
     log, store = tmp_path / "log", Store(tmp_path / "out", WORK)
-    wanted = arms(log, "good", "bad", "deadly", bad={"do": "raise"}, deadly={"do": "die"})
+    wanted = arms(
+        log, "good", "bad", "gone", "deadly", bad={"do": "raise"}, gone={"do": "miss"}, deadly={"do": "die"}
+    )
     heard: list[tuple[int, int]] = []
     first = carry_out(note, wanted, store, workers=1, told=lambda t: heard.append((t.left, len(t.failures))))
     assert first.failures["bad"] == "ValueError: no such arm"
+    assert first.failures["gone"].startswith("FileNotFoundError")
     assert first.failures["deadly"].startswith("KilledWorker")
-    assert (first.done, heard[0], heard[-1]) == (1, (3, 0), (0, 2))
+    assert (first.done, heard[0], heard[-1]) == (1, (4, 0), (0, 3))
     failed = {r["key"]: r["failed"] for r in pq.read_table(store.collect(wanted, first.failures)).to_pylist()}
     assert failed == {"good": None, **first.failures}
-    mended = arms(log, "good", "bad", "deadly")
+    mended = arms(log, "good", "bad", "gone", "deadly")
     second = carry_out(note, mended, Store(tmp_path / "out", WORK), workers=1)
-    assert (second.before, second.done, second.failures) == (1, 2, {})
+    assert (second.before, second.done, second.failures) == (1, 3, {})
     assert begun(log).count("good") == 1
 
 
