@@ -8,13 +8,14 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import TYPE_CHECKING, TypeVar
 
 from bus.mistake import Mistake
 from hil.scale.store import Row, Store
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, Future
 
 T = TypeVar("T")
 
@@ -71,11 +72,25 @@ def _drain(
     tally: Tally,
     told: Callable[[Tally], None],
 ) -> None:
+    """One arm for each thread there is, and another for each that ends: an arm that waits behind one which kills its worker
+    would be blamed with it.
+    """
     from distributed import as_completed
 
-    futures = {client.submit(work, arm, pure=False): key for key, arm in waiting.items()}
-    for future in as_completed(list(futures)):
-        key = futures.pop(future)
+    ahead = iter(waiting.items())
+    keys: dict[Future[Row], str] = {}
+    running = as_completed()
+
+    def fill() -> None:
+        free = max(sum(client.nthreads().values()), 1) - len(keys)
+        for key, arm in islice(ahead, max(free, 0)):
+            future = client.submit(work, arm, pure=False)
+            keys[future] = key
+            running.add(future)
+
+    fill()
+    for future in running:
+        key = keys.pop(future)
         try:
             row = future.result()
         except Exception as error:
@@ -84,6 +99,7 @@ def _drain(
             store.keep(key, row)  # a disk that is full ends the work: no other arm will find it better
             tally.done += 1
         told(tally)
+        fill()
 
 
 @contextmanager
