@@ -153,7 +153,7 @@ def test_the_baseline_of_the_files_predicts_what_the_effects_do(machine: Path) -
     """The model of the written files at its baseline is the plain model with the found values, to the bit."""
     from tests.discrepancy.test_loader import recorded
 
-    drive = recorded(seconds=1.0)
+    drive = recorded(seconds=3.0)
     applied, plain = (
         Problem(baseline(machine, [drive]), [drive]),
         Problem(baseline(Path(__file__).parents[3] / "plant/machines/l60.toml", [drive]), [drive]),
