@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from plant import state as s
 from plant.compiled import compiled
-from plant.dynamics import derivative
+from plant.dynamics import derivative, drive_torque
 from plant.linkage import LINKAGE, linkage_of, pressures
 from plant.machine import Machine
 from plant.parameters import P_GRAVITY
@@ -215,7 +215,7 @@ def observe(
     """Evaluate the state and fill the row, but for time and payload; slip angles as their tangents."""
     derivative(state, command, p, 0.0, work, active)
     _observe_frame(row, state, p, work, measures)
-    _observe_joints(row, state, work)
+    _observe_joints(row, state, p, work)
     _observe_tyres(row, work)
     linkage, effort = measures[O_LINKAGE : O_LINKAGE + LINKAGE], work.tree.effort
     row[LIFT_PRESSURE], row[TILT_PRESSURE] = pressures(
@@ -250,7 +250,7 @@ def _observe_frame(row: Array, state: Array, p: Array, work: Workspace, measures
 
 
 @compiled
-def _observe_joints(row: Array, state: Array, work: Workspace) -> None:
+def _observe_joints(row: Array, state: Array, p: Array, work: Workspace) -> None:
     """Angles, rates and torques of the joints."""
     effort = work.tree.effort
     for at, body in (
@@ -265,7 +265,7 @@ def _observe_joints(row: Array, state: Array, work: Workspace) -> None:
     for wheel in range(4):
         row[WHEEL_SPEED + wheel] = state[s.JOINT_RATE + s.WHEEL + wheel]
         stick = state[s.STICK + wheel]
-        rolling = state[s.DRIVE + wheel] - stick * state[s.BRAKE + wheel]
+        rolling = drive_torque(state, p, wheel) - stick * state[s.BRAKE + wheel]
         row[WHEEL_TORQUE + wheel] = effort[s.WHEEL + wheel] if stick == 0.0 else rolling
 
 
