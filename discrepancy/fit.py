@@ -94,12 +94,12 @@ def differences(problem: Problem, values: Values, base: Array, names: Sequence[s
 
 
 def _difference(problem: Problem, values: Values, name: str) -> float:
-    """Step of a finite difference, away from the upper bound."""
+    """Step of a finite difference that stays within the bounds; that of a parameter with a negative typical value is negative."""
     parameter = problem.model.parameter(name)
     step = STEP * parameter.typical
     if parameter.unit == "s":  # below its grid a model knows of times only what interpolation makes up
         step = max(step, problem.model.step_s)
-    if parameter.scope == "all" and values.shared[name] + step > parameter.upper:
+    if parameter.scope == "all" and not parameter.lower <= values.shared[name] + step <= parameter.upper:
         return -step
     return step
 

@@ -12,7 +12,7 @@ from discrepancy.account import estimate
 from discrepancy.clocks import with_clocks
 from discrepancy.examine import examine
 from discrepancy.findings import Estimate, Findings
-from discrepancy.fit import fit
+from discrepancy.fit import differences, fit
 from discrepancy.model import Clock, Model, Parameter, Window
 from discrepancy.noise import estimate_noise, white_noise
 from discrepancy.openended import explore, extended
@@ -56,6 +56,29 @@ def test_what_was_left_out_is_named_with_its_value(
     assert found.named
     assert found.parameters[0].value == pytest.approx(value, rel=0.1)
     assert found.held_out_error["level"] < 0.9
+
+
+@pytest.mark.parametrize(("typical", "at"), [(0.05, 1.0), (-0.05, 0.0), (0.05, 0.0), (-0.05, 1.0)])
+def test_no_slope_is_taken_outside_the_bounds(typical: float, at: float) -> None:
+    """Whichever way a typical change goes, and at either end."""
+    model, tried = tank("leak"), []
+
+    def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Array]) -> dict[str, Array]:
+        tried.append(values["leak"])
+        return model.simulate(window, values, extra)
+
+    (leak,) = model.effects
+    leak = replace(leak, parameters=(replace(leak.parameters[0], typical=typical),))
+    problem = Problem(replace(model, effects=(leak,), simulate=simulate), [record(6)])
+    values = problem.start().with_shared({"leak": at})
+    base = problem.predict(values)
+    tried.clear()
+    (slope,) = differences(problem, values, base, ["leak"]).T
+    assert tried
+    assert all(0.0 <= leak <= 1.0 and leak != at for leak in tried)
+    inside = 1e-4 if at == 0.0 else -1e-4
+    secant = (problem.predict(values.with_shared({"leak": at + inside})) - base) / inside
+    np.testing.assert_allclose(slope, secant, atol=1e-3 * np.abs(secant).max())
 
 
 def test_exact_twins_are_reported_as_one_group_with_the_same_value() -> None:
