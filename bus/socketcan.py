@@ -20,6 +20,7 @@ import struct
 import time
 from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 
 from bus import errors, packet
 from bus.can_socket import bind, can_socket, longer_queue, require_up
@@ -33,6 +34,7 @@ from bus.wallclock import SHARED
 RECEIVE_BUFFER = 4 << 20
 """Receive buffer asked for [bytes]; without privilege the kernel grants at most net.core.rmem_max."""
 _SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_RXQ_OVFL, _CAN_RAW_ERR_FILTER = 33, 35, 40, 2
+_SO_MEMINFO, _MEMINFO_DROPS = 55, struct.Struct("=32xI")  # linux/sock_diag.h, SK_MEMINFO_DROPS
 EVERYTHING = ((0, 0),)
 _FILTER = struct.Struct("=II")
 _CLASSIC = struct.Struct("=IB3x8s")
@@ -166,9 +168,18 @@ class SocketCanTransport(Closing):
         return frames
 
     def _note_drops(self, count: int) -> None:
-        """Take over the kernel's count of lost frames, which wraps at 32 bits."""
-        self._dropped_in += (count - self._overflows) & 0xFFFF_FFFF
-        self._overflows = count
+        """Take over the kernel's count of lost frames, which wraps at 32 bits; a frame may bring an older one than is known."""
+        more = (count - self._overflows) & 0xFFFF_FFFF
+        if more < 1 << 31:
+            self._dropped_in += more
+            self._overflows = count
+
+    def _ask_for_drops(self) -> None:
+        """Frames lost after the last one that was received: no frame tells of them."""
+        if self._socket.fileno() >= 0:
+            with suppress(OSError):  # a kernel before 4.12 does not say
+                info = self._socket.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO_DROPS.size)
+                self._note_drops(_MEMINFO_DROPS.unpack(info)[0])
 
     def _note_error(self, frame: Frame) -> None:
         """An error frame; a bus-off that the interface confirms is trouble until its carrier is back."""
@@ -251,6 +262,7 @@ class SocketCanTransport(Closing):
 
     def statistics(self) -> Statistics:
         """Counters since opening."""
+        self._ask_for_drops()
         return Statistics(
             received=self._received,
             sent=self._sent,

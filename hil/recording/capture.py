@@ -125,6 +125,7 @@ def run(
         capture = stack.enter_context(contextlib.closing(Capture(buses, plan.channels, ring)))
         started = time.monotonic()
         complete = _listen(line, capture, writer, duration_s)
+        capture.drain()  # what came before the end belongs to the recording
         elapsed_s = time.monotonic() - started
         written = writer.finish()
         counts = capture.statistics()

@@ -59,6 +59,7 @@ def test_own_frames_come_back_with_the_stamp_that_others_see() -> None:
 
 
 def test_a_small_receive_buffer_loses_frames_and_the_kernel_counts_them() -> None:
+    """At once, not only with the next frame that arrives; and frames from before the loss, drained after, change nothing."""
     with (
         SocketCanTransport(INTERFACE) as sender,
         SocketCanTransport(INTERFACE) as witness,
@@ -67,7 +68,9 @@ def test_a_small_receive_buffer_loses_frames_and_the_kernel_counts_them() -> Non
         for frame in numbered(100):
             sender.send(frame)
         collect(witness, 100)
+        lost = small.statistics().dropped_in
         got = len(small.drain(100))
+        assert lost == 100 - got
         sender.send(Frame(0x7FF, b"mark"))
         assert collect(small, 1)[0].data == b"mark"
         assert 0 < got < 100
