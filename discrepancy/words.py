@@ -1,6 +1,6 @@
 """Findings in plain words for the terminal."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from rich.console import Console
 from rich.markup import escape
@@ -9,6 +9,7 @@ from rich.table import Table
 
 from discrepancy.findings import Estimate, Finding, Findings, MissingChannel
 
+SHOWN_CHANNELS = 6  # of those that a finding improves; all of them are in findings.json and in the report
 COLOUR = {"explained": "green", "unknown": "yellow", "nothing missing": "green", "inconclusive": "red"}
 
 
@@ -48,6 +49,12 @@ def number_and_unit(e: Estimate) -> str:
     return text + (f", at its {e.at_bound} bound" if e.at_bound else "")
 
 
+def most_improved(error: Mapping[str, float], count: int) -> tuple[dict[str, float], int]:
+    """The channels whose error falls most, best first, and how many others there are."""
+    ranked = sorted(error.items(), key=lambda item: item[1])
+    return dict(ranked[:count]), max(len(ranked) - count, 0)
+
+
 def told_missing(missing: MissingChannel) -> str:
     """'speed was not recorded; it would have shown linear drag (0.3 m/s), parted gyro delay from servo delay'."""
     judged = [f"{w.what} ({w.change:.2g} {missing.unit})" for w in missing.would_judge[:5]]
@@ -67,8 +74,10 @@ def _finding(number: int, f: Finding) -> str:
         sizes = [e.value for e in f.parameters]
         unit = f.parameters[0].unit
         lines.append(f"   ... {len(sizes)} values from {min(sizes):.3g} to {max(sizes):.3g} {unit}")
-    better = ", ".join(f"{c} error x {ratio:.2f}" for c, ratio in f.held_out_error.items())
-    lines.append(f"   on held-out data: {better}; closes {f.gap_closed:.0%} of the gap")
+    best, others = most_improved(f.held_out_error, SHOWN_CHANNELS)
+    better = ", ".join(f"{c} error x {ratio:.2f}" for c, ratio in best.items())
+    more = f", and {others} more channels" if others else ""
+    lines.append(f"   on held-out data: {better}{more}; closes {f.gap_closed:.0%} of the gap")
     lines += [f"   doubt: {doubt}" for doubt in f.doubts]
     lines.append(f"   evidence {f.gain:.0f} ({f.needed:.0f} needed), {_where(f)}")
     for member in f.group:

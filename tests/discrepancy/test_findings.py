@@ -10,7 +10,7 @@ from rich.console import Console
 from discrepancy.examine import examine
 from discrepancy.findings import SCHEMA, from_json, schema_text, to_json
 from discrepancy.search import Settings
-from discrepancy.words import tell
+from discrepancy.words import most_improved, tell
 from tests.discrepancy.toys import record, tank
 
 
@@ -33,6 +33,13 @@ def test_a_damaged_file_is_refused_with_the_place() -> None:
     whole["status"] = "perhaps"
     with pytest.raises(ValidationError, match="status"):
         from_json(json.dumps(whole))
+
+
+def test_many_channels_are_told_by_the_best_and_their_number() -> None:
+    error = {"a": 0.9, "b": 0.1, "c": 1.2, "d": 0.5}
+    assert most_improved(error, 2) == ({"b": 0.1, "d": 0.5}, 2)
+    assert list(most_improved(error, 9)[0]) == ["b", "d", "a", "c"]
+    assert most_improved(error, 9)[1] == 0
 
 
 def test_the_words_name_effect_value_and_what_was_ruled_out() -> None:

@@ -5,7 +5,7 @@ from html import escape
 
 from discrepancy.evidence import Evidence
 from discrepancy.findings import Estimate, Finding, Findings
-from discrepancy.words import number_and_unit, told_missing
+from discrepancy.words import most_improved, number_and_unit, told_missing
 from hil.diagnose.page import drawn, machine
 from hil.diagnose.page.mathml import mathml
 from hil.diagnose.page.tables import Cell, definitions, meter, plain, table
@@ -14,6 +14,7 @@ from hil.report.document import bar, document, resource
 
 CARD = {"explained": "good", "nothing missing": "good", "unknown": "warned", "inconclusive": "unknown"}
 SHOWN_CARDS = 4
+CHANNELS_ON_A_CARD = 4
 
 
 def page(result: Findings, shown: Evidence | None, conditions: Mapping[str, str]) -> str:
@@ -64,9 +65,13 @@ def _cards(result: Findings) -> str:
         kind = "good" if finding.named else "warned"
         what = f"{finding.kind} · {finding.place}"
         name = finding.effect if finding.named else f"Best proxy: {finding.effect}"
-        lower = ", ".join(f"{c} {percent(1 - r)}" for c, r in finding.held_out_error.items() if r < 0.995)
+        best, others = most_improved(
+            {c: r for c, r in finding.held_out_error.items() if r < 0.995}, CHANNELS_ON_A_CARD
+        )
+        lower = ", ".join(f"{c} {percent(1 - r)}" for c, r in best.items())
         size = number_and_unit(finding.parameters[0]) if len(finding.parameters) <= 3 else ""
-        told = f"Held-out error lower by: {lower}." if lower else ""
+        more = f", and in {others} more channels" if others else ""
+        told = f"Held-out error lower by: {lower}{more}." if lower else ""
         cards.append(_card(kind, what, name[0].upper() + name[1:], f"{size}{'. ' if size else ''}{told}"))
     return f'<div class="cards">{"".join(cards)}</div>'
 

@@ -50,8 +50,9 @@ def percent(share: float) -> str:
 
 
 def better(errors: Mapping[str, float]) -> str:
-    """'gyro error × 0.18; encoder unchanged'."""
-    changed = [f"{c} error × {r:.2f}" for c, r in errors.items() if abs(r - 1.0) >= 0.005]
+    """'gyro error × 0.18; encoder unchanged', best first."""
+    ranked = sorted(errors.items(), key=lambda item: item[1])
+    changed = [f"{c} error × {r:.2f}" for c, r in ranked if abs(r - 1.0) >= 0.005]
     same = [c for c, r in errors.items() if abs(r - 1.0) < 0.005]
     return "; ".join([*changed, *([f"{', '.join(same)} unchanged"] if same else [])])
 
