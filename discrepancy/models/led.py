@@ -57,9 +57,7 @@ from plant.truth import Observer, Truth, columns_of
 from plant.workspace import new_workspace
 
 FINE_S: Final = 5e-3  # step of the plant: what that is wrong by is below the sensors' noise
-SMOOTHED: Final = (
-    11  # grid points of the centred quadratic that smooths articulation and speed: 0.2 s, no phase
-)
+SMOOTHED: Final = 11  # grid points, of 10 ms, of the centred quadratic that smooths articulation and speed
 LEVELLED: Final = 51  # the same of the linkage's angles, which move slowly
 KEPT: Final = 8  # motions kept, for effects of sensors that only look at them again
 STANDING: Final = 0.02  # wheel speed [rad/s] below which a stretch begins at a standstill
