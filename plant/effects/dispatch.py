@@ -5,28 +5,24 @@ file so that their machine code is cached. What they are told, the vector `activ
 effect and then its parameters, MOST_PARAMETERS for each.
 """
 
-import hashlib
 import importlib.util
+import os
 import sys
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plant.checked import ConfigurationError
-from plant.compiled import sources_digest
+from plant.compiled import CODE, DIGEST
 from plant.effects.effect import HOOKS, MOST_PARAMETERS, ActiveEffect, Effect
-from plant.effects.library import FOLDER, modules
+from plant.effects.library import modules
 from plant.state import EXTRA, EXTRAS
 from plant.workspace import Workspace
 
 Array = NDArray[np.float64]
 
-KEPT_S = 86_400.0
-"""How much older generated callers of other sources are when they are removed [s]."""
 ARGUMENTS = {
     "joints": "state, p, work",
     "before_tyre": "state, p, wheel, work",
@@ -74,40 +70,19 @@ def source(found: dict[str, ModuleType]) -> str:
 
 
 def _generated() -> ModuleType:
-    """The generated module, from its file if it was made from the same sources."""
-    text = source(modules())
-    digest = hashlib.sha256((sources_digest() + text).encode()).hexdigest()[:16]
-    name = f"loaderhil_effects_{digest}"
-    for folder in (FOLDER / "__pycache__", Path(tempfile.gettempdir()) / "loaderhil"):
-        path = folder / f"{name}.py"
-        try:
-            folder.mkdir(exist_ok=True)
-            if not path.is_file():
-                fresh = path.with_suffix(".new")
-                fresh.write_text(text, encoding="utf-8")
-                fresh.replace(path)
-                _forget_others(path)
-        except OSError:
-            continue
-        spec = importlib.util.spec_from_file_location(name, path)
-        if spec is not None and spec.loader is not None:
-            module = sys.modules[name] = importlib.util.module_from_spec(spec)
-            spec.loader.exec_module(module)
-            return module
-    raise ConfigurationError(
-        f"neither {FOLDER} nor {tempfile.gettempdir()} can be written to: free space or permissions?"
-    )
-
-
-def _forget_others(path: Path) -> None:
-    """Remove callers that were generated long ago from other sources, with their machine code.
-
-    Recent ones stay: another process may be about to load its own.
-    """
-    made = path.stat().st_mtime
-    for old in path.parent.glob("loaderhil_effects_*"):
-        if not old.name.startswith(path.stem) and made - old.stat().st_mtime > KEPT_S:
-            old.unlink(missing_ok=True)
+    """The generated module: its file is kept with the machine code of the sources it was made from."""
+    name = f"loaderhil_effects_{DIGEST}"
+    path = CODE / f"{name}.py"
+    if not path.is_file():
+        fresh = path.with_suffix(f".{os.getpid()}")
+        fresh.write_text(source(modules()), encoding="utf-8")
+        fresh.replace(path)
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None  # for a file that ends in .py
+    assert spec.loader is not None
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 _module = _generated()

@@ -10,11 +10,9 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from contextlib import contextmanager
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -55,8 +53,6 @@ class Vcan:
     """Two interfaces of the kernel, and candump on both."""
 
     options = ("--plant-bus", "socketcan:vcan0", "--ecu-bus", "socketcan:vcan1")
-    environment: ClassVar = {"NUMBA_CACHE_DIR": str(Path(tempfile.gettempdir()) / "loaderhil-vcan-kernels")}
-    """Compiled code is kept by the time of its source, which a user-mode kernel reads to the second only."""
 
     def __init__(self, folder: Path) -> None:
         self._log = folder / "candump.log"
@@ -83,8 +79,6 @@ class Vcan:
 
 class Hubs:
     """Two hubs, and python-can's logger on each."""
-
-    environment: ClassVar[dict[str, str]] = {}
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -120,23 +114,22 @@ def start(*words: str) -> subprocess.Popen[bytes]:
     )
 
 
-def loaderhil(*words, env) -> subprocess.CompletedProcess[str]:
+def loaderhil(*words) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "hil", *map(str, words)],
         capture_output=True,
         text=True,
         timeout=PATIENCE_S,
         check=False,
-        env={**os.environ, **env},
     )
 
 
-def compile_once(scenario: Path, folder: Path, env) -> None:
+def compile_once(scenario: Path, folder: Path) -> None:
     """In one process, before several would compile the same at once on one processor."""
     short = folder / "warm" / scenario.name
     short.parent.mkdir()
     short.write_text(SCENARIO.format(duration_s=0.2))
-    done = loaderhil("run", short, "--out", folder / "compiled", env=env)
+    done = loaderhil("run", short, "--out", folder / "compiled")
     assert done.returncode == Ending.PASSED, done.stderr
 
 
@@ -162,9 +155,9 @@ def loop(request, tmp_path_factory):
     scenario = folder / "circle.toml"
     scenario.write_text(SCENARIO.format(duration_s=DURATION_S))
     buses, out = request.param(folder), folder / "run"
-    compile_once(scenario, folder, buses.environment)
+    compile_once(scenario, folder)
     with buses.witnessed():
-        done = loaderhil("run", scenario, "--gateway", *buses.options, "--out", out, env=buses.environment)
+        done = loaderhil("run", scenario, "--gateway", *buses.options, "--out", out)
     print(done.stdout)
     assert done.stderr == ""
     assert done.returncode in (Ending.PASSED, Ending.FAILED)  # timing may fail; nothing else may

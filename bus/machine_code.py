@@ -1,0 +1,98 @@
+"""A folder for numba's machine code that a changed source cannot leave stale.
+
+numba recompiles a cached function when the function's own file changes, but not when a function it calls
+in another file does, wherever the code is kept. A folder per state of all sources together cannot be stale.
+"""
+
+import hashlib
+import os
+import shutil
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
+
+import numba
+
+from bus.mistake import Mistake
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+KEPT_S = 86_400.0
+"""How much older the code of other sources is when it is removed [s]: another process may still use it."""
+
+
+class NoCacheFolderError(Mistake, ValueError):
+    """No place for machine code can be written to."""
+
+
+def digest_of(sources: Iterable[Path]) -> str:
+    """Fingerprint of the names and contents of files, 16 hexadecimal digits."""
+    fingerprint = hashlib.sha256()
+    for source in sources:
+        content = source.read_bytes()
+        fingerprint.update(f"{source}\0{len(content)}\0".encode())
+        fingerprint.update(content)
+    return fingerprint.hexdigest()[:16]
+
+
+def code_folder(package: Path, name: str, digest: str) -> Path:
+    """Make and return the folder for the machine code of a package as its sources are now.
+
+    It is in NUMBA_CACHE_DIR if that is set, else in the package's own `__pycache__`, else, where that is
+    not writable, in the user's cache. Errors: NoCacheFolderError where none of them is.
+    """
+    places = [package / "__pycache__", _of_user() / "loaderhil"]
+    config: Any = numba.config  # its settings are made at run time
+    if config.CACHE_DIR:
+        places.insert(0, Path(config.CACHE_DIR))
+    for place in places:
+        folder = place / f"{name}-{digest}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            _forget_others(folder, name)
+            return folder
+    tried = ", ".join(map(str, places))
+    raise NoCacheFolderError(
+        f"no folder for compiled code can be written to (tried {tried}): free space or permissions?"
+    )
+
+
+def _of_user() -> Path:
+    """Where this user's programs keep what they can make again."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+
+
+def _forget_others(folder: Path, name: str) -> None:
+    """Remove the code that was made long before this from other sources of the same package."""
+    made = folder.stat().st_mtime
+    for other in folder.parent.glob(f"{name}-*"):
+        if other != folder and made - other.stat().st_mtime > KEPT_S:
+            shutil.rmtree(other, ignore_errors=True)
+
+
+@contextmanager
+def _kept_in(folder: Path) -> Iterator[None]:
+    """Functions that are given to numba meanwhile keep their machine code in `folder`."""
+    config: Any = numba.config
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(folder)
+    try:
+        yield
+    finally:
+        config.CACHE_DIR = before
+
+
+def compiler(folder: Path, **options: Any) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """A decorator like `numba.njit(**options)` whose machine code is kept in `folder`."""
+
+    def compiled(function: Callable[P, R]) -> Callable[P, R]:
+        with _kept_in(folder):
+            made: Callable[P, R] = numba.njit(cache=True, **options)(function)
+        return made
+
+    return compiled
