@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from plant.checked import CheckedTable, ConfigurationError
-from plant.effects import dispatch, effect, effects
+from plant.effects import effect, effects
 from plant.effects.dispatch import active_vector, compiled_hooks
 from plant.effects.handbook import page, toml
 from plant.machine import load_machine
@@ -174,17 +174,3 @@ def test_a_broken_file_is_named(tmp_path, text, words):
 def test_a_folder_that_is_missing_is_named(tmp_path):
     done = run_python("from plant.effects import effects; effects()", tmp_path / "none")
     assert "none: there is no such folder" in done.stderr
-
-
-def test_callers_generated_long_ago_are_removed(tmp_path):
-    """Its own and recent ones of others stay, and so does what somebody else put there."""
-    names = ("loaderhil_effects_new", "loaderhil_effects_recent", "loaderhil_effects_old", "other")
-    files = {name: tmp_path / f"{name}.py" for name in names}
-    for file in files.values():
-        file.write_text("")
-    now = files["loaderhil_effects_new"].stat().st_mtime
-    for name, age in (("recent", 0.5), ("old", 1.5)):
-        os.utime(files[f"loaderhil_effects_{name}"], (now, now - age * dispatch.KEPT_S))
-    os.utime(files["other"], (now, now - 10 * dispatch.KEPT_S))
-    dispatch._forget_others(files["loaderhil_effects_new"])
-    assert {name for name, file in files.items() if file.exists()} == {*names} - {"loaderhil_effects_old"}
