@@ -1,7 +1,7 @@
 """The plant led by a recording: measured torques and joint angles in, everything else out.
 
-Steering follows its measured angle; lift arm and bucket follow what their cylinders were asked for, drawn to their measured angles, or
-these angles alone where no demand was recorded; motors and brakes give the measured torque at once. A gain draws the speed towards the
+Steering, lift arm and bucket follow what their cylinders were asked for, drawn to their measured angles, or these angles alone where
+no demand was recorded, through cylinders that lag as the sheet says; motors and brakes give the measured torque at once. A gain draws the speed towards the
 measured one, so that an error of force shows as a steady difference and does not pile up.
 """
 
@@ -23,7 +23,7 @@ from plant.parameters import (
     P_STEERING,
     P_TILT,
     P_WHEELS,
-    SERVO_SIZE,
+    SERVO_LAG,
     W_PEAK_TORQUE,
     W_RADIUS,
     WHEEL_SIZE,
@@ -34,18 +34,25 @@ from plant.truth import PAYLOAD, TIME, Truth, observe
 from plant.workspace import Workspace
 
 Array = NDArray[np.float64]
+Asked = tuple[bool, bool, bool]
 
 # Columns of what was measured.
 M_TORQUE: Final = 0  # four [N m]
 M_BRAKING: Final = 4  # above zero while the brakes are applied
 M_SPEED: Final = 5  # mean wheel speed [rad/s]
-M_ARTICULATION: Final = 6  # angle [rad], rate [rad/s]
-M_LIFT: Final = 8  # angle, and the rate: measured, or asked for
+M_ARTICULATION: Final = 6  # angle [rad], and the rate [rad/s]: measured, or asked for
+M_LIFT: Final = 8  # the same
 M_TILT: Final = 10
 MEASURED: Final = 12
 
+JOINTS: Final = (
+    (M_ARTICULATION, s.FRONT_FRAME, s.C_ARTICULATION_RATE, P_STEERING),
+    (M_LIFT, s.LIFT_ARM, s.C_LIFT_RATE, P_LIFT),
+    (M_TILT, s.BUCKET, s.C_TILT_RATE, P_TILT),
+)
+"""Driven joints: columns of what was measured, body, command, cylinder. In this order is told whose rates are those asked for."""
+
 AT_ONCE: Final = 2e-3  # lag of motors and brakes whose torque was measured [s], or the step if that is longer
-SERVO_LAG: Final = 0.02  # of joints whose angle was measured [s]
 ANGLE_GAIN: Final = 4.0  # how fast an error of such an angle decays [1/s]
 ASKED_GAIN: Final = 1.0  # the same where the rate is the one that was asked for
 HELD: Final = 0.05  # wheel speed below which an applied brake holds the wheels [rad/s]
@@ -54,7 +61,7 @@ GAIN: Final = 0.5  # with which the speed is drawn to the measured one [1/s]
 
 @compiled
 def _command(
-    command: Array, state: Array, m: Array, after: Array, interval: float, p: Array, asked: bool
+    command: Array, state: Array, m: Array, after: Array, interval: float, p: Array, asked: Asked
 ) -> None:
     """Commands that make the plant do what was measured from one row to the next."""
     middle = 0.5 + p[P_DRIVE_LAG] / interval  # a lagging motor or servo is asked for what comes later
@@ -65,20 +72,15 @@ def _command(
             capacity = p[P_BRAKE_CAPACITY] if abs(m[M_SPEED]) < HELD else abs(torque)
             torque = 0.0
         command[s.C_DRIVE + wheel], command[s.C_BRAKE + wheel] = torque, capacity
-    for at, body, rate in (
-        (M_ARTICULATION, s.FRONT_FRAME, s.C_ARTICULATION_RATE),
-        (M_LIFT, s.LIFT_ARM, s.C_LIFT_RATE),
-        (M_TILT, s.BUCKET, s.C_TILT_RATE),
-    ):
+    for joint in range(3):
+        at, body, rate, cylinder = JOINTS[joint]
         error = m[at] - state[s.JOINT + body]
-        if asked and at != M_ARTICULATION:
-            command[rate] = (
-                after[at + 1] + ASKED_GAIN * error
-            )  # a frame tells what the tick before it was asked for
+        if asked[joint]:
+            # a frame tells what the tick before it was asked for
+            command[rate] = after[at + 1] + ASKED_GAIN * error
         else:
-            change = after[at + 1] - m[at + 1]
-            lead_in = m[at + 1] + (0.5 + SERVO_LAG / interval) * change
-            command[rate] = lead_in + ANGLE_GAIN * error
+            lead_in = 0.5 + p[cylinder + SERVO_LAG] / interval
+            command[rate] = m[at + 1] + lead_in * (after[at + 1] - m[at + 1]) + ANGLE_GAIN * error
 
 
 @compiled
@@ -102,7 +104,7 @@ def lead(
     measured: Array,
     edges: NDArray[np.intp],
     p: Array,
-    asked: bool,
+    asked: Asked,
     step: float,
     count: int,
     work: Workspace,
@@ -113,12 +115,18 @@ def lead(
 ) -> None:
     """Lead one start after the other through its stretch measured[edges[i] : edges[i + 1]], `count` steps between rows.
 
-    rests: (n, REST) of each start on the plant it is from, or (0, REST) to take starts as they are.
+    asked: whether the measured rate of each of JOINTS is the one asked for. rests: (n, REST) of each start on the plant it is from, or (0, REST) to take starts as they are.
     Fills `rows` (n, Truth.size), and `states` (n, STATES) unless that is empty.
     """
     command = np.zeros(s.COMMANDS)
     radius = p[P_WHEELS + W_RADIUS]
     interval = count * step
+    exact = p.copy()
+    for joint in range(3):
+        lag = JOINTS[joint][3] + SERVO_LAG
+        exact[lag] = step / (
+            1.0 - math.exp(-step / p[lag])
+        )  # explicit steps then end where the cylinder does
     for stretch in range(edges.size - 1):
         begin, end = edges[stretch], edges[stretch + 1]
         state = starts[stretch].copy()
@@ -132,20 +140,19 @@ def lead(
             after = measured[min(k + 1, end - 1)]
             _command(command, state, measured[k], after, interval, p, asked)
             rows[k, TIME] = (k - begin) * interval
-            advance(state, command, p, step, count, False, work, active)
+            advance(state, command, exact, step, count, False, work, active)
             draw(state, work, after, radius, GAIN * interval)
             if not math.isfinite(state[s.POSITION]):
                 break
 
 
-def led_parameters(p: Array, step: float, *, asked: bool) -> Array:
-    """The plant's parameters with joints, motors and brakes that do what was measured; asked: working cylinders stay as they are."""
+def led_parameters(p: Array, step: float, *, asked: Asked) -> Array:
+    """The plant's parameters with joints, motors and brakes that do what was measured; asked: cylinders that stay as they are."""
     led = p.copy()
-    for at in (P_STEERING,) if asked else (P_STEERING, P_LIFT, P_TILT):
-        servo = led[at : at + SERVO_SIZE]
-        servo[:2] = -math.pi, math.pi  # measured angles may pass the stops by their error
-        servo[2:4] = 1e3
-        servo[4] = SERVO_LAG
+    for (_, _, _, at), stays in zip(JOINTS, asked, strict=True):
+        if not stays:
+            led[at : at + 2] = -math.pi, math.pi  # measured angles may pass the stops by their error
+            led[at + 2 : at + 4] = 1e3
     led[P_DRIVE_LAG] = led[P_BRAKE_LAG] = max(AT_ONCE, step)
     led[P_DRIVE_RATE] = 1e12
     for wheel in range(4):
@@ -154,11 +161,16 @@ def led_parameters(p: Array, step: float, *, asked: bool) -> Array:
 
 
 def follow(
-    plant: Plant, measured: Array, *, interval_s: float, step_s: float = 1e-3, asked: bool = False
+    plant: Plant,
+    measured: Array,
+    *,
+    interval_s: float,
+    step_s: float = 1e-3,
+    asked: Asked = (False, False, False),
 ) -> tuple[Array, Array]:
     """Lead a plant at its start through `measured` (n, MEASURED), one row every `interval_s`.
 
-    asked: the rates of lift arm and bucket are those asked for [rad/s]. Returns rows of Truth and states of the plant; from where the
+    asked: whether the rate of each of JOINTS is the one asked for [rad/s]. Returns rows of Truth and states of the plant; from where the
     motion diverged on they are not numbers. The plant itself stays as it is.
     """
     state, p, work, active, measures = plant.inside()

@@ -37,6 +37,7 @@ P_ARM_LENGTH: Final = 62
 P_CARRY_TILT: Final = 63
 # Rate servo block: lower and upper limit, lowering and raising rate limit, lag, cushion lag.
 SERVO_SIZE: Final = 6
+SERVO_LAG: Final = 4  # its place in the block
 P_STEERING: Final = 64
 P_LIFT: Final = 70
 P_TILT: Final = 76

@@ -42,6 +42,7 @@ from plant.follow import (
     M_TILT,
     M_TORQUE,
     MEASURED,
+    Asked,
     finish,
     follow,
     lead,
@@ -58,12 +59,14 @@ from plant.workspace import new_workspace
 
 FINE_S: Final = 5e-3  # step of the plant: what that is wrong by is below the sensors' noise
 SMOOTHED: Final = 11  # grid points, of 10 ms, of the centred quadratic that smooths articulation and speed
-LEVELLED: Final = 51  # the same of the linkage's angles, which move slowly
+LEVELLED: Final = 51  # the same of the linkage's angles and of what steering's demand does not tell
 KEPT: Final = 8  # motions kept, for effects of sensors that only look at them again
 STANDING: Final = 0.02  # wheel speed [rad/s] below which a stretch begins at a standstill
 ABSURD: Final = (
     1e3  # most that is predicted of a motion that diverged, in units of what matters of each output
 )
+DEMANDS: Final = ("articulation_rate_demand", "lift_demand", "tilt_demand")
+"""In the order of plant.follow.JOINTS."""
 LINKAGE: Final = ((M_LIFT, "lift_arm_angle", "lift_zero"), (M_TILT, "tilt_angle", "tilt_zero"))
 
 Key = tuple[object, ...]
@@ -73,14 +76,14 @@ Key = tuple[object, ...]
 class Basis:
     """Stretches of one recording, one after the other, as they were measured.
 
-    edges: rows where stretches begin, and their end; starts, rests: of the pilot (plant.resting); asked: whether the linkage's rates are those asked for.
+    edges: rows where stretches begin, and their end; starts, rests: of the pilot (plant.resting); asked: which joints' rates are those asked for.
     """
 
     measured: Array
     edges: NDArray[np.intp]
     starts: Array
     rests: Array
-    asked: bool
+    asked: Asked
     payload: float
     step_s: float
 
@@ -197,7 +200,7 @@ class Loader:
 
     def _new_basis(self, windows: Sequence[Window]) -> Basis:
         machine, payload, step = self._machine, windows[0].constants.get("payload", 0.0), windows[0].step_s
-        asked = all(window.has(name) for window in windows for name in ("lift_demand", "tilt_demand"))
+        asked = _asked(windows[0])
         parts = [measured_of(window, self._sensors, machine, asked=asked) for window in windows]
         sizes = [len(part) for part in parts]
         p = led_parameters(parameter_vector(machine, Surface(), payload), FINE_S, asked=asked)
@@ -210,7 +213,7 @@ class Loader:
         edges = np.concatenate(([0], np.cumsum(sizes))).astype(np.intp)
         return Basis(np.concatenate(parts), edges, starts, rests, asked, payload, step)
 
-    def _start(self, window: Window, first: Array, asked: bool) -> Array:
+    def _start(self, window: Window, first: Array, asked: Asked) -> Array:
         """State at the begin of a window: the pilot's, or at rest on the tyres, or rolling evenly."""
         pilot = self._pilot(window, asked)
         if pilot is not None:
@@ -220,7 +223,7 @@ class Loader:
                 return np.asarray(states[row], float)
         return _plant(self._machine, window.constants.get("payload", 0.0), first).inside()[0]
 
-    def _pilot(self, window: Window, asked: bool) -> tuple[float, Array] | None:
+    def _pilot(self, window: Window, asked: Asked) -> tuple[float, Array] | None:
         """First time and the states of the whole recording led by the machine of the sheet; None where it is not known."""
         name = window.recording
         if name not in self._pilots:
@@ -229,7 +232,7 @@ class Loader:
             )
         return self._pilots[name]
 
-    def _flown(self, recording: Recording, like: Window, asked: bool) -> tuple[float, Array] | None:
+    def _flown(self, recording: Recording, like: Window, asked: Asked) -> tuple[float, Array] | None:
         used = [recording.signals[name] for name in INPUTS]
         begin, end = max(x.time_s[0] for x in used), min(x.time_s[-1] for x in used)
         grid = begin + like.step_s * np.arange(int((end - begin) / like.step_s) + 1, dtype=np.float64)
@@ -315,11 +318,17 @@ def _shifted(measured: Array, values: Mapping[str, float]) -> Array:
     return shifted
 
 
-def measured_of(window: Window, sensors: SensorParameters, machine: Machine, *, asked: bool) -> Array:
+def _asked(window: Window) -> Asked:
+    """Which joints' demands were recorded."""
+    steering, lift, tilt = (window.has(name) for name in DEMANDS)
+    return steering, lift, tilt
+
+
+def measured_of(window: Window, sensors: SensorParameters, machine: Machine, *, asked: Asked) -> Array:
     """What leads the plant, (n, MEASURED): the recorded inputs without what their sensors did to them.
 
     Lags and delays of the sheet are undone by reading as much later as they make slow motions late.
-    asked: rates of the linkage are those the driver asked for.
+    asked: joints whose rates are those the driver asked for.
     """
 
     def read(name: str) -> Array:
@@ -332,19 +341,35 @@ def measured_of(window: Window, sensors: SensorParameters, machine: Machine, *, 
         measured[:, M_BRAKING] = window["brake_demand"] > 0.0
     known = [read(name) for name in SPEEDS if window.has(name)]
     measured[:, M_SPEED] = _smooth(np.mean(known, axis=0)) if known else 0.0
+    steered, lifted, tilted = asked
     measured[:, M_ARTICULATION] = _smooth(read("articulation_angle"))
-    measured[:, M_ARTICULATION + 1] = _smooth(read("articulation_rate"))
+    rate = read("articulation_rate")
+    if steered:
+        demand, lag_s = window[DEMANDS[0]], machine.steering.time_constant
+        measured[:, M_ARTICULATION + 1] = _obeyed(demand, rate, lag_s, window.step_s)
+    else:
+        measured[:, M_ARTICULATION + 1] = _smooth(rate)
     for at, name, _ in LINKAGE:
         angle = read(name)
         measured[:, at] = _smooth(angle, LEVELLED)
-        if not asked:
-            measured[:, at + 1] = _smooth(angle, LEVELLED, rate_of=window.step_s)
-    if asked:
-        lift, tilt = window["lift_demand"], window["tilt_demand"]
-        up, down = machine.lift.raise_rate_limit, machine.lift.lower_rate_limit
+        measured[:, at + 1] = _smooth(angle, LEVELLED, rate_of=window.step_s)
+    if lifted:
+        lift, up, down = window["lift_demand"], machine.lift.raise_rate_limit, machine.lift.lower_rate_limit
         measured[:, M_LIFT + 1] = lift * np.where(lift > 0.0, up, down)
-        measured[:, M_TILT + 1] = tilt * machine.tilt.rate_limit
+    if tilted:
+        measured[:, M_TILT + 1] = window["tilt_demand"] * machine.tilt.rate_limit
     return measured
+
+
+def _obeyed(demand: Array, rate: Array, lag_s: float, step_s: float) -> Array:
+    """The rate that cylinders of this lag were asked for: the driver's demand, and slowly what limits made of it.
+
+    rate: as it was measured; with its slope times the lag it is what was asked for, with the sensor's noise. The demand of a row was
+    held since the row before: at a row what acts is between it and the next.
+    """
+    acting = 0.5 * (demand + np.append(demand[1:], demand[-1]))
+    obeyed = rate + lag_s * np.gradient(rate, step_s)
+    return np.asarray(demand + _smooth(obeyed - acting, LEVELLED), float)
 
 
 def _smooth(values: Array, points: int = SMOOTHED, *, rate_of: float | None = None) -> Array:

@@ -48,7 +48,12 @@ INPUTS: Mapping[str, str] = {
     "lift_arm_angle": "rad",
     "tilt_angle": "rad",
 }
-OPTIONAL: Mapping[str, str] = {"brake_demand": "1", "lift_demand": "1", "tilt_demand": "1"}
+OPTIONAL: Mapping[str, str] = {
+    "brake_demand": "1",
+    "articulation_rate_demand": "rad/s",
+    "lift_demand": "1",
+    "tilt_demand": "1",
+}
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ import pytest
 
 from discrepancy.model import Model
 from discrepancy.models import loader
-from discrepancy.models.led import Loader
+from discrepancy.models.led import Loader, _obeyed
 from discrepancy.models.loader_library import CHANNELS, INPUTS, UNSEARCHED, library
 from discrepancy.problem import Problem
 from discrepancy.recording import Recording, signal
@@ -92,6 +92,31 @@ def test_it_predicts_a_recorded_drive_to_its_noise(plain):
         error = float(np.std(residual[problem.row_channel == i]))
         allowed = 3.0 * sheet.of(name).noise if "wheel_speed" not in name else 0.03
         assert error < allowed, name
+
+
+def served(asked, lag_s, step_s=0.01):
+    """The rate of a first-order cylinder, row by row; each row's demand held since the row before."""
+    rate = np.zeros(asked.size)
+    for k in range(1, asked.size):
+        rate[k] = asked[k] + (rate[k - 1] - asked[k]) * math.exp(-step_s / lag_s)
+    return rate
+
+
+def test_what_steering_was_asked_for_is_the_demand_where_it_is_obeyed():
+    """Swings of 1.6 Hz, which half a second of smoothing alone would flatten."""
+    t = 0.01 * np.arange(600)
+    demand = 0.2 * np.sin(10.0 * t)
+    found = _obeyed(demand, served(demand, 0.05), 0.05, 0.01)
+    inner = slice(50, -50)
+    np.testing.assert_allclose(found[inner], demand[inner], atol=1e-3)  # half a per cent: the hold of a tick
+
+
+def test_what_steering_was_asked_for_is_what_limits_left_of_the_demand():
+    t = 0.01 * np.arange(1000)
+    demand, given = 0.3 * np.sin(1.5 * t), 0.15 * np.sin(1.5 * t)
+    found = _obeyed(demand, served(given, 0.05), 0.05, 0.01)
+    inner = slice(50, -50)
+    np.testing.assert_allclose(found[inner], given[inner], atol=2e-3)
 
 
 def restricted(*names, recordings=()) -> Model:

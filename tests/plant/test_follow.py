@@ -69,6 +69,21 @@ def test_it_does_what_the_leader_did_to_the_accuracy_of_the_sensors(truth, step)
         assert error < accuracy * (2.0 if step > 2e-3 else 1.0), name
 
 
+def test_through_the_demanded_rates_accelerations_are_those_of_the_leader(truth):
+    """Cylinders that are asked for the same do the same, however much coarser the steps."""
+    rows = measured(truth, truth["time_s"] > 4.5)
+    asked = np.arange(len(rows)) - 1  # a row holds what the tick before it was asked for
+    rows[1:, f.M_ARTICULATION + 1] = 0.25 * np.sin(0.02 * asked[1:])
+    rows[0, f.M_ARTICULATION + 1] = 0.0
+    rows[:, f.M_LIFT + 1] = np.where((asked > 100) & (asked < 300), 0.1, 0.0)
+    rows[:, f.M_TILT + 1] = 0.0
+    found = f.follow(Plant(L60, speed=3.0), rows, interval_s=0.01, step_s=5e-3, asked=(True, True, True))[0]
+    lateral = columns_of(found)["imu_specific_force"][:, 1] - truth["imu_specific_force"][:, 1]
+    steering = np.gradient(truth["articulation_rate"], 0.01)
+    assert np.std(lateral) < 0.005
+    assert abs(np.polyfit(steering, lateral, 1)[0]) < 0.005  # of a lever of 1.76 m
+
+
 def test_an_error_of_force_shows_as_a_steady_difference_of_speed(truth):
     """Resistance the leader did not have, over mass and gain, is what the speed is off by."""
     from dataclasses import replace
