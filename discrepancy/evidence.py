@@ -13,6 +13,7 @@ from scipy.signal import welch
 
 from discrepancy.fit import fit
 from discrepancy.judge import Judgement
+from discrepancy.locate import at_rows
 from discrepancy.noise import Noise
 from discrepancy.problem import Problem, Values
 from discrepancy.recording import Array
@@ -187,10 +188,7 @@ def _regimes(problem: Problem, noise: Noise, before: Array, after: Array | None)
     units = {**model.inputs, **model.optional, **model.outputs}
     found = []
     for name in [n for n in units if all(w.has(n) for w in problem.windows)]:
-        value = np.empty(noise.keep.size)
-        for i, window in enumerate(problem.windows):
-            rows = noise.row_window == i
-            value[rows] = np.interp(noise.row_time[rows], window.time_s, window[name])
+        value = at_rows(problem, noise, name)
         low, high = np.quantile(value, [1 / 3, 2 / 3])
         if low == high:
             continue

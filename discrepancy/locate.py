@@ -96,10 +96,7 @@ def _regimes(problem: Problem, noise: Noise, gain: Array, total: float) -> list[
     names = [n for n in (*problem.model.inputs, *problem.channels) if all(w.has(n) for w in problem.windows)]
     units = {**problem.model.inputs, **problem.model.outputs}
     for name in names:
-        value = np.empty(gain.size)
-        for i, window in enumerate(problem.windows):
-            rows = noise.row_window == i
-            value[rows] = np.interp(noise.row_time[rows], window.time_s, window[name])
+        value = at_rows(problem, noise, name)
         low, high = np.quantile(value, [1 / 3, 2 / 3])
         if low == high:
             continue
@@ -108,3 +105,12 @@ def _regimes(problem: Problem, noise: Noise, gain: Array, total: float) -> list[
             if size > 0.05 and share / size > 1.5:
                 found.append(Regime(f"{name} {text} {units[name]}", share, share / size))
     return sorted(found, key=lambda r: -r.density)[:4]
+
+
+def at_rows(problem: Problem, noise: Noise, name: str) -> Array:
+    """An input or measured output at each whitened row, in its own unit."""
+    value = np.empty(noise.keep.size)
+    for i, window in enumerate(problem.windows):
+        rows = noise.row_window == i
+        value[rows] = np.interp(noise.row_time[rows], window.time_s, window[name])
+    return value
