@@ -203,6 +203,13 @@ class Model:
             raise ValueError(
                 f"model {self.name}: parameter names must be unique, repeated: {', '.join(repeated)}"
             )
+        for manoeuvre in self.manoeuvres:
+            for name, given in manoeuvre.inputs.items():
+                if given.held != (name in self.held):
+                    raise ValueError(
+                        f"model {self.name}, manoeuvre {manoeuvre.name}: {name} is{'' if given.held else ' not'} held there, "
+                        f"in the model's `held` it is{'' if name in self.held else ' not'}"
+                    )
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -18,7 +18,7 @@ def tell(result: Findings, console: Console, *, all_candidates: bool = False) ->
     colour = COLOUR[result.status]
     head = f"[bold {colour}]{result.status}[/]\n" + "\n".join(escape(reason) for reason in result.reasons)
     title = f"{result.model}: {', '.join(result.recordings)}"
-    console.print(Panel(head, title=escape(title), title_align="left"))
+    console.print(Panel(head, title=escape(title), title_align="left"), soft_wrap=False)
     for number, finding in enumerate(result.findings, start=1):
         console.print(escape(_finding(number, finding)), highlight=False)
     if result.open_ended is not None:

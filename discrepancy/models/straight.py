@@ -248,8 +248,8 @@ def _shuttle() -> Manoeuvre:
         sentence="shuttle forwards and backwards with steps of full drive, coasting in between",
         duration_s=30.0,
         inputs={
-            "drive_force": signal(time_s, force, "N"),
-            "brake_force": signal(time_s, np.zeros(time_s.size), "N"),
+            "drive_force": signal(time_s, force, "N", held=True),
+            "brake_force": signal(time_s, np.zeros(time_s.size), "N", held=True),
         },
         initial={"speed": 0.5},
     )

@@ -1,6 +1,7 @@
 """`loaderhil score`: findings against the sealed truth of a concealed recording.
 
-Exit codes: 0 every hidden effect is in a named group and no other name was given; 1 otherwise; 2 misused.
+Exit codes: 0 every hidden effect is in a named group and no other name was given; 5 the others were said not to be visible in
+the recording, and no other name was given; 1 otherwise; 2 misused.
 """
 
 from collections.abc import Sequence
@@ -24,7 +25,7 @@ class NotScored(Mistake, ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """One hidden effect. place: named, in group (of `found`), proxy, missed; within: share of parameters inside their intervals."""
+    """One hidden effect. place: named, in group (of `found`), proxy, not visible (and the findings said so), missed."""
 
     effect: str
     place: str
@@ -51,8 +52,12 @@ class Score:
     false_names: Sequence[str]
 
     @property
-    def passed(self) -> bool:
-        return not self.false_names and all(row.place in ("named", "in group") for row in self.rows)
+    def ending(self) -> Ending:
+        """PASSED, FAILED, or INCONCLUSIVE where the recording could not show what was hidden."""
+        places = {row.place for row in self.rows}
+        if self.false_names or places & {"proxy", "missed"}:
+            return Ending.FAILED
+        return Ending.INCONCLUSIVE if "not visible" in places else Ending.PASSED
 
 
 def compared(result: "Findings", truth: "Truth") -> Score:
@@ -84,8 +89,10 @@ def _row(result: "Findings", effect: str, parameters: dict[str, float]) -> Row:
             low=e.low,
             high=e.high,
         )
+    unseen = effect in {c.effect for c in result.candidates if c.verdict == "could not be judged"}
+    place = "not visible" if unseen else "missed"
     return Row(
-        effect=effect, place="missed", found="", parameter=name, true=true, value=None, low=None, high=None
+        effect=effect, place=place, found="", parameter=name, true=true, value=None, low=None, high=None
     )
 
 
@@ -118,7 +125,7 @@ def score(
     _check_files(sealed.files, sealed_file.parent, result.recordings)
     compared_with = compared(result, sealed.truth)
     _tell(compared_with, result.status, sealed.truth, Console(width=120, highlight=False))
-    raise typer.Exit(int(Ending.PASSED if compared_with.passed else Ending.FAILED))
+    raise typer.Exit(int(compared_with.ending))
 
 
 def _check_files(files: dict[str, str], folder: Path, told: Sequence[str]) -> None:
@@ -148,7 +155,7 @@ def _tell(score: Score, status: str, truth: "Truth", console: "Console") -> None
     for row in score.rows:
         between = f"{row.low:.4g} to {row.high:.4g}" if row.low is not None and row.high is not None else "–"
         holds = "–" if row.within is None else "yes" if row.within else "no"
-        place = row.place if row.place in ("named", "missed") else f"{row.place} of {row.found}"
+        place = f"{row.place} of {row.found}" if row.place in ("in group", "proxy") else row.place
         value = "–" if row.value is None else f"{row.value:.4g}"
         table.add_row(row.effect, place, row.parameter, f"{row.true:.4g}", value, between, holds)
     console.print(f"verdict: {status}; hidden: {len(truth.effects)} effects, seed {truth.seed}")
@@ -156,7 +163,15 @@ def _tell(score: Score, status: str, truth: "Truth", console: "Console") -> None
         console.print(table)
     for name in score.false_names:
         console.print(f"false name: {name}")
-    console.print("passed" if score.passed else "failed")
+    console.print(f"{score.ending.name.lower()}{_why(score)}")
+
+
+def _why(score: Score) -> str:
+    """What makes a score inconclusive."""
+    unseen = [row.effect for row in score.rows if row.place == "not visible"]
+    if score.ending != Ending.INCONCLUSIVE:
+        return ""
+    return f": this recording hardly shows {', '.join(unseen)}, and the findings say so; another manoeuvre would (--manoeuvre, --like)"
 
 
 def register(app: typer.Typer) -> None:

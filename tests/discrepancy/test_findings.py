@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from rich.console import Console
 
 from discrepancy.examine import examine
-from discrepancy.findings import SCHEMA, from_json, schema_text, to_json
+from discrepancy.findings import SCHEMA, Findings, from_json, schema_text, to_json
 from discrepancy.search import Settings
 from discrepancy.words import most_improved, tell
 from tests.discrepancy.toys import record, tank
@@ -48,3 +48,12 @@ def test_the_words_name_effect_value_and_what_was_ruled_out() -> None:
     text = out.getvalue()
     for expected in ("explained", "leak = 0.0", "closes", "ruled out", "level delay"):
         assert expected in text
+
+
+def test_reasons_longer_than_the_terminal_are_wrapped_not_cut() -> None:
+    out = io.StringIO()
+    reason = "no effect and no function of the known signals improves the prediction of held-out data " * 2
+    result = Findings(model="tank", recordings=["r"], status="nothing missing", reasons=[reason.strip()])
+    tell(result, Console(file=out, width=60, soft_wrap=True))
+    words = [w for line in out.getvalue().splitlines() for w in line.strip("│ ").split()]
+    assert " ".join(words).count("held-out data") == 2

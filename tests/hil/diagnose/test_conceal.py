@@ -6,15 +6,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from discrepancy.findings import Findings
+from discrepancy.examine import examine
+from discrepancy.findings import Candidate, Findings
+from discrepancy.model import Model
 from discrepancy.models import ball, car, road, straight
 from discrepancy.problem import Problem
+from discrepancy.search import Settings
 from hil.diagnose.channels import to_recording
 from hil.diagnose.hidden import Fault, NotHidden, Truth, chosen, concealed, drawn, staged
 from hil.diagnose.score import compared
 from hil.diagnose.seal import BrokenSeal, seal, unseal
 from hil.diagnose.tables import read_table
 from hil.diagnose.written import csv_text
+from hil.ending import Ending
 from tests.discrepancy.toys import record, tank
 from tests.hil.diagnose.cases import columns, finding, loaderhil, model_file, write_csv
 
@@ -136,24 +140,56 @@ def told(
     return Findings(model="tank", recordings=["r"], status="explained", reasons=[], findings=findings)
 
 
+def unseen(effect: str) -> Candidate:
+    return Candidate(
+        effect=effect, kind="physics", verdict="could not be judged", statistic=0.0, p_value=1.0, expected=[],
+        power=0.0, absorbed=0.0, reason="",
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize(
-    ("result", "hidden", "place", "false", "passed"),
+    ("result", "hidden", "place", "false", "ending"),
     [
-        (told("leak"), ["leak"], "named", [], True),
-        (told("offset", group=("leak",)), ["leak"], "in group", [], True),
-        (told("leak", named=False), ["leak"], "proxy", [], False),
-        (told(), ["leak"], "missed", [], False),
-        (told("leak", "offset"), ["leak"], "named", ["offset"], False),
-        (told("offset"), ["leak"], "missed", ["offset"], False),
-        (told(), [], "", [], True),
-        (told("offset"), [], "", ["offset"], False),
+        (told("leak"), ["leak"], "named", [], Ending.PASSED),
+        (told("offset", group=("leak",)), ["leak"], "in group", [], Ending.PASSED),
+        (told("leak", named=False), ["leak"], "proxy", [], Ending.FAILED),
+        (told(), ["leak"], "missed", [], Ending.FAILED),
+        (told("leak", "offset"), ["leak"], "named", ["offset"], Ending.FAILED),
+        (told("offset"), ["leak"], "missed", ["offset"], Ending.FAILED),
+        (told(), [], "", [], Ending.PASSED),
+        (told("offset"), [], "", ["offset"], Ending.FAILED),
+        (replace(told(), candidates=[unseen("leak")]), ["leak"], "not visible", [], Ending.INCONCLUSIVE),
+        (replace(told(), candidates=[unseen("offset")]), ["leak"], "missed", [], Ending.FAILED),
+        (
+            replace(told("offset"), candidates=[unseen("leak")]),
+            ["leak"],
+            "not visible",
+            ["offset"],
+            Ending.FAILED,
+        ),
     ],
 )
-def test_scores(result: Findings, hidden: list[str], place: str, false: list[str], passed: bool) -> None:
+def test_scores(result: Findings, hidden: list[str], place: str, false: list[str], ending: Ending) -> None:
     score = compared(result, quiet(effects={e: {e: 0.5} for e in hidden}))
     assert [row.place for row in score.rows] == ([place] if hidden else [])
     assert list(score.false_names) == false
-    assert score.passed is passed
+    assert score.ending is ending
+
+
+@pytest.mark.parametrize("model", [straight.model(), car.model()], ids=["straight", "car"])
+@pytest.mark.parametrize("seed", range(3))
+def test_where_nothing_is_hidden_in_a_models_own_manoeuvre_nothing_is_found(
+    model: Model, seed: int, tmp_path: Path
+) -> None:
+    """The truth is simulated at a fifth of the model's step: only that step and the noise may differ."""
+    [manoeuvre] = model.manoeuvres
+    truth = Truth(model=model.name, seed=seed)
+    (tmp_path / "r.csv").write_text(
+        csv_text(concealed(model, staged(model, manoeuvre, {}), truth, manoeuvre.initial))
+    )
+    recording, _ = to_recording(read_table(tmp_path / "r.csv"), "r.csv", model, {})
+    result = examine(model, [recording], Settings())
+    assert result.status == "nothing missing", result.reasons
 
 
 def test_an_interval_holds_the_truth_or_not() -> None:
