@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from plant.compiled import compiled
 from plant.effects import dispatch as effects
+from plant.effects.ports import climb
 from plant.kinematics import place_loader
 from plant.multibody import Tree, solve_tree
 from plant.parameters import (
@@ -54,6 +55,7 @@ from plant.state import (
     G_FRICTION,
     G_HEIGHT,
     G_RISE,
+    G_SLOPE,
     JOINT,
     JOINT_RATE,
     KAPPA,
@@ -175,7 +177,7 @@ def prepare_wheel(block: Array, wheel: int, work: Workspace) -> None:
     """A copy of the tyre block and plain ground, for effects to change."""
     for i in range(WHEEL_SIZE):
         work.local[wheel, i] = block[i]
-    work.ground[wheel, G_HEIGHT] = work.ground[wheel, G_RISE] = 0.0
+    work.ground[wheel, G_HEIGHT] = work.ground[wheel, G_RISE] = work.ground[wheel, G_SLOPE] = 0.0
     work.ground[wheel, G_FRICTION] = 1.0
 
 
@@ -222,6 +224,7 @@ def apply_tyres(state: Array, p: Array, ahead: float, work: Workspace, active: A
         work.rate[KAPPA + wheel] = out[T_KAPPA_RATE]
         work.rate[TAN_ALPHA + wheel] = out[T_TAN_ALPHA_RATE]
         if active is not None:
+            climb(work, wheel)
             effects.after_tyre(active, state, p, wheel, work)
 
 

@@ -60,4 +60,5 @@ T_OUTPUTS: Final = 18
 G_HEIGHT: Final = 0  # above the plane of the road [m]
 G_RISE: Final = 1  # how fast it rises under the wheel [m/s]
 G_FRICTION: Final = 2  # friction over that of the road
-GROUND: Final = 3
+G_SLOPE: Final = 3  # of the height, along the world's x axis
+GROUND: Final = 4

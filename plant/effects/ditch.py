@@ -31,7 +31,7 @@ EFFECT = Effect(
         Parameter("left_m", "m", 0.2, -1.0, 1.0, "d under the left wheels; negative: a bump"),
         Parameter("right_m", "m", 0.2, -1.0, 1.0, "d under the right wheels"),
     ),
-    acts_on="normal forces, pitch, roll",
+    acts_on="normal forces, longitudinal force, pitch, roll",
     signature="Loads fall and rise once per axle.",
     excited_by="driving over it",
     confusable=(

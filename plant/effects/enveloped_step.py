@@ -1,12 +1,9 @@
 """A sharp step, as a tyre envelops it with two elliptical cams."""
 
-import math
-
 from plant.compiled import compiled
 from plant.effects.effect import Array, Confusable, Effect, Parameter
-from plant.effects.ports import in_world, push_centre, raise_ground
+from plant.effects.ports import along_ground, raise_ground
 from plant.parameters import W_RADIUS
-from plant.state import T_NORMAL
 from plant.workspace import Workspace
 
 
@@ -44,32 +41,10 @@ def enveloped(ahead: float, step: float, radius: float, q: Array) -> tuple[float
 
 @compiled
 def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
-    """The mean height of both cams, with its own slope for the rate at which it rises."""
-    centre, radius = work.places.centres[wheel], work.local[wheel, W_RADIUS]
-    ahead, _, _ = in_world(state, work, centre[0], centre[1], centre[2])
-    step, way, reach = q[1 + wheel % 2], ahead - q[0], 1e-4
-    height, _ = enveloped(way, step, radius, q)
-    later, _ = enveloped(way + reach, step, radius, q)
-    before, _ = enveloped(way - reach, step, radius, q)
-    if later != before or height != 0.0:
-        raise_ground(state, work, wheel, height, (later - before) / (2.0 * reach))
-
-
-@compiled
-def after_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
-    """The effective road leans by the slope between the cams: the load pushes the wheel back, or on."""
-    centre, radius = work.places.centres[wheel], work.local[wheel, W_RADIUS]
-    ahead, _, _ = in_world(state, work, centre[0], centre[1], centre[2])
-    _, slope = enveloped(ahead - q[0], q[1 + wheel % 2], radius, q)
-    axle = work.places.axles[wheel]
-    r = work.places.world
-    along = (
-        r[1, 0] * axle[0] + r[1, 1] * axle[1] + r[1, 2] * axle[2]
-    )  # of the wheel, along the world's x axis
-    if slope != 0.0:
-        push_centre(
-            work, wheel, -work.tyres[wheel, T_NORMAL] * slope * math.copysign(min(abs(along), 1.0), along)
-        )
+    """The effective road: mean height of both cams, and the slope between them."""
+    way = along_ground(state, work, wheel) - q[0]
+    height, slope = enveloped(way, q[1 + wheel % 2], work.local[wheel, W_RADIUS], q)
+    raise_ground(state, work, wheel, height, slope)
 
 
 EFFECT = Effect(
@@ -92,6 +67,8 @@ EFFECT = Effect(
     acts_on="normal forces, longitudinal force, pitch, roll",
     signature="The wheels rise before the edge is below them, and are pushed back while they climb.",
     excited_by="driving over a kerb",
-    confusable=(Confusable("kerb", "a ramp of one length for every height, and no push back"),),
+    confusable=(
+        Confusable("kerb", "a ramp of one length for every height; a higher edge reaches the cams earlier"),
+    ),
     source="tandem elliptical cams of MF-Swift: Schmeitz, TU Delft 2004; Pacejka, 3rd ed., chapter 10.1",
 )

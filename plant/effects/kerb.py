@@ -5,7 +5,6 @@ import math
 from plant.compiled import compiled
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.effects.ports import along_ground, raise_ground
-from plant.state import G_HEIGHT
 from plant.workspace import Workspace
 
 
@@ -16,7 +15,7 @@ def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Work
     height = q[2] if wheel % 2 == 0 else q[3]
     part = (ahead - q[0]) / q[1]
     if part >= 1.0:
-        work.ground[wheel, G_HEIGHT] += height
+        raise_ground(state, work, wheel, height, 0.0)
     elif part > 0.0:
         rise = 0.5 * height * (1.0 - math.cos(math.pi * part))
         raise_ground(state, work, wheel, rise, 0.5 * height * math.pi / q[1] * math.sin(math.pi * part))
@@ -34,7 +33,7 @@ EFFECT = Effect(
         Parameter("left_m", "m", 0.1, -0.5, 0.5, "h under the left wheels"),
         Parameter("right_m", "m", 0.1, -0.5, 0.5, "h under the right wheels"),
     ),
-    acts_on="normal forces, pitch, roll",
+    acts_on="normal forces, longitudinal force, pitch, roll",
     signature="First the front, then the rear wheels jump; the way between is the wheelbase.",
     excited_by="driving over it",
     confusable=(

@@ -9,6 +9,7 @@ from plant.state import (
     FRONT_FRAME,
     G_HEIGHT,
     G_RISE,
+    G_SLOPE,
     JOINT,
     JOINT_RATE,
     POSITION,
@@ -16,6 +17,7 @@ from plant.state import (
     T_DEFLECTION,
     T_LATERAL,
     T_LONGITUDINAL,
+    T_NORMAL,
     T_WRENCH,
     WHEEL,
 )
@@ -73,6 +75,21 @@ def contact_point(work: Workspace, wheel: int) -> tuple[float, float, float]:
 
 
 @compiled
+def push_tyre(
+    work: Workspace, wheel: int, x: float, y: float, z: float, fx: float, fy: float, fz: float
+) -> None:
+    """A force (fx, fy, fz) [N] on a wheel at the point (x, y, z) [m] that counts in its tyre's wrench."""
+    push(work, WHEEL + wheel, x, y, z, fx, fy, fz)
+    out = work.tyres[wheel]
+    out[T_WRENCH] += y * fz - z * fy
+    out[T_WRENCH + 1] += z * fx - x * fz
+    out[T_WRENCH + 2] += x * fy - y * fx
+    out[T_WRENCH + 3] += fx
+    out[T_WRENCH + 4] += fy
+    out[T_WRENCH + 5] += fz
+
+
+@compiled
 def push_wheel(work: Workspace, wheel: int, along: float, across: float, moment: float) -> None:
     """Forces of a tyre along and across its wheel [N] and about the road's normal [N m], beside those of its model.
 
@@ -82,17 +99,13 @@ def push_wheel(work: Workspace, wheel: int, along: float, across: float, moment:
     x, y, z = contact_point(work, wheel)
     n, out = work.normal, work.tyres[wheel]
     fx, fy, fz = along * hx + across * sx, along * hy + across * sy, along * hz + across * sz
-    push(work, WHEEL + wheel, x, y, z, fx, fy, fz)
+    push_tyre(work, wheel, x, y, z, fx, fy, fz)
     twist(work, WHEEL + wheel, moment * n[0], moment * n[1], moment * n[2])
     out[T_LONGITUDINAL] += along
     out[T_LATERAL] += across
     out[T_ALIGNING] += moment
-    out[T_WRENCH] += y * fz - z * fy + moment * n[0]
-    out[T_WRENCH + 1] += z * fx - x * fz + moment * n[1]
-    out[T_WRENCH + 2] += x * fy - y * fx + moment * n[2]
-    out[T_WRENCH + 3] += fx
-    out[T_WRENCH + 4] += fy
-    out[T_WRENCH + 5] += fz
+    for i in range(3):
+        out[T_WRENCH + i] += moment * n[i]
 
 
 @compiled
@@ -122,16 +135,9 @@ def carrier_motion(work: Workspace, wheel: int) -> tuple[float, float, float]:
 def push_centre(work: Workspace, wheel: int, along: float) -> None:
     """A force on a wheel's centre along its heading [N]: resistance without a moment about the axle."""
     hx, hy, hz, _, _, _ = heading(work, wheel)
-    c, out = work.places.centres[wheel], work.tyres[wheel]
-    fx, fy, fz = along * hx, along * hy, along * hz
-    push(work, WHEEL + wheel, c[0], c[1], c[2], fx, fy, fz)
-    out[T_LONGITUDINAL] += along
-    out[T_WRENCH] += c[1] * fz - c[2] * fy
-    out[T_WRENCH + 1] += c[2] * fx - c[0] * fz
-    out[T_WRENCH + 2] += c[0] * fy - c[1] * fx
-    out[T_WRENCH + 3] += fx
-    out[T_WRENCH + 4] += fy
-    out[T_WRENCH + 5] += fz
+    c = work.places.centres[wheel]
+    push_tyre(work, wheel, c[0], c[1], c[2], along * hx, along * hy, along * hz)
+    work.tyres[wheel, T_LONGITUDINAL] += along
 
 
 @compiled
@@ -186,10 +192,32 @@ def along_ground(state: Array, work: Workspace, wheel: int) -> float:
 
 @compiled
 def raise_ground(state: Array, work: Workspace, wheel: int, height: float, slope: float) -> None:
-    """Raise the ground under a wheel by a profile's height [m] with its slope along the world's x axis."""
+    """Raise the ground under a wheel by a profile's height [m] with its slope along the world's x axis.
+
+    The slope makes the ground rise as the wheel goes on, and turns the load (climb).
+    """
     motion, c, r = work.tree.motion[WHEEL + wheel], work.places.centres[wheel], work.places.world
     vx = motion[3] + motion[1] * c[2] - motion[2] * c[1]
     vy = motion[4] + motion[2] * c[0] - motion[0] * c[2]
     vz = motion[5] + motion[0] * c[1] - motion[1] * c[0]
     work.ground[wheel, G_HEIGHT] += height
     work.ground[wheel, G_RISE] += slope * (r[0, 0] * vx + r[0, 1] * vy + r[0, 2] * vz)
+    work.ground[wheel, G_SLOPE] += slope
+
+
+@compiled
+def climb(work: Workspace, wheel: int) -> None:
+    """The ground's slope turns a wheel's load back: what lifts the machine costs it speed. After the tyre model.
+
+    The spring's energy depends on the road's height under the wheel's centre, so its force there along the world's
+    x axis is -load slope; with the rise of raise_ground the damper takes energy and never gives any. No moment about the axle.
+    """
+    back = -work.tyres[wheel, T_NORMAL] * work.ground[wheel, G_SLOPE]
+    if back == 0.0:
+        return
+    c, r = work.places.centres[wheel], work.places.world
+    fx, fy, fz = back * r[0, 0], back * r[0, 1], back * r[0, 2]
+    push_tyre(work, wheel, c[0], c[1], c[2], fx, fy, fz)
+    hx, hy, hz, sx, sy, sz = heading(work, wheel)
+    work.tyres[wheel, T_LONGITUDINAL] += fx * hx + fy * hy + fz * hz
+    work.tyres[wheel, T_LATERAL] += fx * sx + fy * sy + fz * sz

@@ -26,7 +26,7 @@ EFFECT = Effect(
         Parameter("amplitude_mm", "mm", 15.0, 0.0, 200.0, "a", si=1e-3),
         Parameter("wavelength_m", "m", 2.0, 0.3, 100.0, "L", shape=True),
     ),
-    acts_on="normal forces, pitch, roll",
+    acts_on="normal forces, longitudinal force, pitch, roll",
     signature="A tone whose frequency is the speed over the wavelength.",
     excited_by="driving over it",
     confusable=(Confusable("lug_excitation", "lugs follow the wheel's angle, waves the way"),),
