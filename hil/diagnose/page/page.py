@@ -132,7 +132,7 @@ def _candidates(result: Findings) -> str:
                 "found" if c.verdict == "found" else "blind" if c.verdict.startswith("could") else "",
             ),
             plain(f"{c.statistic:.1f}", "n"),
-            plain(_expected(c.expected)),
+            plain("–" if c.verdict == "could not be judged" else _expected(c.expected)),
             meter(c.power),
             meter(c.absorbed),
             plain(c.reason),
