@@ -5,7 +5,7 @@ controller does not make noise look like physics (Ljung, System Identification, 
 chosen by BIC. Holds for evenly spaced samples; jitter is neglected, gaps restart the filter.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,7 @@ from discrepancy.problem import Block, Problem
 from discrepancy.recording import Array
 
 HIGHEST_ORDER = 10
+ROWS_PER_TERM = 15  # least rows for a coefficient of the autoregression
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,30 +119,48 @@ def _stack(blocks: Sequence[Block], rows: Array) -> Array:
 
 
 def _autoregression(blocks: Sequence[Block], residual: Array, inflation: float, floors: Array) -> Whitener:
+    """The order by BIC; memory of every channel for itself where there are too few rows for one that couples them."""
     c = blocks[0].shape[1]
     shortest = min(b.shape[0] for b in blocks)
     total = sum(b.shape[0] for b in blocks)
-    highest = max(0, min(HIGHEST_ORDER, shortest // 4, total // (15 * c)))
+    longest = max(0, min(HIGHEST_ORDER, shortest // 4, total // ROWS_PER_TERM))
+    coupled = min(longest, total // (ROWS_PER_TERM * c))
     runs = [residual[b.start : b.stop].reshape(b.shape) for b in blocks]
     # the same rows for every order, or BIC would compare different data
-    target = np.concatenate([run[highest:] for run in runs])
-    lags = [np.concatenate([run[highest - i : len(run) - i] for run in runs]) for i in range(1, highest + 1)]
-    # orders are nested: one triangular factor serves all
-    factor: Array = np.asarray(np.linalg.qr(np.concatenate([*lags, target], axis=1), mode="r"))
+    target = np.concatenate([run[longest:] for run in runs])
+    lags = [np.concatenate([run[longest - i : len(run) - i] for run in runs]) for i in range(1, longest + 1)]
+    found = [(order * c * c, past) for order, past in enumerate(_coupled(lags[:coupled], target))]
+    if coupled < longest:
+        found += [(order * c, past) for order, past in enumerate(_alone(lags, target)) if order > 0]
     best: tuple[float, Array, Array] | None = None
-    for order in range(highest + 1):
-        solved = np.linalg.lstsq(factor[:, : order * c], factor[:, highest * c :], rcond=None)[0]
-        matrices = settled(np.asarray(solved.reshape(order, c, c).transpose(0, 2, 1), float), shortest)
-        coefficients = matrices.transpose(0, 2, 1).reshape(order * c, c)
-        error = factor[:, highest * c :] - factor[:, : order * c] @ coefficients
-        covariance = error.T @ error / max(len(target) - order * c, 1)
+    for size, past in found:
+        matrices = settled(past, shortest)
+        error = target - sum((x @ A.T for x, A in zip(lags, matrices, strict=False)), np.zeros_like(target))
+        covariance = error.T @ error / max(len(target) - size // c, 1)
         covariance += np.diag(1e-18 + 1e-12 * np.var(target, axis=0))
-        score = len(target) * float(np.linalg.slogdet(covariance)[1]) + np.log(len(target)) * order * c * c
+        score = len(target) * float(np.linalg.slogdet(covariance)[1]) + np.log(len(target)) * size
         if best is None or score < best[0]:
             best = (score, matrices, covariance)
     assert best is not None
     _, matrices, covariance = best
     return Whitener(matrices, np.linalg.inv(np.linalg.cholesky(covariance * inflation + np.diag(floors**2))))
+
+
+def _coupled(lags: Sequence[Array], target: Array) -> Iterator[Array]:
+    """Least squares for every order from 0, each (order, c, c); orders are nested: one triangular factor serves all."""
+    c, highest = target.shape[1], len(lags)
+    factor: Array = np.asarray(np.linalg.qr(np.concatenate([*lags, target], axis=1), mode="r"))
+    for order in range(highest + 1):
+        solved = np.linalg.lstsq(factor[:, : order * c], factor[:, highest * c :], rcond=None)[0]
+        yield np.asarray(solved.reshape(order, c, c).transpose(0, 2, 1), float)
+
+
+def _alone(lags: Sequence[Array], target: Array) -> Iterator[Array]:
+    """The same with every channel predicted from its own past only."""
+    each = [_coupled([x[:, i : i + 1] for x in lags], target[:, i : i + 1]) for i in range(target.shape[1])]
+    for pasts in zip(*each, strict=True):
+        own = np.stack([past[:, 0, 0] for past in pasts], axis=1)
+        yield np.stack([np.diag(row) for row in own]) if len(own) else np.zeros((0, len(pasts), len(pasts)))
 
 
 def settled(past: Array, run: int) -> Array:

@@ -61,10 +61,11 @@ GAIN: Final = 0.5  # with which the speed is drawn to the measured one [1/s]
 
 @compiled
 def _command(
-    command: Array, state: Array, m: Array, after: Array, interval: float, p: Array, asked: Asked
+    command: Array, state: Array, m: Array, after: Array, interval: float, step: float, p: Array, asked: Asked
 ) -> None:
     """Commands that make the plant do what was measured from one row to the next."""
-    middle = 0.5 + p[P_DRIVE_LAG] / interval  # a lagging motor or servo is asked for what comes later
+    # a lagging motor or servo is asked for what comes later; forces follow the torque with the step before
+    middle = 0.5 + (p[P_DRIVE_LAG] + 0.5 * step) / interval
     for wheel in range(4):
         torque = m[M_TORQUE + wheel] + middle * (after[M_TORQUE + wheel] - m[M_TORQUE + wheel])
         capacity = 0.0
@@ -138,7 +139,7 @@ def lead(
                 states[k] = state
             observe(rows[k], state, command, p, work, active, measures)
             after = measured[min(k + 1, end - 1)]
-            _command(command, state, measured[k], after, interval, p, asked)
+            _command(command, state, measured[k], after, interval, step, p, asked)
             rows[k, TIME] = (k - begin) * interval
             advance(state, command, exact, step, count, False, work, active)
             draw(state, work, after, radius, GAIN * interval)

@@ -58,7 +58,9 @@ from plant.truth import Observer, Truth, columns_of
 from plant.workspace import new_workspace
 
 FINE_S: Final = 5e-3  # step of the plant: what that is wrong by is below the sensors' noise
-SMOOTHED: Final = 11  # grid points, of 10 ms, of the centred quadratic that smooths articulation and speed
+SMOOTHED: Final = (
+    11  # grid points, of 10 ms, of the centred quadratic that smooths articulation, speed and torques
+)
 LEVELLED: Final = 51  # the same of the linkage's angles and of what steering's demand does not tell
 KEPT: Final = 8  # motions kept, for effects of sensors that only look at them again
 STANDING: Final = 0.02  # wheel speed [rad/s] below which a stretch begins at a standstill
@@ -336,7 +338,7 @@ def measured_of(window: Window, sensors: SensorParameters, machine: Machine, *, 
 
     measured = np.zeros((window.time_s.size, MEASURED))
     for i, name in enumerate(TORQUES):
-        measured[:, M_TORQUE + i] = read(name)
+        measured[:, M_TORQUE + i] = _smooth(read(name))
     if window.has("brake_demand"):
         measured[:, M_BRAKING] = window["brake_demand"] > 0.0
     known = [read(name) for name in SPEEDS if window.has(name)]

@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 from discrepancy.fit import WindowStates
 from discrepancy.locate import densest
 from discrepancy.model import Parameter
-from discrepancy.noise import settled
+from discrepancy.noise import _autoregression, settled
 from discrepancy.openended import play
+from discrepancy.problem import Block
 from discrepancy.recording import changes_only
 from discrepancy.screen import collinearity, penalty
 from discrepancy.sensors import delayed, lagged, sensor_effects, through_sensors
@@ -73,6 +74,21 @@ def test_projection_leaves_nothing_of_the_initial_states() -> None:
         assert np.abs(local[window == w].T @ left[window == w]).max() < 1e-9
     change = states.solve(local @ np.array([1.5, -0.5]), 3, window)
     np.testing.assert_allclose(change, [[1.5, -0.5]] * 3, atol=1e-9)
+
+
+def test_channels_too_many_to_be_coupled_keep_their_own_memory() -> None:
+    """Thirty oscillations of their own in 300 rows: a coupled order would take 900 numbers, and leave them as they are."""
+    n, c, rng = 300, 30, np.random.default_rng(3)
+    rows = rng.standard_normal((n, c))
+    own = 2.0 * 0.9 * np.cos(np.linspace(0.3, 2.5, c))
+    for k in range(2, n):
+        rows[k] += own * rows[k - 1] - 0.81 * rows[k - 2]
+    block = Block(0, 0, tuple(f"y{i}" for i in range(c)), 0.04 * np.arange(n), 0)
+    whitener = _autoregression([block], rows.ravel(), 1.0, np.zeros(c))
+    white = whitener.apply(rows[:, :, None])[:, :, 0]
+    correlation = np.sum(white[1:] * white[:-1], axis=0) / np.sum(white**2, axis=0)
+    assert np.sqrt(np.mean(correlation**2)) < 2.0 / np.sqrt(n)
+    assert white.var() == pytest.approx(1.0, rel=0.1)
 
 
 def test_an_integrating_autoregression_is_made_to_forget() -> None:

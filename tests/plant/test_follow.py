@@ -84,6 +84,20 @@ def test_through_the_demanded_rates_accelerations_are_those_of_the_leader(truth)
     assert abs(np.polyfit(steering, lateral, 1)[0]) < 0.005  # of a lever of 1.76 m
 
 
+def test_forces_are_not_late_for_the_torque():
+    """Half a step of 5 ms would show as 2.5 ms times the slope of the torque."""
+    plant = Plant(L60, speed=3.0, integrator="rk4")
+    rows = [plant.truth().row]
+    for k in range(300):
+        plant.advance(Commands(wheel_torque=(2000.0 * math.sin(0.03 * k),) * 4), 0.01)
+        rows.append(plant.truth().row)
+    leader = columns_of(np.array(rows))
+    found = f.follow(Plant(L60, speed=3.0), measured(leader, 0.0), interval_s=0.01, step_s=5e-3)[0]
+    missing = (leader["longitudinal_force"] - columns_of(found)["longitudinal_force"])[20:-1, 0]
+    slope = np.gradient(leader["wheel_torque"][:, 0], 0.01)[20:-1] / L60.tyre.radius
+    assert abs(np.polyfit(slope, missing, 1)[0]) < 1e-3
+
+
 def test_an_error_of_force_shows_as_a_steady_difference_of_speed(truth):
     """Resistance the leader did not have, over mass and gain, is what the speed is off by."""
     from dataclasses import replace
