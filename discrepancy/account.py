@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 from scipy.stats import t as student
 
@@ -14,11 +13,10 @@ from discrepancy.noise import Noise
 from discrepancy.openended import OpenEnded
 from discrepancy.problem import Problem
 from discrepancy.recording import Array, Complaint
-from discrepancy.screen import Score, active, inflation_of, penalty, switches, time_blocks
-from discrepancy.search import Settings, State, Trial, project_out
+from discrepancy.screen import Score, active, jackknife, penalty, stretches, switches
+from discrepancy.search import Settings, State, Trial
 
 ENOUGH_POWER = 0.8
-FEWEST_STRETCHES = 8  # whose disagreement says something about an interval
 WHITE_LAGS = 20
 
 
@@ -27,11 +25,10 @@ def estimate(parameter: Parameter, fitted: Fit, noise: Noise | None = None) -> f
     value, sd = fitted.values.shared[parameter.name], fitted.sd(parameter.name)
     reach = 1.96 * sd
     if noise is not None:
-        own = fitted.names.index(parameter.name)
-        direction = project_out(fitted, [own])
-        if direction.any():
-            reach *= float(np.sqrt(inflation_of(direction, fitted.residual, time_blocks(noise))))
-        reach = max(reach, _jackknife_reach(fitted, noise, own))
+        blocks = stretches(noise)
+        variance = jackknife(fitted, blocks)[fitted.names.index(parameter.name)]
+        if variance > 0.0:
+            reach = max(reach, float(student.ppf(0.975, int(blocks.max())) * np.sqrt(variance)))
     close = 1e-3 * abs(parameter.typical)
     # the end of a sign or a time constant's zero is its meaning, not a wall
     at = "lower" if value - parameter.lower < close else "upper" if parameter.upper - value < close else None
@@ -43,24 +40,6 @@ def estimate(parameter: Parameter, fitted: Fit, noise: Noise | None = None) -> f
         unit=parameter.unit,
         at_bound=at,
     )
-
-
-def _jackknife_reach(fitted: Fit, noise: Noise, own: int) -> float:
-    """Half of a 95 % interval from the spread of the estimates that leave out one window each (Efron 1982), linearised."""
-    stretches: NDArray[np.intp] = noise.row_window
-    if np.unique(stretches).size < FEWEST_STRETCHES:
-        stretches = time_blocks(noise)
-    moved = []
-    for stretch in np.unique(stretches):
-        rows = stretches == stretch
-        J = fitted.columns[rows]
-        without = np.linalg.pinv(fitted.information - J.T @ J, rcond=1e-12)
-        moved.append(float((without @ (J.T @ fitted.residual[rows]))[own]))
-    count = len(moved)
-    if count < FEWEST_STRETCHES:
-        return 0.0
-    spread = np.sqrt((count - 1) * np.mean((np.array(moved) - np.mean(moved)) ** 2))
-    return float(student.ppf(0.975, count - 1) * spread)
 
 
 def candidates(

@@ -106,7 +106,7 @@ def _difference(problem: Problem, values: Values, name: str) -> float:
 
 def _stepped(problem: Problem, values: Values, name: str, step: float) -> Values:
     if problem.model.parameter(name).scope == "window":
-        return Values(values.shared, {**values.local, name: values.local[name] + step})
+        return replace(values, local={**values.local, name: values.local[name] + step})
     return values.with_shared({name: values.shared[name] + step})
 
 
@@ -266,4 +266,4 @@ def _moved(
         for p, change in zip(parameters, step, strict=True)
     }
     local = {name: values.local[name] + local_step[:, i] for i, name in enumerate(problem.local_names)}
-    return Values({**values.shared, **shared}, local)
+    return replace(values, shared={**values.shared, **shared}, local=local)

@@ -10,8 +10,9 @@ from discrepancy.model import Manoeuvre, Model
 from discrepancy.noise import Noise, Whitener, by_group
 from discrepancy.problem import Problem, Unusable, Values
 from discrepancy.recording import Recording, Signal
-from discrepancy.screen import Score, active, collinearity, time_blocks
+from discrepancy.screen import Score, active, collinearity, stretches, switches
 from discrepancy.search import Settings, State, free_names, project_out, starts
+from discrepancy.spells import spell_of
 
 ENOUGH = 20.0  # expected likelihood difference (in SSE) of a manoeuvre worth proposing
 ALIKE = 0.6  # cosine of sensitivities below which two effects are two effects, not one with two names
@@ -45,15 +46,17 @@ def members(
     whole = without.sse - state.fit.sse
     own = _direction(problem, state.fit, effect)
     found = [Member(effect, 0.0, 1.0, state.fit)]
+    spell = spell_of(problem.model.effect(effect), state.fit.values)
     alone = State(state.noise, without, others, ())
     for score in scores:
         if score.effect in state.accepted or score.statistic < 0.25 * whole - settings.same:
             continue
         candidate = problem.model.effect(score.effect)
         names = free_names(problem, (*others, candidate.name))
-        fits = [
-            fit(problem, state.noise, names, start, iterations=6) for start in starts(alone, candidate, score)
-        ]
+        points = starts(alone, candidate, score)
+        if spell is not None:
+            points = [point.acting(switches(candidate), spell) for point in points]
+        fits = [fit(problem, state.noise, names, point, iterations=6) for point in points]
         best = min(fits, key=lambda f: f.sse)
         # a further parameter has to earn its keep
         extra = candidate.size - problem.model.effect(effect).size
@@ -70,7 +73,7 @@ def doubt(noise: Noise, one: Fit, other: Fit) -> float:
 
     After Vuong (1989): rivals that are both a little wrong take turns in being better.
     """
-    blocks = time_blocks(noise)
+    blocks = stretches(noise)
     per_block = np.bincount(blocks, one.residual**2 - other.residual**2)
     return float(np.std(per_block) * np.sqrt(per_block.size)) if per_block.size > 5 else 0.0
 

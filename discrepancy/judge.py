@@ -19,7 +19,7 @@ from discrepancy.missing import missing_channels
 from discrepancy.model import Effect
 from discrepancy.openended import OpenEnded, explore
 from discrepancy.problem import Problem, Unusable
-from discrepancy.screen import Score, active, penalty, sensitivities
+from discrepancy.screen import Score, active, sensitivities
 from discrepancy.search import (
     STRAINED,
     Progress,
@@ -32,6 +32,7 @@ from discrepancy.search import (
     search,
     size_of,
 )
+from discrepancy.spells import price, spell_of
 
 FEW_SAMPLES = 30
 LEFT = 0.5  # share of its size that an effect keeps beside the open-ended equation, or it is a proxy
@@ -112,7 +113,7 @@ def backward(problem: Problem, state: State, settings: Settings) -> State:
             others = tuple(n for n in state.accepted if n != name)
             gains[name] = _without(problem, state, others).sse - state.fit.sse
         weakest = min(gains, key=lambda n: gains[n])
-        least = penalty(problem.model.effect(weakest).size, len(problem.model.effects), settings.alpha)
+        least = price(problem, problem.model.effect(weakest), state.fit.values, settings.alpha)
         size = size_of(problem.model.effect(weakest), state.fit)
         if gains[weakest] > least and size >= problem.model.negligible:
             break
@@ -154,7 +155,7 @@ def _weigh(problem: Problem, state: State, name: str, beyond: OpenEnded, setting
         effect=name,
         without=without,
         gain=without.sse - state.fit.sse,
-        needed=penalty(problem.model.effect(name).size, len(problem.model.effects), settings.alpha),
+        needed=price(problem, problem.model.effect(name), state.fit.values, settings.alpha),
         held_out_gain=gained,
         gap_closed=float(np.clip(gained / gap, 0.0, 1.0)) if gap > 0.0 else 0.0,
         error_ratio=ratio,
@@ -169,7 +170,7 @@ def _finding(
     alike = members(problem, state, needed.effect, needed.without, scores, settings)
     best, rest = alike[0], alike[1:]
     effect = problem.model.effect(best.effect)
-    where = locate(problem, state.noise, needed.without, best.fit)
+    where = locate(problem, state.noise, needed.without, best.fit, spell_of(effect, best.fit.values))
     absorbed = next((s.absorbed for s in baseline.scores if s.effect == effect.name), 0.0)
     doubts = _doubts(problem, effect, best.fit)
     doubts += _superseded(problem, state, needed, beyond, settings)

@@ -43,20 +43,26 @@ class Location:
     regimes: tuple[Regime, ...]
 
 
-def locate(problem: Problem, noise: Noise, without: Fit, with_it: Fit) -> Location:
-    """Compare innovations row by row, with and without the effect."""
+def locate(
+    problem: Problem, noise: Noise, without: Fit, with_it: Fit, spell: range | None = None
+) -> Location:
+    """Compare innovations row by row, with and without the effect; spell: windows in which it acts, if not in all."""
     gain = without.residual**2 - with_it.residual**2
     total = max(float(np.sum(gain)), 1e-12)
     channels = {
         name: float(np.sum(gain[noise.row_channel == i])) / total for i, name in enumerate(problem.channels)
     }
-    stretches = _stretches(problem, noise, gain, total)
+    stretches = (
+        _stretches(problem, noise, gain, total)
+        if spell is None
+        else [_spell(problem, noise, gain, total, spell)]
+    )
     length = sum(w.end_s - w.start_s for w in problem.windows)
     covered = sum(s.end_s - s.start_s for s in stretches)
     return Location(
         dict(sorted(channels.items(), key=lambda item: -item[1])),
         tuple(stretches),
-        covered > 0.5 * length,
+        spell is None and covered > 0.5 * length,
         tuple(_regimes(problem, noise, gain, total)),
     )
 
@@ -77,6 +83,12 @@ def _stretches(problem: Problem, noise: Noise, gain: Array, total: float) -> lis
             Stretch(recording, float(edges[low]), float(edges[high]), float(np.sum(per_bin[low:high])))
         )
     return found
+
+
+def _spell(problem: Problem, noise: Noise, gain: Array, total: float, spell: range) -> Stretch:
+    first, last = problem.windows[spell.start], problem.windows[spell.stop - 1]
+    rows = (noise.row_window >= spell.start) & (noise.row_window < spell.stop)
+    return Stretch(first.recording, first.start_s, last.end_s, float(np.sum(gain[rows])) / total)
 
 
 def densest(values: Array) -> tuple[int, int]:

@@ -18,7 +18,7 @@ from discrepancy.fit import Fit, WindowStates, differences
 from discrepancy.model import Model, Window
 from discrepancy.problem import Problem
 from discrepancy.recording import Array
-from discrepancy.screen import Projector, inflation_of, penalty, time_blocks
+from discrepancy.screen import Projector, inflation_of, penalty, stretches
 from discrepancy.search import Settings, State, folds
 from discrepancy.sensors import lagged
 from discrepancy.units import Unit, parse_unit
@@ -153,7 +153,7 @@ def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
     candidates = _candidates(problem, state)
     noise, fitted = state.noise, state.fit
     whole = np.bincount(noise.row_channel, fitted.residual**2, len(problem.channels))
-    blocks = time_blocks(noise)
+    blocks = stretches(noise)
     projector = Projector(problem, noise, fitted)
     white = np.stack([noise.whiten(c.raw) for c in candidates], axis=1)
     X = projector.off(white)

@@ -8,13 +8,13 @@ projected out by themselves.
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from discrepancy.model import Model, Window
+from discrepancy.model import Model, Parameter, Window
 from discrepancy.recording import Array, Complaint, Recording, Signal, cleaned
 from discrepancy.sensors import through_sensors
 from discrepancy.units import parse_unit
@@ -47,10 +47,12 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """Parameters: `shared` by all windows, `local` one value per window (n_windows,)."""
+    """Parameters: `shared` by all windows, `local` one value per window (n_windows,); spells: windows outside which a shared one is `off`."""
 
     shared: Mapping[str, float]
     local: Mapping[str, Array]
+    spells: Mapping[str, range] = field(default_factory=dict)
+    off: Mapping[str, float] = field(default_factory=dict)
 
     def having(self, **changes: float) -> "Values":
         """A copy with some shared values changed."""
@@ -59,8 +61,17 @@ class Values:
     def with_shared(self, changes: Mapping[str, float]) -> "Values":
         return replace(self, shared={**self.shared, **changes})
 
+    def acting(self, parameters: Iterable[Parameter], windows: range) -> "Values":
+        """A copy in which these parameters have their values in some windows only."""
+        names = {p.name: p.value for p in parameters}
+        return replace(
+            self, spells={**self.spells, **dict.fromkeys(names, windows)}, off={**self.off, **names}
+        )
+
     def in_window(self, index: int) -> dict[str, float]:
-        return {**self.shared, **{name: float(values[index]) for name, values in self.local.items()}}
+        resting = {name: self.off[name] for name, windows in self.spells.items() if index not in windows}
+        local = {name: float(values[index]) for name, values in self.local.items()}
+        return {**self.shared, **resting, **local}
 
 
 class Unusable(ValueError):
@@ -264,7 +275,7 @@ class Problem:
         self, values: Values, extra: Sequence[Mapping[str, Array]] | None
     ) -> list[dict[str, Array]]:
         together = getattr(self.model.simulate, "together", None)
-        if extra or self.local_names or together is None:
+        if extra or self.local_names or values.spells or together is None:
             return [self.outputs(i, values, extra[i] if extra else None) for i in range(len(self.windows))]
         motions = together(self.windows, values.shared)
         return [self._sensed(i, true, dict(values.shared)) for i, true in enumerate(motions)]

@@ -22,6 +22,8 @@ from discrepancy.recording import Array
 INVISIBLE = 1e-6  # share of an effect left after projection, below which only rounding is seen
 FEW = 3  # parameters; longer profiles are linear and scored at one size
 BLOCKS = 30  # of time, for the spread of the scores
+FEWEST_STRETCHES = 8  # whose disagreement says something
+MOST_LEVERAGE = 0.5  # a block that holds more than the others together cannot be compared with them
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +133,11 @@ class Projector:
         self.states = WindowStates(local, noise.row_window, chosen)
         self._columns, self._inverse = at.columns, at.covariance
 
+    @property
+    def nuisances(self) -> tuple[Array, Array]:
+        """Whitened columns of what is fitted (n, k), and their inverse normal matrix with priors (k, k)."""
+        return self._columns, self._inverse
+
     def off(self, columns: Array) -> Array:
         """(n, k) -> (n, k), orthogonal to what nuisances can do (as far as their priors let them)."""
         free = self.states.off(columns)
@@ -138,7 +145,11 @@ class Projector:
 
 
 def inflation_of(direction: Array, residual: Array, blocks: NDArray[np.intp]) -> float:
-    """Variance of the score over its value for white innovations, from sums over blocks of time; at least 1."""
+    """Variance of the score over its value for white innovations, at least 1, from sums over blocks of time.
+
+    The fit follows a block the more closely, the more of the direction lies in it: each sum is divided by what its own
+    leverage leaves (Bell and McCaffrey 2002, the linearised jackknife).
+    """
     count = int(blocks.max()) + 1
     if count < 6:
         return 1.0
@@ -147,12 +158,45 @@ def inflation_of(direction: Array, residual: Array, blocks: NDArray[np.intp]) ->
     X = direction / norm
     clean = residual - X @ np.linalg.lstsq(X, residual, rcond=None)[0]
     sums = np.stack([np.bincount(blocks, x * clean, count) for x in X.T], axis=1)
-    # innovations have variance 1 by construction; leverage takes 1/count of the spread away
-    spread = np.sum(sums**2, axis=0) * count / (count - 1)
+    leverage = np.stack([np.bincount(blocks, x**2, count) for x in X.T], axis=1)
+    # innovations have variance 1 by construction
+    spread = np.sum((sums / (1.0 - np.minimum(leverage, MOST_LEVERAGE))) ** 2, axis=0) * (count - 1) / count
     return max(1.0, float(np.mean(spread)))
 
 
-def time_blocks(noise: Noise, count: int = BLOCKS) -> NDArray[np.intp]:
+def jackknife(fitted: Fit, blocks: NDArray[np.intp]) -> Array:
+    """Variance of each fitted parameter (k,) from estimates that leave out one block each (Efron 1982), linearised; 0 if blocks are few."""
+    moved = []
+    for block in range(int(blocks.max()) + 1):
+        rows = blocks == block
+        J = fitted.columns[rows]
+        without = np.linalg.pinv(fitted.information - J.T @ J, rcond=1e-12)
+        moved.append(without @ (J.T @ fitted.residual[rows]))
+    if len(moved) < FEWEST_STRETCHES:
+        return np.zeros(len(fitted.names))
+    return np.asarray((len(moved) - 1) * np.var(moved, axis=0), float)
+
+
+def spread(fitted: Fit, names: Sequence[str], blocks: NDArray[np.intp]) -> float:
+    """By how much the estimates of parameters vary more than white innovations would have them: ratio of variances, at least 1."""
+    own = [fitted.names.index(name) for name in names]
+    plain = np.diag(fitted.covariance)[own]
+    seen = plain > 0.0
+    return max(1.0, float(np.mean(jackknife(fitted, blocks)[own][seen] / plain[seen]))) if seen.any() else 1.0
+
+
+def stretches(noise: Noise) -> NDArray[np.intp]:
+    """Number of the stretch of time each whitened row belongs to, about BLOCKS that know nothing of one another.
+
+    Windows are not cut where there are enough: their initial states tie all rows of one together.
+    """
+    count = int(noise.row_window.max()) + 1
+    if count < FEWEST_STRETCHES:
+        return time_blocks(noise, BLOCKS)
+    return np.asarray(noise.row_window * min(count, BLOCKS) // count, np.intp)
+
+
+def time_blocks(noise: Noise, count: int) -> NDArray[np.intp]:
     """Number of the stretch of time each whitened row belongs to, about `count` of equal size."""
     order = np.lexsort((noise.row_time, noise.row_window))
     stretch = np.empty(order.size, np.intp)

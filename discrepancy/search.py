@@ -25,9 +25,12 @@ from discrepancy.screen import (
     projected,
     score,
     sensitivities,
+    spread,
+    stretches,
     switches,
     time_blocks,
 )
+from discrepancy.spells import best_spell, price, runs, searched
 
 Progress = Callable[[str], None]
 STRAINED = 3.0  # standard deviations of its prior beyond which a nuisance stands in for something else
@@ -203,7 +206,7 @@ def screen(
     problem: Problem, noise: Noise, fitted: Fit, columns: Sequence[Columns], settings: Settings
 ) -> list[Score]:
     """Scores of all candidates, best first."""
-    projector, blocks = Projector(problem, noise, fitted), time_blocks(noise)
+    projector, blocks = Projector(problem, noise, fitted), stretches(noise)
     needed = [penalty(len(active(c.effect)), len(columns), settings.alpha) for c in columns]
     return by_statistic(
         [
@@ -234,9 +237,13 @@ def shortlisted(model_effects: Sequence[Effect], scores: Sequence[Score], settin
 
 def try_shortlist(problem: Problem, state: State, settings: Settings) -> list[Trial]:
     """Refit the shortlist; put those that gain enough to the held-out test."""
-    trials = [
-        refit(problem, state, s, settings) for s in shortlisted(problem.model.effects, state.scores, settings)
-    ]
+    listed = shortlisted(problem.model.effects, state.scores, settings)
+    passing = for_a_while(problem, state, settings)
+    # what seems to act for a while may act always
+    named = {s.effect for s in listed}
+    listed += [s for s, _ in passing if s.effect not in named]
+    trials = [refit(problem, state, s, settings) for s in listed]
+    trials += [refit(problem, state, s, settings, windows) for s, windows in passing]
     best = max((t.gain - t.needed for t in trials if t.size >= problem.model.negligible), default=0.0)
     return [
         confirm(problem, state, t, settings)
@@ -248,20 +255,39 @@ def try_shortlist(problem: Problem, state: State, settings: Settings) -> list[Tr
     ]
 
 
+def for_a_while(problem: Problem, state: State, settings: Settings) -> list[tuple[Score, range]]:
+    """The effects that score better in some run of windows than in all, as far as the choice of the run allows; best first."""
+    among = runs(problem)
+    if not among:
+        return []
+    projector, found = Projector(problem, state.noise, state.fit), []
+    allowed = penalty(1, len(problem.model.effects), settings.alpha) + searched(among)
+    for columns in [c for c in state.columns if c.effect.size == 1]:
+        score = next(s for s in state.scores if s.effect == columns.effect.name)
+        spell = best_spell(state.noise, projector, state.fit.residual, columns.raw[score.probe][:, 0], among)
+        if spell and spell.statistic > score.statistic * score.inflation + allowed:
+            change = spell.size * columns.changes[score.probe]
+            found.append((spell.statistic, replace(score, change=change), spell.windows))
+    return [(s, windows) for _, s, windows in sorted(found, key=lambda f: -f[0])[: settings.shortlist // 2]]
+
+
 def refit(
-    problem: Problem, state: State, found: Score, settings: Settings, rows: Mask | None = None
+    problem: Problem, state: State, found: Score, settings: Settings, windows: range | None = None
 ) -> Trial:
-    """Non-linear refit with one more effect, from the expected change and from the probe."""
+    """Non-linear refit with one more effect, from the expected change and from the probe; windows: in which it acts, all if None."""
     effect = problem.model.effect(found.effect)
     names = free_names(problem, (*state.accepted, effect.name))
-    fits = [
-        fit(problem, state.noise, names, start, rows=rows, iterations=6)
-        for start in starts(state, effect, found)
-    ]
+    points = starts(state, effect, found)
+    if windows is not None:
+        points = [point.acting(switches(effect), windows) for point in points]
+    fits = [fit(problem, state.noise, names, point, iterations=6) for point in points]
     best = min(fits, key=lambda f: f.sse)
-    direction = project_out(best, [names.index(name) for name in active(effect)])
-    inflation = inflation_of(direction, best.residual, time_blocks(state.noise)) if direction.any() else 1.0
-    needed = penalty(effect.size, len(problem.model.effects), settings.alpha)
+    blocks = stretches(state.noise)
+    inflation = spread(best, active(effect), blocks)
+    if windows is not None:
+        # few stretches disagree little: what scatters over the whole recording counts too
+        inflation = max(inflation, inflation_of(found.direction, best.residual, blocks))
+    needed = price(problem, effect, best.values, settings.alpha)
     gain = (state.fit.sse - best.sse) / inflation
     return Trial(effect.name, best, gain, needed, None, inflation, size_of(effect, best))
 

@@ -9,7 +9,7 @@ from bench.proof.arm import LAMBDAS, Arm, Truth, diagnosed
 from discrepancy.model import Effect, Model
 from discrepancy.problem import Problem
 from discrepancy.recording import Recording
-from discrepancy.screen import inflation_of, time_blocks
+from discrepancy.screen import spread, stretches
 from discrepancy.search import Settings, assess, project_out
 from hil.scale.store import Row
 
@@ -105,7 +105,7 @@ class Body:
             problem = Problem(self.model(), self.record(values, whole, np.random.default_rng(arm.seed)))
             state = assess(problem, (effect.name,), problem.start().having(**values), Settings())
             direction = project_out(state.fit, [state.fit.names.index(parameter.name)])
-            inflation = inflation_of(direction, state.fit.residual, time_blocks(state.noise))
+            inflation = spread(state.fit, [parameter.name], stretches(state.noise))
             power = np.sum(direction**2, axis=1)
             seen = size**2 * float(np.sum(power)) / inflation
             channels = {

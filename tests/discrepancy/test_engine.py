@@ -18,7 +18,7 @@ from discrepancy.noise import estimate_noise, white_noise
 from discrepancy.openended import explore, extended
 from discrepancy.problem import Problem
 from discrepancy.recording import Array, Recording, Signal, signal
-from discrepancy.screen import time_blocks
+from discrepancy.screen import stretches
 from discrepancy.search import Settings, free_names, held_out_residual, project_out, search
 from tests.discrepancy.toys import record, tank
 
@@ -145,6 +145,27 @@ def test_location_points_at_the_half_in_which_the_sensor_was_late() -> None:
     assert where.intervals[0].share > 0.7
 
 
+def test_an_effect_that_acts_for_a_while_is_found_in_its_windows_with_its_size() -> None:
+    """A leak of 0.05 from 60 to 120 s of 200 s, windows of 20 s; over the whole recording it is no constant leak."""
+    tight, leaking = record(9, duration_s=200.0), record(9, duration_s=200.0, leak=0.05)
+    time_s = tight.signals["level"].time_s
+    acting = (time_s >= 60.0) & (time_s < 120.0)
+    level = np.where(acting, leaking.signals["level"].value, tight.signals["level"].value)
+    result = verdict(replace(tight, signals={**tight.signals, "level": signal(time_s, level, "m")}), "leak")
+    assert result.named == ["leak"]
+    found = result.findings[0]
+    assert not found.where.throughout
+    assert found.where.intervals[0].start_s == pytest.approx(60.0, abs=0.2)
+    assert found.where.intervals[0].end_s == pytest.approx(120.0, abs=0.2)
+    assert found.parameters[0].value == pytest.approx(0.05, rel=0.1)
+
+
+def test_an_effect_that_acts_always_is_given_no_spell() -> None:
+    result = verdict(record(9, duration_s=200.0, leak=0.05), "leak")
+    assert result.named == ["leak"]
+    assert result.findings[0].where.throughout
+
+
 def test_missing_inputs_foreign_units_and_dead_sensors_get_a_verdict_not_an_exception() -> None:
     whole = record(7)
     level, inflow = whole.signals["level"], whole.signals["inflow"]
@@ -234,7 +255,7 @@ def test_intervals_widen_where_scores_are_correlated_over_time() -> None:
     plain, told = estimate(leak, state.fit), estimate(leak, state.fit, state.noise)
     direction = project_out(state.fit, [state.fit.names.index("leak")])[:, 0]
     # errors that keep one sign against the sensitivity over each stretch of time push the estimate about
-    stretch = np.where(time_blocks(state.noise) % 2 == 0, 1.0, -1.0)
+    stretch = np.where(stretches(state.noise) % 2 == 0, 1.0, -1.0)
     pushed = replace(state.fit, residual=2.0 * stretch * np.sign(direction))
     wide = estimate(leak, pushed, state.noise)
     assert width(told) == pytest.approx(width(plain), rel=0.5)
