@@ -7,7 +7,7 @@ that whoever does not need the outlook of a recording can leave it out.
 import math
 from typing import NamedTuple
 
-from ecu.estimators import contact, rollover, turning
+from ecu.estimators import contact, permitted, rollover, turning
 from ecu.estimators.acceleration import Vector, gravity_reaction, yaw_rate
 from ecu.estimators.balance import balance, longitudinal_forces
 from ecu.estimators.cog import front_unit, machine_centre
@@ -125,11 +125,12 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     front_load, rear_load = n.front_left + n.front_right, n.rear_left + n.rear_right
     steering = Steering(d, i.articulation_rate, m.articulation_acceleration, v, acceleration, rest.x, rest.y)
     slide = slid(s.drift, m.rate.z, steering, front_load, rear_load, i.dt, front, machine.rear_unit, w, g)
+    ground = permitted.leaned(rest, Tilt(-tilt.tilt.roll, -tilt.tilt.pitch))
     over = rollover.support_of(n, d, g)
     demand = i.articulation_rate_demand if i.demand_usable != 0.0 else i.articulation_rate
     course = Course(
-        d, i.articulation_rate, demand, v, acceleration, rest.x, rest.y, rest.z, slide.drift, m.rate.z,
-        front_load, rear_load, over.y, contact.support_rate(n, tilt.rate, d, i.articulation_rate, w, g),
+        d, i.articulation_rate, demand, v, acceleration, rest.x, rest.y, rest.z, ground, slide.drift,
+        m.rate.z, front_load, rear_load, over.y, contact.support_rate(n, tilt.rate, d, i.articulation_rate, w, g),
     )  # fmt: skip
 
     y1, y2 = shared(lateral.front, n.front_left, n.front_right)
@@ -160,12 +161,12 @@ def ahead(course: Course, rate_limit: float, machine: Laden) -> Ahead:
     outlook = rollover.look_ahead(asked, prediction.demand_hold, 0.0, machine)
     turned = course.articulation_angle + rate * prediction.limit_hold
     turned = min(max(turned, -g.articulation_stop), g.articulation_stop)
-    rest = Vector(course.gravity_x, course.gravity_y, course.gravity_z)
     direction = 1.0 if course.speed >= 0.0 else -1.0
+    speed = permitted.permitted_speed(turned, course.ground, direction, machine)
     return Ahead(
         outlook,
-        rollover.permitted_rate(course, machine),
-        rollover.permitted_speed_around(turned, rest, course.yaw_rate, direction, machine),
+        permitted.permitted_rate(course, machine),
+        permitted.limit_for(speed, course.ground, direction, machine),
     )
 
 

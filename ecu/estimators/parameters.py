@@ -193,7 +193,10 @@ class Prediction(NamedTuple):
     acceleration_memory: float  # present longitudinal acceleration fades with this time constant [s]
     demand_hold: float  # the demanded rate is assumed to last this long [s]
     limit_hold: float  # a permitted rate has to be safe if it lasts this long [s]
-    turn_ahead: float  # headings this far ahead have to be safe at the permitted speed [s]
+    turn_ahead: float  # headings this far ahead have to be safe, at the speed that is left there [s]
+    turn_floor: float  # ... with this margin for a rate to be permitted
+    braking: float  # deceleration that a falling speed limit is relied on to bring on level ground [m/s2]
+    braking_slack: float  # how far above its limit the machine has to be, per deceleration [s]
     tyre_stiffness: float  # k_z of a front tyre [N/m]
     roll_damping: float  # damping ratio of the roll mode
     margin_floor: float  # the articulation rate is limited so that the predicted margin stays above

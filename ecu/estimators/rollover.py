@@ -45,6 +45,7 @@ class Course(NamedTuple):
     gravity_x: float  # specific force of rest on this ground, rear axes [m/s2]
     gravity_y: float
     gravity_z: float
+    ground: Vector  # the same in axes of the ground, on which the machine leans [m/s2]
     drift: float  # velocity of the joint to the left [m/s]
     yaw_rate: float
     front_load: float  # normal force of the front wheels together [N]
@@ -164,6 +165,18 @@ def loads_of(
 
 
 @compiled
+def steady_rate(speed: float, articulation_angle: float, grip: float, geometry: Geometry) -> float:
+    """Yaw rate [rad/s] of a steady turn.
+
+    grip: largest lateral acceleration over gravity that the tyres can give; beyond it the machine turns less
+    than its geometry says.
+    """
+    rate = yaw_rate(speed, articulation_angle, 0.0, geometry)
+    most = grip * GRAVITY / max(abs(speed), 0.1)
+    return min(max(rate, -most), most)
+
+
+@compiled
 def steady_loads(
     speed: float,
     articulation_angle: float,
@@ -176,12 +189,9 @@ def steady_loads(
 ) -> Loads:
     """Support point of the machine rolling at a constant angle and speed.
 
-    gravity: specific force at rest on this ground [m/s2]; grip: largest lateral acceleration over gravity
-    that the tyres can give; beyond it the machine turns less than its geometry says.
-    """  # fmt: skip
-    rate = yaw_rate(speed, articulation_angle, 0.0, geometry)
-    most = grip * GRAVITY / max(abs(speed), 0.1)
-    rate = min(max(rate, -most), most)
+    gravity: specific force at rest on this ground [m/s2]; grip: as in `steady_rate`.
+    """
+    rate = steady_rate(speed, articulation_angle, grip, geometry)
     joint_x, joint_y = joint_acceleration(speed, 0.0, rate, 0.0, geometry)
     return loads_of(
         joint_x, joint_y, rate, 0.0, articulation_angle, 0.0, 0.0, gravity, front, rear, axle, geometry
@@ -318,78 +328,6 @@ def demanding(course: Course, rate: float) -> Course:
     """The same course with another articulation rate demanded [rad/s]."""
     return Course(
         course.articulation_angle, course.articulation_rate, rate, course.speed, course.acceleration,
-        course.gravity_x, course.gravity_y, course.gravity_z, course.drift, course.yaw_rate,
+        course.gravity_x, course.gravity_y, course.gravity_z, course.ground, course.drift, course.yaw_rate,
         course.front_load, course.rear_load, course.support, course.support_rate,
     )  # fmt: skip
-
-
-@compiled
-def permitted_rate(course: Course, machine: Laden) -> float:
-    """Largest articulation rate [rad/s] in the demanded direction that keeps the predicted margin.
-
-    Without a demand the direction that tightens the turn is taken. 0 where even holding the angle
-    violates `margin_floor`.
-    """
-    prediction = machine.prediction
-    tighten = course.articulation_angle >= 0.0
-    direction = 1.0 if course.demanded_rate > 0.0 or (course.demanded_rate == 0.0 and tighten) else -1.0
-    low, high = 0.0, prediction.largest_rate
-    for k in range(7):
-        trial = high if k == 0 else (low + high) / 2.0
-        outlook = look_ahead(
-            demanding(course, direction * trial), prediction.limit_hold, prediction.margin_floor, machine
-        )
-        if outlook.margin > prediction.margin_floor:
-            if k == 0:
-                return trial
-            low = trial
-        else:
-            high = trial
-    return low
-
-
-@compiled
-def turned_gravity(gravity: Vector, angle: float) -> Vector:
-    """Specific force at rest once the machine has turned left by `angle` [rad] on the same slope."""
-    c, s = math.cos(angle), math.sin(angle)
-    return Vector(gravity.x * c + gravity.y * s, gravity.y * c - gravity.x * s, gravity.z)
-
-
-@compiled
-def permitted_speed_around(
-    articulation_angle: float, gravity: Vector, yaw_rate: float, direction: float, machine: Laden
-) -> float:
-    """Least `permitted_speed` of the headings that the machine comes to within the time it needs to slow down.
-
-    On a slope a turn that is safe now may point its outer side downhill two seconds later.
-    """
-    least = permitted_speed(articulation_angle, gravity, direction, machine)
-    for part in (0.5, 1.0):
-        turned = turned_gravity(gravity, part * machine.prediction.turn_ahead * yaw_rate)
-        least = min(least, permitted_speed(articulation_angle, turned, direction, machine))
-    return least
-
-
-@compiled
-def permitted_speed(articulation_angle: float, gravity: Vector, direction: float, machine: Laden) -> float:
-    """Largest speed [m/s] at which a steady turn at this angle keeps the margin `speed_floor`.
-
-    direction: +1 forward, -1 reverse. 0 where the machine would not keep it standing.
-    """
-    m, prediction = machine, machine.prediction
-    low, high = 0.0, prediction.largest_speed
-    for k in range(9):
-        trial = high if k == 0 else (low + high) / 2.0
-        loads = steady_loads(
-            direction * trial, articulation_angle, gravity, m.wheel.lateral_peak, m.front, m.rear, m.axle, m.geometry
-        )  # fmt: skip
-        forces = normal_forces(
-            loads.support, articulation_angle, loads.axle_load, loads.axle_moment, m.geometry
-        )
-        if margin(forces, m.standing).ratio >= prediction.speed_floor:
-            if k == 0:
-                return trial
-            low = trial
-        else:
-            high = trial
-    return low
