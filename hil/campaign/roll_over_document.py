@@ -54,7 +54,7 @@ def section(name: str, picture: str, cases: Sequence[Any], results: Sequence[Res
     )
 
 
-def summary(found: dict[str, Sequence[Result]]) -> str:
+def summary(found: Mapping[str, Sequence[Result]]) -> str:
     """Counts and lead times, a column per grid."""
     columns = [counts(results) for results in found.values()]
     rows = [[label, *(column[label] for column in columns)] for label in columns[0]]

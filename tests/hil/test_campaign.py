@@ -11,7 +11,7 @@ from bus.frame import EXTENDED, Frame
 from dbc import loader_database
 from ecu.calibration import load_calibration
 from ecu.estimators.signals import Inputs
-from hil.campaign import roll_over, roll_over_extended
+from hil.campaign import false_alarms, roll_over, roll_over_extended
 from hil.campaign.ablation import VARIANTS, estimated, inputs_of
 from hil.campaign.batch import header, markdown_table, results_of
 from hil.campaign.memory import columns_of
@@ -273,12 +273,63 @@ def test_only_a_lift_that_nobody_prevented_or_told_of_is_unanswered():
 def test_the_extended_page_counts_by_ground_and_names_failures_by_it():
     late = LATE | {"limited_lead_s": -0.1, "named_wheel": 0}
     results = [GOOD, *[result()] * (len(OFF_LEVEL) - 2), late]
-    text = roll_over_extended.page(OFF_LEVEL, results)
+    text = roll_over_extended.page(OFF_LEVEL, results, [])
     assert f"Neither prevented nor warned of: **1 of {len(OFF_LEVEL)}** turns" in text
     assert "the ECU named in 1 of 2 turns" in text
     assert f"- {OFF_LEVEL[-1].ground.name}, {OFF_LEVEL[-1].load.name}" in text
     each = len(OFF_LEVEL) // len(roll_over_extended.EXTENDED.grounds)
-    assert f"| turns | {len(OFF_LEVEL)} | {each} | {each} |" in text
+    assert f"| turns | {each} | {each} |" in text
+    half = len(OFF_LEVEL) // 2
+    assert f"| turns | {len(OFF_LEVEL)} | {half} | {half} |" in text
+
+
+def test_the_halves_share_no_turn_nor_its_mirror_and_hold_half_of_every_ground():
+    tuned = roll_over_extended.tuning_half(OFF_LEVEL)
+    assert tuned == roll_over_extended.tuning_half(OFF_LEVEL)
+    for ground in roll_over_extended.EXTENDED.grounds:
+        here = [case for case in OFF_LEVEL if case.ground == ground]
+        assert 2 * len(tuned & set(here)) == len(here)
+    for case in OFF_LEVEL:
+        assert (dataclasses.replace(case, to_deg=-case.to_deg) in tuned) == (case in tuned)
+
+
+REASON = {"slippery": False, "level_margin": 0.5, "grip": 0.2}
+
+
+@pytest.mark.parametrize(
+    ("changes", "name"),
+    [
+        ({}, false_alarms.FORESEEN),
+        ({"level_margin": 0.29}, false_alarms.LIGHT),
+        ({"slippery": True}, false_alarms.UNKNOWN),
+        ({"slippery": True, "grip": 0.95}, false_alarms.SLIDES),
+        ({"slippery": True, "level_margin": 0.29}, false_alarms.LIGHT),
+    ],
+)
+def test_a_false_alarm_has_the_first_cause_that_fits(changes, name):
+    found = REASON | changes
+    assert false_alarms.cause(found) == name
+    least = f"{100 * found['grip']:.0f}"
+    assert f"| {name} | 2 | {least}, " in false_alarms.by_cause(
+        [found, found | {"grip": found["grip"] + 0.01}]
+    )
+
+
+def test_an_axle_pushes_with_both_its_wheels():
+    along, across, normal = np.array(((0, 0, 3, 3), (4, -4, 4, 4), (10, 10, 10, 30)), float)
+    assert false_alarms.axles(along, across, normal) == pytest.approx([0.0, 0.25])
+
+
+def test_what_an_alarm_on_slippery_ground_shows_is_what_the_turn_shows():
+    """The ground is level: its standing load is the one that the verdict counts from; nothing grips better than the ground."""
+    load = roll_over.Load("laden", 3204.0, 0.0)
+    case = roll_over.Case(22.0, load, 22.5, 39.0, roll_over.Ground("slippery", friction=0.45))
+    found = false_alarms.explain(case)
+    verdict, _ = roll_over.drive(roll_over.scenario_of(case), "corrected", limits=False)
+    assert verdict.false_alarm
+    assert found["slippery"]
+    assert found["level_margin"] == pytest.approx(verdict.margin, abs=0.01)
+    assert 0.0 < found["grip"] < 1.1  # the peak of the tyre lies above its sliding friction
 
 
 def test_the_wheel_the_ecu_named_is_the_last_before_the_lift_off():
