@@ -1,6 +1,6 @@
 """A course on the ground, and a driver who steers an articulated machine along it by looking ahead.
 
-The driver aims at the point of the course's centre line that lies LOOK_AHEAD_M in front of the joint and takes the articulation whose steady circle leads there. Speed is held by torque in proportion to its error; a standing machine pulls
+The driver aims at the point of the course's centre line that lies LOOK_AHEAD_WHEELBASES in front of the joint and takes the articulation whose steady circle leads there. Speed is held by torque in proportion to its error; a standing machine pulls
 away gently.
 """
 
@@ -15,7 +15,7 @@ from plant.plant import Commands, Plant
 from plant.truth import Truth
 
 TYRE_WIDTH_PER_RADIUS = 0.528 / 0.743  # of the 20.5R25 [thesis tables 3 and 6]
-LOOK_AHEAD_M = 4.0  # one wheelbase and more: nearer, the driver steers in ever larger swings
+LOOK_AHEAD_WHEELBASES = 4.0 / 3.0  # nearer, the driver steers in ever larger swings
 STEER_GAIN = 6.0  # articulation rate per error [1/s]
 SPEED_GAIN = 3.0  # acceleration asked for per error of speed [1/s]
 PULL_AWAY = 0.5  # [m/s2]
@@ -90,13 +90,14 @@ def drive(plant: Plant, course: Course, speed: float) -> Drive:
     rows: list[tuple[Array, float, float, Array]] = []
     last = len(course.centre) - 1
     limit_s = 2.0 * (last * course.step / speed + speed / PULL_AWAY)
+    far = points_ahead(course, plant.machine)
     ended = False
     while truth.time_s < limit_s and abs(truth.roll) < math.pi / 3:
         place = truth.position[:2].copy()
         nearest = course.nearest(place)
         edge = max(abs(course.departure(point)) for point in tyre_edges(plant.machine, truth))
         rows.append((place, truth.speed, edge, truth.normal_force.copy()))
-        ended = nearest + math.ceil(LOOK_AHEAD_M / course.step) >= last
+        ended = nearest + far >= last
         if ended:
             break
         wanted = min(speed, first + PULL_AWAY * truth.time_s)
@@ -106,12 +107,16 @@ def drive(plant: Plant, course: Course, speed: float) -> Drive:
     return Drive(path, speeds, edges, loads, ended)
 
 
+def points_ahead(course: Course, machine: Machine) -> int:
+    """How many points of the centre line the driver looks ahead."""
+    wheelbase = machine.geometry.front_axle_x - machine.geometry.rear_axle_x
+    return round(LOOK_AHEAD_WHEELBASES * wheelbase / course.step)
+
+
 def _commands(machine: Machine, course: Course, truth: Truth, speed: float) -> Commands:
     """What the driver asks for at one instant."""
     place = truth.position[:2]
-    aim = course.centre[
-        min(course.nearest(place) + round(LOOK_AHEAD_M / course.step), len(course.centre) - 1)
-    ]
+    aim = course.centre[min(course.nearest(place) + points_ahead(course, machine), len(course.centre) - 1)]
     ahead, behind = machine.geometry.front_axle_x, -machine.geometry.rear_axle_x
     delta = truth.articulation_angle
     travel = truth.yaw + math.atan2(behind * math.sin(delta), ahead + behind * math.cos(delta))

@@ -6,6 +6,7 @@ import numpy as np
 
 from hil.standards.check import Bound, Candidate, Chart, Check, Clause, Findings, Line, Standard
 from hil.standards.course import (
+    LOOK_AHEAD_WHEELBASES,
     STEP_S,
     Course,
     Drive,
@@ -103,12 +104,19 @@ def lock_to_lock(machine: Machine) -> float:
 
 
 def turning_radius(machine: Machine) -> float:
-    """Radius of the outer rear tyre's centre at creep and full lock [m], from speed over yaw rate."""
+    """Radius of the outermost tyre's centre at creep and full lock [m], from speed over yaw rate.
+
+    Both axles point at the centre of the turn: the front one's middle is as far from it as the joint's and the
+    rear one's distances let it be.
+    """
+    ahead, behind = machine.geometry.front_axle_x, machine.geometry.rear_axle_x
     speed = CREEP_KMH * KMH
     plant = Plant(machine, speed=speed, articulation_angle=machine.steering.limit)
     plant.advance(Commands(), SETTLED_S)
     truth = plant.truth()
-    return truth.speed / truth.angular_velocity[2] + machine.geometry.track / 2.0
+    rear = truth.speed / truth.angular_velocity[2]
+    front = math.sqrt(rear**2 + behind**2 - ahead**2)
+    return max(front, rear) + machine.geometry.track / 2.0
 
 
 def _map(course: Course, drives: dict[str, Drive], width: float) -> Chart:
@@ -128,7 +136,7 @@ STANDARD = Standard(
     name="steering",
     title="ISO 5010: steering",
     method=(
-        "A driver who looks 4 m ahead steers the machine through two lane changes of one corridor's width within 15 m, at 16 km/h with "
+        f"A driver who looks {LOOK_AHEAD_WHEELBASES:.1f} wheelbases ahead steers the machine through two lane changes of one corridor's width within 15 m, at 16 km/h with "
         "primary and at 8 km/h with secondary steering (half the articulation rate, assumed). The corridor is 1.25 times the width across the "
         "tyres; tyres' outer edges have to stay in it. Lock to lock and turning circle only inform."
     ),

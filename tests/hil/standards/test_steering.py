@@ -5,7 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from hil.standards.course import Course, double_lane_change, drive, slow_steering, straight, tyre_edges
+from hil.standards.course import (
+    Course,
+    double_lane_change,
+    drive,
+    points_ahead,
+    slow_steering,
+    straight,
+    tyre_edges,
+)
 from hil.standards.steering import _checks, lock_to_lock, turning_radius, width_across_tyres
 from hil.verdict import Result
 from plant.plant import Plant
@@ -27,17 +35,17 @@ def test_departure_is_the_signed_distance():
     assert line.departure(np.array((4.0, 3.0))) == pytest.approx(-math.sqrt(0.5))
 
 
-def test_tyre_edges_of_the_straight_machine(l60):
-    edges = tyre_edges(l60.machine, Plant(l60.machine).truth())
-    half = width_across_tyres(l60.machine) / 2.0
-    expected = [(1.5, half), (1.5, -half), (-1.5, half), (-1.5, -half)]
+def test_tyre_edges_of_the_straight_machine(candidate):
+    g, half = candidate.machine.geometry, width_across_tyres(candidate.machine) / 2.0
+    edges = tyre_edges(candidate.machine, Plant(candidate.machine).truth())
+    expected = [(x, y) for x in (g.front_axle_x, g.rear_axle_x) for y in (half, -half)]
     np.testing.assert_allclose(edges, expected, atol=5e-3)  # it stands a little pitched
 
 
-def test_a_straight_course_is_driven_straight(l60):
-    done = drive(Plant(l60.machine, speed=4.0), straight(30.0), 4.0)
+def test_a_straight_course_is_driven_straight(candidate):
+    done = drive(Plant(candidate.machine, speed=4.0), straight(30.0), 4.0)
     assert done.finished
-    assert done.departure.max() == pytest.approx(width_across_tyres(l60.machine) / 2.0, abs=1e-3)
+    assert done.departure.max() == pytest.approx(width_across_tyres(candidate.machine) / 2.0, abs=1e-3)
 
 
 def test_a_machine_that_cannot_steer_leaves_the_corridor(l60):
@@ -48,18 +56,27 @@ def test_a_machine_that_cannot_steer_leaves_the_corridor(l60):
 
 
 @pytest.mark.parametrize("share", [0.3, 1.0])
-def test_lock_to_lock_takes_the_way_over_the_rate(l60, share):
+def test_lock_to_lock_takes_the_way_over_the_rate(candidate, share):
     """No sooner than at the full rate all the way, no later than with lag and cushion one after the other."""
-    steering = slow_steering(l60.machine, share).steering
+    steering = slow_steering(candidate.machine, share).steering
     way, left, rate = 1.99 * steering.limit, 0.01 * steering.limit, steering.rate_limit
     braked = rate * steering.cushion_time_constant  # where the cushion begins, from the stop
     cushion = steering.cushion_time_constant * max(math.log(braked / left), 0.0)
     latest = steering.time_constant + (way + left - braked) / rate + cushion
-    assert way / rate < lock_to_lock(slow_steering(l60.machine, share)) < latest + 0.01
+    assert way / rate < lock_to_lock(slow_steering(candidate.machine, share)) < latest + 0.01
 
 
-def test_the_turning_radius_is_that_of_the_geometry(l60):
-    """l/tan(delta/2) to the axle's middle with the joint midway, and half the track to the outer tyre."""
-    g, lock = l60.machine.geometry, l60.machine.steering.limit
-    expected = g.front_axle_x / math.tan(lock / 2.0) + g.track / 2.0
-    assert turning_radius(l60.machine) == pytest.approx(expected, rel=0.01)
+def test_the_turning_radius_is_that_of_the_geometry(candidate):
+    """Both axles' lines meet at angle delta: (l_r + l_f cos)/sin ahead, (l_f + l_r cos)/sin behind, and half the track."""
+    g, lock = candidate.machine.geometry, candidate.machine.steering.limit
+    ahead, behind = g.front_axle_x, -g.rear_axle_x
+    front = (behind + ahead * math.cos(lock)) / math.sin(lock)
+    rear = (ahead + behind * math.cos(lock)) / math.sin(lock)
+    assert turning_radius(candidate.machine) == pytest.approx(max(front, rear) + g.track / 2.0, rel=0.005)
+
+
+def test_the_driver_looks_as_far_as_the_machine_is_long(candidate):
+    """4/3 of the wheelbase: 4 m for the L60."""
+    g, course = candidate.machine.geometry, straight(30.0)
+    seen = points_ahead(course, candidate.machine) * course.step
+    assert seen == pytest.approx(4.0 * (g.front_axle_x - g.rear_axle_x) / 3.0, abs=course.step)
