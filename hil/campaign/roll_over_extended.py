@@ -45,11 +45,9 @@ warning although no wheel lifts and every wheel keeps more than {100 * JUSTIFIED
 
 """
 
-FRICTION_WORDS = f"""
-The ECU foresees a turn with the friction of its calibration, that of a dry road. How slippery the ground is shows only once an axle
+FRICTION_WORDS = f"""The ECU foresees a turn with the friction of its calibration, that of a dry road. How slippery the ground is shows only once an axle
 slides, here: pushes with more than {100 * SLIDING:.0f} % of what the ground gives. Then a warning is not withheld either: a machine that
 slides sideways tips where it comes to better ground, which can be a machine's length ahead.
-
 """
 
 
