@@ -1,0 +1,258 @@
+"""Frames, joints, drive and tyres: what each parameter of an effect adds at one instant, by the effect's equation."""
+
+import math
+
+import numpy as np
+import pytest
+
+from plant import state as s
+from plant.effects import dispatch
+from plant.effects.library import modules
+from plant.parameters import (
+    B_REAR_FRAME,
+    P_WHEELS,
+    W_DAMPING,
+    W_PRESSURE,
+    W_RADIUS,
+    WHEEL_SIZE,
+    parameter_vector,
+)
+from plant.plant import Plant
+from plant.surface import Surface
+from tests.plant.effects.trial import GRAVITY, L60, MASS, coast, evaluated, machine, rolling_mass, run
+
+
+def first(name):
+    """Index of an effect's first own state."""
+    return dispatch._first_states(modules())[name]
+
+
+def at(given, states):
+    """The equations of motion of a machine that rolls straight ahead, with some states at other values."""
+    plant = Plant(given, speed=2.0)
+    for index, value in states.items():
+        plant._state[index] = value
+    return evaluated(plant).work
+
+
+def wheels(given, field):
+    """One parameter of the four wheels."""
+    p = parameter_vector(given, Surface(), 0.0)
+    return p[P_WHEELS + field :: WHEEL_SIZE][:4].copy()
+
+
+@pytest.mark.parametrize(("front", "rear"), [(20.0, 5.0), (0.0, 30.0)])
+def test_wear_takes_its_own_tyres_radius(front, rear):
+    lost = wheels(L60, W_RADIUS) - wheels(machine("tyre_wear", front_mm=front, rear_mm=rear), W_RADIUS)
+    np.testing.assert_allclose(lost, 1e-3 * np.array((front, front, rear, rear)), atol=1e-12)
+
+
+@pytest.mark.parametrize(("front", "rear"), [(0.5, -0.3), (0.0, 0.6)])
+def test_pressure_changes_in_its_own_tyres(front, rear):
+    """In shares of the nominal pressure."""
+    given = machine("inflation_pressure", front_bar=front, rear_bar=rear)
+    more = wheels(given, W_PRESSURE) - wheels(L60, W_PRESSURE)
+    expected = np.array((front, front, rear, rear)) * 1e5 / (L60.tyre.nominal_pressure * pressure_unit())
+    np.testing.assert_allclose(more, expected, atol=1e-12)
+
+
+def pressure_unit():
+    """Pascals in the unit of the machine file's nominal pressure, which is about 3.5 bar."""
+    return 1.0 if L60.tyre.nominal_pressure > 1e4 else 1e5
+
+
+@pytest.mark.parametrize("higher", [-150.0, 200.0])
+def test_the_rear_frames_centre_is_as_much_higher(higher):
+    p, plain = (
+        parameter_vector(given, Surface(), 0.0)
+        for given in (machine("mass_split", forward_kg=0.0, higher_mm=higher), L60)
+    )
+    assert p[B_REAR_FRAME + 3] - plain[B_REAR_FRAME + 3] == pytest.approx(1e-3 * higher)
+
+
+@pytest.mark.parametrize("behind", [150.0, -200.0])
+def test_a_rear_axle_further_behind_carries_less_of_what_is_ahead_of_it(behind):
+    """Moments about the rear axle: it moves by d, and its own weight with it. 0.5 %: tyres give way, and the machine pitches."""
+    truth, plain = (
+        Plant(given).truth() for given in (machine("axle_position", front_mm=0.0, rear_mm=behind), L60)
+    )
+    base, d = L60.geometry.front_axle_x - L60.geometry.rear_axle_x, 1e-3 * behind
+    ahead = MASS - L60.rear_axle.mass - 2.0 * L60.wheel.mass
+    expected = (plain.normal_force[:2].sum() * base + ahead * GRAVITY * d) / (base + d)
+    assert truth.normal_force[:2].sum() == pytest.approx(expected, rel=5e-3)
+
+
+@pytest.mark.parametrize("height", [1.5, 3.0])
+def test_drag_higher_up_leans_the_machine_back(height):
+    """Force times height over the wheelbase goes from the front axle to the rear one."""
+    low, high = (
+        run(Plant(machine("aerodynamic_drag", drag_area_m2=20.0, height_m=h), speed=9.0), 2.0)
+        for h in (0.0, height)
+    )
+    drag = 0.5 * 1.2 * 20.0 * float(low.speed[-50:].mean()) ** 2
+    less = (low.normal_force - high.normal_force)[-50:, :2].sum(axis=1).mean()
+    base = L60.geometry.front_axle_x - L60.geometry.rear_axle_x
+    assert less == pytest.approx(drag * height / base, rel=0.03)
+
+
+@pytest.mark.parametrize("tau", [50.0, 300.0])
+def test_brakes_cool_with_their_time_constant(tau):
+    x = first("brake_fade")
+    work = at(machine("brake_fade", cooling_s=tau), {x: 100.0, x + 1: 40.0})
+    assert work.rate[x : x + 2] == pytest.approx((-100.0 / tau, -40.0 / tau))
+
+
+@pytest.mark.parametrize("zeta", [0.05, 0.3])
+def test_a_swinging_load_is_damped_by_twice_zeta_omega(zeta):
+    x, omega = first("payload_slosh"), math.tau * 0.8
+    given = machine("payload_slosh", damping=zeta, frequency_hz=0.8)
+    still, moving = (at(given, {x + 1: speed}).rate[x + 1] for speed in (0.0, 0.2))
+    assert moving - still == pytest.approx(-2.0 * zeta * omega * 0.2)
+
+
+@pytest.mark.parametrize("mass", [100.0, 300.0])
+def test_a_swung_out_load_pulls_its_bucket_by_mass_omega_squared_and_way(mass):
+    x, omega = first("payload_slosh"), math.tau * 0.8
+    given = machine("payload_slosh", mass_kg=mass, frequency_hz=0.8)
+    still, away = (at(given, {x: way}).tree.bias[s.BUCKET, 3:].copy() for way in (0.0, 0.1))
+    assert np.linalg.norm(away - still) == pytest.approx(mass * omega**2 * 0.1, rel=1e-6)
+
+
+@pytest.mark.parametrize(("stiffness", "damping"), [(1e6, 1e4), (4e6, 3e4)])
+def test_the_oil_of_the_steering_is_spring_and_damper(stiffness, damping):
+    """k times the way that the cylinders are ahead of the frames, c times how much faster they are."""
+    x, effort = first("steering_compliance"), []
+    given = machine("steering_compliance", stiffness_N_m_per_rad=stiffness, damping_N_m_s_per_rad=damping)
+    for ahead, faster in ((0.0, 0.0), (0.01, 0.0), (0.0, 0.1)):
+        effort.append(at(given, {x: ahead, x + 1: faster}).tree.effort[s.FRONT_FRAME])
+    assert effort[1] - effort[0] == pytest.approx(stiffness * 0.01)
+    assert effort[2] - effort[0] == pytest.approx(damping * 0.1)
+
+
+@pytest.mark.parametrize(("play", "stiffness", "damping"), [(0.5, 4e6, 2e4), (1.0, 2e6, 5e4)])
+def test_beyond_its_play_the_steering_is_spring_and_damper(play, stiffness, damping):
+    x, width, effort = first("steering_play"), math.radians(play), []
+    given = machine(
+        "steering_play",
+        play_deg=play,
+        stiffness_N_m_per_rad=stiffness,
+        damping_N_m_s_per_rad=damping,
+    )
+    for ahead, faster in ((0.9 * width, 0.1), (width + 0.01, 0.0), (width + 0.01, 0.1), (-width - 0.01, 0.0)):
+        effort.append(at(given, {x: ahead, x + 1: faster}).tree.effort[s.FRONT_FRAME])
+    assert effort[1] - effort[0] == pytest.approx(stiffness * 0.01)
+    assert effort[2] - effort[1] == pytest.approx(damping * 0.1)
+    assert effort[3] - effort[0] == pytest.approx(-stiffness * 0.01)
+
+
+@pytest.mark.parametrize(("stiffness", "damping"), [(1e5, 500.0), (3e5, 900.0)])
+def test_a_wound_up_shaft_brakes_one_axle_and_drives_the_other(stiffness, damping):
+    """k times the wind-up and c times the difference of the axles' speeds, half of it at each wheel."""
+    x, wheel = first("driveline_torsion"), s.JOINT_RATE + s.WHEEL
+    given = machine("driveline_torsion", stiffness_N_m_per_rad=stiffness, damping_N_m_s_per_rad=damping)
+    rolling = Plant(given, speed=2.0)._state[wheel : wheel + 4].copy()
+    faster = {wheel + k: rolling[k] + (0.1 if k < 2 else 0.0) for k in range(4)}
+    still, wound, quick = (
+        at(given, states).tree.effort[s.WHEEL : s.WHEEL + 4].copy() for states in ({}, {x: 0.02}, faster)
+    )
+    sides = np.array((-0.5, -0.5, 0.5, 0.5))
+    np.testing.assert_allclose(wound - still, sides * stiffness * 0.02, rtol=1e-9)
+    np.testing.assert_allclose(quick - still, sides * damping * 0.1, rtol=1e-6)
+
+
+@pytest.mark.parametrize("constant", [30.0, 100.0])
+def test_the_twist_of_the_frame_follows_within_its_time_constant(constant):
+    """What is missing to compliance times moment, over the time constant."""
+    x = first("frame_torsion")
+    given = machine("frame_torsion", compliance_mrad_per_kN_m=2.0, time_constant_ms=constant)
+    work = at(given, {x: 0.003})
+    moment = 0.5 * L60.geometry.track * (work.tyres[0, s.T_NORMAL] - work.tyres[1, s.T_NORMAL])
+    assert work.rate[x] == pytest.approx((2e-6 * moment - 0.003) / (1e-3 * constant), rel=1e-6)
+
+
+@pytest.mark.parametrize("share", [-1.0, 0.5])
+def test_a_share_of_the_gyroscopic_moment_is_added(share):
+    """Spin momentum across the turning of each wheel, times the share."""
+    plants = [
+        Plant(given, speed=6.0, articulation_angle=0.3)
+        for given in (L60, machine("wheel_gyroscopics", share=share))
+    ]
+    plain, more = (evaluated(plant).work for plant in plants)
+    added = (more.tree.bias - plain.tree.bias)[s.WHEEL : s.WHEEL + 4, :3]
+    for wheel in range(4):
+        axle, turning = plain.places.axles[wheel], plain.tree.motion[s.WHEEL + wheel, :3]
+        momentum = L60.wheel.spin_inertia * float(turning @ axle) * axle
+        np.testing.assert_allclose(added[wheel], share * np.cross(turning, momentum), atol=1e-6)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
+def test_the_viscous_damper_is_kept_by_its_share(share):
+    work = at(machine("hysteretic_damping", viscous_share=share), {})
+    np.testing.assert_allclose(work.local[:, W_DAMPING], share * wheels(L60, W_DAMPING))
+
+
+@pytest.mark.parametrize("hertz", [1.0, 2.0, 4.0])
+@pytest.mark.parametrize("loss", [0.1, 0.3])
+def test_the_loss_factor_is_that_of_a_swing_about_the_standing_load(loss, hertz):
+    """Energy lost in a swing over 2 pi times that of the spring, from the complex stiffness of the two elements; 15 %."""
+    from plant.effects.hysteretic_damping import SHARE, TIMES
+
+    (given,) = machine("hysteretic_damping", loss_factor=loss).effects
+    omega = math.tau * hertz
+    lossy = sum(SHARE * given.values[0] * (1j * omega * t) / (1.0 + 1j * omega * t) for t in TIMES)
+    assert lossy.imag == pytest.approx(loss, rel=0.15)
+
+
+@pytest.mark.parametrize(("cohesive", "frictional", "width"), [(0.99, 1528.0, 0.52), (13.0, 700.0, 0.4)])
+def test_the_rut_bears_the_load_by_bekkers_law(cohesive, frictional, width):
+    """p = (k_c/b + k_phi) z^n over the patch of b by its length."""
+    from plant.effects.soil_sinkage import sinkage
+
+    (given,) = machine(
+        "soil_sinkage",
+        exponent=0.8,
+        cohesive_kN_per_m_n1=cohesive,
+        frictional_kN_per_m_n2=frictional,
+        width_m=width,
+        patch_m=0.5,
+    ).effects
+    depth = sinkage(29e3, np.array(given.values))
+    pressure = 1e3 * (cohesive / width + frictional) * depth**0.8
+    assert pressure * width * 0.5 == pytest.approx(29e3, rel=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_the_axle_behind_runs_in_the_ruts_of_the_first(share):
+    """Its resistance is that share of a first pass; 5 %: loads while it slows down."""
+    from plant.effects.soil_sinkage import compaction, sinkage
+
+    given = machine("soil_sinkage", second_pass=share)
+    q = np.array(given.effects[0].values)
+    loads = Plant(given).truth().normal_force
+    resistance = np.array([compaction(sinkage(load, q), q) for load in loads])
+    slope, _ = coast(given, 3.0, seconds=0.5, settle=0.5)
+    assert -slope * rolling_mass() == pytest.approx(resistance @ (1.0, 1.0, share, share), rel=0.05)
+
+
+@pytest.mark.parametrize(("most", "depth", "share"), [(60e3, 0.5, 0.5), (40e3, 0.3, 1.0)])
+def test_what_was_dug_weighs_on_the_bucket(most, depth, share):
+    """c F_max (1 - exp(-s/s0)) at a depth of s; the machine has backed out: nothing resists it."""
+    x = first("pile_entry")
+    given = machine("pile_entry", distance_m=50.0, most_N=most, depth_m=depth, weight_share=share)
+    fresh, dug = (at(given, {x: way}).tree.bias[s.BUCKET, 3:].copy() for way in (0.0, 0.4))
+    expected = share * most * (1.0 - math.exp(-0.4 / depth))
+    assert np.linalg.norm(dug - fresh) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("ahead", "above", "distance"), [(0.82, 0.0, 5.0), (0.3, 0.5, 4.0), (0.82, 0.88, 6.0)]
+)
+def test_the_pile_resists_from_where_its_edge_meets_it(ahead, above, distance):
+    """The edge lies ahead of the bucket's pin and above it, turned with the bucket; 8 cm: loose at first, and two samples at 2 m/s."""
+    given = machine("pile_entry", distance_m=distance, edge_x_m=ahead, edge_z_m=above)
+    places = at(given, {}).places
+    pin, axes = places.points[3], places.axes[4]
+    edge = pin[0] + ahead * axes[0, 0] + above * axes[0, 2]
+    seen = run(Plant(given, speed=2.0), (distance - edge) / 2.0 + 0.5)
+    slowed = np.flatnonzero(seen.speed < seen.speed[0] - 0.02)
+    assert seen.position[slowed[0], 0] + edge == pytest.approx(distance, abs=0.08)
