@@ -38,6 +38,7 @@ from plant.parameters import (
     W_PEAK_TORQUE,
     WHEEL_SIZE,
 )
+from plant.relief import give_way, overloaded
 from plant.state import (
     ANGULAR,
     ATTITUDE,
@@ -78,6 +79,7 @@ from plant.workspace import Workspace
 
 Array = NDArray[np.float64]
 
+STOPPING = 0.01  # time constant in which a stroke end stops its joint [s]
 RELEASED = 1.0  # friction torque below which a brake does not seize a wheel that changes direction [N m]
 
 
@@ -86,11 +88,16 @@ def servo(angle: float, rate: float, demand: float, block: Array) -> float:
     """Acceleration of a cylinder-driven joint towards the demanded rate [rad/s²].
 
     block: lower and upper limit, falling and rising rate limit, lag, cushion lag. Near a limit the
-    rate may not exceed what the cushion brakes in time; beyond a limit it leads back.
+    rate may not exceed what the cushion brakes in time; a cylinder that a load drives beyond its stroke is
+    stopped there, and led back.
     """
     lower, upper, falling, rising, lag, cushion = block[0], block[1], block[2], block[3], block[4], block[5]
     demand = min(max(demand, -falling), rising)
     demand = min(max(demand, (lower - angle) / cushion), (upper - angle) / cushion)
+    if angle > upper and rate > 0.0:
+        return min((demand - rate) / lag, -rate / STOPPING)
+    if angle < lower and rate < 0.0:
+        return max((demand - rate) / lag, -rate / STOPPING)
     return (demand - rate) / lag
 
 
@@ -242,6 +249,26 @@ def centre_of_gravity(tree: Tree, whole: Array) -> None:
 
 
 @compiled
+def set_up(
+    state: Array, command: Array, p: Array, ahead: float, work: Workspace, active: Array | None
+) -> None:
+    """Everything that the tree is solved for: inertias, forces, demands of the joints."""
+    tree = work.tree
+    if active is not None:
+        for i in range(EXTRA, STATES):
+            work.rate[i] = 0.0
+        work.ahead[0] = ahead
+    place_loader(state, p, tree, work.places)
+    centre_of_gravity(tree, work.whole)
+    set_joints(state, command, p, tree)
+    if active is not None:
+        effects.joints(active, state, p, work)
+    apply_tyres(state, p, ahead, work, active)
+    if active is not None:
+        effects.bodies(active, state, p, work)
+
+
+@compiled
 def derivative(
     state: Array, command: Array, p: Array, ahead: float, work: Workspace, active: Array | None
 ) -> None:
@@ -252,19 +279,11 @@ def derivative(
     leaves out every call of them.
     """
     tree, world, rate = work.tree, work.places.world, work.rate
-    if active is not None:
-        for i in range(EXTRA, STATES):
-            rate[i] = 0.0
-        work.ahead[0] = ahead
-    place_loader(state, p, tree, work.places)
-    centre_of_gravity(tree, work.whole)
-    set_joints(state, command, p, tree)
-    if active is not None:
-        effects.joints(active, state, p, work)
-    apply_tyres(state, p, ahead, work, active)
-    if active is not None:
-        effects.bodies(active, state, p, work)
+    set_up(state, command, p, ahead, work, active)
     solve_tree(tree)
+    if overloaded(state, p, tree):
+        set_up(state, command, p, ahead, work, active)  # the solver has overwritten it
+        give_way(state, p, tree)
 
     # The solution is relative to free fall and in the moving axes; the state is in the world's.
     a, v = tree.acceleration[REAR_FRAME], tree.motion[REAR_FRAME]

@@ -24,6 +24,7 @@ from plant.parameters import (
     P_TILT,
     P_WHEELS,
     SERVO_LAG,
+    SERVO_RELIEF,
     W_PEAK_TORQUE,
     W_RADIUS,
     WHEEL_SIZE,
@@ -154,6 +155,7 @@ def led_parameters(p: Array, step: float, *, asked: Asked) -> Array:
         if not stays:
             led[at : at + 2] = -math.pi, math.pi  # measured angles may pass the stops by their error
             led[at + 2 : at + 4] = 1e3
+            led[at + SERVO_RELIEF] = math.inf
     led[P_DRIVE_LAG] = led[P_BRAKE_LAG] = max(AT_ONCE, step)
     led[P_DRIVE_RATE] = 1e12
     for wheel in range(4):

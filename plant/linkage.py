@@ -108,6 +108,17 @@ def tilt_cylinder(k: Array, arm_angle: float, tilt_angle: float) -> tuple[float,
 
 
 @compiled
+def cylinder_forces(
+    k: Array, arm_angle: float, tilt_angle: float, arm_torque: float, bucket_torque: float
+) -> tuple[float, float]:
+    """Forces of lift and tilt cylinders [N], extending positive, for the torques at the joints of arm and bucket [N m]."""
+    _, on_bucket, on_arm = tilt_cylinder(k, arm_angle, tilt_angle)
+    _, lever = lift_cylinder(k, arm_angle)
+    tilting = bucket_torque / on_bucket
+    return (arm_torque - tilting * on_arm) / lever, tilting
+
+
+@compiled
 def pressures(
     k: Array, arm_angle: float, tilt_angle: float, arm_torque: float, bucket_torque: float
 ) -> tuple[float, float]:
@@ -115,10 +126,7 @@ def pressures(
 
     At least zero: where a cylinder has to pull, its rod side carries and the head side is empty.
     """
-    _, on_bucket, on_arm = tilt_cylinder(k, arm_angle, tilt_angle)
-    _, lever = lift_cylinder(k, arm_angle)
-    tilting = bucket_torque / on_bucket
-    lifting = (arm_torque - tilting * on_arm) / lever
+    lifting, tilting = cylinder_forces(k, arm_angle, tilt_angle, arm_torque, bucket_torque)
     return (
         max((lifting + k[K_LIFT_BACK] * k[K_LIFT_ROD]) / k[K_LIFT_HEAD], 0.0),
         max((tilting + k[K_TILT_BACK] * k[K_TILT_ROD]) / k[K_TILT_HEAD], 0.0),

@@ -137,6 +137,7 @@ class Steering:
     front_pin_x: float = quantity("front_pin_x_m", 0.0, 3.0)
     front_pin_y: float = quantity("front_pin_y_m", 0.01, 2.0)
     back_pressure: float = quantity("back_pressure_Pa", 0.0, 5e6)
+    relief_pressure: float = quantity("relief_pressure_Pa", 6e6, 1e9)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,6 +172,7 @@ class Lift:
     rod_pin_along: float = quantity("rod_pin_along_m", 0.1, 10.0)
     rod_pin_above: float = quantity("rod_pin_above_m", -2.0, 2.0)
     back_pressure: float = quantity("back_pressure_Pa", 0.0, 5e6)
+    relief_pressure: float = quantity("relief_pressure_Pa", 6e6, 1e9)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,6 +199,7 @@ class Tilt:
     bucket_pin_x: float = quantity("bucket_pin_x_m", -2.0, 2.0)
     bucket_pin_z: float = quantity("bucket_pin_z_m", -2.0, 2.0)
     back_pressure: float = quantity("back_pressure_Pa", 0.0, 5e6)
+    relief_pressure: float = quantity("relief_pressure_Pa", 6e6, 1e9)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from plant.linkage import LINKAGE, linkage_of
 from plant.machine import Body, Machine, Tyre
+from plant.steering import STEERING, cylinders_of
 from plant.surface import Surface
 
 GRAVITY_VALUE: Final = 9.81  # the value of the thesis, not 9.80665 [m/s2]
@@ -35,22 +37,25 @@ P_LIFT_X: Final = 60
 P_LIFT_Z: Final = 61
 P_ARM_LENGTH: Final = 62
 P_CARRY_TILT: Final = 63
-# Rate servo block: lower and upper limit, lowering and raising rate limit, lag, cushion lag.
-SERVO_SIZE: Final = 6
-SERVO_LAG: Final = 4  # its place in the block
+# Rate servo block: lower and upper limit, lowering and raising rate limit, lag, cushion lag, relief pressure.
+SERVO_LOWER: Final = 0
+SERVO_UPPER: Final = 1
+SERVO_LAG: Final = 4
+SERVO_RELIEF: Final = 6
+SERVO_SIZE: Final = 7
 P_STEERING: Final = 64
-P_LIFT: Final = 70
-P_TILT: Final = 76
-P_DRIVE_LAG: Final = 82
-P_DRIVE_RATE: Final = 83
-P_BRAKE_LAG: Final = 84
-P_BRAKE_CAPACITY: Final = 85
-P_SHAFT: Final = 86  # 1 where a shaft drives both axles, 0 with a motor at each wheel
-P_SHAFT_STIFFNESS: Final = 87
-P_SHAFT_DAMPING: Final = 88
+P_LIFT: Final = 71
+P_TILT: Final = 78
+P_DRIVE_LAG: Final = 85
+P_DRIVE_RATE: Final = 86
+P_BRAKE_LAG: Final = 87
+P_BRAKE_CAPACITY: Final = 88
+P_SHAFT: Final = 89  # 1 where a shaft drives both axles, 0 with a motor at each wheel
+P_SHAFT_STIFFNESS: Final = 90
+P_SHAFT_DAMPING: Final = 91
 
 # Wheel block.
-P_WHEELS: Final = 89
+P_WHEELS: Final = 92
 W_MASS: Final = 0
 W_SPIN: Final = 1
 W_TRANSVERSE: Final = 2
@@ -103,7 +108,10 @@ W_PEY2: Final = 50
 W_ADDED_SLIDING_X: Final = 51  # of the contact patch beside the rigid wheel's, along the heading [m/s]
 W_ADDED_SLIDING_Y: Final = 52  # and across it
 WHEEL_SIZE: Final = 53
-PARAMETERS: Final = P_WHEELS + 4 * WHEEL_SIZE
+
+P_LINKAGE: Final = P_WHEELS + 4 * WHEEL_SIZE  # plant.linkage
+P_CYLINDERS: Final = P_LINKAGE + LINKAGE  # plant.steering
+PARAMETERS: Final = P_CYLINDERS + STEERING
 
 _FROM_TYRE = {
     W_RADIUS: "radius",
@@ -149,6 +157,8 @@ def parameter_vector(machine: Machine, surface: Surface, payload_mass: float) ->
     p[P_ARM_LENGTH] = machine.lift.arm_length
     p[P_CARRY_TILT] = machine.tilt.carry_angle
     _servos(p, machine)
+    p[P_LINKAGE : P_LINKAGE + LINKAGE] = linkage_of(machine.lift, machine.tilt)
+    p[P_CYLINDERS : P_CYLINDERS + STEERING] = cylinders_of(machine.steering)
     p[P_DRIVE_LAG] = machine.drive.time_constant
     p[P_DRIVE_RATE] = machine.drive.rate_limit
     p[P_SHAFT] = 1.0 if machine.driveline.layout == "shaft" else 0.0
@@ -202,27 +212,30 @@ def _bodies(p: NDArray[np.float64], machine: Machine, payload_mass: float) -> No
 
 def _servos(p: NDArray[np.float64], machine: Machine) -> None:
     steering, lift, tilt = machine.steering, machine.lift, machine.tilt
-    lags = ((part.time_constant, part.cushion_time_constant) for part in (steering, lift, tilt))
+    rest = (
+        (part.time_constant, part.cushion_time_constant, part.relief_pressure)
+        for part in (steering, lift, tilt)
+    )
     p[P_STEERING : P_STEERING + SERVO_SIZE] = (
         -steering.limit,
         steering.limit,
         steering.rate_limit,
         steering.rate_limit,
-        *next(lags),
+        *next(rest),
     )
     p[P_LIFT : P_LIFT + SERVO_SIZE] = (
         lift.lower_limit,
         lift.upper_limit,
         lift.lower_rate_limit,
         lift.raise_rate_limit,
-        *next(lags),
+        *next(rest),
     )
     p[P_TILT : P_TILT + SERVO_SIZE] = (
         tilt.lower_limit,
         tilt.upper_limit,
         tilt.rate_limit,
         tilt.rate_limit,
-        *next(lags),
+        *next(rest),
     )
 
 

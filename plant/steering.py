@@ -50,12 +50,17 @@ def steering_cylinder(k: Array, angle: float) -> tuple[float, float]:
 
 
 @compiled
-def steering_pressures(k: Array, angle: float, torque: float) -> tuple[float, float]:
-    """Pressures of the lines for turning left and right [Pa] for a torque on the front frame [N m], left positive."""
+def torques_per_pressure(k: Array, angle: float) -> tuple[float, float]:
+    """Torque about the joint of the pressures in the lines for turning left and right [m³], each its own way positive."""
     _, on_left = steering_cylinder(k, angle)
     _, on_right = steering_cylinder(k, -angle)
-    to_left = k[S_HEAD] * on_right + k[S_ROD] * on_left  # torque per pressure
-    to_right = k[S_HEAD] * on_left + k[S_ROD] * on_right
+    return k[S_HEAD] * on_right + k[S_ROD] * on_left, k[S_HEAD] * on_left + k[S_ROD] * on_right
+
+
+@compiled
+def steering_pressures(k: Array, angle: float, torque: float) -> tuple[float, float]:
+    """Pressures of the lines for turning left and right [Pa] for a torque on the front frame [N m], left positive."""
+    to_left, to_right = torques_per_pressure(k, angle)
     left = (torque + k[S_BACK] * to_right) / to_left
     if left >= k[S_BACK]:
         return left, k[S_BACK]

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from plant import state as s
 from plant.compiled import compiled
 from plant.dynamics import derivative, drive_torque
-from plant.linkage import LINKAGE, linkage_of, pressures
+from plant.linkage import LINKAGE, pressures
 from plant.machine import Machine
-from plant.parameters import P_GRAVITY
-from plant.steering import STEERING, cylinders_of, steering_pressures
+from plant.parameters import P_CYLINDERS, P_GRAVITY, P_LIFT, P_LINKAGE, P_STEERING, P_TILT, SERVO_RELIEF
+from plant.steering import STEERING, steering_pressures
 from plant.workspace import Workspace
 
 Array = NDArray[np.float64]
@@ -166,12 +166,10 @@ YAW_MOMENT: Final = Truth.yaw_moment.at
 PAYLOAD: Final = Truth.payload_mass.at
 LOAD_TRANSFER: Final = Truth.load_transfer_ratio.at
 
-# What only the record needs of a machine: places from the joint, the linkage, the steering cylinders.
+# What only the record needs of a machine: places from the joint.
 O_IMU_X: Final = 0
 O_IMU_Z: Final = 1
 O_AXLE_Z: Final = 2
-O_LINKAGE: Final = 3
-O_STEERING: Final = O_LINKAGE + LINKAGE
 
 
 class Observer:
@@ -182,11 +180,7 @@ class Observer:
         joint = geometry.joint_height
         self._payload_mass = payload_mass
         self.measures = np.array(
-            (
-                *(geometry.imu_x, geometry.imu_z - joint, geometry.wheel_centre_height - joint),
-                *linkage_of(machine.lift, machine.tilt),
-                *cylinders_of(machine.steering),
-            )
+            (*(geometry.imu_x, geometry.imu_z - joint, geometry.wheel_centre_height - joint),)
         )
 
     def truth(
@@ -217,13 +211,16 @@ def observe(
     _observe_frame(row, state, p, work, measures)
     _observe_joints(row, state, p, work)
     _observe_tyres(row, work)
-    linkage, effort = measures[O_LINKAGE : O_LINKAGE + LINKAGE], work.tree.effort
-    row[LIFT_PRESSURE], row[TILT_PRESSURE] = pressures(
-        linkage, row[LIFT_ARM], row[TILT], effort[s.LIFT_ARM], effort[s.BUCKET]
+    linkage, effort = p[P_LINKAGE : P_LINKAGE + LINKAGE], work.tree.effort
+    lift, tilt = pressures(linkage, row[LIFT_ARM], row[TILT], effort[s.LIFT_ARM], effort[s.BUCKET])
+    left, right = steering_pressures(
+        p[P_CYLINDERS : P_CYLINDERS + STEERING], row[ARTICULATION], row[JOINT_TORQUE]
     )
-    row[STEERING_PRESSURE], row[STEERING_PRESSURE + 1] = steering_pressures(
-        measures[O_STEERING : O_STEERING + STEERING], row[ARTICULATION], row[JOINT_TORQUE]
-    )
+    # a stroke end bears what the relief valves do not let the oil bear
+    row[LIFT_PRESSURE] = min(lift, p[P_LIFT + SERVO_RELIEF])
+    row[TILT_PRESSURE] = min(tilt, p[P_TILT + SERVO_RELIEF])
+    row[STEERING_PRESSURE] = min(left, p[P_STEERING + SERVO_RELIEF])
+    row[STEERING_PRESSURE + 1] = min(right, p[P_STEERING + SERVO_RELIEF])
 
 
 @compiled

@@ -4,7 +4,7 @@ import math
 
 from plant.compiled import compiled
 from plant.effects.effect import Array
-from plant.parameters import P_NORMAL, P_STEERING, W_RADIUS
+from plant.parameters import P_NORMAL, P_STEERING, SERVO_LAG, W_RADIUS
 from plant.state import (
     FRONT_FRAME,
     G_HEIGHT,
@@ -163,7 +163,7 @@ def steering_cylinders(state: Array, p: Array, work: Workspace, x: int) -> tuple
 
     x: the effect's first own state of two, angle and rate of the cylinders; in the joints hook.
     """
-    tree, lag = work.tree, p[P_STEERING + 4]
+    tree, lag = work.tree, p[P_STEERING + SERVO_LAG]
     angle, rate = state[JOINT + FRONT_FRAME], state[JOINT_RATE + FRONT_FRAME]
     demand = rate + lag * tree.joint_acceleration[FRONT_FRAME]
     tree.driven[FRONT_FRAME] = 0.0

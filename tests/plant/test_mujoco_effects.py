@@ -16,6 +16,7 @@ from plant.plant import Commands, Plant
 from plant.surface import Surface
 from plant.workspace import new_workspace
 from tests.plant.oracle.effects import INCLUDED, MujocoWithEffects
+from tests.plant.oracle.loader import without_reliefs
 from tests.plant.test_mujoco import in_world, random_state
 
 L60 = load_machine("l60")
@@ -46,14 +47,14 @@ def chosen(names):
 def pair(names):
     """The plant's parameters and effects' vector, and MuJoCo's machine with the same ones."""
     items, numbers = chosen(names)
-    p = parameter_vector(replace(L60, effects=items), GROUND, PAYLOAD)
+    p = without_reliefs(parameter_vector(replace(L60, effects=items), GROUND, PAYLOAD))
     return p, active_vector(items), MujocoWithEffects(L60, p, numbers, payload_mass=PAYLOAD)
 
 
 def disagreement(names, count):
     """Largest difference of accelerations and of efforts over the largest value, and its effect on the accelerations."""
     p, active, oracle = pair(names)
-    plain = parameter_vector(L60, GROUND, PAYLOAD)
+    plain = without_reliefs(parameter_vector(L60, GROUND, PAYLOAD))
     own, rng, work, without = (
         _first_states(modules()),
         np.random.default_rng(11),
@@ -136,7 +137,7 @@ def test_wheel_forces_over_a_drive_with_everything_on_agree_within_half_a_per_ce
     numbers["pile_entry"] |= far
     machine = replace(L60, effects=items)
     plant = Plant(machine, GROUND, payload_mass=PAYLOAD, speed=2.5)
-    oracle = MujocoWithEffects(L60, plant._parameters, numbers, payload_mass=PAYLOAD)
+    oracle = MujocoWithEffects(L60, without_reliefs(plant._parameters), numbers, payload_mass=PAYLOAD)
     oracle.set_state(plant._state)
     steering = _first_states(modules())["steering_compliance"]
     oracle.cylinder[:] = plant._state[steering : steering + 2]

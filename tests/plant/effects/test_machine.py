@@ -21,6 +21,7 @@ from tests.plant.effects.trial import (
     rolling_mass,
     run,
     spin_inertia,
+    strong,
 )
 
 
@@ -343,7 +344,9 @@ def test_play_swallows_small_motions():
 def test_play_is_crossed_after_its_width():
     given = machine("steering_play", play_deg=1.0)
     seen = run(Plant(given), 2.0, Commands(brake_torque=(30e3,) * 4, articulation_rate=math.radians(10.0)))
-    rigid = run(Plant(L60), 2.0, Commands(brake_torque=(30e3,) * 4, articulation_rate=math.radians(10.0)))
+    rigid = run(
+        Plant(strong(L60)), 2.0, Commands(brake_torque=(30e3,) * 4, articulation_rate=math.radians(10.0))
+    )
     behind = np.degrees(rigid.articulation_angle[-30:] - seen.articulation_angle[-30:])
     pressed = np.degrees(seen.joint_torque[-30:].mean() / 4.4e6)  # of the contact behind the play
     assert behind.mean() == pytest.approx(1.0 + pressed, rel=0.05)

@@ -17,7 +17,7 @@ from plant.plant import Commands, Plant
 from plant.state import T_KAPPA_RATE, T_OUTPUTS, T_TAN_ALPHA_RATE
 from plant.surface import Surface
 from plant.tyre import combined_forces, radial_force, stiffness_and_peak, tyre_forces
-from tests.plant.effects.trial import L60, evaluated, machine, run, wrenches
+from tests.plant.effects.trial import L60, evaluated, machine, run, strong, wrenches
 
 LOAD = 29e3
 
@@ -102,7 +102,7 @@ def test_turn_slip_is_a_parking_moment_that_fades_with_speed():
 def test_turn_slip_shows_in_the_steering_torque():
     torques = []
     for given in (machine("turn_slip"), L60):
-        plant = Plant(given)
+        plant = Plant(strong(given))
         torques.append(
             run(plant, 1.0, Commands(brake_torque=(30e3,) * 4, articulation_rate=0.2))
             .joint_torque[-30:]

@@ -18,6 +18,7 @@ from plant.parameters import (
     P_STEERING,
     P_TILT,
     P_WHEELS,
+    SERVO_RELIEF,
     SERVO_SIZE,
     WHEEL_SIZE,
 )
@@ -96,6 +97,13 @@ def mjcf(machine: Machine, payload_mass: float, step: float, front: str = "") ->
   </worldbody>
   <sensor><accelerometer name="imu" site="imu"/></sensor>
 </mujoco>"""
+
+
+def without_reliefs(p: np.ndarray) -> np.ndarray:
+    """The parameters, changed: cylinders that give whatever their rate takes, as the joints here do."""
+    for servo_block in (P_STEERING, P_LIFT, P_TILT):
+        p[servo_block + SERVO_RELIEF] = np.inf
+    return p
 
 
 class MujocoLoader:
