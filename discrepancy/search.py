@@ -68,6 +68,11 @@ class Trial:
         1.0  # share of the squared errors of the channel it helps most that it takes away, held out
     )
 
+    @property
+    def lead(self) -> float:
+        """Gain in SSE itself, beyond what is needed: which effect explains best, once it is sure that it explains something."""
+        return self.gain * self.inflation - self.needed
+
     def accepted(self, settings: Settings) -> bool:
         confirmed = max(settings.held_out, settings.confirmed * self.gain)
         return self.held_out_gain is not None and self.held_out_gain > confirmed
@@ -109,7 +114,7 @@ def search(
         passed = [t for t in state.trials if t.accepted(settings) and not t.negligible(problem)]
         if not passed:
             return state, history
-        best = max(passed, key=lambda t: t.gain - t.needed)
+        best = max(passed, key=lambda t: t.lead)
         progress(f"{best.effect}: gain {best.gain:.0f} ({best.needed:.0f} needed)")
         accepted, values = (*accepted, best.effect), best.fit.values
 
@@ -244,14 +249,11 @@ def try_shortlist(problem: Problem, state: State, settings: Settings) -> list[Tr
     listed += [s for s, _ in passing if s.effect not in named]
     trials = [refit(problem, state, s, settings) for s in listed]
     trials += [refit(problem, state, s, settings, windows) for s, windows in passing]
-    best = max((t.gain - t.needed for t in trials if t.size >= problem.model.negligible), default=0.0)
+    sure = [t.gain > t.needed and t.size >= problem.model.negligible for t in trials]
+    best = max((t.lead for t, fine in zip(trials, sure, strict=True) if fine), default=0.0)
     return [
-        confirm(problem, state, t, settings)
-        if t.gain > t.needed
-        and t.gain - t.needed > best - 3.0 * settings.same
-        and t.size >= problem.model.negligible
-        else t
-        for t in trials
+        confirm(problem, state, t, settings) if fine and t.lead > best - 3.0 * settings.same else t
+        for t, fine in zip(trials, sure, strict=True)
     ]
 
 
