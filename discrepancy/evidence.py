@@ -4,7 +4,7 @@ Residuals are in units of the final one-step error ("sd"), with and without what
 stretches other than the one shown, initial states from the stretch itself.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from scipy.signal import welch
 
 from discrepancy.fit import fit
 from discrepancy.judge import Judgement
-from discrepancy.locate import at_rows
+from discrepancy.locate import at_rows, thirds
 from discrepancy.noise import Noise
 from discrepancy.problem import Problem, Values
 from discrepancy.recording import Array
@@ -188,16 +188,7 @@ def _regimes(problem: Problem, noise: Noise, before: Array, after: Array | None)
     units = {**model.inputs, **model.optional, **model.outputs}
     found = []
     for name in [n for n in units if all(w.has(n) for w in problem.windows)]:
-        value = at_rows(problem, noise, name)
-        low, high = np.quantile(value, [1 / 3, 2 / 3])
-        if low == high:
-            continue
-        thirds: Mapping[str, NDArray[np.bool_]] = {
-            f"below {low:.3g}": value < low,
-            f"{low:.3g} to {high:.3g}": (value >= low) & (value <= high),
-            f"above {high:.3g}": value > high,
-        }
-        for text, rows in thirds.items():
+        for text, rows in thirds(at_rows(problem, noise, name)).items():
             for i, channel in enumerate(problem.channels):
                 chosen = rows & (noise.row_channel == i)
                 if chosen.any():

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from discrepancy.fit import Fit
 from discrepancy.noise import Noise
@@ -35,7 +36,7 @@ class Regime:
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """Shares of the gain; `throughout` when no stretch of time stands out."""
+    """Shares of the gain, by channel of the squared change in units of noise; `throughout` when no stretch of time stands out."""
 
     channels: Mapping[str, float]
     stretches: tuple[Stretch, ...]
@@ -49,9 +50,10 @@ def locate(
     """Compare innovations row by row, with and without the effect; spell: windows in which it acts, if not in all."""
     gain = without.residual**2 - with_it.residual**2
     total = max(float(np.sum(gain)), 1e-12)
-    channels = {
-        name: float(np.sum(gain[noise.row_channel == i])) / total for i, name in enumerate(problem.channels)
-    }
+    # gains of single channels hold noise that only cancels in their sum
+    change = (without.residual - with_it.residual) ** 2
+    moved = np.bincount(noise.row_channel, change, len(problem.channels)) / max(float(np.sum(change)), 1e-12)
+    channels = dict(zip(problem.channels, moved.tolist(), strict=True))
     stretches = (
         _stretches(problem, noise, gain, total)
         if spell is None
@@ -108,15 +110,22 @@ def _regimes(problem: Problem, noise: Noise, gain: Array, total: float) -> list[
     names = [n for n in (*problem.model.inputs, *problem.channels) if all(w.has(n) for w in problem.windows)]
     units = {**problem.model.inputs, **problem.model.outputs}
     for name in names:
-        value = at_rows(problem, noise, name)
-        low, high = np.quantile(value, [1 / 3, 2 / 3])
-        if low == high:
-            continue
-        for text, rows in ((f"below {low:.3g}", value < low), (f"above {high:.3g}", value > high)):
+        for text, rows in thirds(at_rows(problem, noise, name)).items():
             share, size = float(np.sum(gain[rows])) / total, float(rows.mean())
             if size > 0.05 and share / size > 1.5:
                 found.append(Regime(f"{name} {text} {units[name]}", share, share / size))
     return sorted(found, key=lambda r: -r.density)[:4]
+
+
+def thirds(value: Array) -> dict[str, NDArray[np.bool_]]:
+    """Rows in the thirds of a signal's range, by what they are called; of one that mostly rests, those at rest and those beyond."""
+    low, high = np.quantile(value, [1 / 3, 2 / 3])
+    found = {
+        f"below {low:.3g}": value < low,
+        f"{low:.3g} to {high:.3g}" if low < high else f"at {low:.3g}": (value >= low) & (value <= high),
+        f"above {high:.3g}": value > high,
+    }
+    return {text: rows for text, rows in found.items() if rows.any()} if np.ptp(value) > 0.0 else {}
 
 
 def at_rows(problem: Problem, noise: Noise, name: str) -> Array:

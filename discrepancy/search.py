@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
+from scipy.stats import f as student_squared
 
 from discrepancy.fit import Fit, Mask, WindowStates, differences, fit, held_out
 from discrepancy.model import Effect
@@ -60,6 +62,7 @@ class Trial:
     effect: str
     fit: Fit
     gain: float  # in SSE, all data, over inflation
+    plain: float  # the same not divided
     needed: float
     held_out_gain: float | None = None  # summed over folds; only put to the test if gain > needed
     inflation: float = 1.0
@@ -71,7 +74,7 @@ class Trial:
     @property
     def lead(self) -> float:
         """Gain in SSE itself, beyond what is needed: which effect explains best, once it is sure that it explains something."""
-        return self.gain * self.inflation - self.needed
+        return self.plain - self.needed
 
     def accepted(self, settings: Settings) -> bool:
         confirmed = max(settings.held_out, settings.confirmed * self.gain)
@@ -286,12 +289,14 @@ def refit(
     best = min(fits, key=lambda f: f.sse)
     blocks = stretches(state.noise)
     inflation = spread(best, active(effect), blocks)
+    plain = state.fit.sse - best.sse
+    gain = plain / inflation
     if windows is not None:
-        # few stretches disagree little: what scatters over the whole recording counts too
+        # few stretches disagree little: what scatters over the whole recording counts, and is no better known than its stretches are many
         inflation = max(inflation, inflation_of(found.direction, best.residual, blocks))
+        gain = float(chi2.isf(student_squared.sf(max(plain / inflation, 0.0), 1, int(blocks.max()) - 1), 1))
     needed = price(problem, effect, best.values, settings.alpha)
-    gain = (state.fit.sse - best.sse) / inflation
-    return Trial(effect.name, best, gain, needed, None, inflation, size_of(effect, best))
+    return Trial(effect.name, best, gain, plain, needed, None, inflation, size_of(effect, best))
 
 
 def size_of(effect: Effect, fitted: Fit) -> float:
