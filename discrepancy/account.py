@@ -97,7 +97,11 @@ def _negligible(problem: Problem, trials: Sequence[Trial]) -> dict[str, str]:
             f"{p.name} = {t.fit.values.shared[p.name]:.3g} {p.unit}".removesuffix(" 1")
             for p in switches(problem.model.effect(t.effect))
         ]
-        why = f"below {least:.0%} of a change that matters" if t.size < least else "hardly helps any channel"
+        why = (
+            f"not surely above {least:.0%} of a change that matters"
+            if t.size < least
+            else "hardly helps any channel"
+        )
         told[t.effect] = f"{why}: {', '.join(seen)}"
     return told
 

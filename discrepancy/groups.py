@@ -16,6 +16,7 @@ from discrepancy.spells import spell_of
 
 ENOUGH = 20.0  # expected likelihood difference (in SSE) of a manoeuvre worth proposing
 ALIKE = 0.6  # cosine of sensitivities below which two effects are two effects, not one with two names
+LIKELY = 0.3  # the same of the screen's probe, from which a fit may still turn out alike
 UNSURE = 2.0  # standard deviations of a likelihood difference that do not decide
 
 
@@ -51,6 +52,8 @@ def members(
     for score in scores:
         if score.effect in state.accepted or score.statistic < 0.25 * whole - settings.same:
             continue
+        if collinearity(own, score.direction) < LIKELY:
+            continue  # a fit costs tens of simulations, its direction none
         candidate = problem.model.effect(score.effect)
         names = free_names(problem, (*others, candidate.name))
         points = starts(alone, candidate, score)

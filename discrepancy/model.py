@@ -167,7 +167,7 @@ class Model:
     channels are called in recordings where not by their own names ('Message.Signal', several by comma are averaged).
     stretches: chooses what of a recording, between two times, is scored, in place of all of it. For costly models: slopes_hold, by how many
     typical changes parameters may move before sensitivities are computed anew; threads: whether `simulate` may run in several at once. negligible: share of a typical change
-    below which an effect is told but is no finding; least_explained: share of some channel's squared one-step errors that an effect or an
+    that an effect must surely reach, or it is told but is no finding; least_explained: share of some channel's squared one-step errors that an effect or an
     equation must take away. floors: standard deviation by output that the model's one-step errors have at least. All
     three hold off what the model itself is wrong by, which long recordings and instruments without noise make significant.
     """

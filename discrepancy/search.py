@@ -35,6 +35,9 @@ from discrepancy.screen import (
 from discrepancy.spells import best_spell, price, runs, searched
 
 Progress = Callable[[str], None]
+BEHIND = 0.25  # share of the largest gain in SSE below which a begun refit is left, where that gain is
+CLEAR = 100.0  # beyond doubt: another round comes, in which it may be tried again
+SURE = 1.96  # standard deviations
 STRAINED = 3.0  # standard deviations of its prior beyond which a nuisance stands in for something else
 
 
@@ -66,7 +69,7 @@ class Trial:
     needed: float
     held_out_gain: float | None = None  # summed over folds; only put to the test if gain > needed
     inflation: float = 1.0
-    size: float = np.inf  # of its largest switch, in typical changes
+    size: float = np.inf  # what its largest switch surely is, in typical changes
     explained: float = (
         1.0  # share of the squared errors of the channel it helps most that it takes away, held out
     )
@@ -250,8 +253,14 @@ def try_shortlist(problem: Problem, state: State, settings: Settings) -> list[Tr
     # what seems to act for a while may act always
     named = {s.effect for s in listed}
     listed += [s for s, _ in passing if s.effect not in named]
-    trials = [refit(problem, state, s, settings) for s in listed]
-    trials += [refit(problem, state, s, settings, windows) for s, windows in passing]
+    tried: list[tuple[Score, range | None]] = [*((s, None) for s in listed), *passing]
+    begun = [begin(problem, state, s, windows) for s, windows in tried]
+    most = max((state.fit.sse - b[0].sse for b in begun), default=0.0)
+    least = BEHIND * most if most > CLEAR else -np.inf
+    trials = [
+        refit(problem, state, s, b, settings, least, windows)
+        for (s, windows), b in zip(tried, begun, strict=True)
+    ]
     sure = [t.gain > t.needed and t.size >= problem.model.negligible for t in trials]
     best = max((t.lead for t, fine in zip(trials, sure, strict=True) if fine), default=0.0)
     return [
@@ -276,17 +285,33 @@ def for_a_while(problem: Problem, state: State, settings: Settings) -> list[tupl
     return [(s, windows) for _, s, windows in sorted(found, key=lambda f: -f[0])[: settings.shortlist // 2]]
 
 
-def refit(
-    problem: Problem, state: State, found: Score, settings: Settings, windows: range | None = None
-) -> Trial:
-    """Non-linear refit with one more effect, from the expected change and from the probe; windows: in which it acts, all if None."""
+def begin(problem: Problem, state: State, found: Score, windows: range | None) -> list[Fit]:
+    """The first steps of a refit with one more effect, from the expected change and from the probe, best first; windows: in which
+    it acts, all if None.
+    """
     effect = problem.model.effect(found.effect)
     names = free_names(problem, (*state.accepted, effect.name))
     points = starts(state, effect, found)
     if windows is not None:
         points = [point.acting(switches(effect), windows) for point in points]
-    fits = [fit(problem, state.noise, names, point, iterations=6) for point in points]
-    best = min(fits, key=lambda f: f.sse)
+    fits = [fit(problem, state.noise, names, point, iterations=2) for point in points]
+    return sorted(fits, key=lambda f: f.sse)
+
+
+def refit(
+    problem: Problem,
+    state: State,
+    found: Score,
+    begun: Sequence[Fit],
+    settings: Settings,
+    least: float,
+    windows: range | None,
+) -> Trial:
+    """Non-linear refit with one more effect, brought to its end if its beginnings gained at least `least`; windows: as in `begin`."""
+    effect, names, best = problem.model.effect(found.effect), begun[0].names, begun[0]
+    if state.fit.sse - best.sse > least:
+        fits = [fit(problem, state.noise, names, b.values, iterations=4) for b in begun]
+        best = min(fits, key=lambda f: f.sse)
     blocks = stretches(state.noise)
     inflation = spread(best, active(effect), blocks)
     plain = state.fit.sse - best.sse
@@ -300,8 +325,11 @@ def refit(
 
 
 def size_of(effect: Effect, fitted: Fit) -> float:
-    """The largest of an effect's switches, in typical changes."""
-    return max(abs((fitted.values.shared[p.name] - p.value) / p.typical) for p in switches(effect))
+    """What the largest of an effect's switches surely is, in typical changes: to the near end of its 95 % interval."""
+    return max(
+        max(abs(fitted.values.shared[p.name] - p.value) - SURE * fitted.sd(p.name), 0.0) / abs(p.typical)
+        for p in switches(effect)
+    )
 
 
 def starts(state: State, effect: Effect, found: Score) -> list[Values]:

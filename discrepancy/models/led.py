@@ -1,13 +1,15 @@
 """The plant led through many stretches of recordings at once, with any of its parameters and effects changed.
 
 A pilot, the machine of the sheet led through the whole recording, gives every stretch the state it begins with; a changed machine begins
-moved by as much as its rest differs (plant.resting). All stretches of a recording are one call of compiled code, which runs beside
-other threads.
+moved by as much as its rest differs (plant.resting). The stretches of a recording are shared out among the processors, each
+one call of compiled code.
 """
 
 import math
+import os
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from threading import Lock
 from typing import Final
@@ -63,6 +65,7 @@ SMOOTHED: Final = (
 )
 LEVELLED: Final = 51  # the same of the linkage's angles and of what steering's demand does not tell
 KEPT: Final = 8  # motions kept, for effects of sensors that only look at them again
+CORES: Final = os.cpu_count() or 1
 STANDING: Final = 0.02  # wheel speed [rad/s] below which a stretch begins at a standstill
 ABSURD: Final = (
     1e3  # most that is predicted of a motion that diverged, in units of what matters of each output
@@ -147,28 +150,36 @@ class Loader:
         """Outputs of every stretch of one recording."""
         machine = self._changed(values)
         p = led_parameters(parameter_vector(machine, Surface(), basis.payload), FINE_S, asked=basis.asked)
-        active, work = dispatch.active_vector(machine.effects), new_workspace()
+        active = dispatch.active_vector(machine.effects)
         starts = basis.starts
         if any(item.effect.start is not None for item in machine.effects):
-            starts = starts.copy()
+            starts, work = starts.copy(), new_workspace()
             for state in starts:
                 dispatch.start(machine.effects, state, p, work)
         rows = np.full((len(basis.measured), Truth.size), np.nan)
-        lead(
-            starts,
-            basis.rests,
-            _shifted(basis.measured, values),
-            basis.edges,
-            p,
-            basis.asked,
-            FINE_S,
-            round(basis.step_s / FINE_S),
-            work,
-            active,
-            Observer(machine, basis.payload).measures,
-            rows,
-            np.zeros((0, s.STATES)),
-        )
+        measured, measures = _shifted(basis.measured, values), Observer(machine, basis.payload).measures
+
+        def lead_part(first: int, last: int) -> None:
+            edges = basis.edges[first : last + 1]
+            own = slice(edges[0], edges[-1])
+            lead(
+                starts[first:last],
+                basis.rests[first:last],
+                measured[own],
+                edges - edges[0],
+                p,
+                basis.asked,
+                FINE_S,
+                round(basis.step_s / FINE_S),
+                new_workspace(),
+                active,
+                measures,
+                rows[own],
+                np.zeros((0, s.STATES)),
+            )
+
+        with ThreadPoolExecutor(CORES) as pool:
+            list(pool.map(lead_part, *_shares(basis.edges, CORES)))
         finish(rows, basis.payload)
         seen, columns = {}, columns_of(rows)
         for name, channel in CHANNELS.items():
@@ -293,6 +304,13 @@ def _plant(machine: Machine, payload: float, first: Array) -> Plant:
         lift_arm_angle=_within(first[M_LIFT], machine.lift.lower_limit, machine.lift.upper_limit),
         tilt_angle=_within(first[M_TILT], machine.tilt.lower_limit, machine.tilt.upper_limit),
     )
+
+
+def _shares(edges: NDArray[np.intp], count: int) -> tuple[list[int], list[int]]:
+    """Where `count` runs of whole stretches of about equal length begin and end; fewer where there are fewer stretches."""
+    wanted = np.linspace(edges[0], edges[-1], count + 1)
+    cuts = np.unique([int(np.argmin(np.abs(edges - row))) for row in wanted]).tolist()
+    return cuts[:-1], cuts[1:]
 
 
 def _kept_share(lag_s: float, step_s: float) -> float:

@@ -7,7 +7,8 @@ does not know exactly (masses, height of the centre of gravity, tyre stiffness, 
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +17,8 @@ import numpy as np
 from bus.mistake import Mistake
 from dbc import loader_database, reference_database
 from dbc.columns import ColumnDecoder, Columns
+from dbc.database import Database
+from dbc.errors import LogError
 from dbc.packing import Signals
 from dbc.recording import read_frames
 from dbc.units import factor_to
@@ -30,9 +33,7 @@ from plant.machine import Machine, load_machine
 
 STEP_S: Final = 0.01
 FLOOR: Final = 0.2  # one-step errors are at least this share of an error that matters: led by noisy inputs, no plant is better
-NEGLIGIBLE: Final = (
-    0.35  # of a typical change: above the 0.30 of wheel_spin_inertia in one drive with nothing hidden
-)
+NEGLIGIBLE: Final = 0.1  # of a typical change: above what five of six drives with nothing hidden surely show
 THINNED_S: Final = 0.04  # between samples of outputs: the machine's own motions are below 5 Hz
 HEAVIEST_KG: Final = 20_000.0  # payload, as in a scenario
 WAYS: Final = (*SPEEDS[:1], *INPUTS, *OPTIONAL)
@@ -57,7 +58,7 @@ def model(
         window_s=SCORED_S,
         lead_s=LEAD_S,
         stretches=lambda recording, interval: stretches(recording, interval, SPEEDS, WAYS),
-        slopes_hold=3.0,
+        slopes_hold=6.0,
         negligible=NEGLIGIBLE,
         floors={name: FLOOR * channel.typical for name, channel in CHANNELS.items()},
         least_explained=0.05,
@@ -68,20 +69,25 @@ def model(
 def load_run(folder: Path) -> Recording:
     """A recorded run: bus.log, and reference.log where instruments recorded; stamps are those of the samples.
 
-    The payload is that of run.json, 0 where there is none; raises DamagedRecord where that file cannot be used.
+    A reference.log without a usable frame is as none. The payload is that of run.json, 0 where there is none; raises DamagedRecord
+    where that file cannot be used, dbc's LogError where bus.log cannot.
     """
-    files = [(folder / "bus.log", loader_database(), MACHINE_MESSAGES)]
+    signals = _logged(folder / "bus.log", loader_database(), MACHINE_MESSAGES)
     if (folder / "reference.log").is_file():
-        files.append((folder / "reference.log", reference_database(), REFERENCE_MESSAGES))
-    signals: dict[str, Signal] = {}
-    for path, database, messages in files:
-        columns = ColumnDecoder(database).decode(read_frames(path))
-        first = min(float(c.time_s[0]) for name, c in columns.items() if name in messages)
-        for name in [name for name in messages if name in columns]:
-            signals |= {
-                k: s for k, s in _signals(columns[name], messages[name], first).items() if k not in signals
-            }
+        with suppress(LogError):
+            signals = _logged(folder / "reference.log", reference_database(), REFERENCE_MESSAGES) | signals
     return Recording(folder.name, signals, _constants(folder / "run.json"))
+
+
+def _logged(path: Path, database: Database, messages: Mapping[str, Signals]) -> dict[str, Signal]:
+    """What the model uses of one log."""
+    columns = ColumnDecoder(database).decode(read_frames(path))
+    used = [name for name in messages if name in columns]
+    first = min((float(columns[name].time_s[0]) for name in used), default=0.0)
+    signals: dict[str, Signal] = {}
+    for name in used:
+        signals = _signals(columns[name], messages[name], first) | signals
+    return signals
 
 
 class DamagedRecord(Mistake, ValueError):

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from dbc import loader_database, reference_database
+from dbc.database import Database
+from dbc.errors import LogError
 from dbc.recording import read_frames
 from discrepancy.recording import Complaint, Recording
 from hil.diagnose.tables import Unreadable
@@ -26,18 +28,33 @@ def is_run(folder: Path) -> bool:
 
 
 def damage_of_run(folder: Path) -> list[Complaint]:
-    """Damaged places in the logs of a run directory. Raises Unreadable for a log of another bus."""
-    found = []
-    for name, database in (("bus.log", loader_database()), ("reference.log", reference_database())):
-        file = folder / name
-        if not file.is_file():
-            continue
-        frames = read_frames(file)
-        if not np.isin(frames.can_id, list(database.by_id)).any():
-            raise Unreadable(
-                f"{folder.name}: {name}: none of its {len(frames)} frames is of this bus; is it the log of another?"
-            )
-        if frames.damaged_count:
-            text = f"{name}: {frames.damaged_count} damaged places, skipped; the first: {frames.damaged[0]}"
-            found.append(Complaint(folder.name, "", text))
+    """Damaged places in the logs of a run directory, and a reference.log that is of no use.
+
+    Raises LogError or Unreadable for a bus.log that is of none.
+    """
+    found = _damage(folder / "bus.log", loader_database())
+    try:
+        if (folder / "reference.log").is_file():
+            found += _damage(folder / "reference.log", reference_database())
+    except (LogError, Unreadable) as error:
+        why = (
+            str(error)
+            .removeprefix(f"{folder / 'reference.log'}: ")
+            .removeprefix(f"{folder.name}: reference.log: ")
+        )
+        text = f"reference.log: {why}; left out, the machine's own bus is judged"
+        found.append(Complaint(folder.name, "", text))
     return found
+
+
+def _damage(file: Path, database: Database) -> list[Complaint]:
+    frames = read_frames(file)
+    run = file.parent.name
+    if not np.isin(frames.can_id, list(database.by_id)).any():
+        raise Unreadable(
+            f"{run}: {file.name}: none of its {len(frames)} frames is of this bus; is it the log of another?"
+        )
+    if not frames.damaged_count:
+        return []
+    text = f"{file.name}: {frames.damaged_count} damaged places, skipped; the first: {frames.damaged[0]}"
+    return [Complaint(run, "", text)]

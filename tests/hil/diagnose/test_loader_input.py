@@ -76,6 +76,8 @@ RUNS: dict[str, tuple[Callable[[Path], object], int, str]] = {
     "junk": (lambda d: (d / "bus.log").write_bytes(bytes(range(256)) * 40), 5, "not a candump log"),
     "another bus": (lambda d: shutil.copy(d / "reference.log", d / "bus.log"), 5, "is of this bus; is it the log of another?"),
     "record cut off": (lambda d: (d / "run.json").write_text('{"payl'), 5, "cannot be read as the record of a run"),
+    "empty reference": (lambda d: (d / "reference.log").write_text(""), 0, "reference.log: the recording is empty"),
+    "another's reference": (lambda d: shutil.copy(d / "bus.log", d / "reference.log"), 0, "reference.log: none of its"),
     "cut off": (cut, 0, "damaged places, skipped; the first"),
 }  # fmt: skip
 
