@@ -6,9 +6,9 @@ with a missing, unknown or impossible value gives one error that names file, key
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_type_hints
 
 from plant.checked import Change, CheckedTable, ConfigurationError
 from plant.effects import ActiveEffect, effects
@@ -329,23 +329,9 @@ class Machine:
 
 
 _TABLES: dict[str, type[Any]] = {
-    "geometry": Geometry,
-    "rear_frame": Body,
-    "rear_axle": Body,
-    "front_frame": Body,
-    "front_axle": Body,
-    "lift_arm": Body,
-    "bucket": Body,
-    "payload": Payload,
-    "wheel": Wheel,
-    "steering": Steering,
-    "oscillation": Oscillation,
-    "lift": Lift,
-    "tilt": Tilt,
-    "drive": Drive,
-    "driveline": Driveline,
-    "brake": Brake,
-    "tyre": Tyre,
+    name: kind
+    for name, kind in get_type_hints(Machine).items()
+    if isinstance(kind, type) and is_dataclass(kind)
 }
 
 

@@ -55,6 +55,19 @@ def stiffness(q: Array) -> tuple[float, float, float]:
 
 
 @compiled
+def belt(state: Array, own: int) -> tuple[float, float, float, float, float, float]:
+    """Where a belt is against its rim [m] and how it moves against it [m/s]."""
+    return (
+        state[own],
+        state[own + 1],
+        state[own + 2],
+        state[own + 3],
+        state[own + 4],
+        state[own + 5],
+    )
+
+
+@compiled
 def moved(state: Array, own: int) -> bool:
     """Whether a ring has moved against its rim."""
     for i in range(3, 6):
@@ -88,14 +101,7 @@ def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Work
         return
     n = work.normal
     hx, hy, hz, sx, sy, sz = heading(work, wheel)
-    dx, dy, dz, vx, vy, vz = (
-        state[own],
-        state[own + 1],
-        state[own + 2],
-        state[own + 3],
-        state[own + 4],
-        state[own + 5],
-    )
+    dx, dy, dz, vx, vy, vz = belt(state, own)
     upright = math.sqrt(max(1.0 - lean(work, wheel) ** 2, 1e-9))
     of_rim = pressed(state, p, work, wheel)
     of_belt = of_rim - (dx * n[0] + dy * n[1] + dz * n[2]) / upright
@@ -126,14 +132,7 @@ def after_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Works
 
     out = work.tyres[wheel]
     fx, fy, fz = out[T_WRENCH + 3], out[T_WRENCH + 4], out[T_WRENCH + 5]
-    dx, dy, dz, vx, vy, vz = (
-        state[own],
-        state[own + 1],
-        state[own + 2],
-        state[own + 3],
-        state[own + 4],
-        state[own + 5],
-    )
+    dx, dy, dz, vx, vy, vz = belt(state, own)
     bx, by, bz = c[0] + dx, c[1] + dy, c[2] + dz
     mx = out[T_WRENCH] - (by * fz - bz * fy)
     my = out[T_WRENCH + 1] - (bz * fx - bx * fz)
@@ -182,14 +181,7 @@ def states(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
             m[4] + m[2] * c[0] - m[0] * c[2],
             m[5] + m[0] * c[1] - m[1] * c[0],
         )
-        dx, dy, dz, vx, vy, vz = (
-            state[own],
-            state[own + 1],
-            state[own + 2],
-            state[own + 3],
-            state[own + 4],
-            state[own + 5],
-        )
+        dx, dy, dz, vx, vy, vz = belt(state, own)
         fall = p[P_GRAVITY]
         rate[own + 3] -= (
             b[3] + b[1] * c[2] - b[2] * c[1] + m[1] * uz - m[2] * uy - fall * up[0] + o[1] * vz - o[2] * vy
