@@ -49,16 +49,11 @@ def test_wear_takes_its_own_tyres_radius(front, rear):
 
 @pytest.mark.parametrize(("front", "rear"), [(0.5, -0.3), (0.0, 0.6)])
 def test_pressure_changes_in_its_own_tyres(front, rear):
-    """In shares of the nominal pressure."""
+    """In shares of the nominal pressure [bar]."""
     given = machine("inflation_pressure", front_bar=front, rear_bar=rear)
     more = wheels(given, W_PRESSURE) - wheels(L60, W_PRESSURE)
-    expected = np.array((front, front, rear, rear)) * 1e5 / (L60.tyre.nominal_pressure * pressure_unit())
+    expected = np.array((front, front, rear, rear)) / L60.tyre.nominal_pressure
     np.testing.assert_allclose(more, expected, atol=1e-12)
-
-
-def pressure_unit():
-    """Pascals in the unit of the machine file's nominal pressure, which is about 3.5 bar."""
-    return 1.0 if L60.tyre.nominal_pressure > 1e4 else 1e5
 
 
 @pytest.mark.parametrize("higher", [-150.0, 200.0])
@@ -256,3 +251,19 @@ def test_the_pile_resists_from_where_its_edge_meets_it(ahead, above, distance):
     seen = run(Plant(given, speed=2.0), (distance - edge) / 2.0 + 0.5)
     slowed = np.flatnonzero(seen.speed < seen.speed[0] - 0.02)
     assert seen.position[slowed[0], 0] + edge == pytest.approx(distance, abs=0.08)
+
+
+@pytest.mark.parametrize("above", [0.3, 0.9])
+def test_the_pile_pushes_at_the_place_of_the_edge(above):
+    """The moment about the joint is that of the force at the edge."""
+    given, far = (
+        machine("pile_entry", distance_m=distance, edge_x_m=0.8, edge_z_m=above) for distance in (10.0, 1e3)
+    )
+    places = at(given, {}).places
+    axes = places.axes[4]
+    edge = places.points[3] + 0.8 * axes[:, 0] + above * axes[:, 2]
+    into = {s.POSITION: 10.05 - edge[0]}
+    pushed, free = (at(g, into).tree.bias[s.BUCKET].copy() for g in (given, far))
+    moment, force = np.split(pushed - free, 2)
+    assert np.linalg.norm(force) > 1e3
+    np.testing.assert_allclose(moment, np.cross(edge, force), atol=1e-6 * np.linalg.norm(force))
