@@ -160,6 +160,15 @@ class Loader:
         measured, measures = _shifted(basis.measured, values), Observer(machine, basis.payload).measures
 
         def lead_part(first: int, last: int) -> None:
+            try:
+                lead_all(first, last)
+            except (
+                np.linalg.LinAlgError
+            ):  # a motion has diverged beyond what can be solved; its rows stay as they are
+                for stretch in range(first, last) if last - first > 1 else ():
+                    lead_part(stretch, stretch + 1)
+
+        def lead_all(first: int, last: int) -> None:
             edges = basis.edges[first : last + 1]
             own = slice(edges[0], edges[-1])
             lead(

@@ -8,12 +8,13 @@ import pytest
 
 from discrepancy.model import Model
 from discrepancy.models import loader
-from discrepancy.models.led import Loader, _obeyed
+from discrepancy.models.led import Loader, _obeyed, _shares
 from discrepancy.models.loader_library import CHANNELS, INPUTS, UNSEARCHED, library
 from discrepancy.problem import Problem
 from discrepancy.recording import Recording, signal
 from plant.effects import effect, effects
 from plant.equipment import load_equipment
+from plant.follow import lead
 from plant.machine import load_machine
 from plant.plant import Commands, Plant
 from plant.sensors import INDEX, SensorBank, SensorParameters, measured_values
@@ -92,6 +93,44 @@ def test_it_predicts_a_recorded_drive_to_its_noise(plain):
         error = float(np.std(residual[problem.row_channel == i]))
         allowed = 3.0 * sheet.of(name).noise if "wheel_speed" not in name else 0.03
         assert error < allowed, name
+
+
+@pytest.mark.parametrize(
+    ("edges", "count", "parts"),
+    [
+        ((0, 400, 800, 1200, 1600), 2, ([0, 2], [2, 4])),
+        ((0, 500), 2, ([0], [1])),
+        ((0, 900, 1000), 2, ([0, 1], [1, 2])),
+    ],
+)
+def test_processors_share_whole_stretches(edges, count, parts):
+    assert _shares(np.array(edges, np.intp), count) == parts
+
+
+def test_in_one_thread_or_several_a_simulation_is_the_same(plain, monkeypatch):
+    predicted = []
+    for cores in (1, 3):
+        monkeypatch.setattr("discrepancy.models.led.CORES", cores)
+        problem = Problem(loader.model([plain]), [plain])
+        predicted.append(problem.predict(problem.start()))
+    np.testing.assert_array_equal(*predicted)
+
+
+def test_a_stretch_that_cannot_be_solved_costs_no_other(plain, monkeypatch):
+    problem = Problem(loader.model([plain]), [plain])
+    whole = problem.predict(problem.start())
+    broken = float(problem.model.simulate._basis(problem.windows).measured[0, 0])
+
+    def failing(starts, rests, measured, *rest):
+        if len(starts) > 1 or measured[0, 0] == broken:
+            raise np.linalg.LinAlgError
+        lead(starts, rests, measured, *rest)
+
+    monkeypatch.setattr("discrepancy.models.led.lead", failing)
+    found = problem.predict(problem.start().having(rear_mass=1e-9))
+    first = problem.row_window == 0
+    assert not np.allclose(found[first], whole[first])
+    np.testing.assert_allclose(found[~first], whole[~first], rtol=1e-6, atol=1e-6)
 
 
 def served(asked, lag_s, step_s=0.01):

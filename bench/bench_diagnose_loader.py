@@ -1,0 +1,63 @@
+"""What a diagnosis of the whole loader costs and finds: `python -m bench.bench_diagnose_loader [--minutes 0.7 10]`.
+
+Drives by chance through driver, sensors and CAN (bench.loader_truth), with nothing, one and two effects hidden; all effects of the
+library are candidates. Processor seconds stand beside the elapsed ones, since a busy machine stretches these; the floor is as many
+bare simulations.
+"""
+
+import argparse
+import tempfile
+import time
+from pathlib import Path
+
+from bench.loader_truth import Arm, record
+from discrepancy.judge import judge
+from discrepancy.models import loader
+from discrepancy.problem import Problem
+from discrepancy.search import Settings
+
+HIDDEN = (
+    (),
+    ("payload_mass",),
+    ("rolling_resistance", "yaw_rate delay"),
+)
+
+
+def measured(arm: Arm) -> str:
+    """One row of the table."""
+    with tempfile.TemporaryDirectory(prefix="loaderhil-bench-") as folder:
+        record(arm, Path(folder) / "run")
+        recording = loader.load_run(Path(folder) / "run")
+    model = loader.model([recording])
+    problem = Problem(model, [recording])
+    begun, used = time.perf_counter(), time.process_time()
+    found = judge(problem, Settings()).findings
+    seconds, processor = time.perf_counter() - begun, time.process_time() - used
+    values, floor = problem.start(), time.process_time()
+    for i in range(5):
+        problem.predict(values.having(rear_mass=float(i + 1)))
+    floor = (time.process_time() - floor) / 5 * found.simulations
+    named = ", ".join(found.named) or found.status
+    hidden = ", ".join(arm.effects) or "nothing"
+    return (
+        f"| {arm.duration_s / 60:.2g} min | {hidden} | {named} | {found.simulations} | {seconds:.0f} s | {processor:.0f} s "
+        f"| {processor / floor:.2f} |"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, nargs="+", default=[0.7, 10.0])
+    parser.add_argument("--seed", type=int, default=30)
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="loaderhil-bench-") as folder:  # compiles
+        record(Arm(seed=args.seed, duration_s=3.0), Path(folder) / "run")
+    print("| recording | hidden | named | simulations | diagnosis | processors | over bare simulations |")
+    print("|---|---|---|---|---|---|---|")
+    for minutes in args.minutes:
+        for hidden in HIDDEN:
+            print(measured(Arm(effects=hidden, seed=args.seed, duration_s=60.0 * minutes)), flush=True)
+
+
+if __name__ == "__main__":
+    main()
