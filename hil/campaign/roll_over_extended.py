@@ -39,7 +39,8 @@ SPLIT_SEED = 8
 INTRODUCTION = f"""
 Abrupt turns of the L60 to either side with every combination of speed, load and its height, grade, bank and friction. What the
 limits need to know of slopes (`turn_ahead_s`, `turn_floor`, `braking_m_s2`, `braking_slack_s`) was chosen on one half of them, drawn
-with seed {SPLIT_SEED}, both sides of a turn together; the *other half* confirms it. No threshold of a warning was chosen here. Words as on the page of the [level grid](rollover_grid.md): a wheel *lifts* when its true normal force
+with seed {SPLIT_SEED}, both sides of a turn together; the *other half*
+confirms it, though its failures, too, were looked at while their causes were sought. No threshold of a warning was chosen here. Words as on the page of the [level grid](rollover_grid.md): a wheel *lifts* when its true normal force
 is zero for more than 50 ms; *warned* is a warning ahead of that; *prevented*: with the limits on no wheel lifts; a *false alarm* is a
 warning although no wheel lifts and every wheel keeps more than {100 * JUSTIFIED_MARGIN:.0f} % of its standing load.
 
