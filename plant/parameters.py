@@ -63,7 +63,7 @@ W_CENTRE: Final = 3  # (3) in its carrier's axes: front frame from the joint, re
 W_PEAK_TORQUE: Final = 6
 W_RADIUS: Final = 7
 W_NOMINAL_LOAD: Final = 8
-W_QFZ1: Final = 9  # with the pressure's effect
+W_QFZ1: Final = 9  # with the pressure's effect, as W_QFZ2 and both stiffnesses of the carcass
 W_QFZ2: Final = 10
 W_DAMPING: Final = 11
 W_PRESSURE: Final = 12  # relative change from nominal
@@ -107,7 +107,11 @@ W_PEX4: Final = 49
 W_PEY2: Final = 50
 W_ADDED_SLIDING_X: Final = 51  # of the contact patch beside the rigid wheel's, along the heading [m/s]
 W_ADDED_SLIDING_Y: Final = 52  # and across it
-WHEEL_SIZE: Final = 53
+W_PPY1: Final = 53
+W_PPY2: Final = 54
+W_PPY3: Final = 55
+W_PPY4: Final = 56
+WHEEL_SIZE: Final = 57
 
 P_LINKAGE: Final = P_WHEELS + 4 * WHEEL_SIZE  # plant.linkage
 P_CYLINDERS: Final = P_LINKAGE + LINKAGE  # plant.steering
@@ -131,8 +135,11 @@ _FROM_TYRE = {
         )
     },
     **{W_PEX2 + i: name for i, name in enumerate(["pex2", "pex3", "pex4", "pey2"])},
+    **{W_PPY1 + i: name for i, name in enumerate(["ppy1", "ppy2", "ppy3", "ppy4"])},
     W_LONGITUDINAL_STIFFNESS: "longitudinal_stiffness",
     W_LATERAL_STIFFNESS: "lateral_stiffness",
+    W_QFZ1: "qfz1",
+    W_QFZ2: "qfz2",
     W_SHORTEST_RELAXATION: "shortest_relaxation",
     W_CARCASS_DAMPING: "carcass_damping",
     W_CARCASS_DAMPING_SPEED: "carcass_damping_speed",
@@ -256,7 +263,17 @@ def _wheel(w: NDArray[np.float64], machine: Machine, wheel: int) -> None:
 def _tyre(w: NDArray[np.float64], tyre: Tyre, pressure: float) -> None:
     for index, name in _FROM_TYRE.items():
         w[index] = getattr(tyre, name)
-    w[W_PRESSURE] = (pressure - tyre.nominal_pressure) / tyre.nominal_pressure
-    stiffening = 1.0 + tyre.pfz1 * w[W_PRESSURE]
-    w[W_QFZ1] = tyre.qfz1 * stiffening
-    w[W_QFZ2] = tyre.qfz2 * stiffening
+    change_pressure(w, tyre, pressure - tyre.nominal_pressure)
+
+
+def change_pressure(w: NDArray[np.float64], tyre: Tyre, change: float) -> None:
+    """Let air into the tyre of a wheel's block, or out of it [bar]: radial and carcass stiffness follow in proportion."""
+    before = w[W_PRESSURE]
+    w[W_PRESSURE] += change / tyre.nominal_pressure
+    for index, slope in (
+        (W_QFZ1, tyre.pfz1),
+        (W_QFZ2, tyre.pfz1),
+        (W_LONGITUDINAL_STIFFNESS, tyre.pcfx3),
+        (W_LATERAL_STIFFNESS, tyre.pcfy3),
+    ):
+        w[index] *= (1.0 + slope * w[W_PRESSURE]) / (1.0 + slope * before)

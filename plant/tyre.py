@@ -45,6 +45,10 @@ from plant.parameters import (
     W_PPX2,
     W_PPX3,
     W_PPX4,
+    W_PPY1,
+    W_PPY2,
+    W_PPY3,
+    W_PPY4,
     W_PRESSURE,
     W_QBZ1,
     W_QCZ1,
@@ -139,10 +143,10 @@ def stiffness_and_peak(w: Array, friction: float, load: float) -> tuple[float, f
     df = load / nominal - 1.0
     stiffness_x = load * (w[W_PKX1] + w[W_PKX2] * df) * math.exp(w[W_PKX3] * df)
     stiffness_x *= 1.0 + w[W_PPX1] * dp + w[W_PPX2] * dp * dp
-    z = load / (w[W_PKY2] * nominal)
-    stiffness_y = w[W_PKY1] * nominal * 2.0 * z / (1.0 + z * z)  # sin(2 atan z)
+    z = load / (w[W_PKY2] * (1.0 + w[W_PPY2] * dp) * nominal)
+    stiffness_y = w[W_PKY1] * (1.0 + w[W_PPY1] * dp) * nominal * 2.0 * z / (1.0 + z * z)  # sin(2 atan z)
     peak_x = friction * load * (w[W_PDX1] + w[W_PDX2] * df) * (1.0 + w[W_PPX3] * dp + w[W_PPX4] * dp * dp)
-    peak_y = friction * load * (w[W_PDY1] + w[W_PDY2] * df)
+    peak_y = friction * load * (w[W_PDY1] + w[W_PDY2] * df) * (1.0 + w[W_PPY3] * dp + w[W_PPY4] * dp * dp)
     return stiffness_x, stiffness_y, peak_x, peak_y
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from plant.checked import Change, CheckedTable, ConfigurationError
 
 GROUPS = {
-    "camber": "PDX3 PDY3 PEY3 PEY4 PEY5 PKY3 PKY4 PKY5 PKY6 PKY7 PHY3 PVY3 PVY4 QBZ4 QBZ5 QDZ3 QDZ4 QDZ8 QDZ9 QDZ10 QDZ11 "
+    "camber": "PDX3 PDY3 PEY3 PEY4 PEY5 PKY3 PKY4 PKY5 PKY6 PKY7 PPY5 PHY3 PVY3 PVY4 QBZ4 QBZ5 QDZ3 QDZ4 QDZ8 QDZ9 QDZ10 QDZ11 "
     "QEZ5 QHZ3 QHZ4 SSZ3 SSZ4 RBX3 RBY4 RVY3",
     "shifts": "PHX1 PHX2 PVX1 PVX2 PHY1 PHY2 PVY1 PVY2 QHZ1 QHZ2 RHX1 RHY1 RHY2 RBY3",
     "aligning": "QBZ2 QBZ3 QBZ9 QBZ10 QDZ6 QDZ7 QEZ1 QEZ2 QEZ3 QEZ4 SSZ1 SSZ2 QTZ1 PPZ1 PPZ2",
@@ -21,7 +21,6 @@ GROUPS = {
     "overturning": "QSX1 QSX2 QSX3 QSX4 QSX5 QSX6 QSX7 QSX8 QSX9 QSX10 QSX11 PPMX1",
     "rolling": "QSY1 QSY2 QSY3 QSY4 QSY5 QSY6 QSY7 QSY8",
     "relaxation": "PTX1 PTX2 PTX3 PTY1 PTY2",
-    "pressure": "PPY1 PPY2 PPY3 PPY4 PPY5",
 }
 """Coefficients that the plant's tyre has not, by what they are about."""
 
@@ -34,7 +33,7 @@ MACHINERY = {
 
 SAME = (
     "PCX1", "PDX1", "PDX2", "PEX1", "PEX2", "PEX3", "PEX4", "PKX1", "PKX2", "PKX3", "PPX1", "PPX2", "PPX3", "PPX4",
-    "PCY1", "PEY1", "PEY2", "PKY2", "RBX1", "RBX2", "RCX1", "REX1", "RBY1", "RBY2", "RCY1", "QBZ1", "QCZ1", "QDZ1", "QDZ2",
+    "PCY1", "PEY1", "PEY2", "PKY2", "PPY1", "PPY2", "PPY3", "PPY4", "RBX1", "RBX2", "RCX1", "REX1", "RBY1", "RBY2", "RCY1", "QBZ1", "QCZ1", "QDZ1", "QDZ2",
 )  # fmt: skip
 """Coefficients that mean the same here and there; one that a file has not is 0."""
 

@@ -5,24 +5,19 @@ from collections.abc import Mapping
 from plant.effects.blocks import wheel_blocks
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.machine import Machine
-from plant.parameters import W_PRESSURE, W_QFZ1, W_QFZ2
+from plant.parameters import change_pressure
 
 
 def prepare(q: Mapping[str, float], p: Array, machine: Machine) -> None:
-    """Pressure changes the vertical stiffness and the terms of the Magic Formula."""
-    tyre = machine.tyre
+    """Pressure changes the radial and carcass stiffness and the terms of the Magic Formula."""
     for wheel, block in enumerate(wheel_blocks(p)):
-        before = 1.0 + tyre.pfz1 * block[W_PRESSURE]
-        block[W_PRESSURE] += (q["front_bar"] if wheel < 2 else q["rear_bar"]) / tyre.nominal_pressure
-        after = 1.0 + tyre.pfz1 * block[W_PRESSURE]
-        block[W_QFZ1] *= after / before
-        block[W_QFZ2] *= after / before
+        change_pressure(block, machine.tyre, q["front_bar"] if wheel < 2 else q["rear_bar"])
 
 
 EFFECT = Effect(
     name="inflation_pressure",
     sentence="The tyres are warmer, colder or leaking: their pressure is not the assumed one.",
-    equation="k_z -> k_z (1 + p_Fz1 dp); K_x, mu_x by the p_Px terms",
+    equation="k_z -> k_z (1 + p_Fz1 dp); K_x, mu_x by the p_Px terms, K_y, mu_y by the p_Py terms",
     parameters=(
         Parameter("front_bar", "bar", 0.4, -2.0, 3.0, "change of the front tyres' pressure"),
         Parameter("rear_bar", "bar", 0.4, -2.0, 3.0, "change of the rear tyres' pressure"),

@@ -7,7 +7,16 @@ import pytest
 
 from plant.checked import ConfigurationError
 from plant.machine import load_machine
-from plant.parameters import P_WHEELS, WHEEL_SIZE, parameter_vector
+from plant.parameters import (
+    P_WHEELS,
+    W_LATERAL_STIFFNESS,
+    W_LONGITUDINAL_STIFFNESS,
+    W_PRESSURE,
+    W_QFZ1,
+    W_QFZ2,
+    WHEEL_SIZE,
+    parameter_vector,
+)
 from plant.plant import Plant
 from plant.surface import Surface
 from plant.tyre import combined_forces, stiffness_and_peak
@@ -59,6 +68,10 @@ PEY1 = 0.1
 PEY2 = -0.2
 PKY1 = -12.0
 PKY2 = 2.2
+PPY1 = 0.16
+PPY2 = 0.8
+PPY3 = -0.1
+PPY4 = 0.3
 RBY1 = 12.0
 RBY2 = 5.0
 RCY1 = 0.98
@@ -85,6 +98,11 @@ def machine_file(folder, tyre):
     return file
 
 
+def wheel_of(file):
+    """Block of the front left wheel."""
+    return parameter_vector(load_machine(file), Surface(), 0.0)[P_WHEELS : P_WHEELS + WHEEL_SIZE].copy()
+
+
 def agree(machine, coefficients, dpi):
     """Both models over loads and slips of either sign. 1e-9 of the load: the same formula in two programs."""
     vector = parameter_vector(machine, Surface(friction=machine.tyre.nominal_friction), 0.0)
@@ -106,6 +124,26 @@ def test_a_machine_on_a_file_has_the_forces_of_the_published_formula(write, tmp_
     assert Plant(machine).truth().normal_force.sum() == pytest.approx(machine.mass * 9.81, rel=1e-6)
 
 
+@pytest.mark.parametrize("how", ["set", "effect"])
+def test_carcass_and_radial_stiffness_follow_the_pressure_in_proportion(tmp_path, how):
+    """In 1/(length of relaxation) the carcass is what pressure stiffens; set in the sheet or let in by the effect."""
+    slopes = "pcfx3 = 0.3\npcfy3 = 0.5\npfz1 = 0.71\n"
+    nominal = wheel_of(machine_file(tmp_path, slopes))
+    if how == "set":
+        blown = wheel_of(machine_file(tmp_path, slopes + "front_pressure_bar = 4.2"))
+    else:
+        added = "[effects.inflation_pressure]\nfront_bar = 0.7\nrear_bar = 0.0"
+        blown = wheel_of(machine_file(tmp_path, slopes + added))
+    assert blown[W_PRESSURE] == pytest.approx(0.2)
+    for index, slope in (
+        (W_LONGITUDINAL_STIFFNESS, 0.3),
+        (W_LATERAL_STIFFNESS, 0.5),
+        (W_QFZ1, 0.71),
+        (W_QFZ2, 0.71),
+    ):
+        assert blown[index] / nominal[index] == pytest.approx(1.0 + slope * 0.2), index
+
+
 def test_the_vertical_stiffness_is_the_files(write, tmp_path):
     """At the nominal pressure: k rho."""
     write()
@@ -124,7 +162,7 @@ def test_the_vertical_stiffness_is_the_files(write, tmp_path):
         ("QSY1 = 0.01", "rolling", "QSY1"),
         ("QSX2 = 0.01", "overturning", "QSX2"),
         ("PTX1 = 1.5", "relaxation", "PTX1"),
-        ("PPY1 = 0.2", "pressure", "PPY1"),
+        ("PPY5 = 0.2", "camber", "PPY5"),
         ("LKX = 0.9", "scaling", "LKX"),
         ("FE_METHOD = 'YES'", "friction_ellipse", "FE_METHOD"),
         ("[DEFLECTION_LOAD_CURVE]\n{pen fz}\n0.0 0.0\n0.01 7000.0", "load_curve", "DEFLECTION_LOAD_CURVE"),

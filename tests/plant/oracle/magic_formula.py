@@ -22,9 +22,10 @@ def forces(c: Mapping[str, float], load, kappa, slip, dpi=0.0):
     fx0 = curve(kappa, kx / (cx * dx), cx, dx, np.minimum(ex, 1.0), np.sin)
 
     cy = get("PCY1")
-    dy = np.abs(get("PDY1") + get("PDY2") * dfz) * load
+    dy = np.abs(get("PDY1") + get("PDY2") * dfz) * (1 + get("PPY3") * dpi + get("PPY4") * dpi**2) * load
     ey = np.minimum(get("PEY1") + get("PEY2") * dfz, 1.0)
-    ky = np.abs(get("PKY1")) * c["FNOMIN"] * np.sin(2 * np.arctan(load / (get("PKY2") * c["FNOMIN"])))
+    most = np.abs(get("PKY1")) * c["FNOMIN"] * (1 + get("PPY1") * dpi)
+    ky = most * np.sin(2 * np.arctan(load / (get("PKY2") * (1 + get("PPY2") * dpi) * c["FNOMIN"])))
     fy0 = curve(slip, ky / (cy * dy), cy, dy, ey, np.sin)
 
     bxa = get("RBX1") * np.cos(np.arctan(get("RBX2") * kappa))
@@ -42,5 +43,5 @@ def curve(x, b, c, d, e, wave):
 
 NAMES = (
     "PCX1", "PDX1", "PDX2", "PEX1", "PEX2", "PEX3", "PEX4", "PKX1", "PKX2", "PKX3", "PPX1", "PPX2", "PPX3", "PPX4",
-    "PCY1", "PDY1", "PDY2", "PEY1", "PEY2", "PKY1", "PKY2", "RBX1", "RBX2", "RCX1", "REX1", "RBY1", "RBY2", "RCY1",
+    "PCY1", "PDY1", "PDY2", "PEY1", "PEY2", "PKY1", "PKY2", "PPY1", "PPY2", "PPY3", "PPY4", "RBX1", "RBX2", "RCX1", "REX1", "RBY1", "RBY2", "RCY1",
 )  # fmt: skip
