@@ -70,7 +70,13 @@ def candidates(
         elif first[score.effect].statistic > penalty(
             len(active(effect)), len(problem.model.effects), settings.alpha
         ):
-            verdict, reason = "not needed", "what speaks for it is explained better by a finding"
+            refuted = (
+                "what speaks for it by itself does not stand up to a refit, or differs between stretches"
+            )
+            verdict, reason = (
+                "not needed",
+                "what speaks for it is explained better by a finding" if names else refuted,
+            )
         else:
             verdict, reason = "ruled out", "a typical one would have been noticed"
         rows.append(

@@ -85,7 +85,7 @@ MEANING: Mapping[str, str] = {
     "OpenTerm.equally_good": "other terms that do as well on these recordings",
     "Candidate.effect": "its name",
     "Candidate.kind": "physics or sensor",
-    "Candidate.verdict": "found; confusable with a finding; ruled out: a typical one would have been noticed; not needed: explained better by a finding; could not be judged",
+    "Candidate.verdict": "found; confusable with a finding; ruled out: a typical one would have been noticed; not needed: explained better by a finding, or not borne out by a refit; could not be judged",
     "Candidate.statistic": "chi-square on the baseline, all else equal",
     "Candidate.p_value": "of that",
     "Candidate.expected": "size it would have by itself",

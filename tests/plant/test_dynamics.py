@@ -171,6 +171,9 @@ def test_cylinders_stop_softly_at_their_ends(name, command, field, limit):
     """Full rate into the stop: rate within the machine's limit, no overshoot, no rebound; 0.1 mrad short after 12 s."""
     plant = Plant(MACHINE)
     steering, lift = MACHINE.steering, MACHINE.lift
+    held = (
+        0.0 if name == "articulation" else 20e3
+    )  # against locked wheels steering stalls at its relief pressure
     top = {
         "articulation": steering.rate_limit,
         "lift": lift.lower_rate_limit,
@@ -178,7 +181,7 @@ def test_cylinders_stop_softly_at_their_ends(name, command, field, limit):
     }[name]
     before = getattr(plant.truth(), field)
     for _ in range(120):
-        plant.advance(Commands(brake_torque=(20e3,) * 4, **command), 0.1)
+        plant.advance(Commands(brake_torque=(held,) * 4, **command), 0.1)
         now = getattr(plant.truth(), field)
         assert abs(now) <= abs(limit) + 1e-9 or math.copysign(1, now) != math.copysign(1, limit)
         assert (now - before) * math.copysign(1, limit - before) >= -1e-9
