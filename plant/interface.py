@@ -43,6 +43,7 @@ HEALTH_GROUPS: Mapping[str, tuple[str, ...]] = {
         for quantity in ("wheel_speed", "wheel_torque")
         for wheel in WHEELS
     },
+    **{f"{line} health": (line,) for line in ("steering_pressure_left", "steering_pressure_right")},
 }
 """State signals: a frame's state is the worst of its channels'."""
 
@@ -80,6 +81,12 @@ MACHINE_MESSAGES: Mapping[str, Signals] = {
         "LiftArmAngle": ("rad", "lift_arm_angle"),
         "TiltAngle": ("rad", "tilt_angle"),
         "State": ("1", "linkage health"),
+    },
+    "SteeringPressures": {
+        "LeftLine": ("Pa", "steering_pressure_left"),
+        "RightLine": ("Pa", "steering_pressure_right"),
+        "LeftLineState": ("1", "steering_pressure_left health"),
+        "RightLineState": ("1", "steering_pressure_right health"),
     },
     "DriverDemand": {
         "TorqueDemand": ("1", "torque demand"),

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from plant.checked import CheckedTable
 from plant.compiled import compiled
-from plant.truth import Truth
+from plant.truth import Part, Truth
 
 Floats = NDArray[np.float64]
 
@@ -83,6 +83,8 @@ CHANNELS: Mapping[str, str] = {
     "roll_angle": "slope_angle",
     "lift_pressure": "pressure",
     "tilt_pressure": "pressure",
+    "steering_pressure_left": "pressure",
+    "steering_pressure_right": "pressure",
     "lift_arm_angle": "linkage_angle",
     "tilt_angle": "linkage_angle",
 }
@@ -96,18 +98,23 @@ ANGULAR_RATE = slice(INDEX["roll_rate"], INDEX["yaw_rate"] + 1)
 
 def _places() -> Iterator[int]:
     """Where in a row of truth each channel finds what an ideal sensor would read, in the order of CHANNELS."""
-    numbers = (
+    parts: tuple[Part, ...] = (
+        Truth.articulation_angle,
+        Truth.articulation_rate,
+        Truth.wheel_speed,
+        Truth.wheel_torque,
+        Truth.imu_specific_force,
+        Truth.angular_velocity,
         Truth.pitch,
         Truth.roll,
         Truth.lift_pressure,
         Truth.tilt_pressure,
+        Truth.steering_pressure,
         Truth.lift_arm_angle,
         Truth.tilt_angle,
     )
-    yield from (Truth.articulation_angle.at, Truth.articulation_rate.at)
-    for vector in (Truth.wheel_speed, Truth.wheel_torque, Truth.imu_specific_force, Truth.angular_velocity):
-        yield from range(vector.at, vector.at + vector.size)
-    yield from (number.at for number in numbers)
+    for part in parts:
+        yield from range(part.at, part.at + part.size)
 
 
 MEASURED = np.fromiter(_places(), np.int64, len(CHANNELS))

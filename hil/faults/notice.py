@@ -29,6 +29,7 @@ CASES: tuple[Table, ...] = (
     {"kind": "drop", "message": "SlopeSensor", "probability": 0.1},
     {"kind": "drop", "message": "SlopeSensor"},
     {"kind": "drop", "message": "Limits"},
+    {"kind": "drop", "message": "SteeringPressures"},
     {"kind": "delay", "message": "BodyRates", "delay_ms": 15.0},
     {"kind": "delay", "message": "BodyRates", "delay_ms": 100.0},
     {"kind": "delay", "message": "Limits", "delay_ms": 100.0},

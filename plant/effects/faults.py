@@ -19,7 +19,7 @@ IMU = ("acceleration_x", "acceleration_y", "acceleration_z", "roll_rate", "pitch
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "inertial": IMU,
     "wheel": tuple(f"{what}_{wheel}" for what in ("wheel_speed", "wheel_torque") for wheel in WHEELS),
-    "pressure": ("lift_pressure", "tilt_pressure"),
+    "pressure": ("lift_pressure", "tilt_pressure", "steering_pressure_left", "steering_pressure_right"),
     "articulation": ("articulation_angle", "articulation_rate"),
 }
 """Channels whose sensors are of one make."""

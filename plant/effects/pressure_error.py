@@ -4,17 +4,17 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from plant.effects.effect import Confusable, Effect, Parameter
-from plant.effects.faults import added, scaled
+from plant.effects.faults import GROUPS, added, scaled
 
 if TYPE_CHECKING:
     from plant.sensors import SensorParameters
 
 
 def sensors(q: Mapping[str, float], given: "SensorParameters") -> "SensorParameters":
-    """Offset and scale of both sensors."""
-    both = ("lift_pressure", "tilt_pressure")
+    """Offset and scale of all of them."""
+    those = GROUPS["pressure"]
     return scaled(
-        added(given, "bias", dict.fromkeys(both, q["offset_kPa"])), dict.fromkeys(both, q["scale_percent"])
+        added(given, "bias", dict.fromkeys(those, q["offset_kPa"])), dict.fromkeys(those, q["scale_percent"])
     )
 
 
@@ -26,8 +26,8 @@ EFFECT = Effect(
         Parameter("offset_kPa", "kPa", 200.0, -5000.0, 5000.0, "b", si=1e3),
         Parameter("scale_percent", "%", 0.0, -50.0, 50.0, "s", si=0.01),
     ),
-    acts_on="lift and tilt pressure",
-    signature="An offset also with the bucket on the ground.",
+    acts_on="lift, tilt and steering pressures",
+    signature="An offset also with the bucket on the ground, and in the steering line that does not push.",
     excited_by="bucket on the ground, then lifted",
     confusable=(Confusable("payload_mass", "a payload is gone with the bucket on the ground"),),
     source="linear sensor error model",

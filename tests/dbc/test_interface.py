@@ -76,7 +76,7 @@ def test_frame_lengths_of_the_literature():
 
 
 def test_the_bus_is_not_overloaded():
-    """57 % at 500 kbit/s in the worst case; above 80 % low priorities would starve under jitter."""
+    """58 % at 500 kbit/s in the worst case; above 80 % low priorities would starve under jitter."""
     load = bus_load(loader_database().by_name.values(), 500_000)
     assert 0.4 < load.least < load.most < 0.8
 

@@ -12,6 +12,7 @@ STANDING = {
     "specific_force_x": 0.0, "specific_force_y": 0.0, "specific_force_z": 9.81,
     "roll_rate": 0.0, "pitch_rate": 0.0, "yaw_rate": 0.0, "pitch": 0.0, "roll": 0.0,
     "lift_pressure": 3.56e6, "tilt_pressure": 1.45e6, "lift_arm_angle": -0.6458, "tilt_angle": 0.8203,
+    "steering_pressure_left": 0.5e6, "steering_pressure_right": 0.5e6,
     "torque_demand": 0.0, "brake_demand": 0.0, "articulation_rate_demand": 0.0, "lift_demand": 0.0,
     "tilt_demand": 0.0, "speed": 0.0,
 }  # fmt: skip
@@ -55,6 +56,12 @@ MESSAGES = {
         "LiftArmAngle": ("rad", "lift_arm_angle"),
         "TiltAngle": ("rad", "tilt_angle"),
         "State": ("1", "health"),
+    },
+    "SteeringPressures": {
+        "LeftLine": ("Pa", "steering_pressure_left"),
+        "RightLine": ("Pa", "steering_pressure_right"),
+        "LeftLineState": ("1", "health"),
+        "RightLineState": ("1", "health"),
     },
     "DriverDemand": {
         "TorqueDemand": ("1", "torque_demand"),

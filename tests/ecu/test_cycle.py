@@ -118,7 +118,10 @@ LOST = {
 }
 
 
-@pytest.mark.parametrize("message", [name for name in MESSAGES if name != "VehicleSpeed"])
+UNUSED = ("VehicleSpeed", "SteeringPressures")
+
+
+@pytest.mark.parametrize("message", [name for name in MESSAGES if name not in UNUSED])
 def test_a_silent_message_invalidates_what_depends_on_it_and_nothing_else(message):
     ecu, machine = cycle(), FakeMachine()
     play(ecu, machine, 30)
@@ -135,6 +138,24 @@ def test_a_silent_message_invalidates_what_depends_on_it_and_nothing_else(messag
     results, _ = play(ecu, machine, 20)
     assert all(flags(last_values(results)).values())
     assert ecu.state is State.RUNNING
+
+
+@pytest.mark.parametrize("message", UNUSED)
+@pytest.mark.parametrize("spoiled", ["silent", "cut short", "at its highest"])
+def test_a_message_it_does_not_use_changes_nothing(message, spoiled):
+    can_id = loader_database().by_name[message].can_id
+    changes = {"silent": None, "cut short": b"", "at its highest": b"\xff" * 8}
+
+    def spoil(frame):
+        data = changes[spoiled]
+        if frame.can_id != can_id:
+            return frame
+        return None if data is None else frame._replace(data=data)
+
+    whole, expected = play(cycle(), FakeMachine(), 60)
+    results, findings = play(cycle(), FakeMachine(), 60, spoil)
+    assert findings == expected
+    assert [r.frames for r in results] == [r.frames for r in whole]
 
 
 def test_without_the_inertial_sensor_the_loads_come_from_wheels_and_slope():

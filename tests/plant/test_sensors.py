@@ -162,7 +162,7 @@ def test_units_of_the_file_become_si():
     assert sensors.of("yaw_rate").bias == pytest.approx(math.pi)
     assert sensors.of("yaw_rate").lag == pytest.approx(0.02)
     assert sensors.of("yaw_rate").scale_error == pytest.approx(0.02)
-    for channel in ("lift_pressure", "tilt_pressure"):
+    for channel in ("lift_pressure", "tilt_pressure", "steering_pressure_left", "steering_pressure_right"):
         assert sensors.of(channel).noise == pytest.approx(25e3)
         assert sensors.of(channel).maximum == pytest.approx(40e6)
         assert sensors.of(channel).delay == pytest.approx(0.005)

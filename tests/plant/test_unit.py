@@ -124,6 +124,10 @@ def test_frames_read_by_cantools_say_what_is_true():
         ("SlopeSensor", "PitchRate"): lambda t: math.degrees(t.angular_velocity[1]),
         ("LiftPressure", "LiftCylinderPressure"): lambda t: t.lift_pressure / 1e3,
         ("TiltPressure", "TiltCylinderPressure"): lambda t: t.tilt_pressure / 1e3,
+        **{
+            ("SteeringPressures", line): lambda t, i=i: t.steering_pressure[i] / 1e3
+            for i, line in enumerate(("LeftLine", "RightLine"))
+        },
         ("LinkageAngles", "LiftArmAngle"): lambda t: math.degrees(t.lift_arm_angle),
         ("LinkageAngles", "TiltAngle"): lambda t: math.degrees(t.tilt_angle),
     }
@@ -332,7 +336,7 @@ def test_healthy_sensors_say_ok():
         for name, value in values.items()
         if name.endswith("State")
     ]
-    assert states == [0] * 12
+    assert states == [0] * 14
 
 
 def test_the_satellite_course_is_the_direction_of_travel_over_ground():

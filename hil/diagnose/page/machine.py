@@ -91,7 +91,7 @@ PARTS: Mapping[str, Part] = {
     "front frame": Part("front frame", "", r"", _polygon((0.12, 0.75), (0.12, 1.25), (0.75, 2.1), (1.05, 2.05), (1.75, 1.0), (1.75, 0.75)), _box(0.12, -0.48, 1.75, 0.48), ((0.75, 1.2), (0.9, 0.0))),
     "rear axle": Part("rear axle and its pivot", "oscillation_angle", r"oscillation|axle", "", _bar((-1.5, -0.7), (-1.5, 0.7), 0.2), ((-1.5, 0.70), (-1.5, 0.35))),
     **{name: _wheel(name) for name in WHEELS},
-    "joint": Part("articulation joint and steering", "joint_torque|yaw_rate_joint|articulation.*", r"steer|pivot|joint|articulation|play|halves|rotation|turning", _bar((0.0, 0.6), (0.0, 1.35), 0.2), _disc(0.0, 0.0, 0.2), ((0.0, 1.0), (0.0, 0.0))),
+    "joint": Part("articulation joint and steering", "joint_torque|yaw_rate_joint|articulation.*|steering_pressure_.*", r"steer|pivot|joint|articulation|play|halves|rotation|turning", _bar((0.0, 0.6), (0.0, 1.35), 0.2), _disc(0.0, 0.0, 0.2), ((0.0, 1.0), (0.0, 0.0))),
     "lift arm": Part("lift arm", "", r"lift arm|arm inertia", _bar((0.9, 1.98), PIN, 0.24), _bar((0.9, 0.62), (2.85, 0.62), 0.14) + _bar((0.9, -0.62), (2.85, -0.62), 0.14), ((2.3, 0.95), (2.3, 0.62))),
     "lift cylinder": Part("lift cylinders", "lift_pressure", r"pressure error", _bar((1.05, 1.5), (2.02, 1.14), 0.15), "", ((1.45, 1.35), (1.45, 0.62))),
     "tilt cylinder": Part("tilt cylinder", "tilt_pressure", r"tilt", _bar((0.95, 2.25), (2.72, 1.12), 0.13), _bar((0.95, 0.0), (2.75, 0.0), 0.14), ((1.9, 1.65), (1.9, 0.0))),

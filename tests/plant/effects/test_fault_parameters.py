@@ -7,7 +7,7 @@ import pytest
 
 from plant.effects.faults import GROUPS
 from plant.sensors import CHANNELS, INDEX, Health
-from tests.plant.effects.test_faults import bank, ramp, shift, still
+from tests.plant.effects.test_faults import PRESSURES, bank, ramp, shift, still
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 
@@ -44,7 +44,7 @@ def test_a_bias_is_that_of_its_axis(name, parameter, channel, si, value):
             {"offset_deg": 0.0},
             ["articulation_angle", "articulation_rate"],
         ),
-        ("pressure_error", "scale_percent", {"offset_kPa": 0.0}, ["lift_pressure", "tilt_pressure"]),
+        ("pressure_error", "scale_percent", {"offset_kPa": 0.0}, PRESSURES),
     ],
 )
 def test_a_scale_is_in_proportion_and_in_its_channels_only(name, parameter, others, channels, percent):

@@ -11,6 +11,7 @@ from plant.effects.faults import GROUPS
 from plant.sensors import CHANNELS, INDEX, ChannelParameters, Health, SensorBank, SensorParameters
 
 STEP = 0.01
+PRESSURES = ("lift_pressure", "tilt_pressure", "steering_pressure_left", "steering_pressure_right")
 
 
 def bank(name=None, given=None, **values):
@@ -45,7 +46,7 @@ def shift(name, truth, **values):
             {"acceleration_x": 0.15, "acceleration_z": -0.1},
         ),
         ("articulation_offset", {"offset_deg": 0.5}, {"articulation_angle": math.radians(0.5)}),
-        ("pressure_error", {"offset_kPa": 200.0}, {"lift_pressure": 2e5, "tilt_pressure": 2e5}),
+        ("pressure_error", {"offset_kPa": 200.0}, dict.fromkeys(PRESSURES, 2e5)),
     ],
 )
 def test_an_offset_is_the_same_at_rest_and_in_motion(name, values, channels):
