@@ -82,28 +82,30 @@ def stays_above(
 
 
 @compiled
-def permitted_rate(course: Course, machine: Laden) -> float:
-    """Largest articulation rate [rad/s] in the demanded direction that keeps the margins.
-
-    Both count: `margin_floor` over the horizon, and `turn_floor` in the turn that follows. Without a demand the
-    direction that tightens the turn is taken. 0 where even holding the angle violates a floor.
-    """
+def keeps_margins(course: Course, rate: float, machine: Laden) -> bool:
+    """Whether the articulation rate [rad/s] keeps `margin_floor` over the horizon, and `turn_floor` in the turn that follows."""
     prediction, stop = machine.prediction, machine.geometry.articulation_stop
+    outlook = look_ahead(demanding(course, rate), prediction.limit_hold, prediction.margin_floor, machine)
+    angle = min(max(course.articulation_angle + rate * prediction.limit_hold, -stop), stop)
+    return outlook.margin > prediction.margin_floor and stays_above(
+        prediction.turn_floor, course.speed, angle, course.ground, machine
+    )
+
+
+@compiled
+def permitted_rate(course: Course, machine: Laden) -> float:
+    """Largest articulation rate [rad/s] in the demanded direction that keeps the margins, to a 64th of the largest there is.
+
+    Without a demand the direction that tightens the turn is taken. 0 where even holding the angle violates a floor.
+    """
     tighten = course.articulation_angle >= 0.0
     direction = 1.0 if course.demanded_rate > 0.0 or (course.demanded_rate == 0.0 and tighten) else -1.0
-    low, high = 0.0, prediction.largest_rate
-    for k in range(7):
-        trial = high if k == 0 else (low + high) / 2.0
-        outlook = look_ahead(
-            demanding(course, direction * trial), prediction.limit_hold, prediction.margin_floor, machine
-        )
-        angle = course.articulation_angle + direction * trial * prediction.limit_hold
-        angle = min(max(angle, -stop), stop)
-        if outlook.margin > prediction.margin_floor and stays_above(
-            prediction.turn_floor, course.speed, angle, course.ground, machine
-        ):
-            if k == 0:
-                return trial
+    low, high = 0.0, machine.prediction.largest_rate
+    if keeps_margins(course, direction * high, machine):
+        return high
+    for _ in range(6):
+        trial = (low + high) / 2.0
+        if keeps_margins(course, direction * trial, machine):
             low = trial
         else:
             high = trial
@@ -112,17 +114,16 @@ def permitted_rate(course: Course, machine: Laden) -> float:
 
 @compiled
 def permitted_speed(articulation_angle: float, ground: Vector, direction: float, machine: Laden) -> float:
-    """Largest speed [m/s] at which a turn at this angle may be begun: it keeps the margin `speed_floor`.
+    """Largest speed [m/s] at which a turn at this angle may be begun, to a 256th of the largest there is: it keeps `speed_floor`.
 
     direction: +1 forward, -1 reverse. 0 where the machine would not keep it standing.
     """
-    prediction = machine.prediction
-    low, high = 0.0, prediction.largest_speed
-    for k in range(9):
-        trial = high if k == 0 else (low + high) / 2.0
-        if stays_above(prediction.speed_floor, direction * trial, articulation_angle, ground, machine):
-            if k == 0:
-                return trial
+    floor, low, high = machine.prediction.speed_floor, 0.0, machine.prediction.largest_speed
+    if stays_above(floor, direction * high, articulation_angle, ground, machine):
+        return high
+    for _ in range(8):
+        trial = (low + high) / 2.0
+        if stays_above(floor, direction * trial, articulation_angle, ground, machine):
             low = trial
         else:
             high = trial
