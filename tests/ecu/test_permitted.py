@@ -11,14 +11,16 @@ from ecu.estimators.contact import Tilt
 from ecu.estimators.normal_force import normal_forces
 from ecu.estimators.permitted import (
     LEANING,
+    keeps_margins,
     leaned,
     limit_for,
+    permitted_rate,
     permitted_speed,
     stays_above,
     steady_forces,
     turned_gravity,
 )
-from ecu.estimators.rollover import laden, margin, steady_loads
+from ecu.estimators.rollover import Course, laden, margin, steady_loads, steady_rate, support_of
 
 P = load_calibration().parameters
 G, LOCK = 9.81, 0.66
@@ -139,6 +141,44 @@ def test_a_machine_leans_to_its_outer_side_as_its_tyres_are_soft(hardness):
     expected = sum(ratio**n for n in range(LEANING + 1))
     assert gain == pytest.approx(expected, abs=0.1)
     assert gain > 1.05
+
+
+def course(speed, angle, demanded, ground, m=MACHINE):
+    """A steady turn on this ground in which another articulation rate is demanded."""
+    forces = steady_forces(speed, angle, ground, m)
+    turn = steady_rate(speed, angle, m.wheel.lateral_peak, m.geometry)
+    front, rear = forces.front_left + forces.front_right, forces.rear_left + forces.rear_right
+    support = support_of(forces, angle, m.geometry).y
+    return Course(angle, 0.0, demanded, speed, 0.0, *ground, ground, 0.0, turn, front, rear, support, 0.0)
+
+
+@pytest.mark.parametrize("ground", [LEVEL, turned_gravity(uphill(0.15), math.pi / 2)])
+def test_at_the_permitted_rate_both_margins_are_just_kept(ground):
+    now = course(6.0, 0.2, 0.5, ground)
+    rate, step = permitted_rate(now, MACHINE), P.prediction.largest_rate / 64.0
+    assert 0.0 < rate < P.prediction.largest_rate
+    assert keeps_margins(now, rate, MACHINE)
+    assert not keeps_margins(now, rate + step, MACHINE)
+    angle = 0.2 + rate * P.prediction.limit_hold
+    assert stays_above(P.prediction.turn_floor, 6.0, angle, ground, MACHINE)
+
+
+def test_the_turn_that_follows_binds_the_rate_before_the_horizon_does():
+    """Right side up in a left turn: what lies beyond the horizon is the worse heading."""
+    right_up = turned_gravity(uphill(0.15), math.pi / 2)
+    rates = [
+        permitted_rate(course(6.0, 0.1, 0.5, right_up), machine(turn_floor=floor))
+        for floor in (-9.0, P.prediction.turn_floor)
+    ]
+    assert 0.0 < rates[1] < 0.8 * rates[0]
+
+
+def test_rates_to_either_side_are_mirrored():
+    slope = turned_gravity(uphill(0.12), 1.2)
+    mirrored = Vector(slope.x, -slope.y, slope.z)
+    left = permitted_rate(course(6.0, 0.2, 0.5, slope), MACHINE)
+    assert 0.0 < left < P.prediction.largest_rate
+    assert permitted_rate(course(6.0, -0.2, -0.5, mirrored), MACHINE) == left
 
 
 def test_the_limit_is_lowered_by_what_pushes_downhill_and_by_nothing_else():
