@@ -261,6 +261,6 @@ def _draw(
                 ylabel="printed over plant",
                 xlabel="mass moved forward [kg]",
                 ylim=(0, 22),
-                xticks=forward,
+                xticks=sorted({*forward}),
             )
         picture.key(figure, axes.flat, 3)
