@@ -15,6 +15,7 @@ import typer
 
 from bus.mistake import Mistake
 from hil.ending import Ending
+from hil.interruption import tell_interrupted
 from hil.realtime_options import CpuOption, FifoOption, FreezeOption, LockOption, RealtimeOptions
 
 DEFAULT_BUS = "hub:/tmp/loaderhil.hub"  # a Unix socket; every user can name another
@@ -422,6 +423,7 @@ def main() -> None:
         _arrange()
         app()
     except KeyboardInterrupt:
+        tell_interrupted()
         sys.exit(Ending.INTERRUPTED)
     except Mistake as error:
         print(f"loaderhil: {error}", file=sys.stderr)

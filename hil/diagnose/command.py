@@ -20,6 +20,7 @@ import typer
 from bus.mistake import Mistake
 from hil.diagnose.options import ConstantOption, ModelOption, PartOption, WithOption
 from hil.ending import Ending
+from hil.interruption import ended_at_once
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -33,6 +34,10 @@ EXIT = {
     "unknown": int(Ending.FAILED),
     "inconclusive": int(Ending.INCONCLUSIVE),
 }
+
+COMPUTING_ENDS_S = 1.0
+CLUSTER_ENDS_S = 20.0
+"""How long Ctrl-C may take; workers on a cluster have to be told."""
 
 EPILOG = (
     "Exit codes: 0 explained, or nothing missing; 1 unknown: something is missing that the library does not name; "
@@ -117,6 +122,32 @@ def diagnose(
     `loaderhil diagnose out/gravel --model loader --apply mine.toml`, then `loaderhil run loaded --machine mine.toml`,
     `loaderhil diagnose drives/*.csv --model straight --each --out out/fleet`
     """
+    with ended_at_once(CLUSTER_ENDS_S if each else COMPUTING_ENDS_S):
+        from hil.diagnose.question import Question
+        from hil.diagnose.reading import Ask, Misuse, numbers, pairs
+
+        ask = Ask(
+            paths=recordings,
+            part=part,
+            renamed=pairs("--channel", channel or []),
+            shifts=numbers("--shift", shift or []),
+            constants=numbers("--constant", constant or []),
+            dbcs=dbc or [],
+            bus=bus,
+        )
+        question = Question(model=model, given=given, ask=ask)
+        # said before the work, not after it
+        if out is not None:
+            write("--out", out, {})
+        if each:
+            raise typer.Exit(_each(question, out, apply, scheduler, workers))
+        if scheduler is not None or workers is not None:
+            raise Misuse("--scheduler and --workers: spread many diagnoses; with --each they are")
+        raise typer.Exit(_one(question, out, apply, everything=everything))
+
+
+def _one(question: "Question", out: Path | None, apply: Path | None, *, everything: bool) -> int:
+    """All recordings together: the verdict on the terminal, in DIR and in the files of --apply; the exit code."""
     from rich.console import Console
 
     from discrepancy.evidence import evidence
@@ -125,26 +156,8 @@ def diagnose(
     from discrepancy.words import tell
     from hil.diagnose.applying import application
     from hil.diagnose.page import page
-    from hil.diagnose.question import Question, answer
-    from hil.diagnose.reading import Ask, Misuse, numbers, pairs
+    from hil.diagnose.question import answer
 
-    ask = Ask(
-        paths=recordings,
-        part=part,
-        renamed=pairs("--channel", channel or []),
-        shifts=numbers("--shift", shift or []),
-        constants=numbers("--constant", constant or []),
-        dbcs=dbc or [],
-        bus=bus,
-    )
-    question = Question(model=model, given=given, ask=ask)
-    # said before the work, not after it
-    if out is not None:
-        write("--out", out, {})
-    if each:
-        raise typer.Exit(_each(question, out, apply, scheduler, workers))
-    if scheduler is not None or workers is not None:
-        raise Misuse("--scheduler and --workers: spread many diagnoses; with --each they are")
     if apply is not None:
         check_applicable(apply)
         write("--apply", apply.parent, {})
@@ -160,7 +173,7 @@ def diagnose(
         text = page(result, shown, conditions(time.monotonic() - start))
         tell_written(write("--out", out, {"findings.json": to_json(result), "report.html": text}))
     if apply is not None:
-        outcome = application(found.choice, found.model, result, given, apply)
+        outcome = application(found.choice, found.model, result, question.given, apply)
         for line in outcome.said:
             print(line)
         tell_written(
@@ -170,7 +183,7 @@ def diagnose(
                 for file in write("--apply", path.parent, {path.name: text})
             ]
         )
-    raise typer.Exit(EXIT[result.status])
+    return EXIT[result.status]
 
 
 def _each(

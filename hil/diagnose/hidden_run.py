@@ -3,6 +3,7 @@
 The run directory then says nothing of what is hidden: without truth.npz, and without the changes in run.json.
 """
 
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 from hil.compose import Choice
 from hil.diagnose.hidden import NotHidden, Truth
 from hil.diagnose.machine_files import BASE, entry
+from hil.ending import Ending
 from hil.rundir import TRUTH, read_record, write_record
 from hil.runs import run_lockstep
 from plant.checked import ConfigurationError
@@ -21,11 +23,18 @@ SCENARIO = "loaded"
 
 
 def concealed_run(scenario: str, truth: Truth, folder: Path) -> None:
-    """Run a scenario with the truth's effects. Raises NotHidden where the machine cannot have them."""
+    """Run a scenario with the truth's effects. Raises NotHidden where the machine cannot have them; a run cut short is removed."""
     try:
-        run_lockstep(Choice(scenario=scenario, seed=truth.seed, changes=tuple(_words(truth))), folder)
+        result = run_lockstep(
+            Choice(scenario=scenario, seed=truth.seed, changes=tuple(_words(truth))), folder
+        )
     except (ConfigurationError, DivergedError, NoEquilibriumError) as error:
         raise NotHidden(f"cannot run: {error}") from error
+    if result.ending is not Ending.PASSED:
+        shutil.rmtree(folder)
+        if result.ending is Ending.INTERRUPTED:
+            raise KeyboardInterrupt
+        raise NotHidden(f"cannot keep the run: {result.reason}")
     (folder / TRUTH).unlink()
     write_record(folder, replace(read_record(folder), changes=()))
 

@@ -313,3 +313,17 @@ def test_the_loader_is_concealed_in_a_run_of_the_bench_that_does_not_tell(
     assert "was changed after it was sealed" in capsys.readouterr().err
     assert call("conceal", folder, "--model", "loader", "--noise", "yaw_rate=1") == 2
     assert "--noise: the loader's runs come from the bench" in capsys.readouterr().err
+
+
+def test_a_run_that_was_interrupted_is_no_hidden_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run cut short would be sealed as whole, and its truth would lie open."""
+    from hil.diagnose.hidden_run import concealed_run
+    from hil.lockstep import Lockstep
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Lockstep, "run", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        concealed_run("standstill", Truth(model="loader", seed=1), tmp_path / "blind" / "run")
+    assert not (tmp_path / "blind" / "run").exists()
