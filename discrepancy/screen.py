@@ -40,7 +40,8 @@ class Score:
     """What the screen says of one effect, all else equal.
 
     statistic: chi-square with `freedom` degrees when nothing is missing (0 if the change is out of bounds);
-    change: expected value of each parameter that is no shape; power: probability to find a typical change;
+    probe, change: where the statistic is best, and the change expected from there of each parameter that is no shape; nearest: the probe
+    that itself leaves least, whatever the slope says there; power: probability to find a typical change;
     absorbed: share of the effect that refitted nuisances could hide; inflation: of the variance of the score.
     """
 
@@ -48,6 +49,7 @@ class Score:
     statistic: float
     freedom: int
     probe: int
+    nearest: int
     change: Array
     power: float
     absorbed: float
@@ -217,6 +219,7 @@ def score(
     would count, for the power.
     """
     best: Score | None = None
+    left = [float(np.sum((residual - X.sum(axis=1)) ** 2)) for X, _ in seen_by]
     for probe, ((X, whole), change) in enumerate(zip(seen_by, columns.changes, strict=True)):
         gram, total = X.T @ X, X.T @ residual
         coefficient = np.linalg.pinv(gram, rcond=1e-10) @ total
@@ -242,6 +245,7 @@ def score(
             statistic=plain / inflation if plausible else 0.0,
             freedom=len(change),
             probe=probe,
+            nearest=int(np.argmin(left)),
             change=moved,
             power=float(ncx2.sf(critical, len(change), max(noncentrality, 1e-9))),
             absorbed=1.0 - seen / whole if whole > 0.0 else 0.0,

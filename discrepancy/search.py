@@ -333,7 +333,9 @@ def size_of(effect: Effect, fitted: Fit) -> float:
 
 
 def starts(state: State, effect: Effect, found: Score) -> list[Values]:
-    """Where the refit begins: the expected change, within bounds; shapes at their typical value."""
+    """Where the refit begins: the expected change, within bounds, and the best probe, which may lie in another minimum; shapes at their
+    typical value.
+    """
     shapes = {p.name: p.value + p.typical for p in effect.parameters if p.shape}
     expected = {
         p.name: float(np.clip(p.value + change, p.lower, p.upper))
@@ -342,7 +344,7 @@ def starts(state: State, effect: Effect, found: Score) -> list[Values]:
     points = [state.fit.values, *([state.unstrained] if state.unstrained else [])]
     found_at = [point.with_shared({**shapes, **expected}) for point in points]
     if any(p.probes for p in switches(effect)):
-        probe = {p.name: p.tried[min(found.probe, len(p.tried) - 1)] for p in switches(effect)}
+        probe = {p.name: p.tried[min(found.nearest, len(p.tried) - 1)] for p in switches(effect)}
         found_at.append(state.fit.values.with_shared({**shapes, **probe}))
     return found_at
 

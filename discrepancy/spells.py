@@ -71,7 +71,7 @@ def best_spell(
         return np.concatenate([[0.0], np.cumsum(np.bincount(noise.row_window, rows, count))])
 
     own, seen = summed(white**2), summed(white * residual)
-    shared = np.stack([summed(white * column) for column in columns.T], axis=1)
+    shared = np.array([summed(white * column) for column in columns.T]).reshape(-1, count + 1).T
     pull = inverse @ (columns.T @ residual)
     first, stop = np.array([r.start for r in among]), np.array([r.stop for r in among])
     cross = shared[stop] - shared[first]

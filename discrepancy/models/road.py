@@ -15,6 +15,7 @@ from typing import Any
 import cantools
 import numpy as np
 from cantools.database.can import Message
+from scipy.ndimage import gaussian_filter1d
 from scipy.signal import savgol_filter
 
 from discrepancy.model import Effect, Model, Parameter, Port, Window
@@ -24,7 +25,7 @@ from discrepancy.sensors import sensor_effects
 G = 9.81
 STEP_S = 0.02
 KNOT_M = 50.0
-SMOOTH = 15  # grid points of the centred quadratic that differentiates the wheel speed: 0.3 s, no phase
+SMOOTH = 15  # grid points of the centred quadratic that differentiates the pitch: 0.3 s, no phase
 AVERAGED_S = 0.05  # vibration of the body is averaged out over this time
 KMH = 1.0 / 3.6
 
@@ -32,9 +33,8 @@ KMH = 1.0 / 3.6
 def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Array]) -> dict[str, Array]:
     """Specific forces [m/s²] and nose-up pitch rate [rad/s] on the grid."""
     speed, step = window["wheel_speed"], window.step_s
-    acceleration = savgol_filter(
-        speed, min(SMOOTH, speed.size // 2 * 2 - 1), 2, deriv=1, delta=step, mode="nearest"
-    )
+    felt = values["wheel_smoothing"] / step
+    acceleration = gaussian_filter1d(speed, felt, order=1, mode="nearest") / step
     knots = [values[name] for name in sorted(n for n in values if n.startswith("grade."))]
     grade = np.zeros(speed.size)
     if knots:
@@ -61,7 +61,11 @@ def _driven(window: Window) -> Array:
     return np.asarray(np.cumsum(window["wheel_speed"]) * window.step_s, float)
 
 
-NUISANCES = (Parameter(name="mounting", unit="rad", lower=-0.2, upper=0.2, typical=0.01, prior_sd=0.03),)
+NUISANCES = (
+    Parameter(name="mounting", unit="rad", lower=-0.2, upper=0.2, typical=0.01, prior_sd=0.03),
+    # wheels swing on their tyres and count in teeth: what is faster than this does not reach the body, and has no phase
+    Parameter(name="wheel_smoothing", unit="s", value=0.1, lower=0.04, upper=1.0, typical=0.1),
+)
 
 
 def grade_profile(length_m: float) -> Effect:

@@ -58,6 +58,24 @@ def test_what_was_left_out_is_named_with_its_value(
     assert found.held_out_error["level"] < 0.9
 
 
+def test_a_model_of_which_everything_is_known_can_be_diagnosed() -> None:
+    """No nuisance, no initial state: the input itself is what a late sensor should see."""
+    model = replace(
+        tank("level delay", "level bias"),
+        nuisances=(),
+        simulate=lambda window, _, __: {"level": window["inflow"]},
+    )
+    time_s = np.arange(0.0, 200.0, 0.1)
+    noise = np.random.default_rng(1).normal(0.0, 0.05, time_s.size)
+    signals = {
+        "inflow": signal(time_s, np.sin(time_s), "m/s"),
+        "level": signal(time_s, np.sin(time_s - 0.3) + noise, "m"),
+    }
+    found = examine(replace(model, held=()), [Recording("late", signals)], STRICT).finding("level delay")
+    assert found.named
+    assert found.parameters[0].value == pytest.approx(0.3, abs=0.02)
+
+
 @pytest.mark.parametrize(("typical", "at"), [(0.05, 1.0), (-0.05, 0.0), (0.05, 0.0), (-0.05, 1.0)])
 def test_no_slope_is_taken_outside_the_bounds(typical: float, at: float) -> None:
     """Whichever way a typical change goes, and at either end."""

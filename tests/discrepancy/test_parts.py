@@ -12,7 +12,7 @@ from discrepancy.noise import _autoregression, settled
 from discrepancy.openended import play
 from discrepancy.problem import Block
 from discrepancy.recording import changes_only
-from discrepancy.screen import collinearity, penalty
+from discrepancy.screen import Columns, collinearity, penalty, score
 from discrepancy.sensors import delayed, lagged, sensor_effects, through_sensors
 from discrepancy.units import confusions, parse_scaled, parse_unit
 
@@ -150,3 +150,16 @@ def test_confusions_are_factors_between_units_of_the_same_quantity_both_ways() -
     assert speeds["km/h under a heading of m/s"] == pytest.approx(3.6)
     assert speeds["m/s under a heading of km/h"] == pytest.approx(1.0 / 3.6)
     assert not any("deg" in text for text in speeds)
+
+
+def test_the_nearest_probe_is_the_one_that_leaves_least_whatever_the_slope_at_another() -> None:
+    """Nearly no change points the right way and goes no way; a finite one goes most of it."""
+    effect = sensor_effects("y", "1", bias=1.0, kinds=("delay",))[0]
+    residual, raw = (
+        np.array([1.0, 1.0, 0.0]),
+        (np.array([[0.02], [0.02], [0.0]]), np.array([[1.0], [1.0], [1.0]])),
+    )
+    columns = Columns(effect, raw, (np.array([0.001]), np.array([0.05])))
+    seen = [(X, float(np.sum(X**2))) for X in raw]
+    found = score(columns, seen, residual, 10.0, np.arange(3))
+    assert (found.probe, found.nearest) == (0, 1)

@@ -82,12 +82,21 @@ def test_without_motion_capture_the_delay_is_still_a_delay_and_shares_a_group_wi
     assert "gyro delay from servo delay" in [w.what for w in result.missing_channels[0].would_part]
 
 
-def test_tape_has_about_half_the_grip_of_rubber(recordings: Path) -> None:
-    slippery = [
-        dart(recordings, name).finding("grip limit").parameters[0].value
-        for name in ("rubber_ramp_steer+0.25.csv.gz", "tape_circles_steer-0.3.csv.gz")
-    ]
+@pytest.fixture(scope="module")
+def slides(recordings: Path) -> list[Findings]:
+    names = ("rubber_ramp_steer+0.25.csv.gz", "tape_circles_steer-0.3.csv.gz")
+    return [dart(recordings, name) for name in names]
+
+
+def test_tape_has_about_half_the_grip_of_rubber(slides: list[Findings]) -> None:
+    slippery = [r.finding("grip limit").parameters[0].value for r in slides]
     assert 0.4 < slippery[0] / slippery[1] < 0.65
+
+
+def test_the_gyro_is_as_late_where_the_steering_hardly_moves(slides: list[Findings]) -> None:
+    """Its slow mean has another minimum at no delay at all."""
+    for result in slides:
+        assert 0.09 < result.finding("gyro delay").parameters[0].value < 0.105
 
 
 @pytest.fixture(scope="module")
@@ -123,3 +132,8 @@ def test_the_accelerometer_of_the_can_bus_is_reversed(hills: tuple[Recording, Fi
     finding = hills[1].finding("accel_x sign")
     assert finding.kind == "sensor"
     assert finding.parameters[0].value == pytest.approx(1.0, abs=0.05)
+
+
+def test_the_rest_of_the_road_vehicle_is_in_order(hills: tuple[Recording, Findings]) -> None:
+    """No sensor that is early, nor a lag that a negative delay takes back: wheels swing, bodies do not."""
+    assert sorted(hills[1].named) == ["accel_x sign", "road grade"]
