@@ -23,6 +23,7 @@ from dbc.logfile import DAMAGE_SHOWN, Damage, FrameTable, read_candump
 
 Progress = Callable[[int, int], None]
 FORMATS = "candump log, .gz of one, BLF, ASC or MF4"
+_BINARY = (".blf", ".mf4", ".mdf")
 _BLF, _MF4 = (b"LOGG",), (b"MDF ", b"UnFinMF ")
 _ASC_STARTS = (b"date ", b"base ", b"// version", b"begin triggerblock")
 _REPORT_EVERY = 4096
@@ -46,7 +47,12 @@ def read_frames(path: str | Path, progress: Progress | None = None) -> FrameTabl
         raise LogError(
             f"{path}: the recording is empty (0 bytes): was the bus silent, or its recorder killed at once?"
         )
-    table = _reader_of(path, start)(path, progress)
+    reader = _reader_of(path, start)
+    if reader is read_candump and path.suffix.lower() in _BINARY and not start.isascii():
+        raise LogError(
+            f"{path}: does not begin as a {path.suffix[1:].upper()} does: damaged, encrypted, or of another kind?"
+        )
+    table = reader(path, progress)
     if not len(table):
         first = f" ({table.damaged[0]})" if table.damaged else ""
         raise LogError(f"{path}: the recording holds not one frame{first}")

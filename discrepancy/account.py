@@ -1,4 +1,4 @@
-"""The parts of a result that only restate: parameters with intervals, the ranking, nuisances, noise, complaints."""
+"""The parts of a result that only restate: parameters with intervals, the ranking, nuisances, noise."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ from discrepancy.model import Effect, Parameter
 from discrepancy.noise import Noise
 from discrepancy.openended import OpenEnded
 from discrepancy.problem import Problem
-from discrepancy.recording import Array, Complaint
+from discrepancy.recording import Array
 from discrepancy.screen import Score, active, jackknife, penalty, stretches, switches
 from discrepancy.search import Settings, State, Trial
 
@@ -115,7 +115,7 @@ def _negligible(problem: Problem, trials: Sequence[Trial]) -> dict[str, str]:
 def _why_invisible(problem: Problem, effect: Effect) -> str:
     gone = [name for name in problem.missing if name in effect.place or name in effect.excited_by]
     if gone:
-        return f"channel {', '.join(gone)} was not recorded"
+        return f"there is no usable {', '.join(gone)}"
     return f"leaves no trace beyond the nuisances in these recordings; needs {effect.excited_by or 'another channel'}"
 
 
@@ -195,8 +195,3 @@ def whiteness(innovations: Array, order: int) -> float:
     power = float(e @ e)
     q = sum((float(e[k:] @ e[:-k]) / power) ** 2 / (n - k) for k in range(1, lags + 1))
     return float(chi2.sf(n * (n + 2) * q, lags - order))
-
-
-def complaints(made: Sequence[Complaint]) -> list[f.Complaint]:
-    """What was wrong with the recordings."""
-    return [f.Complaint(recording=c.recording, signal=c.signal, text=c.text, fatal=c.fatal) for c in made]

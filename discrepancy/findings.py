@@ -11,6 +11,8 @@ from typing import Any, Literal
 
 from pydantic import TypeAdapter
 
+from discrepancy.recording import Complaint
+
 SCHEMA_VERSION = 1
 SCHEMA = Path(__file__).with_name("schema.json")
 
@@ -180,22 +182,16 @@ class WouldShow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissingChannel:
-    """An output that was not recorded: effects that it would have shown at their typical size, rivals it would have parted."""
+    """An output without usable samples: effects that it would have shown at their typical size, rivals it would have parted.
+
+    recorded: it was there, and a complaint says why it is of no use.
+    """
 
     channel: str
     unit: str
+    recorded: bool = False
     would_judge: list[WouldShow]
     would_part: list[WouldShow]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Complaint:
-    """Something wrong with a recording."""
-
-    recording: str
-    signal: str
-    text: str
-    fatal: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -87,7 +87,7 @@ def judge(problem: Problem, settings: Settings, progress: Progress = lambda _: N
         nuisances=account.nuisances(problem, state),
         noise=account.channel_noise(problem, state),
         missing_channels=missing_channels(problem, state, candidates, found),
-        complaints=account.complaints(problem.complaints),
+        complaints=list(problem.complaints),
         simulations=problem.simulations,
         samples=int(problem.measured.size),
     )
@@ -100,8 +100,8 @@ def nothing_usable(model: str, recordings: Sequence[str], error: Unusable) -> f.
         model=model,
         recordings=list(recordings),
         status="inconclusive",
-        reasons=[str(error)],
-        complaints=account.complaints(error.complaints),
+        reasons=error.reasons,
+        complaints=list(error.complaints),
     )
 
 
@@ -287,10 +287,11 @@ def _status(
     reasons += [
         f"{x.effect} is the best proxy, cause unknown: {'; '.join(x.doubts)}" for x in found if not x.named
     ]
+    wrong = [c.told for c in problem.complaints if c.fatal and c.signal in problem.missing]
     if any(x.named for x in found):
-        return "explained", reasons or ["what was found brings held-out errors to the floor"]
+        return "explained", [*(reasons or ["what was found brings held-out errors to the floor"]), *wrong]
     if found or beyond.terms:
-        return "unknown", reasons
+        return "unknown", [*reasons, *wrong]
     if problem.measured.size < FEW_SAMPLES:
         return "inconclusive", [f"{problem.measured.size} samples are too few to judge anything"]
     blind = [c for c in candidates if c.verdict == "could not be judged"]
@@ -299,4 +300,8 @@ def _status(
     reasons.append("no effect and no function of the known signals improves the prediction of held-out data")
     if blind:
         reasons.append(f"could not be judged here: {', '.join(c.effect for c in blind)}")
-    return "nothing missing", reasons
+    if wrong:
+        channels = ", ".join(problem.channels)
+        return "inconclusive", [*wrong, f"in {channels} alone {reasons[0]}", *reasons[1:]]
+    dead = [c.told for c in problem.complaints if c.signal in problem.missing]
+    return "nothing missing", [*reasons, *dead]

@@ -1,4 +1,4 @@
-"""What the channels that were not recorded would have told: which effects move them, and which rivals differ in them."""
+"""What the channels that were not recorded, or are of no use, would have told: which effects move them, and which rivals differ in them."""
 
 from collections.abc import Mapping, Sequence
 
@@ -39,6 +39,7 @@ def missing_channels(
             f.MissingChannel(
                 channel=name,
                 unit=problem.model.outputs[name],
+                recorded=any(c.signal == name for c in problem.complaints),
                 would_judge=_notable(judged, size),
                 would_part=_notable(parted, size),
             )

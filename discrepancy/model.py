@@ -118,8 +118,8 @@ class Window:
         return self.known[name]
 
     def at_start(self, name: str) -> float:
-        """The value of a known signal at the first grid point."""
-        return float(self.known[name][0])
+        """The value of a signal at the first grid point; 0 where the recording has none, for initial states that are fitted anyway."""
+        return float(self.known[name][0]) if name in self.known else 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -81,7 +81,9 @@ class OpenEnded:
         return "; ".join(
             f"{place} += "
             + " + ".join(
-                f"({t.coefficient:.4g} {t.unit}) {t.function.text}" for t in self.terms if t.place == place
+                f"({f'{t.coefficient:.4g} {t.unit}'.removesuffix(' 1')}) {t.function.text}"
+                for t in self.terms
+                if t.place == place
             )
             for place in places
         )

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discrepancy.fit import WindowStates, differences, fit
+from discrepancy.model import Model
 from discrepancy.noise import white_noise
 from discrepancy.problem import Problem, Unusable, Values
 from discrepancy.recording import Array, Complaint
@@ -89,9 +90,15 @@ def _scale(problem: Problem, part: _Part, base: Array, local: Array) -> Complain
         return None
     slope = float(measured @ predicted) / power
     alike = slope * np.sqrt(power / max(float(measured @ measured), 1e-300))
+    model = problem.model
+    if alike < -ALIKE and abs(slope + 1.0) < NEAR and not _may_be_reversed(model, part.channel):
+        text = (
+            f"moves against what the model predicts (correlation {alike:.2f}): has it, or an input, the wrong sign? "
+            "Left out; mend it and diagnose again"
+        )
+        return Complaint(part.recording, part.channel, text, fatal=True)
     if alike < ALIKE:
         return None
-    model = problem.model
     blamed = [(part.channel, model.outputs[part.channel], slope)]
     blamed += [(name, unit, 1.0 / slope) for name, unit in model.inputs.items()]
     told = [
@@ -107,6 +114,11 @@ def _scale(problem: Problem, part: _Part, base: Array, local: Array) -> Complain
         f"{' or '.join(told)}? Left out; mend the heading and diagnose again"
     )
     return Complaint(part.recording, part.channel, text, fatal=True)
+
+
+def _may_be_reversed(model: Model, channel: str) -> bool:
+    """Whether the library has a wrong sign for the channel: then it is a finding."""
+    return any(p.name == f"{channel}.sign" for p in model.parameters)
 
 
 def _synchrony(problem: Problem, part: _Part, base: Array, local: Array) -> Complaint | None:

@@ -23,6 +23,8 @@ GAP = 3.5  # in median sample times: a longer pause starts a new run of the whit
 OWN_SHARE = (
     0.5  # of what other parameters may move, that a parameter may before its own sensitivity is computed anew
 )
+MILLI = 3e-3  # of the model's step or its inverse, beyond which stamps are likely in ms or in s by mistake
+HOLD_TOLERANCE = 1e-3  # of a grid step, by which a held value may be stamped late and still be of this point
 FEWEST_SAMPLES = 8  # of a channel in a window; fewer say nothing beyond the initial state
 
 
@@ -78,8 +80,8 @@ class Unusable(ValueError):
     """Nothing can be concluded from these recordings with this model; the fatal complaints say why."""
 
     def __init__(self, complaints: Sequence[Complaint]) -> None:
-        reasons = [f"{c.recording}: {c.signal} {c.text}".replace(":  ", ": ") for c in complaints if c.fatal]
-        super().__init__("; ".join(reasons) or "no recordings were given")
+        self.reasons = [c.told for c in complaints if c.fatal] or ["no recordings were given"]
+        super().__init__("; ".join(self.reasons))
         self.complaints = tuple(complaints)
 
 
@@ -116,7 +118,10 @@ class Problem:
                     rows += values.size
             if len(self.windows) == before:
                 low, high = interval
-                text = f"have no {FEWEST_SAMPLES} samples in a row from {low:.6g} to {high:.6g} s, where all inputs exist"
+                text = (
+                    f"have no {FEWEST_SAMPLES} samples in a row from {low:.6g} to {high:.6g} s, where all inputs exist"
+                    f"{_odd_stamps(model, clean.signals[outputs[0]])}"
+                )
                 self.complaints.append(Complaint(recording.name, "outputs", text, fatal=True))
         if not self.windows:
             raise Unusable(self.complaints)
@@ -158,23 +163,14 @@ class Problem:
             elif recording.signals[name].time_s.size < 2:
                 complain(name, "has fewer than 2 usable samples", fatal=True)
                 fine = False
-        outputs = []
-        for name in [name for name in model.outputs if name in recording.signals]:
-            found_signal = recording.signals[name]
-            if found_signal.time_s.size < FEWEST_SAMPLES:
-                complain(
-                    name,
-                    f"has {found_signal.time_s.size} usable samples, {FEWEST_SAMPLES} needed",
-                    fatal=False,
-                )
-            elif np.ptp(found_signal.value) == 0.0:
-                text = f"is constant at {found_signal.value[0]:g} {found_signal.unit}: a dead sensor or an unused column"
-                complain(name, text, fatal=False)
-            else:
-                outputs.append(name)
-        if fine and not outputs:
-            complain("outputs", f"none of {', '.join(model.outputs)} is usable", fatal=True)
-            fine = False
+        there = [name for name in model.outputs if name in recording.signals]
+        useless = {name: text for name in there if (text := _useless(recording.signals[name]))}
+        outputs = [name for name in there if name not in useless]
+        for name, text in useless.items():
+            complain(name, text, fatal=not outputs)
+        if not there:
+            complain("outputs", f"none of {', '.join(model.outputs)} is there", fatal=True)
+        fine = fine and bool(outputs)
         if not fine:
             return None
         driving = [recording.signals[name] for name in model.inputs] or [
@@ -183,7 +179,8 @@ class Problem:
         start = max(s.time_s[0] for s in driving) if model.inputs else min(s.time_s[0] for s in driving)
         end = min(s.time_s[-1] for s in driving) if model.inputs else max(s.time_s[-1] for s in driving)
         if end - start < FEWEST_SAMPLES * model.step_s:
-            complain("inputs", _apart(recording, driving, start, end), fatal=True)
+            text = _apart(recording, driving, start, end) + _odd_stamps(model, driving[0])
+            complain("inputs", text, fatal=True)
             return None
         return outputs, (float(start), float(end))
 
@@ -313,6 +310,23 @@ def _apart(recording: Recording, driving: Sequence[Signal], start: float, end: f
     return f"have no time in common ({spans}): recorded with different clocks?"
 
 
+def _useless(output: Signal) -> str:
+    """Why nothing can be told from an output, in words; empty where something can."""
+    if output.time_s.size < FEWEST_SAMPLES:
+        return f"has {output.time_s.size} usable samples, {FEWEST_SAMPLES} needed"
+    if np.ptp(output.value) == 0.0:
+        return f"is constant at {output.value[0] + 0.0:g} {output.unit}: a dead sensor or an unused column"
+    return ""
+
+
+def _odd_stamps(model: Model, of: Signal) -> str:
+    """A word on stamps whose distance is far from the model's step: the likely cause is their unit."""
+    apart = float(np.median(np.diff(of.time_s)))
+    if MILLI < apart / model.step_s < 1.0 / MILLI:
+        return ""
+    return f"; samples are {apart:.3g} s apart, the model steps by {model.step_s:g} s: is the time in another unit than its heading says?"
+
+
 def cut(model: Model, recording: Recording, interval: tuple[float, float]) -> Iterable[Window]:
     """Windows of equal length near model.window_s, each with its lead-in as far as the recording has one."""
     start = interval[0]
@@ -357,7 +371,9 @@ def resampled(source: Signal, grid: Array) -> Array:
     """Values on the grid: linear between samples, or the last value for held signals."""
     if not source.held:
         return np.interp(grid, source.time_s, source.value)
-    return source.value[np.clip(np.searchsorted(source.time_s, grid + 1e-9, side="right") - 1, 0, None)]
+    # stamps that count from 1970 are rounded to 0.24 µs, and no value may stand a step too long for that
+    until = grid + HOLD_TOLERANCE * (grid[1] - grid[0]) if grid.size > 1 else grid
+    return source.value[np.clip(np.searchsorted(source.time_s, until, side="right") - 1, 0, None)]
 
 
 def _runs(window: Window, outputs: Mapping[str, Signal]) -> Iterable[tuple[tuple[str, ...], Array, Array]]:

@@ -12,6 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+UNORDERED = (
+    0.1  # share of stamps that go backwards, from which rows are in no order; below it a clock was set back
+)
+
 
 @dataclass(frozen=True, slots=True)
 class Signal:
@@ -40,12 +44,17 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class Complaint:
-    """Something wrong with a recording; `fatal` when nothing can be concluded from it."""
+    """Something wrong with a recording; `fatal` when nothing can be concluded from it, or from the signal named."""
 
     recording: str
     signal: str
     text: str
     fatal: bool = False
+
+    @property
+    def told(self) -> str:
+        """'drive.csv: speed is constant at 2 m/s'."""
+        return f"{self.recording}: {f'{self.signal} {self.text}'.strip()}"
 
 
 def signal(time_s: ArrayLike, value: ArrayLike, unit: str, *, held: bool = False) -> Signal:
@@ -68,7 +77,7 @@ def changes_only(time_s: ArrayLike, value: ArrayLike, unit: str) -> Signal:
 
 
 def cleaned(recording: Recording) -> tuple[Recording, list[Complaint]]:
-    """Drop samples that are not numbers and stamps that do not advance; say how many."""
+    """Drop samples that are not numbers and stamps that do not advance, and sort what is in no order; say how many."""
     kept: dict[str, Signal] = {}
     complaints: list[Complaint] = []
     for name, raw in recording.signals.items():
@@ -77,6 +86,12 @@ def cleaned(recording: Recording) -> tuple[Recording, list[Complaint]]:
             text = f"{lost} of {good.size} samples are not numbers; dropped"
             complaints.append(Complaint(recording.name, name, text, fatal=False))
         t, y = raw.time_s[good], raw.value[good]
+        backwards = int(np.count_nonzero(np.diff(t) < 0.0))
+        if backwards > UNORDERED * t.size:
+            order = np.argsort(t, kind="stable")
+            t, y = t[order], y[order]
+            text = f"{backwards} of {t.size} stamps go backwards: rows in another order than that of time; sorted"
+            complaints.append(Complaint(recording.name, name, text, fatal=False))
         forward = t > np.maximum.accumulate(np.concatenate(([-np.inf], t[:-1]))) if t.size else good[:0]
         if back := int(t.size - np.count_nonzero(forward)):
             text = f"{back} of {t.size} stamps do not advance (repeated or wrongly ordered rows); dropped"

@@ -25,10 +25,9 @@ def tell(result: Findings, console: Console, *, all_candidates: bool = False) ->
         console.print(escape(_open(result)), highlight=False)
     for missing in result.missing_channels:
         console.print(escape(told_missing(missing)), highlight=False)
-    for complaint in result.complaints:
+    for complaint in [c for c in result.complaints if c.told not in result.reasons]:
         mark = "[red]" if complaint.fatal else "[yellow]"
-        text = escape(f"{complaint.recording}: {complaint.signal} {complaint.text}")
-        console.print(f"{mark}{text}[/]", highlight=False)
+        console.print(f"{mark}{escape(complaint.told)}[/]", highlight=False)
     if result.candidates:
         console.print(_ranking(result, all_candidates))
         for line in _reasons(result):
@@ -61,7 +60,8 @@ def told_missing(missing: MissingChannel) -> str:
     parted = [f"{w.what} ({w.change:.2g} {missing.unit})" for w in missing.would_part[:5]]
     told = [f"shown {', '.join(judged)}"] if judged else []
     told += [f"parted {', '.join(parted)}"] if parted else []
-    return f"{missing.channel} was not recorded; it would have {' and '.join(told) or 'told nothing more'}"
+    gone = "could not be used" if missing.recorded else "was not recorded"
+    return f"{missing.channel} {gone}; it would have {' and '.join(told) or 'told nothing more'}"
 
 
 def _finding(number: int, f: Finding) -> str:
@@ -111,9 +111,10 @@ def _open(result: Findings) -> str:
     assert found is not None
     lines = [f"Outside the library: {found.equation}"]
     for term in found.terms:
-        lines.append(
-            f"   coefficient {term.coefficient:.4g} {term.unit} (95 %: {term.low:.4g} to {term.high:.4g})"
+        size = Estimate(
+            name="coefficient", value=term.coefficient, low=term.low, high=term.high, unit=term.unit
         )
+        lines.append(f"   {number_and_unit(size)}")
         if term.equally_good:
             lines.append(f"   as good on these data: {'; '.join(term.equally_good[:3])}")
     return "\n".join(lines)

@@ -19,12 +19,17 @@ def to_recording(
     complaints = [Complaint(name, "", text) for text in table.skipped[:SHOWN]]
     if len(table.skipped) > SHOWN:
         complaints.append(Complaint(name, "", f"{len(table.skipped)} damaged lines in all; skipped"))
+    names = [c.name for c in table.columns]
     by_name = {c.name: c for c in table.columns}
     signals: dict[str, Signal] = {}
     for channel, unit in {**model.inputs, **model.optional, **model.outputs}.items():
         wanted = renamed.get(channel, model.columns.get(channel, channel)).split(",")
         columns = [by_name[w.strip()] for w in wanted if w.strip() in by_name]
         if len(columns) < len(wanted):
+            continue
+        if repeated := [c.name for c in columns if names.count(c.name) > 1]:
+            text = f"{names.count(repeated[0])} columns are called {repeated[0]}; rename those that are not meant"
+            complaints.append(Complaint(name, channel, text, fatal=True))
             continue
         parts, said = _parts(columns, channel, unit, name, held=channel in model.held)
         complaints += said

@@ -154,6 +154,7 @@ def _one(question: "Question", out: Path | None, apply: Path | None, *, everythi
     from discrepancy.findings import to_json
     from discrepancy.search import Settings
     from discrepancy.words import tell
+    from hil.diagnose.advice import advice
     from hil.diagnose.applying import application
     from hil.diagnose.page import page
     from hil.diagnose.question import answer
@@ -168,9 +169,11 @@ def _one(question: "Question", out: Path | None, apply: Path | None, *, everythi
         if out is not None and found.judged is not None:
             progress("predicting held-out stretches for the report")
             shown = evidence(found.judged, settings)
-    tell(result, Console(soft_wrap=True), all_candidates=everything)
+    console, steps = Console(soft_wrap=True), advice(result, model, out, applied=apply is not None)
+    tell(result, console, all_candidates=everything)
+    tell_steps(steps, console)
     if out is not None:
-        text = page(result, shown, conditions(time.monotonic() - start))
+        text = page(result, shown, steps, conditions(time.monotonic() - start))
         tell_written(write("--out", out, {"findings.json": to_json(result), "report.html": text}))
     if apply is not None:
         outcome = application(found.choice, found.model, result, question.given, apply)
@@ -201,6 +204,16 @@ def _each(
         raise Misuse("--each: each recording would --apply another model; apply the findings of one")
     tally = diagnose_each(question, out, scheduler, workers, Console(stderr=True))
     return Ending.FAILED if tally.failures else Ending.PASSED
+
+
+def tell_steps(steps: Sequence[str], console: "Console") -> None:
+    """What to do next."""
+    from rich.markup import escape
+
+    if steps:
+        console.print("\n[bold]What to do next[/]")
+    for step in steps:
+        console.print(f"- {escape(step)}", highlight=False)
 
 
 def conditions(seconds: float) -> dict[str, str]:

@@ -105,6 +105,7 @@ MEANING: Mapping[str, str] = {
     "ChannelNoise.whiteness_p": "p of the test that nothing is left (Ljung and Box)",
     "MissingChannel.channel": "its name",
     "MissingChannel.unit": "its unit",
+    "MissingChannel.recorded": "it was there, and a complaint says why it is of no use",
     "MissingChannel.would_judge": "effects that could not be judged without it",
     "MissingChannel.would_part": "rivals that it would have told apart",
     "WouldShow.what": "the effect, or both rivals",

@@ -3,6 +3,7 @@
 An Unreadable is raised only where no column can be trusted. An empty cell is no sample; a cell that is no number counts as damage.
 """
 
+import codecs
 import csv
 import gzip
 import io
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from bus.mistake import Mistake
 from discrepancy.recording import Array
+from discrepancy.units import parse_scaled
 
 HEADING = re.compile(r"\s*(?P<name>[^\[]*?)\s*(?:\[(?P<unit>[^\]]*)\])?\s*$")
 TIME = ("time", "t", "timestamp", "time_s", "timestamps")
@@ -125,7 +127,8 @@ def _read_csv(path: Path) -> _Found:
     raw = path.read_bytes()
     if path.suffix.lower() == ".gz":
         raw = gzip.decompress(raw)
-    lines = io.StringIO(raw.decode("utf-8-sig"), newline="")
+    text, told = _text(raw, path.name)
+    lines = io.StringIO(text, newline="")
     constants: dict[str, tuple[float, str | None]] = {}
     number = 0
     for line in lines:
@@ -139,14 +142,57 @@ def _read_csv(path: Path) -> _Found:
     separator = max(",;\t", key=line.count)
     decimal = "," if separator == ";" else "."
     names = next(csv.reader([line], delimiter=separator))
+    if all(_is_number(name, decimal) for name in names):
+        raise Unreadable(
+            f"{path.name}: has no heading, line {number} holds numbers; it must read like 'time [s],speed [m/s]'"
+        )
     cells, skipped = _rows(csv.reader(lines, delimiter=separator), len(names), number)
+    if cells and _are_units(cells[0][1], names, decimal):
+        names = [
+            f"{name} [{unit.strip()}]" if unit.strip() else name
+            for name, unit in zip(names, cells.pop(0)[1], strict=True)
+        ]
     lines_of = [number for number, _ in cells]
     columns = [
         _column(name, [row[i] for _, row in cells], decimal, lines_of)
         for i, name in enumerate(names)
         if name.strip()
     ]
-    return columns, constants, skipped
+    return columns, constants, [*told, *skipped]
+
+
+def _text(raw: bytes, name: str) -> tuple[str, list[str]]:
+    """What the bytes say, in the encodings that loggers and spreadsheets write, and a word on any but UTF-8."""
+    if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return raw.decode("utf-16"), []
+    try:
+        return raw.decode("utf-8-sig"), []
+    except UnicodeDecodeError:
+        if b"\0" in raw:
+            raise Unreadable(f"{name}: is no text; is it a recording of another kind?") from None
+        return raw.decode("cp1252", "replace"), ["is not UTF-8; read as Windows-1252"]
+
+
+def _are_units(row: Sequence[str], names: Sequence[str], decimal: str) -> bool:
+    """Whether a row under a heading without units holds them, as many exports have it."""
+    told = [cell.strip() for cell in row if cell.strip()]
+    if not told or any(heading(name)[1] is not None for name in names):
+        return False
+    try:
+        for unit in told:
+            if unit not in TIME_UNITS:
+                parse_scaled(unit)
+    except ValueError:
+        return False
+    return not any(_is_number(unit, decimal) for unit in told)
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    try:
+        float(cell.strip().replace(decimal, "."))
+    except ValueError:
+        return False
+    return True
 
 
 def _constant(line: str) -> dict[str, tuple[float, str | None]]:

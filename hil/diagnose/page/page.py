@@ -1,5 +1,6 @@
 """A diagnosis as one self-contained HTML page: verdict, findings, proof, and what could not be judged."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 
@@ -14,14 +15,18 @@ from hil.report.document import bar, document, resource
 
 CARD = {"explained": "good", "nothing missing": "good", "unknown": "warned", "inconclusive": "unknown"}
 SHOWN_CARDS = 4
+COMMAND, CODE = re.compile("`([^`]*)`"), r"<code>\1</code>"
 CHANNELS_ON_A_CARD = 4
 
 
-def page(result: Findings, shown: Evidence | None, conditions: Mapping[str, str]) -> str:
-    """The whole document; shown: None where nothing was usable; conditions: what was run, as told to the reader."""
+def page(
+    result: Findings, shown: Evidence | None, steps: Sequence[str], conditions: Mapping[str, str]
+) -> str:
+    """The whole document; shown: None where nothing was usable; steps: what to do next; conditions: what was run, as told to the reader."""
     clock = drawn.Clock.of(shown) if shown else None
     chapters = [
         ("found", "What was found", "".join(_findings(result))),
+        ("next", "What to do next", _steps(steps)),
         ("map", "Where model and recordings differ", drawn.mismatch(shown, clock) if shown and clock else ""),
         ("machine", "On the machine", machine.chapter(result, shown) if shown else ""),
         ("traces", "Simulated against recorded", drawn.traces(shown, clock) if shown and clock else ""),
@@ -117,6 +122,12 @@ def _finding(number: int, f: Finding) -> str:
         f"<small>{f.kind} · {escape(f.place)}</small></h3><p>{escape(f.sentence[:1].upper() + f.sentence[1:])}.</p>"
         f"{mathml(f.equation) if f.equation else ''}{definitions({k: v for k, v in facts.items() if v})}</article>"
     )
+
+
+def _steps(steps: Sequence[str]) -> str:
+    """A list; what stands between backticks is a command."""
+    items = "".join(f"<li>{COMMAND.sub(CODE, escape(step))}</li>" for step in steps)
+    return f'<ol class="steps">{items}</ol>' if items else ""
 
 
 def _candidates(result: Findings) -> str:

@@ -52,6 +52,30 @@ def test_parquet_other_units_and_a_german_csv_say_the_same(loaderhil: Call, tmp_
     np.testing.assert_allclose(values, values[0], rtol=1e-6)
 
 
+def encoded(text: str, kind: str) -> bytes:
+    """The text as other programs write it: Windows' encodings, or the units in a row of their own."""
+    if kind != "row of units":
+        return ("# Höhe über Grund\n" + text).encode(kind)
+    rows = text.splitlines()
+    heads = [head.removesuffix("]").partition(" [") for head in rows[0].split(",")]
+    return "\n".join([",".join(h[0] for h in heads), ",".join(h[2] for h in heads), *rows[1:]]).encode()
+
+
+@pytest.mark.parametrize("kind", ["utf-16", "cp1252", "utf-8-sig", "row of units"])
+def test_tables_of_other_programs_say_the_same(kind: str, loaderhil: Call, tmp_path: Path) -> None:
+    table = columns(record(2, leak=0.08))
+    table["level [mm]"] = 1e3 * table.pop("level [m]")
+    file = write_csv(tmp_path / "drive.csv", table)
+    file.write_bytes(encoded(file.read_text(), kind))
+    ended = loaderhil("diagnose", file, "--model", model_file(tmp_path))
+    assert ended.code == 0, ended.out
+    assert ended.result is not None
+    assert ended.result.named == ["leak"]
+    assert [c.text for c in ended.result.complaints] == (
+        ["is not UTF-8; read as Windows-1252"] if kind == "cp1252" else []
+    )
+
+
 def test_nothing_missing_and_unknown_have_their_exit_codes(loaderhil: Call, tmp_path: Path) -> None:
     whole = write_csv(tmp_path / "whole.csv", columns(record(1)))
     ended = loaderhil("diagnose", whole, "--model", model_file(tmp_path))
@@ -85,6 +109,9 @@ BROKEN = {
     "empty": "is empty",
     "only a heading": "no rows",
     "no time": "no column of time",
+    "no heading": "has no heading, line 1 holds numbers",
+    "binary": "is no text",
+    "repeated column": "2 columns are called level",
     "no numbers": "are no numbers",
     "constant": "constant at 2 m",
     "all NaN": "usable samples",
@@ -106,6 +133,13 @@ def broken(kind: str, folder: Path) -> Path:
         path.write_text("")
     elif kind == "only a heading":
         path.write_text("time [s],inflow [m/s],level [m]\n")
+    elif kind == "no heading":
+        path.write_text("\n".join(write_csv(path, table).read_text().splitlines()[1:]))
+    elif kind == "binary":
+        path.write_bytes(b"\x00\xff\x13" * 1000)
+    elif kind == "repeated column":
+        head, *rows = write_csv(path, table).read_text().splitlines()
+        path.write_text("\n".join([f"{head},level [m]", *(f"{row},0" for row in rows)]))
     elif kind == "no time":
         write_csv(path, {k: v for k, v in table.items() if k != "time [s]"})
     elif kind == "no numbers":

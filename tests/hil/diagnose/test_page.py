@@ -51,7 +51,7 @@ def leaking() -> tuple[Judgement, Evidence]:
 
 def test_the_page_is_well_formed_and_fetches_nothing(leaking: tuple[Judgement, Evidence]) -> None:
     judged, shown = leaking
-    text = page(judged.findings, shown, {"command": "loaderhil diagnose <x>"})
+    text = page(judged.findings, shown, ["Type `a <b>`."], {"command": "loaderhil diagnose <x>"})
     checker = Checker()
     checker.feed(text)
     assert checker.open == []
