@@ -169,7 +169,7 @@ def _one(question: "Question", out: Path | None, apply: Path | None, *, everythi
         if out is not None and found.judged is not None:
             progress("predicting held-out stretches for the report")
             shown = evidence(found.judged, settings)
-    console, steps = Console(soft_wrap=True), advice(result, model, out, applied=apply is not None)
+    console, steps = Console(soft_wrap=True), advice(result, question.model, out, applied=apply is not None)
     tell(result, console, all_candidates=everything)
     tell_steps(steps, console)
     if out is not None:
