@@ -39,6 +39,7 @@ def estimate(parameter: Parameter, fitted: Fit, noise: Noise | None = None) -> f
         high=min(value + reach, parameter.upper),
         unit=parameter.unit,
         at_bound=at,
+        baseline=None if parameter.shape else parameter.value,
     )
 
 

@@ -24,7 +24,7 @@ Verdict = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """A fitted parameter with its 95 % interval; `at_bound` names the physical bound it stopped at."""
+    """A fitted parameter with its 95 % interval; `at_bound` names the physical bound it stopped at, `baseline` is where it began."""
 
     name: str
     value: float
@@ -32,6 +32,7 @@ class Estimate:
     high: float | None
     unit: str
     at_bound: str | None = None
+    baseline: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -41,10 +41,12 @@ def tell(result: Findings, console: Console, *, all_candidates: bool = False) ->
 
 
 def number_and_unit(e: Estimate) -> str:
-    """'0.0970 s (95 %: 0.0950 to 0.0980)'."""
+    """'leak = 0.0970 1/s (95 %: 0.0950 to 0.0980), 0.0800 in the baseline'."""
     text = f"{e.name} = {e.value:.4g} {'' if e.unit == '1' else e.unit}".rstrip()
     if e.low is not None and e.high is not None:
         text += f" (95 %: {e.low:.4g} to {e.high:.4g})"
+    if e.baseline:
+        text += f", {e.baseline:.4g} in the baseline"
     return text + (f", at its {e.at_bound} bound" if e.at_bound else "")
 
 

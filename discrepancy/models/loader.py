@@ -43,7 +43,7 @@ WAYS: Final = (*SPEEDS[:1], *INPUTS, *OPTIONAL)
 def model(
     recordings: Sequence[Recording] = (), *, machine: Machine | str = "l60", without: tuple[str, ...] = ()
 ) -> Model:
-    """The loader; machine: itself, or name or TOML file; without: effects that are not searched."""
+    """The loader; machine: itself, or name or TOML file, with the sensors of its family; without: effects that are not searched."""
     sheet = load_machine(machine) if isinstance(machine, str) else machine
     return Model(
         name="loader",
@@ -53,7 +53,7 @@ def model(
         outputs={name: channel.unit for name, channel in CHANNELS.items()},
         nuisances=NUISANCES,
         effects=tuple(e for e in library() if e.name not in without),
-        simulate=Loader(sheet, load_equipment("l60").sensors, recordings),
+        simulate=Loader(sheet, load_equipment(sheet.family).sensors, recordings),
         step_s=STEP_S,
         window_s=SCORED_S,
         lead_s=LEAD_S,

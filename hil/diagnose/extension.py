@@ -9,6 +9,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Final
 
 from bus.mistake import Mistake
 from discrepancy.findings import Estimate, Finding, Findings
@@ -17,6 +18,8 @@ from hil.diagnose.tomltext import Line, laid_over
 
 Values = Mapping[str, Mapping[str, float]]
 """Parameters by effect, in the units of the model."""
+FOUND: Final = "# With what `loaderhil diagnose` found:"
+BEFORE: Final = "# and what it had found before:"
 
 
 class BadExtension(Mistake, ValueError):
@@ -92,15 +95,18 @@ def _interval(e: Estimate) -> str:
     unit = "" if e.unit == "1" else f"{e.unit}, "
     if e.low is None or e.high is None:
         return f"{unit}no interval"
-    return f"{unit}95 %: {e.low:.4g} to {e.high:.4g}"
+    was = f"; was {e.baseline:.4g}" if e.baseline else ""
+    return f"{unit}95 %: {e.low:.4g} to {e.high:.4g}{was}"
 
 
 def with_stories(text: str, found: Sequence[Applied], said: Sequence[str]) -> str:
-    """The text under comments that say what was found, on what evidence, and what was left out."""
-    rows = ["# With what `loaderhil diagnose` found:"] if found else []
+    """The text under comments that say what was found, on what evidence, and what was left out; those of an earlier diagnosis stay."""
+    if not found and not said:
+        return text
+    rows = [FOUND]
     for item in found:
         rows += [f"# {item.effect}:", *(f"#   {line}" for line in item.story)]
-    return "\n".join([*rows, *(f"# {line}" for line in said), "#", text])
+    return "\n".join([*rows, *(f"# {line}" for line in said), "#", text.replace(FOUND, BEFORE)])
 
 
 def extended_text(base: str, found: Sequence[Applied]) -> str:

@@ -52,6 +52,7 @@ MEANING: Mapping[str, str] = {
     "Estimate.high": "of the 95 % interval",
     "Estimate.unit": "1: a plain number",
     "Estimate.at_bound": "lower or upper, where it stopped at what is physically possible",
+    "Estimate.baseline": "the value in the model as it was given, `--with` included; null where the parameter says how an effect acts, not how much",
     "GroupMember.effect": "its name",
     "GroupMember.likelihood_difference": "to the finding; below 6 nobody can tell",
     "GroupMember.collinearity": "cosine between what either does beyond the baseline's parameters; 1: twins",

@@ -16,7 +16,7 @@ from discrepancy.recording import Recording
 from ecu.calibration import CALIBRATIONS
 from ecu.quantity import read_toml
 from hil.companions import CALIBRATION, EQUIPMENT, companion, named
-from hil.diagnose.calibrated import calibrated, completed
+from hil.diagnose.calibrated import calibrated
 from hil.diagnose.extension import (
     Applied,
     Outcome,
@@ -29,44 +29,53 @@ from hil.diagnose.extension import (
 )
 from hil.diagnose.tomltext import Line, laid_over
 from plant.effects import effects
+from plant.effects.effect import faulty
 from plant.equipment import FOLDER, load_equipment
-from plant.machine import MACHINES, load_machine
-from plant.sensors import CHANNELS, FAMILIES, ChannelParameters
+from plant.machine import MACHINES, Machine, load_machine
+from plant.sensors import CHANNELS, FAMILIES, ChannelParameters, SensorParameters
 
 BASE = "l60"
-"""Machine, equipment and calibration that the loader's model has by itself."""
+"""The machine that the loader's model has by itself."""
 
 
 def baseline(machine_file: Path, recordings: Sequence[Recording]) -> Model:
     """The loader's model of a machine file and the equipment beside it. Raises ConfigurationError."""
     machine = load_machine(machine_file)
     searched = {effect.name: effect for effect in loader.model().effects}
-    known = [item for item in machine.effects if item.effect.name in searched]
     others = tuple(item for item in machine.effects if item.effect.name not in searched)
     model = loader.model(recordings, machine=replace(machine, effects=others))
     values: dict[str, dict[str, float]] = {}
-    for item in known:
-        name = item.effect.name
-        kept = {p.name for p in searched[name].parameters}
-        values[name] = {
-            f"{name}.{p.name}": value / p.si
-            for p, value in zip(item.effect.parameters, item.values, strict=True)
-            if f"{name}.{p.name}" in kept
+    for name, own in _effects_of(machine).items():
+        if name in searched:
+            kept = {p.name for p in searched[name].parameters}
+            values[name] = {f"{name}.{key}": v for key, v in own.items() if f"{name}.{key}" in kept}
+    sheet, own_sensors = load_equipment(machine.family).sensors, _sensors(machine_file, machine)
+    return extended(model, {**values, **_faults(sheet, own_sensors, model)})
+
+
+def _effects_of(machine: Machine) -> dict[str, dict[str, float]]:
+    """Parameters of the machine's effects by effect, in their own units."""
+    return {
+        item.effect.name: {
+            p.name: value / p.si for p, value in zip(item.effect.parameters, item.values, strict=True)
         }
-    return extended(model, {**values, **_faults(machine_file, model)})
+        for item in machine.effects
+    }
 
 
-def _faults(machine_file: Path, model: Model) -> Values:
-    """What the sensors beside a machine file do beyond the sheet's, as effects of the model."""
-    file = companion(machine_file, EQUIPMENT)
-    if file is None:
-        return {}
-    sheet, own = load_equipment(BASE).sensors, load_equipment(file).sensors
+def _sensors(machine_file: Path, machine: Machine) -> SensorParameters:
+    """The sensors of the equipment beside a machine file, or of its family's, as effects of the machine change them."""
+    equipment = load_equipment(companion(machine_file, EQUIPMENT) or machine.family)
+    return faulty(equipment.sensors, machine.effects)
+
+
+def _faults(sheet: SensorParameters, sensors: SensorParameters, model: Model) -> Values:
+    """What sensors do beyond the sheet's, as effects of the model."""
     found: dict[str, dict[str, float]] = {}
     for effect in [e for e in model.effects if e.kind == "sensor"]:
         (parameter,) = effect.parameters
         channel, _, kind = parameter.name.rpartition(".")
-        old, new = sheet.of(channel), own.of(channel)
+        old, new = sheet.of(channel), sensors.of(channel)
         if kind in ("bias", "scale"):
             field = {"bias": "bias", "scale": "scale_error"}[kind]
             value = getattr(new, field) if getattr(new, field) != getattr(old, field) else 0.0
@@ -78,25 +87,22 @@ def _faults(machine_file: Path, model: Model) -> Values:
 
 
 def extended_files(result: Findings, base: Path | None, out: Path) -> Outcome:
-    """Machine, equipment and calibration with what was found; base: a machine file that was the baseline."""
+    """Machine, equipment and calibration with what was found; base: name or file of the machine that was the baseline."""
+    machine = load_machine(base or BASE)
     found = [_in_plant_words(item) for item in applied(result)]
     physics = [item for item in found if item.kind == "physics"]
     faults = [item for item in found if item.kind == "sensor"]
-    sensors, refused = _sensor_lines(faults)
-    calibration, unfollowed = _calibration(found, base)
-    said = [
-        *not_applied(result),
-        *refused,
-        *(f"the ECU's calibration does not follow {why}" for why in unfollowed),
-    ]
-    machine = (base or MACHINES / f"{BASE}.toml").read_text(encoding="utf-8")
+    sensors, refused = _sensor_lines(faults, machine)
+    calibration, unfollowed = _calibration(found, machine, base)
+    said = [*not_applied(result), *refused, *unfollowed]
+    file = base if base and base.suffix == ".toml" else MACHINES / f"{base or BASE}.toml"
     files = {
-        out: with_stories(extended_text(machine, physics), found, said),
+        out: with_stories(extended_text(file.read_text(encoding="utf-8"), physics), found, said),
         named(out, CALIBRATION): calibration,
     }
     equipment = companion(base, EQUIPMENT) if base else None
-    if sensors or equipment:
-        text = (equipment or FOLDER / f"{BASE}.toml").read_text(encoding="utf-8")
+    if sensors or equipment or named(out, EQUIPMENT).is_file():  # an older one would be taken
+        text = (equipment or FOLDER / f"{machine.family}.toml").read_text(encoding="utf-8")
         files[named(out, EQUIPMENT)] = laid_over(text, sensors)
     return Outcome(files, said)
 
@@ -116,10 +122,14 @@ def _in_plant_words(item: Applied) -> Applied:
     )
 
 
-def _calibration(found: Sequence[Applied], base: Path | None) -> tuple[str, list[str]]:
-    """Text of the ECU's calibration, and a sentence per effect that it does not follow."""
-    file = (companion(base, CALIBRATION) if base else None) or CALIBRATIONS / f"{BASE}.toml"
-    tables, machine, library = read_toml(file), load_machine(base or BASE), effects()
+def _calibration(found: Sequence[Applied], machine: Machine, base: Path | None) -> tuple[str, Sequence[str]]:
+    """Text of the ECU's calibration, and a sentence per effect that it does not follow.
+
+    A calibration beside the baseline was made for the baseline's effects; that of the family knows of none.
+    """
+    beside = companion(base, CALIBRATION) if base else None
+    file = beside or CALIBRATIONS / f"{machine.family}.toml"
+    tables, library, own = read_toml(file), effects(), _effects_of(machine)
 
     def old(key: str) -> float:
         table, _, name = key.partition(".")
@@ -127,29 +137,33 @@ def _calibration(found: Sequence[Applied], base: Path | None) -> tuple[str, list
         assert isinstance(entry, dict)
         return float(entry[name])
 
-    before = {item.effect.name for item in machine.effects}
-    fresh = [item for item in found if item.effect not in before]
-    whole = [
-        item
-        if item.kind == "sensor"
-        else completed(item, {p.name: p.typical for p in library[item.effect].parameters})
-        for item in fresh
-    ]
-    followed = calibrated(whole, old, machine)
-    again = [f"{item.effect}: it was made for an earlier value" for item in found if item.effect in before]
-    return laid_over(file.read_text(encoding="utf-8"), followed.lines), [*followed.unfollowed, *again]
+    def whole(item: Applied) -> Applied:
+        """With the parameters that were not searched, as the plant will have them."""
+        if item.kind == "sensor":
+            return item
+        typical = {p.name: p.typical for p in library[item.effect].parameters}
+        return replace(item, values={**typical, **own.get(item.effect, {}), **item.values})
+
+    unknown = {} if beside else {name: Applied(name, "physics", values, ()) for name, values in own.items()}
+    new = {**unknown, **{item.effect: whole(item) for item in found}}
+    off = {name: {p.name: p.off for p in item.parameters} for name, item in library.items()}
+    followed = calibrated(list(new.values()), old, {**off, **own} if beside else off, machine)
+    return laid_over(file.read_text(encoding="utf-8"), followed.lines), followed.said
 
 
-def _sensor_lines(faults: Sequence[Applied]) -> tuple[list[Line], list[str]]:
+def _sensor_lines(faults: Sequence[Applied], machine: Machine) -> tuple[list[Line], list[str]]:
     """Sections of the channels' sensors, and the faults that no equipment can have.
 
-    The model knows lag and delay of the sheet and finds what is beyond them; it takes bias and scale as none.
+    The model knows lag and delay of the sheet and finds what is beyond them; it takes bias and scale as none. What an effect of
+    the machine (gyro_bias, sensor_delay) does already is no part of the line.
     """
-    sheet = load_equipment(BASE).sensors
+    sheet = load_equipment(machine.family).sensors
+    told = faulty(sheet, machine.effects)
     lines, refused = [], []
     for item in faults:
         ((name, value),) = item.values.items()
         channel, _, kind = name.rpartition(".")
+        value = _left(kind, value, sheet.of(channel), told.of(channel))
         key, number = entry(channel, kind, value, sheet.of(channel))
         if kind in ("lag", "delay") and number < 0.0:
             refused.append(
@@ -158,6 +172,13 @@ def _sensor_lines(faults: Sequence[Applied]) -> tuple[list[Line], list[str]]:
         else:
             lines.append(Line(("sensors", channel), key, number, item.told[name]))
     return lines, refused
+
+
+def _left(kind: str, value: float, sheet: ChannelParameters, told: ChannelParameters) -> float:
+    """What of a fault is left for the equipment where effects of the machine have made `told` of the sheet's sensor."""
+    if kind == "scale":
+        return (1.0 + value) * (1.0 + sheet.scale_error) / (1.0 + told.scale_error) - 1.0
+    return value - (getattr(told, kind) - getattr(sheet, kind))
 
 
 def entry(channel: str, kind: str, value: float, sheet: ChannelParameters) -> tuple[str, float]:
