@@ -18,6 +18,7 @@ from discrepancy.noise import Noise
 from discrepancy.problem import Problem, Values
 from discrepancy.recording import Array
 from discrepancy.search import Settings, folds, free_names
+from discrepancy.units import shown
 
 BINS = 60  # of time, per recording
 LAGS = 40
@@ -195,7 +196,7 @@ def _regimes(problem: Problem, noise: Noise, before: Array, after: Array | None)
                     found.append(
                         RegimeCell(
                             channel,
-                            f"{name} [{units[name]}]".removesuffix(" [1]"),
+                            f"{name} [{shown(units[name])}]".removesuffix(" []"),
                             text,
                             _rms(before[chosen]),
                             None if after is None else _rms(after[chosen]),

@@ -33,6 +33,7 @@ from discrepancy.search import (
     size_of,
 )
 from discrepancy.spells import price, spell_of
+from discrepancy.units import shown
 
 FEW_SAMPLES = 30
 LEFT = 0.5  # share of its size that an effect keeps beside the open-ended equation, or it is a proxy
@@ -230,7 +231,9 @@ def _doubts(problem: Problem, effect: Effect, fitted: Fit) -> list[str]:
     ends = [account.estimate(problem.model.parameter(n), fitted) for n in active(effect)]
     doubts = []
     if all(e.at_bound is not None and e.value != problem.model.parameter(e.name).value for e in ends):
-        doubts.append(f"{ends[0].name} stops at its physical bound, {ends[0].value:g} {ends[0].unit}")
+        doubts.append(
+            f"{ends[0].name} stops at its physical bound, {ends[0].value:g} {shown(ends[0].unit)}".rstrip()
+        )
     for p in [p for p in problem.model.nuisances if p.prior_sd is not None and p.name in fitted.names]:
         value = fitted.values.shared[p.name]
         away = abs(value - p.value) / (p.prior_sd or 1.0)

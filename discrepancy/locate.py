@@ -10,6 +10,7 @@ from discrepancy.fit import Fit
 from discrepancy.noise import Noise
 from discrepancy.problem import Problem
 from discrepancy.recording import Array
+from discrepancy.units import shown
 
 BINS = 60  # of time, per recording
 SHARE = 0.8  # of the gain, that the reported stretch holds
@@ -113,7 +114,7 @@ def _regimes(problem: Problem, noise: Noise, gain: Array, total: float) -> list[
         for text, rows in thirds(at_rows(problem, noise, name)).items():
             share, size = float(np.sum(gain[rows])) / total, float(rows.mean())
             if size > 0.05 and share / size > 1.5:
-                found.append(Regime(f"{name} {text} {units[name]}", share, share / size))
+                found.append(Regime(f"{name} {text} {shown(units[name])}".rstrip(), share, share / size))
     return sorted(found, key=lambda r: -r.density)[:4]
 
 

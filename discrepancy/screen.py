@@ -248,7 +248,7 @@ def score(
             nearest=int(np.argmin(left)),
             change=moved,
             power=float(ncx2.sf(critical, len(change), max(noncentrality, 1e-9))),
-            absorbed=1.0 - seen / whole if whole > 0.0 else 0.0,
+            absorbed=max(1.0 - seen / whole, 0.0) if whole > 0.0 else 0.0,
             inflation=inflation,
             direction=X,
             plausible=plausible,

@@ -121,6 +121,11 @@ def _unreadable(text: str, part: str, *more: str) -> ValueError:
     return ValueError(f"unit {text!r}: cannot read {part!r}; known are {known}, as in 'm/s^2', 'kg/(m.s)'")
 
 
+def shown(unit: str) -> str:
+    """A unit as people read it: 'm/s²', 'N·m'; empty for a plain number."""
+    return "" if unit == "1" else unit.replace("^2", "²").replace("^3", "³").replace(".", "·")
+
+
 CONFUSED = (
     "km/h",
     "deg",

@@ -1,5 +1,6 @@
 """Findings in plain words for the terminal."""
 
+import math
 from collections.abc import Iterator, Mapping
 
 from rich.console import Console
@@ -7,8 +8,11 @@ from rich.markup import escape
 from rich.panel import Panel
 from rich.table import Table
 
-from discrepancy.findings import Estimate, Finding, Findings, MissingChannel
+from discrepancy.findings import Candidate, Estimate, Finding, Findings, MissingChannel
+from discrepancy.units import shown
 
+UNCHANGED = 0.005  # of an error
+MOST_DECIMALS = 7  # with more, a power of ten reads better
 SHOWN_CHANNELS = 6  # of those that a finding improves; all of them are in findings.json and in the report
 COLOUR = {"explained": "green", "unknown": "yellow", "nothing missing": "green", "inconclusive": "red"}
 
@@ -16,7 +20,10 @@ COLOUR = {"explained": "green", "unknown": "yellow", "nothing missing": "green",
 def tell(result: Findings, console: Console, *, all_candidates: bool = False) -> None:
     """Print the verdict, the findings, what else was considered, and what was wrong with the recordings."""
     colour = COLOUR[result.status]
-    head = f"[bold {colour}]{result.status}[/]\n" + "\n".join(escape(reason) for reason in result.reasons)
+    named = f": {escape(', '.join(result.named))}" if result.named else ""
+    head = f"[bold {colour}]{result.status}{named}[/]\n" + "\n".join(
+        escape(reason) for reason in result.reasons
+    )
     title = f"{result.model}: {', '.join(result.recordings)}"
     console.print(Panel(head, title=escape(title), title_align="left"), soft_wrap=False)
     for number, finding in enumerate(result.findings, start=1):
@@ -41,13 +48,25 @@ def tell(result: Findings, console: Console, *, all_candidates: bool = False) ->
 
 
 def number_and_unit(e: Estimate) -> str:
-    """'leak = 0.0970 1/s (95 %: 0.0950 to 0.0980), 0.0800 in the baseline'."""
-    text = f"{e.name} = {e.value:.4g} {'' if e.unit == '1' else e.unit}".rstrip()
-    if e.low is not None and e.high is not None:
-        text += f" (95 %: {e.low:.4g} to {e.high:.4g})"
+    """'leak = 0.0970 1/s (95 %: 0.0950 to 0.0980), 0.0800 in the baseline', with as many digits as the interval leaves."""
+    if e.low is None or e.high is None:
+        text = f"{e.name} = {e.value:.4g} {shown(e.unit)}".rstrip()
+    else:
+        value, low, high = (rounded(v, 0.5 * (e.high - e.low)) for v in (e.value, e.low, e.high))
+        text = f"{e.name} = {value} {shown(e.unit)}".rstrip() + f" (95 %: {low} to {high})"
     if e.baseline:
         text += f", {e.baseline:.4g} in the baseline"
     return text + (f", at its {e.at_bound} bound" if e.at_bound else "")
+
+
+def rounded(value: float, uncertainty: float) -> str:
+    """To two digits of what is uncertain of it: 0.09619 ± 0.0027 is '0.0962'."""
+    if not uncertainty > 0.0:
+        return f"{value:.4g}"
+    decimals = 1 - math.floor(math.log10(uncertainty))
+    if decimals > MOST_DECIMALS:
+        return f"{value:.4g}"
+    return f"{round(value, decimals) + 0.0:.{max(decimals, 0)}f}"
 
 
 def most_improved(error: Mapping[str, float], count: int) -> tuple[dict[str, float], int]:
@@ -58,8 +77,9 @@ def most_improved(error: Mapping[str, float], count: int) -> tuple[dict[str, flo
 
 def told_missing(missing: MissingChannel) -> str:
     """'speed was not recorded; it would have shown linear drag (0.3 m/s), parted gyro delay from servo delay'."""
-    judged = [f"{w.what} ({w.change:.2g} {missing.unit})" for w in missing.would_judge[:5]]
-    parted = [f"{w.what} ({w.change:.2g} {missing.unit})" for w in missing.would_part[:5]]
+    unit = shown(missing.unit)
+    judged = [f"{w.what} ({f'{w.change:.2g} {unit}'.strip()})" for w in missing.would_judge[:5]]
+    parted = [f"{w.what} ({f'{w.change:.2g} {unit}'.strip()})" for w in missing.would_part[:5]]
     told = [f"shown {', '.join(judged)}"] if judged else []
     told += [f"parted {', '.join(parted)}"] if parted else []
     gone = "could not be used" if missing.recorded else "was not recorded"
@@ -70,16 +90,21 @@ def _finding(number: int, f: Finding) -> str:
     kind = "sensor" if f.kind == "sensor" else "physics"
     name = f"{f.effect} ({kind})" if f.named else f"best proxy {f.effect} ({kind}), cause unknown"
     lines = [f"{number}. {name}: {f.sentence}", f"   {f.equation}   at: {f.place}"]
-    shown = f.parameters if len(f.parameters) <= 4 else f.parameters[:3]
-    lines += [f"   {number_and_unit(e)}" for e in shown]
-    if len(f.parameters) > len(shown):
+    first = f.parameters if len(f.parameters) <= 4 else f.parameters[:3]
+    lines += [f"   {number_and_unit(e)}" for e in first]
+    if len(f.parameters) > len(first):
         sizes = [e.value for e in f.parameters]
-        unit = f.parameters[0].unit
-        lines.append(f"   ... {len(sizes)} values from {min(sizes):.3g} to {max(sizes):.3g} {unit}")
-    best, others = most_improved(f.held_out_error, SHOWN_CHANNELS)
-    better = ", ".join(f"{c} error x {ratio:.2f}" for c, ratio in best.items())
+        unit = shown(f.parameters[0].unit)
+        lines.append(f"   ... {len(sizes)} values from {min(sizes):.3g} to {max(sizes):.3g} {unit}".rstrip())
+    changed = {c: ratio for c, ratio in f.held_out_error.items() if abs(ratio - 1.0) >= UNCHANGED}
+    best, others = most_improved(changed, SHOWN_CHANNELS)
+    better = (
+        ", ".join(f"{c} error x {ratio:.2f}" for c, ratio in best.items()) or "no channel's error changes"
+    )
     more = f", and {others} more channels" if others else ""
-    lines.append(f"   on held-out data: {better}{more}; closes {f.gap_closed:.0%} of the gap")
+    lines.append(
+        f"   on held-out data: {better}{more}; closes {f.gap_closed:.0%} of the gap to what is possible"
+    )
     lines += [f"   doubt: {doubt}" for doubt in f.doubts]
     lines.append(f"   evidence {f.gain:.0f} ({f.needed:.0f} needed), {_where(f)}")
     for member in f.group:
@@ -123,15 +148,28 @@ def _open(result: Findings) -> str:
 
 
 def _ranking(result: Findings, everything: bool) -> Table:
-    table = Table(title="Candidates by their score on the baseline", title_justify="left", box=None)
-    for column in ("effect", "verdict", "score", "power", "hidden by nuisances"):
-        table.add_column(column, justify="right" if column in ("score", "power") else "left")
+    title = "The library, by what each effect would explain by itself; power: the chance to notice one of typical size"
+    table = Table(title=title, title_justify="left", box=None)
+    for column in ("effect", "verdict", "score", "power", "could hide in the baseline"):
+        table.add_column(column, justify="left" if column in ("effect", "verdict") else "right")
     rows = result.candidates if everything else result.candidates[:12]
     for c in rows:
         table.add_row(
-            escape(c.effect), c.verdict, f"{c.statistic:.1f}", f"{c.power:.2f}", f"{c.absorbed:.0%}"
+            escape(c.effect),
+            told_verdict(c, result),
+            f"{c.statistic:.1f}",
+            f"{c.power:.0%}",
+            f"{c.absorbed:.0%}",
         )
+    if len(rows) < len(result.candidates):
+        table.add_row(f"... and {len(result.candidates) - len(rows)} more, with --all", "", "", "", "")
     return table
+
+
+def told_verdict(c: Candidate, result: Findings) -> str:
+    """The verdict on a candidate; what was found and is not the cause is a proxy."""
+    proxy = c.verdict == "found" and c.effect not in result.named
+    return "best proxy" if proxy else c.verdict
 
 
 def _reasons(result: Findings) -> Iterator[str]:

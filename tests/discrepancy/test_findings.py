@@ -2,15 +2,19 @@
 
 import io
 import json
+import math
+from dataclasses import replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pydantic import ValidationError
 from rich.console import Console
 
 from discrepancy.examine import examine
-from discrepancy.findings import SCHEMA, Findings, from_json, schema_text, to_json
+from discrepancy.findings import SCHEMA, Estimate, Findings, from_json, schema_text, to_json
 from discrepancy.search import Settings
-from discrepancy.words import most_improved, tell
+from discrepancy.words import most_improved, number_and_unit, rounded, tell, told_verdict
 from tests.discrepancy.toys import record, tank
 
 
@@ -57,3 +61,29 @@ def test_reasons_longer_than_the_terminal_are_wrapped_not_cut() -> None:
     tell(result, Console(file=out, width=60, soft_wrap=True))
     words = [w for line in out.getvalue().splitlines() for w in line.strip("│ ").split()]
     assert " ".join(words).count("held-out data") == 2
+
+
+@given(value=st.floats(-1e6, 1e6), uncertainty=st.floats(1e-6, 1e6))
+def test_a_number_is_told_to_two_digits_of_what_is_uncertain_of_it(value: float, uncertainty: float) -> None:
+    text = rounded(value, uncertainty)
+    assert abs(float(text) - value) <= 0.051 * uncertainty
+    assert not text.startswith("-0") or float(text) != 0.0
+    # one digit less would lose more than that
+    assert len(text.partition(".")[2]) <= max(0, 1 - math.floor(math.log10(uncertainty)))
+
+
+def test_a_size_carries_no_more_digits_than_its_interval_leaves() -> None:
+    delay = Estimate(name="delay", value=0.09619, low=0.09341, high=0.09893, unit="s")
+    assert number_and_unit(delay) == "delay = 0.0962 s (95 %: 0.0934 to 0.0989)"
+    mass = Estimate(name="mass", value=11280.4, low=10900.0, high=11660.0, unit="kg")
+    assert number_and_unit(mass) == "mass = 11280 kg (95 %: 10900 to 11660)"
+    plain = Estimate(name="cubic", value=-0.00013, low=None, high=None, unit="m.s^2/rad^2")
+    assert number_and_unit(plain) == "cubic = -0.00013 m·s²/rad²"
+
+
+def test_what_was_found_and_is_not_the_cause_is_told_as_a_proxy() -> None:
+    result = examine(tank(), [record(2, leak=0.08)], Settings())
+    [leak] = [c for c in result.candidates if c.effect == "leak"]
+    assert told_verdict(leak, result) == "found"
+    doubted = replace(result, findings=[replace(f, named=False) for f in result.findings])
+    assert told_verdict(leak, doubted) == "best proxy"

@@ -1,12 +1,13 @@
 """Maps, traces and spectra of a diagnosis, drawn with the parts of the bench report."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from discrepancy.evidence import Evidence, MapRow, RegimeCell
+from discrepancy.evidence import Evidence, MapRow, RegimeCell, Trace
 from discrepancy.findings import ChannelNoise
+from discrepancy.units import shown as shown_unit
 from hil.diagnose.page import heat as heat_map
 from hil.diagnose.page import spectrum
 from hil.diagnose.page.heat import HeatRow
@@ -16,6 +17,8 @@ from hil.report.axis import Axis
 from hil.report.plot import Curve, Plot, Timeline
 
 MOST_RECORDINGS = 8
+MOST_CHANNELS, MOST_SIGNALS = 6, 8  # of the table by regime, which can be read
+MOST_PAIRS = 8  # of plots that are open from the start
 APART = (
     2.0  # recordings whose clocks lie further apart than this many lengths are drawn from their own starts
 )
@@ -51,14 +54,19 @@ class Clock:
 def mismatch(shown: Evidence, clock: Clock) -> str:
     """Channel by time for each recording, and channel by regime."""
     recordings = list(dict.fromkeys(r.recording for r in shown.time_map))
-    parts = [
-        "<p class=soft>Root mean square of the held-out residual, in one-step errors. Noise alone leaves about 1.</p>",
-        heat_map.key(),
-    ]
+    note = (
+        "Root mean square of the held-out residual, in one-step errors: noise alone leaves about 1. Above, the model as it was; "
+        "the thin row below it, with what was found. Channels that differ most come first."
+    )
+    parts = [f"<p class=soft>{note}</p>", heat_map.key()]
     for name in recordings[:MOST_RECORDINGS]:
-        rows = [row for r in shown.time_map if r.recording == name for row in _rows(r, clock)]
+        of = sorted((r for r in shown.time_map if r.recording == name), key=_largest, reverse=True)
+        drawn = [r for r in of if _largest(r) >= heat_map.LEVELS[0]] or of[:1]
+        rows = [row for r in drawn for row in _rows(r, clock)]
         head = f"<h3>{plain(name).markup}</h3>" if len(recordings) > 1 else ""
         parts.append(head + heat_map.markup(rows, clock.line(name)))
+        if calm := [r.channel for r in of if r not in drawn]:
+            parts.append(f"<p class=soft>As small as noise throughout: {plain(', '.join(calm)).markup}.</p>")
     if len(recordings) > MOST_RECORDINGS:
         parts.append(f"<p class=soft>and {len(recordings) - MOST_RECORDINGS} more recordings, not drawn.</p>")
     return "".join(parts) + _regimes(shown.regimes)
@@ -66,69 +74,129 @@ def mismatch(shown: Evidence, clock: Clock) -> str:
 
 def _rows(row: MapRow, clock: Clock) -> list[HeatRow]:
     edges = row.edges_s - clock.origin[row.recording]
-    rows = [HeatRow(f"{row.channel}, before" if row.after is not None else row.channel, edges, row.before)]
-    return rows + ([HeatRow(f"{row.channel}, after", edges, row.after)] if row.after is not None else [])
+    rows = [HeatRow(row.channel, edges, row.before)]
+    return rows + ([HeatRow(row.channel, edges, row.after, after=True)] if row.after is not None else [])
+
+
+def _largest(row: MapRow) -> float:
+    """The largest mismatch, before or after."""
+    both = [row.before] if row.after is None else [row.before, row.after]
+    return max((float(np.nanmax(v)) for v in both if np.isfinite(v).any()), default=0.0)
 
 
 def _regimes(cells: Sequence[RegimeCell]) -> str:
+    """A table of the channels that differ most by the signals over whose range they differ most unevenly."""
     if not cells:
         return ""
-    channels = list(dict.fromkeys(c.channel for c in cells))
+    channels = _ranked(cells, lambda c: c.channel, max)[:MOST_CHANNELS]
+    told = [c for c in cells if c.channel in channels]
+    signals = _ranked(told, lambda c: c.signal, np.ptp)[:MOST_SIGNALS]
     several = cells[0].after is not None
     head = ["where", ""]
     for channel in channels:
         head += [f"{channel}, before", "after"] if several else [channel]
-    by_place = {(c.signal, c.regime, c.channel): c for c in cells}
+    by_place = {(c.signal, c.regime, c.channel): c for c in told}
     rows: list[list[Cell]] = []
-    above = ""
-    for signal, regime in dict.fromkeys((c.signal, c.regime) for c in cells):
-        row = [plain("" if signal == above else signal), plain(regime)]
-        above = signal
-        for channel in channels:
-            cell = by_place.get((signal, regime, channel))
-            row.append(heat(cell.before if cell else None))
-            row += [heat(cell.after if cell else None)] if several else []
-        rows.append(row)
-    return "<h3>By regime</h3>" + table(head, rows, numbers=range(2, len(head)))
+    for signal in signals:
+        for i, regime in enumerate(dict.fromkeys(c.regime for c in told if c.signal == signal)):
+            row = [plain("" if i else signal), plain(regime)]
+            for channel in channels:
+                cell = by_place.get((signal, regime, channel))
+                row.append(heat(cell.before if cell else None))
+                row += [heat(cell.after if cell else None)] if several else []
+            rows.append(row)
+    there = len({c.channel for c in cells}), len({c.signal for c in cells})
+    text = f"Of {there[0]} channels and {there[1]} signals, those with the largest mismatch."
+    note = f"<p class=soft>{text}</p>" if there > (len(channels), len(signals)) else ""
+    return f"<h3>By regime</h3>{note}" + table(head, rows, numbers=range(2, len(head)))
 
 
 def traces(shown: Evidence, clock: Clock) -> str:
-    """Recorded, and predicted before and after, on held-out stretches; a row of plots per recording."""
+    """Recorded, and predicted before and after, on held-out stretches; a pair of plots per channel, the largest mismatch first."""
     recordings = list(dict.fromkeys(t.recording for t in shown.traces))[:MOST_RECORDINGS]
+    size = {(r.recording, r.channel): _largest(r) for r in shown.time_map}
     parts = []
     for name in recordings:
-        plots = []
-        for t in [t for t in shown.traces if t.recording == name]:
-            time_s = t.time_s - clock.origin[name]
-            curves = [
-                Curve("recorded", time_s, t.recorded, "truth"),
-                Curve("before", time_s, t.before, "predicted"),
-            ]
-            curves += [Curve("after", time_s, t.after, "estimate")] if t.after is not None else []
-            unit = "" if t.unit == "1" else t.unit
-            plots.append(Plot(title=t.channel, unit=unit, curves=curves))
-            errors = [Curve("before", time_s, t.recorded - t.before, "predicted")]
-            errors += (
-                [Curve("after", time_s, t.recorded - t.after, "estimate")] if t.after is not None else []
-            )
-            plots.append(
-                Plot(title=f"{t.channel}, recorded minus simulated", unit=unit, curves=errors, always=(0.0,))
-            )
-        shown_plots = "".join(plot.markup(p, plot.common_range([p]), clock.line(name)) for p in plots)
-        parts.append(
-            f'<div class="rows single"><p class="run key">{plain(name).markup}</p>{shown_plots}</div>'
-        )
+        of = [t for t in shown.traces if t.recording == name]
+        of.sort(key=lambda t: -size.get((name, t.channel), 0.0))
+        pairs = [_pair(t, clock) for t in of]
+        parts.append(f"<h3>{plain(name).markup}</h3>{_folded(pairs, [t.channel for t in of])}")
     note = "Every stretch is predicted with parameters from the other stretches; initial states are the stretch's own."
     return f'<p class="soft">{note}</p>{"".join(parts)}'
 
 
+def _pair(t: Trace, clock: Clock) -> str:
+    """A channel, and the difference of model and recording."""
+    time_s = t.time_s - clock.origin[t.recording]
+    curves = [Curve("recorded", time_s, t.recorded, "truth"), Curve("before", time_s, t.before, "predicted")]
+    errors = [Curve("before", time_s, t.recorded - t.before, "predicted")]
+    if t.after is not None:
+        curves.append(Curve("after", time_s, t.after, "estimate"))
+        errors.append(Curve("after", time_s, t.recorded - t.after, "estimate"))
+    unit = shown_unit(t.unit)
+    plots = (
+        Plot(title=t.channel, unit=unit, curves=curves),
+        Plot(title=f"{t.channel}, recorded minus simulated", unit=unit, curves=errors, always=(0.0,)),
+    )
+    return "".join(plot.markup(p, plot.common_range([p]), clock.line(t.recording)) for p in plots)
+
+
+def _folded(pairs: Sequence[str], names: Sequence[str]) -> str:
+    """Pairs of plots; those of many channels can be opened."""
+    shown, more = pairs[:MOST_PAIRS], pairs[MOST_PAIRS:]
+    drawn = f'<div class="rows single pairs">{"".join(shown)}</div>'
+    if not more:
+        return drawn
+    told = plain(f"{len(more)} more channels: {', '.join(names[MOST_PAIRS:])}").markup
+    return f'{drawn}<details><summary>{told}</summary><div class="rows single pairs">{"".join(more)}</div></details>'
+
+
+def _ranked(
+    cells: Sequence[RegimeCell],
+    of: Callable[[RegimeCell], str],
+    size: Callable[[Sequence[float]], float],
+) -> list[str]:
+    """Channels or signals by the size of the mismatch in their cells, largest first."""
+    cells_of: dict[str, list[float]] = {}
+    for cell in cells:
+        cells_of.setdefault(of(cell), []).append(cell.before)
+    return sorted(cells_of, key=lambda name: -float(size(cells_of[name])))
+
+
+def recordings(shown: Evidence) -> str:
+    """What was judged of each recording: from when to when, and how often each channel was sampled."""
+    rows: list[list[Cell]] = []
+    above = ""
+    for t in shown.traces:
+        stamps = t.time_s[np.isfinite(t.recorded)]
+        span = f"{stamps[0]:.1f} to {stamps[-1]:.1f} s"
+        values = t.recorded[np.isfinite(t.recorded)]
+        rows.append(
+            [
+                plain("" if t.recording == above else t.recording),
+                plain(t.channel),
+                plain(span, "n"),
+                plain(f"{stamps.size}", "n"),
+                plain(f"{1e3 * float(np.median(np.diff(stamps))):.3g} ms", "n"),
+                plain(f"{values.min():.3g} to {values.max():.3g} {shown_unit(t.unit)}".strip(), "n"),
+            ]
+        )
+        above = t.recording
+    head = ("recording", "channel", "judged", "samples", "apart", "from, to")
+    return table(head, rows, numbers=(2, 3, 4, 5))
+
+
 def residuals(shown: Evidence, noise: Sequence[ChannelNoise]) -> str:
     """Spectra and autocorrelations of the whitened residuals, and the verdict on whiteness."""
-    drawn = "".join(spectrum.power(s) + spectrum.correlation(s) for s in shown.spectra)
+    worst = {s.channel: float(np.mean(s.before)) for s in shown.spectra}
+    spectra = sorted(shown.spectra, key=lambda s: -worst[s.channel])
+    drawn = _folded(
+        [spectrum.power(s) + spectrum.correlation(s) for s in spectra], [s.channel for s in spectra]
+    )
     rows = [
         [
             plain(n.channel),
-            plain(f"{n.one_step_error:.3g} {'' if n.unit == '1' else n.unit}".strip(), "n"),
+            plain(f"{n.one_step_error:.3g} {shown_unit(n.unit)}".strip(), "n"),
             plain(str(n.order), "n"),
             plain(f"{n.whiteness_p:.3f}", "n"),
             plain(
@@ -139,4 +207,4 @@ def residuals(shown: Evidence, noise: Sequence[ChannelNoise]) -> str:
     ]
     head = ("channel", "one-step error", "order of its memory", "p (Ljung-Box)", "white")
     note = "A model that leaves nothing out leaves residuals without structure: power 1 at every frequency, correlation within the band."
-    return f'<p class="soft">{note}</p>{table(head, rows, numbers=(1, 2, 3))}<div class="rows single">{drawn}</div>'
+    return f'<p class="soft">{note}</p>{table(head, rows, numbers=(1, 2, 3))}{drawn}'

@@ -16,11 +16,12 @@ LEVELS = (1.2, 1.5, 2.0, 3.0, 5.0, 8.0)  # sd at which a colour begins; a floor 
 
 @dataclass(frozen=True, slots=True)
 class HeatRow:
-    """Values [sd] between edges [s] of the page's time axis; NaN is not drawn."""
+    """Values [sd] between edges [s] of the page's time axis; NaN is not drawn. after: with what was found, under the row without."""
 
     name: str
     edges_s: Array
     value: Array
+    after: bool = False
 
 
 def level(value: float) -> int:
@@ -52,7 +53,7 @@ def key() -> str:
 def _row(row: HeatRow, across: Axis) -> str:
     known = row.value[np.isfinite(row.value)]
     largest = f"{known.max():.1f}" if known.size else "–"
-    label = f"{row.name}: up to {largest} one-step errors"
+    label = f"{row.name}{', with what was found' if row.after else ''}: up to {largest} one-step errors"
     cells = "".join(
         _cell(low, high, value, across)
         for low, high, value in zip(
@@ -61,7 +62,7 @@ def _row(row: HeatRow, across: Axis) -> str:
         if math.isfinite(value)
     )
     return (
-        f'<div class="band"><span class="name">{escape(row.name)}<output></output></span>'
+        f'<div class="band{" after" if row.after else ""}"><span class="name">{escape(row.name)}<output></output></span>'
         f'<div class="track" role="img" aria-label="{escape(label)}"><div class="moving">{cells}</div></div></div>'
     )
 

@@ -5,7 +5,7 @@ indices after '_' or as digits. What it cannot read stays text, so that no equat
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from html import escape
 
 GREEK = {
@@ -17,10 +17,11 @@ FUNCTIONS = ("sin", "cos", "tan", "atan", "tanh", "exp", "log", "ln", "sign", "m
 WORDS = ("for", "if", "until", "where", "with", "and", "or", "else", "while", "alone")
 TOKEN = re.compile(
     r"\s*(?:(?P<number>\d+(?:\.\d+)?(?:e[+-]?\d+)?)|(?P<name>[A-Za-zα-ωΑ-Ω][A-Za-z0-9_α-ω]*(?:\.[A-Za-z_]\w*)*'*)"
-    r"|(?P<sign>\+=|<=|>=|[-+*·/^(),|=<>²³−]))"
+    r"|(?P<sign>->|\+=|<=|>=|[-+*·/^(),|=<>²³−]))"
 )
-RELATIONS = {"=": "=", "+=": "+=", "<": "&lt;", ">": "&gt;", "<=": "≤", ">=": "≥"}
+RELATIONS = {"->": "→", "=": "=", "+=": "+=", "<": "&lt;", ">": "&gt;", "<=": "≤", ">=": "≥"}
 OPEN, CLOSE = "<mrow><mo>(</mo>", "<mo>)</mo></mrow>"
+MEMORIES = ("play(", "lowpass(")  # their second argument is a quantity with a unit, no symbol
 POWERS = {"²": "2", "³": "3"}
 
 
@@ -35,10 +36,11 @@ def mathml(text: str) -> str:
     return f'<math display="block" aria-label="{escape(text)}"><mrow>{joined}</mrow></math>'
 
 
-def added(place: str, functions: Sequence[str]) -> str:
-    """'place += c1 f1 + c2 f2' of terms whose place and functions are given as text."""
+def added(place: str, functions: Sequence[str], signals: Collection[str] = ()) -> str:
+    """'place += c1 f1 + c2 f2' of terms whose place and functions are given as text; signals: names that are not symbols."""
     terms = [
-        f"{symbol(f'c{i}')}<mspace width='0.25em'/>{_part(text)}" for i, text in enumerate(functions, start=1)
+        f"{symbol(f'c{i}')}<mspace width='0.25em'/>{_part(text, signals)}"
+        for i, text in enumerate(functions, start=1)
     ]
     label = f"{place} += " + " + ".join(f"c{i} {text}" for i, text in enumerate(functions, start=1))
     inner = f"<mtext>{escape(place)}</mtext><mo>+=</mo>{'<mo>+</mo>'.join(terms)}"
@@ -56,9 +58,11 @@ def _pieces(text: str) -> list[str]:
     return [piece for piece in (*found, text[start:].strip()) if piece]
 
 
-def _part(text: str) -> str:
+def _part(text: str, signals: Collection[str] = ()) -> str:
     try:
-        return _Reader(text).equation()
+        if text.startswith(MEMORIES):
+            raise _NoEquationError
+        return _Reader(text, signals).equation()
     except _NoEquationError:
         return f"<mtext>{escape(text)}</mtext>"
 
@@ -66,8 +70,9 @@ def _part(text: str) -> str:
 class _Reader:
     """Recursive descent over the tokens of one equation."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, signals: Collection[str] = ()) -> None:
         self._tokens = list(_tokens(text))
+        self._signals = signals
         self._at = 0
         self._bars = 0  # open absolute values: a bar then closes
 
@@ -169,6 +174,8 @@ class _Reader:
 
     def _called(self, name: str) -> str:
         """A name, or a function of what stands in brackets right behind it."""
+        if name in self._signals:
+            return f"<mtext>{escape(name)}</mtext>"
         at = self._tokens[self._at] if self._at < len(self._tokens) else ("", "", False)
         if at[1] != "(" or at[2]:
             return symbol(name)

@@ -6,16 +6,29 @@ from html import escape
 
 from discrepancy.evidence import Evidence
 from discrepancy.findings import Estimate, Finding, Findings
-from discrepancy.words import most_improved, number_and_unit, told_missing
+from discrepancy.units import shown as shown_unit
+from discrepancy.words import most_improved, number_and_unit, told_missing, told_verdict
 from hil.diagnose.page import drawn, machine
 from hil.diagnose.page.mathml import mathml
+from hil.diagnose.page.profile import profile
 from hil.diagnose.page.tables import Cell, definitions, meter, plain, table
-from hil.diagnose.page.told import better, lead, open_cards, percent, summary, told_where
+from hil.diagnose.page.told import (
+    better,
+    counts,
+    lead,
+    open_cards,
+    percent,
+    sentence,
+    summary,
+    told_kind,
+    told_where,
+)
 from hil.report.document import bar, document, resource
 
 CARD = {"explained": "good", "nothing missing": "good", "unknown": "warned", "inconclusive": "unknown"}
 SHOWN_CARDS = 4
-COMMAND, CODE = re.compile("`([^`]*)`"), r"<code>\1</code>"
+COMMAND = re.compile("`([^`]*)`")
+OPTION = re.compile(r"(?<!\S)(--\S+)")
 CHANNELS_ON_A_CARD = 4
 
 
@@ -25,16 +38,16 @@ def page(
     """The whole document; shown: None where nothing was usable; steps: what to do next; conditions: what was run, as told to the reader."""
     clock = drawn.Clock.of(shown) if shown else None
     chapters = [
-        ("found", "What was found", "".join(_findings(result))),
         ("next", "What to do next", _steps(steps)),
-        ("map", "Where model and recordings differ", drawn.mismatch(shown, clock) if shown and clock else ""),
+        ("found", "What was found", "".join(_findings(result))),
         ("machine", "On the machine", machine.chapter(result, shown) if shown else ""),
+        ("map", "Where model and recordings differ", drawn.mismatch(shown, clock) if shown and clock else ""),
         ("traces", "Simulated against recorded", drawn.traces(shown, clock) if shown and clock else ""),
         ("residuals", "What is left", drawn.residuals(shown, result.noise) if shown else ""),
         ("candidates", "All candidates", _candidates(result)),
-        ("blind", "What could not be judged", _blind(result)),
+        ("blind", "What was ruled out, and what could not be judged", _blind(result)),
         ("nuisances", "What the baseline absorbed", _nuisances(result)),
-        ("recordings", "The recordings", _recordings(result)),
+        ("recordings", "The recordings", _recordings(result, shown)),
         ("conditions", "What was run", definitions(conditions)),
         ("terms", "Terms", _TERMS),
     ]
@@ -68,7 +81,7 @@ def _cards(result: Findings) -> str:
     cards = [_card(CARD[result.status], "verdict", result.status.capitalize(), summary(result))]
     for finding in result.findings[:SHOWN_CARDS]:
         kind = "good" if finding.named else "warned"
-        what = f"{finding.kind} · {finding.place}"
+        what = told_kind(finding)
         name = finding.effect if finding.named else f"Best proxy: {finding.effect}"
         best, others = most_improved(
             {c: r for c, r in finding.held_out_error.items() if r < 0.995}, CHANNELS_ON_A_CARD
@@ -77,7 +90,7 @@ def _cards(result: Findings) -> str:
         size = number_and_unit(finding.parameters[0]) if len(finding.parameters) <= 3 else ""
         more = f", and in {others} more channels" if others else ""
         told = f"Held-out error lower by: {lower}{more}." if lower else ""
-        cards.append(_card(kind, what, name[0].upper() + name[1:], f"{size}{'. ' if size else ''}{told}"))
+        cards.append(_card(kind, what, name, f"{size}{'. ' if size else ''}{told}"))
     return f'<div class="cards">{"".join(cards)}</div>'
 
 
@@ -119,14 +132,20 @@ def _finding(number: int, f: Finding) -> str:
     }
     return (
         f'<article class="finding {"named" if f.named else "proxy"}"><h3>{number}. {escape(name)}'
-        f"<small>{f.kind} · {escape(f.place)}</small></h3><p>{escape(f.sentence[:1].upper() + f.sentence[1:])}.</p>"
-        f"{mathml(f.equation) if f.equation else ''}{definitions({k: v for k, v in facts.items() if v})}</article>"
+        f"<small>{escape(told_kind(f))}</small></h3><p>{escape(sentence(f.sentence))}</p>"
+        f"{mathml(f.equation) if f.equation else ''}{profile(f.parameters)}"
+        f"{definitions({k: v for k, v in facts.items() if v})}</article>"
     )
 
 
 def _steps(steps: Sequence[str]) -> str:
     """A list; what stands between backticks is a command."""
-    items = "".join(f"<li>{COMMAND.sub(CODE, escape(step))}</li>" for step in steps)
+
+    def code(found: re.Match[str]) -> str:
+        words = OPTION.sub(r"<span>\1</span>", found[1])
+        return f"<code>{words}</code>"
+
+    items = "".join(f"<li>{COMMAND.sub(code, escape(step))}</li>" for step in steps)
     return f'<ol class="steps">{items}</ol>' if items else ""
 
 
@@ -139,8 +158,12 @@ def _candidates(result: Findings) -> str:
             plain(c.effect),
             plain(c.kind),
             plain(
-                c.verdict,
-                "found" if c.verdict == "found" else "blind" if c.verdict.startswith("could") else "",
+                told_verdict(c, result),
+                "found"
+                if c.effect in result.named
+                else "blind"
+                if c.verdict.startswith("could") or c.verdict == "found"
+                else "",
             ),
             plain(f"{c.statistic:.1f}", "n"),
             plain("–" if c.verdict == "could not be judged" else _expected(c.expected)),
@@ -160,16 +183,18 @@ def _candidates(result: Findings) -> str:
 def _expected(values: Sequence[Estimate]) -> str:
     if not values or len(values) > 3:
         return f"{len(values)} values" if values else "–"
-    return ", ".join(f"{e.value:.3g} {'' if e.unit == '1' else e.unit}".strip() for e in values)
+    return ", ".join(f"{e.value:.3g} {shown_unit(e.unit)}".strip() for e in values)
 
 
 def _blind(result: Findings) -> str:
     lines = []
+    if ruled_out := [c.effect for c in result.candidates if c.verdict == "ruled out"]:
+        lines.append(f"Ruled out, a typical one would have been noticed: {', '.join(ruled_out)}")
     by_reason: dict[str, list[str]] = {}
     for c in result.candidates:
         if c.verdict == "could not be judged":
             by_reason.setdefault(c.reason, []).append(c.effect)
-    lines += [f"{', '.join(effects)}: {reason}" for reason, effects in by_reason.items()]
+    lines += [f"Could not be judged, {reason}: {', '.join(effects)}" for reason, effects in by_reason.items()]
     lines += [told_missing(m) for m in result.missing_channels]
     return (
         f'<ul class="problems">{"".join(f"<li>{escape(line)}</li>" for line in lines)}</ul>' if lines else ""
@@ -192,7 +217,7 @@ def _nuisances(result: Findings) -> str:
         rows.append(
             (
                 plain(n.name),
-                plain("" if n.unit == "1" else n.unit),
+                plain(shown_unit(n.unit)),
                 *(plain(v, "n") for v in values),
                 plain(told),
             )
@@ -201,15 +226,14 @@ def _nuisances(result: Findings) -> str:
     return f'<p class="soft">{note}</p>{table(head, rows, numbers=(2, 3, 4))}'
 
 
-def _recordings(result: Findings) -> str:
+def _recordings(result: Findings, shown: Evidence | None) -> str:
     told = "".join(
         f"<li><b>{escape(c.recording)}</b> {escape(f'{c.signal} {c.text}'.strip())}</li>"
         for c in result.complaints
     )
-    counted = (
-        f"{len(result.recordings)} recordings, {result.samples} samples, {result.simulations} simulations."
-    )
-    return f"<p>{counted}</p>{f'<ul class=problems>{told}</ul>' if told else ''}"
+    counted = f"{counts(len(result.recordings), 'recording')}, {result.samples} samples, {result.simulations} simulations."
+    listed = drawn.recordings(shown) if shown else ""
+    return f"<p>{counted}</p>{listed}{f'<ul class=problems>{told}</ul>' if told else ''}"
 
 
 _TERMS = definitions(

@@ -1,14 +1,12 @@
 """Residuals over frequency and lag: what is left must be flat and uncorrelated, else the model is still at fault."""
 
-from collections.abc import Sequence
-from html import escape
-
 import numpy as np
 
 from discrepancy.evidence import Spectrum
 from discrepancy.recording import Array
+from hil.diagnose.page.figure import figure
 from hil.report.axis import Axis, around, number
-from hil.report.plot import UNITS, Curve, path
+from hil.report.plot import Curve
 
 FLOOR = 1e-3  # of the power of white noise, below which nothing is drawn
 
@@ -31,7 +29,7 @@ def power(spectrum: Spectrum) -> str:
     described = f"Spectrum of the residual of {spectrum.channel}: " + ", ".join(
         f"{name} up to {np.max(value):.2g} times white" for name, value, _ in curves
     )
-    return _figure(
+    return figure(
         f"{spectrum.channel}: power of the residual over white",
         drawn,
         across,
@@ -62,7 +60,7 @@ def correlation(spectrum: Spectrum) -> str:
             else f", {_largest(spectrum.correlation_after):.2f} after"
         )
     )
-    return _figure(
+    return figure(
         f"{spectrum.channel}: autocorrelation of the residual",
         curves,
         across,
@@ -80,29 +78,3 @@ def _largest(values: Array) -> float:
 
 def _raised(power: int) -> str:
     return f"{power}".translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-
-
-def _figure(
-    title: str,
-    curves: Sequence[Curve],
-    across: Axis,
-    upward: Axis,
-    labels: tuple[Sequence[tuple[float, str]], Sequence[tuple[float, str]]],
-    x_name: str,
-    described: str,
-    level: float,
-) -> str:
-    x_labels, y_labels = labels
-    upright = "".join(f"M{round(UNITS * float(across.share(at)))} 0v{UNITS}" for at, _ in x_labels)
-    flat = "".join(f"M0 {UNITS - round(UNITS * float(upward.share(at)))}h{UNITS}" for at, _ in y_labels)
-    zero = f"M0 {UNITS - round(UNITS * float(upward.share(level)))}h{UNITS}"
-    lines = "".join(path(c, across, upward) for c in curves)
-    ticks = "".join(f'<span style="left:{across.percent(at)}">{text}</span>' for at, text in x_labels)
-    levels = "".join(f'<span style="bottom:{upward.percent(at)}">{text}</span>' for at, text in y_labels)
-    legend = "".join(f'<li class="{c.style}"><i></i>{escape(c.name)}</li>' for c in curves if not c.silent)
-    return (
-        f'<figure class="plot"><figcaption>{escape(title)}</figcaption><div class="chart"><div class="y" aria-hidden="true">{levels}</div>'
-        f'<div class="area" role="img" aria-label="{escape(described)}"><svg viewBox="0 0 {UNITS} {UNITS}" preserveAspectRatio="none" '
-        f'aria-hidden="true"><path class="grid" d="{upright}{flat}"/><path class="zero" d="{zero}"/>{lines}</svg></div>'
-        f'<div class="x" aria-hidden="true"><div>{ticks}</div><em>{x_name}</em></div></div><ul class="legend">{legend}</ul></figure>'
-    )

@@ -24,7 +24,7 @@ def meter(share: float) -> Cell:
     """A share as a number and a bar."""
     width = 100 * min(max(share, 0.0), 1.0)
     bar = f'<span class="meter" aria-hidden="true"><i style="width:{width:.0f}%"></i></span>'
-    return Cell(f"{share:.0%}".replace("%", " %") + bar, "n")
+    return Cell(f"{round(100 * share)} %{bar}", "n")
 
 
 def heat(value: float | None) -> Cell:

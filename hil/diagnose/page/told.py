@@ -1,9 +1,11 @@
 """A diagnosis in sentences."""
 
+import re
 from collections.abc import Iterator, Mapping
 from html import escape
 
-from discrepancy.findings import Findings, OpenEquation, Where
+from discrepancy.findings import Estimate, Finding, Findings, OpenEquation, Where
+from discrepancy.words import SHOWN_CHANNELS, UNCHANGED, number_and_unit
 from hil.diagnose.page.mathml import added
 from hil.diagnose.page.tables import definitions
 
@@ -12,7 +14,7 @@ def lead(result: Findings) -> str:
     """The one paragraph a reader takes away."""
     named = [f for f in result.findings if f.named]
     if named:
-        told = "; ".join(f"{f.effect}: {f.sentence}" for f in named)
+        told = "; ".join(f"{f.effect}: {clause(f.sentence)}" for f in named)
         lowest = min(named[0].held_out_error.items(), key=lambda item: item[1], default=None)
         first = "the first of them" if len(named) > 1 else "it"
         return f"The model leaves out {told}." + (
@@ -35,7 +37,7 @@ def lead(result: Findings) -> str:
 def summary(result: Findings) -> str:
     """The verdict in figures, for its card."""
     named, proxies = len(result.named), len(result.findings) - len(result.named)
-    told = [f"{named} {'effect' if named == 1 else 'effects'} named"] if named else []
+    told = [f"{counts(named, 'effect')} named"] if named else []
     told += (
         [f"{proxies} more {'helps' if proxies == 1 else 'help'} without being the cause"] if proxies else []
     )
@@ -45,16 +47,43 @@ def summary(result: Findings) -> str:
 
 
 def percent(share: float) -> str:
-    """'18 %'."""
-    return f"{100 * share:.0f} %"
+    """'18 %', which no line is broken in."""
+    return f"{round(100 * share)}\N{NO-BREAK SPACE}%"
+
+
+def counts(number: int, what: str) -> str:
+    """'1 recording', '2 recordings'."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def told_kind(f: Finding) -> str:
+    """'sensor of gyro', 'physics · steering servo'."""
+    return f.place if f.kind in f.place else f"{f.kind} · {f.place}"
+
+
+def clause(text: str) -> str:
+    """A library's sentence within another: no full stop, no capital."""
+    text = text.rstrip(".")
+    return text if text[:2].isupper() else text[:1].lower() + text[1:]
+
+
+def sentence(text: str) -> str:
+    """With a full stop, and a capital unless it begins with a channel's name."""
+    first = text.partition(" ")[0]
+    return f"{text if '_' in first else text[:1].upper() + text[1:]}".rstrip(".") + "."
 
 
 def better(errors: Mapping[str, float]) -> str:
-    """'gyro error × 0.18; encoder unchanged', best first."""
-    ranked = sorted(errors.items(), key=lambda item: item[1])
-    changed = [f"{c} error × {r:.2f}" for c, r in ranked if abs(r - 1.0) >= 0.005]
-    same = [c for c, r in errors.items() if abs(r - 1.0) < 0.005]
-    return "; ".join([*changed, *([f"{', '.join(same)} unchanged"] if same else [])])
+    """'gyro error × 0.18; others unchanged', best first; of many channels the best and the worst."""
+    ranked = sorted(
+        ((c, r) for c, r in errors.items() if abs(r - 1.0) >= UNCHANGED), key=lambda item: item[1]
+    )
+    best, rest = ranked[:SHOWN_CHANNELS], ranked[SHOWN_CHANNELS:]
+    told = [f"{c} error × {r:.2f}" for c, r in best]
+    if rest:
+        told.append(f"{counts(len(rest), 'more channel')} × {rest[0][1]:.2f} to {rest[-1][1]:.2f}")
+    same = len(errors) - len(ranked)
+    return "; ".join([*told, *(["others unchanged" if told else "no channel changes"] if same else [])])
 
 
 def told_where(where: Where) -> str:
@@ -72,24 +101,27 @@ def told_where(where: Where) -> str:
     return f"{channels}; {time}{regime}"
 
 
-def interval(low: float | None, high: float | None) -> str:
-    """'95 %: 0.1 to 0.2', or nothing."""
-    return "" if low is None or high is None else f"95 %: {low:.4g} to {high:.4g}"
-
-
 def open_cards(found: OpenEquation) -> Iterator[str]:
     """What functions of the known signals explain beyond the library, a card per place."""
     for place in dict.fromkeys(t.place for t in found.terms):
         terms = [t for t in found.terms if t.place == place]
         facts = {
-            f"c{i}": f"{t.coefficient:.4g} {t.unit} ({interval(t.low, t.high)})"
+            f"c{i}": number_and_unit(
+                Estimate(name=f"c{i}", value=t.coefficient, low=t.low, high=t.high, unit=t.unit)
+            ).partition(" = ")[2]
             + (f"; as good on these data: {', '.join(t.equally_good[:3])}" if t.equally_good else "")
             for i, t in enumerate(terms, 1)
         }
         facts["evidence, all terms"] = (
             f"{found.gain:.0f}, needed {found.needed:.0f}; {found.held_out_gain:.0f} on held-out data"
         )
+        depends = [name for name in found.depends_on if any(_names(t.function, name) for t in terms)]
         yield (
             f'<article class="finding open"><h3>Outside the library<small>at {escape(place)}</small></h3>'
-            f"<p>Depends on {escape(', '.join(found.depends_on) or 'nothing known: a constant')}.</p>{added(place, [t.function for t in terms])}{definitions(facts)}</article>"
+            f"<p>Depends on {escape(', '.join(depends) or 'nothing known: a constant')}.</p>{added(place, [t.function for t in terms], found.depends_on)}{definitions(facts)}</article>"
         )
+
+
+def _names(function: str, signal: str) -> bool:
+    """Whether the text of a function names a signal, and not only a longer one."""
+    return re.search(rf"(?<!\w){re.escape(signal)}(?![A-Za-z_\d])", function) is not None

@@ -66,6 +66,18 @@ def test_terms_of_an_open_equation() -> None:
     assert whole.find(".//mfrac") is not None
 
 
+def test_a_signal_is_no_symbol_with_an_index_and_a_width_no_fraction() -> None:
+    whole = ElementTree.fromstring(added("yaw", ["yaw_rate²", "play(gyro, 0.5 rad/s)"], ["yaw_rate", "gyro"]))
+    texts = [e.text for e in whole.iter("mtext")]
+    assert texts == ["yaw", "yaw_rate", "play(gyro, 0.5 rad/s)"]
+    assert whole.find(".//msup") is not None
+    assert whole.find(".//mfrac") is None
+
+
+def test_an_arrow_is_a_relation() -> None:
+    assert words(tree("m_l -> m_l + d")) == "ml→ml+d"
+
+
 @given(st.text(max_size=60))
 def test_any_text_gives_well_formed_markup_that_names_it(text: str) -> None:
     clean = "".join(c for c in text if c.isprintable())

@@ -1,17 +1,23 @@
 """The report: self-contained, well formed, and with all that a reader needs."""
 
+import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from discrepancy.evidence import Evidence, evidence, held_out_prediction
+from discrepancy.evidence import Evidence, RegimeCell, evidence, held_out_prediction
 from discrepancy.examine import investigate
+from discrepancy.findings import Estimate
 from discrepancy.judge import Judgement
+from discrepancy.recording import Array
 from discrepancy.search import Settings
 from hil.diagnose.page import page
 from hil.diagnose.page.heat import LEVELS, level
+from hil.diagnose.page.profile import profile
+from hil.diagnose.page.told import better, clause, percent, sentence
 from tests.discrepancy.toys import record, tank
 from tests.hil.diagnose.cases import Call, columns, loaderhil, model_file, write_csv
 
@@ -65,10 +71,73 @@ def test_the_page_is_well_formed_and_fetches_nothing(leaking: tuple[Judgement, E
         "leak = 0.0",
         "level, recorded minus simulated",
         "autocorrelation",
+        "Type <code>a &lt;b&gt;</code>.",
         "level delay",
         "area",
     ):
         assert expected in text
+
+
+def many(shown: Evidence, count: int) -> Evidence:
+    """The same with so many channels, the last of which differs most, by signals of which the last matters most."""
+
+    def grown(i: int, values: Array) -> Array:
+        return (1.0 + i) * values
+
+    [row], [trace], [spectrum] = shown.time_map, shown.traces, shown.spectra
+    names = [f"c{i:02}" for i in range(count)]
+    return Evidence(
+        traces=[replace(trace, channel=name) for name in names],
+        time_map=[replace(row, channel=name, before=grown(i, row.before)) for i, name in enumerate(names)],
+        regimes=[
+            RegimeCell(channel, signal, regime, (1.0 + i) * (1.0 + j * k), 1.0)
+            for i, channel in enumerate(names)
+            for j, signal in enumerate(f"s{j:02}" for j in range(count))
+            for k, regime in enumerate(("low", "middle", "high"))
+        ],
+        spectra=[replace(spectrum, channel=n, before=grown(i, spectrum.before)) for i, n in enumerate(names)],
+    )
+
+
+def test_many_channels_are_folded_and_what_differs_most_comes_first(
+    leaking: tuple[Judgement, Evidence],
+) -> None:
+    judged, shown = leaking
+    text = page(judged.findings, many(shown, 12), [], {})
+    checker = Checker()
+    checker.feed(text)
+    assert checker.open == []
+    drawn = re.findall(r"<figcaption>(c\d\d)[^,:]*</figcaption>", text) or re.findall(
+        r"<figcaption>(c\d\d)\b", text
+    )
+    assert list(dict.fromkeys(drawn))[:3] == ["c11", "c10", "c09"]
+    assert set(drawn) == {f"c{i:02}" for i in range(12)}
+    assert text.count("<details>") == 2  # traces, spectra
+    regimes = text[text.index("By regime") : text.index("Simulated against recorded</h2>")]
+    assert "Of 12 channels and 12 signals" in regimes
+    assert "c11, before" in regimes
+    assert "c05, before" not in regimes
+    assert re.findall(r"<td>(s\d\d)</td>", regimes) == [f"s{j:02}" for j in range(11, 3, -1)]
+
+
+def test_an_effect_of_many_values_is_drawn_with_its_intervals() -> None:
+    values = [Estimate(name=f"grade.{i}", value=0.01 * i, low=None, high=0.1, unit="rad") for i in range(6)]
+    drawn = profile(values)
+    assert "grade.0 to grade.5 [rad]" in drawn
+    assert drawn.count("<path") == 2 + 3  # grid, zero; either end of the interval, and the value
+    assert profile(values[:4]) == ""
+
+
+def test_words_of_the_page() -> None:
+    assert better({"a": 0.5, "b": 1.0, "c": 0.1}) == "c error × 0.10; a error × 0.50; others unchanged"
+    few = {f"c{i}": 0.1 * i + 0.05 for i in range(8)}
+    assert better(few).endswith("2 more channels × 0.65 to 0.75")
+    assert better({"a": 1.0}) == "no channel changes"
+    assert sentence("accel_x is late") == "accel_x is late."
+    assert sentence("There is more.") == "There is more."
+    assert clause("There is more.") == "there is more"
+    assert clause("CAN frames are late") == "CAN frames are late"
+    assert percent(-0.001) == "0\N{NO-BREAK SPACE}%"
 
 
 def test_held_out_predictions_come_from_the_other_stretches(leaking: tuple[Judgement, Evidence]) -> None:
