@@ -16,6 +16,7 @@ from plant import state as s
 from plant.linkage import linkage_of, pressures
 from plant.machine import Machine
 from plant.plant import Commands, Plant
+from plant.steering import cylinders_of, steering_pressures
 from plant.truth import Truth
 from tests.plant.oracle.loader import MujocoLoader
 
@@ -106,6 +107,8 @@ class MujocoMotion:
         lift, lift_rate = oracle.joint(s.LIFT_ARM)
         linkage, tilt = linkage_of(machine.lift, machine.tilt), oracle.joint(s.BUCKET)[0]
         in_lift, in_tilt = pressures(linkage, lift, tilt, float(efforts[1]), float(efforts[2]))
+        articulation = oracle.joint(s.FRONT_FRAME)[0]
+        steering = steering_pressures(cylinders_of(machine.steering), articulation, float(efforts[0]))
         values = {
             "time_s": self._steps * STEP_S,
             "position": d.qpos[:3],
@@ -130,6 +133,7 @@ class MujocoMotion:
             "joint_torque": efforts[0],
             "lift_pressure": in_lift,
             "tilt_pressure": in_tilt,
+            "steering_pressure": steering,
             "payload_mass": self._told_payload,
         }
         for name, body in (

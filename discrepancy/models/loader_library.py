@@ -86,6 +86,10 @@ def _machine_channels() -> dict[str, Channel]:
         "roll_angle": Channel("rad", 0.005, 0.005, ("roll", None), ("bias", "delay", "lag")),
         "lift_pressure": Channel("Pa", 2e5, 1e5, ("lift_pressure", None), ("bias", "scale", "delay", "lag")),
         "tilt_pressure": Channel("Pa", 2e5, 1e5, ("tilt_pressure", None), ("bias", "scale")),
+        **{
+            f"steering_pressure_{side}": Channel("Pa", 2e5, 1e5, ("steering_pressure", i), ("bias", "scale"))
+            for i, side in enumerate(("left", "right"))
+        },
     }
 
 

@@ -91,6 +91,7 @@ def test_mujoco_moves_as_the_plant_does():
         np.testing.assert_allclose(getattr(theirs.truth(), name), getattr(ours.truth(), name), atol=1e-9)
     # the plant records forces at the instant, MuJoCo's those of the step that follows
     np.testing.assert_allclose(theirs.truth().lift_pressure, ours.truth().lift_pressure, rtol=1e-4)
+    np.testing.assert_allclose(theirs.truth().steering_pressure, ours.truth().steering_pressure, rtol=1e-2)
     np.testing.assert_allclose(theirs.truth().imu_specific_force, ours.truth().imu_specific_force, atol=0.01)
 
 
