@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from plant.linkage import LINKAGE, linkage_of
 from plant.machine import Body, Machine, Tyre
+from plant.relief_guard import GUARD, guard_of
 from plant.steering import STEERING, cylinders_of
 from plant.surface import Surface
 
@@ -115,7 +116,8 @@ WHEEL_SIZE: Final = 57
 
 P_LINKAGE: Final = P_WHEELS + 4 * WHEEL_SIZE  # plant.linkage
 P_CYLINDERS: Final = P_LINKAGE + LINKAGE  # plant.steering
-PARAMETERS: Final = P_CYLINDERS + STEERING
+P_GUARD: Final = P_CYLINDERS + STEERING  # plant.relief_guard
+PARAMETERS: Final = P_GUARD + GUARD
 
 _FROM_TYRE = {
     W_RADIUS: "radius",
@@ -178,6 +180,13 @@ def parameter_vector(machine: Machine, surface: Surface, payload_mass: float) ->
     for item in machine.effects:
         if item.effect.prepare is not None:
             item.effect.prepare(item.named, p, machine)
+    servos = p[P_STEERING : P_STEERING + 3 * SERVO_SIZE].reshape(3, SERVO_SIZE)
+    p[P_GUARD : P_GUARD + GUARD] = guard_of(
+        servos[:, SERVO_LOWER : SERVO_UPPER + 1],
+        servos[:, SERVO_RELIEF],
+        p[P_LINKAGE : P_LINKAGE + LINKAGE],
+        p[P_CYLINDERS : P_CYLINDERS + STEERING],
+    )
     return p
 
 

@@ -27,6 +27,7 @@ from plant.linkage import (
 from plant.multibody import Tree, solve_tree
 from plant.parameters import (
     P_CYLINDERS,
+    P_GUARD,
     P_LIFT,
     P_LINKAGE,
     P_STEERING,
@@ -35,6 +36,7 @@ from plant.parameters import (
     SERVO_RELIEF,
     SERVO_UPPER,
 )
+from plant.relief_guard import G_COUPLING, G_LIFT, G_STEERING, G_STROKES, G_TILT
 from plant.state import BUCKET, FRONT_FRAME, JOINT, LIFT_ARM
 from plant.steering import S_BACK, STEERING, torques_per_pressure
 
@@ -96,8 +98,26 @@ def tilt_bounds(state: Array, p: Array) -> tuple[float, float]:
 
 
 @compiled
+def surely_within(state: Array, p: Array, tree: Tree) -> bool:
+    """Whether no cylinder can be at its bounds (plant.relief_guard); after the tree is solved."""
+    joint, arm, bucket = tree.effort[FRONT_FRAME], tree.effort[LIFT_ARM], tree.effort[BUCKET]
+    shared = p[P_GUARD + G_COUPLING] * abs(bucket)
+    return (
+        arm + shared <= p[P_GUARD + G_LIFT + 1]
+        and arm - shared >= p[P_GUARD + G_LIFT]
+        and p[P_GUARD + G_TILT] <= bucket <= p[P_GUARD + G_TILT + 1]
+        and abs(joint) <= p[P_GUARD + G_STEERING]
+        and p[P_GUARD + G_STROKES] <= state[JOINT + FRONT_FRAME] <= p[P_GUARD + G_STROKES + 1]
+        and p[P_GUARD + G_STROKES + 2] <= state[JOINT + LIFT_ARM] <= p[P_GUARD + G_STROKES + 3]
+        and p[P_GUARD + G_STROKES + 4] <= state[JOINT + BUCKET] <= p[P_GUARD + G_STROKES + 5]
+    )
+
+
+@compiled
 def overloaded(state: Array, p: Array, tree: Tree) -> bool:
     """Whether any cylinder would have to give more than its bounds; after the tree is solved."""
+    if surely_within(state, p, tree):
+        return False
     steering, lift, tilt = forces(state, p, tree)
     low, high = lift_bounds(state, p)
     if lift < low or lift > high:

@@ -1,5 +1,6 @@
 """Relief valves and stroke ends: complementarity, virtual work, energy; MuJoCo has the efforts that the accelerations take."""
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -8,10 +9,30 @@ import pytest
 
 from plant import state as s
 from plant.dynamics import derivative
+from plant.linkage import (
+    K_LIFT_ROD,
+    K_TILT_BACK,
+    K_TILT_HEAD,
+    K_TILT_ROD,
+    LINKAGE,
+    lift_cylinder,
+    tilt_cylinder,
+)
 from plant.machine import load_machine
-from plant.parameters import P_LIFT, P_STEERING, P_TILT, SERVO_RELIEF, parameter_vector
+from plant.parameters import (
+    P_CYLINDERS,
+    P_GUARD,
+    P_LIFT,
+    P_LINKAGE,
+    P_STEERING,
+    P_TILT,
+    SERVO_RELIEF,
+    parameter_vector,
+)
 from plant.plant import Commands, Plant
-from plant.relief import change_at_bounds, forces, lift_bounds, steering_bounds, tilt_bounds
+from plant.relief import change_at_bounds, forces, lift_bounds, steering_bounds, surely_within, tilt_bounds
+from plant.relief_guard import G_COUPLING, G_LIFT, G_STEERING, G_STROKES, G_TILT, GUARD
+from plant.steering import STEERING, torques_per_pressure
 from plant.surface import Surface
 from plant.workspace import new_workspace
 from tests.plant.oracle.loader import DRIVEN, MujocoLoader
@@ -67,6 +88,90 @@ def test_a_cylinder_gives_its_rate_or_its_relief_pressure(name):
             opened[i] += at_bound
     assert opened.min() > 3, "hardly a valve opened"
     assert opened.max() < 58, "no valve stayed closed"
+
+
+@pytest.mark.parametrize("name", ["l60", "l60_shaft", "compact"])
+def test_where_the_guard_says_so_no_valve_would_open(name):
+    """Angles over all strokes, their ends among them, and efforts up to and beyond the guard's: the full check is its witness."""
+    rng, tree = np.random.default_rng(3), new_workspace().tree
+    said = opened = 0
+    for relief in (8e6, 2e7, math.inf):
+        machine = relieved(name, steering=relief, lift=relief, tilt=relief)
+        p = parameter_vector(machine, Surface(), 0.0)
+        g, state = p[P_GUARD : P_GUARD + GUARD], np.zeros(s.STATES)
+        finite = np.where(np.isfinite(g), g, np.sign(g) * 1e9)
+        for angles in corners_and_between(g[G_STROKES : G_STROKES + 6].reshape(3, 2), rng, 2000):
+            state[s.JOINT + s.FRONT_FRAME], state[s.JOINT + s.LIFT_ARM], state[s.JOINT + s.BUCKET] = angles
+            tree.driven[s.FRONT_FRAME] = 1.0
+            tilting = share(rng) * rng.choice(finite[G_TILT : G_TILT + 2])
+            shared = finite[G_COUPLING] * abs(tilting)
+            low, high = finite[G_LIFT] + shared, finite[G_LIFT + 1] - shared
+            tree.effort[s.BUCKET] = tilting
+            tree.effort[s.LIFT_ARM] = share(rng) * rng.choice((low, high))
+            tree.effort[s.FRONT_FRAME] = share(rng) * rng.choice((-1.0, 1.0)) * finite[G_STEERING]
+            bounds = (steering_bounds(state, p), lift_bounds(state, p), tilt_bounds(state, p))
+            opens = any(
+                not low <= force <= high
+                for force, (low, high) in zip(forces(state, p, tree), bounds, strict=True)
+            )
+            fine = surely_within(state, p, tree)
+            assert not (fine and opens)
+            said, opened = said + fine, opened + opens
+    assert said > 1000, "the guard never spares the check"
+    assert opened > 300, "no valve was near to opening"
+
+
+def corners_and_between(strokes, rng, count):
+    """Angles of the three joints: every combination of stroke ends, then by chance."""
+    yield from itertools.product(*strokes)
+    yield from rng.uniform(strokes[:, 0], strokes[:, 1], (count, 3))
+
+
+def share(rng):
+    """Of a bound: often just within it, sometimes beyond."""
+    return rng.choice((rng.uniform(0.0, 1.0), 1.0 - 1e-12, rng.uniform(1.0, 1.3)))
+
+
+@MACHINES
+def test_the_guard_knows_the_least_arms_of_the_stroke(name):
+    """Against ten times as many angles, none of them a point of the guard's own but the ends: within one per cent, on the safe side."""
+    machine = load_machine(name)
+    p = parameter_vector(machine, Surface(), 0.0)
+    g, k = p[P_GUARD : P_GUARD + GUARD], p[P_LINKAGE : P_LINKAGE + LINKAGE]
+    _, arms, buckets = (np.linspace(low, high, 701) for low, high in g[:6].reshape(3, 2))
+    tilting = np.array([tilt_cylinder(k, arm, bucket)[1:] for arm in arms[::5] for bucket in buckets])
+    push = p[P_TILT + SERVO_RELIEF] * k[K_TILT_HEAD] - k[K_TILT_BACK] * k[K_TILT_ROD]
+    assert 0.985 < g[G_TILT + 1] / (push * tilting[:, 0].min()) < 1.0
+    assert 1.0 < g[G_COUPLING] / np.abs(tilting[:, 1] / tilting[:, 0]).max() < 1.015
+    pull = p[P_LIFT + SERVO_RELIEF] * k[K_LIFT_ROD]
+    assert 0.985 < -g[G_LIFT] / (pull * min(lift_cylinder(k, arm)[1] for arm in arms)) < 1.0
+
+
+def test_a_linkage_that_passes_its_dead_centre_has_no_guard():
+    """Where an arm of the moment is nothing no effort is small enough."""
+    machine = load_machine("l60")
+    across = replace(machine.steering, limit=math.radians(85.0), front_pin_x=0.05, front_pin_y=0.3)
+    p = parameter_vector(replace(machine, steering=across), Surface(), 0.0)
+    k = p[P_CYLINDERS : P_CYLINDERS + STEERING]
+    assert min(torques_per_pressure(k, angle)[0] for angle in np.linspace(-1.48, 1.48, 99)) < 0.0
+    assert math.isnan(p[P_GUARD + G_STEERING])
+
+
+@MACHINES
+def test_a_drive_is_the_same_to_the_bit_without_the_guard(name):
+    """Valves open in it: the bucket is rolled back and the arm lowered into relief pressures that are too low."""
+    guarded, plain = (
+        Plant(relieved(name, lift=7e6, tilt=7e6), payload_mass=800.0, speed=2.0) for _ in range(2)
+    )
+    plain._parameters[P_GUARD : P_GUARD + GUARD] = math.nan
+    for tick in range(150):
+        rate = 0.3 * math.sin(0.05 * tick)
+        commands = Commands(
+            wheel_torque=(800.0,) * 4, articulation_rate=rate, lift_rate=rate, tilt_rate=0.5 * rate
+        )
+        guarded.advance(commands, 0.01)
+        plain.advance(commands, 0.01)
+        np.testing.assert_array_equal(guarded._state, plain._state)
 
 
 def test_each_bound_holds_where_one_cylinder_loads_another():
