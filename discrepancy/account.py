@@ -17,6 +17,7 @@ from discrepancy.screen import Score, active, jackknife, penalty, stretches, swi
 from discrepancy.search import Settings, State, Trial
 
 ENOUGH_POWER = 0.8
+TWIN = 0.98  # share of an effect that the nuisances can do, from which no driving tells them apart
 WHITE_LAGS = 20
 
 
@@ -63,6 +64,11 @@ def candidates(
             verdict, reason = "confusable with a finding", "explains the recordings as well as a finding"
         elif score.power == 0.0:
             verdict, reason = "could not be judged", _why_invisible(problem, effect)
+        elif last.power < ENOUGH_POWER and score.absorbed > TWIN:
+            verdict, reason = (
+                "could not be judged",
+                "the baseline's own parameters can do the same; needs these known better, or another channel",
+            )
         elif last.power < ENOUGH_POWER:
             text = "a typical one would hardly be noticed here"
             verdict, reason = "could not be judged", f"{text}; needs {effect.excited_by or 'more data'}"

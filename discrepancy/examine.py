@@ -9,6 +9,7 @@ from discrepancy.model import Model
 from discrepancy.plausible import implausible
 from discrepancy.problem import Problem, Unusable
 from discrepancy.recording import Complaint, Recording
+from discrepancy.rehearsal import rehearse
 from discrepancy.search import Progress, Settings
 
 
@@ -41,8 +42,9 @@ def investigate(
 
 
 def usable(model: Model, recordings: Sequence[Recording]) -> tuple[Problem, list[Complaint]]:
-    """The problem without implausible channels, and what was said of those. Raises Unusable if nothing is left."""
+    """The problem without implausible channels, and what was said of those. Raises Unusable if nothing is left, BadModel."""
     problem = Problem(model, recordings)
+    rehearse(problem)
     doubted = implausible(problem)
     if not doubted:
         return problem, []

@@ -14,6 +14,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from discrepancy.recording import Array, Recording, Signal
+from discrepancy.units import parse_unit
 
 NEARLY_NONE = 0.02  # of a typical change: the local gradient
 
@@ -115,6 +116,8 @@ class Window:
         return name in self.known
 
     def __getitem__(self, name: str) -> Array:
+        if name not in self.known:
+            raise KeyError(f"no signal '{name}' in {self.recording}; there are {', '.join(self.known)}")
         return self.known[name]
 
     def at_start(self, name: str) -> float:
@@ -203,6 +206,12 @@ class Model:
             raise ValueError(
                 f"model {self.name}: parameter names must be unique, repeated: {', '.join(repeated)}"
             )
+        channels = {**self.inputs, **self.optional, **self.outputs, **self.constants}
+        for name, unit in (*channels.items(), *((port.name, port.unit) for port in self.ports)):
+            try:
+                parse_unit(unit)
+            except ValueError as error:
+                raise ValueError(f"model {self.name}, {name}: {error}; models speak SI") from error
         for manoeuvre in self.manoeuvres:
             for name, given in manoeuvre.inputs.items():
                 if given.held != (name in self.held):

@@ -10,6 +10,7 @@ from bus.mistake import Mistake
 from discrepancy.model import Effect, Manoeuvre, Model, Parameter
 from discrepancy.problem import Problem, Unusable, Values
 from discrepancy.recording import Array, Recording, Signal
+from discrepancy.rehearsal import rehearse
 
 FINER = 5  # steps of the truth in one of the model's
 DEFAULT_NOISE = 0.01  # of a channel's own spread
@@ -128,6 +129,7 @@ def _simulated(
         problem = Problem(finer, [basis])
     except Unusable as error:
         raise NotHidden(f"cannot simulate: {error}") from error
+    rehearse(problem)
     start = problem.start()
     local = {name: np.full(values.size, initial.get(name, values[0])) for name, values in start.local.items()}
     on = {name: value for parameters in truth.effects.values() for name, value in parameters.items()}

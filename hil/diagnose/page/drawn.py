@@ -17,7 +17,7 @@ from hil.report.axis import Axis
 from hil.report.plot import Curve, Plot, Timeline
 
 MOST_RECORDINGS = 8
-MOST_CHANNELS, MOST_SIGNALS = 6, 8  # of the table by regime, which can be read
+MOST_CHANNELS, MOST_SIGNALS = 4, 8  # of the table by regime, which can be read
 MOST_PAIRS = 8  # of plots that are open from the start
 APART = (
     2.0  # recordings whose clocks lie further apart than this many lengths are drawn from their own starts
@@ -128,17 +128,26 @@ def traces(shown: Evidence, clock: Clock) -> str:
 def _pair(t: Trace, clock: Clock) -> str:
     """A channel, and the difference of model and recording."""
     time_s = t.time_s - clock.origin[t.recording]
-    curves = [Curve("recorded", time_s, t.recorded, "truth"), Curve("before", time_s, t.before, "predicted")]
-    errors = [Curve("before", time_s, t.recorded - t.before, "predicted")]
-    if t.after is not None:
-        curves.append(Curve("after", time_s, t.after, "estimate"))
-        errors.append(Curve("after", time_s, t.recorded - t.after, "estimate"))
-    unit = shown_unit(t.unit)
+    factor, unit = readable(t)
+    recorded = t.recorded / factor
+    found = [("before", t.before, "predicted")]
+    found += [("after", t.after, "estimate")] if t.after is not None else []
+    curves = [Curve("recorded", time_s, recorded, "truth")]
+    curves += [Curve(name, time_s, values / factor, style) for name, values, style in found]
+    errors = [Curve(name, time_s, recorded - values / factor, style) for name, values, style in found]
     plots = (
         Plot(title=t.channel, unit=unit, curves=curves),
         Plot(title=f"{t.channel}, recorded minus simulated", unit=unit, curves=errors, always=(0.0,)),
     )
     return "".join(plot.markup(p, plot.common_range([p]), clock.line(t.recording)) for p in plots)
+
+
+def readable(t: Trace) -> tuple[float, str]:
+    """What values are divided by, and the unit they then have: 'MPa' and 'kN' where ticks would need seven digits."""
+    unit, largest = shown_unit(t.unit), float(np.nanmax(np.abs(t.recorded)))
+    if not unit.startswith(("N", "Pa", "W", "J")) or largest < 1e4:
+        return 1.0, unit
+    return (1e6, f"M{unit}") if largest >= 1e6 else (1e3, f"k{unit}")
 
 
 def _folded(pairs: Sequence[str], names: Sequence[str]) -> str:

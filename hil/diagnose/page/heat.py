@@ -62,7 +62,7 @@ def _row(row: HeatRow, across: Axis) -> str:
         if math.isfinite(value)
     )
     return (
-        f'<div class="band{" after" if row.after else ""}"><span class="name">{escape(row.name)}<output></output></span>'
+        f'<div class="band{" after" if row.after else ""}"><span class="name">{escape(row.name).replace("_", "_<wbr>")}<output></output></span>'
         f'<div class="track" role="img" aria-label="{escape(label)}"><div class="moving">{cells}</div></div></div>'
     )
 
