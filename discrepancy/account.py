@@ -17,7 +17,7 @@ from discrepancy.screen import Score, active, jackknife, penalty, stretches, swi
 from discrepancy.search import Settings, State, Trial
 
 ENOUGH_POWER = 0.8
-TWIN = 0.98  # share of an effect that the nuisances can do, from which no driving tells them apart
+TWIN = 0.95  # share of an effect that the nuisances can do, from which no driving tells them apart
 WHITE_LAGS = 20
 
 
@@ -67,7 +67,7 @@ def candidates(
         elif last.power < ENOUGH_POWER and score.absorbed > TWIN:
             verdict, reason = (
                 "could not be judged",
-                "the baseline's own parameters can do the same; needs these known better, or another channel",
+                "the baseline's own parameters can do the same; needs another channel",
             )
         elif last.power < ENOUGH_POWER:
             text = "a typical one would hardly be noticed here"

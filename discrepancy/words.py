@@ -59,6 +59,11 @@ def number_and_unit(e: Estimate) -> str:
     return text + (f", at its {e.at_bound} bound" if e.at_bound else "")
 
 
+def counted(number: int, what: str) -> str:
+    """'1 recording', '2 recordings'."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
 def rounded(value: float, uncertainty: float) -> str:
     """To two digits of what is uncertain of it: 0.09619 ± 0.0027 is '0.0962'."""
     if not uncertainty > 0.0:

@@ -141,6 +141,8 @@ def _check_files(files: dict[str, str], folder: Path, told: Sequence[str]) -> No
 def _tell(score: Score, status: str, truth: "Truth", console: "Console") -> None:
     from rich.table import Table
 
+    from discrepancy.words import counted
+
     table = Table(
         "hidden effect",
         "found",
@@ -158,7 +160,7 @@ def _tell(score: Score, status: str, truth: "Truth", console: "Console") -> None
         place = f"{row.place} of {row.found}" if row.place in ("in group", "proxy") else row.place
         value = "–" if row.value is None else f"{row.value:.4g}"
         table.add_row(row.effect, place, row.parameter, f"{row.true:.4g}", value, between, holds)
-    console.print(f"verdict: {status}; hidden: {len(truth.effects)} effects, seed {truth.seed}")
+    console.print(f"verdict: {status}; hidden: {counted(len(truth.effects), 'effect')}, seed {truth.seed}")
     if score.rows:
         console.print(table)
     for name in score.false_names:

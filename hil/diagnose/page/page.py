@@ -7,14 +7,13 @@ from html import escape
 from discrepancy.evidence import Evidence
 from discrepancy.findings import Estimate, Finding, Findings
 from discrepancy.units import shown as shown_unit
-from discrepancy.words import most_improved, number_and_unit, told_missing, told_verdict
+from discrepancy.words import counted, most_improved, number_and_unit, told_missing, told_verdict
 from hil.diagnose.page import drawn, machine
 from hil.diagnose.page.mathml import mathml
 from hil.diagnose.page.profile import profile
 from hil.diagnose.page.tables import Cell, definitions, meter, plain, table
 from hil.diagnose.page.told import (
     better,
-    counts,
     lead,
     open_cards,
     percent,
@@ -231,9 +230,9 @@ def _recordings(result: Findings, shown: Evidence | None) -> str:
         f"<li><b>{escape(c.recording)}</b> {escape(f'{c.signal} {c.text}'.strip())}</li>"
         for c in result.complaints
     )
-    counted = f"{counts(len(result.recordings), 'recording')}, {result.samples} samples, {result.simulations} simulations."
+    extent = f"{counted(len(result.recordings), 'recording')}, {result.samples} samples, {result.simulations} simulations."
     listed = drawn.recordings(shown) if shown else ""
-    return f"<p>{counted}</p>{listed}{f'<ul class=problems>{told}</ul>' if told else ''}"
+    return f"<p>{extent}</p>{listed}{f'<ul class=problems>{told}</ul>' if told else ''}"
 
 
 _TERMS = definitions(

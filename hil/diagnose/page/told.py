@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from html import escape
 
 from discrepancy.findings import Estimate, Finding, Findings, OpenEquation, Where
-from discrepancy.words import SHOWN_CHANNELS, UNCHANGED, number_and_unit
+from discrepancy.words import SHOWN_CHANNELS, UNCHANGED, counted, number_and_unit
 from hil.diagnose.page.mathml import added
 from hil.diagnose.page.tables import definitions
 
@@ -37,7 +37,7 @@ def lead(result: Findings) -> str:
 def summary(result: Findings) -> str:
     """The verdict in figures, for its card."""
     named, proxies = len(result.named), len(result.findings) - len(result.named)
-    told = [f"{counts(named, 'effect')} named"] if named else []
+    told = [f"{counted(named, 'effect')} named"] if named else []
     told += (
         [f"{proxies} more {'helps' if proxies == 1 else 'help'} without being the cause"] if proxies else []
     )
@@ -49,11 +49,6 @@ def summary(result: Findings) -> str:
 def percent(share: float) -> str:
     """'18 %', which no line is broken in."""
     return f"{round(100 * share)}\N{NO-BREAK SPACE}%"
-
-
-def counts(number: int, what: str) -> str:
-    """'1 recording', '2 recordings'."""
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def told_kind(f: Finding) -> str:
@@ -81,7 +76,7 @@ def better(errors: Mapping[str, float]) -> str:
     best, rest = ranked[:SHOWN_CHANNELS], ranked[SHOWN_CHANNELS:]
     told = [f"{c} error × {r:.2f}" for c, r in best]
     if rest:
-        told.append(f"{counts(len(rest), 'more channel')} × {rest[0][1]:.2f} to {rest[-1][1]:.2f}")
+        told.append(f"{counted(len(rest), 'more channel')} × {rest[0][1]:.2f} to {rest[-1][1]:.2f}")
     same = len(errors) - len(ranked)
     return "; ".join([*told, *(["others unchanged" if told else "no channel changes"] if same else [])])
 
