@@ -12,7 +12,7 @@ import numpy as np
 
 from discrepancy import account
 from discrepancy import findings as f
-from discrepancy.fit import Fit, fit
+from discrepancy.fit import FORECAST, Fit, fit
 from discrepancy.groups import ENOUGH, Member, members, separating
 from discrepancy.locate import locate
 from discrepancy.missing import missing_channels
@@ -21,18 +21,21 @@ from discrepancy.openended import OpenEnded, explore
 from discrepancy.problem import Problem, Unusable
 from discrepancy.screen import Score, active, sensitivities
 from discrepancy.search import (
+    CLEAR,
     STRAINED,
     Progress,
     Settings,
     State,
+    Trial,
     assess,
+    confirm,
     free_names,
     held_out_residual,
     screen,
     search,
     size_of,
 )
-from discrepancy.spells import price, spell_of
+from discrepancy.spells import changing_nuisance, price, spell_of, within
 from discrepancy.units import shown
 
 FEW_SAMPLES = 30
@@ -76,7 +79,8 @@ def judge(problem: Problem, settings: Settings, progress: Progress = lambda _: N
     # the fits of the search are forward; report in order of evidence
     found.sort(key=lambda finding: -finding.gain)
     candidates = account.candidates(problem, state, history[0], found, settings)
-    status, reasons = _status(problem, found, beyond, candidates)
+    torn = _torn(problem, state, settings) if not found and not beyond.terms else None
+    status, reasons = _status(problem, found, beyond, candidates, torn)
     told = f.Findings(
         model=problem.model.name,
         recordings=list(dict.fromkeys(w.recording for w in problem.windows)),
@@ -167,7 +171,8 @@ def _finding(
     problem: Problem, state: State, baseline: State, needed: _Needed, beyond: OpenEnded, settings: Settings
 ) -> f.Finding:
     others = tuple(n for n in state.accepted if n != needed.effect)
-    scores = _scores_without(problem, state, others, needed.without, settings)
+    spell = spell_of(problem.model.effect(needed.effect), state.fit.values)
+    scores = _scores_without(problem, state, others, needed.without, spell, settings)
     alike = members(problem, state, needed.effect, needed.without, scores, settings)
     best, rest = alike[0], alike[1:]
     effect = problem.model.effect(best.effect)
@@ -175,6 +180,7 @@ def _finding(
     absorbed = next((s.absorbed for s in baseline.scores if s.effect == effect.name), 0.0)
     doubts = _doubts(problem, effect, best.fit)
     doubts += _superseded(problem, state, needed, beyond, settings)
+    doubts += _drifting(problem, state, needed, settings) if spell is not None else []
     if needed.gap_closed < settings.gap_closed:
         doubts.insert(0, f"closes {needed.gap_closed:.0%} of the gap on held-out data")
     return f.Finding(
@@ -217,12 +223,19 @@ def _finding(
 
 
 def _scores_without(
-    problem: Problem, state: State, others: tuple[str, ...], without: Fit, settings: Settings
+    problem: Problem,
+    state: State,
+    others: tuple[str, ...],
+    without: Fit,
+    spell: range | None,
+    settings: Settings,
 ) -> list[Score]:
-    """Screen of the library with one accepted effect taken out again."""
+    """Screen of the library with one accepted effect taken out again; spell: the windows in which it acted, if not in all."""
     base = problem.predict(without.values)
     rest = [e for e in problem.model.effects if e.name not in others]
     columns = sensitivities(problem, without.values, base, rest)
+    if spell is not None:
+        columns = within(problem, columns, spell)
     return screen(problem, state.noise, without, columns, settings)
 
 
@@ -268,6 +281,16 @@ def _superseded(
     ]
 
 
+def _drifting(problem: Problem, state: State, needed: _Needed, settings: Settings) -> list[str]:
+    """An effect that acts for a while may stand in for a baseline parameter that is not the same all the time."""
+    rival = changing_nuisance(problem, state.noise, needed.without)
+    if rival is None or rival[1] < (1.0 - FORECAST) * needed.gain - settings.same:
+        return []
+    name, _, windows = rival
+    start, end = problem.windows[windows.start].start_s, problem.windows[windows.stop - 1].end_s
+    return [f"the nuisance {name} would do as well if it were another from {start:.4g} to {end:.4g} s"]
+
+
 def _separation(
     problem: Problem, state: State, effect: Effect, best: Member, other: Member
 ) -> f.Separation | None:
@@ -281,10 +304,28 @@ def _separation(
     return f.Separation(effect=other.effect, manoeuvre=text, expected_difference=None) if text else None
 
 
+def _torn(problem: Problem, state: State, settings: Settings) -> Trial | None:
+    """The effect that helps held-out data far beyond chance though stretches of time disagree about it, if there is one: something is missing."""
+    likely = max(state.trials, key=lambda t: t.lead, default=None)
+    if likely is None or likely.plain < max(CLEAR, likely.needed):
+        return None
+    tried = confirm(problem, likely.beside or state, likely, settings)
+    held_out = tried.held_out_gain or 0.0
+    return tried if held_out > settings.confirmed * likely.plain and not tried.negligible(problem) else None
+
+
 def _status(
-    problem: Problem, found: Sequence[f.Finding], beyond: OpenEnded, candidates: Sequence[f.Candidate]
+    problem: Problem,
+    found: Sequence[f.Finding],
+    beyond: OpenEnded,
+    candidates: Sequence[f.Candidate],
+    torn: Trial | None,
 ) -> tuple[f.Status, list[str]]:
     reasons: list[str] = []
+    if torn is not None:
+        return "unknown", [
+            f"{torn.effect} would help much ({torn.plain:.0f} where {torn.needed:.0f} is needed), but stretches of time disagree about it"
+        ]
     if beyond.terms:
         reasons.append(f"the library leaves something that depends on known signals: {beyond.equation()}")
     reasons += [

@@ -125,7 +125,7 @@ def _of_one(name: str, unit_text: str, sd: float) -> list[Function]:
         make(f"{name}²", unit**2, 2, lambda x, _: x**2),
         make(f"sign({name})", one, 2, lambda x, _: np.tanh(x / (0.05 * sd))),
         make(f"|{name}|", unit, 2, lambda x, _: np.abs(x)),
-        make(f"d/dt {name}", unit / parse_unit("s"), 2, lambda x, step: np.gradient(x, step)),
+        make(f"d/dt {name}", unit / parse_unit("s"), 2, lambda x, step: np.diff(x, prepend=x[:1]) / step),
         make(f"{name}³", unit**3, 3, lambda x, _: x**3),
         make(f"play({name}, {PLAY * sd:.3g} {unit_text})", unit, 4, lambda x, _: play(x, PLAY * sd)),
         *(make(f"lowpass({name}, {T:g} s)", unit, 3, partial(_low_pass, time_constant_s=T)) for T in LAG_S),
@@ -293,13 +293,18 @@ class _Readings:
         self._noise, self._residual = state.noise, state.fit.residual
 
     def consider(self, function: Function, channel: str, series: Sequence[Array], amplitude: float) -> None:
-        """Keep the function for this channel if it is among the most promising so far; series: per window, on its grid."""
+        """Keep the function for this channel if it is among the most promising so far; series: per window, on its grid.
+
+        It enters as it was just before each reading: a driver or controller answers to what is read, error and all, so that what it commands
+        from then on would explain that error.
+        """
         raw = np.zeros(self._problem.measured.size)
         for block in self._problem.blocks:
             if channel in block.channels:
                 i, c = block.channels.index(channel), len(block.channels)
-                grid = self._problem.windows[block.window].time_s
-                raw[block.start + i : block.stop : c] = np.interp(block.time_s, grid, series[block.window])
+                window = self._problem.windows[block.window]
+                before = block.time_s - window.step_s
+                raw[block.start + i : block.stop : c] = np.interp(before, window.time_s, series[block.window])
         rows = self._own[channel]
         seen, left = raw[self._noise.keep[rows]], self._residual[rows]
         power = float(seen @ seen)

@@ -227,14 +227,7 @@ def score(
         inflation = inflation_of(X, residual, blocks) if X.any() else 1.0
         moved = coefficient * change
         own = switches(columns.effect)
-        plausible = (
-            all(
-                p.lower - 0.5 * abs(p.typical) <= p.value + m <= p.upper + 0.5 * abs(p.typical)
-                and (np.isinf(p.lower) or p.lower < p.value or m > 0.0)
-                for p, m in zip(own, moved, strict=True)
-            )
-            or len(own) > 1
-        )
+        plausible = allowed(own, moved)
         seen = float(np.sum(X**2))
         if seen < INVISIBLE * whole or whole == 0.0:
             plausible, seen = False, 0.0  # nuisances or initial states can do exactly the same
@@ -257,6 +250,15 @@ def score(
             best = found
     assert best is not None
     return best
+
+
+def allowed(parameters: Sequence[Parameter], moved: Array) -> bool:
+    """Whether a change is within the bounds, or nearly; of several parameters it is not asked."""
+    return len(parameters) > 1 or all(
+        p.lower - 0.5 * abs(p.typical) <= p.value + m <= p.upper + 0.5 * abs(p.typical)
+        and (np.isinf(p.lower) or p.lower < p.value or m > 0.0)
+        for p, m in zip(parameters, moved, strict=True)
+    )
 
 
 def penalty(freedom: int, candidates: int, alpha: float) -> float:

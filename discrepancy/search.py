@@ -9,9 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
-from scipy.stats import f as student_squared
 
-from discrepancy.fit import Fit, Mask, WindowStates, differences, fit, held_out
+from discrepancy.fit import Fit, Mask, fit, held_out
 from discrepancy.model import Effect
 from discrepancy.noise import Noise, estimate_noise, white_noise
 from discrepancy.problem import Problem, Values
@@ -22,7 +21,6 @@ from discrepancy.screen import (
     Score,
     active,
     by_statistic,
-    inflation_of,
     penalty,
     projected,
     score,
@@ -32,7 +30,8 @@ from discrepancy.screen import (
     switches,
     time_blocks,
 )
-from discrepancy.spells import best_spell, price, runs, searched
+from discrepancy.spells import for_a_while, price, settle, spell_of, within
+from discrepancy.unexplained import unexplained
 
 Progress = Callable[[str], None]
 BEHIND = 0.25  # share of the largest gain in SSE below which a begun refit is left, where that gain is
@@ -73,6 +72,9 @@ class Trial:
     explained: float = (
         1.0  # share of the squared errors of the channel it helps most that it takes away, held out
     )
+    beside: "State | None" = (
+        None  # the fit without it, under the noise left beside it, where that is not that of the search
+    )
 
     @property
     def lead(self) -> float:
@@ -92,7 +94,7 @@ class Trial:
 class State:
     """Where a search stands: noise, the fit with the accepted effects, the screen of the others, and what was tried.
 
-    unstrained: the fit with nuisances put back to their priors, where the data had pushed one far from it.
+    passing: effects that may act for a while only, best first; unstrained: the fit with nuisances put back to their priors, where the data had pushed one far from it.
     """
 
     noise: Noise
@@ -101,6 +103,7 @@ class State:
     scores: tuple[Score, ...]
     trials: tuple[Trial, ...] = ()
     columns: tuple[Columns, ...] = field(default=(), repr=False)
+    passing: tuple[tuple[Score, range], ...] = ()
     unstrained: Values | None = None
 
 
@@ -117,12 +120,76 @@ def search(
             progress(f"{len(state.scores)} effects screened, {problem.simulations} simulations")
             state = replace(state, trials=tuple(try_shortlist(problem, state, settings)))
         history.append(state)
-        passed = [t for t in state.trials if t.accepted(settings) and not t.negligible(problem)]
-        if not passed:
+        found = _passed(problem, state, settings) or together(problem, state, settings)
+        if not found:
             return state, history
-        best = max(passed, key=lambda t: t.lead)
-        progress(f"{best.effect}: gain {best.gain:.0f} ({best.needed:.0f} needed)")
-        accepted, values = (*accepted, best.effect), best.fit.values
+        progress(" and ".join(f"{t.effect}: gain {t.gain:.0f} ({t.needed:.0f} needed)" for t in found))
+        accepted, values = (*accepted, *(t.effect for t in found)), found[-1].fit.values
+
+
+def _passed(problem: Problem, state: State, settings: Settings) -> list[Trial]:
+    """The best trial that passed, if any."""
+    passed = [t for t in state.trials if t.accepted(settings) and not t.negligible(problem)]
+    return [_first(problem, passed)] if passed else []
+
+
+def together(problem: Problem, state: State, settings: Settings) -> list[Trial]:
+    """Two effects of which each passes beside the other, though neither by itself; none if there are none.
+
+    What is left out besides makes the stretches of a recording disagree about either of them: with both they have to agree. Only an effect
+    that takes away more than chance can is taken up again, and only together with what then passes.
+    """
+    doubted = [t for t in state.trials if t.plain > max(t.needed, CLEAR) and t.beside is None]
+    if not doubted or len(state.accepted) + 2 > settings.most_effects:
+        return []
+    one = max(doubted, key=lambda t: t.lead)
+    given = assess(problem, (*state.accepted, one.effect), one.fit.values, settings)
+    given = replace(given, trials=tuple(try_shortlist(problem, given, settings)))
+    other = next(iter(_passed(problem, given, settings)), None)
+    if other is None:
+        return []
+    effect = problem.model.effect(one.effect)
+    beside = (other.beside or given).noise
+    accepted = (*state.accepted, other.effect)
+    off = {p.name: p.value for p in effect.parameters}
+    without = fit(problem, beside, free_names(problem, accepted), other.fit.values.with_shared(off))
+    alone = replace(given, noise=beside, fit=without, accepted=accepted)
+    plain, inflation = without.sse - other.fit.sse, spread(other.fit, active(effect), stretches(beside))
+    gain, size = plain / inflation, size_of(effect, other.fit)
+    again = Trial(one.effect, other.fit, gain, plain, one.needed, None, inflation, size)
+    fits_all = all(_agreed(problem, beside, other.fit, name, settings) for name in (one.effect, other.effect))
+    if gain <= one.needed or not fits_all:
+        return []
+    again = confirm(problem, alone, again, settings)
+    return [again, other] if again.accepted(settings) and not again.negligible(problem) else []
+
+
+def _agreed(problem: Problem, noise: Noise, fitted: Fit, name: str, settings: Settings) -> bool:
+    """Whether the stretches of time in which an effect shows agree on it, but for chance."""
+    names, blocks = active(problem.model.effect(name)), stretches(noise)
+    direction = project_out(fitted, [fitted.names.index(n) for n in names])
+    power = np.bincount(blocks, np.sum(direction**2, axis=1))
+    freedom = max(float(np.sum(power)) ** 2 / float(np.sum(power**2)) - 1.0, 1.0)
+    beyond = float(chi2.sf(spread(fitted, names, blocks) * freedom, freedom))
+    return beyond > settings.alpha / len(problem.model.effects)
+
+
+def _first(problem: Problem, passed: Sequence[Trial]) -> Trial:
+    """The effect that explains best: by lead, or by likelihood where some were judged under the noise that they leave."""
+    if not any(t.beside for t in passed):
+        return max(passed, key=lambda t: t.lead)
+    return max(passed, key=lambda t: _log_likelihood(problem, t) - t.needed)
+
+
+def _log_likelihood(problem: Problem, trial: Trial) -> float:
+    """Twice the logarithm of the likelihood of a trial under the noise that it leaves, but for a constant."""
+    raw = problem.measured - problem.predict(trial.fit.values)
+    noise = estimate_noise(problem, raw, len(trial.fit.names))
+    density = sum(
+        b.shape[0] * float(np.linalg.slogdet(noise.whiteners[b.group].inverse_factor)[1])
+        for b in problem.blocks
+    )
+    return 2.0 * density - float(np.sum(noise.whiten(raw) ** 2))
 
 
 def free_names(problem: Problem, effects: Sequence[str]) -> tuple[str, ...]:
@@ -141,13 +208,14 @@ def assess(problem: Problem, accepted: tuple[str, ...], values: Values, settings
         base = problem.predict(fitted.values)
         columns = sensitivities(problem, fitted.values, base, candidates)
         raw = problem.measured - base
-        noise = estimate_noise(problem, *_unexplained(problem, noise, fitted, raw, columns))
+        noise = estimate_noise(problem, *unexplained(problem, noise, fitted, raw, columns))
         fitted = fit(problem, noise, names, fitted.values)
     scores = screen(problem, noise, fitted, columns, settings)
+    passing = for_a_while(problem, noise, fitted, scores, columns, settings.alpha)
     unstrained = _unstrained(problem, fitted)
     if unstrained is not None:
         scores = _better(scores, _screen_at(problem, noise, names, unstrained, candidates, settings))
-    return State(noise, fitted, accepted, tuple(scores), (), tuple(columns), unstrained)
+    return State(noise, fitted, accepted, tuple(scores), (), tuple(columns), tuple(passing), unstrained)
 
 
 def _unstrained(problem: Problem, fitted: Fit) -> Values | None:
@@ -176,41 +244,6 @@ def _better(one: Sequence[Score], other: Sequence[Score]) -> list[Score]:
     """Each effect's higher score, best first."""
     by_name = {s.effect: s for s in other}
     return by_statistic([max(s, by_name[s.effect], key=lambda x: x.statistic) for s in one])
-
-
-def _unexplained(
-    problem: Problem, noise: Noise, fitted: Fit, raw: Array, columns: Sequence[Columns]
-) -> tuple[Array, float]:
-    """Raw residual with every candidate projected out, and how many parameters that took.
-
-    Each candidate enters at each probe in units of that change, with a prior of a few such changes, so that a large
-    library cannot eat a short recording.
-    """
-    all_columns = np.concatenate(
-        [part for c in columns for part in c.raw] or [np.zeros((raw.size, 0))], axis=1
-    )
-    projector = Projector(problem, noise, fitted)
-    X = projector.off(noise.whiten(all_columns))
-    gram = X.T @ X
-    weak = gram + np.eye(len(gram)) / 5.0**2
-    coefficient = np.linalg.solve(weak, X.T @ fitted.residual) if len(gram) else np.zeros(0)
-    used = float(np.trace(np.linalg.solve(weak, gram))) if len(gram) else 0.0
-    left = raw - all_columns @ coefficient
-    # nuisances and initial states give way too
-    return _refitted(problem, noise, fitted, left), used + projector.states.used + len(fitted.names)
-
-
-def _refitted(problem: Problem, noise: Noise, fitted: Fit, left: Array) -> Array:
-    base = problem.predict(fitted.values)
-    raw = differences(problem, fitted.values, base, [*fitted.names, *problem.local_names])
-    J, L = raw[:, : len(fitted.names)], raw[:, len(fitted.names) :]
-    white = noise.whiten(left)
-    everything = np.ones(white.size, bool)
-    white_J, white_L = noise.whiten(J), noise.whiten(L)
-    states = WindowStates(white_L, noise.row_window, everything)
-    shared = fitted.covariance @ (fitted.columns.T @ states.off(white))
-    local = states.solve(white - white_J @ shared, len(problem.windows), noise.row_window)
-    return np.asarray(left - J @ shared - np.sum(L * local[problem.row_window], axis=1), float)
 
 
 def screen(
@@ -249,7 +282,7 @@ def shortlisted(model_effects: Sequence[Effect], scores: Sequence[Score], settin
 def try_shortlist(problem: Problem, state: State, settings: Settings) -> list[Trial]:
     """Refit the shortlist; put those that gain enough to the held-out test."""
     listed = shortlisted(problem.model.effects, state.scores, settings)
-    passing = for_a_while(problem, state, settings)
+    passing = state.passing[: settings.shortlist // 2]
     # what seems to act for a while may act always
     named = {s.effect for s in listed}
     listed += [s for s, _ in passing if s.effect not in named]
@@ -261,28 +294,36 @@ def try_shortlist(problem: Problem, state: State, settings: Settings) -> list[Tr
         refit(problem, state, s, b, settings, least, windows)
         for (s, windows), b in zip(tried, begun, strict=True)
     ]
+    trials += _in_the_same_windows(problem, state, trials, settings)
     sure = [t.gain > t.needed and t.size >= problem.model.negligible for t in trials]
-    best = max((t.lead for t, fine in zip(trials, sure, strict=True) if fine), default=0.0)
+    best = max((t.lead for t, fine in zip(trials, sure, strict=True) if fine and not t.beside), default=0.0)
     return [
-        confirm(problem, state, t, settings) if fine and t.lead > best - 3.0 * settings.same else t
+        confirm(problem, t.beside or state, t, settings)
+        if fine and (t.beside or t.lead > best - 3.0 * settings.same)
+        else t
         for t, fine in zip(trials, sure, strict=True)
     ]
 
 
-def for_a_while(problem: Problem, state: State, settings: Settings) -> list[tuple[Score, range]]:
-    """The effects that score better in some run of windows than in all, as far as the choice of the run allows; best first."""
-    among = runs(problem)
-    if not among:
+def _in_the_same_windows(
+    problem: Problem, state: State, trials: Sequence[Trial], settings: Settings
+) -> list[Trial]:
+    """Rivals of the best effect that acts for a while: the likeliest others in its windows, under the noise left beside it."""
+    brief = [t for t in trials if t.beside and t.gain > t.needed]
+    if not brief:
         return []
-    projector, found = Projector(problem, state.noise, state.fit), []
-    allowed = penalty(1, len(problem.model.effects), settings.alpha) + searched(among)
-    for columns in [c for c in state.columns if c.effect.size == 1]:
-        score = next(s for s in state.scores if s.effect == columns.effect.name)
-        spell = best_spell(state.noise, projector, state.fit.residual, columns.raw[score.probe][:, 0], among)
-        if spell and spell.statistic > score.statistic * score.inflation + allowed:
-            change = spell.size * columns.changes[score.probe]
-            found.append((spell.statistic, replace(score, change=change), spell.windows))
-    return [(s, windows) for _, s, windows in sorted(found, key=lambda f: -f[0])[: settings.shortlist // 2]]
+    best = max(brief, key=lambda t: t.gain)
+    windows = spell_of(problem.model.effect(best.effect), best.fit.values)
+    assert windows is not None
+    assert best.beside is not None
+    tried = {t.effect for t in trials if t.beside}
+    others = [c for c in state.columns if c.effect.size == 1 and c.effect.name not in tried]
+    scores = screen(problem, best.beside.noise, best.beside.fit, within(problem, others, windows), settings)
+    likely = [s for s in scores if s.statistic > best.needed][: settings.shortlist // 2]
+    return [
+        refit(problem, state, s, begin(problem, state, s, windows), settings, -np.inf, windows)
+        for s in likely
+    ]
 
 
 def begin(problem: Problem, state: State, found: Score, windows: range | None) -> list[Fit]:
@@ -312,16 +353,20 @@ def refit(
     if state.fit.sse - best.sse > least:
         fits = [fit(problem, state.noise, names, b.values, iterations=4) for b in begun]
         best = min(fits, key=lambda f: f.sse)
-    blocks = stretches(state.noise)
-    inflation = spread(best, active(effect), blocks)
-    plain = state.fit.sse - best.sse
-    gain = plain / inflation
-    if windows is not None:
-        # few stretches disagree little: what scatters over the whole recording counts, and is no better known than its stretches are many
-        inflation = max(inflation, inflation_of(found.direction, best.residual, blocks))
-        gain = float(chi2.isf(student_squared.sf(max(plain / inflation, 0.0), 1, int(blocks.max()) - 1), 1))
     needed = price(problem, effect, best.values, settings.alpha)
-    return Trial(effect.name, best, gain, plain, needed, None, inflation, size_of(effect, best))
+    if windows is None:
+        inflation = spread(best, active(effect), stretches(state.noise))
+        plain = state.fit.sse - best.sse
+        return Trial(
+            effect.name, best, plain / inflation, plain, needed, None, inflation, size_of(effect, best)
+        )
+    names = free_names(problem, state.accepted)
+    own = settle(problem, state.noise, effect, names, best.values, windows, state.columns)
+    alike = own.even(settings.alpha / len(problem.model.effects))
+    beside = replace(state, noise=own.noise, fit=own.without)
+    size = size_of(effect, own.with_it)
+    gain = own.sure_gain if alike else 0.0  # what comes and goes in between is another thing
+    return Trial(effect.name, own.with_it, gain, own.gain, needed, None, own.inflation, size, beside=beside)
 
 
 def size_of(effect: Effect, fitted: Fit) -> float:

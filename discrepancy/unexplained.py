@@ -1,0 +1,46 @@
+"""What is left of the residual where every candidate of the library may take its part: what noise is estimated from."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from discrepancy.fit import Fit, WindowStates, differences
+from discrepancy.noise import Noise
+from discrepancy.problem import Problem
+from discrepancy.recording import Array
+from discrepancy.screen import Columns, Projector
+
+
+def unexplained(
+    problem: Problem, noise: Noise, fitted: Fit, raw: Array, columns: Sequence[Columns]
+) -> tuple[Array, float]:
+    """Raw residual with every candidate projected out, and how many parameters that took.
+
+    Each candidate enters at each probe in units of that change, with a prior of a few such changes, so that a large
+    library cannot eat a short recording.
+    """
+    all_columns = np.concatenate(
+        [part for c in columns for part in c.raw] or [np.zeros((raw.size, 0))], axis=1
+    )
+    projector = Projector(problem, noise, fitted)
+    X = projector.off(noise.whiten(all_columns))
+    gram = X.T @ X
+    weak = gram + np.eye(len(gram)) / 5.0**2
+    coefficient = np.linalg.solve(weak, X.T @ fitted.residual) if len(gram) else np.zeros(0)
+    used = float(np.trace(np.linalg.solve(weak, gram))) if len(gram) else 0.0
+    left = raw - all_columns @ coefficient
+    # nuisances and initial states give way too
+    return _refitted(problem, noise, fitted, left), used + projector.states.used + len(fitted.names)
+
+
+def _refitted(problem: Problem, noise: Noise, fitted: Fit, left: Array) -> Array:
+    base = problem.predict(fitted.values)
+    raw = differences(problem, fitted.values, base, [*fitted.names, *problem.local_names])
+    J, L = raw[:, : len(fitted.names)], raw[:, len(fitted.names) :]
+    white = noise.whiten(left)
+    everything = np.ones(white.size, bool)
+    white_J, white_L = noise.whiten(J), noise.whiten(L)
+    states = WindowStates(white_L, noise.row_window, everything)
+    shared = fitted.covariance @ (fitted.columns.T @ states.off(white))
+    local = states.solve(white - white_J @ shared, len(problem.windows), noise.row_window)
+    return np.asarray(left - J @ shared - np.sum(L * local[problem.row_window], axis=1), float)
