@@ -88,10 +88,10 @@ def effects(
 
 
 def _show(name: str) -> None:
-    from plant.effects import effect
+    from plant.effects import find_effect
     from plant.effects.handbook import toml
 
-    item = effect(name)
+    item = find_effect(name)
     print(f"{item.name}: {item.sentence}\n")
     print(f"    {item.equation}\n")
     rows = [

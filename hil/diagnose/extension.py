@@ -14,6 +14,7 @@ from typing import Final
 from bus.mistake import Mistake
 from discrepancy.findings import Estimate, Finding, Findings
 from discrepancy.model import Effect, Model, Parameter
+from discrepancy.words import rounded
 from hil.diagnose.tomltext import Line, laid_over
 
 Values = Mapping[str, Mapping[str, float]]
@@ -96,7 +97,8 @@ def _interval(e: Estimate) -> str:
     if e.low is None or e.high is None:
         return f"{unit}no interval"
     was = f"; was {e.baseline:.4g}" if e.baseline else ""
-    return f"{unit}95 %: {e.low:.4g} to {e.high:.4g}{was}"
+    low, high = (rounded(v, 0.5 * (e.high - e.low)) for v in (e.low, e.high))
+    return f"{unit}95 %: {low} to {high}{was}"
 
 
 def with_stories(text: str, found: Sequence[Applied], said: Sequence[str]) -> str:

@@ -5,6 +5,6 @@ named by the environment variable LOADERHIL_EFFECTS: an effect of your own is on
 """
 
 from plant.effects.effect import ActiveEffect, Confusable, Effect, Parameter
-from plant.effects.library import effect, effects
+from plant.effects.library import effects, find_effect
 
-__all__ = ["ActiveEffect", "Confusable", "Effect", "Parameter", "effect", "effects"]
+__all__ = ["ActiveEffect", "Confusable", "Effect", "Parameter", "effects", "find_effect"]

@@ -68,7 +68,7 @@ def effects() -> dict[str, Effect]:
     return {name: module.EFFECT for name, module in modules().items()}
 
 
-def effect(name: str) -> Effect:
+def find_effect(name: str) -> Effect:
     """One effect by name."""
     known = effects()
     if name not in known:

@@ -12,7 +12,7 @@ from discrepancy.models.led import Loader, _obeyed, _shares
 from discrepancy.models.loader_library import CHANNELS, INPUTS, UNSEARCHED, library
 from discrepancy.problem import Problem
 from discrepancy.recording import Recording, signal
-from plant.effects import effect, effects
+from plant.effects import effects, find_effect
 from plant.equipment import load_equipment
 from plant.follow import lead
 from plant.machine import load_machine
@@ -179,7 +179,7 @@ def test_a_concealed_effect_is_named_with_its_size():
     from discrepancy.examine import examine
     from discrepancy.search import Settings
 
-    drive = recorded(effect("payload_mass").of(extra_kg=700.0))
+    drive = recorded(find_effect("payload_mass").of(extra_kg=700.0))
     found = examine(restricted(*LIBRARY, recordings=[drive]), [drive], Settings(open_ended=False))
     assert found.status == "explained"
     (first,) = found.findings

@@ -9,7 +9,7 @@ import pytest
 from bench.loader_mujoco import MujocoMotion
 from bench.loader_truth import Arm, arms, hidden, record
 from discrepancy.models import loader
-from plant.effects import effect
+from plant.effects import find_effect
 from plant.machine import load_machine
 from plant.plant import Commands, Plant
 
@@ -71,8 +71,8 @@ def test_mujoco_moves_as_the_plant_does():
     hidden_in = replace(
         load_machine("l60"),
         effects=(
-            effect("payload_mass").of(extra_kg=500.0),
-            effect("brake_drag").of(front_N_m=300.0, rear_N_m=300.0),
+            find_effect("payload_mass").of(extra_kg=500.0),
+            find_effect("brake_drag").of(front_N_m=300.0, rear_N_m=300.0),
         ),
     )
     theirs, ours = (
@@ -98,7 +98,7 @@ def test_mujoco_moves_as_the_plant_does():
 def test_mujoco_refuses_an_effect_it_cannot_have():
     with pytest.raises(ValueError, match="rolling_resistance"):
         MujocoMotion(
-            replace(load_machine("l60"), effects=(effect("rolling_resistance").typical(),)),
+            replace(load_machine("l60"), effects=(find_effect("rolling_resistance").typical(),)),
             payload_mass=0.0,
             speed=0.0,
         )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from plant import state as s
-from plant.effects import effect
+from plant.effects import find_effect
 from plant.machine import load_machine
 from plant.parameters import P_NORMAL, P_STOP_ANGLE, P_WHEELS, W_DAMPING
 from plant.plant import Commands, Plant
@@ -109,9 +109,9 @@ def test_order_of_convergence(integrator, order, steps):
 
 
 UNEVEN = (
-    effect("washboard").of(amplitude_mm=5.0),
-    effect("kerb").of(distance_m=3.0, length_m=2.0, left_m=0.04, right_m=0.0),
-    effect("ditch").of(distance_m=2.5, length_m=2.0, left_m=-0.01, right_m=0.02),
+    find_effect("washboard").of(amplitude_mm=5.0),
+    find_effect("kerb").of(distance_m=3.0, length_m=2.0, left_m=0.04, right_m=0.0),
+    find_effect("ditch").of(distance_m=2.5, length_m=2.0, left_m=-0.01, right_m=0.02),
 )
 
 

@@ -102,9 +102,9 @@ def test_an_error_of_force_shows_as_a_steady_difference_of_speed(truth):
     """Resistance the leader did not have, over mass and gain, is what the speed is off by."""
     from dataclasses import replace
 
-    from plant.effects import effect
+    from plant.effects import find_effect
 
-    drag = effect("brake_drag").of(front_N_m=300.0, rear_N_m=300.0)
+    drag = find_effect("brake_drag").of(front_N_m=300.0, rear_N_m=300.0)
     columns = columns_of(led(truth, replace(L60, effects=(drag,))))
     coasting = slice(400, 440)
     off = (columns["wheel_speed"] - truth["wheel_speed"])[coasting].mean() * 0.727

@@ -7,7 +7,7 @@ import pytest
 
 from plant import state as s
 from plant.dynamics import derivative
-from plant.effects import effect
+from plant.effects import find_effect
 from plant.effects.dispatch import _first_states, active_vector
 from plant.effects.library import modules
 from plant.machine import load_machine
@@ -34,7 +34,7 @@ OTHER = {
 
 def chosen(names):
     """The effects, and their parameters by name in their own units."""
-    items = tuple(effect(name).of(**OTHER.get(name, {})) for name in names)
+    items = tuple(find_effect(name).of(**OTHER.get(name, {})) for name in names)
     numbers = {
         item.effect.name: {
             par.name: value / par.si for par, value in zip(item.effect.parameters, item.values, strict=True)
@@ -133,7 +133,7 @@ def test_wheel_forces_over_a_drive_with_everything_on_agree_within_half_a_per_ce
     names = list(INCLUDED)
     items, numbers = chosen(names)
     far = {"distance_m": 12.0}
-    items = tuple(effect("pile_entry").of(**far) if i.effect.name == "pile_entry" else i for i in items)
+    items = tuple(find_effect("pile_entry").of(**far) if i.effect.name == "pile_entry" else i for i in items)
     numbers["pile_entry"] |= far
     machine = replace(L60, effects=items)
     plant = Plant(machine, GROUND, payload_mass=PAYLOAD, speed=2.5)

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from plant import state as s
-from plant.effects import effect
+from plant.effects import find_effect
 from plant.machine import load_machine
 from plant.plant import Plant
 from plant.resting import REST, moved_to_rest, rest_records
 
 L60 = load_machine("l60")
 OTHERS = {
-    "heavier": effect("payload_mass").of(extra_kg=700.0),
-    "softer": effect("inflation_pressure").of(front_bar=-0.5, rear_bar=0.3),
-    "on a slope": effect("grade").of(grade_deg=3.0, bank_deg=1.0),
+    "heavier": find_effect("payload_mass").of(extra_kg=700.0),
+    "softer": find_effect("inflation_pressure").of(front_bar=-0.5, rear_bar=0.3),
+    "on a slope": find_effect("grade").of(grade_deg=3.0, bank_deg=1.0),
 }
 
 

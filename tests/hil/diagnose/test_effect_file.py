@@ -132,7 +132,7 @@ PUSHED = equation(
 CHECK = """
 import numpy as np
 from dataclasses import replace
-from plant.effects import effect
+from plant.effects import find_effect
 from plant.machine import load_machine
 from plant.plant import Commands, Plant
 from discrepancy.models import loader
@@ -142,7 +142,7 @@ def forces(*chosen):
     plant.advance(Commands(articulation_rate=0.4), 0.2)
     return plant.truth()
 
-own, plain = forces(effect("crab").typical()), forces()
+own, plain = forces(find_effect("crab").typical()), forces()
 state = own.articulation_rate * abs(own.articulation_rate), own.angular_velocity[2] * own.articulation_angle
 print(*state)
 assert "crab" in {e.name for e in loader.library()}

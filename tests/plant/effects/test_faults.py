@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from plant.effects import effect
+from plant.effects import find_effect
 from plant.effects.effect import faulty
 from plant.effects.faults import GROUPS
 from plant.sensors import CHANNELS, INDEX, ChannelParameters, Health, SensorBank, SensorParameters
@@ -16,7 +16,7 @@ PRESSURES = ("lift_pressure", "tilt_pressure", "steering_pressure_left", "steeri
 
 def bank(name=None, given=None, **values):
     parameters = SensorParameters() if given is None else given
-    chosen = () if name is None else (effect(name).of(**values),)
+    chosen = () if name is None else (find_effect(name).of(**values),)
     return SensorBank(faulty(parameters, chosen), step=STEP, generator=np.random.default_rng(1))
 
 

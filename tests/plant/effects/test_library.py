@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from plant.checked import CheckedTable, ConfigurationError
-from plant.effects import effect, effects
+from plant.effects import effects, find_effect
 from plant.effects.dispatch import active_vector, compiled_hooks
 from plant.effects.handbook import page, toml
 from plant.machine import load_machine
@@ -27,7 +27,7 @@ NAMES = sorted(effects())
 
 @pytest.mark.parametrize("name", NAMES)
 def test_it_says_everything_a_user_needs(name):
-    item = effect(name)
+    item = find_effect(name)
     assert item.name == name
     assert item.sentence.endswith(".")
     assert item.signature.endswith(".")
@@ -46,7 +46,7 @@ def test_it_says_everything_a_user_needs(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_it_acts_somewhere(name):
-    item = effect(name)
+    item = find_effect(name)
     vector, sensors = parameter_vector(L60, Surface(), 0.0), SensorParameters()
     prepared = parameter_vector(replace(L60, effects=(item.typical(),)), Surface(), 0.0)
     acts = bool(compiled_hooks(item)) or not np.array_equal(vector, prepared)
@@ -62,9 +62,9 @@ def test_what_the_docs_show_switches_it_on(name, tmp_path):
     """The TOML that `loaderhil effects NAME` prints, appended to the machine's own file, is read as typical."""
     file = tmp_path / "machine.toml"
     base = (ROOT / "plant" / "machines" / "l60.toml").read_text(encoding="utf-8")
-    file.write_text(base + "\n" + "\n".join(toml(effect(name))) + "\n", encoding="utf-8")
+    file.write_text(base + "\n" + "\n".join(toml(find_effect(name))) + "\n", encoding="utf-8")
     (read,) = load_machine(file).effects
-    typical = effect(name).typical()
+    typical = find_effect(name).typical()
     assert read.effect is typical.effect
     assert read.values == pytest.approx(typical.values, rel=1e-5)
 
@@ -77,18 +77,18 @@ def test_the_page_is_current():
 def test_none_on_means_the_plain_plant():
     """Nothing to call: the compiler sees None where the effects' switches would be."""
     assert active_vector(()) is None
-    assert active_vector((effect("grade").typical(), effect("gyro_bias").typical())) is None
-    assert active_vector((effect("pivot_friction").typical(),)) is not None
+    assert active_vector((find_effect("grade").typical(), find_effect("gyro_bias").typical())) is None
+    assert active_vector((find_effect("pivot_friction").typical(),)) is not None
 
 
 def test_effects_of_no_size_leave_the_motion_as_it_was():
     """The same trajectory to rounding, through the plant that calls the effects' functions."""
     nothing = (
-        effect("rolling_resistance").of(coefficient=0.0),
-        effect("pivot_friction").of(torque_N_m=0.0),
-        effect("aerodynamic_drag").of(drag_area_m2=0.0),
-        effect("lug_excitation").of(amplitude_mm=0.0),
-        effect("torque_error").of(front_percent=0.0, rear_percent=0.0),
+        find_effect("rolling_resistance").of(coefficient=0.0),
+        find_effect("pivot_friction").of(torque_N_m=0.0),
+        find_effect("aerodynamic_drag").of(drag_area_m2=0.0),
+        find_effect("lug_excitation").of(amplitude_mm=0.0),
+        find_effect("torque_error").of(front_percent=0.0, rear_percent=0.0),
     )
     plain, same = (Plant(replace(L60, effects=chosen), speed=3.0) for chosen in ((), nothing))
     commands = Commands(wheel_torque=(800.0,) * 4, articulation_rate=0.2, lift_rate=0.05)
@@ -102,12 +102,12 @@ def test_effects_of_no_size_leave_the_motion_as_it_was():
 def test_errors_name_file_key_unit_and_range():
     table = CheckedTable({"coefficient": 3.0}, file="m.toml", section="effects.rolling_resistance")
     with pytest.raises(ConfigurationError, match=r"m\.toml.*coefficient.*3.*0\.\.0\.3"):
-        effect("rolling_resistance").read(table)
+        find_effect("rolling_resistance").read(table)
     table = CheckedTable({"coeficient": 0.03}, file="m.toml", section="effects.rolling_resistance")
     with pytest.raises(ConfigurationError, match=r"coeficient.*coefficient"):
-        effect("rolling_resistance").read(table)
+        find_effect("rolling_resistance").read(table)
     with pytest.raises(ConfigurationError, match="no effect named 'rolling'"):
-        effect("rolling")
+        find_effect("rolling")
 
 
 def own_effect():
@@ -134,10 +134,10 @@ def test_the_effect_of_the_how_to_works(tmp_path):
     (tmp_path / "headwind.py").write_text(own_effect(), encoding="utf-8")
     code = """
 from dataclasses import replace
-from plant.effects import effect
+from plant.effects import find_effect
 from plant.machine import load_machine
 from plant.plant import Commands, Plant
-machine = replace(load_machine("l60"), effects=(effect("headwind").of(force_N=1000.0, height_m=0.0),))
+machine = replace(load_machine("l60"), effects=(find_effect("headwind").of(force_N=1000.0, height_m=0.0),))
 plant = Plant(machine, speed=3.0)
 plant.advance(Commands(), 1.0)
 before = plant.truth().speed

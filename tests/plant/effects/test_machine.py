@@ -53,11 +53,12 @@ def test_pivot_friction_leaves_a_loop_in_the_rear_loads():
 
     from dataclasses import replace
 
-    from plant.effects import effect
+    from plant.effects import find_effect
 
-    bump = effect("ditch").of(distance_m=1.0, length_m=3.0, left_m=-0.06, right_m=0.0)
+    bump = find_effect("ditch").of(distance_m=1.0, length_m=3.0, left_m=-0.06, right_m=0.0)
     free, rubbing = (
-        replace(L60, effects=(bump, *more)) for more in ((), (effect("pivot_friction").of(torque_N_m=3e3),))
+        replace(L60, effects=(bump, *more))
+        for more in ((), (find_effect("pivot_friction").of(torque_N_m=3e3),))
     )
     assert loop(rubbing) > 2.0 * 3e3 / (L60.geometry.track / 2.0) > 2.0 * loop(free)
 
@@ -254,10 +255,10 @@ def test_a_shaft_makes_the_axles_turn_together():
     """Worn front tyres want to turn faster; the shaft winds up until the speeds agree."""
     from dataclasses import replace
 
-    from plant.effects import effect
+    from plant.effects import find_effect
 
-    worn = effect("tyre_wear").of(front_mm=20.0, rear_mm=0.0)
-    shaft = effect("driveline_torsion").typical()
+    worn = find_effect("tyre_wear").of(front_mm=20.0, rear_mm=0.0)
+    shaft = find_effect("driveline_torsion").typical()
     free, coupled = (
         run(Plant(replace(L60, effects=chosen), speed=4.0), 2.0) for chosen in ((worn,), (worn, shaft))
     )

@@ -8,7 +8,7 @@ import pytest
 from plant import state as s
 from plant.checked import ConfigurationError
 from plant.dynamics import derivative
-from plant.effects import effect
+from plant.effects import find_effect
 from plant.effects.dispatch import _first_states
 from plant.effects.enveloped_step import cam_lift, enveloped
 from plant.effects.library import modules
@@ -20,7 +20,7 @@ from tests.plant.effects.trial import L60, machine
 RING = machine("wheel_rigid_ring")
 OWN = _first_states(modules())["wheel_rigid_ring"]
 MASS, INERTIA, IN_PLANE, LATERAL, WIND_UP, DAMPING = (
-    p.typical for p in effect("wheel_rigid_ring").parameters
+    p.typical for p in find_effect("wheel_rigid_ring").parameters
 )
 LOCKED = Commands(brake_torque=(30e3,) * 4)
 

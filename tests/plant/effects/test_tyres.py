@@ -60,11 +60,11 @@ def test_camber_thrust_pushes_to_the_side_of_the_lean():
     """Standing on a step under the left wheels: the tops lean to the right."""
     from dataclasses import replace
 
-    from plant.effects import effect
+    from plant.effects import find_effect
 
-    step = effect("kerb").of(distance_m=-100.0, length_m=1.0, left_m=0.05, right_m=0.0)
+    step = find_effect("kerb").of(distance_m=-100.0, length_m=1.0, left_m=0.05, right_m=0.0)
     plain = Plant(replace(L60, effects=(step,)), speed=2.0)
-    thrust = replace(L60, effects=(step, effect("camber_thrust").of(coefficient=0.5)))
+    thrust = replace(L60, effects=(step, find_effect("camber_thrust").of(coefficient=0.5)))
     difference = wrenches(evaluated(plain, thrust)) - wrenches(evaluated(plain))
     truth = plain.truth()
     lean = math.sin(truth.roll)

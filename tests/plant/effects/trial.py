@@ -7,7 +7,7 @@ import numpy as np
 
 from plant import state as s
 from plant.dynamics import derivative
-from plant.effects import effect
+from plant.effects import find_effect
 from plant.machine import load_machine
 from plant.parameters import P_WHEELS, W_SPIN, WHEEL_SIZE
 from plant.plant import Commands, Plant
@@ -19,7 +19,7 @@ GRAVITY = 9.81
 
 def machine(name=None, **values):
     """The L60, with an effect."""
-    return L60 if name is None else replace(L60, effects=(effect(name).of(**values),))
+    return L60 if name is None else replace(L60, effects=(find_effect(name).of(**values),))
 
 
 def strong(given):
