@@ -6,7 +6,7 @@ recordings are headed with (km/h, deg, bar) is converted where they are read.
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -30,6 +30,7 @@ FOREIGN = {
     "bar": ("Pa", 1e5), "mbar": ("Pa", 1e2), "kPa": ("Pa", 1e3), "MPa": ("Pa", 1e6), "g": ("m/s^2", 9.80665),
     "%": ("1", 1e-2), "rpm": ("rad/s", math.pi / 30.0), "mV": ("V", 1e-3), "mA": ("A", 1e-3), "kHz": ("Hz", 1e3),
 }  # fmt: skip
+GRAM = {"g": ("kg", 1e-3)}
 _FACTOR = re.compile(r"([A-Za-z%°µ1]+)(?:\^(-?\d+))?$")
 
 
@@ -85,12 +86,23 @@ def parse_unit(text: str) -> Unit:
     return total
 
 
-def parse_scaled(text: str) -> Scaled:
-    """The same for headings of recordings, which may be 'km/h', 'deg/s', 'kN', 'bar', '%' or empty (a plain number)."""
+def parse_scaled(text: str, wanted: str | None = None) -> Scaled:
+    """The same for headings of recordings, which may be 'km/h', 'deg/s', 'kN', 'bar', '%' or empty (a plain number).
+
+    wanted: what is expected there; 'g' is a gram where that makes it the quantity wanted, else the standard gravity.
+    """
+    if wanted is not None and any(name == "g" for name, _ in _factors(text)):
+        grams = _scaled(text, FOREIGN | GRAM)
+        if grams.unit.same_quantity(parse_unit(wanted)):
+            return grams
+    return _scaled(text, FOREIGN)
+
+
+def _scaled(text: str, foreign: Mapping[str, tuple[str, float]]) -> Scaled:
     unit, factor = Unit((Fraction(0),) * len(BASE)), 1.0
     for name, power in _factors(text):
-        if name in FOREIGN:
-            of, size = FOREIGN[name]
+        if name in foreign:
+            of, size = foreign[name]
             unit, factor = unit * parse_unit(of) ** power, factor * size**power
         elif name in DERIVED or name in BASE:
             unit = unit * _si(name) ** power

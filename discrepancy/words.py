@@ -153,9 +153,12 @@ def _open(result: Findings) -> str:
 
 
 def _ranking(result: Findings, everything: bool) -> Table:
-    title = "The library, by what each effect would explain by itself; power: the chance to notice one of typical size"
-    table = Table(title=title, title_justify="left", box=None)
-    for column in ("effect", "verdict", "score", "power", "could hide in the baseline"):
+    title = (
+        "The library, by what each effect would explain by itself (score). Power: the chance to notice one of typical size. "
+        "Hidden: the share of it that the baseline's own parameters could do."
+    )
+    table = Table(title=title, title_justify="left", box=None, padding=(0, 2, 0, 1), pad_edge=False)
+    for column in ("effect", "verdict", "score", "power", "hidden"):
         table.add_column(column, justify="left" if column in ("effect", "verdict") else "right")
     rows = result.candidates if everything else result.candidates[:12]
     for c in rows:
@@ -167,7 +170,7 @@ def _ranking(result: Findings, everything: bool) -> Table:
             f"{c.absorbed:.0%}",
         )
     if len(rows) < len(result.candidates):
-        table.add_row(f"... and {len(result.candidates) - len(rows)} more, with --all", "", "", "", "")
+        table.caption, table.caption_justify = f"and {len(result.candidates) - len(rows)} more: --all", "left"
     return table
 
 

@@ -77,7 +77,7 @@ def _converted(column: Column, channel: str, unit: str, name: str) -> tuple[Arra
         complaints.append(Complaint(name, channel, f"has no unit in its heading; taken as {unit}"))
         return column.value, unit, complaints
     try:
-        scaled = parse_scaled(column.unit)
+        scaled = parse_scaled(column.unit, unit)
     except ValueError as error:
         complaints.append(Complaint(name, channel, str(error), fatal=True))
         return column.value, unit, complaints
@@ -89,12 +89,19 @@ def _converted(column: Column, channel: str, unit: str, name: str) -> tuple[Arra
 def _constants(table: Table, name: str, model: Model) -> tuple[dict[str, float], list[Complaint]]:
     constants, complaints = {}, []
     for key, (value, unit) in table.constants.items():
-        needed = model.constants.get(key)
-        if needed is None or unit is None:
-            constants[key] = value
-            continue
-        scaled = parse_scaled(unit)
-        if not scaled.unit.same_quantity(parse_unit(needed)):
-            complaints.append(Complaint(name, key, f"is in {unit}, the model needs {needed}", fatal=True))
-        constants[key] = value * scaled.factor
+        try:
+            constants[key] = constant(model, key, value, unit)
+        except ValueError as error:
+            complaints.append(Complaint(name, key, str(error), fatal=True))
     return constants, complaints
+
+
+def constant(model: Model, name: str, value: float, unit: str | None) -> float:
+    """A constant of a recording in the model's unit. Raises ValueError for another quantity."""
+    needed = model.constants.get(name)
+    if needed is None or unit is None:
+        return value
+    scaled = parse_scaled(unit, needed)
+    if not scaled.unit.same_quantity(parse_unit(needed)):
+        raise ValueError(f"is in {unit}, the model needs {needed}")
+    return value * scaled.factor

@@ -124,14 +124,14 @@ def diagnose(
     """
     with ended_at_once(CLUSTER_ENDS_S if each else COMPUTING_ENDS_S):
         from hil.diagnose.question import Question
-        from hil.diagnose.reading import Ask, Misuse, numbers, pairs
+        from hil.diagnose.reading import Ask, Misuse, measured, numbers, pairs
 
         ask = Ask(
             paths=recordings,
             part=part,
             renamed=pairs("--channel", channel or []),
             shifts=numbers("--shift", shift or []),
-            constants=numbers("--constant", constant or []),
+            constants=measured("--constant", constant or []),
             dbcs=dbc or [],
             bus=bus,
         )
@@ -170,11 +170,13 @@ def _one(question: "Question", out: Path | None, apply: Path | None, *, everythi
             progress("predicting held-out stretches for the report")
             shown = evidence(found.judged, settings)
     console, steps = Console(soft_wrap=True), advice(result, question.model, out, applied=apply is not None)
+    files = []
+    if out is not None:  # before it is told, so that a reader of the words who leaves loses no result
+        text = page(result, shown, steps, conditions(time.monotonic() - start))
+        files = write("--out", out, {"findings.json": to_json(result), "report.html": text})
     tell(result, console, all_candidates=everything)
     tell_steps(steps, console)
-    if out is not None:
-        text = page(result, shown, steps, conditions(time.monotonic() - start))
-        tell_written(write("--out", out, {"findings.json": to_json(result), "report.html": text}))
+    tell_written(files)
     if apply is not None:
         outcome = application(found.choice, found.model, result, question.given, apply)
         for line in outcome.said:

@@ -81,7 +81,7 @@ def conceal(
     from hil.diagnose.command import write
     from hil.diagnose.hidden import NotHidden, Truth, chosen, concealed, drawn, parsed_fault
     from hil.diagnose.models import find_model
-    from hil.diagnose.reading import numbers
+    from hil.diagnose.reading import measured, numbers
     from hil.diagnose.seal import seal
     from hil.diagnose.written import csv_text
 
@@ -91,14 +91,14 @@ def conceal(
         _refuse(like=like, constant=constant, part=part, parameter=parameter, noise=noise, fault=fault)
         built = choice.channels
     else:
-        basis, initial = _basis(choice, like, manoeuvre, part, numbers("--constant", constant or []))
+        basis, initial = _basis(choice, like, manoeuvre, part, measured("--constant", constant or []))
         built = choice.build([basis])
     effects = {}
     for text in effect or []:
         name, _, sizes = text.partition("=")
         try:
             effects[name.strip()] = chosen(
-                built, name.strip(), [float(s) for s in sizes.split(",")] if sizes else []
+                built, name.strip(), [_size(s) for s in sizes.split(",")] if sizes else []
             )
         except ValueError as error:
             raise NotHidden(f"--effect '{text}': {error}") from error
@@ -122,6 +122,16 @@ def conceal(
     print(f"written: {file}\nwritten: {sealed}")
 
 
+def _size(text: str) -> float:
+    """A number. Raises NotHidden."""
+    from hil.diagnose.hidden import NotHidden
+
+    try:
+        return float(text)
+    except ValueError:
+        raise NotHidden(f"'{text.strip()}' is no number") from None
+
+
 def _refuse(**options: object) -> None:
     """Say which option the bench has no use for. Raises NotHidden."""
     from hil.diagnose.hidden import NotHidden
@@ -134,15 +144,19 @@ def _refuse(**options: object) -> None:
 
 
 def _basis(
-    choice: "Choice", like: Path | None, manoeuvre: str | None, part: str | None, constants: dict[str, float]
+    choice: "Choice",
+    like: Path | None,
+    manoeuvre: str | None,
+    part: str | None,
+    given: dict[str, tuple[float, str | None]],
 ) -> "tuple[Recording, dict[str, float]]":
     """Inputs and stamps, and initial states where a manoeuvre gives them."""
     from hil.diagnose.hidden import NotHidden, staged
-    from hil.diagnose.reading import Ask, read_all
+    from hil.diagnose.reading import Ask, constants_of, read_all
 
     channels = choice.channels
     if like is not None:
-        read = read_all(choice, Ask(paths=[like], part=part, constants=constants), lambda _: None)
+        read = read_all(choice, Ask(paths=[like], part=part, constants=given), lambda _: None)
         if not read.recordings:
             raise NotHidden(f"--like {like}: {read.complaints[0].text}")
         return read.recordings[0], {}
@@ -151,6 +165,7 @@ def _basis(
         raise NotHidden(f"{channels.name} has no manoeuvres; --like RECORDING gives inputs and stamps")
     if manoeuvre is not None and manoeuvre not in named:
         raise NotHidden(f"--manoeuvre '{manoeuvre}': {channels.name} has {', '.join(named)}")
+    constants = constants_of(channels, given)
     _check_constants(channels, constants)
     used = named[manoeuvre] if manoeuvre is not None else channels.manoeuvres[0]
     return staged(channels, used, constants), dict(used.initial)

@@ -12,7 +12,7 @@ from discrepancy.recording import Complaint, Recording, Signal
 from discrepancy.search import Progress
 from discrepancy.units import parse_scaled
 from hil.diagnose.can import decoder, read_can
-from hil.diagnose.channels import to_recording, unknown_columns
+from hil.diagnose.channels import constant, to_recording, unknown_columns
 from hil.diagnose.models import Choice, NoModel
 from hil.diagnose.tables import Table, Unreadable, heading, is_table, named, read_table
 
@@ -24,14 +24,14 @@ class Misuse(Mistake, ValueError):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ask:
     """What is to be read and how. renamed: channel -> column; shifts: channel -> seconds added to its stamps;
-    constants: name -> value in SI; dbcs: for recordings of CAN frames; bus: the one channel of these that counts.
+    constants: name -> value and its unit, None for the model's; dbcs: for recordings of CAN frames; bus: the one channel of these that counts.
     """
 
     paths: Sequence[Path]
     part: str | None = None
     renamed: Mapping[str, str] = field(default_factory=dict)
     shifts: Mapping[str, float] = field(default_factory=dict)
-    constants: Mapping[str, float] = field(default_factory=dict)
+    constants: Mapping[str, tuple[float, str | None]] = field(default_factory=dict)
     dbcs: Sequence[Path] = ()
     bus: str | None = None
 
@@ -52,6 +52,7 @@ def read_all(choice: Choice, ask: Ask, progress: Progress) -> Read:
     """
     channels = choice.channels
     _check_names(channels, ask)
+    constants = constants_of(channels, ask.constants)
     runs = _named([_files(path) for path in ask.paths])
     through = decoder(ask.dbcs)
     recordings: list[Recording] = []
@@ -69,7 +70,7 @@ def read_all(choice: Choice, ask: Ask, progress: Progress) -> Read:
         recordings += joined.recordings
         complaints += joined.complaints
         clocks += joined.clocks
-    return Read([_mended(r, ask) for r in recordings], complaints, clocks)
+    return Read([_mended(r, ask, constants) for r in recordings], complaints, clocks)
 
 
 def _files(path: Path) -> list[Path]:
@@ -131,12 +132,26 @@ def _named(runs: Sequence[Sequence[Path]]) -> dict[str, Sequence[Path]]:
     return found
 
 
-def _mended(recording: Recording, ask: Ask) -> Recording:
+def _mended(recording: Recording, ask: Ask, constants: Mapping[str, float]) -> Recording:
     signals = {
         name: Signal(s.time_s + ask.shifts.get(name, 0.0), s.value, s.unit, s.held)
         for name, s in recording.signals.items()
     }
-    return replace(recording, signals=signals, constants={**recording.constants, **ask.constants})
+    return replace(recording, signals=signals, constants={**recording.constants, **constants})
+
+
+def constants_of(model: Model, given: Mapping[str, tuple[float, str | None]]) -> dict[str, float]:
+    """What --constant gives, in the model's units. Raises Misuse for another quantity or a name that is not the model's."""
+    found = {}
+    for name, (value, unit) in given.items():
+        if name not in model.constants:
+            known = ", ".join(model.constants) or "none"
+            raise Misuse(f"--constant '{name}': {model.name} has no such constant; it has {known}")
+        try:
+            found[name] = constant(model, name, value, unit)
+        except ValueError as error:
+            raise Misuse(f"--constant '{name} [{unit}]': {error}") from error
+    return found
 
 
 def pairs(option: str, texts: Sequence[str]) -> dict[str, str]:
@@ -151,12 +166,23 @@ def pairs(option: str, texts: Sequence[str]) -> dict[str, str]:
 
 
 def numbers(option: str, texts: Sequence[str]) -> dict[str, float]:
-    """The same with numbers; a name may carry a unit: 'diameter [cm]=6.7' comes out in SI."""
+    """The same with numbers in SI; a name may carry a unit: 'speed [km/h]=0.5'."""
+    found = {}
+    for name, (value, unit) in measured(option, texts).items():
+        try:
+            found[name] = value * (parse_scaled(unit).factor if unit else 1.0)
+        except ValueError as error:
+            raise Misuse(f"{option} '{name} [{unit}]': {error}") from error
+    return found
+
+
+def measured(option: str, texts: Sequence[str]) -> dict[str, tuple[float, str | None]]:
+    """The same with numbers and units: 'diameter [cm]=6.7'; None where none is said."""
     found = {}
     for key, value in pairs(option, texts).items():
         name, unit = heading(key)
         try:
-            found[name] = float(value) * (parse_scaled(unit).factor if unit else 1.0)
-        except ValueError as error:
-            raise Misuse(f"{option} '{key}={value}': {error}") from error
+            found[name] = (float(value), unit)
+        except ValueError:
+            raise Misuse(f"{option} '{key}={value}': '{value}' is no number") from None
     return found

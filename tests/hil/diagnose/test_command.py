@@ -9,6 +9,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from discrepancy.models import ball
+from discrepancy.units import parse_scaled
+from hil.diagnose.reading import Misuse, constants_of, measured
 from tests.discrepancy.toys import record
 from tests.hil.diagnose.cases import Call, columns, loaderhil, model_file, write_csv
 
@@ -103,6 +106,30 @@ def test_channels_constants_and_shifts_can_be_said_on_the_command_line(
         "diagnose", write_csv(tmp_path / "epoch.csv", late), "--model", model, "--channel", "level=Pegel"
     )
     assert ended.code == 0
+
+
+def test_a_gram_is_a_mass_where_a_mass_is_wanted_and_gravity_elsewhere() -> None:
+    assert parse_scaled("g", "kg").factor == pytest.approx(1e-3)
+    assert parse_scaled("g/m^3", "kg/m^3").factor == pytest.approx(1e-3)
+    assert parse_scaled("g", "m/s^2").factor == pytest.approx(9.80665)
+    assert parse_scaled("g").factor == pytest.approx(9.80665)
+
+
+def test_constants_are_converted_to_what_the_model_needs_or_refused() -> None:
+    """Named units; a mass in grams was taken for an acceleration once."""
+    model = ball.model()
+    given = measured("--constant", ["mass [g]=58", "diameter [cm]=6.7"])
+    assert constants_of(model, given) == pytest.approx({"mass": 0.058, "diameter": 0.067})
+    assert constants_of(model, measured("--constant", ["mass=0.058"])) == {"mass": 0.058}
+    for text, said in (
+        ("mass [cm]=5", "is in cm, the model needs kg"),
+        ("weight=5", "no such constant; it has mass, diameter"),
+        ("mass [stone]=5", "cannot read 'stone'"),
+    ):
+        with pytest.raises(Misuse, match=said):
+            constants_of(model, measured("--constant", [text]))
+    with pytest.raises(Misuse, match="'much' is no number"):
+        measured("--constant", ["mass=much"])
 
 
 BROKEN = {
@@ -241,7 +268,7 @@ def test_misuse_is_one_line_and_exit_code_2(loaderhil: Call, tmp_path: Path) -> 
         ((file, "--model", tmp_path / "none.py"), "does not define `model`"),
         ((tmp_path / "gone.csv", "--model", model), "gone.csv: no such file"),
         ((file, "--model", model, "--channel", "depth=x"), "tank has no such channel; it has inflow, level"),
-        ((file, "--model", model, "--shift", "level=soon"), "could not convert"),
+        ((file, "--model", model, "--shift", "level=soon"), "'soon' is no number"),
         ((file, "--model", model, "--constant", "mass"), "must read NAME=VALUE"),
     ):
         ended = loaderhil("diagnose", *words)
