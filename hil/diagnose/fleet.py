@@ -24,6 +24,7 @@ from hil.scale.store import Row, Store
 if TYPE_CHECKING:
     from rich.console import Console
 
+SHOWN = 10  # recordings without a name, in the words
 EVERY_S = 10.0  # between lines of progress where there is no terminal
 
 
@@ -63,7 +64,7 @@ def diagnosed(question: Question) -> Row:
         "recording": question.ask.paths[0].name,
         "status": found.status,
         "named": ", ".join(found.named),
-        "reason": " ".join(found.reasons),
+        "reason": "; ".join(found.reasons),
         **_first(found),
         "samples": found.samples,
         "seconds": time.monotonic() - start,
@@ -87,7 +88,18 @@ def summary(rows: Sequence[Row], failures: Mapping[str, str]) -> Iterator[str]:
     yield f"{len(rows)} recordings: {', '.join(f'{n} {status}' for status, n in verdicts.most_common())}"
     names = Counter(name for row in rows for name in str(row["named"]).split(", ") if name)
     yield from (f"  {n} of {len(rows)}: {name}" for name, n in names.most_common())
+    without = [row for row in rows if not row["named"] and row["status"] != "nothing missing"]
+    for row in without[:SHOWN]:
+        reason = str(row["reason"]).removeprefix(f"{row['recording']}: ")
+        yield f"  {row['recording']}: {row['status']}: {reason}"
+    if len(without) > SHOWN:
+        yield f"  and {len(without) - SHOWN} more without a name; the table has them all"
     yield from (f"  failed: {key}: {reason}" for key, reason in failures.items())
+
+
+def _duration(seconds: float) -> str:
+    """'under a minute', 'about 3 min'."""
+    return "under a minute" if seconds < 60.0 else f"about {seconds / 60.0:.0f} min"
 
 
 def _told(question: Question) -> dict[str, str]:
@@ -139,7 +151,7 @@ def bar(console: "Console") -> "Iterator[Told]":
         if now - last < EVERY_S and t.left:
             return
         last = now
-        rest = f", about {now / t.done * t.left / 60.0:.0f} min left" if t.done and t.left else ""
+        rest = f", {_duration(now / t.done * t.left)} left" if t.done and t.left else ""
         failed = f", {len(t.failures)} failed" if t.failures else ""
         print(
             f"{now:6.0f} s  {t.total - t.left} of {t.total} done{failed}{rest}", file=sys.stderr, flush=True

@@ -19,6 +19,7 @@ Value = str | float | int | bool | None
 Row = Mapping[str, Value]
 
 KEY, FAILED = "key", "failed"
+SHORT = 40  # letters of a value that can be read in a message
 
 
 class NotOurs(Mistake, ValueError):
@@ -80,7 +81,8 @@ def _whole(file: Path, data: bytes) -> None:
 def _check_same(folder: Path, before: Mapping[str, Value], now: Mapping[str, Value]) -> None:
     for name in {**before, **now}:
         if before.get(name) != now.get(name):
+            short = max(len(str(work.get(name))) for work in (before, now)) <= SHORT
+            other = f"{name} = {before.get(name)!r}, not {now.get(name)!r}" if short else f"another {name}"
             raise NotOurs(
-                f"{folder}: holds results of {name} = {before.get(name)!r}, not {now.get(name)!r}; "
-                "give another folder, or remove it to begin again"
+                f"{folder}: holds results of {other}; give another folder, or remove it to begin again"
             )

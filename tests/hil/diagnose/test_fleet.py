@@ -25,6 +25,7 @@ def test_each_recording_has_its_own_verdict_and_is_not_diagnosed_twice(
     ended = loaderhil("diagnose", *files, "--model", model, "--each", "--workers", 2, folder=folder)
     assert ended.code == 0
     assert "3 recordings" in ended.out
+    assert "  empty.csv: inconclusive: is empty" in ended.out
     rows = {row["recording"]: row for row in pq.read_table(folder / "results.parquet").to_pylist()}
     assert {name: row["status"] for name, row in rows.items()} == {
         "leaky.csv": "explained",
@@ -46,7 +47,7 @@ def test_each_recording_has_its_own_verdict_and_is_not_diagnosed_twice(
 
     other = loaderhil("diagnose", leaky, "--model", model_file(tmp_path, "leak"), "--each", folder=folder)
     assert other.code == 2
-    assert "give another folder" in other.err
+    assert f"holds results of another content of {model}; give another folder" in other.err
 
 
 def test_what_each_does_not_go_with_is_one_line(loaderhil: Call, tmp_path: Path) -> None:
