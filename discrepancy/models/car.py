@@ -30,7 +30,11 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
     command, time_s, step = window["steering"], window.time_s, window.step_s
     angle = values["steer_gain"] * command + values["steer_cubic"] * command**3 + values["steer_offset"]
     angle = delayed(lagged(angle, values.get("servo_lag", 0.0), step), values.get("servo_delay", 0.0), time_s)
-    speed = window["speed_reference"] if window.has("speed_reference") else _speed(window, values)
+    speed = (
+        window["speed_reference"]
+        if window.has("speed_reference")
+        else _speed(window["throttle"], values, step)
+    )
     yaw_rate = speed * np.tan(angle) / (WHEELBASE_M * (1.0 + values.get("understeer", 0.0) * speed**2))
     demanded = values.get("slipperiness", 0.0) * speed * yaw_rate / G  # lateral acceleration over mu g
     yaw_rate = yaw_rate / np.sqrt(1.0 + demanded**2)
@@ -49,10 +53,10 @@ def _relaxed(yaw_rate: Array, speed: Array, length_m: float, step: float) -> Arr
     return np.interp(rolled, even, late)
 
 
-def _speed(window: Window, values: Mapping[str, float]) -> Array:
+def _speed(throttle: Array, values: Mapping[str, float], step: float) -> Array:
     """First-order response of speed to throttle beyond its dead band."""
-    push = np.maximum(window["throttle"] - values["dead_band"], 0.0)
-    return lagged(values["speed_gain"] * push, values["speed_lag"], window.step_s)
+    push = np.maximum(throttle - values["dead_band"], 0.0)
+    return lagged(values["speed_gain"] * push, values["speed_lag"], step)
 
 
 def _lag(
@@ -155,7 +159,7 @@ def model(*, reference: bool = True, without: tuple[str, ...] = ()) -> Model:
         window_s=16.0,
         lead_s=1.0,
         ports=(Port(name="yaw rate", unit="rad/s", typical=0.1, sentence="yaw rate beyond the bicycle's"),),
-        manoeuvres=(_slalom(reference),),
+        manoeuvres=(_slalom(reference), _surge(reference)),
     )
 
 
@@ -172,6 +176,25 @@ def _slalom(reference: bool) -> Manoeuvre:
         name="steering steps",
         sentence="full steering steps left and right at constant speed, 0.8 s each",
         duration_s=12.0,
+        inputs=inputs,
+    )
+
+
+def _surge(reference: bool) -> Manoeuvre:
+    time_s = np.arange(0.0, 32.0, STEP_S)
+    throttle = np.where(np.sin(2.0 * np.pi * time_s / 5.0) > 0.0, 0.4, 0.2)
+    throttle = np.where(time_s % 16.0 < 8.0, throttle, 0.3)  # and every other 8 s at one speed
+    inputs = {
+        "steering": signal(time_s, 0.4 * np.sign(np.sin(2.0 * np.pi * time_s / 2.2)), "1", held=True),
+        "throttle": signal(time_s, throttle, "1", held=True),
+    }
+    if reference:
+        usual = {p.name: p.value for p in DRIVE}
+        inputs["speed_reference"] = signal(time_s, _speed(throttle, usual, STEP_S), "m/s")
+    return Manoeuvre(
+        name="changing throttle",
+        sentence="steps of the throttle between a fifth and two fifths while steering left and right, 1.1 s each",
+        duration_s=32.0,
         inputs=inputs,
     )
 

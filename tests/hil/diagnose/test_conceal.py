@@ -8,7 +8,7 @@ import pytest
 
 from discrepancy.examine import examine
 from discrepancy.findings import Candidate, Findings
-from discrepancy.model import Model
+from discrepancy.model import Manoeuvre, Model
 from discrepancy.models import ball, car, road, straight
 from discrepancy.problem import Problem
 from discrepancy.search import Settings
@@ -176,13 +176,15 @@ def test_scores(result: Findings, hidden: list[str], place: str, false: list[str
     assert score.ending is ending
 
 
-@pytest.mark.parametrize("model", [straight.model(), car.model()], ids=["straight", "car"])
+OWN = [(model, manoeuvre) for model in (straight.model(), car.model()) for manoeuvre in model.manoeuvres]
+
+
+@pytest.mark.parametrize(("model", "manoeuvre"), OWN, ids=[f"{m.name}: {own.name}" for m, own in OWN])
 @pytest.mark.parametrize("seed", range(3))
 def test_where_nothing_is_hidden_in_a_models_own_manoeuvre_nothing_is_found(
-    model: Model, seed: int, tmp_path: Path
+    model: Model, manoeuvre: Manoeuvre, seed: int, tmp_path: Path
 ) -> None:
     """The truth is simulated at a fifth of the model's step: only that step and the noise may differ."""
-    [manoeuvre] = model.manoeuvres
     truth = Truth(model=model.name, seed=seed)
     (tmp_path / "r.csv").write_text(
         csv_text(concealed(model, staged(model, manoeuvre, {}), truth, manoeuvre.initial))
@@ -190,6 +192,18 @@ def test_where_nothing_is_hidden_in_a_models_own_manoeuvre_nothing_is_found(
     recording, _ = to_recording(read_table(tmp_path / "r.csv"), "r.csv", model, {})
     result = examine(model, [recording], Settings())
     assert result.status == "nothing missing", result.reasons
+
+
+@pytest.mark.parametrize("effect", ["encoder delay", "encoder scale", "understeer"])
+def test_changing_throttle_shows_what_one_speed_cannot(effect: str) -> None:
+    model = car.model()
+    steady, surging = [
+        examine(model, [concealed(model, staged(model, manoeuvre, {}), truth, manoeuvre.initial)], Settings())
+        for truth in [Truth(model="car", seed=1, effects={effect: chosen(model, effect, [])})]
+        for manoeuvre in model.manoeuvres
+    ]
+    assert next(c for c in steady.candidates if c.effect == effect).verdict == "could not be judged"
+    assert surging.named == [effect]
 
 
 def test_an_interval_holds_the_truth_or_not() -> None:
