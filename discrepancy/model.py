@@ -173,6 +173,7 @@ class Model:
     that an effect must surely reach, or it is told but is no finding; least_explained: share of some channel's squared one-step errors that an effect or an
     equation must take away. floors: standard deviation by output that the model's one-step errors have at least. All
     three hold off what the model itself is wrong by, which long recordings and instruments without noise make significant.
+    lags: time constant by output of a sampled sensor's low-pass that `simulate` has in it already [s]; more lag adds to it.
     """
 
     name: str
@@ -198,6 +199,7 @@ class Model:
     negligible: float = 0.0
     least_explained: float = 0.0
     floors: Mapping[str, float] = field(default_factory=dict)
+    lags: Mapping[str, float] = field(default_factory=dict)
     threads: bool = False
 
     def __post_init__(self) -> None:

@@ -222,7 +222,8 @@ class Problem:
             for name in clock.channels:
                 late = parameters.get(f"{name}.delay", 0.0) + parameters[clock.parameter]
                 parameters[f"{name}.delay"] = late
-        return through_sensors(true, parameters, window.time_s, window.step_s, self.windows[0].start_s)
+        since_s, lags = self.windows[0].start_s, self.model.lags
+        return through_sensors(true, parameters, window.time_s, window.step_s, since_s, lags)
 
     def predict(self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None) -> Array:
         """Rows of the predicted outputs; extra: per window, what is added at the model's ports."""

@@ -127,15 +127,34 @@ def lagged(values: Array, time_constant_s: float, step_s: float) -> Array:
     return np.asarray(lfilter(b, np.array([1.0, -a]), values, zi=start)[0], float)
 
 
+def lagged_more(values: Array, more_s: float, before_s: float, step_s: float) -> Array:
+    """What a sampled sensor of time constant `before_s` reports, as it would be with `more_s` added to it; starts settled.
+
+    One low-pass, exact for samples that are held, as in plant.sensors; two in a row would be another sensor.
+    """
+    if more_s < 1e-9:
+        return values
+    before, after = np.exp(-step_s / before_s), np.exp(-step_s / (before_s + more_s))
+    gain = (1.0 - after) / (1.0 - before)
+    b = np.array([gain, -before * gain])
+    start = np.array([values[0] * (1.0 - gain)])
+    return np.asarray(lfilter(b, np.array([1.0, -after]), values, zi=start)[0], float)
+
+
 def delayed(values: Array, delay_s: float, time_s: Array) -> Array:
     """y(t - T), linear between grid points; the ends stand still."""
     return values if delay_s == 0.0 else np.interp(time_s - delay_s, time_s, values)
 
 
 def through_sensors(
-    outputs: Mapping[str, Array], values: Mapping[str, float], time_s: Array, step_s: float, since_s: float
+    outputs: Mapping[str, Array],
+    values: Mapping[str, float],
+    time_s: Array,
+    step_s: float,
+    since_s: float,
+    lags: Mapping[str, float],
 ) -> dict[str, Array]:
-    """What the sensors would report of the true outputs; since_s: start of the drift."""
+    """What the sensors would report of the true outputs; since_s: start of the drift; lags: time constants that outputs have already [s]."""
     seen = dict(outputs)
     for name, angle in values.items():
         if ".turn." in name and angle != 0.0:
@@ -144,7 +163,8 @@ def through_sensors(
                 c, s = np.cos(angle), np.sin(angle)
                 seen[one], seen[two] = c * seen[one] + s * seen[two], c * seen[two] - s * seen[one]
     for name, true in seen.items():
-        y = lagged(true, values.get(f"{name}.lag", 0.0), step_s)
+        lag = values.get(f"{name}.lag", 0.0)
+        y = lagged_more(true, lag, lags[name], step_s) if name in lags else lagged(true, lag, step_s)
         y = delayed(y, values.get(f"{name}.delay", 0.0), time_s)
         y = y * (1.0 + values.get(f"{name}.scale", 0.0)) * (1.0 - 2.0 * values.get(f"{name}.sign", 0.0))
         seen[name] = (

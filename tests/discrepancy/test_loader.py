@@ -12,12 +12,13 @@ from discrepancy.models.led import Loader, _obeyed, _shares
 from discrepancy.models.loader_library import CHANNELS, INPUTS, UNSEARCHED, library
 from discrepancy.problem import Problem
 from discrepancy.recording import Recording, signal
+from discrepancy.sensors import through_sensors
 from plant.effects import effects, find_effect
 from plant.equipment import load_equipment
 from plant.follow import lead
 from plant.machine import load_machine
 from plant.plant import Commands, Plant
-from plant.sensors import INDEX, SensorBank, SensorParameters, measured_values
+from plant.sensors import INDEX, ChannelParameters, SensorBank, SensorParameters, measured_values
 
 L60 = load_machine("l60")
 
@@ -74,6 +75,27 @@ def test_every_searched_effect_is_off_at_its_value():
             if not parameter.shape:
                 changed = simulate._changed({**off, parameter.name: parameter.value + parameter.typical})
                 assert [active.effect.name for active in changed.effects] == [item.name]
+
+
+def test_more_lag_is_that_of_a_slower_sensor_of_the_plant():
+    """The fault 'lag' on top of the sheet's: what the plant's sensor reads whose time constant is the sum, to rounding."""
+    model, sheet = loader.model(), load_equipment("l60").sensors
+    name, more = "yaw_rate", 0.05
+    time_s = 0.01 * np.arange(400)
+    true = np.sin(3.0 * time_s) + 0.2 * np.sign(np.sin(1.3 * time_s))
+
+    def read(lag):
+        only = SensorParameters({name: ChannelParameters(lag=lag)})
+        bank = SensorBank(only, step=0.01, generator=np.random.default_rng(0))
+        row = np.zeros(len(INDEX))
+        readings = []
+        for row[INDEX[name]] in true:
+            readings.append(bank.sample(row).value(name))
+        return np.array(readings)
+
+    lag = sheet.of(name).lag
+    seen = through_sensors({name: read(lag)}, {f"{name}.lag": more}, time_s, 0.01, 0.0, model.lags)
+    np.testing.assert_allclose(seen[name], read(lag + more), atol=1e-12)
 
 
 def test_the_library_has_every_effect_that_can_be_seen():

@@ -52,7 +52,7 @@ def test_every_sensor_effect_is_nothing_at_its_baseline() -> None:
     t = np.arange(0.0, 1.0, 0.01)
     effects = sensor_effects("y", "m", bias=0.1)
     off = {p.name: p.value for e in effects for p in e.parameters}
-    np.testing.assert_array_equal(through_sensors({"y": np.sin(t)}, off, t, 0.01, 0.0)["y"], np.sin(t))
+    np.testing.assert_array_equal(through_sensors({"y": np.sin(t)}, off, t, 0.01, 0.0, {})["y"], np.sin(t))
 
 
 def test_a_hold_is_a_mean_delay_of_half_its_length() -> None:
