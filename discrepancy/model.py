@@ -150,7 +150,8 @@ class Clock:
 
 class Simulate(Protocol):
     """The function of a model. One that also has `together(windows, values)`, the list of what it returns for each of many
-    windows, is asked for all at once where nothing is added at ports and no parameter belongs to a window.
+    windows, is asked for all at once where nothing is added at ports and no parameter belongs to a window. One that has `settle(values)` is
+    told the parameters as far as they are known, whenever they have been fitted: its motions may begin from there.
     """
 
     def __call__(
@@ -221,6 +222,11 @@ class Model:
                         f"model {self.name}, manoeuvre {manoeuvre.name}: {name} is{'' if given.held else ' not'} held there, "
                         f"in the model's `held` it is{'' if name in self.held else ' not'}"
                     )
+
+    @property
+    def costly(self) -> bool:
+        """Whether simulations are spared where there is little to win by them."""
+        return self.slopes_hold > 0.0
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -6,6 +6,7 @@ projected out by themselves.
 """
 
 import os
+from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -25,6 +26,7 @@ OWN_SHARE = (
 )
 MILLI = 3e-3  # of the model's step or its inverse, beyond which stamps are likely in ms or in s by mistake
 HOLD_TOLERANCE = 1e-3  # of a grid step, by which a held value may be stamped late and still be of this point
+RECENT = 4  # predictions kept: a step that was tried is where the next begins
 FEWEST_SAMPLES = 8  # of a channel in a window; fewer say nothing beyond the initial state
 
 
@@ -68,6 +70,12 @@ class Values:
         names = {p.name: p.value for p in parameters}
         return replace(
             self, spells={**self.spells, **dict.fromkeys(names, windows)}, off={**self.off, **names}
+        )
+
+    def same(self, other: "Values") -> bool:
+        """Whether a model would say the same of both."""
+        return (self.shared, self.spells, self.off) == (other.shared, other.spells, other.off) and all(
+            np.array_equal(values, other.local[name]) for name, values in self.local.items()
         )
 
     def in_window(self, index: int) -> dict[str, float]:
@@ -133,6 +141,7 @@ class Problem:
         self.nuisance_names = tuple(p.name for p in model.nuisances if p.scope == "all")
         self._typical = np.array([p.typical for p in model.parameters if p.scope == "all"])
         self._slopes: dict[tuple[str, float | None], tuple[Array, Array]] = {}
+        self._recent: deque[tuple[Values, Array]] = deque(maxlen=RECENT)
         self._places = [_Place.on(self.windows[b.window].time_s, b.time_s) for b in self.blocks]
 
     def _usable(self, recording: Recording) -> tuple[list[str], tuple[float, float]] | None:
@@ -225,10 +234,25 @@ class Problem:
         since_s, lags = self.windows[0].start_s, self.model.lags
         return through_sensors(true, parameters, window.time_s, window.step_s, since_s, lags)
 
+    def settle(self, values: Values) -> None:
+        """Tell a model that keeps a motion to start from (Simulate) what is known of its parameters by now."""
+        settle = getattr(self.model.simulate, "settle", None)
+        if settle is not None:
+            settle({**values.shared, **values.off})
+            self._recent.clear()
+
     def predict(self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None) -> Array:
-        """Rows of the predicted outputs; extra: per window, what is added at the model's ports."""
+        """Rows of the predicted outputs, not to be written to; extra: per window, what is added at the model's ports."""
+        if extra is not None:
+            self.simulations += 1
+            return self._predicted(values, extra)
+        for known, rows in self._recent:
+            if known.same(values):
+                return rows
         self.simulations += 1
-        return self._predicted(values, extra)
+        rows = self._predicted(values)
+        self._recent.appendleft((values, rows))
+        return rows
 
     def predict_each(self, points: Sequence[Values]) -> list[Array]:
         """Rows at many points, in threads where the model may run in several."""
@@ -238,12 +262,16 @@ class Problem:
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             return list(pool.map(self._predicted, points))
 
-    def kept_slope(self, name: str, probe: float | None, values: Values) -> Array | None:
-        """What `keep_slope` was given for a parameter and a probe, if parameters have hardly moved since (Model.slopes_hold)."""
+    def kept_slope(
+        self, name: str, probe: float | None, values: Values, *, anywhere: bool = False
+    ) -> Array | None:
+        """What `keep_slope` was given for a parameter and a probe, if parameters have hardly moved since (Model.slopes_hold), or anywhere."""
         kept = self._slopes.get((name, probe))
         if kept is None:
             return None
         at, column = kept
+        if anywhere:
+            return column
         moved = np.abs(self._scaled(values) - at)
         own = [p.name for p in self.model.parameters if p.scope == "all"].index(name)
         if moved[own] > OWN_SHARE * self.model.slopes_hold or np.max(moved) > self.model.slopes_hold:
@@ -252,7 +280,7 @@ class Problem:
 
     def keep_slope(self, name: str, probe: float | None, values: Values, column: Array) -> None:
         """Keep a column of the sensitivities; probe: the finite change it is for, None for a derivative."""
-        if self.model.slopes_hold > 0.0 and name not in self.local_names:
+        if self.model.costly and name not in self.local_names:
             self._slopes[(name, probe)] = (self._scaled(values), column)
 
     def _scaled(self, values: Values) -> Array:

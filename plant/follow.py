@@ -70,8 +70,9 @@ def _command(
     for wheel in range(4):
         torque = m[M_TORQUE + wheel] + middle * (after[M_TORQUE + wheel] - m[M_TORQUE + wheel])
         capacity = 0.0
-        if m[M_BRAKING] > 0.0:
-            capacity = p[P_BRAKE_CAPACITY] if abs(m[M_SPEED]) < HELD else abs(torque)
+        standing = abs(m[M_SPEED]) < HELD
+        if m[M_BRAKING] > 0.0 and (standing or torque * m[M_SPEED] < 0.0):
+            capacity = p[P_BRAKE_CAPACITY] if standing else abs(torque)
             torque = 0.0
         command[s.C_DRIVE + wheel], command[s.C_BRAKE + wheel] = torque, capacity
     for joint in range(3):

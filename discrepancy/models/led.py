@@ -1,31 +1,30 @@
 """The plant led through many stretches of recordings at once, with any of its parameters and effects changed.
 
-A pilot, the machine of the sheet led through the whole recording, gives every stretch the state it begins with; a changed machine begins
-moved by as much as its rest differs (plant.resting). The stretches of a recording are shared out among the processors, each
+A pilot, a machine led through the whole recording, gives every stretch the state it begins with; another machine begins
+moved by as much as its rest differs (plant.resting). The pilot is that of the sheet until `settle` tells better. The stretches of a recording are shared out among the processors, each
 one call of compiled code.
 """
 
-import math
 import os
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from threading import Lock
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter, savgol_filter
+from scipy.signal import lfilter
 
 from discrepancy.model import Window
+from discrepancy.models.leading import LINKAGE, asked_of, kept_share, measured_of
 from discrepancy.models.loader_library import (
     CHANNELS,
     INPUTS,
     NUISANCES,
     OPTIONAL,
     SPEEDS,
-    TORQUES,
     fitted,
     searched,
     zero,
@@ -34,16 +33,16 @@ from discrepancy.problem import resampled
 from discrepancy.recording import Array, Recording
 from discrepancy.sensors import delayed
 from plant import state as s
+from plant.actuators import abilities_of
 from plant.effects import dispatch
 from plant.equilibrium import NoEquilibriumError
+from plant.equipment import Equipment
 from plant.follow import (
     M_ARTICULATION,
-    M_BRAKING,
     M_LIFT,
     M_SPEED,
     M_TILT,
     M_TORQUE,
-    MEASURED,
     Asked,
     finish,
     follow,
@@ -54,26 +53,18 @@ from plant.machine import Machine
 from plant.parameters import parameter_vector
 from plant.plant import Plant
 from plant.resting import REST, rest_records
-from plant.sensors import ChannelParameters, SensorParameters
 from plant.surface import Surface
 from plant.truth import Observer, Truth, columns_of
 from plant.workspace import new_workspace
 
-FINE_S: Final = 5e-3  # step of the plant: what that is wrong by is below the sensors' noise
-SMOOTHED: Final = (
-    11  # grid points, of 10 ms, of the centred quadratic that smooths articulation, speed and torques
-)
-LEVELLED: Final = 51  # the same of the linkage's angles and of what steering's demand does not tell
+STEP_S: Final = 5e-3  # of the plant
+FINE_S: Final = 1e-3  # step of the pilot, and of what tells once what the longer step is wrong by
 KEPT: Final = 8  # motions kept, for effects of sensors that only look at them again
 CORES: Final = os.cpu_count() or 1
 STANDING: Final = 0.02  # wheel speed [rad/s] below which a stretch begins at a standstill
 ABSURD: Final = (
     1e3  # most that is predicted of a motion that diverged, in units of what matters of each output
 )
-DEMANDS: Final = ("articulation_rate_demand", "lift_demand", "tilt_demand")
-"""In the order of plant.follow.JOINTS."""
-LINKAGE: Final = ((M_LIFT, "lift_arm_angle", "lift_zero"), (M_TILT, "tilt_angle", "tilt_zero"))
-
 Key = tuple[object, ...]
 
 
@@ -82,6 +73,7 @@ class Basis:
     """Stretches of one recording, one after the other, as they were measured.
 
     edges: rows where stretches begin, and their end; starts, rests: of the pilot (plant.resting); asked: which joints' rates are those asked for.
+    coarse: by output, what the pilot's machine shows in steps of FINE_S beyond what it shows in steps of STEP_S.
     """
 
     measured: Array
@@ -91,6 +83,7 @@ class Basis:
     asked: Asked
     payload: float
     step_s: float
+    coarse: Mapping[str, Array] = field(default_factory=dict)
 
 
 class Loader:
@@ -100,11 +93,10 @@ class Loader:
     stretch begins at rest on its tyres or rolling evenly.
     """
 
-    def __init__(
-        self, machine: Machine, sensors: SensorParameters, recordings: Sequence[Recording] = ()
-    ) -> None:
+    def __init__(self, machine: Machine, equipment: Equipment, recordings: Sequence[Recording] = ()) -> None:
         self._machine = machine
-        self._sensors = sensors
+        self._sensors = equipment.sensors
+        self._abilities = abilities_of(machine, equipment.actuators)
         self._recordings = {r.name: r for r in recordings}
         self._searched = searched()
         self._moving = {p.name for p in NUISANCES if not p.name.startswith("zero.")}
@@ -112,6 +104,7 @@ class Loader:
         self._kept: OrderedDict[Key, list[Mapping[str, Array]]] = OrderedDict()
         self._bases: dict[Key, Basis] = {}
         self._pilots: dict[str, tuple[float, Array] | None] = {}
+        self._settled: Mapping[str, float] = {}
         self._lock = Lock()
 
     def __call__(
@@ -124,6 +117,13 @@ class Loader:
         """The same for many windows."""
         seen = self._motions(windows, values)
         return [{name: true + values.get(zero(name), 0.0) for name, true in each.items()} for each in seen]
+
+    def settle(self, values: Mapping[str, float]) -> None:
+        """Let the pilot fly a machine with these values from now on: what swings at the begin of a stretch has swung for long."""
+        with self._lock:
+            self._settled = dict(values)
+            for kept in (self._kept, self._bases, self._pilots):
+                kept.clear()
 
     def _motions(self, windows: Sequence[Window], values: Mapping[str, float]) -> list[Mapping[str, Array]]:
         """Outputs before the zero points of the sensors; the last few motions are kept."""
@@ -148,8 +148,17 @@ class Loader:
 
     def _simulated(self, basis: Basis, values: Mapping[str, float]) -> list[Mapping[str, Array]]:
         """Outputs of every stretch of one recording."""
+        seen = {
+            name: self._sensed(name, true + basis.coarse[name], basis.step_s)
+            for name, true in self._true(basis, values, STEP_S).items()
+        }
+        parts = [slice(a, b) for a, b in zip(basis.edges[:-1], basis.edges[1:], strict=True)]
+        return [{name: values[part] for name, values in seen.items()} for part in parts]
+
+    def _true(self, basis: Basis, values: Mapping[str, float], step_s: float) -> dict[str, Array]:
+        """The same before any sensor, one stretch after the other, in steps of so many seconds."""
         machine = self._changed(values)
-        p = led_parameters(parameter_vector(machine, Surface(), basis.payload), FINE_S, asked=basis.asked)
+        p = led_parameters(parameter_vector(machine, Surface(), basis.payload), step_s, asked=basis.asked)
         active = dispatch.active_vector(machine.effects)
         starts = basis.starts
         if any(item.effect.start is not None for item in machine.effects):
@@ -178,8 +187,8 @@ class Loader:
                 edges - edges[0],
                 p,
                 basis.asked,
-                FINE_S,
-                round(basis.step_s / FINE_S),
+                step_s,
+                round(basis.step_s / step_s),
                 new_workspace(),
                 active,
                 measures,
@@ -190,15 +199,13 @@ class Loader:
         with ThreadPoolExecutor(CORES) as pool:
             list(pool.map(lead_part, *_shares(basis.edges, CORES)))
         finish(rows, basis.payload)
-        seen, columns = {}, columns_of(rows)
+        found, columns = {}, columns_of(rows)
         for name, channel in CHANNELS.items():
-            field, index = channel.columns
-            true = columns[field] if index is None else columns[field][:, index]
+            quantity, index = channel.columns
+            true = columns[quantity] if index is None else columns[quantity][:, index]
             most = ABSURD * channel.typical
-            true = np.clip(np.where(np.isfinite(true), true, most), -most, most)
-            seen[name] = self._sensed(name, true, basis.step_s)
-        parts = [slice(a, b) for a, b in zip(basis.edges[:-1], basis.edges[1:], strict=True)]
-        return [{name: values[part] for name, values in seen.items()} for part in parts]
+            found[name] = np.clip(np.where(np.isfinite(true), true, most), -most, most)
+        return found
 
     def _sensed(self, name: str, true: Array, step_s: float) -> Array:
         """Lag and delay of the sensor as its sheet says; its errors are what is searched for.
@@ -208,7 +215,7 @@ class Loader:
         if name not in self._sensors.channels:
             return true
         sheet = self._sensors.of(name)
-        kept = _kept_share(sheet.lag, step_s)
+        kept = kept_share(sheet.lag, step_s)
         felt = lfilter(np.array([1.0 - kept]), np.array([1.0, -kept]), true, zi=np.array([kept * true[0]]))[0]
         return delayed(np.asarray(felt, float), sheet.delay, step_s * np.arange(true.size, dtype=np.float64))
 
@@ -221,11 +228,15 @@ class Loader:
             return self._bases[key]
 
     def _new_basis(self, windows: Sequence[Window]) -> Basis:
-        machine, payload, step = self._machine, windows[0].constants.get("payload", 0.0), windows[0].step_s
-        asked = _asked(windows[0])
-        parts = [measured_of(window, self._sensors, machine, asked=asked) for window in windows]
+        payload, step, asked = (
+            windows[0].constants.get("payload", 0.0),
+            windows[0].step_s,
+            asked_of(windows[0]),
+        )
+        parts = [self._measured(window, asked) for window in windows]
+        machine = self._changed(self._settled)
         sizes = [len(part) for part in parts]
-        p = led_parameters(parameter_vector(machine, Surface(), payload), FINE_S, asked=asked)
+        p = led_parameters(parameter_vector(machine, Surface(), payload), STEP_S, asked=asked)
         active, work = dispatch.active_vector(machine.effects), new_workspace()
         starts = np.stack([self._start(w, part[0], asked) for w, part in zip(windows, parts, strict=True)])
         rests = np.empty((len(windows), REST))
@@ -233,7 +244,9 @@ class Loader:
         standing = [abs(part[0, M_SPEED]) < STANDING for part in parts]
         rests[standing] = np.nan  # brakes hold it as it stands
         edges = np.concatenate(([0], np.cumsum(sizes))).astype(np.intp)
-        return Basis(np.concatenate(parts), edges, starts, rests, asked, payload, step)
+        basis = Basis(np.concatenate(parts), edges, starts, rests, asked, payload, step)
+        fine, coarse = (self._true(basis, self._settled, step_s) for step_s in (FINE_S, STEP_S))
+        return replace(basis, coarse={name: fine[name] - coarse[name] for name in fine})
 
     def _start(self, window: Window, first: Array, asked: Asked) -> Array:
         """State at the begin of a window: the pilot's, or at rest on the tyres, or rolling evenly."""
@@ -243,10 +256,11 @@ class Loader:
             row = round((float(window.time_s[0]) - begin) / window.step_s)
             if 0 <= row < len(states) and np.isfinite(states[row]).all():
                 return np.asarray(states[row], float)
-        return _plant(self._machine, window.constants.get("payload", 0.0), first).inside()[0]
+        machine = self._changed(self._settled)
+        return _plant(machine, window.constants.get("payload", 0.0), first).inside()[0]
 
     def _pilot(self, window: Window, asked: Asked) -> tuple[float, Array] | None:
-        """First time and the states of the whole recording led by the machine of the sheet; None where it is not known."""
+        """First time and the states of the machine led through the whole recording; None where it is not known."""
         name = window.recording
         if name not in self._pilots:
             self._pilots[name] = (
@@ -266,13 +280,16 @@ class Loader:
             time_s=grid,
             known={n: resampled(recording.signals[n], grid) for n in names},
         )
-        measured = measured_of(whole, self._sensors, self._machine, asked=asked)
+        measured = _shifted(self._measured(whole, asked), self._settled)
         try:
-            plant = _plant(self._machine, like.constants.get("payload", 0.0), measured[0])
+            plant = _plant(self._changed(self._settled), like.constants.get("payload", 0.0), measured[0])
         except NoEquilibriumError:
             return None
         _, states = follow(plant, measured, interval_s=like.step_s, step_s=FINE_S, asked=asked)
         return float(begin), states
+
+    def _measured(self, window: Window, asked: Asked) -> Array:
+        return measured_of(window, self._sensors, self._machine, self._abilities, asked=asked)
 
     def _changed(self, values: Mapping[str, float]) -> Machine:
         """The sheet's machine with the nuisances' values, and the effects that are not at their off."""
@@ -322,17 +339,6 @@ def _shares(edges: NDArray[np.intp], count: int) -> tuple[list[int], list[int]]:
     return cuts[:-1], cuts[1:]
 
 
-def _kept_share(lag_s: float, step_s: float) -> float:
-    """Share of its last value that a sampled sensor of this lag keeps; samples are taken to have been held (plant.sensors)."""
-    return math.exp(-step_s / lag_s) if lag_s > 0.0 else 0.0
-
-
-def _late(sheet: ChannelParameters, step_s: float) -> float:
-    """By how much such a sensor is late for slow motions [s]."""
-    kept = _kept_share(sheet.lag, step_s)
-    return step_s * kept / (1.0 - kept) + sheet.delay
-
-
 def _within(value: float, low: float, high: float) -> float:
     return float(min(max(value, low), high))
 
@@ -345,64 +351,3 @@ def _shifted(measured: Array, values: Mapping[str, float]) -> Array:
     for at, _, name in LINKAGE:
         shifted[:, at] -= values.get(name, 0.0)
     return shifted
-
-
-def _asked(window: Window) -> Asked:
-    """Which joints' demands were recorded."""
-    steering, lift, tilt = (window.has(name) for name in DEMANDS)
-    return steering, lift, tilt
-
-
-def measured_of(window: Window, sensors: SensorParameters, machine: Machine, *, asked: Asked) -> Array:
-    """What leads the plant, (n, MEASURED): the recorded inputs without what their sensors did to them.
-
-    Lags and delays of the sheet are undone by reading as much later as they make slow motions late.
-    asked: joints whose rates are those the driver asked for.
-    """
-
-    def read(name: str) -> Array:
-        return delayed(window[name], -_late(sensors.of(name), window.step_s), window.time_s)
-
-    measured = np.zeros((window.time_s.size, MEASURED))
-    for i, name in enumerate(TORQUES):
-        measured[:, M_TORQUE + i] = _smooth(read(name))
-    if window.has("brake_demand"):
-        measured[:, M_BRAKING] = window["brake_demand"] > 0.0
-    known = [read(name) for name in SPEEDS if window.has(name)]
-    measured[:, M_SPEED] = _smooth(np.mean(known, axis=0)) if known else 0.0
-    steered, lifted, tilted = asked
-    measured[:, M_ARTICULATION] = _smooth(read("articulation_angle"))
-    rate = read("articulation_rate")
-    if steered:
-        demand, lag_s = window[DEMANDS[0]], machine.steering.time_constant
-        measured[:, M_ARTICULATION + 1] = _obeyed(demand, rate, lag_s, window.step_s)
-    else:
-        measured[:, M_ARTICULATION + 1] = _smooth(rate)
-    for at, name, _ in LINKAGE:
-        angle = read(name)
-        measured[:, at] = _smooth(angle, LEVELLED)
-        measured[:, at + 1] = _smooth(angle, LEVELLED, rate_of=window.step_s)
-    if lifted:
-        lift, up, down = window["lift_demand"], machine.lift.raise_rate_limit, machine.lift.lower_rate_limit
-        measured[:, M_LIFT + 1] = lift * np.where(lift > 0.0, up, down)
-    if tilted:
-        measured[:, M_TILT + 1] = window["tilt_demand"] * machine.tilt.rate_limit
-    return measured
-
-
-def _obeyed(demand: Array, rate: Array, lag_s: float, step_s: float) -> Array:
-    """The rate that cylinders of this lag were asked for: the driver's demand, and slowly what limits made of it.
-
-    rate: as it was measured; with its slope times the lag it is what was asked for, with the sensor's noise. The demand of a row was
-    held since the row before: at a row what acts is between it and the next.
-    """
-    acting = 0.5 * (demand + np.append(demand[1:], demand[-1]))
-    obeyed = rate + lag_s * np.gradient(rate, step_s)
-    return np.asarray(demand + _smooth(obeyed - acting, LEVELLED), float)
-
-
-def _smooth(values: Array, points: int = SMOOTHED, *, rate_of: float | None = None) -> Array:
-    """Centred quadratic over `points`; its slope per second where rate_of gives the step [s]."""
-    odd = min(points, values.size // 2 * 2 - 1)
-    order, delta = (0, 1.0) if rate_of is None else (1, rate_of)
-    return np.asarray(savgol_filter(values, odd, 2, deriv=order, delta=delta, mode="nearest"), np.float64)

@@ -45,7 +45,8 @@ def model(
 ) -> Model:
     """The loader; machine: itself, or name or TOML file, with the sensors of its family; without: effects that are not searched."""
     sheet = load_machine(machine) if isinstance(machine, str) else machine
-    sensors = load_equipment(sheet.family).sensors
+    equipment = load_equipment(sheet.family)
+    lags = {name: equipment.sensors.of(name).lag for name in CHANNELS}
     return Model(
         name="loader",
         sentence="an articulated wheel loader, led by its measured torques and joint angles",
@@ -54,7 +55,7 @@ def model(
         outputs={name: channel.unit for name, channel in CHANNELS.items()},
         nuisances=NUISANCES,
         effects=tuple(e for e in library() if e.name not in without),
-        simulate=Loader(sheet, sensors, recordings),
+        simulate=Loader(sheet, equipment, recordings),
         step_s=STEP_S,
         window_s=SCORED_S,
         lead_s=LEAD_S,
@@ -62,7 +63,7 @@ def model(
         slopes_hold=6.0,
         negligible=NEGLIGIBLE,
         floors={name: FLOOR * channel.typical for name, channel in CHANNELS.items()},
-        lags={name: sensors.of(name).lag for name in CHANNELS if sensors.of(name).lag > 0.0},
+        lags={name: lag for name, lag in lags.items() if lag > 0.0},
         least_explained=0.05,
         threads=True,
     )

@@ -49,6 +49,7 @@ INPUTS: Mapping[str, str] = {
     "tilt_angle": "rad",
 }
 OPTIONAL: Mapping[str, str] = {
+    "torque_demand": "1",
     "brake_demand": "1",
     "articulation_rate_demand": "rad/s",
     "lift_demand": "1",
