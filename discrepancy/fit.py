@@ -20,6 +20,7 @@ STEP = 1e-3  # finite differences, in typical changes
 FORECAST = (
     0.02  # share of a step's gain by which a linear forecast may be wrong and the step still count as linear
 )
+KEPT_PROMISE = 0.5  # share of a forecast gain that shows sensitivities of elsewhere to be good enough
 BEND = 3.0  # of whitened SSE, by which a window may become worse before its own step is shortened
 CONVERGED = 1e-2  # in whitened SSE: a hundredth of what matters statistically
 
@@ -80,9 +81,11 @@ class WindowStates:
         return change
 
 
-def differences(problem: Problem, values: Values, base: Array, names: Sequence[str]) -> Array:
-    """Derivative of the raw rows by parameters (N, k); for local ones in all windows at once."""
-    found = {name: problem.kept_slope(name, None, values) for name in names}
+def differences(
+    problem: Problem, values: Values, base: Array, names: Sequence[str], *, rough: bool = False
+) -> Array:
+    """Derivative of the raw rows by parameters (N, k); for local ones in all windows at once. rough: or what it was elsewhere, if that is kept."""
+    found = {name: problem.kept_slope(name, None, values, anywhere=rough) for name in names}
     new = [name for name, column in found.items() if column is None]
     steps = {name: _difference(problem, values, name) for name in new}
     rows = problem.predict_each([_stepped(problem, values, name, step) for name, step in steps.items()])
@@ -118,13 +121,17 @@ def fit(
     *,
     rows: Mask | None = None,
     iterations: int = 8,
+    rough: bool = False,
 ) -> Fit:
-    """Fit shared parameters `names` and all initial states to the whitened rows of a mask (all, if None)."""
+    """Fit shared parameters `names` and all initial states to the whitened rows of a mask (all, if None).
+
+    rough: sensitivities that a costly model has had elsewhere serve while steps keep what they promise; they are in the result.
+    """
     rows = np.ones(noise.keep.size, bool) if rows is None else rows
     parameters = [problem.model.parameter(name) for name in names]
     scale = np.array([p.typical for p in parameters])
     prior = np.array([p.typical / p.prior_sd if p.prior_sd else 0.0 for p in parameters])
-    point = _Point.at(problem, noise, parameters, start, rows)
+    point = _Point.at(problem, noise, parameters, start, rows, rough)
     for _ in range(iterations):
         A = np.concatenate([point.columns[rows] * scale, np.diag(prior)])
         b = np.concatenate([point.residual[rows], -prior * point.deviation])
@@ -136,15 +143,19 @@ def fit(
             for shrink in (1.0, 0.4, 0.1)
         )
         better = next(((v, sse) for v, sse in tried if sse < point.sse), None)
+        if better is None and rough:
+            rough, point = False, _Point.at(problem, noise, parameters, point.values, rows)
+            continue
         if better is None:
             break
         before, promised, (moved, sse) = point.sse, float(np.sum((b - A @ step) ** 2)), better
         # where the linear forecast held, the sensitivities still do (chord method)
         linear = abs(sse - promised) < FORECAST * (before - sse) + CONVERGED
+        rough = rough and before - sse > KEPT_PROMISE * (before - promised)
         point = (
             point.renewed(problem, noise, moved, rows)
             if linear
-            else _Point.at(problem, noise, parameters, moved, rows)
+            else _Point.at(problem, noise, parameters, moved, rows, rough)
         )
         if before - point.sse < CONVERGED:
             break
@@ -201,11 +212,18 @@ class _Point:
 
     @classmethod
     def at(
-        cls, problem: Problem, noise: Noise, parameters: Sequence[Parameter], values: Values, rows: Mask
+        cls,
+        problem: Problem,
+        noise: Noise,
+        parameters: Sequence[Parameter],
+        values: Values,
+        rows: Mask,
+        rough: bool = False,
     ) -> "_Point":
         base = problem.predict(values)
         names = [p.name for p in parameters]
-        moved = noise.whiten(differences(problem, values, base, [*names, *problem.local_names]))
+        raw = differences(problem, values, base, [*names, *problem.local_names], rough=rough)
+        moved = noise.whiten(raw)
         J, L = moved[:, : len(names)], moved[:, len(names) :]
         e = noise.whiten(problem.measured - base)
         states = WindowStates(L, noise.row_window, rows)

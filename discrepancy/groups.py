@@ -11,8 +11,9 @@ from discrepancy.noise import Noise, Whitener, by_group
 from discrepancy.problem import Problem, Unusable, Values
 from discrepancy.recording import Recording, Signal
 from discrepancy.screen import Score, active, collinearity, stretches, switches
-from discrepancy.search import Settings, State, free_names, project_out, starts
+from discrepancy.search import Settings, State, free_names, project_out
 from discrepancy.spells import spell_of
+from discrepancy.starts import starts
 
 ENOUGH = 20.0  # expected likelihood difference (in SSE) of a manoeuvre worth proposing
 ALIKE = 0.6  # cosine of sensitivities below which two effects are two effects, not one with two names
@@ -48,7 +49,6 @@ def members(
     own = _direction(problem, state.fit, effect)
     found = [Member(effect, 0.0, 1.0, state.fit)]
     spell = spell_of(problem.model.effect(effect), state.fit.values)
-    alone = State(state.noise, without, others, ())
     for score in scores:
         if score.effect in state.accepted or score.statistic < 0.25 * whole - settings.same:
             continue
@@ -56,7 +56,7 @@ def members(
             continue  # a fit costs tens of simulations, its direction none
         candidate = problem.model.effect(score.effect)
         names = free_names(problem, (*others, candidate.name))
-        points = starts(alone, candidate, score)
+        points = starts(without.values, candidate, score)
         if spell is not None:
             points = [point.acting(switches(candidate), spell) for point in points]
         fits = [fit(problem, state.noise, names, point, iterations=6) for point in points]

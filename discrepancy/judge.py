@@ -137,7 +137,8 @@ def _without(problem: Problem, state: State, others: tuple[str, ...]) -> Fit:
         if name not in others
         for p in problem.model.effect(name).parameters
     }
-    return fit(problem, state.noise, free_names(problem, others), state.fit.values.with_shared(off))
+    start = state.fit.values.with_shared(off)
+    return fit(problem, state.noise, free_names(problem, others), start, rough=True)
 
 
 def _weigh(problem: Problem, state: State, name: str, beyond: OpenEnded, settings: Settings) -> _Needed:
@@ -233,7 +234,7 @@ def _scores_without(
     """Screen of the library with one accepted effect taken out again; spell: the windows in which it acted, if not in all."""
     base = problem.predict(without.values)
     rest = [e for e in problem.model.effects if e.name not in others]
-    columns = sensitivities(problem, without.values, base, rest)
+    columns = sensitivities(problem, without.values, base, rest, rough=True)
     if spell is not None:
         columns = within(problem, columns, spell)
     return screen(problem, state.noise, without, columns, settings)

@@ -67,15 +67,17 @@ def active(effect: Effect) -> list[str]:
     return [p.name for p in switches(effect)]
 
 
-def sensitivities(problem: Problem, values: Values, base: Array, effects: Sequence[Effect]) -> list[Columns]:
-    """Simulate each effect at each of its probes, shapes at their typical value."""
+def sensitivities(
+    problem: Problem, values: Values, base: Array, effects: Sequence[Effect], *, rough: bool = False
+) -> list[Columns]:
+    """Simulate each effect at each of its probes, shapes at their typical value. rough: those kept from elsewhere serve as well."""
     tried = {
         (effect.name, probe, p.name): p.tried[min(probe, len(p.tried) - 1)]
         for effect in effects
         for probe in range(_probes(effect))
         for p in switches(effect)
     }
-    raw = {key: problem.kept_slope(key[2], value, values) for key, value in tried.items()}
+    raw = {key: problem.kept_slope(key[2], value, values, anywhere=rough) for key, value in tried.items()}
     new = [key for key, column in raw.items() if column is None]
     shapes = {e.name: {p.name: p.value + p.typical for p in e.parameters if p.shape} for e in effects}
     points = [values.with_shared({**shapes[key[0]], key[2]: tried[key]}) for key in new]

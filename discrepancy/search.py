@@ -31,6 +31,7 @@ from discrepancy.screen import (
     time_blocks,
 )
 from discrepancy.spells import for_a_while, price, settle, spell_of, within
+from discrepancy.starts import Starts
 from discrepancy.unexplained import unexplained
 
 Progress = Callable[[str], None]
@@ -134,7 +135,8 @@ def _passed(problem: Problem, state: State, settings: Settings) -> list[Trial]:
 
 
 def together(problem: Problem, state: State, settings: Settings) -> list[Trial]:
-    """Two effects of which each passes beside the other, though neither by itself; none if there are none.
+    """Two effects of which each passes beside the other, though neither by itself; or the one that was seen only beside another that it makes
+    needless; none if there are none.
 
     What is left out besides makes the stretches of a recording disagree about either of them: with both they have to agree. Only an effect
     that takes away more than chance can is taken up again, and only together with what then passes.
@@ -154,14 +156,22 @@ def together(problem: Problem, state: State, settings: Settings) -> list[Trial]:
     off = {p.name: p.value for p in effect.parameters}
     without = fit(problem, beside, free_names(problem, accepted), other.fit.values.with_shared(off))
     alone = replace(given, noise=beside, fit=without, accepted=accepted)
-    plain, inflation = without.sse - other.fit.sse, spread(other.fit, active(effect), stretches(beside))
-    gain, size = plain / inflation, size_of(effect, other.fit)
-    again = Trial(one.effect, other.fit, gain, plain, one.needed, None, inflation, size)
-    fits_all = all(_agreed(problem, beside, other.fit, name, settings) for name in (one.effect, other.effect))
-    if gain <= one.needed or not fits_all:
+    again = weighed(problem, alone, effect, other.fit, settings)
+    if again.gain <= again.needed:
+        last = problem.model.effect(other.effect)
+        seen = fit(problem, state.noise, without.names, without.values)
+        solo = weighed(problem, state, last, seen, settings)
+        return _stands(problem, state, solo, settings) if solo.gain > solo.needed else []
+    if not all(_agreed(problem, beside, other.fit, name, settings) for name in (one.effect, other.effect)):
         return []
-    again = confirm(problem, alone, again, settings)
-    return [again, other] if again.accepted(settings) and not again.negligible(problem) else []
+    stands = _stands(problem, alone, again, settings)
+    return [*stands, other] if stands else []
+
+
+def _stands(problem: Problem, state: State, trial: Trial, settings: Settings) -> list[Trial]:
+    """The trial with its gain on held-out rows if that confirms it, else nothing."""
+    tried = confirm(problem, state, trial, settings)
+    return [tried] if tried.accepted(settings) and not tried.negligible(problem) else []
 
 
 def _agreed(problem: Problem, noise: Noise, fitted: Fit, name: str, settings: Settings) -> bool:
@@ -202,7 +212,8 @@ def assess(problem: Problem, accepted: tuple[str, ...], values: Values, settings
     names = free_names(problem, accepted)
     candidates = [e for e in problem.model.effects if e.name not in accepted]
     noise = white_noise(problem, problem.measured - problem.predict(values))
-    fitted = fit(problem, noise, names, values)
+    fitted = fit(problem, noise, names, values, rough=True)
+    problem.settle(fitted.values)
     columns: list[Columns] = []
     for _ in range(2):
         base = problem.predict(fitted.values)
@@ -213,7 +224,7 @@ def assess(problem: Problem, accepted: tuple[str, ...], values: Values, settings
     scores = screen(problem, noise, fitted, columns, settings)
     passing = for_a_while(problem, noise, fitted, scores, columns, settings.alpha)
     unstrained = _unstrained(problem, fitted)
-    if unstrained is not None:
+    if unstrained is not None and not (problem.model.costly and scores[0].statistic > CLEAR):
         scores = _better(scores, _screen_at(problem, noise, names, unstrained, candidates, settings))
     return State(noise, fitted, accepted, tuple(scores), (), tuple(columns), tuple(passing), unstrained)
 
@@ -287,14 +298,20 @@ def try_shortlist(problem: Problem, state: State, settings: Settings) -> list[Tr
     named = {s.effect for s in listed}
     listed += [s for s, _ in passing if s.effect not in named]
     tried: list[tuple[Score, range | None]] = [*((s, None) for s in listed), *passing]
-    begun = [begin(problem, state, s, windows) for s, windows in tried]
+    points = Starts(problem, state.noise, state.fit, state.columns, state.unstrained)
+    begins = [(s, windows, points.of(s, windows)) for s, windows in tried]
+    most = max((start[0][1] for *_, start in begins), default=0.0)
+    # of costly models: what is far behind by its score and where it starts has its turn when what is beyond doubt has been taken in
+    least = BEHIND * most if most > CLEAR and problem.model.costly else -np.inf
+    begins = [b for b in begins if max(b[0].statistic * b[0].inflation, b[2][0][1]) > least]
+    begun = [begin(problem, state, s, start) for s, _, start in begins]
     most = max((state.fit.sse - b[0].sse for b in begun), default=0.0)
     least = BEHIND * most if most > CLEAR else -np.inf
     trials = [
         refit(problem, state, s, b, settings, least, windows)
-        for (s, windows), b in zip(tried, begun, strict=True)
+        for (s, windows, _), b in zip(begins, begun, strict=True)
     ]
-    trials += _in_the_same_windows(problem, state, trials, settings)
+    trials += _in_the_same_windows(problem, state, trials, points, settings)
     sure = [t.gain > t.needed and t.size >= problem.model.negligible for t in trials]
     best = max((t.lead for t, fine in zip(trials, sure, strict=True) if fine and not t.beside), default=0.0)
     return [
@@ -306,7 +323,7 @@ def try_shortlist(problem: Problem, state: State, settings: Settings) -> list[Tr
 
 
 def _in_the_same_windows(
-    problem: Problem, state: State, trials: Sequence[Trial], settings: Settings
+    problem: Problem, state: State, trials: Sequence[Trial], points: Starts, settings: Settings
 ) -> list[Trial]:
     """Rivals of the best effect that acts for a while: the likeliest others in its windows, under the noise left beside it."""
     brief = [t for t in trials if t.beside and t.gain > t.needed]
@@ -321,21 +338,15 @@ def _in_the_same_windows(
     scores = screen(problem, best.beside.noise, best.beside.fit, within(problem, others, windows), settings)
     likely = [s for s in scores if s.statistic > best.needed][: settings.shortlist // 2]
     return [
-        refit(problem, state, s, begin(problem, state, s, windows), settings, -np.inf, windows)
+        refit(problem, state, s, begin(problem, state, s, points.of(s, windows)), settings, -np.inf, windows)
         for s in likely
     ]
 
 
-def begin(problem: Problem, state: State, found: Score, windows: range | None) -> list[Fit]:
-    """The first steps of a refit with one more effect, from the expected change and from the probe, best first; windows: in which
-    it acts, all if None.
-    """
-    effect = problem.model.effect(found.effect)
-    names = free_names(problem, (*state.accepted, effect.name))
-    points = starts(state, effect, found)
-    if windows is not None:
-        points = [point.acting(switches(effect), windows) for point in points]
-    fits = [fit(problem, state.noise, names, point, iterations=2) for point in points]
+def begin(problem: Problem, state: State, found: Score, points: Sequence[tuple[Values, float]]) -> list[Fit]:
+    """The first steps of a refit with one more effect from each of its starts, best first."""
+    names = free_names(problem, (*state.accepted, found.effect))
+    fits = [fit(problem, state.noise, names, point, iterations=2, rough=True) for point, _ in points]
     return sorted(fits, key=lambda f: f.sse)
 
 
@@ -353,20 +364,24 @@ def refit(
     if state.fit.sse - best.sse > least:
         fits = [fit(problem, state.noise, names, b.values, iterations=4) for b in begun]
         best = min(fits, key=lambda f: f.sse)
-    needed = price(problem, effect, best.values, settings.alpha)
     if windows is None:
-        inflation = spread(best, active(effect), stretches(state.noise))
-        plain = state.fit.sse - best.sse
-        return Trial(
-            effect.name, best, plain / inflation, plain, needed, None, inflation, size_of(effect, best)
-        )
+        return weighed(problem, state, effect, best, settings)
     names = free_names(problem, state.accepted)
     own = settle(problem, state.noise, effect, names, best.values, windows, state.columns)
     alike = own.even(settings.alpha / len(problem.model.effects))
     beside = replace(state, noise=own.noise, fit=own.without)
     size = size_of(effect, own.with_it)
+    needed = price(problem, effect, best.values, settings.alpha)
     gain = own.sure_gain if alike else 0.0  # what comes and goes in between is another thing
     return Trial(effect.name, own.with_it, gain, own.gain, needed, None, own.inflation, size, beside=beside)
+
+
+def weighed(problem: Problem, state: State, effect: Effect, fitted: Fit, settings: Settings) -> Trial:
+    """What a fit with one effect more than the state's gains, and what it would have to."""
+    plain, inflation = state.fit.sse - fitted.sse, spread(fitted, active(effect), stretches(state.noise))
+    needed = price(problem, effect, fitted.values, settings.alpha)
+    size = size_of(effect, fitted)
+    return Trial(effect.name, fitted, plain / inflation, plain, needed, None, inflation, size)
 
 
 def size_of(effect: Effect, fitted: Fit) -> float:
@@ -375,23 +390,6 @@ def size_of(effect: Effect, fitted: Fit) -> float:
         max(abs(fitted.values.shared[p.name] - p.value) - SURE * fitted.sd(p.name), 0.0) / abs(p.typical)
         for p in switches(effect)
     )
-
-
-def starts(state: State, effect: Effect, found: Score) -> list[Values]:
-    """Where the refit begins: the expected change, within bounds, and the best probe, which may lie in another minimum; shapes at their
-    typical value.
-    """
-    shapes = {p.name: p.value + p.typical for p in effect.parameters if p.shape}
-    expected = {
-        p.name: float(np.clip(p.value + change, p.lower, p.upper))
-        for p, change in zip(switches(effect), found.change, strict=True)
-    }
-    points = [state.fit.values, *([state.unstrained] if state.unstrained else [])]
-    found_at = [point.with_shared({**shapes, **expected}) for point in points]
-    if any(p.probes for p in switches(effect)):
-        probe = {p.name: p.tried[min(found.nearest, len(p.tried) - 1)] for p in switches(effect)}
-        found_at.append(state.fit.values.with_shared({**shapes, **probe}))
-    return found_at
 
 
 def project_out(fitted: Fit, kept: Sequence[int]) -> Array:
@@ -431,6 +429,6 @@ def held_out_residual(
     """Whitened residual (n,), every row from a fit of the shared parameters that has not seen it."""
     names, residual = free_names(problem, effects), np.empty(noise.keep.size)
     for test in folds(problem, noise, settings.folds):
-        trained = fit(problem, noise, names, start, rows=~test, iterations=4)
+        trained = fit(problem, noise, names, start, rows=~test, iterations=4, rough=True)
         residual[test] = held_out(problem, noise, trained.values, test)[test]
     return residual

@@ -77,7 +77,7 @@ class Settled:
 def runs(problem: Problem) -> list[range]:
     """All runs of windows of one recording, with enough windows in and outside; none for models too costly to try them."""
     count = len(problem.windows)
-    if problem.model.slopes_hold > 0.0 or count < FEWEST_STRETCHES:
+    if problem.model.costly or count < FEWEST_STRETCHES:
         return []
     owner = [w.recording for w in problem.windows]
     return [

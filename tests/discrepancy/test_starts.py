@@ -1,0 +1,66 @@
+"""Where refits begin, and fits with sensitivities borrowed from elsewhere."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from discrepancy.fit import CONVERGED, fit
+from discrepancy.noise import white_noise
+from discrepancy.problem import Problem
+from discrepancy.search import Settings, assess
+from discrepancy.starts import Starts
+from tests.discrepancy.toys import record, tank
+
+LEAK = ("leak",)
+
+
+def searched(*names: str, **truth: float):
+    problem = Problem(tank(*names), [record(5, **truth)])
+    return problem, assess(problem, (), problem.start(), Settings())
+
+
+def test_a_refit_begins_with_the_gain_that_the_score_promises() -> None:
+    """A bias is linear in the readings: with everything moved along, its start is its end."""
+    problem, state = searched("level bias", bias=0.03)
+    (found,) = state.scores
+    ((start, gain), *_) = Starts(problem, state.noise, state.fit, state.columns).of(found, None)
+    assert gain == pytest.approx(found.statistic * found.inflation, rel=0.01)
+    ended = fit(problem, state.noise, ("area", "level.bias"), start)
+    assert state.fit.sse - ended.sse == pytest.approx(gain, rel=0.01)
+
+
+def test_starts_worse_than_nothing_are_left_out_where_another_is_better() -> None:
+    problem, state = searched("level delay", delay_s=0.2)
+    (found,) = state.scores
+    begun = Starts(problem, state.noise, state.fit, state.columns).of(found, None)
+    gains = [gain for _, gain in begun]
+    assert gains == sorted(gains, reverse=True)
+    assert all(gain > 0.0 for gain in gains[1:])
+
+
+def test_borrowed_sensitivities_lead_to_the_same_fit_with_fewer_simulations() -> None:
+    model = replace(tank(*LEAK), slopes_hold=1e-6)  # keeps slopes, trusts them nowhere else
+    problem = Problem(model, [record(5, leak=0.02)])
+    noise = white_noise(problem, problem.measured - problem.predict(problem.start()))
+    names = ("area", "leak")
+    exact = fit(problem, noise, names, problem.start())
+    far = exact.values.having(area=1.2, leak=0.1)
+    spent = []
+    for rough in (False, True):
+        before = problem.simulations
+        again = fit(problem, noise, names, far, rough=rough, iterations=20)
+        spent.append(problem.simulations - before)
+        assert again.sse == pytest.approx(exact.sse, abs=20.0 * CONVERGED)
+    assert spent[1] < spent[0]
+
+
+def test_a_prediction_is_not_simulated_twice() -> None:
+    problem = Problem(tank(*LEAK), [record(5)])
+    first = problem.predict(problem.start())
+    again = problem.predict(problem.start())
+    assert problem.simulations == 1
+    np.testing.assert_array_equal(first, again)
+    other = problem.start()
+    other.local["level"][0] += 0.1
+    assert not np.array_equal(problem.predict(other), first)
