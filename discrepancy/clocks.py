@@ -6,7 +6,7 @@ sensor may be late are left alone: the difference is then a delay, which the lib
 channels of a file whose clock had to be set cannot be told from that clock.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from discrepancy.fit import WindowStates, differences
 from discrepancy.model import Clock, Model, Parameter
 from discrepancy.problem import Problem, Unusable
-from discrepancy.recording import Array, Complaint, Recording, Signal
+from discrepancy.recording import Array, Complaint, Recording, Signal, cleaned
 from discrepancy.sensors import LONGEST_DELAY_S
 
 DISTANT = 10.0  # lengths of a run; stamps that begin later count from some other day, and the run is told from its own start
@@ -104,8 +104,9 @@ def _offset(model: Model, reference: Recording, part: Recording, origin: float) 
 
 def estimate_offset(model: Model, reference: Recording, part: Recording) -> tuple[float, float]:
     """Seconds to add to the stamps of `part` so that the model fits best, and the correlation reached; (0, 0) if it cannot tell."""
+    merged = _merged([reference, part], 0, reference.name)
     try:
-        problem = Problem(model, [_merged([reference, part], 0, reference.name)])
+        problem = Problem(model, [merged])
     except Unusable:
         return 0.0, 0.0
     start = problem.start()
@@ -118,29 +119,30 @@ def estimate_offset(model: Model, reference: Recording, part: Recording) -> tupl
     if not channels:
         return 0.0, 0.0
     local = differences(problem, start, base, problem.local_names)
+    clean, _ = cleaned(merged)
+    whole = {name: clean.signals[name] for name in channels}
     length = float(np.ptp(problem.row_time))
     step, reach = model.step_s, min(REACH_S, 0.4 * length)
     coarse = max(step, reach / 200)
     shifts = coarse * np.arange(-int(reach / coarse), int(reach / coarse) + 1)
-    best = _best(shifts, _misfit(problem, channels, base, local, shifts))
+    best = _best(shifts, _misfit(problem, whole, base, local, shifts))
     fine = np.asarray(best + coarse * np.linspace(-1.5, 1.5, 31), float)
-    misfit = _misfit(problem, channels, base, local, fine)
+    misfit = _misfit(problem, whole, base, local, fine)
     late = _best(fine, misfit)
     alike = float(np.sqrt(max(0.0, 1.0 - np.exp(float(np.min(misfit)) / len(channels)))))
     return (-late if inputs_there else late), alike
 
 
 def _misfit(
-    problem: Problem, channels: Sequence[str], base: Array, local: Array, shifts: NDArray[np.floating]
+    problem: Problem, whole: Mapping[str, Signal], base: Array, local: Array, shifts: NDArray[np.floating]
 ) -> Array:
-    """Sum over channels of ln(1 - correlation²) for each shift."""
+    """Sum over channels of ln(1 - correlation²) for each shift; whole: all samples of a channel, also where no inputs are yet."""
     total = np.zeros(shifts.size)
-    for channel in channels:
+    for channel, signal in whole.items():
         rows = np.flatnonzero(problem.row_channel == problem.channels.index(channel))
-        time_s, y = problem.row_time[rows], problem.measured[rows]
-        order = np.argsort(time_s)
+        time_s = problem.row_time[rows]
         states = WindowStates(local[rows], problem.row_window[rows], np.ones(rows.size, bool))
-        moved = np.stack([np.interp(time_s + s, time_s[order], y[order]) for s in shifts], axis=1)
+        moved = np.stack([np.interp(time_s + s, signal.time_s, signal.value) for s in shifts], axis=1)
         moved, predicted = states.off(moved), states.off(base[rows])
         size = np.sum(moved**2, axis=0) * float(predicted @ predicted)
         share = (moved.T @ predicted) ** 2 / np.maximum(size, 1e-300)

@@ -7,7 +7,7 @@ import numpy as np
 from discrepancy.model import Model
 from discrepancy.recording import Array, Complaint, Recording, Signal
 from discrepancy.units import parse_scaled, parse_unit
-from hil.diagnose.tables import Column, Table, named
+from hil.diagnose.tables import Column, Table
 
 SHOWN = 8
 
@@ -35,9 +35,6 @@ def to_recording(
         complaints += said
         if parts:
             signals[channel] = _mean(parts)
-    if not any(channel in signals for channel in model.outputs):
-        text = f"has {named(table.columns)}; --channel NAME=COLUMN says which is which"
-        complaints.append(Complaint(name, "", text))
     constants, said = _constants(table, name, model)
     return Recording(name, signals, constants), complaints + said
 

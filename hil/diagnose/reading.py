@@ -97,6 +97,10 @@ def _run(
         parts.append(part)
         complaints += said
     joined = join(channels, parts, name)
+    if not any(channel in joined.recording.signals for channel in channels.outputs):
+        columns = [c for table in tables for c in table.columns]
+        text = f"has {named(columns)}; --channel NAME=COLUMN says which is which"
+        complaints.append(Complaint(name, "", text))
     return Read([joined.recording], [*joined.complaints, *complaints], joined.clocks)
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from discrepancy.clocks import join
 from discrepancy.examine import examine
 from discrepancy.findings import Findings
 from discrepancy.models import straight
@@ -98,3 +99,17 @@ def test_stamps_in_another_unit_are_suspected() -> None:
         result = verdict(Recording("stamps", taken))
         assert result.status == "inconclusive"
         assert "another unit than its heading says" in result.reasons[0]
+
+
+@pytest.mark.parametrize("ahead_s", [7.3, -7.3])
+def test_a_quarter_of_a_run_between_two_clocks_is_found(ahead_s: float) -> None:
+    """Samples beyond the other file's inputs count too: without them a shuttle's next turn, the other way round, fitted better."""
+    whole, model = drive({"speed delay": {"speed.delay": 0.15}}), straight.model()
+    ahead = {n: replace(s, time_s=s.time_s + ahead_s) for n, s in whole.signals.items() if n in model.outputs}
+    parts = [
+        Recording("in.log", {n: s for n, s in whole.signals.items() if n in model.inputs}),
+        Recording("out.log", ahead),
+    ]
+    joined = join(model, parts, "run")
+    assert joined.offset_s == pytest.approx((0.0, -ahead_s), abs=0.2)
+    assert [clock.parameter for clock in joined.clocks] == ["clock of out.log"]

@@ -92,6 +92,7 @@ def test_two_loggers_are_put_on_one_clock(offset: float, loaderhil: Call, tmp_pa
     assert ended.code == 0, ended.out
     assert ended.result is not None
     assert ended.result.named == ["leak"]
+    assert not any("says which is which" in c.text for c in ended.result.complaints)
     said = next(c.text for c in ended.result.complaints if "another clock" in c.text)
     rest = next(n for n in ended.result.nuisances if n.name == "clock of reference.log")
     added = float(said.split("clock: ")[1].split(" s")[0])
