@@ -7,7 +7,7 @@ from discrepancy.findings import Findings
 from discrepancy.judge import Judgement, judge, nothing_usable
 from discrepancy.model import Model
 from discrepancy.plausible import implausible
-from discrepancy.problem import Problem, Unusable
+from discrepancy.problem import OUTPUTS, Problem, Unusable
 from discrepancy.recording import Complaint, Recording
 from discrepancy.rehearsal import rehearse
 from discrepancy.search import Progress, Settings
@@ -56,7 +56,10 @@ def usable(model: Model, recordings: Sequence[Recording]) -> tuple[Problem, list
     try:
         return Problem(model, kept), doubted
     except Unusable as error:
-        raise preceded(error, doubted) from error
+        left = [
+            c for c in error.complaints if c.signal != OUTPUTS
+        ]  # that none is there follows from what is doubted
+        raise Unusable([*doubted, *left]) from error
 
 
 def preceded(error: Unusable, first: Sequence[Complaint]) -> Unusable:

@@ -122,11 +122,17 @@ def thirds(value: Array) -> dict[str, NDArray[np.bool_]]:
     """Rows in the thirds of a signal's range, by what they are called; of one that mostly rests, those at rest and those beyond."""
     low, high = np.quantile(value, [1 / 3, 2 / 3])
     found = {
-        f"below {low:.3g}": value < low,
-        f"{low:.3g} to {high:.3g}" if low < high else f"at {low:.3g}": (value >= low) & (value <= high),
-        f"above {high:.3g}": value > high,
+        f"below {_three(low)}": value < low,
+        f"{_three(low)} to {_three(high)}" if low < high else f"at {_three(low)}": (value >= low)
+        & (value <= high),
+        f"above {_three(high)}": value > high,
     }
     return {text: rows for text, rows in found.items() if rows.any()} if np.ptp(value) > 0.0 else {}
+
+
+def _three(value: float) -> str:
+    """Three digits, up to 999000 without a power of ten."""
+    return f"{float(f'{value:.3g}'):g}"
 
 
 def at_rows(problem: Problem, noise: Noise, name: str) -> Array:

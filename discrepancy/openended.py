@@ -81,7 +81,7 @@ class OpenEnded:
         return "; ".join(
             f"{place} += "
             + " + ".join(
-                f"({f'{t.coefficient:.4g} {t.unit}'.removesuffix(' 1')}) {t.function.text}"
+                f"({f'{t.coefficient:.4g} {t.unit}'.removesuffix(' 1')}) {t.function.text}".removesuffix(" 1")
                 for t in self.terms
                 if t.place == place
             )

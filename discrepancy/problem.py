@@ -24,6 +24,7 @@ GAP = 3.5  # in median sample times: a longer pause starts a new run of the whit
 OWN_SHARE = (
     0.5  # of what other parameters may move, that a parameter may before its own sensitivity is computed anew
 )
+OUTPUTS = "outputs"  # in place of a channel's name, in complaints about all of them
 MILLI = 3e-3  # of the model's step or its inverse, beyond which stamps are likely in ms or in s by mistake
 HOLD_TOLERANCE = 1e-3  # of a grid step, by which a held value may be stamped late and still be of this point
 RECENT = 4  # predictions kept: a step that was tried is where the next begins
@@ -130,7 +131,7 @@ class Problem:
                     f"have no {FEWEST_SAMPLES} samples in a row from {low:.6g} to {high:.6g} s, where all inputs exist"
                     f"{_odd_stamps(model, clean.signals[outputs[0]])}"
                 )
-                self.complaints.append(Complaint(recording.name, "outputs", text, fatal=True))
+                self.complaints.append(Complaint(recording.name, OUTPUTS, text, fatal=True))
         if not self.windows:
             raise Unusable(self.complaints)
         self.measured = np.concatenate(measured)
@@ -178,7 +179,7 @@ class Problem:
         for name, text in useless.items():
             complain(name, text, fatal=not outputs)
         if not there:
-            complain("outputs", f"none of {', '.join(model.outputs)} is there", fatal=True)
+            complain(OUTPUTS, f"none of {', '.join(model.outputs)} is there", fatal=True)
         fine = fine and bool(outputs)
         if not fine:
             return None

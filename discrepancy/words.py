@@ -8,9 +8,10 @@ from rich.markup import escape
 from rich.panel import Panel
 from rich.table import Table
 
-from discrepancy.findings import Candidate, Estimate, Finding, Findings, MissingChannel
+from discrepancy.findings import Candidate, Estimate, Finding, Findings, MissingChannel, Separation
 from discrepancy.units import shown
 
+SURE = 1000  # likelihood difference above which its size says nothing more
 UNCHANGED = 0.005  # of an error
 MOST_DECIMALS = 7  # with more, a power of ten reads better
 SHOWN_CHANNELS = 6  # of those that a finding improves; all of them are in findings.json and in the report
@@ -57,6 +58,14 @@ def number_and_unit(e: Estimate) -> str:
     if e.baseline:
         text += f", {e.baseline:.4g} in the baseline"
     return text + (f", at its {e.at_bound} bound" if e.at_bound else "")
+
+
+def expected_difference(way: Separation) -> str:
+    """' (expected difference 37)', of which 6 would do; empty where it was not computed."""
+    if way.expected_difference is None:
+        return ""
+    large = way.expected_difference >= SURE
+    return f" (expected difference {f'over {SURE}' if large else f'{way.expected_difference:.0f}'})"
 
 
 def counted(number: int, what: str) -> str:
@@ -118,10 +127,7 @@ def _finding(number: int, f: Finding) -> str:
             f"   or: {member.effect}, {values}; likelihood difference {member.likelihood_difference:.1f}"
         )
     for way in f.separate_by:
-        expected = (
-            "" if way.expected_difference is None else f" (expected difference {way.expected_difference:.0f})"
-        )
-        lines.append(f"   to tell it from {way.effect}: {way.manoeuvre}{expected}")
+        lines.append(f"   to tell it from {way.effect}: {way.manoeuvre}{expected_difference(way)}")
     return "\n".join(lines)
 
 

@@ -19,6 +19,10 @@ def advice(result: Findings, model: str, out: Path | None, *, applied: bool = Fa
             "Keep what was found: the same command with `--apply FILE.toml` writes the model extended by it; "
             "with `--with FILE.toml` the next diagnosis tells only what is still missing."
         )
+    if result.status == "unknown" and len(result.recordings) > 1:
+        steps.append(
+            "If the recordings are not of one machine in one state, `--each` judges every one by itself."
+        )
     return [*steps, *_recorded(result)]
 
 
@@ -26,7 +30,7 @@ def _mended(result: Findings) -> Iterator[str]:
     """Recordings first: what is wrong with them decides what the rest is worth."""
     wrong = list(dict.fromkeys(f"{c.recording} {c.signal}".strip() for c in result.complaints if c.fatal))
     if wrong:
-        yield f"Mend and diagnose again: {_some(wrong)}. What is wrong, and what would help, is said above."
+        yield f"Mend and diagnose again: {_some(wrong)}; what is wrong, and what would help, is told of each."
 
 
 def _checked(result: Findings) -> Iterator[str]:
@@ -54,9 +58,10 @@ def _named(result: Findings, model: str, out: Path | None) -> Iterator[str]:
         yield "With `--out DIR` the equation is kept, and `loaderhil effects add DIR` makes an effect of it."
         return
     known = "" if model == "loader" else f" --model {quote(model)}"
+    depends, places = result.open_ended.depends_on, dict.fromkeys(t.place for t in result.open_ended.terms)
+    what = f"what could depend on {_some(depends)} and act" if depends else "a constant that could act"
     yield (
-        f"Look for what could depend on {_some(result.open_ended.depends_on) or 'nothing known, a constant'}"
-        f" and act at {_some(list(dict.fromkeys(t.place for t in result.open_ended.terms)))}. To give the equation a name: "
+        f"Look for {what} at {_some(list(places))}. To give the equation a name: "
         f"`loaderhil effects add {quote(str(out))} --name NAME{known} --out NAME.py`."
     )
 
@@ -69,7 +74,8 @@ def _recorded(result: Findings) -> Iterator[str]:
             by_need.setdefault(c.reason.partition(NEEDS)[2], []).append(c.effect)
     needs = [f"{need} ({_some(effects)})" for need, effects in by_need.items()]
     if needs:
-        yield f"To judge what could not be judged, record {'; '.join(needs[:SHOWN])}{' ...' if len(needs) > SHOWN else ''}."
+        more = "; and more" if len(needs) > SHOWN else ""
+        yield f"To judge what could not be judged, record {'; '.join(needs[:SHOWN])}{more}."
 
 
 def _size(f: Finding) -> str:

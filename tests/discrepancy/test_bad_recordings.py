@@ -88,6 +88,11 @@ def test_a_wrongly_scaled_channel_leaves_no_clean_bill() -> None:
     assert "km/h under a heading of m/s" in result.reasons[0]
     assert "in acceleration alone" in result.reasons[1]
     assert [m.recorded for m in result.missing_channels] == [True]
+    force = whole.signals["drive_force"]
+    alone = replace(whole, signals={**whole.signals, "drive_force": replace(force, value=1e-3 * force.value)})
+    reasons = examine(straight.model(), [alone], Settings()).reasons
+    assert len(reasons) == 2  # both outputs, and not also that none is there
+    assert all("drive_force in kN under a heading of N" in reason for reason in reasons)
     both = examine(straight.model(), [wrong, replace(whole, name="whole")], Settings())
     assert both.status == "nothing missing"  # another recording shows it
 

@@ -12,9 +12,9 @@ from pydantic import ValidationError
 from rich.console import Console
 
 from discrepancy.examine import examine
-from discrepancy.findings import SCHEMA, Estimate, Findings, from_json, schema_text, to_json
+from discrepancy.findings import SCHEMA, Estimate, Findings, Separation, from_json, schema_text, to_json
 from discrepancy.search import Settings
-from discrepancy.words import most_improved, number_and_unit, rounded, tell, told_verdict
+from discrepancy.words import expected_difference, most_improved, number_and_unit, rounded, tell, told_verdict
 from tests.discrepancy.toys import record, tank
 
 
@@ -87,3 +87,11 @@ def test_what_was_found_and_is_not_the_cause_is_told_as_a_proxy() -> None:
     assert told_verdict(leak, result) == "found"
     doubted = replace(result, findings=[replace(f, named=False) for f in result.findings])
     assert told_verdict(leak, doubted) == "best proxy"
+
+
+@pytest.mark.parametrize(
+    ("size", "told"),
+    [(None, ""), (37.2, " (expected difference 37)"), (3.6e7, " (expected difference over 1000)")],
+)
+def test_a_difference_that_is_sure_needs_no_size(size: float | None, told: str) -> None:
+    assert expected_difference(Separation(effect="a", manoeuvre="b", expected_difference=size)) == told

@@ -16,7 +16,7 @@ GREEK = {
 FUNCTIONS = ("sin", "cos", "tan", "atan", "tanh", "exp", "log", "ln", "sign", "min", "max", "abs")
 WORDS = ("for", "if", "until", "where", "with", "and", "or", "else", "while", "alone")
 TOKEN = re.compile(
-    r"\s*(?:(?P<number>\d+(?:\.\d+)?(?:e[+-]?\d+)?)|(?P<name>[A-Za-zα-ωΑ-Ω][A-Za-z0-9_α-ω]*(?:\.[A-Za-z_]\w*)*'*)"
+    r"\s*(?:(?P<number>\d+(?:\.\d+)?(?:e[+-]?\d+)?)|(?P<name>\.\.\.|[A-Za-zα-ωΑ-Ω][A-Za-z0-9_α-ω]*(?:\.[A-Za-z_]\w*)*'*)"
     r"|(?P<sign>->|\+=|<=|>=|[-+*·/^(),|=<>²³−]))"
 )
 RELATIONS = {"->": "→", "=": "=", "+=": "+=", "<": "&lt;", ">": "&gt;", "<=": "≤", ">=": "≥"}
@@ -39,7 +39,7 @@ def mathml(text: str) -> str:
 def added(place: str, functions: Sequence[str], signals: Collection[str] = ()) -> str:
     """'place += c1 f1 + c2 f2' of terms whose place and functions are given as text; signals: names that are not symbols."""
     terms = [
-        f"{symbol(f'c{i}')}<mspace width='0.25em'/>{_part(text, signals)}"
+        symbol(f"c{i}") + ("" if text == "1" else f"<mspace width='0.25em'/>{_part(text, signals)}")
         for i, text in enumerate(functions, start=1)
     ]
     label = f"{place} += " + " + ".join(f"c{i} {text}" for i, text in enumerate(functions, start=1))
@@ -202,6 +202,8 @@ def symbol(name: str) -> str:
     """A letter in italics, a word upright, indices below: 'F_brake', 'v0', 'delta_command', 'dtheta'."""
     if name in WORDS:
         return f"<mtext>&#8194;{name}&#8194;</mtext>"
+    if name == "...":
+        return "<mi>…</mi>"
     head, _, index = name.partition("_")
     if not index and (match := re.fullmatch(r"([A-Za-z]+?)(\d+)", head)):
         head, index = match[1], match[2]

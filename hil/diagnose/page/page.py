@@ -7,7 +7,14 @@ from html import escape
 from discrepancy.evidence import Evidence
 from discrepancy.findings import Estimate, Finding, Findings
 from discrepancy.units import shown as shown_unit
-from discrepancy.words import counted, most_improved, number_and_unit, told_missing, told_verdict
+from discrepancy.words import (
+    counted,
+    expected_difference,
+    most_improved,
+    number_and_unit,
+    told_missing,
+    told_verdict,
+)
 from hil.diagnose.page import drawn, machine
 from hil.diagnose.page.mathml import mathml
 from hil.diagnose.page.profile import profile
@@ -106,7 +113,7 @@ def _findings(result: Findings) -> Iterator[str]:
     if result.open_ended is not None:
         yield from open_cards(result.open_ended)
     if not result.findings and result.open_ended is None:
-        yield f'<p class="lead">{escape(" ".join(result.reasons))}</p>'
+        yield f"<ul>{''.join(f'<li>{escape(reason)}</li>' for reason in result.reasons)}</ul>"
 
 
 def _finding(number: int, f: Finding) -> str:
@@ -124,9 +131,7 @@ def _finding(number: int, f: Finding) -> str:
             for m in f.group
         ),
         "to tell them apart": "; ".join(
-            f"from {s.effect}: {s.manoeuvre}"
-            + ("" if s.expected_difference is None else f" (expected difference {s.expected_difference:.0f})")
-            for s in f.separate_by
+            f"from {s.effect}: {s.manoeuvre}" + expected_difference(s) for s in f.separate_by
         ),
     }
     return (

@@ -31,18 +31,17 @@ def lead(result: Findings) -> str:
         return f"The recordings hold something that the model does not, and no effect of the library is its cause.{seen}"
     if result.status == "nothing missing":
         return "No effect of the library and no function of the known signals improves the prediction of data that was not fitted."
-    return "No verdict: " + "; ".join(result.reasons) + "."
+    return f"No verdict is possible: {result.reasons[0].rstrip('.')}."
 
 
 def summary(result: Findings) -> str:
     """The verdict in figures, for its card."""
     named, proxies = len(result.named), len(result.findings) - len(result.named)
     told = [f"{counted(named, 'effect')} named"] if named else []
-    told += (
-        [f"{proxies} more {'helps' if proxies == 1 else 'help'} without being the cause"] if proxies else []
-    )
+    more = f"{proxies} more" if named else counted(proxies, "effect")
+    told += [f"{more} {'helps' if proxies == 1 else 'help'} without being the cause"] if proxies else []
     told += ["something that the library does not hold remains"] if result.open_ended else []
-    text = "; ".join(told) or "; ".join(result.reasons)
+    text = "; ".join(told)
     return text[:1].upper() + text[1:]
 
 

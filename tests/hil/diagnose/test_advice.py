@@ -53,7 +53,7 @@ def test_each_thing_to_do_has_its_step_and_what_is_wrong_comes_first() -> None:
     for step, words in zip(
         steps,
         (
-            "diagnose again: b.csv.",
+            "diagnose again: b.csv;",
             "Check the sensor of level: level comes late, level.delay = 0.2",
             "Do not take drag for the cause",
             "stand on level ground",
@@ -64,6 +64,12 @@ def test_each_thing_to_do_has_its_step_and_what_is_wrong_comes_first() -> None:
     ):
         assert words in step
     assert not any("--apply" in step for step in advice(result, "tank.py", Path("out"), applied=True))
+
+
+def test_recordings_that_do_not_fit_together_may_be_judged_each_by_itself() -> None:
+    unknown = replace(NOTHING, status="unknown", recordings=["a.csv", "b.csv"])
+    assert "`--each`" in advice(unknown, "tank.py", None)[0]
+    assert advice(replace(unknown, recordings=["a.csv"]), "tank.py", None) == []
 
 
 def test_the_command_that_is_advised_for_an_equation_works_as_printed(

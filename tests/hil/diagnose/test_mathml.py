@@ -74,6 +74,11 @@ def test_a_signal_is_no_symbol_with_an_index_and_a_width_no_fraction() -> None:
     assert whole.find(".//mfrac") is None
 
 
+def test_a_constant_is_its_coefficient_and_dots_are_left_out_terms() -> None:
+    assert words(ElementTree.fromstring(added("level", ["1", "speed"]))) == "level+=c1+c2speed"
+    assert words(tree("dh/dt = ... - k h")) == "dhdt=…−kh"
+
+
 def test_an_arrow_is_a_relation() -> None:
     assert words(tree("m_l -> m_l + d")) == "ml→ml+d"
 

@@ -10,7 +10,7 @@ import pytest
 
 from discrepancy.evidence import Evidence, RegimeCell, evidence, held_out_prediction
 from discrepancy.examine import investigate
-from discrepancy.findings import Estimate
+from discrepancy.findings import Estimate, Findings
 from discrepancy.judge import Judgement
 from discrepancy.recording import Array
 from discrepancy.search import Settings
@@ -144,6 +144,14 @@ def test_large_values_have_prefixed_units(
     [trace] = leaking[1].traces
     large = replace(trace, unit=unit, recorded=np.full_like(trace.recorded, -size))
     assert readable(large) == (factor, told)
+
+
+def test_a_page_without_a_verdict_says_why_once() -> None:
+    reasons = ["a.csv: level is constant at 2 m", "b.csv: is empty"]
+    result = Findings(model="tank", recordings=["a.csv"], status="inconclusive", reasons=reasons)
+    text = page(result, None, [], {})
+    assert "No verdict is possible: a.csv: level is constant at 2 m." in text
+    assert text.count("b.csv: is empty") == 1
 
 
 def test_words_of_the_page() -> None:
