@@ -50,7 +50,8 @@ def diagnose(
         list[Path],
         typer.Argument(
             metavar="RECORDING...",
-            help="Tables (.csv, .csv.gz, .parquet) headed `name [unit]`, or CAN recordings with --dbc; A+B are files of one run.",
+            help="Tables (.csv, .csv.gz, .parquet) headed `name [unit]`, CAN recordings with --dbc, run directories of the bench; "
+            "A+B are files of one run.",
         ),
     ],
     model: ModelOption,

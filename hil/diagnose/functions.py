@@ -31,7 +31,7 @@ _FORMS: _Forms = (
     (r"1", "np.ones_like(next(iter(s.values())))", "1.0"),
     (r"sign\((\w+)\)", "np.tanh({a} / (0.05 * np.std({a}) + 1e-300))", ""),
     (r"\|(\w+)\|", "np.abs({a})", "abs({a})"),
-    (r"d/dt (\w+)", "np.gradient({a}, step)", ""),
+    (r"d/dt (\w+)", "np.diff({a}, prepend={a}[:1]) / step", ""),
     (r"play\((\w+), ([-+.\de]+) [^)]*\)", "play({a}, {n})", ""),
     (r"lowpass\((\w+), ([-+.\de]+) s\)", "lagged({a}, {n}, step)", ""),
     (r"(\w+)·\|\1\|", "{a} * np.abs({a})", "{a} * abs({a})"),

@@ -10,7 +10,7 @@ ModelOption = Annotated[
     typer.Option(
         "--model",
         metavar="NAME|FILE.py",
-        help="ball, car, loader, road, straight, or a file that defines `model`.",
+        help="ball, car, loader, printed-estimator, road, straight, or a file that defines `model`.",
     ),
 ]
 PartOption = Annotated[
