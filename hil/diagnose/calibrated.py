@@ -7,7 +7,7 @@ machine file.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from hil.diagnose.extension import Applied
+from hil.diagnose.extension import Applied, BadExtension
 from hil.diagnose.tomltext import Line
 from plant.machine import Machine
 
@@ -26,7 +26,12 @@ class Moved:
         return self.now[name] - self.before[name]
 
     def times(self, name: str) -> float:
-        """What was multiplied by."""
+        """What was multiplied by. Raises BadExtension where the calibration was made for nothing of it."""
+        if self.before[name] == 0.0:
+            raise BadExtension(
+                f"{name} is 0 in the baseline, and the calibration beside its file cannot be scaled from there; "
+                "move that file away to begin with the family's"
+            )
         return self.now[name] / self.before[name]
 
 

@@ -17,7 +17,7 @@ from ecu.calibration import CALIBRATIONS, load_calibration
 from hil.companions import CALIBRATION, EQUIPMENT, named
 from hil.compose import Choice
 from hil.diagnose.calibrated import RULES, calibrated
-from hil.diagnose.extension import Applied
+from hil.diagnose.extension import Applied, BadExtension
 from hil.diagnose.machine_files import baseline, extended_files
 from hil.diagnose.tomltext import Line, laid_over
 from plant.effects import effects
@@ -326,6 +326,16 @@ def test_run_takes_what_lies_beside_the_machine(machine: Path) -> None:
     assert scenario.surface.friction == 0.5
     assert choice.calibration == str(machine.with_name("mine.calibration.toml"))
     assert Choice(scenario="standstill").on("compact").calibration is None, "that of the machine's family"
+
+
+def test_a_calibration_that_was_made_for_nothing_of_a_factor_is_refused_in_words(tmp_path: Path) -> None:
+    """Tyres without damping, by hand, beside a calibration: no factor leads from there to some damping."""
+    machine = tmp_path / "hand.toml"
+    machine.write_text('base = "l60"\nname = "hand"\n[effects.vertical_damping]\ndamping = 0.0\n')
+    named(machine, CALIBRATION).write_text((CALIBRATIONS / "l60.toml").read_text())
+    result = found({"vertical_damping": {"vertical_damping.damping": 0.5}})
+    with pytest.raises(BadExtension, match="damping is 0 in the baseline"):
+        extended_files(result, machine, tmp_path / "out.toml")
 
 
 def typical(name: str) -> Applied:
