@@ -19,6 +19,7 @@ from hil.companions import CALIBRATION, EQUIPMENT, companion, named
 from hil.diagnose.calibrated import calibrated
 from hil.diagnose.extension import (
     Applied,
+    BadExtension,
     Outcome,
     Values,
     applied,
@@ -39,7 +40,11 @@ BASE = "l60"
 
 
 def baseline(machine_file: Path, recordings: Sequence[Recording]) -> Model:
-    """The loader's model of a machine file and the equipment beside it. Raises ConfigurationError."""
+    """The loader's model of a machine file and the equipment beside it. Raises ConfigurationError, BadExtension."""
+    for kind in (EQUIPMENT, CALIBRATION):
+        if machine_file.name.endswith(kind):
+            beside = machine_file.name.removesuffix(kind) + ".toml"
+            raise BadExtension(f"{machine_file}: goes with a machine file; give that one, {beside}")
     machine = load_machine(machine_file)
     searched = {effect.name: effect for effect in loader.model().effects}
     others = tuple(item for item in machine.effects if item.effect.name not in searched)

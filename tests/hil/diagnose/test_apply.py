@@ -338,6 +338,12 @@ def test_a_calibration_that_was_made_for_nothing_of_a_factor_is_refused_in_words
         extended_files(result, machine, tmp_path / "out.toml")
 
 
+@pytest.mark.parametrize("kind", [EQUIPMENT, CALIBRATION])
+def test_what_lies_beside_a_machine_is_not_taken_for_it(kind: str, machine: Path) -> None:
+    with pytest.raises(BadExtension, match=r"goes with a machine file; give that one, mine\.toml"):
+        baseline(named(machine, kind), ())
+
+
 def typical(name: str) -> Applied:
     return Applied(name, "physics", {p.name: p.typical for p in effects()[name].parameters}, [])
 
