@@ -334,7 +334,15 @@ def _status(
     ]
     wrong = [c.told for c in problem.complaints if c.fatal and c.signal in problem.missing]
     if any(x.named for x in found):
-        return "explained", [*(reasons or ["what was found brings held-out errors to the floor"]), *wrong]
+        return "explained", [
+            *(
+                reasons
+                or [
+                    "with it, no other effect and no known signal predicts the data that was not fitted any better"
+                ]
+            ),
+            *wrong,
+        ]
     if found or beyond.terms:
         return "unknown", [*reasons, *wrong]
     if problem.measured.size < FEW_SAMPLES:
