@@ -5,7 +5,7 @@ least half of the gap between the model without it and the floor, the best that 
 functions of the known signals, achieves on held-out rows; else it is the best proxy and the cause is unknown.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from discrepancy.locate import locate
 from discrepancy.missing import missing_channels
 from discrepancy.model import Effect
 from discrepancy.openended import OpenEnded, explore
-from discrepancy.problem import Problem, Unusable
+from discrepancy.problem import Problem, Unusable, Values
 from discrepancy.screen import Score, active, sensitivities
 from discrepancy.search import (
     CLEAR,
@@ -73,7 +73,8 @@ def judge(problem: Problem, settings: Settings, progress: Progress = lambda _: N
     state = backward(problem, state, settings)
     progress("looking for what the library does not explain")
     beyond = explore(problem, state, settings) if settings.open_ended else OpenEnded((), 0.0, 0.0, {}, 0, {})
-    needed = [_weigh(problem, state, name, beyond, settings) for name in state.accepted]
+    on_the_way = {frozenset(h.accepted): h.fit.values for h in history}
+    needed = [_weigh(problem, state, name, on_the_way, beyond, settings) for name in state.accepted]
     progress("locating, grouping")
     found = [_finding(problem, state, history[0], n, beyond, settings) for n in needed]
     # the fits of the search are forward; report in order of evidence
@@ -129,21 +130,33 @@ def backward(problem: Problem, state: State, settings: Settings) -> State:
     return state
 
 
-def _without(problem: Problem, state: State, others: tuple[str, ...]) -> Fit:
-    """The fit with only `others` on, the rest switched off again."""
+def _without(
+    problem: Problem,
+    state: State,
+    others: tuple[str, ...],
+    known: Mapping[frozenset[str], Values] | None = None,
+) -> Fit:
+    """The fit with only `others` on, the rest switched off again; known: where the search stood with which effects, to begin from."""
     off = {
         p.name: p.value
         for name in state.accepted
         if name not in others
         for p in problem.model.effect(name).parameters
     }
-    start = state.fit.values.with_shared(off)
+    start = (known or {}).get(frozenset(others), state.fit.values.with_shared(off))
     return fit(problem, state.noise, free_names(problem, others), start, rough=True)
 
 
-def _weigh(problem: Problem, state: State, name: str, beyond: OpenEnded, settings: Settings) -> _Needed:
+def _weigh(
+    problem: Problem,
+    state: State,
+    name: str,
+    known: Mapping[frozenset[str], Values],
+    beyond: OpenEnded,
+    settings: Settings,
+) -> _Needed:
     others = tuple(n for n in state.accepted if n != name)
-    without = _without(problem, state, others)
+    without = _without(problem, state, others, known)
     before = held_out_residual(problem, state.noise, others, without.values, settings)
     after = held_out_residual(problem, state.noise, state.accepted, state.fit.values, settings)
     rows = {c: state.noise.row_channel == i for i, c in enumerate(problem.channels)}

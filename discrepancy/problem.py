@@ -21,12 +21,14 @@ from discrepancy.sensors import through_sensors
 from discrepancy.units import parse_unit
 
 GAP = 3.5  # in median sample times: a longer pause starts a new run of the whitening filter
+FITTED_SHARE = 0.2  # of the same, for derivatives: they decide where a fit ends
 OWN_SHARE = (
     0.5  # of what other parameters may move, that a parameter may before its own sensitivity is computed anew
 )
 OUTPUTS = "outputs"  # in place of a channel's name, in complaints about all of them
 MILLI = 3e-3  # of the model's step or its inverse, beyond which stamps are likely in ms or in s by mistake
 HOLD_TOLERANCE = 1e-3  # of a grid step, by which a held value may be stamped late and still be of this point
+PLACES = 2  # at which sensitivities are kept: beside a strained fit its priors, to which it returns
 RECENT = 4  # predictions kept: a step that was tried is where the next begins
 FEWEST_SAMPLES = 8  # of a channel in a window; fewer say nothing beyond the initial state
 
@@ -141,7 +143,7 @@ class Problem:
         self.local_names = tuple(p.name for p in model.nuisances if p.scope == "window")
         self.nuisance_names = tuple(p.name for p in model.nuisances if p.scope == "all")
         self._typical = np.array([p.typical for p in model.parameters if p.scope == "all"])
-        self._slopes: dict[tuple[str, float | None], tuple[Array, Array]] = {}
+        self._slopes: dict[tuple[str, float | None], deque[tuple[Array, Array]]] = {}
         self._recent: deque[tuple[Values, Array]] = deque(maxlen=RECENT)
         self._places = [_Place.on(self.windows[b.window].time_s, b.time_s) for b in self.blocks]
 
@@ -266,23 +268,29 @@ class Problem:
     def kept_slope(
         self, name: str, probe: float | None, values: Values, *, anywhere: bool = False
     ) -> Array | None:
-        """What `keep_slope` was given for a parameter and a probe, if parameters have hardly moved since (Model.slopes_hold), or anywhere."""
+        """What `keep_slope` was given for a parameter and a probe nearest to here, if parameters have hardly moved since (Model.slopes_hold),
+        or anywhere.
+        """
         kept = self._slopes.get((name, probe))
-        if kept is None:
+        if not kept:
             return None
-        at, column = kept
+        here = self._scaled(values)
+        moved, column = min(
+            ((np.abs(here - at), column) for at, column in kept), key=lambda k: float(np.max(k[0]))
+        )
         if anywhere:
             return column
-        moved = np.abs(self._scaled(values) - at)
         own = [p.name for p in self.model.parameters if p.scope == "all"].index(name)
-        if moved[own] > OWN_SHARE * self.model.slopes_hold or np.max(moved) > self.model.slopes_hold:
+        hold = self.model.slopes_hold * (FITTED_SHARE if probe is None else 1.0)
+        if moved[own] > OWN_SHARE * hold or np.max(moved) > hold:
             return None
         return column
 
     def keep_slope(self, name: str, probe: float | None, values: Values, column: Array) -> None:
         """Keep a column of the sensitivities; probe: the finite change it is for, None for a derivative."""
         if self.model.costly and name not in self.local_names:
-            self._slopes[(name, probe)] = (self._scaled(values), column)
+            kept = self._slopes.setdefault((name, probe), deque(maxlen=PLACES))
+            kept.append((self._scaled(values), column))
 
     def _scaled(self, values: Values) -> Array:
         """Shared parameters in typical changes."""

@@ -36,6 +36,7 @@ from discrepancy.unexplained import unexplained
 
 Progress = Callable[[str], None]
 BEHIND = 0.25  # share of the largest gain in SSE below which a begun refit is left, where that gain is
+REACH = 0.5  # share of the gain that is needed, below which a begun refit of a costly model is left
 CLEAR = 100.0  # beyond doubt: another round comes, in which it may be tried again
 SURE = 1.96  # standard deviations
 STRAINED = 3.0  # standard deviations of its prior beyond which a nuisance stands in for something else
@@ -213,18 +214,19 @@ def assess(problem: Problem, accepted: tuple[str, ...], values: Values, settings
     candidates = [e for e in problem.model.effects if e.name not in accepted]
     noise = white_noise(problem, problem.measured - problem.predict(values))
     fitted = fit(problem, noise, names, values, rough=True)
-    problem.settle(fitted.values)
-    columns: list[Columns] = []
+    at = values if problem.model.costly else fitted.values
     for _ in range(2):
+        problem.settle(fitted.values)
         base = problem.predict(fitted.values)
-        columns = sensitivities(problem, fitted.values, base, candidates)
+        columns = sensitivities(problem, at, problem.predict(at), candidates)
         raw = problem.measured - base
         noise = estimate_noise(problem, *unexplained(problem, noise, fitted, raw, columns))
         fitted = fit(problem, noise, names, fitted.values)
+        at = fitted.values
     scores = screen(problem, noise, fitted, columns, settings)
     passing = for_a_while(problem, noise, fitted, scores, columns, settings.alpha)
     unstrained = _unstrained(problem, fitted)
-    if unstrained is not None and not (problem.model.costly and scores[0].statistic > CLEAR):
+    if unstrained is not None:
         scores = _better(scores, _screen_at(problem, noise, names, unstrained, candidates, settings))
     return State(noise, fitted, accepted, tuple(scores), (), tuple(columns), tuple(passing), unstrained)
 
@@ -361,6 +363,8 @@ def refit(
 ) -> Trial:
     """Non-linear refit with one more effect, brought to its end if its beginnings gained at least `least`; windows: as in `begin`."""
     effect, names, best = problem.model.effect(found.effect), begun[0].names, begun[0]
+    if problem.model.costly:
+        least = max(least, REACH * price(problem, effect, best.values, settings.alpha))
     if state.fit.sse - best.sse > least:
         fits = [fit(problem, state.noise, names, b.values, iterations=4) for b in begun]
         best = min(fits, key=lambda f: f.sse)

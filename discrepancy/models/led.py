@@ -58,13 +58,17 @@ from plant.truth import Observer, Truth, columns_of
 from plant.workspace import new_workspace
 
 STEP_S: Final = 5e-3  # of the plant
-FINE_S: Final = 1e-3  # step of the pilot, and of what tells once what the longer step is wrong by
+FINE_S: Final = 1e-3  # of what tells once what that step is wrong by
+PILOT_S: Final = 2.5e-3  # of the pilot, who flies the whole recording
 KEPT: Final = 8  # motions kept, for effects of sensors that only look at them again
 CORES: Final = os.cpu_count() or 1
 STANDING: Final = 0.02  # wheel speed [rad/s] below which a stretch begins at a standstill
 ABSURD: Final = (
     1e3  # most that is predicted of a motion that diverged, in units of what matters of each output
 )
+ZEROS: Final = ((s.FRONT_FRAME, "articulation_zero"), (s.LIFT_ARM, "lift_zero"), (s.BUCKET, "tilt_zero"))
+"""Joints whose measured angles are off by a nuisance."""
+
 Key = tuple[object, ...]
 
 
@@ -160,9 +164,11 @@ class Loader:
         machine = self._changed(values)
         p = led_parameters(parameter_vector(machine, Surface(), basis.payload), step_s, asked=basis.asked)
         active = dispatch.active_vector(machine.effects)
-        starts = basis.starts
+        starts = basis.starts.copy()
+        for body, name in ZEROS:  # the pilot's joints stand where its own zero points say
+            starts[:, s.JOINT + body] += self._settled.get(name, 0.0) - values.get(name, 0.0)
         if any(item.effect.start is not None for item in machine.effects):
-            starts, work = starts.copy(), new_workspace()
+            work = new_workspace()
             for state in starts:
                 dispatch.start(machine.effects, state, p, work)
         rows = np.full((len(basis.measured), Truth.size), np.nan)
@@ -285,7 +291,7 @@ class Loader:
             plant = _plant(self._changed(self._settled), like.constants.get("payload", 0.0), measured[0])
         except NoEquilibriumError:
             return None
-        _, states = follow(plant, measured, interval_s=like.step_s, step_s=FINE_S, asked=asked)
+        _, states = follow(plant, measured, interval_s=like.step_s, step_s=PILOT_S, asked=asked)
         return float(begin), states
 
     def _measured(self, window: Window, asked: Asked) -> Array:
