@@ -12,6 +12,7 @@ from hil.scale.store import Row
 
 BODIES: dict[str, Body] = {body.name: body for body in (STRAIGHT, BALL, CAR)}
 GROUPS = (*BODIES, "loader", "real", "thesis")
+FEWEST_NULLS = 6
 SLOW = ("loader", "mujoco")  # bodies whose arms take minutes each
 
 
@@ -36,10 +37,11 @@ def carried_out(arm: Arm) -> Row:
 
 
 def sampled(arms: list[Arm], share: float) -> list[Arm]:
-    """Evenly every so many-th arm of each body and kind, at least one of each."""
+    """Evenly every so many-th arm of each body and kind, at least one of each, and FEWEST_NULLS: a share of few nulls would say nothing."""
     kept = []
     for body, kind in dict.fromkeys((a.body, a.kind) for a in arms):
         some = [a for a in arms if (a.body, a.kind) == (body, kind)]
-        count = max(1, round(share * len(some)))
+        least = FEWEST_NULLS if kind == "null" else 1
+        count = min(max(least, round(share * len(some))), len(some))
         kept += [some[int((i + 0.5) * len(some) / count)] for i in range(count)]
     return kept
