@@ -11,7 +11,7 @@ from discrepancy.noise import Noise, Whitener, by_group
 from discrepancy.problem import Problem, Unusable, Values
 from discrepancy.recording import Recording, Signal
 from discrepancy.screen import Score, active, collinearity, stretches, switches
-from discrepancy.search import Settings, State, free_names, project_out
+from discrepancy.search import Settings, State, free_names, project_out, size_of
 from discrepancy.spells import spell_of
 from discrepancy.starts import starts
 
@@ -61,6 +61,8 @@ def members(
             points = [point.acting(switches(candidate), spell) for point in points]
         fits = [fit(problem, state.noise, names, point, iterations=6) for point in points]
         best = min(fits, key=lambda f: f.sse)
+        if size_of(candidate, best) < problem.model.negligible:
+            continue  # nuisances do its work
         # a further parameter has to earn its keep
         extra = candidate.size - problem.model.effect(effect).size
         difference = best.sse - state.fit.sse + 2.0 * extra

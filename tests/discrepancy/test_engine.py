@@ -110,6 +110,21 @@ def test_exact_twins_are_reported_as_one_group_with_the_same_value() -> None:
     assert twin.parameters[0].value == pytest.approx(found.parameters[0].value, rel=0.02)
 
 
+def test_a_twin_that_would_be_too_small_to_matter_is_no_other_name() -> None:
+    """The same readings, but for this twin 0.2 m is a hundredth of what matters."""
+    model = tank()
+    large = [
+        replace(e, parameters=tuple(replace(p, typical=20.0) for p in e.parameters))
+        if e.name == "offset"
+        else e
+        for e in model.effects
+    ]
+    picky = replace(model, effects=tuple(large), negligible=0.1)
+    (found,) = examine(picky, [record(3, bias=0.2)], Settings()).findings
+    assert found.effect == "level bias"
+    assert "offset" not in {m.effect for m in found.group}
+
+
 def test_what_the_library_does_not_hold_is_unknown_and_comes_as_an_equation_with_its_unit() -> None:
     """dx/dt gets -0.02 x|x|: coefficient 0.02 with unit (m/s) / m², weak because the search is of first order."""
     recording = record(5, square=0.02, noise=0.005)
