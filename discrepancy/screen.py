@@ -233,8 +233,9 @@ def score(
         seen = float(np.sum(X**2))
         if seen < INVISIBLE * whole or whole == 0.0:
             plausible, seen = False, 0.0  # nuisances or initial states can do exactly the same
-        typical = np.array([p.typical for p in own])
-        noncentrality = seen * float(np.mean((typical / change) ** 2)) / inflation
+        noncentrality = (
+            _least_seen(X, np.array([p.typical for p in own]) / change) / inflation if seen else 0.0
+        )
         found = Score(
             effect=columns.effect.name,
             statistic=plain / inflation if plausible else 0.0,
@@ -261,6 +262,14 @@ def allowed(parameters: Sequence[Parameter], moved: Array) -> bool:
         and (np.isinf(p.lower) or p.lower < p.value or m > 0.0)
         for p, m in zip(parameters, moved, strict=True)
     )
+
+
+def _least_seen(direction: Array, typical: Array) -> float:
+    """Squared size of the least visible combination of typical changes, (k,) in units of the changes tried; of a long profile, of all together."""
+    if typical.size > FEW:
+        return float(np.sum(direction**2) * np.mean(typical**2))
+    scaled = direction * typical
+    return max(float(np.linalg.eigvalsh(scaled.T @ scaled)[0]), 0.0)
 
 
 def penalty(freedom: int, candidates: int, alpha: float) -> float:

@@ -1,5 +1,7 @@
 """Units, sensors, projection and location by themselves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -163,3 +165,24 @@ def test_the_nearest_probe_is_the_one_that_leaves_least_whatever_the_slope_at_an
     seen = [(X, float(np.sum(X**2))) for X in raw]
     found = score(columns, seen, residual, 10.0, np.arange(3))
     assert (found.probe, found.nearest) == (0, 1)
+
+
+def test_an_effect_of_which_one_combination_is_hidden_could_not_be_judged() -> None:
+    """Front and rear show by their difference only: both alike would go unnoticed, so 'ruled out' would be wrong."""
+    ends = tuple(Parameter(name=f"pressure.{end}", unit="bar", typical=0.4) for end in ("front", "rear"))
+    effect = replace(sensor_effects("y", "1", bias=1.0, kinds=("bias",))[0], parameters=ends)
+    one, other = np.random.default_rng(1).normal(size=(2, 4000))
+    change = np.array([0.4, 0.4])
+    for raw, visible in (
+        (np.stack([one, other], axis=1), True),
+        (np.stack([one, 1e-3 * other - one], axis=1), False),
+    ):
+        found = score(
+            Columns(effect, (raw,), (change,)),
+            [(raw, float(np.sum(raw**2)))],
+            0.0 * one,
+            20.0,
+            np.arange(4000) % 5,
+        )
+        assert (found.power > 0.99) == visible
+        assert found.power > 0.0
