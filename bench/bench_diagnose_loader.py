@@ -14,7 +14,7 @@ from bench.loader_truth import Arm, record
 from discrepancy.judge import judge
 from discrepancy.models import loader
 from discrepancy.problem import Problem
-from discrepancy.search import Settings
+from discrepancy.state import Settings
 
 HIDDEN = (
     (),

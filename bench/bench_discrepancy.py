@@ -12,7 +12,7 @@ from bench.proof.straight_truth import COLOURED, record
 from discrepancy.judge import judge
 from discrepancy.models.straight import MASS_KG, model
 from discrepancy.problem import Problem
-from discrepancy.search import Settings
+from discrepancy.state import Settings
 
 HIDDEN = {"rolling": 0.01, "speed.delay": 0.05}
 

@@ -14,7 +14,7 @@ from discrepancy.openended import OpenEnded
 from discrepancy.problem import Problem
 from discrepancy.recording import Array
 from discrepancy.screen import Score, active, jackknife, penalty, stretches, switches
-from discrepancy.search import Settings, State, Trial
+from discrepancy.state import Settings, State, Trial
 
 ENOUGH_POWER = 0.8
 TWIN = 0.95  # share of an effect that the nuisances can do, from which no driving tells them apart

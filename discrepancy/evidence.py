@@ -17,7 +17,8 @@ from discrepancy.locate import at_rows, thirds
 from discrepancy.noise import Noise
 from discrepancy.problem import Problem, Values
 from discrepancy.recording import Array
-from discrepancy.search import Settings, folds, free_names
+from discrepancy.state import Settings, free_names
+from discrepancy.trials import folds
 from discrepancy.units import shown
 
 BINS = 60  # of time, per recording

@@ -10,7 +10,7 @@ from discrepancy.plausible import implausible
 from discrepancy.problem import OUTPUTS, Problem, Unusable
 from discrepancy.recording import Complaint, Recording
 from discrepancy.rehearsal import rehearse
-from discrepancy.search import Progress, Settings
+from discrepancy.state import Progress, Settings
 
 
 def examine(

@@ -11,9 +11,10 @@ from discrepancy.noise import Noise, Whitener, by_group
 from discrepancy.problem import Problem, Unusable, Values
 from discrepancy.recording import Recording, Signal
 from discrepancy.screen import Score, active, collinearity, stretches, switches
-from discrepancy.search import Settings, State, free_names, project_out, size_of
 from discrepancy.spells import spell_of
 from discrepancy.starts import starts
+from discrepancy.state import Settings, State, free_names
+from discrepancy.trials import project_out, size_of
 
 ENOUGH = 20.0  # expected likelihood difference (in SSE) of a manoeuvre worth proposing
 ALIKE = 0.6  # cosine of sensitivities below which two effects are two effects, not one with two names

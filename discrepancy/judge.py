@@ -12,6 +12,7 @@ import numpy as np
 
 from discrepancy import account
 from discrepancy import findings as f
+from discrepancy.assess import assess, screen
 from discrepancy.fit import FORECAST, Fit, fit
 from discrepancy.groups import ENOUGH, Member, members, separating
 from discrepancy.locate import locate
@@ -20,22 +21,10 @@ from discrepancy.model import Effect
 from discrepancy.openended import OpenEnded, explore
 from discrepancy.problem import Problem, Unusable, Values
 from discrepancy.screen import Score, active, sensitivities
-from discrepancy.search import (
-    CLEAR,
-    STRAINED,
-    Progress,
-    Settings,
-    State,
-    Trial,
-    assess,
-    confirm,
-    free_names,
-    held_out_residual,
-    screen,
-    search,
-    size_of,
-)
+from discrepancy.search import search
 from discrepancy.spells import changing_nuisance, price, spell_of, within
+from discrepancy.state import CLEAR, STRAINED, Progress, Settings, State, Trial, free_names
+from discrepancy.trials import confirm, held_out_residual, size_of
 from discrepancy.units import shown
 
 FEW_SAMPLES = 30

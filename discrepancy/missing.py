@@ -7,7 +7,7 @@ import numpy as np
 from discrepancy import findings as f
 from discrepancy.problem import Problem, Values
 from discrepancy.recording import Array
-from discrepancy.search import State
+from discrepancy.state import State
 
 _Rival = f.Finding | f.GroupMember
 NOTABLE = 0.02  # of the channel's own movement

@@ -19,8 +19,9 @@ from discrepancy.model import Model, Window
 from discrepancy.problem import Problem
 from discrepancy.recording import Array
 from discrepancy.screen import Projector, inflation_of, penalty, stretches
-from discrepancy.search import Settings, State, folds
 from discrepancy.sensors import lagged
+from discrepancy.state import Settings, State
+from discrepancy.trials import folds
 from discrepancy.units import Unit, parse_unit
 
 MOST_TERMS = 3

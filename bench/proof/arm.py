@@ -9,7 +9,7 @@ from discrepancy.examine import examine
 from discrepancy.findings import Findings, from_json, to_json
 from discrepancy.model import Model
 from discrepancy.recording import Recording
-from discrepancy.search import Settings
+from discrepancy.state import Settings
 from hil.scale.store import Row
 
 LAMBDAS = (10.0, 20.0, 50.0, 250.0, 2500.0)

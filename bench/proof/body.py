@@ -6,11 +6,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bench.proof.arm import LAMBDAS, Arm, Truth, diagnosed
+from discrepancy.assess import assess
 from discrepancy.model import Effect, Model
 from discrepancy.problem import Problem
 from discrepancy.recording import Recording
 from discrepancy.screen import spread, stretches
-from discrepancy.search import Settings, assess, project_out
+from discrepancy.state import Settings
+from discrepancy.trials import project_out
 from hil.scale.store import Row
 
 Record = Callable[[Mapping[str, float], Arm, np.random.Generator], list[Recording]]

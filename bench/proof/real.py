@@ -14,7 +14,7 @@ from discrepancy.findings import Findings
 from discrepancy.model import Model
 from discrepancy.models import ball, car, road
 from discrepancy.recording import Recording
-from discrepancy.search import Settings
+from discrepancy.state import Settings
 from hil.scale.store import Row
 
 VARIABLE = "LOADERHIL_DATA"

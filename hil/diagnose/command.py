@@ -25,7 +25,7 @@ from hil.interruption import ended_at_once
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from discrepancy.search import Progress
+    from discrepancy.state import Progress
     from hil.diagnose.question import Question
 
 EXIT = {
@@ -153,7 +153,7 @@ def _one(question: "Question", out: Path | None, apply: Path | None, *, everythi
 
     from discrepancy.evidence import evidence
     from discrepancy.findings import to_json
-    from discrepancy.search import Settings
+    from discrepancy.state import Settings
     from discrepancy.words import tell
     from hil.diagnose.advice import advice
     from hil.diagnose.applying import application

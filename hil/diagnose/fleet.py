@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from discrepancy.findings import Findings, to_json
-from discrepancy.search import Settings
+from discrepancy.state import Settings
 from hil.diagnose.question import Question, answer
 from hil.diagnose.seal import digest
 from hil.scale.cluster import Tally, carry_out

@@ -8,7 +8,7 @@ from discrepancy.examine import investigate
 from discrepancy.findings import Findings
 from discrepancy.judge import Judgement
 from discrepancy.model import Model
-from discrepancy.search import Progress, Settings
+from discrepancy.state import Progress, Settings
 from hil.diagnose.applying import baseline
 from hil.diagnose.models import Choice, find_model
 from hil.diagnose.reading import Ask, read_all

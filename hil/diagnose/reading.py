@@ -9,7 +9,7 @@ from dbc.columns import ColumnDecoder
 from discrepancy.clocks import join
 from discrepancy.model import Clock, Model
 from discrepancy.recording import Complaint, Recording, Signal
-from discrepancy.search import Progress
+from discrepancy.state import Progress
 from discrepancy.units import parse_scaled
 from hil.diagnose.can import decoder, read_can
 from hil.diagnose.channels import constant, to_recording, unknown_columns

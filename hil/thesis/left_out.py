@@ -16,7 +16,7 @@ from discrepancy.examine import investigate
 from discrepancy.findings import Estimate, Findings
 from discrepancy.judge import Judgement
 from discrepancy.models import printed
-from discrepancy.search import Settings
+from discrepancy.state import Settings
 from hil.compose import Choice
 from hil.runs import run_lockstep
 from hil.thesis.drive import Array

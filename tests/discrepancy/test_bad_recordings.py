@@ -12,7 +12,7 @@ from discrepancy.findings import Findings
 from discrepancy.models import straight
 from discrepancy.problem import resampled
 from discrepancy.recording import Recording, Signal, cleaned
-from discrepancy.search import Settings
+from discrepancy.state import Settings
 from hil.diagnose.hidden import Truth, concealed, staged
 from tests.discrepancy.toys import record, tank
 

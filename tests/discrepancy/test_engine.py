@@ -20,7 +20,9 @@ from discrepancy.openended import explore, extended
 from discrepancy.problem import Problem
 from discrepancy.recording import Array, Recording, Signal, signal
 from discrepancy.screen import stretches
-from discrepancy.search import Settings, free_names, held_out_residual, project_out, search
+from discrepancy.search import search
+from discrepancy.state import Settings, free_names
+from discrepancy.trials import held_out_residual, project_out
 from tests.discrepancy.toys import record, tank
 
 STRICT = Settings()

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from discrepancy.examine import examine
 from discrepancy.findings import SCHEMA, Estimate, Findings, Separation, from_json, schema_text, to_json
-from discrepancy.search import Settings
+from discrepancy.state import Settings
 from discrepancy.words import expected_difference, most_improved, number_and_unit, rounded, tell, told_verdict
 from tests.discrepancy.toys import record, tank
 

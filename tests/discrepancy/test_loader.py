@@ -200,7 +200,7 @@ LIBRARY = (
 @pytest.mark.processes  # a search takes a minute
 def test_a_concealed_effect_is_named_with_its_size():
     from discrepancy.examine import examine
-    from discrepancy.search import Settings
+    from discrepancy.state import Settings
 
     drive = recorded(find_effect("payload_mass").of(extra_kg=700.0))
     found = examine(restricted(*LIBRARY, recordings=[drive]), [drive], Settings(open_ended=False))
@@ -214,7 +214,7 @@ def test_a_concealed_effect_is_named_with_its_size():
 @pytest.mark.processes
 def test_nothing_is_found_where_nothing_was_concealed(plain):
     from discrepancy.examine import examine
-    from discrepancy.search import Settings
+    from discrepancy.state import Settings
 
     model = restricted(*LIBRARY, recordings=[plain])
     assert examine(model, [plain], Settings(open_ended=False)).status == "nothing missing"

@@ -9,7 +9,7 @@ from discrepancy.examine import examine
 from discrepancy.findings import Findings
 from discrepancy.models import ball, car, road
 from discrepancy.recording import Recording
-from discrepancy.search import Settings
+from discrepancy.state import Settings
 
 pytestmark = pytest.mark.data
 FEWER = Settings(most_effects=4)  # what is asked for is among the first four

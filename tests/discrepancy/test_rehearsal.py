@@ -11,7 +11,7 @@ from discrepancy.examine import examine
 from discrepancy.model import Window
 from discrepancy.recording import Array
 from discrepancy.rehearsal import BadModel
-from discrepancy.search import Settings
+from discrepancy.state import Settings
 from tests.discrepancy.toys import record, simulate, tank
 
 WRONG: Mapping[str, Callable[[Window, Mapping[str, float], Mapping[str, Array]], Any]] = {

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from discrepancy.assess import assess
 from discrepancy.fit import CONVERGED, fit
 from discrepancy.noise import white_noise
 from discrepancy.problem import Problem
-from discrepancy.search import Settings, assess
 from discrepancy.starts import Starts
+from discrepancy.state import Settings
 from tests.discrepancy.toys import record, tank
 
 LEAK = ("leak",)

@@ -11,7 +11,7 @@ from discrepancy.findings import Candidate, Findings
 from discrepancy.model import Manoeuvre, Model
 from discrepancy.models import ball, car, road, straight
 from discrepancy.problem import Problem
-from discrepancy.search import Settings
+from discrepancy.state import Settings
 from hil.diagnose.channels import to_recording
 from hil.diagnose.hidden import Fault, NotHidden, Truth, chosen, concealed, drawn, staged
 from hil.diagnose.score import compared

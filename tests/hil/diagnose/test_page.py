@@ -13,7 +13,7 @@ from discrepancy.examine import investigate
 from discrepancy.findings import Estimate, Findings
 from discrepancy.judge import Judgement
 from discrepancy.recording import Array
-from discrepancy.search import Settings
+from discrepancy.state import Settings
 from hil.diagnose.page import page
 from hil.diagnose.page.drawn import readable
 from hil.diagnose.page.heat import LEVELS, level

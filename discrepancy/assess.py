@@ -1,0 +1,90 @@
+"""Where a search stands with some effects accepted: noise, fit, and the scores of all others."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from discrepancy.fit import Fit, fit
+from discrepancy.model import Effect
+from discrepancy.noise import Noise, estimate_noise, white_noise
+from discrepancy.problem import Problem, Values
+from discrepancy.screen import (
+    Columns,
+    Projector,
+    Score,
+    active,
+    by_statistic,
+    penalty,
+    projected,
+    score,
+    sensitivities,
+    stretches,
+)
+from discrepancy.spells import for_a_while
+from discrepancy.state import STRAINED, Settings, State, free_names
+from discrepancy.unexplained import unexplained
+
+
+def assess(problem: Problem, accepted: tuple[str, ...], values: Values, settings: Settings) -> State:
+    """Noise with all candidates projected out, the fit under it, and the screen of what is not accepted."""
+    names = free_names(problem, accepted)
+    candidates = [e for e in problem.model.effects if e.name not in accepted]
+    noise = white_noise(problem, problem.measured - problem.predict(values))
+    fitted = fit(problem, noise, names, values, rough=True)
+    at = values if problem.model.costly else fitted.values
+    for _ in range(2):
+        problem.settle(fitted.values)
+        base = problem.predict(fitted.values)
+        columns = sensitivities(problem, at, problem.predict(at), candidates)
+        raw = problem.measured - base
+        noise = estimate_noise(problem, *unexplained(problem, noise, fitted, raw, columns))
+        fitted = fit(problem, noise, names, fitted.values)
+        at = fitted.values
+    scores = screen(problem, noise, fitted, columns, settings)
+    passing = for_a_while(problem, noise, fitted, scores, columns, settings.alpha)
+    unstrained = _unstrained(problem, fitted)
+    if unstrained is not None:
+        scores = _better(scores, _screen_at(problem, noise, names, unstrained, candidates, settings))
+    return State(noise, fitted, accepted, tuple(scores), (), tuple(columns), tuple(passing), unstrained)
+
+
+def _unstrained(problem: Problem, fitted: Fit) -> Values | None:
+    """Nuisances back at their priors if one of them is far from its own: it may stand in for an effect that is seen from there only."""
+    known = [p for p in problem.model.nuisances if p.scope == "all" and p.prior_sd is not None]
+    shared = fitted.values.shared
+    if all(abs(shared[p.name] - p.value) <= STRAINED * (p.prior_sd or np.inf) for p in known):
+        return None
+    return fitted.values.with_shared({p.name: p.value for p in known})
+
+
+def _screen_at(
+    problem: Problem,
+    noise: Noise,
+    names: Sequence[str],
+    values: Values,
+    candidates: Sequence[Effect],
+    settings: Settings,
+) -> list[Score]:
+    point, base = fit(problem, noise, names, values, iterations=0), problem.predict(values)
+    columns = sensitivities(problem, values, base, candidates)
+    return screen(problem, noise, point, columns, settings)
+
+
+def _better(one: Sequence[Score], other: Sequence[Score]) -> list[Score]:
+    """Each effect's higher score, best first."""
+    by_name = {s.effect: s for s in other}
+    return by_statistic([max(s, by_name[s.effect], key=lambda x: x.statistic) for s in one])
+
+
+def screen(
+    problem: Problem, noise: Noise, fitted: Fit, columns: Sequence[Columns], settings: Settings
+) -> list[Score]:
+    """Scores of all candidates, best first."""
+    projector, blocks = Projector(problem, noise, fitted), stretches(noise)
+    needed = [penalty(len(active(c.effect)), len(columns), settings.alpha) for c in columns]
+    return by_statistic(
+        [
+            score(c, seen, fitted.residual, critical, blocks)
+            for c, seen, critical in zip(columns, projected(noise, projector, columns), needed, strict=True)
+        ]
+    )
