@@ -41,8 +41,9 @@ class Fit:
     information: Array
 
     def sd(self, name: str) -> float:
-        """Standard deviation of a fitted parameter."""
-        return float(np.sqrt(self.covariance[self.names.index(name), self.names.index(name)]))
+        """Standard deviation of a fitted parameter; 0 where rounding leaves a variance below that."""
+        own = self.names.index(name)
+        return float(np.sqrt(max(self.covariance[own, own], 0.0)))
 
     @property
     def covariance(self) -> Array:
