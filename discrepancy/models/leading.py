@@ -26,7 +26,7 @@ from plant.follow import (
     MEASURED,
     Asked,
 )
-from plant.machine import Machine
+from plant.machine import Lift, Machine, Tilt
 from plant.sensors import ChannelParameters, SensorParameters
 
 SMOOTHED: Final = 11  # grid points, of 10 ms, of the centred quadratic that smooths articulation and speed
@@ -74,22 +74,29 @@ def measured_of(
     else:
         measured[:, M_ARTICULATION], measured[:, M_ARTICULATION + 1] = _smooth(angle), _smooth(rate)
     lift, tilt = machine.lift, machine.tilt
-    falling_rising = ((lift.lower_rate_limit, lift.raise_rate_limit), (tilt.rate_limit, tilt.rate_limit))
-    for joint, (at, name, _) in enumerate(LINKAGE):
+    servos: tuple[Lift | Tilt, ...] = (lift, tilt)
+    demands = (
+        _rate(window, DEMANDS[1], lift.lower_rate_limit, lift.raise_rate_limit) if asked[1] else None,
+        _rate(window, DEMANDS[2], tilt.rate_limit, tilt.rate_limit) if asked[2] else None,
+    )
+    for (at, name, _), servo, turned in zip(LINKAGE, servos, demands, strict=True):
         angle = read(name)
-        if asked[1 + joint]:
-            share, servo = window[DEMANDS[1 + joint]], (lift, tilt)[joint]
-            falling, rising = falling_rising[joint]
-            demand = share * np.where(share > 0.0, rising, falling)
+        if turned is None:
+            measured[:, at] = _smooth(angle, LEVELLED)
+            measured[:, at + 1] = _smooth(angle, LEVELLED, rate_of=window.step_s)
+        else:
             ends = _Ends(
                 servo.lower_limit, servo.upper_limit, servo.time_constant, servo.cushion_time_constant
             )
-            measured[:, at] = _led_there(angle, demand, ends, window.step_s)
-            measured[:, at + 1] = demand
-        else:
-            measured[:, at] = _smooth(angle, LEVELLED)
-            measured[:, at + 1] = _smooth(angle, LEVELLED, rate_of=window.step_s)
+            measured[:, at] = _led_there(angle, turned, ends, window.step_s)
+            measured[:, at + 1] = turned
     return measured
+
+
+def _rate(window: Window, lever: str, falling: float, rising: float) -> Array:
+    """What a lever asks for [rad/s], from its share of the fastest rates down and up."""
+    share = window[lever]
+    return np.asarray(share * np.where(share > 0.0, rising, falling), float)
 
 
 class _Ends(NamedTuple):

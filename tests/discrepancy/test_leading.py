@@ -5,9 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench.loader_truth import Arm, record
 from discrepancy.model import Window
 from discrepancy.models.leading import LINKAGE, asked_of, followed, measured_of
-from discrepancy.models.loader_library import INPUTS, SPEEDS, TORQUES
+from discrepancy.models.loader import load_run
+from discrepancy.models.loader_library import INPUTS, OPTIONAL, SPEEDS, TORQUES
+from discrepancy.problem import resampled
+from hil.rundir import RunDirectory
 from plant.actuators import abilities_of
 from plant.equipment import load_equipment
 from plant.follow import M_LIFT, M_TORQUE
@@ -106,3 +110,35 @@ def test_an_arm_that_starts_at_once_is_led_without_a_rounded_corner(joint, deman
         for w in (window(**seen), window(**{name: angle}))
     )
     assert np.max(np.abs(told)) < 0.05 * np.max(np.abs(guessed))
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """A drive by chance through driver, limits, sensors and CAN: what leads the plant, and what was true, at the same times."""
+    folder = tmp_path_factory.mktemp("runs") / "drive"
+    record(Arm(seed=2, duration_s=30.0), folder)
+    seen, true = load_run(folder).signals, RunDirectory.read(folder).truth
+    time_s = STEP_S * np.arange(3000)
+    known = {name: resampled(s, time_s) for name, s in seen.items() if name in (*INPUTS, *OPTIONAL, *SPEEDS)}
+    whole = replace(window(), time_s=time_s, end_s=float(time_s[-1]), known=known)
+    return led(whole)[INNER], {
+        name: np.asarray(values)[: len(time_s)][INNER] for name, values in true.items()
+    }
+
+
+def test_on_the_bench_the_torque_is_known_to_a_fraction_of_its_sensors_noise(driven):
+    """But for the sensor's gain of 2 %, which a nuisance takes: with brakes, turns and limits in it."""
+    told, true = driven
+    torque = told[:, M_TORQUE : M_TORQUE + 4]
+    gain = np.sum(torque * true["wheel_torque"]) / np.sum(true["wheel_torque"] ** 2)
+    assert gain == pytest.approx(1.0 + EQUIPMENT.sensors.of(TORQUES[0]).scale_error, abs=3e-3)
+    assert np.std(torque / gain - true["wheel_torque"]) < 0.5 * EQUIPMENT.sensors.of(TORQUES[0]).noise
+
+
+def test_on_the_bench_the_arm_is_where_its_sensor_says_less_noise(driven):
+    told, true = driven
+    sheet = EQUIPMENT.sensors.of("lift_arm_angle")
+    error = told[:, M_LIFT] - true["lift_arm_angle"] - sheet.bias
+    assert np.ptp(true["lift_arm_angle"]) > 0.1, "the drive does not lift"
+    assert np.std(error) < 0.5 * sheet.noise
+    assert abs(np.mean(error)) < 0.5 * sheet.noise

@@ -98,6 +98,23 @@ def test_forces_are_not_late_for_the_torque():
     assert abs(np.polyfit(slope, missing, 1)[0]) < 1e-3
 
 
+@pytest.mark.parametrize("forward", [1.0, -1.0])
+def test_a_motor_that_drives_against_a_brake_still_let_off_is_not_taken_for_the_brake(forward):
+    """The pedal is just touched while the torque is with the rolling: what was measured drives, as much as without the pedal."""
+    speed, rows = forward * 3.0, []
+    plant = Plant(L60, speed=speed)
+    for _ in range(100):
+        rows.append(plant.truth().row)
+        plant.advance(Commands(wheel_torque=(forward * 2000.0,) * 4), 0.01)
+    leader = columns_of(np.array(rows))
+    touched, free = (
+        columns_of(f.follow(Plant(L60, speed=speed), measured(leader, pedal), interval_s=0.01)[0])
+        for pedal in (1.0, 0.0)
+    )
+    np.testing.assert_array_equal(touched["speed"][10:], free["speed"][10:])
+    assert forward * touched["speed"][-1] > forward * touched["speed"][10] + 0.1
+
+
 def test_an_error_of_force_shows_as_a_steady_difference_of_speed(truth):
     """Resistance the leader did not have, over mass and gain, is what the speed is off by."""
     from dataclasses import replace
