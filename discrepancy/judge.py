@@ -20,6 +20,7 @@ from discrepancy.missing import missing_channels
 from discrepancy.model import Effect
 from discrepancy.openended import OpenEnded, explore
 from discrepancy.problem import Problem, Unusable, Values
+from discrepancy.recording import Array
 from discrepancy.screen import Score, active, sensitivities
 from discrepancy.search import search
 from discrepancy.spells import changing_nuisance, price, spell_of, within
@@ -28,6 +29,7 @@ from discrepancy.trials import confirm, held_out_residual, size_of
 from discrepancy.units import shown
 
 FEW_SAMPLES = 30
+NOTHING_KNOWN: Mapping[frozenset[str], Values] = {}
 LEFT = 0.5  # share of its size that an effect keeps beside the open-ended equation, or it is a proxy
 TOUCHED = 0.1  # share of the gain that makes a channel one the effect acts on
 
@@ -63,7 +65,7 @@ def judge(problem: Problem, settings: Settings, progress: Progress = lambda _: N
     progress("looking for what the library does not explain")
     beyond = explore(problem, state, settings) if settings.open_ended else OpenEnded((), 0.0, 0.0, {}, 0, {})
     on_the_way = {frozenset(h.accepted): h.fit.values for h in history}
-    needed = [_weigh(problem, state, name, on_the_way, beyond, settings) for name in state.accepted]
+    needed = _weighed(problem, state, on_the_way, beyond, settings)
     progress("locating, grouping")
     found = [_finding(problem, state, history[0], n, beyond, settings) for n in needed]
     # the fits of the search are forward; report in order of evidence
@@ -123,7 +125,7 @@ def _without(
     problem: Problem,
     state: State,
     others: tuple[str, ...],
-    known: Mapping[frozenset[str], Values] | None = None,
+    known: Mapping[frozenset[str], Values] = NOTHING_KNOWN,
 ) -> Fit:
     """The fit with only `others` on, the rest switched off again; known: where the search stood with which effects, to begin from."""
     off = {
@@ -132,22 +134,37 @@ def _without(
         if name not in others
         for p in problem.model.effect(name).parameters
     }
-    start = (known or {}).get(frozenset(others), state.fit.values.with_shared(off))
+    start = known.get(frozenset(others), state.fit.values.with_shared(off))
     return fit(problem, state.noise, free_names(problem, others), start, rough=True)
+
+
+def _weighed(
+    problem: Problem,
+    state: State,
+    known: Mapping[frozenset[str], Values],
+    beyond: OpenEnded,
+    settings: Settings,
+) -> list[_Needed]:
+    """Every accepted effect, weighed beside the others."""
+    if not state.accepted:
+        return []
+    after = held_out_residual(problem, state.noise, state.accepted, state.fit.values, settings)
+    return [_weigh(problem, state, name, after, known, beyond, settings) for name in state.accepted]
 
 
 def _weigh(
     problem: Problem,
     state: State,
     name: str,
+    after: Array,
     known: Mapping[frozenset[str], Values],
     beyond: OpenEnded,
     settings: Settings,
 ) -> _Needed:
+    """after: the held-out residual with all that was accepted."""
     others = tuple(n for n in state.accepted if n != name)
     without = _without(problem, state, others, known)
     before = held_out_residual(problem, state.noise, others, without.values, settings)
-    after = held_out_residual(problem, state.noise, state.accepted, state.fit.values, settings)
     rows = {c: state.noise.row_channel == i for i, c in enumerate(problem.channels)}
     gains = {c: float(np.sum(before[r] ** 2) - np.sum(after[r] ** 2)) for c, r in rows.items()}
     gained = sum(gains.values())

@@ -21,9 +21,11 @@ from discrepancy.sensors import through_sensors
 from discrepancy.units import parse_unit
 
 GAP = 3.5  # in median sample times: a longer pause starts a new run of the whitening filter
-FITTED_SHARE = 0.2  # of the same, for derivatives: they decide where a fit ends
 OWN_SHARE = (
     0.5  # of what other parameters may move, that a parameter may before its own sensitivity is computed anew
+)
+FITTED_SHARE = (
+    0.2  # of what parameters may move, that they may before derivatives are: these decide where a fit ends
 )
 OUTPUTS = "outputs"  # in place of a channel's name, in complaints about all of them
 MILLI = 3e-3  # of the model's step or its inverse, beyond which stamps are likely in ms or in s by mistake
@@ -142,7 +144,9 @@ class Problem:
         self.row_window, self.row_channel, self.row_time = self._labels()
         self.local_names = tuple(p.name for p in model.nuisances if p.scope == "window")
         self.nuisance_names = tuple(p.name for p in model.nuisances if p.scope == "all")
-        self._typical = np.array([p.typical for p in model.parameters if p.scope == "all"])
+        shared = [p for p in model.parameters if p.scope == "all"]
+        self._shared = [p.name for p in shared]
+        self._typical = np.array([p.typical for p in shared])
         self._slopes: dict[tuple[str, float | None], deque[tuple[Array, Array]]] = {}
         self._recent: deque[tuple[Values, Array]] = deque(maxlen=RECENT)
         self._places = [_Place.on(self.windows[b.window].time_s, b.time_s) for b in self.blocks]
@@ -245,7 +249,7 @@ class Problem:
             self._recent.clear()
 
     def predict(self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None) -> Array:
-        """Rows of the predicted outputs, not to be written to; extra: per window, what is added at the model's ports."""
+        """Rows of the predicted outputs, kept for a while and read-only; extra: per window, what is added at the model's ports."""
         if extra is not None:
             self.simulations += 1
             return self._predicted(values, extra)
@@ -254,6 +258,7 @@ class Problem:
                 return rows
         self.simulations += 1
         rows = self._predicted(values)
+        rows.flags.writeable = False
         self._recent.appendleft((values, rows))
         return rows
 
@@ -280,7 +285,7 @@ class Problem:
         )
         if anywhere:
             return column
-        own = [p.name for p in self.model.parameters if p.scope == "all"].index(name)
+        own = self._shared.index(name)
         hold = self.model.slopes_hold * (FITTED_SHARE if probe is None else 1.0)
         if moved[own] > OWN_SHARE * hold or np.max(moved) > hold:
             return None
@@ -294,7 +299,7 @@ class Problem:
 
     def _scaled(self, values: Values) -> Array:
         """Shared parameters in typical changes."""
-        shared = np.array([values.shared[p.name] for p in self.model.parameters if p.scope == "all"])
+        shared = np.array([values.shared[name] for name in self._shared])
         return np.asarray(shared / self._typical, float)
 
     def _predicted(self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None) -> Array:

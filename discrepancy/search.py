@@ -13,11 +13,7 @@ from discrepancy.assess import assess
 from discrepancy.fit import Fit, fit
 from discrepancy.noise import Noise, estimate_noise
 from discrepancy.problem import Problem
-from discrepancy.screen import (
-    active,
-    spread,
-    stretches,
-)
+from discrepancy.screen import active, spread, stretches
 from discrepancy.state import CLEAR, Progress, Settings, State, Trial, free_names
 from discrepancy.trials import confirm, project_out, try_shortlist, weighed
 

@@ -12,14 +12,7 @@ from discrepancy.model import Effect
 from discrepancy.noise import Noise
 from discrepancy.problem import Problem, Values
 from discrepancy.recording import Array
-from discrepancy.screen import (
-    Score,
-    active,
-    spread,
-    stretches,
-    switches,
-    time_blocks,
-)
+from discrepancy.screen import Score, active, spread, stretches, switches, time_blocks
 from discrepancy.spells import price, settle, spell_of, within
 from discrepancy.starts import Starts
 from discrepancy.state import CLEAR, Settings, State, Trial, free_names
@@ -53,11 +46,18 @@ def try_shortlist(problem: Problem, state: State, settings: Settings) -> list[Tr
     trials += _in_the_same_windows(problem, state, trials, points, settings)
     sure = [t.gain > t.needed and t.size >= problem.model.negligible for t in trials]
     best = max((t.lead for t, fine in zip(trials, sure, strict=True) if fine and not t.beside), default=0.0)
-    return [
-        confirm(problem, t.beside or state, t, settings)
-        if fine and (t.beside or t.lead > best - 3.0 * settings.same)
-        else t
+    tested = [
+        fine and (t.beside is not None or t.lead > best - 3.0 * settings.same)
         for t, fine in zip(trials, sure, strict=True)
+    ]
+    before = (
+        held_out_residual(problem, state.noise, state.accepted, state.fit.values, settings)
+        if any(test and t.beside is None for t, test in zip(trials, tested, strict=True))
+        else None
+    )
+    return [
+        confirm(problem, t.beside or state, t, settings, None if t.beside else before) if test else t
+        for t, test in zip(trials, tested, strict=True)
     ]
 
 
@@ -152,16 +152,20 @@ def size_of(effect: Effect, fitted: Fit) -> float:
     )
 
 
-def confirm(problem: Problem, state: State, trial: Trial, settings: Settings) -> Trial:
-    """The trial with its gain in SSE on held-out rows, summed over the folds: everything shared is fitted on the other rows."""
+def confirm(
+    problem: Problem, state: State, trial: Trial, settings: Settings, without: Array | None = None
+) -> Trial:
+    """The trial with its gain in SSE on held-out rows, summed over the folds: everything shared is fitted on the other rows.
+
+    without: the state's own held-out residual, where it is known.
+    """
     noise, count = state.noise, len(problem.channels)
-    before = held_out_residual(problem, noise, state.accepted, state.fit.values, settings) ** 2
-    after = (
-        held_out_residual(problem, noise, (*state.accepted, trial.effect), trial.fit.values, settings) ** 2
-    )
-    whole = np.bincount(noise.row_channel, before, count)
-    taken = np.bincount(noise.row_channel, before - after, count) / np.maximum(whole, 1e-300)
-    return replace(trial, held_out_gain=float(np.sum(before - after)), explained=float(np.max(taken)))
+    if without is None:
+        without = held_out_residual(problem, noise, state.accepted, state.fit.values, settings)
+    with_it = held_out_residual(problem, noise, (*state.accepted, trial.effect), trial.fit.values, settings)
+    gained, whole = without**2 - with_it**2, np.bincount(noise.row_channel, without**2, count)
+    taken = np.bincount(noise.row_channel, gained, count) / np.maximum(whole, 1e-300)
+    return replace(trial, held_out_gain=float(np.sum(gained)), explained=float(np.max(taken)))
 
 
 def held_out_residual(

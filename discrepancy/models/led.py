@@ -1,8 +1,8 @@
 """The plant led through many stretches of recordings at once, with any of its parameters and effects changed.
 
 A pilot, a machine led through the whole recording, gives every stretch the state it begins with; another machine begins
-moved by as much as its rest differs (plant.resting). The pilot is that of the sheet until `settle` tells better. The stretches of a recording are shared out among the processors, each
-one call of compiled code.
+moved by as much as its rest differs (plant.resting). The pilot is that of the sheet until `settle` tells better. The stretches of
+a recording are shared out among the processors, each one call of compiled code.
 """
 
 import os

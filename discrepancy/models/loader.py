@@ -32,8 +32,8 @@ from plant.interface import MACHINE_MESSAGES, REFERENCE_MESSAGES
 from plant.machine import Machine, load_machine
 
 STEP_S: Final = 0.01
-FLOOR: Final = 0.2  # one-step errors are at least this share of an error that matters: led by noisy inputs, no plant is better
-NEGLIGIBLE: Final = 0.1  # of a typical change: above what five of six drives with nothing hidden surely show
+FLOOR: Final = 0.2  # one-step errors are at least this share of an error that matters: led by noisy inputs, the plant is wrong by up to that
+NEGLIGIBLE: Final = 0.1  # of a typical change: what an engineer would not look for
 THINNED_S: Final = 0.04  # between samples of outputs: the machine's own motions are below 5 Hz
 HEAVIEST_KG: Final = 20_000.0  # payload, as in a scenario
 WAYS: Final = (*SPEEDS[:1], *INPUTS, *OPTIONAL)
