@@ -12,6 +12,7 @@ from scipy.optimize import lsq_linear
 
 from discrepancy.model import Parameter
 from discrepancy.noise import Noise
+from discrepancy.normal import inverse
 from discrepancy.problem import Problem, Values
 from discrepancy.recording import Array
 
@@ -47,7 +48,7 @@ class Fit:
 
     @property
     def covariance(self) -> Array:
-        return np.asarray(np.linalg.pinv(self.information), float)
+        return inverse(self.information)
 
 
 class WindowStates:

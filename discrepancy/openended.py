@@ -16,6 +16,7 @@ from scipy.stats import norm
 
 from discrepancy.fit import Fit, WindowStates, differences
 from discrepancy.model import Model, Window
+from discrepancy.normal import inverse
 from discrepancy.problem import Problem
 from discrepancy.recording import Array
 from discrepancy.screen import Projector, inflation_of, penalty, stretches
@@ -209,7 +210,7 @@ def _beside(fitted: Fit, terms: Array, projected: Array) -> dict[str, tuple[floa
     J = fitted.columns
     moved = -fitted.covariance @ (J.T @ (terms @ c))
     Q = np.linalg.qr(terms)[0]
-    left = np.sqrt(np.diag(np.linalg.pinv(fitted.information - (J.T @ Q) @ (Q.T @ J))))
+    left = np.sqrt(np.diag(inverse(fitted.information - (J.T @ Q) @ (Q.T @ J), fitted.information)))
     return {n: (float(m), float(s)) for n, m, s in zip(fitted.names, moved, left, strict=True)}
 
 
@@ -225,7 +226,7 @@ def _terms(
     e: Array,
 ) -> list[OpenTerm]:
     gram = X[:, chosen].T @ X[:, chosen]
-    covariance = np.linalg.pinv(gram)
+    covariance = inverse(gram)
     coefficient = covariance @ (X[:, chosen].T @ e)
     return [
         OpenTerm(
@@ -334,9 +335,9 @@ def _held_out(problem: Problem, state: State, white: Array, settings: Settings) 
         J, A, b = fitted.columns[~test], train_states.off(white)[~test], train_states.off(e)[~test]
         prior = fitted.information - fitted.columns.T @ fitted.columns
         H = np.block([[J.T @ J + prior, J.T @ A], [A.T @ J, A.T @ A]])
-        c = np.linalg.pinv(H, rcond=1e-12) @ np.concatenate([J.T @ b, A.T @ b])
+        c = inverse(H) @ np.concatenate([J.T @ b, A.T @ b])
         with_terms = test_states.off(e - fitted.columns @ c[: J.shape[1]] - white @ c[J.shape[1] :])
-        plain = np.linalg.pinv(J.T @ J + prior, rcond=1e-12) @ (J.T @ b)
+        plain = inverse(J.T @ J + prior) @ (J.T @ b)
         without = test_states.off(e - fitted.columns @ plain)
         gain[test] = without[test] ** 2 - with_terms[test] ** 2
     return gain

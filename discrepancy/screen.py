@@ -16,6 +16,7 @@ from scipy.stats import chi2, ncx2
 from discrepancy.fit import Fit, WindowStates, differences
 from discrepancy.model import Effect, Parameter
 from discrepancy.noise import Noise
+from discrepancy.normal import inverse
 from discrepancy.problem import Problem, Values
 from discrepancy.recording import Array
 
@@ -174,7 +175,7 @@ def jackknife(fitted: Fit, blocks: NDArray[np.intp]) -> Array:
     for block in range(int(blocks.max()) + 1):
         rows = blocks == block
         J = fitted.columns[rows]
-        without = np.linalg.pinv(fitted.information - J.T @ J, rcond=1e-12)
+        without = inverse(fitted.information - J.T @ J, fitted.information)
         moved.append(without @ (J.T @ fitted.residual[rows]))
     if len(moved) < FEWEST_STRETCHES:
         return np.zeros(len(fitted.names))
@@ -224,7 +225,7 @@ def score(
     left = [float(np.sum((residual - X.sum(axis=1)) ** 2)) for X, _ in seen_by]
     for probe, ((X, whole), change) in enumerate(zip(seen_by, columns.changes, strict=True)):
         gram, total = X.T @ X, X.T @ residual
-        coefficient = np.linalg.pinv(gram, rcond=1e-10) @ total
+        coefficient = inverse(gram) @ total
         plain = float(total @ coefficient)
         inflation = inflation_of(X, residual, blocks) if X.any() else 1.0
         moved = coefficient * change
