@@ -10,16 +10,20 @@ from discrepancy.assess import assess
 from discrepancy.model import Effect, Model
 from discrepancy.problem import Problem
 from discrepancy.recording import Recording
-from discrepancy.screen import spread, stretches
+from discrepancy.screen import Projector, spread, stretches
 from discrepancy.state import Settings
-from discrepancy.trials import project_out
 from hil.scale.store import Row
 
 Record = Callable[[Mapping[str, float], Arm, np.random.Generator], list[Recording]]
 """Truth by parameter name, arm (noise, stretch), generator -> recordings; the baseline's own errors are drawn first."""
 
-ROUNDS = 5  # of sizing an effect
-NEAR = 0.05  # of the wanted strength at which its size is right
+ROUNDS = 10  # of sizing an effect
+NEAR = 0.1  # of the logarithm of the wanted lambda, at which a size is right
+SQUARE = 2.0  # power of the size with which lambda grows, before it is known
+SLOPES = (1.0, 6.0)  # between which that power is looked for
+LONGEST = 1.6  # step in the logarithm of a size: five times
+BOUND = 0.9  # of the way to a parameter's bound, as far as effects go
+LEAST = 1e-9  # lambda that counts as none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,28 +100,49 @@ class Body:
     def _sized(self, effect: Effect, arm: Arm) -> Truth:
         """The change of an effect's parameter that has the wanted lambda on the very recordings that hold it.
 
-        Told by an oracle that knows the effect: its squared size over the variance of its estimate, all nuisances refitted, correlation of the
-        scores counted. Where the parameter's bound comes first, lambda stays smaller.
+        Secant steps in the logarithms of size and lambda: lambda need not grow with the square of a size, a limit on grip's grows with its
+        fourth power. Where the parameter's bound comes first, lambda stays smaller.
         """
         parameter = effect.parameters[0]
-        size, seen, channels = 0.5 * parameter.typical, 0.0, dict[str, float]()
-        whole = Arm(body=arm.body, kind="effect", seed=arm.seed, noise=arm.noise)
-        for _ in range(ROUNDS):
-            values = {parameter.name: parameter.value + size}
-            problem = Problem(self.model(), self.record(values, whole, np.random.default_rng(arm.seed)))
-            state = assess(problem, (effect.name,), problem.start().having(**values), Settings())
-            direction = project_out(state.fit, [state.fit.names.index(parameter.name)])
-            inflation = spread(state.fit, [parameter.name], stretches(state.noise))
-            power = np.sum(direction**2, axis=1)
-            seen = size**2 * float(np.sum(power)) / inflation
-            channels = {
-                name: float(np.sum(power[state.noise.row_channel == i]) / max(float(np.sum(power)), 1e-300))
-                for i, name in enumerate(problem.channels)
-            }
-            factor = float(np.clip(np.sqrt(arm.strength / max(seen, 1e-9)), 0.2, 5.0))
-            if abs(factor - 1.0) < NEAR:
+        furthest = BOUND * abs(
+            (parameter.upper if parameter.typical > 0.0 else parameter.lower) - parameter.value
+        )
+        size, slope, moved = min(0.5 * abs(parameter.typical), furthest), SQUARE, 0.0
+        tried: list[tuple[float, Truth]] = []
+        while True:
+            change = float(np.copysign(size, parameter.typical))
+            truth = self._oracle(effect, {parameter.name: parameter.value + change}, arm)
+            off = float(np.log(arm.strength / max(truth.reached or 0.0, LEAST)))
+            tried.append((off, truth))
+            if abs(off) < NEAR or len(tried) == ROUNDS:
                 break
-            room = (parameter.upper if size > 0.0 else parameter.lower) - parameter.value
-            wanted = size * factor
-            size = wanted if abs(wanted) < 0.9 * abs(room) else 0.9 * room
-        return Truth(values={parameter.name: parameter.value + size}, reached=seen, channels=channels)
+            if moved != 0.0:
+                slope = float(np.clip((tried[-2][0] - off) / moved, *SLOPES))
+            moved = float(np.clip(off / slope, -LONGEST, LONGEST))
+            moved = min(moved, float(np.log(furthest / size)))
+            if moved == 0.0:
+                break
+            size *= float(np.exp(moved))
+        return min(tried, key=lambda t: abs(t[0]))[1]
+
+    def _oracle(self, effect: Effect, values: Mapping[str, float], arm: Arm) -> Truth:
+        """lambda and its shares by channel as told by one who knows the effect: what it changes beyond refitted nuisances, over the noise,
+        correlation of the scores counted.
+        """
+        whole = Arm(body=arm.body, kind="effect", seed=arm.seed, noise=arm.noise)
+        problem = Problem(self.model(), self.record(values, whole, np.random.default_rng(arm.seed)))
+        state = assess(problem, (effect.name,), problem.start().having(**values), Settings())
+        own = [state.fit.names.index(name) for name in effect.names]
+        off = {p.name: p.value for p in effect.parameters}
+        here = state.fit.values.with_shared(values)
+        change = state.noise.whiten(problem.predict(here) - problem.predict(here.with_shared(off)))
+        free = Projector(problem, state.noise, state.fit).states.off(change[:, None])[:, 0]
+        others = np.delete(state.fit.columns, own, axis=1)
+        free = free - others @ np.linalg.lstsq(others, free, rcond=None)[0]
+        power = np.bincount(state.noise.row_channel, free**2, len(problem.channels))
+        whole_power = max(float(np.sum(power)), LEAST)
+        return Truth(
+            values=values,
+            reached=float(np.sum(power)) / spread(state.fit, effect.names, stretches(state.noise)),
+            channels={n: float(p / whole_power) for n, p in zip(problem.channels, power, strict=True)},
+        )

@@ -1,4 +1,8 @@
-"""A small car: truth in steps of 1 ms, sensors at their own rates and resolutions, commands by chance."""
+"""A small car: truth in steps of 1 ms, sensors at their own rates and resolutions, commands by chance.
+
+Who steers moves smoothly, and commands are samples of that. Were they held for 10 ms in truth, a bicycle without inertia would turn in
+jumps, at the very stamps of its sensors: they would read any delay up to 10 ms alike, and half of that besides what was hidden.
+"""
 
 import numba
 import numpy as np
@@ -29,17 +33,18 @@ def _yaw(
 ) -> np.ndarray:
     """Yaw rate [rad/s] of a bicycle; play: half the dead zone of the steering [rad], which no effect of the library is."""
     out = np.empty(angle.size)
-    now, held = 0.0, angle[0]
+    now, before, held = 0.0, 0.0, angle[0]
     for i in range(angle.size):
         held = min(max(held, angle[i] - play), angle[i] + play)
         v = speed[i]
         steady = v * np.tan(held) / (WHEELBASE_M * (1.0 + understeer * v * v))
         demanded = slipperiness * v * steady / G
         steady = steady / np.sqrt(1.0 + demanded * demanded)
-        if relaxation > 0.0:
-            now += (steady - now) * (1.0 - np.exp(-abs(v) * STEP_S / relaxation))
+        if relaxation > 0.0 and i > 0:
+            now += (0.5 * (before + steady) - now) * (1.0 - np.exp(-abs(v) * STEP_S / relaxation))
         else:
             now = steady
+        before = steady
         out[i] = now
     return out
 
@@ -48,7 +53,8 @@ def recorded(values, arm: Arm, rng: np.random.Generator) -> list[Recording]:
     """A minute of steering steps at changing speed; the steering's own map differs from the model's start."""
     n = round(DURATION_S / STEP_S)
     time_s = STEP_S * np.arange(n)
-    steering = _by_hand(np.repeat(rng.uniform(-0.8, 0.8, n // 700 + 1), 700)[:n])
+    turns = np.repeat(rng.uniform(-0.8, 0.8, n // 700 + 1), 700)[:n]
+    steering = _lagged(_lagged(turns, HAND_S), HAND_S)
     throttle = np.repeat(rng.uniform(0.15, 0.4, n // 4000 + 1), 4000)[:n]
     speed = _lagged(4.0 * throttle, 0.6)
     gain, cubic, offset = 0.4 + 0.03 * rng.normal(), 0.03 * rng.normal(), 0.01 * rng.normal()
@@ -81,7 +87,7 @@ def recorded(values, arm: Arm, rng: np.random.Generator) -> list[Recording]:
     rows = slice(0, n, COMMAND_EVERY)
     reference = slice(0, n, REFERENCE_EVERY)
     signals = {
-        "steering": signal(time_s[rows], steering[rows], "1", held=True),
+        "steering": signal(time_s[rows], steering[rows], "1"),
         "throttle": signal(time_s[rows], throttle[rows], "1", held=True),
         "speed_reference": signal(time_s[rows], speed[rows], "m/s"),
         "gyro": signal(time_s[::GYRO_EVERY], gyro, "rad/s"),
@@ -91,12 +97,6 @@ def recorded(values, arm: Arm, rng: np.random.Generator) -> list[Recording]:
         ),
     }
     return [Recording("car", signals)]
-
-
-def _by_hand(values: np.ndarray) -> np.ndarray:
-    """Without corners, and then held from one command to the next."""
-    smooth = _lagged(_lagged(values, HAND_S), HAND_S)
-    return np.repeat(smooth[::COMMAND_EVERY], COMMAND_EVERY)[: values.size]
 
 
 def _noise(rng: np.random.Generator, n: int, sd: float, arm: Arm) -> np.ndarray:
@@ -115,10 +115,11 @@ def _sensed(true: np.ndarray, name: str, values, every: int, noise: np.ndarray, 
 
 
 def _lagged(values: np.ndarray, time_constant_s: float) -> np.ndarray:
+    """First-order lag by the trapezoidal rule, settled at the start."""
     if time_constant_s <= 0.0:
         return values
-    a = 1.0 - float(np.exp(-STEP_S / time_constant_s))
-    return lfilter([a], [1.0, a - 1.0], values, zi=[(1.0 - a) * values[0]])[0]
+    a = STEP_S / (2.0 * time_constant_s + STEP_S)
+    return lfilter([a, a], [1.0, 2.0 * a - 1.0], values, zi=[(1.0 - a) * values[0]])[0]
 
 
 def _late(values: np.ndarray, delay_s: float) -> np.ndarray:

@@ -6,10 +6,15 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from bench.proof import report, score
+from bench.proof import car, report, score
 from bench.proof.arm import Arm, Done, Truth, read, row
 from bench.proof.plan import BODIES, GROUPS, plan, sampled
+from discrepancy.assess import assess
 from discrepancy.findings import Findings, Interval, Regime, Where
+from discrepancy.fit import fit
+from discrepancy.noise import white_noise
+from discrepancy.problem import Problem
+from discrepancy.state import Settings
 from hil.scale.store import Store
 from tests.hil.diagnose.cases import finding
 
@@ -142,7 +147,6 @@ def test_the_straight_truth_is_the_model_where_nothing_is_hidden() -> None:
     """Without noise the model predicts the truth, by another integrator, within a thousandth; with an effect in a stretch it does not, there only."""
     from bench.proof.straight_truth import Noise, record
     from discrepancy.models.straight import MASS_KG, model
-    from discrepancy.problem import Problem
 
     quiet = Noise(speed_sd=1e-9, acceleration_sd=1e-9, quantised=False)
     machine = {"mass": MASS_KG, "viscous": 400.0}
@@ -168,3 +172,43 @@ def test_bodies_record_what_their_models_read() -> None:
         for recording in recordings:
             assert set(model.inputs) <= set(recording.signals)
             assert set(recording.signals) <= {*model.inputs, *model.optional, *model.outputs}
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        {},
+        {"gyro.delay": 0.004},
+        {"gyro.lag": 0.003},
+        {"servo_delay": 0.004},
+        {"servo_lag": 0.006},
+        {"relaxation": 0.01},
+        {"slipperiness": 0.5},
+        {"encoder.delay": 0.013},
+    ],
+    ids=str,
+)
+def test_the_car_truth_is_the_model_with_what_was_hidden_at_its_own_size(monkeypatch, hidden) -> None:
+    """Without noise and with the hidden parameters known: the steering's map is fitted, all that is left is integration."""
+    for name in ("GYRO_SD", "ENCODER_SD", "REFERENCE_SD"):
+        monkeypatch.setattr(car, name, 1e-12)
+    arm = Arm(body="car", kind="effect", seed=1, noise="white")
+    problem = Problem(car.model(), car.recorded(hidden, arm, np.random.default_rng(1)))
+    start = problem.start().with_shared(hidden)
+    fitted = fit(problem, white_noise(problem, problem.measured), problem.nuisance_names, start)
+    left = np.abs(problem.measured - problem.predict(fitted.values))
+    for name, noise in (("gyro", 0.02), ("encoder", 0.02), ("yaw_rate_reference", 0.003)):
+        assert np.max(left[problem.row_channel == problem.channels.index(name)]) < noise
+
+
+def test_an_effect_is_sized_until_it_has_its_lambda_even_if_that_grows_with_the_fourth_power() -> None:
+    """The oracle's lambda is what a fit gains by knowing the effect, but for chance."""
+    body = BODIES["car"]
+    effect = body.model().effect("grip limit")
+    arm = Arm(body="car", kind="effect", seed=30043, effects=("grip limit",), noise="white", strength=250.0)
+    sized = body._sized(effect, arm)
+    assert sized.reached == pytest.approx(250.0, rel=0.11)
+    problem = Problem(body.model(), body.record(sized.values, arm, np.random.default_rng(arm.seed)))
+    known = assess(problem, ("grip limit",), problem.start().having(**sized.values), Settings())
+    without = fit(problem, known.noise, problem.nuisance_names, known.fit.values.having(slipperiness=0.0))
+    assert without.sse - known.fit.sse == pytest.approx(sized.reached, abs=4.0 * np.sqrt(250.0))
