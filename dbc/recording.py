@@ -5,11 +5,9 @@ MF4 bus logging through asammdf, column by column. The content decides, not the 
 
 python-can gives stamps in float seconds, which near today's date resolve 0.24 µs: they are rounded to the
 microsecond, as candump writes them. Error frames of BLF, ASC and MF4 carry no error bits, only that there was one.
-What is cut off or damaged is told once, with line or byte; everything before it is kept, and after a damaged line too.
+What is cut off or damaged is told once, with line or byte; everything before it is kept, and after a damaged line or a damaged place of a BLF too.
 """
 
-import struct
-import zlib
 from array import array
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -18,6 +16,7 @@ from typing import Any, BinaryIO, Self, cast
 import numpy as np
 
 from bus.frame import BRS, ERROR, ESI, EXTENDED, FD, REMOTE
+from dbc.blf import read_blf
 from dbc.errors import LogError
 from dbc.logfile import DAMAGE_SHOWN, Damage, FrameTable, read_candump
 
@@ -136,37 +135,20 @@ def channel_name(channel: int | str | None) -> str:
 
 
 def _read_blf(path: Path, progress: Progress | None) -> FrameTable:
-    from can.io.blf import BLFParseError, BLFReader
-
     size, rows = path.stat().st_size, _Rows()
     with path.open("rb") as file:
-        end = _blf_end(file, size)
-        try:
-            for message in BLFReader(file):
-                rows.add(message)
-                if progress is not None and len(rows) % _REPORT_EVERY == 0:
-                    progress(file.tell(), size)
-        except (BLFParseError, struct.error, zlib.error, ValueError) as error:
-            at = min(end, file.tell()) if not file.closed else end
-            rows.add_damage(Damage(at, f"not readable from here ({error or 'no object begins'})", "byte"))
-        else:
-            if end < size:
-                rows.add_damage(Damage(end, "the file breaks off inside an object", "byte", at_end=True))
+        for item in read_blf(file):
+            if isinstance(item, Damage):
+                rows.add_damage(item)
+                continue
+            try:
+                rows.add(item)
+            except ValueError as error:
+                at = min(file.tell(), size)
+                rows.add_damage(Damage(at, f"in what ends here, not a frame: {error}; skipped", "byte"))
+            if progress is not None and len(rows) % _REPORT_EVERY == 0:
+                progress(file.tell(), size)
     return rows.table()
-
-
-def _blf_end(file: BinaryIO, size: int) -> int:
-    """Where the last whole object of a BLF file ends [bytes]; leaves the file at its start."""
-    header = file.read(8)
-    at = int.from_bytes(header[4:8], "little")
-    while at + 16 <= size:
-        file.seek(at)
-        signature, _, _, length, _ = struct.unpack("<4sHHLL", file.read(16))
-        if signature != b"LOBJ" or length < 16 or at + length > size:
-            break
-        at = min(at + length + length % 4, size)
-    file.seek(0)
-    return min(at, size)
 
 
 class _NumberedLines:

@@ -148,6 +148,70 @@ def test_damage_inside_a_blf_is_told_with_its_byte(files, tmp_path):
         read_frames(file)
 
 
+CONTAINERS = 9
+
+
+@pytest.fixture(scope="module")
+def long_blf(tmp_path_factory):
+    """A BLF of python-can's own writer whose frames go on from container to container, where each container begins, and its frames."""
+    file = tmp_path_factory.mktemp("long") / "long.blf"
+    with can.BLFWriter(file, max_container_size=5000) as writer:
+        for message in thousand():
+            writer.on_message_received(message)
+    content = file.read_bytes()
+    begins, at = [], 144
+    while at < len(content):
+        begins.append(at)
+        length = int.from_bytes(content[at + 8 : at + 12], "little")
+        at += length + length % 4
+    assert len(begins) > CONTAINERS
+    return content, begins, list(read_frames(file).frames())
+
+
+def _magic(content, at):
+    content[at : at + 4] = b"XXXX"
+
+
+def _deflated(content, at):
+    content[at + 60 : at + 90] = bytes(30)
+
+
+def _long(content, at):
+    content[at + 11] = 0x7F
+
+
+def _short(content, at):
+    content[at + 8 : at + 12] = (40).to_bytes(4, "little")
+
+
+def _none(content, at):
+    content[at + 8 : at + 12] = bytes(4)
+
+
+@pytest.mark.parametrize("damage", [_magic, _deflated, _long, _short, _none])
+@pytest.mark.parametrize("struck", [(0,), (4,), (3, 4), (2, 6)])
+def test_what_is_behind_the_damage_in_a_blf_is_read(long_blf, tmp_path, damage, struck):
+    """At most the frames of the containers that were struck are lost, with the two that reach into them; what is told says how long that is."""
+    content, begins, whole = long_blf
+    damaged = bytearray(content)
+    for number in struck:
+        damage(damaged, begins[number])
+    file = tmp_path / "damaged.blf"
+    file.write_bytes(damaged)
+    table = read_frames(file)
+    read = list(table.frames())
+    stamps = [frame.at_ns for frame in read]
+    assert stamps == sorted(set(stamps))
+    assert set(map(repr, read)) <= set(map(repr, whole))
+    per_container = -(-5000 // 48)
+    assert len(whole) - len(read) <= len(struck) * (per_container + 2)
+    assert table.damaged_count >= 1
+    gap_s = max(np.diff(stamps), default=0) * 1e-9
+    if struck != (0,) and len(read) < len(whole):
+        assert any(f"{gap_s:.3f} s between" in each.reason for each in table.damaged)
+    assert read[-1] == whole[-1]
+
+
 @pytest.mark.parametrize("kept", [0.1, 0.5, 0.9, 0.999])
 def test_an_mf4_without_its_structure_is_one_clear_error(files, tmp_path, kept):
     """asammdf writes the structure behind the data: a cut takes it away."""
