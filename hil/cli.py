@@ -425,6 +425,10 @@ def main() -> None:
     except KeyboardInterrupt:
         tell_interrupted()
         sys.exit(Ending.INTERRUPTED)
+    except SystemExit as ended:
+        if ended.__context__ is not None and isinstance(ended.__context__.__cause__, KeyboardInterrupt):
+            tell_interrupted()  # Typer ends an interrupted command without a word
+        raise
     except Mistake as error:
         print(f"loaderhil: {error}", file=sys.stderr)
         sys.exit(Ending.MISUSED)

@@ -34,11 +34,11 @@ LATE_SHOWN = 6
 
 def tell_scenarios(files: Sequence[Path]) -> None:
     """The shipped drive cases, or the ones in `files`: what each needs and what happens."""
-    table = Table("scenario", "s", "needs", "what happens", box=None, header_style="bold")
+    table = Table("scenario", "what happens", box=None, header_style="bold", pad_edge=False)
+    table.columns[0].no_wrap = True
     for scenario in [load_scenario(file) for file in files] if files else list_scenarios():
-        table.add_row(
-            scenario.name, f"{scenario.duration_s:g}", escape(_needs(scenario)), escape(scenario.sentence)
-        )
+        needs = f"[dim]{scenario.duration_s:g} s, {escape(_needs(scenario))}[/]"
+        table.add_row(f"{escape(scenario.name)}\n{needs}", escape(scenario.sentence))
     console.print(table)
 
 

@@ -39,9 +39,14 @@ def ended_at_once(patience_s: float) -> Iterator[None]:
         os.close(reader)
 
 
+_told = threading.Event()
+
+
 def tell_interrupted() -> None:
-    """The line of an interrupted command."""
-    print("loaderhil: interrupted", file=sys.stderr, flush=True)
+    """The line of an interrupted command, once."""
+    if not _told.is_set():
+        _told.set()
+        print("loaderhil: interrupted", file=sys.stderr, flush=True)
 
 
 def _answer(reader: int, left: threading.Event, patience_s: float) -> None:

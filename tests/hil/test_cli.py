@@ -3,9 +3,11 @@
 import importlib
 import subprocess
 import sys
+import threading
 from importlib.metadata import version
 
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 import hil.__main__
@@ -71,10 +73,13 @@ def test_misuse_is_exit_code_2(invoke, words):
     assert invoke(*words).exit_code == Ending.MISUSED
 
 
-def test_scenarios_are_listed_with_their_sentence(invoke):
-    output = invoke("scenarios").output
-    assert "abrupt_articulation" in output
-    assert "standstill" in output
+def test_scenarios_are_listed_with_their_sentence_in_80_columns(invoke, monkeypatch):
+    monkeypatch.setattr("hil.console.console", Console(width=80, highlight=False))
+    lines = invoke("scenarios").output.splitlines()
+    at = next(i for i, line in enumerate(lines) if line.startswith("abrupt_articulation"))
+    assert lines[at].split(maxsplit=1)[1].startswith("Full joystick to the left at 22 km/h")
+    assert lines[at + 1].startswith("10 s, l60 ")
+    assert any(line.startswith("9 s, l60, 1600 kg") for line in lines)
 
 
 @pytest.mark.parametrize(
@@ -126,3 +131,18 @@ def test_ctrl_c_while_the_command_line_is_loaded_is_no_traceback(monkeypatch):
     with pytest.raises(SystemExit) as ended:
         hil.__main__.main()
     assert ended.value.code == Ending.INTERRUPTED
+
+
+def test_ctrl_c_inside_a_command_is_told_once(monkeypatch, capsys):
+    """Typer makes an exit without a word of it."""
+
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("hil.console.tell_scenarios", interrupted)
+    monkeypatch.setattr("hil.interruption._told", threading.Event())
+    monkeypatch.setattr(sys, "argv", ["loaderhil", "scenarios"])
+    with pytest.raises(SystemExit) as ended:
+        hil.__main__.main()
+    assert ended.value.code == Ending.INTERRUPTED
+    assert capsys.readouterr() == ("", "loaderhil: interrupted\n")
