@@ -10,24 +10,24 @@ from pathlib import Path
 
 from hil.compose import Choice
 from hil.diagnose.hidden import NotHidden, Truth
-from hil.diagnose.machine_files import BASE, entry
+from hil.diagnose.machine_files import entry
 from hil.ending import Ending
 from hil.rundir import TRUTH, read_record, write_record
 from hil.runs import run_lockstep
 from plant.checked import ConfigurationError
 from plant.equilibrium import NoEquilibriumError
-from plant.equipment import load_equipment
 from plant.plant import DivergedError
+from plant.sensors import SensorParameters
 
 SCENARIO = "loaded"
 
 
 def concealed_run(scenario: str, truth: Truth, folder: Path) -> None:
     """Run a scenario with the truth's effects. Raises NotHidden where the machine cannot have them; a run cut short is removed."""
+    choice = Choice(scenario=scenario, seed=truth.seed)
+    words = tuple(_words(truth, choice.load().equipment.sensors))
     try:
-        result = run_lockstep(
-            Choice(scenario=scenario, seed=truth.seed, changes=tuple(_words(truth))), folder
-        )
+        result = run_lockstep(replace(choice, changes=words), folder)
     except (ConfigurationError, DivergedError, NoEquilibriumError) as error:
         raise NotHidden(f"cannot run: {error}") from error
     if result.ending is not Ending.PASSED:
@@ -39,9 +39,8 @@ def concealed_run(scenario: str, truth: Truth, folder: Path) -> None:
     write_record(folder, replace(read_record(folder), changes=()))
 
 
-def _words(truth: Truth) -> Iterator[str]:
+def _words(truth: Truth, sheet: SensorParameters) -> Iterator[str]:
     """The effects as changes of the machine and its equipment; a sensor's fault comes on top of what its sheet says."""
-    sheet = load_equipment(BASE).sensors
     for values in truth.effects.values():
         for name, value in values.items():
             effect, _, parameter = name.partition(".")

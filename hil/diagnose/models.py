@@ -13,7 +13,7 @@ from bus.mistake import Mistake
 from discrepancy.model import Model
 from discrepancy.models import ball, car, road, straight
 from discrepancy.recording import Recording
-from hil.diagnose.native import Native, damage_of_run, is_run
+from hil.diagnose.native import Native, damage_of_run, is_run, machine_of_run
 
 T = TypeVar("T")
 Build = Callable[[Sequence[Recording]], Model]
@@ -30,6 +30,7 @@ class Choice:
     """A model for recordings, made once these are read; `native` reads its own published data sets, None if it is none.
 
     build_from: makes it from a file of its own kind, which `diagnose --apply` writes; None: from a plain list of effects.
+    own_machine: the machine that it is of where nobody names another; None: it is of no machine of the bench.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Choice:
     native: ReadNative
     data: str = ""
     build_from: BuildFrom | None = None
+    own_machine: str | None = None
 
     @property
     def channels(self) -> Model:
@@ -75,7 +77,7 @@ def _run(path: Path, _: str | None) -> Native | None:
     damage = damage_of_run(path)
     from discrepancy.models import loader  # with it comes the plant, compiled
 
-    return Native([loader.load_run(path)], damage)
+    return Native([loader.load_run(path)], damage, machine_of_run(path))
 
 
 def _build_loader(recordings: Sequence[Recording]) -> Model:
@@ -102,7 +104,7 @@ def _slow_run(path: Path, _: str | None) -> Native | None:
     damage = damage_of_run(path)
     from discrepancy.models import printed
 
-    return Native([printed.load_quasi_static(path)], damage)
+    return Native([printed.load_quasi_static(path)], damage, machine_of_run(path))
 
 
 def _comma(path: Path, _: str | None) -> Native | None:
@@ -115,8 +117,8 @@ NAMED = {
         Choice("ball", lambda _: ball.model(), _drops, "folder with ball_drops.csv and balls.txt, with --part BALL"),
         Choice("car", _build_car, _dart, "DART csv.gz or a folder of them; --part on-board leaves motion capture out"),
         Choice("road", road.model, _comma, "folder of the comma2k19 minute with its DBC"),
-        Choice("loader", _build_loader, _run, "run directory of the bench, with or without reference.log", _build_loader_from),
-        Choice("printed-estimator", _build_printed, _slow_run, "run directory of the bench, with reference.log"),
+        Choice("loader", _build_loader, _run, "run directory of the bench, with or without reference.log", _build_loader_from, "l60"),
+        Choice("printed-estimator", _build_printed, _slow_run, "run directory of the bench, with reference.log", own_machine="l60"),
         Choice("straight", lambda _: straight.model(), _no_data_set),
     )
 }  # fmt: skip

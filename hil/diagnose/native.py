@@ -1,5 +1,6 @@
 """Data sets that a model reads by itself, and what is to be complained of in the run directories of the bench."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,19 +13,34 @@ from dbc.errors import LogError
 from dbc.recording import read_frames
 from discrepancy.recording import Complaint, Recording
 from hil.diagnose.tables import Unreadable
+from hil.rundir import RECORD
 
 
 @dataclass(frozen=True, slots=True)
 class Native:
-    """Recordings of a data set, and what was wrong with its files."""
+    """Recordings of a data set, what was wrong with its files, and the machine (name or file) that it says it is of."""
 
     recordings: Sequence[Recording]
     complaints: Sequence[Complaint] = ()
+    machine: str | None = None
 
 
 def is_run(folder: Path) -> bool:
     """Whether a folder is a run directory of the bench."""
     return (folder / "bus.log").is_file()
+
+
+def machine_of_run(folder: Path) -> str | None:
+    """The machine that a run directory was made with; None where it does not say. Raises Unreadable for a record that is none."""
+    record = folder / RECORD
+    if not record.is_file():
+        return None
+    try:
+        told = json.loads(record.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise Unreadable(f"{record}: cannot be read as the record of a run: {error}") from error
+    machine = told.get("machine") if isinstance(told, dict) else None
+    return machine if isinstance(machine, str) else None
 
 
 def damage_of_run(folder: Path) -> list[Complaint]:

@@ -27,6 +27,6 @@ WithOption = Annotated[
     typer.Option(
         "--with",
         metavar="FILE",
-        help="Baseline from this file, as --apply writes it; for the loader any machine file.",
+        help="Baseline from this file, as --apply writes it; for the loader any machine, by name or file, else that of its run.json.",
     ),
 ]

@@ -11,6 +11,7 @@ from discrepancy.model import Model
 from discrepancy.state import Progress, Settings
 from hil.diagnose.applying import baseline
 from hil.diagnose.models import Choice, find_model
+from hil.diagnose.origin import Base, base_of
 from hil.diagnose.reading import Ask, read_all
 
 
@@ -25,10 +26,11 @@ class Question:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The verdict with the model it is of; judged: what it rests on, None where nothing was usable."""
+    """The verdict with the model it is of, and the baseline of that; judged: what it rests on, None where nothing was usable."""
 
     choice: Choice
     model: Model
+    base: Base
     findings: Findings
     judged: Judgement | None
 
@@ -37,10 +39,11 @@ def answer(question: Question, settings: Settings, progress: Progress) -> Answer
     """Read, compare, judge. Raises a Mistake about what was asked, never about what recordings contain."""
     choice = find_model(question.model)
     read = read_all(choice, question.ask, progress)
-    model = baseline(choice, question.given, read.recordings)
+    base = base_of(choice, question.given, read.machines)
+    model = baseline(choice, base.given, read.recordings)
     judged = investigate(
         with_clocks(model, read.clocks), read.recordings, settings, progress, read.complaints
     )
     if isinstance(judged, Judgement):
-        return Answer(choice, model, judged.findings, judged)
-    return Answer(choice, model, judged, None)
+        return Answer(choice, model, base, judged.findings, judged)
+    return Answer(choice, model, base, judged, None)

@@ -38,11 +38,12 @@ class Ask:
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """What there was, what is to be complained of, and clocks that had to be set."""
+    """What there was, what is to be complained of, clocks that had to be set, and by recording the machine that it says it is of."""
 
     recordings: Sequence[Recording]
     complaints: Sequence[Complaint]
     clocks: Sequence[Clock]
+    machines: Mapping[str, str] = field(default_factory=dict)
 
 
 def read_all(choice: Choice, ask: Ask, progress: Progress) -> Read:
@@ -58,6 +59,7 @@ def read_all(choice: Choice, ask: Ask, progress: Progress) -> Read:
     recordings: list[Recording] = []
     complaints: list[Complaint] = []
     clocks: list[Clock] = []
+    machines: dict[str, str] = {}
     for name, files in runs.items():
         progress(f"reading {name}")
         try:
@@ -70,7 +72,8 @@ def read_all(choice: Choice, ask: Ask, progress: Progress) -> Read:
         recordings += joined.recordings
         complaints += joined.complaints
         clocks += joined.clocks
-    return Read([_mended(r, ask, constants) for r in recordings], complaints, clocks)
+        machines |= joined.machines
+    return Read([_mended(r, ask, constants) for r in recordings], complaints, clocks, machines)
 
 
 def _files(path: Path) -> list[Path]:
@@ -86,7 +89,8 @@ def _run(
 ) -> Read:
     native = choice.native(files[0], ask.part) if len(files) == 1 else None
     if native is not None:
-        return Read(native.recordings, native.complaints, ())
+        machines = {name: native.machine} if native.machine is not None else {}
+        return Read(native.recordings, native.complaints, (), machines)
     tables = [_table(file, choice, ask, through) for file in files]
     if unknown := unknown_columns(tables, ask.renamed):
         columns = [c for table in tables for c in table.columns]

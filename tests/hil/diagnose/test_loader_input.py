@@ -18,6 +18,7 @@ from discrepancy.recording import Recording, Signal
 from hil.compose import Choice
 from hil.diagnose.written import csv_text
 from hil.runs import run_lockstep
+from plant.machine import load_machine
 from tests.hil.diagnose.cases import Call, loaderhil
 
 __all__ = ["loaderhil"]
@@ -50,8 +51,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = loader.model
 
-    def short(recordings=()):  # type: ignore[no-untyped-def]
-        model = whole(recordings)
+    def short(recordings=(), **chosen):  # type: ignore[no-untyped-def]
+        model = whole(recordings, **chosen)
         return replace(model, effects=tuple(e for e in model.effects if e.name == "yaw_rate scale"))
 
     def without_equations(model, recordings, settings, *rest):  # type: ignore[no-untyped-def]
@@ -92,6 +93,41 @@ def test_run_directories(kind: str, run: Path, tmp_path: Path, loaderhil: Call) 
     assert ended.code == code, ended.out + ended.err
     assert ended.result is not None
     assert said in " ".join([*ended.result.reasons, *(c.text for c in ended.result.complaints)])
+
+
+@pytest.fixture(scope="module")
+def compact(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same drive with the smaller machine."""
+    folder = tmp_path_factory.mktemp("compact")
+    (folder / "drive.toml").write_text(DRIVE.replace("l60", "compact"))
+    run_lockstep(Choice(scenario=str(folder / "drive.toml")), folder / "small")
+    return folder / "small"
+
+
+def test_a_run_is_judged_as_one_of_the_machine_that_it_was_made_with(
+    compact: Path, tmp_path: Path, loaderhil: Call
+) -> None:
+    ended = loaderhil("diagnose", compact, "--model", "loader", "--apply", tmp_path / "mine.toml")
+    assert ended.code == 0, ended.out + ended.err
+    assert ended.result is not None
+    assert ended.result.status == "nothing missing"
+    assert ended.out.startswith("baseline: machine compact, as run.json of small says\n")
+    assert load_machine(tmp_path / "mine.toml") == load_machine("compact")
+
+
+def test_machines_that_do_not_go_together_are_refused_in_one_line(
+    run: Path, compact: Path, loaderhil: Call
+) -> None:
+    for words, said in (
+        ((compact, "--with", "l60"), "run.json of small says machine compact (family compact), the baseline is l60 (family l60)"),
+        ((run, compact), "run.json of run says machine l60, that of small compact: diagnose them apart"),
+    ):  # fmt: skip
+        ended = loaderhil("diagnose", *words, "--model", "loader")
+        assert (ended.code, ended.result) == (2, None)
+        assert said in ended.err.splitlines()[-1]
+    ended = loaderhil("diagnose", compact, "--model", "printed-estimator")
+    assert ended.code == 2
+    assert "the baseline is l60 (family l60): printed-estimator judges" in ended.err.splitlines()[-1]
 
 
 @pytest.fixture(scope="module")
