@@ -5,9 +5,12 @@ from noise; the sensor tells, smoothed, what limits or the machine made of it.
 """
 
 import math
+from collections.abc import Mapping
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from discrepancy.model import Window
@@ -34,6 +37,8 @@ LEVELLED: Final = 51  # the same of the linkage's angles and of what the driver'
 ROLLS: Final = 0.1  # wheel speed from which a brake's friction is that of a rolling wheel [rad/s]
 DEMANDS: Final = ("articulation_rate_demand", "lift_demand", "tilt_demand")
 """In the order of plant.follow.JOINTS."""
+MISLEADING: Final = ("scale", "delay")
+"""Faults of a wheel's speed sensor, which also leads the plant's speed."""
 LINKAGE: Final = ((M_LIFT, "lift_arm_angle", "lift_zero"), (M_TILT, "tilt_angle", "tilt_zero"))
 
 
@@ -62,8 +67,7 @@ def measured_of(
         measured[:, M_TORQUE + i] = nominal + _smooth(read(name) - nominal, LEVELLED)
     if window.has("brake_demand"):
         measured[:, M_BRAKING] = window["brake_demand"] > 0.0
-    known = [read(name) for name in SPEEDS if window.has(name)]
-    measured[:, M_SPEED] = _smooth(np.mean(known, axis=0)) if known else 0.0
+    measured[:, M_SPEED] = speeds_of(window, sensors) @ _shares_of(window)
     angle, rate = read("articulation_angle"), read("articulation_rate")
     steering = machine.steering
     if asked[0]:
@@ -91,6 +95,58 @@ def measured_of(
             measured[:, at] = _led_there(angle, turned, ends, window.step_s)
             measured[:, at + 1] = turned
     return measured
+
+
+def speeds_of(window: Window, sensors: SensorParameters) -> Array:
+    """What leads the plant's speed: those of the wheels (n, 4) [rad/s], 0 where one was not recorded."""
+    speeds = np.zeros((window.time_s.size, len(SPEEDS)))
+    for i, name in enumerate(SPEEDS):
+        if window.has(name):
+            late = _late(sensors.of(name), window.step_s)
+            speeds[:, i] = _smooth(delayed(window[name], -late, window.time_s))
+    return speeds
+
+
+def _shares_of(window: Window) -> Array:
+    """How much each wheel says of the speed that leads: the same of those that were recorded."""
+    recorded = np.array([window.has(name) for name in SPEEDS], float)
+    return np.asarray(recorded / max(np.sum(recorded), 1.0), float)
+
+
+def shifted(
+    measured: Array, speeds: Array, edges: NDArray[np.intp], values: Mapping[str, float], step_s: float
+) -> Array:
+    """What was measured without what sensors are taken to add: those of torque and angles as nuisances, of wheel speeds as faults.
+
+    speeds: of `speeds_of`; both one stretch after the other; edges: rows where stretches begin, and their end.
+    """
+    true = measured.copy()
+    true[:, M_TORQUE : M_TORQUE + 4] /= 1.0 + values.get("torque_scale", 0.0)
+    true[:, M_ARTICULATION] -= values.get("articulation_zero", 0.0)
+    for at, _, name in LINKAGE:
+        true[:, at] -= values.get(name, 0.0)
+    true[:, M_SPEED] -= _misled(speeds, edges, values, step_s)
+    return true
+
+
+def _misled(speeds: Array, edges: NDArray[np.intp], values: Mapping[str, float], step_s: float) -> Array:
+    """By how much faults of wheel-speed sensors mislead the speed that leads (n,) [rad/s]."""
+    recorded = [i for i in range(len(SPEEDS)) if speeds[:, i].any()]
+    wrong = np.zeros(len(speeds))
+    for i in recorded:
+        scale, delay_s = (values.get(f"{SPEEDS[i]}.{fault}", 0.0) for fault in MISLEADING)
+        if scale or delay_s:
+            true = _read_later(speeds[:, i], edges, delay_s, step_s) / (1.0 + scale)
+            wrong += (speeds[:, i] - true) / len(recorded)
+    return wrong
+
+
+def _read_later(values: Array, edges: NDArray[np.intp], by_s: float, step_s: float) -> Array:
+    """Each stretch as it was before a delay; its ends stand still."""
+    parts = [values[a:b] for a, b in pairwise(edges)]
+    return np.concatenate(
+        [delayed(part, -by_s, step_s * np.arange(part.size, dtype=np.float64)) for part in parts]
+    )
 
 
 def _rate(window: Window, lever: str, falling: float, rising: float) -> Array:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from discrepancy.model import Window
-from discrepancy.models.leading import LINKAGE, asked_of, kept_share, measured_of
+from discrepancy.models.leading import MISLEADING, asked_of, kept_share, measured_of, shifted, speeds_of
 from discrepancy.models.loader_library import (
     CHANNELS,
     INPUTS,
@@ -42,7 +42,6 @@ from plant.follow import (
     M_LIFT,
     M_SPEED,
     M_TILT,
-    M_TORQUE,
     Asked,
     finish,
     follow,
@@ -76,11 +75,12 @@ Key = tuple[object, ...]
 class Basis:
     """Stretches of one recording, one after the other, as they were measured.
 
-    edges: rows where stretches begin, and their end; starts, rests: of the pilot (plant.resting); asked: which joints' rates are those asked for.
+    speeds: of the wheels; edges: rows where stretches begin, and their end; starts, rests: of the pilot (plant.resting); asked: which joints' rates are those asked for.
     coarse: by output, what the pilot's machine shows in steps of FINE_S beyond what it shows in steps of STEP_S.
     """
 
     measured: Array
+    speeds: Array
     edges: NDArray[np.intp]
     starts: Array
     rests: Array
@@ -104,6 +104,7 @@ class Loader:
         self._recordings = {r.name: r for r in recordings}
         self._searched = searched()
         self._moving = {p.name for p in NUISANCES if not p.name.startswith("zero.")}
+        self._moving |= {f"{name}.{fault}" for name in SPEEDS for fault in MISLEADING}
         self._moving |= {f"{name}.{p.name}" for name, item in self._searched.items() for p in item.parameters}
         self._kept: OrderedDict[Key, list[Mapping[str, Array]]] = OrderedDict()
         self._bases: dict[Key, Basis] = {}
@@ -172,7 +173,10 @@ class Loader:
             for state in starts:
                 dispatch.start(machine.effects, state, p, work)
         rows = np.full((len(basis.measured), Truth.size), np.nan)
-        measured, measures = _shifted(basis.measured, values), Observer(machine, basis.payload).measures
+        measured, measures = (
+            shifted(basis.measured, basis.speeds, basis.edges, values, basis.step_s),
+            Observer(machine, basis.payload).measures,
+        )
 
         def lead_part(first: int, last: int) -> None:
             try:
@@ -250,7 +254,8 @@ class Loader:
         standing = [abs(part[0, M_SPEED]) < STANDING for part in parts]
         rests[standing] = np.nan  # brakes hold it as it stands
         edges = np.concatenate(([0], np.cumsum(sizes))).astype(np.intp)
-        basis = Basis(np.concatenate(parts), edges, starts, rests, asked, payload, step)
+        speeds = np.concatenate([speeds_of(window, self._sensors) for window in windows])
+        basis = Basis(np.concatenate(parts), speeds, edges, starts, rests, asked, payload, step)
         fine, coarse = (self._true(basis, self._settled, step_s) for step_s in (FINE_S, STEP_S))
         return replace(basis, coarse={name: fine[name] - coarse[name] for name in fine})
 
@@ -286,7 +291,8 @@ class Loader:
             time_s=grid,
             known={n: resampled(recording.signals[n], grid) for n in names},
         )
-        measured = _shifted(self._measured(whole, asked), self._settled)
+        speeds, ends = speeds_of(whole, self._sensors), np.array([0, grid.size])
+        measured = shifted(self._measured(whole, asked), speeds, ends, self._settled, like.step_s)
         try:
             plant = _plant(self._changed(self._settled), like.constants.get("payload", 0.0), measured[0])
         except NoEquilibriumError:
@@ -347,13 +353,3 @@ def _shares(edges: NDArray[np.intp], count: int) -> tuple[list[int], list[int]]:
 
 def _within(value: float, low: float, high: float) -> float:
     return float(min(max(value, low), high))
-
-
-def _shifted(measured: Array, values: Mapping[str, float]) -> Array:
-    """What was measured without what the sensors of torque and angles are taken to add."""
-    shifted = measured.copy()
-    shifted[:, M_TORQUE : M_TORQUE + 4] /= 1.0 + values.get("torque_scale", 0.0)
-    shifted[:, M_ARTICULATION] -= values.get("articulation_zero", 0.0)
-    for at, _, name in LINKAGE:
-        shifted[:, at] -= values.get(name, 0.0)
-    return shifted

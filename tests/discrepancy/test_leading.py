@@ -7,14 +7,14 @@ import pytest
 
 from bench.loader_truth import Arm, record
 from discrepancy.model import Window
-from discrepancy.models.leading import LINKAGE, asked_of, followed, measured_of
+from discrepancy.models.leading import LINKAGE, asked_of, followed, measured_of, shifted, speeds_of
 from discrepancy.models.loader import load_run
 from discrepancy.models.loader_library import INPUTS, OPTIONAL, SPEEDS, TORQUES
 from discrepancy.problem import resampled
 from hil.rundir import RunDirectory
 from plant.actuators import abilities_of
 from plant.equipment import load_equipment
-from plant.follow import M_LIFT, M_TORQUE
+from plant.follow import M_LIFT, M_SPEED, M_TORQUE
 from plant.machine import load_machine
 
 L60 = load_machine("l60")
@@ -110,6 +110,34 @@ def test_an_arm_that_starts_at_once_is_led_without_a_rounded_corner(joint, deman
         for w in (window(**seen), window(**{name: angle}))
     )
     assert np.max(np.abs(told)) < 0.05 * np.max(np.abs(guessed))
+
+
+FAULT = SPEEDS[0]
+FAULTS = {
+    "scale": lambda true: 1.03 * true,
+    "delay": lambda true: np.interp(TIME_S - 0.03, TIME_S, true),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("recorded", [SPEEDS, SPEEDS[:2]])
+def test_a_known_fault_of_a_wheel_speed_does_not_lead_the_plant_astray(fault, recorded):
+    true = 2.0 + np.sin(TIME_S)
+    speeds = dict.fromkeys(recorded, true)
+    sound = window(**speeds)
+    faulty = replace(sound, known={**sound.known, FAULT: FAULTS[fault](true)})
+    lost = {name: sound.known[name] for name in INPUTS}
+    sound, faulty = (replace(w, known={**lost, **{n: w.known[n] for n in recorded}}) for w in (sound, faulty))
+    ends = np.array([0, 400, TIME_S.size])
+
+    def speed(seen: Window, **values: float) -> np.ndarray:
+        told = {f"{FAULT}.{name}": value for name, value in values.items()}
+        return shifted(led(seen), speeds_of(seen, EQUIPMENT.sensors), ends, told, STEP_S)[:, M_SPEED]
+
+    known = speed(faulty, **{fault: 0.03})
+    edges = np.r_[0:60, 340:460, 740:800]  # stretches are read as if nothing came before or after
+    np.testing.assert_allclose(np.delete(known - speed(sound), edges), 0.0, atol=2e-4)
+    assert np.max(np.abs(speed(faulty) - speed(sound))) > 0.0299 / len(recorded)
 
 
 @pytest.fixture(scope="module")
