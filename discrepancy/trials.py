@@ -102,9 +102,14 @@ def _in_the_same_windows(
 
 
 def begin(problem: Problem, state: State, found: Score, points: Sequence[tuple[Values, float]]) -> list[Fit]:
-    """The first steps of a refit with one more effect from each of its starts, best first."""
+    """The first steps of a refit with one more effect from each of its starts, best first.
+
+    Where they lead up though the screen is beyond doubt, they were led by sensitivities of elsewhere, and are taken again.
+    """
     names = free_names(problem, (*state.accepted, found.effect))
     fits = [fit(problem, state.noise, names, point, iterations=2, rough=True) for point, _ in points]
+    if all(f.sse > state.fit.sse for f in fits) and found.statistic * found.inflation > CLEAR:
+        fits = [fit(problem, state.noise, names, points[0][0], iterations=2)]
     return sorted(fits, key=lambda f: f.sse)
 
 

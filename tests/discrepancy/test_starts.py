@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from discrepancy import trials
 from discrepancy.assess import assess
 from discrepancy.fit import CONVERGED, fit
 from discrepancy.noise import white_noise
@@ -65,3 +66,19 @@ def test_a_prediction_is_not_simulated_twice() -> None:
     other = problem.start()
     other.local["level"][0] += 0.1
     assert not np.array_equal(problem.predict(other), first)
+
+
+@pytest.mark.parametrize(("leak", "again"), [(0.05, True), (0.0005, False)])
+def test_steps_that_borrowed_sensitivities_led_astray_are_taken_again_where_there_is_no_doubt(
+    leak, again, monkeypatch
+) -> None:
+    problem, state = searched("leak", leak=leak)
+    (found,) = state.scores
+    points = Starts(problem, state.noise, state.fit, state.columns).of(found, None)
+    astray = replace(state.fit, names=("area", "leak"), sse=2.0 * state.fit.sse)
+    monkeypatch.setattr(
+        trials, "fit", lambda *told, rough=False, **more: astray if rough else fit(*told, **more)
+    )
+    (best, *_) = trials.begin(problem, state, found, points)
+    assert (best.sse < 0.5 * state.fit.sse) == again
+    assert (best is astray) != again
