@@ -36,11 +36,15 @@ TOUCHED = 0.1  # share of the gain that makes a channel one the effect acts on
 
 @dataclass(frozen=True, slots=True)
 class _Needed:
-    """An accepted effect, the fit without it, its gain, and the share of the gap it closes on held-out rows."""
+    """An accepted effect, the fit without it, its gain, and the share of the gap it closes on held-out rows; seen: the gain without priors,
+
+    which held-out rows do not know of.
+    """
 
     effect: str
     without: Fit
     gain: float
+    seen: float
     needed: float
     held_out_gain: float
     gap_closed: float
@@ -180,6 +184,7 @@ def _weigh(
         effect=name,
         without=without,
         gain=without.sse - state.fit.sse,
+        seen=without.data_sse - state.fit.data_sse,
         needed=price(problem, problem.model.effect(name), state.fit.values, settings.alpha),
         held_out_gain=gained,
         gap_closed=float(np.clip(gained / gap, 0.0, 1.0)) if gap > 0.0 else 0.0,
@@ -201,6 +206,9 @@ def _finding(
     doubts = _doubts(problem, effect, best.fit)
     doubts += _superseded(problem, state, needed, beyond, settings)
     doubts += _drifting(problem, state, needed, settings) if spell is not None else []
+    if needed.held_out_gain < settings.confirmed * needed.seen:
+        share = max(needed.held_out_gain / needed.seen, 0.0)
+        doubts.insert(0, f"beside the others only {share:.0%} of its gain is there on held-out data")
     if needed.gap_closed < settings.gap_closed:
         doubts.insert(0, f"closes {needed.gap_closed:.0%} of the gap on held-out data")
     return f.Finding(

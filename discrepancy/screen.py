@@ -24,6 +24,7 @@ INVISIBLE = 1e-6  # share of an effect left after projection, below which only r
 FEW = 3  # parameters; longer profiles are linear and scored at one size
 BLOCKS = 30  # of time, for the spread of the scores
 FEWEST_STRETCHES = 8  # whose disagreement says something
+HALF = 0.5  # of a change that is there or not, from which it is nearer to being there
 MOST_LEVERAGE = 0.5  # a block that holds more than the others together cannot be compared with them
 
 
@@ -260,6 +261,7 @@ def allowed(parameters: Sequence[Parameter], moved: Array) -> bool:
     """Whether a change is within the bounds, or nearly; of several parameters it is not asked."""
     return len(parameters) > 1 or all(
         p.lower - 0.5 * abs(p.typical) <= p.value + m <= p.upper + 0.5 * abs(p.typical)
+        and (not p.whole or abs(m - p.typical) < HALF * abs(p.typical))
         and (np.isinf(p.lower) or p.lower < p.value or m > 0.0)
         for p, m in zip(parameters, moved, strict=True)
     )

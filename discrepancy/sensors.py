@@ -24,12 +24,24 @@ def sensor_effects(
     """Library of faults of one output channel. bias: an offset that matters [unit]; delay_s: a delay that does [s]."""
 
     def parameter(
-        kind: str, of: str, value_range: tuple[float, float], size: float, *probes: float
+        kind: str,
+        of: str,
+        value_range: tuple[float, float],
+        size: float,
+        *probes: float,
+        whole: bool = False,
     ) -> Parameter:
         low, high = value_range
         small = kind not in LINEAR
         return Parameter(
-            name=f"{output}.{kind}", unit=of, lower=low, upper=high, typical=size, probes=probes, small=small
+            name=f"{output}.{kind}",
+            unit=of,
+            lower=low,
+            upper=high,
+            typical=size,
+            probes=probes,
+            small=small,
+            whole=whole,
         )
 
     longest = LONGEST_DELAY_S
@@ -61,7 +73,7 @@ def sensor_effects(
         "sign": (
             f"{output} has the wrong sign",
             "y = (1 - 2 f) y_true, f = 1",
-            parameter("sign", "1", (0.0, 1.05), 1.0),
+            parameter("sign", "1", (0.0, 1.05), 1.0, whole=True),
             "any change",
         ),
         "drift": (

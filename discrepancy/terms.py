@@ -7,15 +7,13 @@ the terms and without sight of measured outputs, as they were when the equation 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from discrepancy.acting import READING, driven
 from discrepancy.model import Effect, Model, Window
-from discrepancy.openended import driven
 from discrepancy.recording import Array
 
 Signals = Mapping[str, Array]
 Term = Callable[[Signals, Mapping[str, float], float], Array]
 """Signals on the grid, all parameters by name, step [s] -> what is added at a place, in the place's unit."""
-
-READING = "reading of "
 
 
 def with_effect(model: Model, effect: Effect, terms: Mapping[str, Term]) -> Model:

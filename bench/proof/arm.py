@@ -5,6 +5,8 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from discrepancy.examine import examine
 from discrepancy.findings import Findings, from_json, to_json
 from discrepancy.model import Model
@@ -25,7 +27,8 @@ NEAR = (
 class Arm:
     """body: of truth. kind: null, effect, outside (no effect of the library is the cause), pair, stretch (acts between start_s and
 
-    end_s only), real. strength: wanted lambda, or for the loader the size in typical changes.
+    end_s only), real. strength: wanted lambda (infinite: as strong as it is, of what is there or not), or for the loader the size in typical
+    changes.
     """
 
     body: str
@@ -88,6 +91,8 @@ class Done:
     @property
     def reached(self) -> bool:
         """Whether the effect is as strong as was wanted."""
+        if np.isinf(self.arm.strength):
+            return True
         low, high = (share * self.arm.strength for share in NEAR)
         return self.truth.reached is None or low <= self.truth.reached <= high
 

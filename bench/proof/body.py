@@ -46,7 +46,7 @@ class Body:
 
     def arms(self, seeds: int) -> Iterator[Arm]:
         """The whole plan."""
-        library = [effect.name for effect in self.model().effects]
+        library = self.model().effects
         for seed in range(seeds):
             for noise in self.noises:
                 for repeat in range(self.nulls):
@@ -54,12 +54,14 @@ class Body:
                 for number, what in enumerate(self.outside):
                     yield self._arm("outside", 20_000 + 1_000 * seed + number, noise=noise, what=what)
             for number, effect in enumerate(library):
-                for level, strength in enumerate(LAMBDAS):
+                # a wrong sign has one size
+                strengths = (np.inf,) if effect.parameters[0].whole else LAMBDAS
+                for level, strength in enumerate(strengths):
                     noise = self.noises[(number + level + seed) % len(self.noises)]
                     yield self._arm(
                         "effect",
                         30_000 + 1_000 * seed + 10 * number + level,
-                        effects=(effect,),
+                        effects=(effect.name,),
                         noise=noise,
                         strength=strength,
                     )
@@ -104,6 +106,8 @@ class Body:
         fourth power. Where the parameter's bound comes first, lambda stays smaller.
         """
         parameter = effect.parameters[0]
+        if np.isinf(arm.strength):
+            return self._oracle(effect, {parameter.name: parameter.value + parameter.typical}, arm)
         furthest = BOUND * abs(
             (parameter.upper if parameter.typical > 0.0 else parameter.lower) - parameter.value
         )

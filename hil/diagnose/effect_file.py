@@ -5,8 +5,8 @@ import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from discrepancy.acting import READING
 from discrepancy.findings import Findings, OpenTerm
-from discrepancy.terms import READING
 from hil.diagnose.functions import Function, NoEffect, read_function
 from hil.diagnose.kept import read_findings
 from hil.diagnose.models import NAMED
@@ -34,7 +34,7 @@ def model_file(result: Findings, terms: Sequence[OpenTerm], name: str, base: str
     imports = [
         *(["import numpy as np", ""] if "np." in text else []),
         "from discrepancy.model import Effect, Parameter",
-        *(["from discrepancy.openended import play"] if "play(" in text else []),
+        *(["from discrepancy.functions import play"] if "play(" in text else []),
         *(["from discrepancy.sensors import lagged"] if "lagged(" in text else []),
         "from discrepancy.terms import with_effect",
         "from hil.diagnose.models import find_model",

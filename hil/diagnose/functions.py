@@ -1,10 +1,9 @@
 """Functions of an open-ended equation as code: of arrays for a model's file, of numbers for an effect of the plant.
 
-Their texts are those that discrepancy.openended gives them.
+Their texts are those that discrepancy.functions gives them.
 """
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from bus.mistake import Mistake
@@ -29,17 +28,19 @@ class Function:
 _Forms = tuple[tuple[str, str, str], ...]
 _FORMS: _Forms = (
     (r"1", "np.ones_like(next(iter(s.values())))", "1.0"),
-    (r"sign\((\w+)\)", "np.tanh({a} / (0.05 * np.std({a}) + 1e-300))", ""),
-    (r"\|(\w+)\|", "np.abs({a})", "abs({a})"),
-    (r"d/dt (\w+)", "np.diff({a}, prepend={a}[:1]) / step", ""),
-    (r"play\((\w+), ([-+.\de]+) [^)]*\)", "play({a}, {n})", ""),
-    (r"lowpass\((\w+), ([-+.\de]+) s\)", "lagged({a}, {n}, step)", ""),
-    (r"(\w+)·\|\1\|", "{a} * np.abs({a})", "{a} * abs({a})"),
-    (r"(\w+)²", "{a}**2", "{a}**2"),
-    (r"(\w+)³", "{a}**3", "{a}**3"),
-    (r"(\w+)·(\w+)", "{a} * {b}", "{a} * {b}"),
-    (r"(\w+)", "{a}", "{a}"),
+    (r"sign\((?P<a>\w+)\)", "np.tanh({a} / (0.05 * np.std({a}) + 1e-300))", ""),
+    (r"\|(?P<a>\w+)\|", "np.abs({a})", "abs({a})"),
+    (r"d/dt (?P<a>\w+)", "np.diff({a}, prepend={a}[:1]) / step", ""),
+    (r"play\((?P<a>\w+), (?P<n>[-+.\de]+) .*\)", "play({a}, {n})", ""),
+    (r"play\((?P<a>\w+), (?P<n>[-+.\de]+) .*\)·(?P<b>\w+)", "play({a}, {n}) * {b}", ""),
+    (r"lowpass\((?P<a>\w+), (?P<n>[-+.\de]+) s\)", "lagged({a}, {n}, step)", ""),
+    (r"(?P<a>\w+)·\|(?P=a)\|", "{a} * np.abs({a})", "{a} * abs({a})"),
+    (r"(?P<a>\w+)²", "{a}**2", "{a}**2"),
+    (r"(?P<a>\w+)³", "{a}**3", "{a}**3"),
+    (r"(?P<a>\w+)·(?P<b>\w+)", "{a} * {b}", "{a} * {b}"),
+    (r"(?P<a>\w+)", "{a}", "{a}"),
 )
+"""Text with the signals a and b and the number n, and its code over arrays and over numbers."""
 
 
 def read_function(text: str) -> Function:
@@ -48,15 +49,9 @@ def read_function(text: str) -> Function:
         match = re.fullmatch(pattern, text)
         if match is None:
             continue
-        groups = match.groups()
-        width = "(" in pattern and groups[1:] and re.fullmatch(r"[-+.\de]+", groups[1])
-        signals = groups[:1] if width else groups
-        return Function(signals, _filled(arrays, groups, 's["{}"]'.format), _filled(numbers, groups, str))
+        found = match.groupdict()
+        signals = {key: found[key] for key in ("a", "b") if key in found}
+        width = {"n": found["n"]} if "n" in found else {}
+        held = {key: f's["{name}"]' for key, name in signals.items()}
+        return Function(tuple(signals.values()), arrays.format(**held, **width), numbers.format(**signals))
     raise NoEffect(f"cannot make code of the function '{text}'")
-
-
-def _filled(template: str, groups: tuple[str, ...], named: Callable[[str], str]) -> str:
-    if not groups:
-        return template
-    last = groups[-1]
-    return template.format(a=named(groups[0]), b=named(last), n=last)

@@ -78,7 +78,7 @@ MEANING: Mapping[str, str] = {
     "OpenEquation.needed": "gain that chance would reach",
     "OpenEquation.held_out_gain": "on data not fitted",
     "OpenTerm.place": "a port of the model, or 'reading of CHANNEL'",
-    "OpenTerm.function": "of signals: x, x², x·|x|, |x|, sign(x), d/dt x, x³, play(x, width), lowpass(x, time), x·y, 1",
+    "OpenTerm.function": "of signals: x, x², x·|x|, |x|, sign(x), d/dt x, x³, play(x, width), play(x, width)·y, lowpass(x, time), x·y, 1",
     "OpenTerm.coefficient": "in `unit`",
     "OpenTerm.low": "of the 95 % interval",
     "OpenTerm.high": "of the 95 % interval",

@@ -8,8 +8,8 @@ import json
 import re
 from collections.abc import Sequence
 
+from discrepancy.acting import READING
 from discrepancy.findings import Findings, OpenTerm
-from discrepancy.terms import READING
 from hil.diagnose.functions import NoEffect, read_function
 from plant.sensors import WHEELS
 

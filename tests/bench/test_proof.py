@@ -1,5 +1,6 @@
 """The proof's bookkeeping: what counts as right, shares and their intervals, rows that read back, arms that are told apart."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -212,3 +213,24 @@ def test_an_effect_is_sized_until_it_has_its_lambda_even_if_that_grows_with_the_
     known = assess(problem, ("grip limit",), problem.start().having(**sized.values), Settings())
     without = fit(problem, known.noise, problem.nuisance_names, known.fit.values.having(slipperiness=0.0))
     assert without.sse - known.fit.sse == pytest.approx(sized.reached, abs=4.0 * np.sqrt(250.0))
+
+
+def test_play_in_the_steering_is_no_delay_of_the_servo_but_an_equation_with_its_width() -> None:
+    """Half the dead zone is 0.01 rad; in commands of 0.4 rad or so each, a fortieth."""
+    body = BODIES["car"]
+    arm = next(a for a in body.arms(1) if a.what == "steering play 0.01 rad")
+    told = read(body.carried_out(arm)).findings
+    assert told.status == "unknown"
+    assert told.named == []
+    assert told.open_ended is not None
+    width = re.match(r".*play\(steering, ([.\d]+) 1\)·(speed_reference|encoder)", told.open_ended.equation)
+    assert width is not None
+    assert float(width[1]) == pytest.approx(0.01 / 0.4, rel=0.15)
+
+
+def test_what_is_there_or_not_is_hidden_whole_and_counts_at_any_lambda() -> None:
+    arms = [a for a in BODIES["car"].arms(1) if a.effects == ("gyro sign",)]
+    assert [a.strength for a in arms] == [np.inf]
+    sized = BODIES["car"]._sized(BODIES["car"].model().effect("gyro sign"), arms[0])
+    assert sized.values == {"gyro.sign": 1.0}
+    assert replace(done(), arm=arms[0], truth=sized).reached

@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 from scipy.stats import t as student
 
+from discrepancy import judge
 from discrepancy.account import estimate
 from discrepancy.clocks import with_clocks
 from discrepancy.examine import examine
@@ -100,6 +102,35 @@ def test_no_slope_is_taken_outside_the_bounds(typical: float, at: float) -> None
     inside = 1e-4 if at == 0.0 else -1e-4
     secant = (problem.predict(values.with_shared({"leak": at + inside})) - base) / inside
     np.testing.assert_allclose(slope, secant, atol=1e-3 * np.abs(secant).max())
+
+
+def test_a_wrong_scale_is_no_sign_that_is_a_little_wrong() -> None:
+    """As columns they are the same; a sign is right or wrong."""
+    model, recording = tank("level scale", "level sign"), record(4, noise=0.005)
+    area, state = model.nuisances
+    sure = replace(model, nuisances=(replace(area, prior_sd=0.001), state))  # else the area does it
+    level = recording.signals["level"]
+    off = replace(recording, signals={**recording.signals, "level": replace(level, value=0.85 * level.value)})
+    (found,) = examine(sure, [off], STRICT).findings
+    assert (found.effect, found.group) == ("level scale", [])
+    assert found.parameters[0].value == pytest.approx(-0.15, abs=0.02)
+    signs = tuple(e for e in model.effects if e.name == "level sign")
+    assert examine(replace(sure, effects=signs), [off], STRICT).findings == []
+
+
+def test_a_gain_that_is_not_there_on_held_out_data_makes_no_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search asks it of every effect by itself; it is asked again beside the others."""
+    weigh = judge._weigh
+
+    def unconfirmed(*given: Any) -> Any:
+        weighed = weigh(*given)
+        return replace(weighed, held_out_gain=0.2 * weighed.seen)
+
+    assert verdict(record(3, leak=0.05)).named == ["leak"]
+    monkeypatch.setattr(judge, "_weigh", unconfirmed)
+    result = verdict(record(3, leak=0.05))
+    assert result.named == []
+    assert "20% of its gain" in result.findings[0].doubts[0]
 
 
 def test_exact_twins_are_reported_as_one_group_with_the_same_value() -> None:

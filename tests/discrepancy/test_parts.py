@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from discrepancy.fit import WindowStates
+from discrepancy.functions import play
 from discrepancy.locate import densest
 from discrepancy.model import Parameter
 from discrepancy.noise import _autoregression, settled
-from discrepancy.openended import play
 from discrepancy.problem import Block
 from discrepancy.recording import changes_only
 from discrepancy.screen import Columns, collinearity, penalty, score

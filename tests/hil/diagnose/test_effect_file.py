@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from discrepancy.findings import Findings, OpenEquation, OpenTerm, to_json
+from discrepancy.functions import functions
 from discrepancy.model import Effect, Parameter
-from discrepancy.openended import functions
 from discrepancy.problem import Problem
 from discrepancy.recording import Array
 from discrepancy.terms import with_effect
@@ -59,15 +59,17 @@ TIME = 0.01 * np.arange(2000)
 SIGNALS = {"a": np.sin(TIME), "b": np.cos(3.0 * TIME) + 0.5}
 
 
-@pytest.mark.parametrize("text", [f.text for f in functions({"a": "m", "b": "s"}, {"a": 0.7, "b": 0.7})])
+@pytest.mark.parametrize(
+    "text", [f.text for f in functions({"a": "m", "b": "s"}, {"a": 0.7, "b": 0.7}, {"a"})]
+)
 def test_every_function_of_the_search_becomes_code(text: str) -> None:
     """The written code gives what the search used, but for the digits of a width in its text."""
-    from discrepancy.openended import play
+    from discrepancy.functions import play
     from discrepancy.sensors import lagged
 
     # a sign's width is the signal's own spread; that of a play stands in its text
     spread = {n: float(np.std(v)) if "sign" in text else 0.7 for n, v in SIGNALS.items()}
-    found = {f.text: f for f in functions({"a": "m", "b": "s"}, spread)}
+    found = {f.text: f for f in functions({"a": "m", "b": "s"}, spread, {"a"})}
     searched = found[text].of(SIGNALS, 0.01)
     read = read_function(text)
     names: dict[str, object] = {"np": np, "s": SIGNALS, "step": 0.01, "play": play, "lagged": lagged}
