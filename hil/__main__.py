@@ -1,10 +1,16 @@
 """`python -m hil` is `loaderhil`."""
 
+import os
 import sys
 
 
 def main() -> None:
-    """Entry point: Ctrl-C ends in one line while the command line itself is still being loaded, too."""
+    """Entry point: Ctrl-C ends in one line while the command line itself is still being loaded, too.
+
+    Matrices are small here, and the threads of BLAS would only wait for one another, three times as long as the work takes. numpy,
+    which is not loaded yet, reads the variable; what the user set stays.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         from hil.cli import main as command_line
 

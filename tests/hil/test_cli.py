@@ -117,6 +117,12 @@ def test_a_lockstep_run_says_what_happened(tmp_path):
     assert (tmp_path / "run" / "run.json").exists()
 
 
+def test_blas_gets_one_thread_before_numpy_is_loaded():
+    """What is loaded before `main` says so must not have loaded it."""
+    code = "import hil.__main__, sys; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
 class _Interrupting:
     """Ctrl-C comes while the command line is being imported."""
 
