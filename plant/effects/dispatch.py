@@ -72,10 +72,13 @@ def source(found: dict[str, ModuleType]) -> str:
 def _generated() -> ModuleType:
     """The generated module: its file is kept with the machine code of the sources it was made from."""
     name = f"loaderhil_effects_{DIGEST}"
-    path = CODE / f"{name}.py"
+    path, found = (
+        CODE / f"{name}.py",
+        modules(),
+    )  # what the generated module imports is loaded, the user's files too
     if not path.is_file():
         fresh = path.with_suffix(f".{os.getpid()}")
-        fresh.write_text(source(modules()), encoding="utf-8")
+        fresh.write_text(source(found), encoding="utf-8")
         fresh.replace(path)
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None  # for a file that ends in .py

@@ -1,10 +1,12 @@
 """`loaderhil effects add`: an equation found outside the library becomes an effect that the next diagnosis, or the plant, knows."""
 
+import json
 import os
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,10 +19,15 @@ from discrepancy.recording import Array
 from discrepancy.terms import with_effect
 from hil import cli
 from hil.diagnose.functions import read_function
+from plant.effects import ActiveEffect
+from plant.machine import load_machine
+from plant.plant import Commands, Plant
 from tests.discrepancy.toys import record, tank
 from tests.hil.diagnose.cases import Call, columns, loaderhil, model_file, write_csv
+from tests.plant.effects.test_library import ROOT, own_effect
 
 __all__ = ["loaderhil"]
+L60 = load_machine("l60")
 
 
 def call(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
@@ -132,24 +139,52 @@ PUSHED = equation(
     term("reading of acceleration_y", "yaw_rate·articulation_angle", -0.8),
 )
 CHECK = """
-import numpy as np
-from dataclasses import replace
-from plant.effects import find_effect
-from plant.machine import load_machine
-from plant.plant import Commands, Plant
+import json
+from tests.hil.diagnose.test_effect_file import moving
 from discrepancy.models import loader
+from plant.effects import find_effect
 
-def forces(*chosen):
-    plant = Plant(replace(load_machine("l60"), effects=chosen), speed=3.0, articulation_angle=0.3)
-    plant.advance(Commands(articulation_rate=0.4), 0.2)
-    return plant.truth()
-
-own, plain = forces(find_effect("crab").typical()), forces()
-state = own.articulation_rate * abs(own.articulation_rate), own.angular_velocity[2] * own.articulation_angle
-print(*state)
-assert "crab" in {e.name for e in loader.library()}
-print(own.velocity[0] - plain.velocity[0], own.velocity[1] - plain.velocity[1])
+assert {"crab", "headwind"} <= {e.name for e in loader.library()}
+crab = moving(find_effect("crab").typical(), turning=True)
+wind = [moving(find_effect("headwind").of(force_N=1000.0, height_m=0.0), seconds=s) for s in (1.0, 3.0)]
+print(json.dumps([crab, wind]))
 """
+
+
+def moving(*chosen: ActiveEffect, turning: bool = False, seconds: float = 0.2) -> dict[str, float]:
+    """What the machine does after so long with these effects, from 3 m/s; turning: while its joint is turned."""
+    plant = Plant(replace(L60, effects=chosen), speed=3.0, articulation_angle=0.3 if turning else 0.0)
+    plant.advance(Commands(articulation_rate=0.4 if turning else 0.0), seconds)
+    now = plant.truth()
+    return {
+        "speed": float(now.speed),
+        "ahead": float(now.velocity[0]),
+        "left": float(now.velocity[1]),
+        "rate": float(now.articulation_rate),
+        "yaw_rate": float(now.angular_velocity[2]),
+        "angle": float(now.articulation_angle),
+    }
+
+
+@pytest.fixture(scope="module")
+def own_effects(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
+    """Motions in a process that compiles the plant, a minute's work, with two files more: that of `effects add` and that of the how-to."""
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "findings.json").write_text(to_json(PUSHED))
+    own = folder / "effects"
+    with pytest.MonkeyPatch.context() as patch:
+        assert call(patch, "effects", "add", folder, "--name", "crab", "--out", own / "crab.py") == 0
+    (own / "headwind.py").write_text(own_effect(), encoding="utf-8")
+    ran = subprocess.run(
+        [sys.executable, "-c", CHECK],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "LOADERHIL_EFFECTS": str(own), "PYTHONPATH": str(ROOT)},
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stderr
+    told: list[Any] = json.loads(ran.stdout)
+    return told
 
 
 def test_the_plants_effect_is_known_to_effects_machine_files_and_the_diagnosis(
@@ -172,24 +207,21 @@ def test_the_plants_effect_is_known_to_effects_machine_files_and_the_diagnosis(
 
 @pytest.mark.processes
 @pytest.mark.timeout(300)
-def test_the_plants_effect_pushes_as_the_equation_says(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_plants_effect_pushes_as_the_equation_says(own_effects: list[Any]) -> None:
     """Articulating at 0.4 rad/s for 0.2 s it gains speed ahead, within a half of c1 r |r| dt (the servo needs its time, the tyres hold against it)."""
-    (tmp_path / "findings.json").write_text(to_json(PUSHED))
-    own = tmp_path / "effects" / "crab.py"
-    assert call(monkeypatch, "effects", "add", tmp_path, "--name", "crab", "--out", own) == 0
-    ran = subprocess.run(
-        [sys.executable, "-c", CHECK],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "LOADERHIL_EFFECTS": str(own.parent)},
-        check=False,
-    )
-    assert ran.returncode == 0, ran.stderr
-    (square, product), (ahead, left) = (map(float, line.split()) for line in ran.stdout.splitlines())
-    assert 0.2 * 1.5 * square * 0.2 < ahead < 1.5 * square * 0.2
-    assert left * (-0.8 * product) > 0.0
+    crab, plain = own_effects[0], moving(turning=True)
+    square = crab["rate"] * abs(crab["rate"])
+    assert 0.2 * 1.5 * square * 0.2 < crab["ahead"] - plain["ahead"] < 1.5 * square * 0.2
+    assert (crab["left"] - plain["left"]) * (-0.8 * crab["yaw_rate"] * crab["angle"]) > 0.0
+
+
+@pytest.mark.processes
+@pytest.mark.timeout(300)
+def test_the_effect_of_the_how_to_works(own_effects: list[Any]) -> None:
+    """Its force over the mass, less what turns with the wheels, is the deceleration."""
+    first, second = own_effects[1]
+    mass = L60.mass + 4 * L60.wheel.spin_inertia / 0.73**2
+    assert (first["speed"] - second["speed"]) / 2.0 == pytest.approx(1000.0 / mass, rel=5e-3)
 
 
 @pytest.mark.parametrize(
