@@ -206,9 +206,9 @@ def _finding(
     doubts = _doubts(problem, effect, best.fit)
     doubts += _superseded(problem, state, needed, beyond, settings)
     doubts += _drifting(problem, state, needed, settings) if spell is not None else []
-    if needed.held_out_gain < settings.confirmed * needed.seen:
-        share = max(needed.held_out_gain / needed.seen, 0.0)
-        doubts.insert(0, f"beside the others only {share:.0%} of its gain is there on held-out data")
+    if needed.held_out_gain < settings.least_held_out(needed.seen):
+        text = f"gains {needed.seen:.0f} where it is fitted, beside the others, and {needed.held_out_gain:.0f} on held-out data"
+        doubts.insert(0, text)
     if needed.gap_closed < settings.gap_closed:
         doubts.insert(0, f"closes {needed.gap_closed:.0%} of the gap on held-out data")
     return f.Finding(

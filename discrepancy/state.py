@@ -1,5 +1,6 @@
 """What a search is told, what it tries, and where it stands."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -21,7 +22,7 @@ STRAINED = 3.0  # standard deviations of its prior beyond which a nuisance stand
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
     """How strict to be. alpha: chance of a false finding in a search; held_out: least gain in SSE on data not fitted;
-    confirmed: and least share of the gain on fitted data; same: likelihood difference (in SSE) that cannot be told apart.
+    confirmed: and least share of the gain on fitted data, but for chance; same: likelihood difference (in SSE) that cannot be told apart.
     """
 
     alpha: float = 0.02
@@ -33,6 +34,13 @@ class Settings:
     most_effects: int = 6
     folds: int = 2
     open_ended: bool = True
+
+    def least_held_out(self, gain: float) -> float:
+        """What held-out rows have to gain where all rows gain so much: the standard deviation of a gain g, as of a chi-square's that is not
+
+        central, is 2 sqrt(g), and that much may be chance.
+        """
+        return max(self.held_out, self.confirmed * gain - 2.0 * math.sqrt(max(gain, 0.0)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +68,7 @@ class Trial:
         return self.plain - self.needed
 
     def accepted(self, settings: Settings) -> bool:
-        confirmed = max(settings.held_out, settings.confirmed * self.gain)
-        return self.held_out_gain is not None and self.held_out_gain > confirmed
+        return self.held_out_gain is not None and self.held_out_gain > settings.least_held_out(self.gain)
 
     def negligible(self, problem: Problem) -> bool:
         """Whether it is too small to matter, however significant."""

@@ -7,10 +7,11 @@ import numpy as np
 
 from bench.proof.arm import LAMBDAS, Arm, Truth, diagnosed
 from discrepancy.assess import assess
+from discrepancy.fit import fit
 from discrepancy.model import Effect, Model
 from discrepancy.problem import Problem
 from discrepancy.recording import Recording
-from discrepancy.screen import Projector, spread, stretches
+from discrepancy.screen import spread, stretches
 from discrepancy.state import Settings
 from hil.scale.store import Row
 
@@ -130,20 +131,17 @@ class Body:
         return min(tried, key=lambda t: abs(t[0]))[1]
 
     def _oracle(self, effect: Effect, values: Mapping[str, float], arm: Arm) -> Truth:
-        """lambda and its shares by channel as told by one who knows the effect: what it changes beyond refitted nuisances, over the noise,
-        correlation of the scores counted.
+        """lambda and its shares by channel as told by one who knows the effect: what it changes beyond refitted nuisances and initial states,
+        over the noise, correlation of the scores counted.
         """
         whole = Arm(body=arm.body, kind="effect", seed=arm.seed, noise=arm.noise)
         problem = Problem(self.model(), self.record(values, whole, np.random.default_rng(arm.seed)))
         state = assess(problem, (effect.name,), problem.start().having(**values), Settings())
-        own = [state.fit.names.index(name) for name in effect.names]
         off = {p.name: p.value for p in effect.parameters}
-        here = state.fit.values.with_shared(values)
-        change = state.noise.whiten(problem.predict(here) - problem.predict(here.with_shared(off)))
-        free = Projector(problem, state.noise, state.fit).states.off(change[:, None])[:, 0]
-        others = np.delete(state.fit.columns, own, axis=1)
-        free = free - others @ np.linalg.lstsq(others, free, rcond=None)[0]
-        power = np.bincount(state.noise.row_channel, free**2, len(problem.channels))
+        others = [name for name in state.fit.names if name not in off]
+        without = fit(problem, state.noise, others, state.fit.values.with_shared(off))
+        change = without.residual - state.fit.residual
+        power = np.bincount(state.noise.row_channel, change**2, len(problem.channels))
         whole_power = max(float(np.sum(power)), LEAST)
         return Truth(
             values=values,

@@ -18,11 +18,13 @@ BODIES = {
     "mujoco": "The wheel loader, moved by MuJoCo instead of our plant",
 }
 REMARKS = (
-    "- lambda is measured on the recording that holds the effect, by an oracle that knows it: what it changes of the outputs beyond all refitted",
+    "- lambda is measured on the recording that holds the effect, by an oracle that knows it: what the outputs change by it beyond all refitted",
     "  nuisances, squared, over the noise, the correlation of the scores counted. Where that is not within 0.8 to 1.5 of the lambda wanted (a bound of the parameter, say), the arm counts in no row.",
     "- Shares have Wilson's 95 % interval; the upper bound on nulls is Clopper and Pearson's, one-sided.",
     "- pysindy (STLSQ on smoothed derivatives) is given the exact terms of the library, mass and drag to project out, and that threshold of its grid",
     "  at which it does best, run by run; its answer is the largest term.",
+    "- Tied: the hidden effect is in the group of the first finding, its likelihood within 1 of it. A lag and a delay of a millisecond, a bias and a scale at one speed are the same",
+    "  to first order: no method tells them apart, and one of them comes first by chance.",
     "- A channel is right if the oracle gives it at least 80 % of the largest share of lambda.",
 )
 

@@ -8,6 +8,7 @@ from scipy.stats import beta, norm
 
 from bench.proof.arm import EXACT, LAMBDAS, STRONG, Done
 
+COIN = 1.0  # likelihood difference below which a coin may as well decide
 NEARLY = 0.8  # of the largest true share, from which a channel counts as the main one
 REGIMES = {
     "reverse drag": ("speed below",),
@@ -77,6 +78,12 @@ def first(run: Done) -> bool:
     return bool(findings) and findings[0].effect == run.arm.effects[0]
 
 
+def tied(run: Done) -> bool:
+    """Whether the hidden effect explains the recording as well as the finding with most evidence, but for a coin's throw."""
+    rivals = [m for f in run.findings.findings[:1] for m in f.group]
+    return any(m.effect == run.arm.effects[0] and m.likelihood_difference < COIN for m in rivals)
+
+
 def falsely(run: Done) -> bool:
     """Whether something is named that is neither hidden nor in a group with what is."""
     hidden = set(run.arm.effects)
@@ -111,6 +118,8 @@ def table(done: Sequence[Done], *, sized: bool) -> Iterator[Line]:
         yield Line("mean size of a group", "<= 1.5", f"{mean:.2f}", mean <= 1.5)
         tops = share(strong, first)
         yield Line(f"top-1{at}", ">= 85 %", str(tops), tops.hits >= 0.85 * tops.of)
+        rest = [d for d in strong if not first(d)]
+        yield Line("of the others tied with the first", "", str(share(rest, tied)))
         yield Line("a further, false name beside the truth", "", str(share(strong, falsely)))
     yield from _outside(of["outside"])
     yield from _sizes(strong, exact, sized)

@@ -64,6 +64,16 @@ def test_a_name_where_there_is_none_to_give_is_wrong_and_a_proxy_is_not(kind) ->
     assert not score.right(done(kind, (), found=(A,)))
 
 
+@pytest.mark.parametrize(("difference", "tied"), [(0.0, True), (0.9, True), (1.1, False)])
+def test_a_rival_as_likely_as_the_first_is_tied_with_it_and_the_first_itself_or_another_is_not(
+    difference, tied
+) -> None:
+    rival = replace(A_OR_B.group[0], likelihood_difference=difference)
+    assert score.tied(done(found=(replace(A_OR_B, group=[rival]),))) is tied
+    assert score.tied(done(found=(B, replace(A_OR_B, group=[rival])))) is False
+    assert score.tied(done(effects=("c",), found=(replace(A_OR_B, group=[rival]),))) is False
+
+
 @pytest.mark.parametrize(("hits", "of"), [(0, 24), (3, 9), (57, 60), (12, 12)])
 def test_intervals_are_those_of_scipy(hits, of) -> None:
     wilson = binomtest(hits, of).proportion_ci(method="wilson")
