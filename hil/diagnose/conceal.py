@@ -79,7 +79,7 @@ def conceal(
     import numpy as np
 
     from hil.diagnose.command import write
-    from hil.diagnose.hidden import NotHidden, Truth, chosen, concealed, drawn, parsed_fault
+    from hil.diagnose.hidden import NotHidden, Truth, chosen, concealed, drawn, faint, parsed_fault
     from hil.diagnose.models import find_model
     from hil.diagnose.reading import measured, numbers
     from hil.diagnose.seal import seal
@@ -120,6 +120,8 @@ def conceal(
         [file] = write("DIR", out, {"recording.csv": csv_text(concealed(built, basis, truth, initial))})
     [sealed] = write("DIR", out, {"truth.sealed": seal(truth, [file])})
     print(f"written: {file}\nwritten: {sealed}")
+    for line in faint(built, effects):
+        print(line)
 
 
 def _size(text: str) -> float:

@@ -16,6 +16,7 @@ FINER = 5  # steps of the truth in one of the model's
 DEFAULT_NOISE = 0.01  # of a channel's own spread
 FASTEST_HZ = 50.0
 SIZES = (0.7, 3.0)  # of an effect's typical change, where the size is drawn
+FAINT = 0.1  # of a typical change: what is smaller, hardly any recording shows
 KINDS = ("lost", "damaged", "spikes", "stuck", "gap")
 
 
@@ -64,6 +65,22 @@ def chosen(model: Model, name: str, sizes: Sequence[float]) -> dict[str, float]:
                 f"{name}: {p.name}={size:g} {p.unit} is outside [{p.lower:g}, {p.upper:g}] {p.unit}"
             )
     return {p.name: size for p, size in zip(effect.parameters, sizes, strict=True)}
+
+
+def faint(model: Model, effects: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """A line for each effect that is there but so small that nobody should expect to see it."""
+    lines = []
+    for name, values in effects.items():
+        shares = {
+            p: abs(values[p.name] - p.value) / p.typical for p in model.effect(name).parameters if not p.shape
+        }
+        largest = max(shares, key=lambda p: shares[p], default=None)
+        if largest is not None and shares[largest] < FAINT:
+            lines.append(
+                f"{name}: {largest.name}={values[largest.name]:g} is {shares[largest]:.0%} of its typical {largest.typical:g} {largest.unit}: "
+                "hardly any recording shows that"
+            )
+    return lines
 
 
 def drawn(model: Model, count: int, rng: np.random.Generator) -> dict[str, dict[str, float]]:

@@ -13,7 +13,7 @@ from discrepancy.models import ball, car, road, straight
 from discrepancy.problem import Problem
 from discrepancy.state import Settings
 from hil.diagnose.channels import to_recording
-from hil.diagnose.hidden import Fault, NotHidden, Truth, chosen, concealed, drawn, staged
+from hil.diagnose.hidden import Fault, NotHidden, Truth, chosen, concealed, drawn, faint, staged
 from hil.diagnose.score import compared
 from hil.diagnose.seal import BrokenSeal, seal, unseal
 from hil.diagnose.tables import read_table
@@ -116,6 +116,13 @@ def test_what_cannot_be_hidden_is_refused() -> None:
                 lambda: concealed(tank(), record(1), quiet(nuisances={"ghost": 1.0})), lambda: drawn(tank(), 99, np.random.default_rng(0))):  # fmt: skip
         with pytest.raises(NotHidden):
             bad()
+
+
+@pytest.mark.parametrize(("size", "lines"), [(0.6, 1), (30.0, 0)])
+def test_what_is_too_small_to_be_seen_is_told(size: float, lines: int) -> None:
+    told = faint(straight.model(), {"quadratic drag": {"square": size}})
+    assert len(told) == lines
+    assert all("square=0.6 is 2% of its typical 30 kg/m" in line for line in told)
 
 
 def test_a_seal_hides_opens_and_breaks(tmp_path: Path) -> None:
