@@ -205,8 +205,7 @@ def test_the_plants_effect_is_known_to_effects_machine_files_and_the_diagnosis(
     assert "c2 = -0.8" in told.stdout
 
 
-@pytest.mark.processes
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(300)  # it compiles the plant
 def test_the_plants_effect_pushes_as_the_equation_says(own_effects: list[Any]) -> None:
     """Articulating at 0.4 rad/s for 0.2 s it gains speed ahead, within a half of c1 r |r| dt (the servo needs its time, the tyres hold against it)."""
     crab, plain = own_effects[0], moving(turning=True)
@@ -215,8 +214,7 @@ def test_the_plants_effect_pushes_as_the_equation_says(own_effects: list[Any]) -
     assert (crab["left"] - plain["left"]) * (-0.8 * crab["yaw_rate"] * crab["angle"]) > 0.0
 
 
-@pytest.mark.processes
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(300)  # it compiles the plant
 def test_the_effect_of_the_how_to_works(own_effects: list[Any]) -> None:
     """Its force over the mass, less what turns with the wheels, is the deceleration."""
     first, second = own_effects[1]
