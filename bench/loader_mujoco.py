@@ -15,12 +15,15 @@ import numpy as np
 from plant import state as s
 from plant.linkage import linkage_of, pressures
 from plant.machine import Machine
+from plant.parameters import P_FRICTION
 from plant.plant import Commands, Plant
 from plant.steering import cylinders_of, steering_pressures
 from plant.truth import Truth
 from tests.plant.oracle.loader import MujocoLoader
 
 STEP_S: Final = 1e-3
+OURS: Final = ("payload_mass", "brake_drag", "surface_friction")
+"""Effects that are not the machine's parameters and that MuJoCo's loader can have."""
 SMOOTHED: Final = 0.3  # wheel speed below which a brake's friction fades [rad/s]
 DRAG_SMOOTHED: Final = 0.05  # the same of a dragging brake, as the effect has it
 
@@ -29,13 +32,15 @@ class MujocoMotion:
     """The loader from rest or rolling, as the plant starts it, then moved by MuJoCo."""
 
     def __init__(self, machine: Machine, *, payload_mass: float, speed: float) -> None:
-        extra, self._drag = 0.0, np.zeros(4)
+        extra, self._drag, grip = 0.0, np.zeros(4), 1.0
         for item in machine.effects:
             if item.effect.name == "payload_mass":
                 extra += item.named["extra_kg"]
             elif item.effect.name == "brake_drag":
                 front, rear = item.named["front_N_m"], item.named["rear_N_m"]
                 self._drag += (front, front, rear, rear)
+            elif item.effect.name == "surface_friction" and item.named["left"] == item.named["right"]:
+                grip *= item.named["left"]  # that of the whole road
             elif item.effect.prepare is None or item.effect.name in (
                 "mass_split",
                 "yaw_inertia",
@@ -43,11 +48,12 @@ class MujocoMotion:
             ):
                 raise ValueError(f"MuJoCo's loader cannot have the effect {item.effect.name}")
         # MuJoCo's bodies come from the machine, so what is in the bucket is told as payload
-        parametric = tuple(e for e in machine.effects if e.effect.name not in ("payload_mass", "brake_drag"))
+        parametric = tuple(e for e in machine.effects if e.effect.name not in OURS)
         self._machine = replace(machine, effects=parametric)
         self._payload = payload_mass + extra
         plant = Plant(self._machine, payload_mass=self._payload, speed=speed)
         state, p, *_ = plant.inside()
+        p[P_FRICTION] *= grip
         self._oracle = MujocoLoader(self._machine, p, payload_mass=self._payload, step=STEP_S)
         self._oracle.set_state(state)
         self._told_payload = payload_mass

@@ -22,7 +22,7 @@ from discrepancy.openended import OpenEnded, explore
 from discrepancy.problem import Problem, Unusable, Values
 from discrepancy.recording import Array
 from discrepancy.screen import Score, active, sensitivities
-from discrepancy.search import search
+from discrepancy.search import passed, search
 from discrepancy.spells import changing_nuisance, price, spell_of, within
 from discrepancy.state import CLEAR, STRAINED, Progress, Settings, State, Trial, free_names
 from discrepancy.trials import confirm, held_out_residual, size_of
@@ -65,6 +65,7 @@ class Judgement:
 def judge(problem: Problem, settings: Settings, progress: Progress = lambda _: None) -> Judgement:
     """Search, then decide. Never raises for what recordings contain; Unusable is raised when Problem is built."""
     state, history = search(problem, settings, progress)
+    left_over = passed(problem, state, settings)
     state = backward(problem, state, settings)
     progress("looking for what the library does not explain")
     beyond = explore(problem, state, settings) if settings.open_ended else OpenEnded((), 0.0, 0.0, {}, 0, {})
@@ -75,8 +76,15 @@ def judge(problem: Problem, settings: Settings, progress: Progress = lambda _: N
     # the fits of the search are forward; report in order of evidence
     found.sort(key=lambda finding: -finding.gain)
     candidates = account.candidates(problem, state, history[0], found, settings)
-    torn = _torn(problem, state, settings) if not found and not beyond.terms else None
+    silent = not found and not beyond.terms
+    torn = _torn(problem, state, settings) if silent and not left_over else None
     status, reasons = _status(problem, found, beyond, candidates, torn)
+    if left_over:
+        status = "inconclusive" if status == "nothing missing" else status
+        reasons += [
+            f"the search ended at {settings.most_simulations} simulations though {t.effect} would help: the model is wrong by far, or in many ways"
+            for t in left_over
+        ]
     told = f.Findings(
         model=problem.model.name,
         recordings=list(dict.fromkeys(w.recording for w in problem.windows)),

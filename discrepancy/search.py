@@ -31,17 +31,24 @@ def search(
             progress(f"{len(state.scores)} effects screened, {problem.simulations} simulations")
             state = replace(state, trials=tuple(try_shortlist(problem, state, settings)))
         history.append(state)
-        found = _passed(problem, state, settings) or together(problem, state, settings)
+        if cut_short(problem, settings):
+            return state, history
+        found = passed(problem, state, settings) or together(problem, state, settings)
         if not found:
             return state, history
         progress(" and ".join(f"{t.effect}: gain {t.gain:.0f} ({t.needed:.0f} needed)" for t in found))
         accepted, values = (*accepted, *(t.effect for t in found)), found[-1].fit.values
 
 
-def _passed(problem: Problem, state: State, settings: Settings) -> list[Trial]:
+def cut_short(problem: Problem, settings: Settings) -> bool:
+    """Whether the search has cost as much as it may: a model that is wrong by far is fitted again and again to what it cannot do."""
+    return problem.model.costly and problem.simulations > settings.most_simulations
+
+
+def passed(problem: Problem, state: State, settings: Settings) -> list[Trial]:
     """The best trial that passed, if any."""
-    passed = [t for t in state.trials if t.accepted(settings) and not t.negligible(problem)]
-    return [_first(problem, passed)] if passed else []
+    good = [t for t in state.trials if t.accepted(settings) and not t.negligible(problem)]
+    return [_first(problem, good)] if good else []
 
 
 def together(problem: Problem, state: State, settings: Settings) -> list[Trial]:
@@ -57,7 +64,7 @@ def together(problem: Problem, state: State, settings: Settings) -> list[Trial]:
     one = max(doubted, key=lambda t: t.lead)
     given = assess(problem, (*state.accepted, one.effect), one.fit.values, settings)
     given = replace(given, trials=tuple(try_shortlist(problem, given, settings)))
-    other = next(iter(_passed(problem, given, settings)), None)
+    other = next(iter(passed(problem, given, settings)), None)
     if other is None:
         return []
     effect = problem.model.effect(one.effect)

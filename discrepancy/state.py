@@ -22,7 +22,8 @@ STRAINED = 3.0  # standard deviations of its prior beyond which a nuisance stand
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
     """How strict to be. alpha: chance of a false finding in a search; held_out: least gain in SSE on data not fitted;
-    confirmed: and least share of the gain on fitted data, but for chance; same: likelihood difference (in SSE) that cannot be told apart.
+    confirmed: and least share of the gain on fitted data, but for chance; same: likelihood difference (in SSE) that cannot be told apart;
+    most_simulations: of a costly model, from which on no further effect is looked for.
     """
 
     alpha: float = 0.02
@@ -32,6 +33,7 @@ class Settings:
     gap_closed: float = 0.5
     shortlist: int = 6
     most_effects: int = 6
+    most_simulations: int = 3000
     folds: int = 2
     open_ended: bool = True
 

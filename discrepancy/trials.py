@@ -10,9 +10,10 @@ from discrepancy.assess import screen
 from discrepancy.fit import Fit, Mask, fit, held_out
 from discrepancy.model import Effect
 from discrepancy.noise import Noise
+from discrepancy.normal import inverse
 from discrepancy.problem import Problem, Values
 from discrepancy.recording import Array
-from discrepancy.screen import Score, active, spread, stretches, switches, time_blocks
+from discrepancy.screen import Score, active, penalty, spread, stretches, switches, time_blocks
 from discrepancy.spells import price, settle, spell_of, within
 from discrepancy.starts import Starts
 from discrepancy.state import CLEAR, Settings, State, Trial, free_names
@@ -23,12 +24,31 @@ SURE = 1.96  # standard deviations
 
 
 def try_shortlist(problem: Problem, state: State, settings: Settings) -> list[Trial]:
-    """Refit the shortlist; put those that gain enough to the held-out test."""
+    """Refit the shortlist; put those that gain enough to the held-out test. Where none passes, what else scores enough has its turn."""
     listed = shortlisted(problem.model.effects, state.scores, settings)
-    passing = state.passing[: settings.shortlist // 2]
+    trials = _tried(problem, state, listed, state.passing[: settings.shortlist // 2], settings)
+    if any(t.accepted(settings) for t in trials):
+        return trials
+    known = {t.effect for t in trials} | {s.effect for s in listed}
+    rest = [s for s in state.scores if s.effect not in known and s.statistic > _needed(problem, s, settings)]
+    return trials + _tried(problem, state, rest[: settings.shortlist], (), settings)
+
+
+def _needed(problem: Problem, found: Score, settings: Settings) -> float:
+    return penalty(found.freedom, len(problem.model.effects), settings.alpha)
+
+
+def _tried(
+    problem: Problem,
+    state: State,
+    listed: Sequence[Score],
+    passing: Sequence[tuple[Score, range]],
+    settings: Settings,
+) -> list[Trial]:
+    """Each of these as it does in a refit; passing: effects that may act in some windows only."""
     # what seems to act for a while may act always
     named = {s.effect for s in listed}
-    listed += [s for s, _ in passing if s.effect not in named]
+    listed = [*listed, *(s for s, _ in passing if s.effect not in named)]
     tried: list[tuple[Score, range | None]] = [*((s, None) for s in listed), *passing]
     points = Starts(problem, state.noise, state.fit, state.columns, state.unstrained)
     begins = [(s, windows, points.of(s, windows)) for s, windows in tried]
@@ -150,11 +170,13 @@ def weighed(problem: Problem, state: State, effect: Effect, fitted: Fit, setting
 
 
 def size_of(effect: Effect, fitted: Fit) -> float:
-    """What the largest of an effect's switches surely is, in typical changes: to the near end of its 95 % interval."""
-    return max(
-        max(abs(fitted.values.shared[p.name] - p.value) - SURE * fitted.sd(p.name), 0.0) / abs(p.typical)
-        for p in switches(effect)
-    )
+    """What the largest of an effect's switches surely is, in typical changes: all moved back together until 95 % would reach them."""
+    own = switches(effect)
+    away = np.array([fitted.values.shared[p.name] - p.value for p in own])
+    at = [fitted.names.index(p.name) for p in own]
+    sure = float(away @ inverse(fitted.covariance[np.ix_(at, at)]) @ away)
+    left = max(1.0 - SURE / np.sqrt(sure), 0.0) if sure > 0.0 else 0.0
+    return left * float(np.max(np.abs(away) / np.abs([p.typical for p in own])))
 
 
 def confirm(

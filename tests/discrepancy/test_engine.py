@@ -511,3 +511,14 @@ def test_a_controller_that_answers_to_noise_does_not_explain_it(seed: int) -> No
     signals = {"inflow": signal(time_s, inflow, "m/s", held=True), "level": signal(time_s, seen, "m")}
     result = verdict(Recording("led", signals), "leak", "level bias")
     assert result.status == "nothing missing"
+
+
+def test_a_search_that_costs_too_much_ends_and_says_so() -> None:
+    costly = replace(tank("leak"), slopes_hold=1.0)
+    recording = record(3, leak=0.05)
+    whole = examine(costly, [recording], STRICT)
+    ended = examine(costly, [recording], replace(STRICT, most_simulations=1, open_ended=False))
+    assert whole.named == ["leak"]
+    assert not any("search ended" in reason for reason in whole.reasons)
+    assert ended.status == "inconclusive"
+    assert any("search ended" in reason and "leak" in reason for reason in ended.reasons)

@@ -67,12 +67,13 @@ def test_without_a_record_nothing_is_known_of_the_day(tmp_path):
 
 
 def test_mujoco_moves_as_the_plant_does():
-    """Two engines, one tyre law and step, payload and drag hidden in both: positions agree to rounding."""
+    """Two engines, one tyre law and step, payload, drag and a slippery road hidden in both: positions agree to rounding."""
     hidden_in = replace(
         load_machine("l60"),
         effects=(
             find_effect("payload_mass").of(extra_kg=500.0),
             find_effect("brake_drag").of(front_N_m=300.0, rear_N_m=300.0),
+            find_effect("surface_friction").of(left=0.5, right=0.5),
         ),
     )
     theirs, ours = (

@@ -82,3 +82,39 @@ def test_steps_that_borrowed_sensitivities_led_astray_are_taken_again_where_ther
     (best, *_) = trials.begin(problem, state, found, points)
     assert (best.sse < 0.5 * state.fit.sse) == again
     assert (best is astray) != again
+
+
+def test_an_effect_that_is_sure_only_as_a_whole_has_a_size() -> None:
+    """Two switches of which data tell the sum well and the difference hardly: as a whole it is far from nothing, not each by itself."""
+    problem, state = searched("leak", "offset", leak=0.05)
+    first, second = problem.model.effects
+    both = replace(first, parameters=(*first.parameters, *second.parameters))
+    known = {"leak": 0.05, "offset": 0.1}
+    told = np.array([[1.0 / 0.05**2, 1.0 / (0.05 * 0.1)], [1.0 / (0.05 * 0.1), 1.0 / 0.1**2]])
+    apart = 1e-4 * np.diag(np.diag(told))
+    fitted = replace(
+        state.fit,
+        names=("leak", "offset"),
+        values=state.fit.values.with_shared(known),
+        information=25.0 * told + apart,
+    )
+    assert fitted.sd("leak") > known["leak"]
+    # (1 + 1)^2 x 25 = 10 sd from nothing
+    assert trials.size_of(both, fitted) == pytest.approx(1.0 - trials.SURE / 10.0, rel=1e-3)
+
+
+def test_what_scores_enough_is_tried_even_if_it_is_not_among_the_first() -> None:
+    problem, state = searched("level bias", "level sign", "level delay", bias=0.01)
+    narrow = Settings(shortlist=2)
+    first = max(state.scores, key=lambda s: s.statistic)
+    masked = replace(first, statistic=20.0, inflation=1.0)
+    loud = [
+        replace(s, statistic=1e3, inflation=1e3, change=0.0 * s.change)
+        for s in state.scores
+        if s is not first
+    ]
+    tried = trials.try_shortlist(problem, replace(state, scores=(*loud, masked)), narrow)
+    assert first.effect in [t.effect for t in tried if t.accepted(narrow)]
+    ignored = replace(masked, statistic=1.0)
+    tried = trials.try_shortlist(problem, replace(state, scores=(*loud, ignored)), narrow)
+    assert first.effect not in [t.effect for t in tried]
