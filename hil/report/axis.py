@@ -28,10 +28,16 @@ class Axis:
         return f"{100 * float(self.share(value)):.3f}%"
 
     def ticks(self, count: int) -> list[float]:
-        """About `count` round numbers in steps of 1, 2 or 5 times a power of ten."""
+        """About `count` round numbers, of four wanted at least two, in steps of 1, 2 or 5 times a power of ten."""
         rough = (self.end - self.start) / count
         power = 10.0 ** math.floor(math.log10(rough))
-        step = next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= rough * (1 - 1e-9))
+        steps = [m * power for m in (1.0, 2.0, 5.0, 10.0)]
+        wide = next(i for i, step in enumerate(steps) if step >= rough * (1 - 1e-9))
+        found = self._multiples(steps[wide])
+        return found if len(found) > 1 or wide == 0 else self._multiples(steps[wide - 1])
+
+    def _multiples(self, step: float) -> list[float]:
+        """Those that lie on the axis."""
         first = math.ceil(self.start / step - 1e-9)
         last = math.floor(self.end / step + 1e-9)
         return [n * step for n in range(first, last + 1)]

@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from hil.report import bands, histogram
@@ -33,6 +33,7 @@ WIDE = Axis(0.0, 10.0)
 
 
 @given(st.floats(-100, 100), st.floats(1e-3, 1e6), st.integers(4, 10))
+@example(2.0, 800001.0, 4)  # a step of 500000 lies in it once
 def test_ticks_are_round_inside_and_about_as_many_as_wanted(start, span, count):
     low, high = start * span, start * span + span
     ticks = Axis(low, high).ticks(count)
