@@ -39,15 +39,15 @@ SEARCHED = (
 DRIVE = """
 name = "NAME"
 sentence = "Speeds up and slows down in a zigzag, then lifts a little."
-duration_s = 14.0
+duration_s = 11.0
 machine = "l60"
 payload_kg = 1500
 [start]
 speed_kmh = 8.0
 [driver.speed_kmh]
-points = [[0.0, 8.0], [3.0, 12.0], [8.0, 6.0], [11.0, 13.0], [14.0, 8.0]]
+points = [[0.0, 8.0], [3.0, 12.0], [8.0, 6.0], [11.0, 13.0]]
 [driver.articulation_deg]
-points = [[0.3, 0.0], [1.5, 15.0], [3.5, -12.0], [6.0, 10.0], [6.8, 10.0], [8.5, -5.0], [11.0, 14.0], [13.0, -14.0]]
+points = [[0.3, 0.0], [1.5, 15.0], [3.5, -12.0], [6.0, 10.0], [6.8, 10.0], [8.5, -5.0], [11.0, 14.0]]
 [driver.lift_percent]
 points = [[8.0, 0.0], [8.4, 60.0], [10.0, 60.0], [10.4, 0.0]]
 """
