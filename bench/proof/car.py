@@ -41,7 +41,10 @@ def _yaw(
         demanded = slipperiness * v * steady / G
         steady = steady / np.sqrt(1.0 + demanded * demanded)
         if relaxation > 0.0 and i > 0:
-            now += (0.5 * (before + steady) - now) * (1.0 - np.exp(-abs(v) * STEP_S / relaxation))
+            rolled = abs(v) * STEP_S / relaxation + 1e-9
+            kept = np.exp(-rolled)
+            mean = (1.0 - kept) / rolled  # of what is kept over the step, in which the demand goes straight
+            now = kept * now + (mean - kept) * before + (1.0 - mean) * steady
         else:
             now = steady
         before = steady

@@ -44,13 +44,14 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
 
 
 def _relaxed(yaw_rate: Array, speed: Array, length_m: float, step: float) -> Array:
-    """First-order lag in rolled distance."""
+    """First-order lag in rolled distance; only what it changes is interpolated, so that a short one changes little."""
     if length_m < 1e-9:
         return yaw_rate
     rolled = np.cumsum(np.abs(speed) * step + 1e-9)
     even = np.linspace(rolled[0], rolled[-1], 2 * rolled.size)
-    late = lagged(np.interp(even, rolled, yaw_rate), length_m, float(even[1] - even[0]))
-    return np.interp(rolled, even, late)
+    prompt = np.interp(even, rolled, yaw_rate)
+    late = lagged(prompt, length_m, float(even[1] - even[0]))
+    return yaw_rate + np.interp(rolled, even, late - prompt)
 
 
 def _speed(throttle: Array, values: Mapping[str, float], step: float) -> Array:

@@ -193,6 +193,7 @@ def test_bodies_record_what_their_models_read() -> None:
         {"gyro.lag": 0.003},
         {"servo_delay": 0.004},
         {"servo_lag": 0.006},
+        {"relaxation": 1e-5},
         {"relaxation": 0.01},
         {"slipperiness": 0.5},
         {"encoder.delay": 0.013},
@@ -209,7 +210,9 @@ def test_the_car_truth_is_the_model_with_what_was_hidden_at_its_own_size(monkeyp
     fitted = fit(problem, white_noise(problem, problem.measured), problem.nuisance_names, start)
     left = np.abs(problem.measured - problem.predict(fitted.values))
     for name, noise in (("gyro", 0.02), ("encoder", 0.02), ("yaw_rate_reference", 0.003)):
-        assert np.max(left[problem.row_channel == problem.channels.index(name)]) < noise
+        rows = problem.row_channel == problem.channels.index(name)
+        assert np.max(left[rows]) < noise
+        assert np.sqrt(np.mean(left[rows] ** 2)) < 0.1 * noise
 
 
 def test_an_effect_is_sized_until_it_has_its_lambda_even_if_that_grows_with_the_fourth_power() -> None:

@@ -11,6 +11,7 @@ from discrepancy.fit import WindowStates
 from discrepancy.functions import play
 from discrepancy.locate import densest
 from discrepancy.model import Parameter
+from discrepancy.models import car
 from discrepancy.noise import _autoregression, settled
 from discrepancy.problem import Block
 from discrepancy.recording import changes_only
@@ -186,3 +187,11 @@ def test_an_effect_of_which_one_combination_is_hidden_could_not_be_judged() -> N
         )
         assert (found.power > 0.99) == visible
         assert found.power > 0.0
+
+
+def test_a_vanishing_relaxation_length_changes_nothing_and_a_long_one_is_a_lag_of_length_over_speed() -> None:
+    time_s = 0.01 * np.arange(2000)
+    yaw_rate, speed = np.sin(3.0 * time_s), np.full(time_s.size, 1.3)
+    np.testing.assert_allclose(car._relaxed(yaw_rate, speed, 1e-6, 0.01), yaw_rate, atol=1e-5)
+    relaxed = car._relaxed(yaw_rate, speed, 0.13, 0.01)
+    np.testing.assert_allclose(relaxed, lagged(yaw_rate, 0.1, 0.01), atol=1e-3)
