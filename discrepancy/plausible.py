@@ -136,7 +136,7 @@ def _synchrony(problem: Problem, part: _Part, base: Array, local: Array) -> Comp
     states = WindowStates(local[rows], problem.row_window[rows], chosen)
     order = np.argsort(time_s)
     moved = np.stack([np.interp(time_s + s, time_s[order], y[order]) for s in shifts], axis=1)
-    moved, predicted = states.off(moved), states.off(base[rows])
+    moved, predicted = _level(states.off(moved)), _level(states.off(base[rows]))
     size = np.sqrt(np.sum(moved**2, axis=0) * float(predicted @ predicted))
     likeness = np.abs(moved.T @ predicted) / np.maximum(size, 1e-300)
     inner, best = float(np.max(likeness[np.abs(shifts) <= allowed + step])), int(np.argmax(likeness))
@@ -148,6 +148,11 @@ def _synchrony(problem: Problem, part: _Part, base: Array, local: Array) -> Comp
         f"{inner:.2f}): recorded with another clock? Left out; try again with --shift {part.channel}={-late:.2f}"
     )
     return Complaint(part.recording, part.channel, text, fatal=True)
+
+
+def _level(values: Array) -> Array:
+    """Without its mean: a zero point that is off tells nothing of time."""
+    return np.asarray(values - np.mean(values, axis=0), float)
 
 
 def _longest_delay(problem: Problem, channel: str) -> float:

@@ -13,11 +13,13 @@ from discrepancy.locate import densest
 from discrepancy.model import Parameter
 from discrepancy.models import car
 from discrepancy.noise import _autoregression, settled
-from discrepancy.problem import Block
+from discrepancy.plausible import implausible
+from discrepancy.problem import Block, Problem
 from discrepancy.recording import changes_only
 from discrepancy.screen import Columns, collinearity, penalty, score
 from discrepancy.sensors import delayed, lagged, sensor_effects, through_sensors
 from discrepancy.units import confusions, parse_scaled, parse_unit
+from tests.discrepancy.toys import record, tank
 
 
 @pytest.mark.parametrize(
@@ -195,3 +197,17 @@ def test_a_vanishing_relaxation_length_changes_nothing_and_a_long_one_is_a_lag_o
     np.testing.assert_allclose(car._relaxed(yaw_rate, speed, 1e-6, 0.01), yaw_rate, atol=1e-5)
     relaxed = car._relaxed(yaw_rate, speed, 0.13, 0.01)
     np.testing.assert_allclose(relaxed, lagged(yaw_rate, 0.1, 0.01), atol=1e-3)
+
+
+def test_a_zero_point_that_is_off_is_no_other_clock() -> None:
+    """The level is known at the start, so nothing takes the offset away before prediction and reading are compared."""
+    model = tank("level bias")
+    area, level = model.nuisances
+    known = replace(model, nuisances=(area, replace(level, scope="all", guess=None, value=0.5)))
+    for seed in range(1, 7):
+        assert implausible(Problem(known, [record(seed, bias=-3.0)])) == []
+    late = record(2)
+    level_late = replace(late.signals["level"], time_s=late.signals["level"].time_s + 9.0)
+    shifted = replace(late, signals={**late.signals, "level": level_late})
+    (told,) = implausible(Problem(known, [shifted]))
+    assert "another clock" in told.text
