@@ -7,10 +7,11 @@ from discrepancy.findings import Findings
 from discrepancy.judge import Judgement, judge, nothing_usable
 from discrepancy.model import Model
 from discrepancy.plausible import implausible
-from discrepancy.problem import OUTPUTS, Problem, Unusable
+from discrepancy.problem import Problem, Unusable
 from discrepancy.recording import Complaint, Recording
 from discrepancy.rehearsal import rehearse
 from discrepancy.state import Progress, Settings
+from discrepancy.windows import OUTPUTS
 
 
 def examine(

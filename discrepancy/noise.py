@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from discrepancy.problem import Block, Problem
+from discrepancy.problem import Problem
 from discrepancy.recording import Array
+from discrepancy.windows import Block
 
 HIGHEST_ORDER = 10
 ROWS_PER_TERM = 15  # least rows for a coefficient of the autoregression

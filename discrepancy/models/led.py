@@ -29,9 +29,9 @@ from discrepancy.models.loader_library import (
     searched,
     zero,
 )
-from discrepancy.problem import resampled
 from discrepancy.recording import Array, Recording
 from discrepancy.sensors import delayed
+from discrepancy.windows import resampled
 from plant import state as s
 from plant.actuators import abilities_of
 from plant.effects import dispatch

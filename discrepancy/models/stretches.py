@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from discrepancy.problem import resampled
 from discrepancy.recording import Array, Recording
+from discrepancy.windows import resampled
 
 SCORED_S: Final = 4.0  # of a stretch
 SHORTEST_S: Final = 2.0

@@ -10,9 +10,9 @@ from discrepancy.clocks import join
 from discrepancy.examine import examine
 from discrepancy.findings import Findings
 from discrepancy.models import straight
-from discrepancy.problem import resampled
 from discrepancy.recording import Recording, Signal, cleaned
 from discrepancy.state import Settings
+from discrepancy.windows import resampled
 from hil.diagnose.hidden import Truth, concealed, staged
 from tests.discrepancy.toys import record, tank
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import t as student
 
-from discrepancy import judge
+from discrepancy import weighing
 from discrepancy.account import estimate
 from discrepancy.clocks import with_clocks
 from discrepancy.examine import examine
@@ -120,14 +120,14 @@ def test_a_wrong_scale_is_no_sign_that_is_a_little_wrong() -> None:
 
 def test_a_gain_that_is_not_there_on_held_out_data_makes_no_name(monkeypatch: pytest.MonkeyPatch) -> None:
     """The search asks it of every effect by itself; it is asked again beside the others."""
-    weigh = judge._weigh
+    weigh = weighing._weigh
 
     def unconfirmed(*given: Any) -> Any:
         weighed = weigh(*given)
         return replace(weighed, held_out_gain=0.1 * weighed.seen)
 
     assert verdict(record(3, leak=0.05)).named == ["leak"]
-    monkeypatch.setattr(judge, "_weigh", unconfirmed)
+    monkeypatch.setattr(weighing, "_weigh", unconfirmed)
     result = verdict(record(3, leak=0.05))
     assert result.named == []
     assert "on held-out data" in result.findings[0].doubts[0]

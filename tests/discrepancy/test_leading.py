@@ -10,7 +10,7 @@ from discrepancy.model import Window
 from discrepancy.models.leading import LINKAGE, asked_of, followed, measured_of, shifted, speeds_of
 from discrepancy.models.loader import load_run
 from discrepancy.models.loader_library import INPUTS, OPTIONAL, SPEEDS, TORQUES
-from discrepancy.problem import resampled
+from discrepancy.windows import resampled
 from hil.rundir import RunDirectory
 from plant.actuators import abilities_of
 from plant.equipment import load_equipment

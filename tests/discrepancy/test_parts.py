@@ -14,11 +14,12 @@ from discrepancy.model import Parameter
 from discrepancy.models import car
 from discrepancy.noise import _autoregression, settled
 from discrepancy.plausible import implausible
-from discrepancy.problem import Block, Problem
+from discrepancy.problem import Problem
 from discrepancy.recording import changes_only
 from discrepancy.screen import Columns, collinearity, penalty, score
 from discrepancy.sensors import delayed, lagged, sensor_effects, through_sensors
 from discrepancy.units import confusions, parse_scaled, parse_unit
+from discrepancy.windows import Block
 from tests.discrepancy.toys import record, tank
 
 
