@@ -46,13 +46,18 @@ def _beyond_physics(problem: Problem, effect: Effect, fitted: Fit) -> list[str]:
         found.append(
             f"{ends[0].name} stops at its physical bound, {ends[0].value:g} {shown(ends[0].unit)}".rstrip()
         )
+    return found + strained(problem, fitted)
+
+
+def strained(problem: Problem, fitted: Fit) -> list[str]:
+    """Nuisances that data pushed further than what is known of them allows, in words."""
+    found = []
     for p in [p for p in problem.model.nuisances if p.prior_sd is not None and p.name in fitted.names]:
         value = fitted.values.shared[p.name]
         away = abs(value - p.value) / (p.prior_sd or 1.0)
         if away > STRAINED or account.estimate(p, fitted).at_bound is not None:
-            found.append(
-                f"the nuisance {p.name} was pushed to {value:.4g} {p.unit}, {away:.1f} sd from its prior"
-            )
+            pushed = f"{value:.4g} {shown(p.unit)}".rstrip()
+            found.append(f"the nuisance {p.name} was pushed to {pushed}, {away:.1f} sd from its prior")
     return found
 
 

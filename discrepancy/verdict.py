@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from discrepancy import findings as f
+from discrepancy.doubts import strained
 from discrepancy.openended import OpenEnded
 from discrepancy.problem import Problem
 from discrepancy.state import CLEAR, Settings, State, Trial
@@ -24,8 +25,9 @@ def verdict(
     silent = not found and not beyond.terms
     torn = _torn(problem, state, settings) if silent and not left_over else None
     status, reasons = _status(problem, found, beyond, candidates, torn)
-    if left_over and status == "nothing missing":
-        status = "inconclusive"
+    if status == "nothing missing":
+        reasons += [f"{text}: the baseline is wrong there" for text in strained(problem, state.fit)]
+        status = "inconclusive" if left_over else status
     return status, reasons + [
         f"the search ended at {settings.most_simulations} simulations though {t.effect} would help: the model is wrong by far, or in many ways"
         for t in left_over

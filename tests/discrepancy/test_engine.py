@@ -522,3 +522,18 @@ def test_a_search_that_costs_too_much_ends_and_says_so() -> None:
     assert not any("search ended" in reason for reason in whole.reasons)
     assert ended.status == "inconclusive"
     assert any("search ended" in reason and "leak" in reason for reason in ended.reasons)
+
+
+def test_where_nothing_is_missing_a_baseline_that_is_wrong_is_told() -> None:
+    """Readings of 85 % are an area of 118 %, nine standard deviations from what is known of it."""
+    recording = record(3)
+    level = recording.signals["level"]
+    less = replace(
+        recording, signals={**recording.signals, "level": replace(level, value=0.85 * level.value)}
+    )
+    bare = replace(tank(), effects=())
+    right, wrong = (examine(bare, [r], STRICT) for r in (recording, less))
+    assert (right.status, wrong.status) == ("nothing missing", "nothing missing")
+    assert not any("sd from its prior" in reason for reason in right.reasons)
+    (told,) = [reason for reason in wrong.reasons if "sd from its prior" in reason]
+    assert told.startswith("the nuisance area was pushed to 1.1")
