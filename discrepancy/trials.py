@@ -129,7 +129,7 @@ def begin(problem: Problem, state: State, found: Score, points: Sequence[tuple[V
     names = free_names(problem, (*state.accepted, found.effect))
     fits = [fit(problem, state.noise, names, point, iterations=2, rough=True) for point, _ in points]
     if all(f.sse > state.fit.sse for f in fits) and found.statistic * found.inflation > CLEAR:
-        fits = [fit(problem, state.noise, names, points[0][0], iterations=2)]
+        fits = [fit(problem, state.noise, names, points[0][0], iterations=6)]
     return sorted(fits, key=lambda f: f.sse)
 
 

@@ -84,6 +84,13 @@ def tied(run: Done) -> bool:
     return any(m.effect == run.arm.effects[0] and m.likelihood_difference < COIN for m in rivals)
 
 
+def unjudged(run: Done) -> bool:
+    """Whether it is said of a hidden effect that these recordings cannot tell."""
+    return any(
+        c.effect in run.arm.effects and c.verdict == "could not be judged" for c in run.findings.candidates
+    )
+
+
 def falsely(run: Done) -> bool:
     """Whether something is named that is neither hidden nor in a group with what is."""
     hidden = set(run.arm.effects)
@@ -112,6 +119,8 @@ def table(done: Sequence[Done], *, sized: bool) -> Iterator[Line]:
     yield from _nulls(of["null"])
     if strong:
         hits = share(strong, found)
+        missed = [d for d in strong if not found(d)]
+        yield Line("of those missed, said that they could not be judged", "", str(share(missed, unjudged)))
         sizes = [1 + len(f.group) for d in strong for f in d.findings.findings if f.named]
         mean = float(np.mean(sizes)) if sizes else float("nan")
         yield Line(f"truth in the reported group{at}", ">= 95 %", str(hits), hits.hits >= 0.95 * hits.of)

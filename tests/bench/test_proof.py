@@ -11,7 +11,7 @@ from bench.proof import car, report, score
 from bench.proof.arm import Arm, Done, Truth, read, row
 from bench.proof.plan import BODIES, GROUPS, plan, sampled
 from discrepancy.assess import assess
-from discrepancy.findings import Findings, Interval, Regime, Where
+from discrepancy.findings import Candidate, Findings, Interval, Regime, Where
 from discrepancy.fit import fit
 from discrepancy.noise import white_noise
 from discrepancy.problem import Problem
@@ -62,6 +62,28 @@ def test_what_counts_as_right(run, right, found, first, falsely) -> None:
 def test_a_name_where_there_is_none_to_give_is_wrong_and_a_proxy_is_not(kind) -> None:
     assert score.right(done(kind, (), found=(PROXY,)))
     assert not score.right(done(kind, (), found=(A,)))
+
+
+@pytest.mark.parametrize(
+    ("effect", "verdict", "told"),
+    [("a", "could not be judged", True), ("a", "ruled out", False), ("b", "could not be judged", False)],
+)
+def test_a_miss_is_forgiven_where_it_is_said_of_that_effect_that_it_could_not_be_judged(
+    effect, verdict, told
+) -> None:
+    candidate = Candidate(
+        effect=effect,
+        kind="physics",
+        verdict=verdict,
+        statistic=0.0,
+        p_value=1.0,
+        expected=[],
+        power=0.0,
+        absorbed=1.0,
+        reason="",
+    )
+    run = done()
+    assert score.unjudged(replace(run, findings=replace(run.findings, candidates=[candidate]))) is told
 
 
 @pytest.mark.parametrize(("difference", "tied"), [(0.0, True), (0.9, True), (1.1, False)])
