@@ -5,12 +5,16 @@ them and skips is then a failure. Continuous integration sets it.
 """
 
 import os
+import signal
 from collections.abc import Generator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+# a suite started in the background of a shell would hand on that Ctrl-C is ignored
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 np.seterr(divide="raise", over="raise", invalid="raise")
 
 ROOT = Path(__file__).resolve().parent.parent
