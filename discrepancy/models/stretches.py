@@ -17,7 +17,7 @@ from discrepancy.windows import resampled
 SCORED_S: Final = 4.0  # of a stretch
 SHORTEST_S: Final = 2.0
 LEAD_S: Final = 2.5  # before it, for the motion to forget how it was begun
-MOST_S: Final = 48.0  # scored of one recording
+MOST_S: Final = 60.0  # scored of one recording
 STEP_S: Final = 0.02
 ROLLING: Final = 0.5  # wheel speed from which a wheel surely rolls [rad/s]
 
