@@ -8,6 +8,7 @@ microsecond, as candump writes them. Error frames of BLF, ASC and MF4 carry no e
 What is cut off or damaged is told once, with line or byte; everything before it is kept, and after a damaged line or a damaged place of a BLF too.
 """
 
+import re
 from array import array
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -24,6 +25,9 @@ Progress = Callable[[int, int], None]
 FORMATS = "candump log, .gz of one, BLF, ASC or MF4"
 _BINARY = (".blf", ".mf4", ".mdf")
 _BLF, _MF4 = (b"LOGG",), (b"MDF ", b"UnFinMF ")
+_ASC_LINE = re.compile(
+    rb"\s*(\d+\.\d|//|date |base |begin |end |no |internal |previous |start of |$)", re.IGNORECASE
+)
 _ASC_STARTS = (b"date ", b"base ", b"// version", b"begin triggerblock")
 _REPORT_EVERY = 4096
 _MICROSECOND = 1000
@@ -48,14 +52,22 @@ def read_frames(path: str | Path, progress: Progress | None = None) -> FrameTabl
         )
     reader = _reader_of(path, start)
     if reader is read_candump and path.suffix.lower() in _BINARY and not start.isascii():
-        raise LogError(
-            f"{path}: does not begin as a {path.suffix[1:].upper()} does: damaged, encrypted, or of another kind?"
-        )
-    table = reader(path, progress)
+        raise _no_beginning(path)
+    try:
+        table = reader(path, progress)
+    except LogError as error:
+        if reader is read_candump and path.suffix.lower() in _BINARY:
+            raise _no_beginning(path) from error
+        raise
     if not len(table):
         first = f" ({table.damaged[0]})" if table.damaged else ""
         raise LogError(f"{path}: the recording holds not one frame{first}")
     return table
+
+
+def _no_beginning(path: Path) -> LogError:
+    kind = path.suffix[1:].upper()
+    return LogError(f"{path}: does not begin as a {kind} does: damaged, encrypted, or of another kind?")
 
 
 def _reader_of(path: Path, start: bytes) -> Callable[[Path, Progress | None], FrameTable]:
@@ -155,6 +167,7 @@ class _NumberedLines:
     """A text file for python-can's reader that knows which line it is at, and can go on after a bad one.
 
     cut: whether the file ends inside a line; that line is left out, as half a number is still a number.
+    strange: numbers of lines that are none of the format's, which python-can passes over.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -162,6 +175,7 @@ class _NumberedLines:
         self._resumed = False
         self.number = 0
         self.cut = False
+        self.strange: list[int] = []
 
     def resume(self) -> None:
         """The reader will look for a header again: the next line says that there is none."""
@@ -184,6 +198,8 @@ class _NumberedLines:
         self.cut = not line.endswith(b"\n") and not line.lower().startswith(b"end triggerblock")
         if self.cut:
             raise StopIteration
+        if not _ASC_LINE.match(line) or b"\0" in line:
+            self.strange.append(self.number)
         return line.decode("utf-8", "replace")
 
 
@@ -207,6 +223,10 @@ def _read_asc(path: Path, progress: Progress | None) -> FrameTable:
                 messages = iter(reader)
             if progress is not None and lines.number % _REPORT_EVERY == 0:
                 progress(file.tell(), size)
+        for number in lines.strange:
+            rows.add_damage(
+                Damage(number, "no time stamp and no word of the format at its start, or zero bytes in it")
+            )
         if lines.cut:
             rows.add_damage(Damage(lines.number, "the file ends inside this line", at_end=True))
     return rows.table()

@@ -263,3 +263,22 @@ def test_rows_can_be_selected(files):
     odd = table.select(np.arange(len(table)) % 2 == 1)
     assert [frame.data[-1] for frame in odd.frames()][:3] == [1, 3, 5]
     assert len(odd) == 500
+
+
+@pytest.mark.parametrize("form", ["blf", "mf4"])
+@pytest.mark.parametrize("content", [b"<!DOCTYPE html>\n", bytes(500)], ids=["page", "zeros"])
+def test_a_file_that_is_not_what_its_name_says_is_called_that(form, content, tmp_path):
+    file = tmp_path / f"drive.{form}"
+    file.write_bytes(content)
+    with pytest.raises(LogError, match=f"does not begin as a {form.upper()} does"):
+        read_frames(file)
+
+
+@pytest.mark.parametrize("junk", [b"\x93\x07 wreck\n\xff\x01\n", bytes(300)], ids=["bytes", "zeros"])
+def test_what_is_no_line_of_an_asc_is_counted(junk, files, tmp_path):
+    lines = files["asc"].read_bytes().splitlines(keepends=True)
+    file = tmp_path / "damaged.asc"
+    file.write_bytes(b"".join([*lines[:10], junk, *lines[10:]]))
+    table = read_frames(file)
+    assert table.damaged_count == max(junk.count(b"\n"), 1)
+    assert table.damaged[0].at == 11
