@@ -3,9 +3,6 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-# matrices here are small: threads of BLAS would wait for one another (a quarter of the time with one)
-export OPENBLAS_NUM_THREADS ?= 1
-
 .DEFAULT_GOAL := help
 .PHONY: help demo test check fast slow-tests socketcan bench proof results clean lock
 

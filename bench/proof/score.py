@@ -119,11 +119,11 @@ def table(done: Sequence[Done], *, sized: bool) -> Iterator[Line]:
     yield from _nulls(of["null"])
     if strong:
         hits = share(strong, found)
-        missed = [d for d in strong if not found(d)]
-        yield Line("of those missed, said that they could not be judged", "", str(share(missed, unjudged)))
         sizes = [1 + len(f.group) for d in strong for f in d.findings.findings if f.named]
         mean = float(np.mean(sizes)) if sizes else float("nan")
         yield Line(f"truth in the reported group{at}", ">= 95 %", str(hits), hits.hits >= 0.95 * hits.of)
+        missed = [d for d in strong if not found(d)]
+        yield Line("of those missed, said that they could not be judged", "", str(share(missed, unjudged)))
         yield Line("mean size of a group", "<= 1.5", f"{mean:.2f}", mean <= 1.5)
         tops = share(strong, first)
         yield Line(f"top-1{at}", ">= 85 %", str(tops), tops.hits >= 0.85 * tops.of)

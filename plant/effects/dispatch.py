@@ -72,10 +72,8 @@ def source(found: dict[str, ModuleType]) -> str:
 def _generated() -> ModuleType:
     """The generated module: its file is kept with the machine code of the sources it was made from."""
     name = f"loaderhil_effects_{DIGEST}"
-    path, found = (
-        CODE / f"{name}.py",
-        modules(),
-    )  # what the generated module imports is loaded, the user's files too
+    path = CODE / f"{name}.py"
+    found = modules()  # what the generated module imports is loaded, the user's files too
     if not path.is_file():
         fresh = path.with_suffix(f".{os.getpid()}")
         fresh.write_text(source(found), encoding="utf-8")

@@ -1,0 +1,5 @@
+"""Benchmarks and the proof. BLAS gets one thread, as in `loaderhil` itself (hil.__main__): said here, before numpy is loaded."""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
