@@ -1,19 +1,23 @@
 """The parts of a result that only restate: parameters with intervals, the ranking, nuisances, noise."""
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.optimize import brentq
+from scipy.stats import chi2, ncx2
 from scipy.stats import t as student
 
 from discrepancy import findings as f
 from discrepancy.fit import Fit
 from discrepancy.model import Effect, Parameter
 from discrepancy.noise import Noise
+from discrepancy.normal import inverse
 from discrepancy.openended import OpenEnded
 from discrepancy.problem import Problem
+from discrepancy.quantities import quantity
 from discrepancy.recording import Array
-from discrepancy.screen import Score, active, jackknife, penalty, stretches, switches
+from discrepancy.screen import Score, active, jackknife, least_seen, penalty, stretches, switches
 from discrepancy.state import Settings, State, Trial
 
 ENOUGH_POWER = 0.8
@@ -47,45 +51,22 @@ def estimate(parameter: Parameter, fitted: Fit, noise: Noise | None = None) -> f
 def candidates(
     problem: Problem, state: State, baseline: State, found: Sequence[f.Finding], settings: Settings
 ) -> list[f.Candidate]:
-    """Every effect of the library with its score on the baseline and what became of it."""
+    """Every effect of the library with its score on the baseline and what became of it, likeliest first."""
     final = {s.effect: s for s in state.scores}
-    first = {s.effect: s for s in baseline.scores}
-    names = {x.effect for x in found}
-    grouped = {m.effect for x in found for m in x.group}
     small = _negligible(problem, (*baseline.trials, *state.trials))
     rows = []
     for score in baseline.scores:
-        effect = problem.model.effect(score.effect)
-        last = final.get(score.effect, score)
-        verdict: f.Verdict
-        if score.effect in names:
-            verdict, reason = "found", "see findings"
-        elif score.effect in grouped:
-            verdict, reason = "confusable with a finding", "explains the recordings as well as a finding"
-        elif score.power == 0.0:
-            verdict, reason = "could not be judged", _why_invisible(problem, effect)
-        elif last.power < ENOUGH_POWER and score.absorbed > TWIN:
-            verdict, reason = (
-                "could not be judged",
-                "the baseline's own parameters can do the same; needs another channel",
-            )
-        elif last.power < ENOUGH_POWER:
-            text = "a typical one would hardly be noticed here"
-            verdict, reason = "could not be judged", f"{text}; needs {effect.excited_by or 'more data'}"
-        elif score.effect in small:
-            verdict, reason = "negligible", small[score.effect]
-        elif first[score.effect].statistic > penalty(
-            len(active(effect)), len(problem.model.effects), settings.alpha
-        ):
-            refuted = (
-                "what speaks for it by itself does not stand up to a refit, or differs between stretches"
-            )
-            verdict, reason = (
-                "not needed",
-                "what speaks for it is explained better by a finding" if names else refuted,
-            )
-        else:
-            verdict, reason = "ruled out", "a typical one would have been noticed"
+        effect, last = problem.model.effect(score.effect), final.get(score.effect, score)
+        freedom = len(active(effect))
+        critical = penalty(freedom, len(problem.model.effects), settings.alpha)
+        seen = _typical_seen(state, effect, last)
+        accepted = effect.name in state.accepted and seen > 0.0
+        verdict, reason = (
+            _of_found(effect, found)
+            or _blind(problem, effect, score, last.power)
+            or (("negligible", small[effect.name]) if effect.name in small else None)
+            or _refuted(score.statistic > critical, bool(found))
+        )
         rows.append(
             f.Candidate(
                 effect=effect.name,
@@ -94,12 +75,50 @@ def candidates(
                 statistic=score.statistic,
                 p_value=score.p_value,
                 expected=_expected(effect, score),
-                power=last.power,
+                power=float(ncx2.sf(critical, freedom, seen)) if accepted else last.power,
                 absorbed=score.absorbed,
+                noticed_from=_noticed_from(effect, seen, critical, problem.model.negligible),
                 reason=reason,
             )
         )
-    return rows
+    return sorted(rows, key=lambda c: (c.p_value, -c.statistic))
+
+
+Judged = tuple[f.Verdict, str]
+"""A verdict on a candidate and its reason."""
+
+
+def _of_found(effect: Effect, found: Sequence[f.Finding]) -> Judged | None:
+    if effect.name in {x.effect for x in found}:
+        return "found", "see findings"
+    if effect.name in {m.effect for x in found for m in x.group}:
+        return "confusable with a finding", "explains the recordings as well as a finding"
+    return None
+
+
+def _blind(problem: Problem, effect: Effect, score: Score, power: float) -> Judged | None:
+    """Why nothing can be said of it; None where something can. power: at the end; score: of the baseline."""
+    verdict: f.Verdict = "could not be judged"
+    if score.power == 0.0:
+        return verdict, _why_invisible(problem, effect)
+    if power >= ENOUGH_POWER:
+        return None
+    if score.absorbed > TWIN:
+        return verdict, "the baseline's own parameters can do the same; needs another channel"
+    needs = effect.excited_by or "more data"
+    return verdict, f"a typical one would hardly be noticed here; needs {needs}"
+
+
+def _refuted(likely: bool, beside_findings: bool) -> Judged:
+    """What is not needed, though it seemed `likely` by itself, or is ruled out."""
+    if not likely:
+        return "ruled out", "a typical one would have been noticed"
+    if beside_findings:
+        return "not needed", "what speaks for it is explained better by a finding"
+    return (
+        "not needed",
+        "what speaks for it by itself does not stand up to a refit, or differs between stretches",
+    )
 
 
 def _negligible(problem: Problem, trials: Sequence[Trial]) -> dict[str, str]:
@@ -107,7 +126,7 @@ def _negligible(problem: Problem, trials: Sequence[Trial]) -> dict[str, str]:
     least, told = problem.model.negligible, {}
     for t in [t for t in trials if t.gain > t.needed and t.negligible(problem)]:
         seen = [
-            f"{p.name} = {t.fit.values.shared[p.name]:.3g} {p.unit}".removesuffix(" 1")
+            f"{p.name} = {quantity(t.fit.values.shared[p.name], p.unit)}"
             for p in switches(problem.model.effect(t.effect))
         ]
         why = (
@@ -133,6 +152,47 @@ def _expected(effect: Effect, score: Score) -> list[f.Estimate]:
         f.Estimate(name=p.name, value=float(p.value + c), low=None, high=None, unit=p.unit)
         for p, c in zip(switches(effect), score.change, strict=True)
     ]
+
+
+def _typical_seen(state: State, effect: Effect, score: Score) -> float:
+    """Noncentrality that its typical changes make of its chi-square: of one that was accepted by the final fit, else by the screen."""
+    own = switches(effect)
+    typical = np.array([p.typical for p in own])
+    if effect.name in state.accepted:
+        at = [state.fit.names.index(p.name) for p in own]
+        information = inverse(state.fit.covariance[np.ix_(at, at)])
+        return max(float(np.linalg.eigvalsh(typical[:, None] * information * typical)[0]), 0.0)
+    if score.power == 0.0:
+        return 0.0
+    tried = np.array([p.tried[min(score.probe, len(p.tried) - 1)] - p.value for p in own])
+    return least_seen(score.direction, typical / tried) / score.inflation
+
+
+def _noticed_from(effect: Effect, seen: float, critical: float, negligible: float) -> list[f.Estimate]:
+    """Values of its switches from which on it would be noticed with ENOUGH_POWER, all the same share of their typical changes."""
+    own = switches(effect)
+    if seen == 0.0:
+        return []
+    share = max(float(np.sqrt(_noncentrality(len(own), critical) / seen)), negligible)
+    if any(p.whole for p in own):  # is there or not
+        share = 1.0 if share <= 1.0 else np.inf
+    sizes = [p.value + share * p.typical for p in own]
+    if any(not p.lower <= size <= p.upper for p, size in zip(own, sizes, strict=True)):
+        return []
+    return [
+        f.Estimate(name=p.name, value=size, low=None, high=None, unit=p.unit, baseline=p.value)
+        for p, size in zip(own, sizes, strict=True)
+    ]
+
+
+@cache
+def _noncentrality(freedom: int, critical: float) -> float:
+    """What brings a chi-square beyond `critical` with ENOUGH_POWER."""
+
+    def lacking(x: float) -> float:
+        return float(ncx2.sf(critical, freedom, x)) - ENOUGH_POWER
+
+    return float(brentq(lacking, 1e-6, 4.0 * critical + 100.0))
 
 
 def open_equation(beyond: OpenEnded) -> f.OpenEquation | None:

@@ -1,7 +1,7 @@
 """Functions of the known signals as they would act: at the ports of a model, through its dynamics, or on its readings."""
 
 import heapq
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,7 +41,7 @@ class Simulated:
         model, values = problem.model, state.fit.values
         self._problem, self._values = problem, values
         self._base = problem.predict(values)
-        self._known = [driven(model, w, values.in_window(i)) for i, w in enumerate(problem.windows)]
+        self._known = driven(model, problem.windows, lambda blind: problem.motions(blind, values))
         units = {**model.inputs, **model.optional, **model.outputs}
         common = [n for n in units if all(n in k for k in self._known)]
         self.spread = {n: float(np.std(np.concatenate([k[n] for k in self._known]))) for n in common}
@@ -96,17 +96,25 @@ def candidates(problem: Problem, state: State, simulated: Simulated) -> list[Can
     return found + readings.best()
 
 
-def driven(model: Model, window: Window, values: Mapping[str, float]) -> dict[str, Array]:
-    """Signals to build functions of: inputs, and outputs simulated without sight of the measured ones.
+def driven(
+    model: Model,
+    windows: Sequence[Window],
+    simulated: Callable[[Sequence[Window]], Sequence[Mapping[str, Array]]],
+) -> list[dict[str, Array]]:
+    """Signals to build functions of, in every window: inputs, and outputs simulated without sight of the measured ones.
 
     A measured output used as regressor would explain itself.
     """
-    inputs = {n: window[n] for n in (*model.inputs, *model.optional) if window.has(n)}
+    names = (*model.inputs, *model.optional)
+    inputs = [{n: window[n] for n in names if window.has(n)} for window in windows]
     try:
-        true = model.simulate(replace(window, known=inputs), values, {})
+        motions = simulated([replace(w, known=known) for w, known in zip(windows, inputs, strict=True)])
     except KeyError:  # the model is driven by a measured output
         return inputs
-    return {**inputs, **{n: y for n, y in true.items() if n in model.outputs}}
+    return [
+        {**known, **{n: y for n, y in true.items() if n in model.outputs}}
+        for known, true in zip(inputs, motions, strict=True)
+    ]
 
 
 class _Readings:

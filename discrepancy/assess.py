@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from discrepancy.fit import Fit, fit
+from discrepancy.fit import Fit, begins, fit
 from discrepancy.model import Effect
 from discrepancy.noise import Noise, estimate_noise, white_noise
 from discrepancy.problem import Problem, Values
@@ -24,21 +24,29 @@ from discrepancy.spells import for_a_while
 from discrepancy.state import STRAINED, Settings, State, free_names
 from discrepancy.unexplained import unexplained
 
+ROUGHLY = (
+    1e-4  # gain in SSE per row that is not worth a step of a costly model while the noise is not known yet
+)
+
 
 def assess(problem: Problem, accepted: tuple[str, ...], values: Values, settings: Settings) -> State:
     """Noise with all candidates projected out, the fit under it, and the screen of what is not accepted."""
     names = free_names(problem, accepted)
     candidates = [e for e in problem.model.effects if e.name not in accepted]
-    noise = white_noise(problem, problem.measured - problem.predict(values))
-    fitted = fit(problem, noise, names, values, rough=True)
+    base = problem.predict(values)
+    noise = white_noise(problem, problem.measured - base, begins(problem, values, base, rough=True))
+    enough = ROUGHLY * noise.keep.size if problem.model.costly else None
+    fitted = fit(problem, noise, names, values, rough=True, enough=enough)
     at = values if problem.model.costly else fitted.values
-    for _ in range(2):
+    for last in (False, True):
         problem.settle(fitted.values)
         base = problem.predict(fitted.values)
         columns = sensitivities(problem, at, problem.predict(at), candidates)
         raw = problem.measured - base
-        noise = estimate_noise(problem, *unexplained(problem, noise, fitted, raw, columns))
-        fitted = fit(problem, noise, names, fitted.values)
+        left = unexplained(problem, noise, fitted, raw, columns)
+        known = noise.having(problem, begins(problem, fitted.values, base, rough=not last))
+        noise = estimate_noise(problem, *left, known)
+        fitted = fit(problem, noise, names, fitted.values, enough=None if last else enough)
         at = fitted.values
     scores = screen(problem, noise, fitted, columns, settings)
     passing = for_a_while(problem, noise, fitted, scores, columns, settings.alpha)

@@ -53,8 +53,22 @@ def join(model: Model, parts: Sequence[Recording], name: str) -> Joined:
             complaints.append(Complaint(name, "", f"{part.name} {text}"))
         if was_set:
             clocks.append(_clock(model, parts[first], part, name))
+    complaints += _twice(parts, first, name)
     moved = [_shifted(part, offset) for part, offset in zip(parts, offsets, strict=True)]
     return Joined(_merged(moved, first, name), tuple(offsets), tuple(complaints), tuple(clocks))
+
+
+def _twice(parts: Sequence[Recording], first: int, name: str) -> list[Complaint]:
+    """Channels that more than one file has."""
+    holders = {n: [p.name for p in parts if n in p.signals] for p in parts for n in p.signals}
+    several = [n for n, files in holders.items() if len(files) > 1]
+    if not several:
+        return []
+    text = (
+        f"{', '.join(several)}: in more than one of the files joined by '+', those of {parts[first].name} stand where it has them; "
+        "are they different runs? Then give them as recordings of their own"
+    )
+    return [Complaint(name, "", text)]
 
 
 def with_clocks(model: Model, clocks: Sequence[Clock]) -> Model:

@@ -5,12 +5,13 @@ from discrepancy.fit import FORECAST, Fit
 from discrepancy.model import Effect
 from discrepancy.openended import OpenEnded, explore
 from discrepancy.problem import Problem
-from discrepancy.screen import active
+from discrepancy.quantities import figures, quantity
+from discrepancy.screen import active, switches
 from discrepancy.spells import changing_nuisance, spell_of
 from discrepancy.state import STRAINED, Settings, State
-from discrepancy.units import shown
 from discrepancy.weighing import Needed
 
+IN_BETWEEN = 0.25  # of a change that is there or not, by which it may miss being there
 LEFT = 0.5  # share of its size that an effect keeps beside the open-ended equation, or it is a proxy
 
 
@@ -31,6 +32,7 @@ def doubts(
         found.append(
             f"gains {needed.seen:.0f} where it is fitted, beside the others, and {needed.held_out_gain:.0f} on held-out data"
         )
+    found += _in_between(problem, state, fitted)
     found += _beyond_physics(problem, effect, fitted)
     found += _superseded(problem, state, needed, beyond, settings)
     if spell_of(problem.model.effect(needed.effect), state.fit.values) is not None:
@@ -43,10 +45,21 @@ def _beyond_physics(problem: Problem, effect: Effect, fitted: Fit) -> list[str]:
     ends = [account.estimate(problem.model.parameter(n), fitted) for n in active(effect)]
     found = []
     if all(e.at_bound is not None and e.value != problem.model.parameter(e.name).value for e in ends):
-        found.append(
-            f"{ends[0].name} stops at its physical bound, {ends[0].value:g} {shown(ends[0].unit)}".rstrip()
-        )
+        found.append(f"{ends[0].name} stops at its physical bound, {quantity(ends[0].value, ends[0].unit)}")
     return found + strained(problem, fitted)
+
+
+def _in_between(problem: Problem, state: State, fitted: Fit) -> list[str]:
+    """Changes that are there or not, and fit best in between: what was recorded is something else, whatever helps beside them."""
+    found = []
+    for p in [p for name in state.accepted for p in switches(problem.model.effect(name)) if p.whole]:
+        value = fitted.values.shared[p.name]
+        if abs(value - p.value - p.typical) > IN_BETWEEN * abs(p.typical):
+            off, on = figures(p.value), quantity(p.value + p.typical, p.unit)
+            found.append(
+                f"{p.name} is {off} or {on} and fits best at {figures(value)}: what was recorded does not follow the model either way"
+            )
+    return found
 
 
 def strained(problem: Problem, fitted: Fit) -> list[str]:
@@ -56,7 +69,7 @@ def strained(problem: Problem, fitted: Fit) -> list[str]:
         value = fitted.values.shared[p.name]
         away = abs(value - p.value) / (p.prior_sd or 1.0)
         if away > STRAINED or account.estimate(p, fitted).at_bound is not None:
-            pushed = f"{value:.4g} {shown(p.unit)}".rstrip()
+            pushed = quantity(value, p.unit, 4)
             found.append(f"the nuisance {p.name} was pushed to {pushed}, {away:.1f} sd from its prior")
     return found
 
@@ -81,7 +94,7 @@ def _superseded(
     if instead.held_out_gain < needed.held_out_gain - settings.same:
         return []
     return [
-        f"beside {beyond.equation()} its {p.name} would go from {p.value + size:.3g} to {p.value + left:.3g}"
+        f"beside {beyond.equation()} its {p.name} would go from {figures(p.value + size)} to {quantity(p.value + left, p.unit)}"
     ]
 
 

@@ -13,13 +13,12 @@ from scipy.signal import welch
 
 from discrepancy.fit import fit
 from discrepancy.judge import Judgement
-from discrepancy.locate import at_rows, thirds
+from discrepancy.locate import regimes_of
 from discrepancy.noise import Noise
 from discrepancy.problem import Problem, Values
 from discrepancy.recording import Array
 from discrepancy.state import Settings, free_names
-from discrepancy.trials import folds
-from discrepancy.units import shown
+from discrepancy.trials import folds, near
 
 BINS = 60  # of time, per recording
 LAGS = 40
@@ -91,7 +90,10 @@ class Evidence:
 def evidence(judged: Judgement, settings: Settings) -> Evidence:
     """Held-out predictions of the baseline and of the model with what was found, and their residuals."""
     problem, state = judged.problem, judged.state
-    before = held_out_prediction(problem, state.noise, (), judged.baseline.fit.values, settings)
+    enough = near(problem, sum(finding.gain for finding in judged.findings.findings))
+    before = held_out_prediction(
+        problem, state.noise, (), judged.baseline.fit.values, settings, enough=enough
+    )
     after = (
         held_out_prediction(problem, state.noise, state.accepted, state.fit.values, settings)
         if state.accepted
@@ -108,13 +110,19 @@ def evidence(judged: Judgement, settings: Settings) -> Evidence:
 
 
 def held_out_prediction(
-    problem: Problem, noise: Noise, effects: Sequence[str], start: Values, settings: Settings
+    problem: Problem,
+    noise: Noise,
+    effects: Sequence[str],
+    start: Values,
+    settings: Settings,
+    *,
+    enough: float | None = None,
 ) -> Array:
-    """Predicted raw rows (N,), each from a fit of the shared parameters that has not seen it."""
+    """Predicted raw rows (N,), each from a fit of the shared parameters that has not seen it; enough: as in `fit`."""
     names, predicted = free_names(problem, effects), np.empty(problem.measured.size)
     following = np.clip(np.searchsorted(noise.keep, np.arange(problem.measured.size)), 0, noise.keep.size - 1)
     for test in folds(problem, noise, settings.folds):
-        trained = fit(problem, noise, names, start, rows=~test, iterations=4)
+        trained = fit(problem, noise, names, start, rows=~test, iterations=4, rough=True, enough=enough)
         tested = fit(problem, noise, (), trained.values, rows=test, iterations=2)
         rows = test[following]  # the first rows of a run belong to the stretch they lead into
         predicted[rows] = problem.predict(tested.values)[rows]
@@ -190,14 +198,15 @@ def _regimes(problem: Problem, noise: Noise, before: Array, after: Array | None)
     units = {**model.inputs, **model.optional, **model.outputs}
     found = []
     for name in [n for n in units if all(w.has(n) for w in problem.windows)]:
-        for text, rows in thirds(at_rows(problem, noise, name)).items():
+        unit, ranges = regimes_of(problem, noise, name, units[name])
+        for text, rows in ranges.items():
             for i, channel in enumerate(problem.channels):
                 chosen = rows & (noise.row_channel == i)
                 if chosen.any():
                     found.append(
                         RegimeCell(
                             channel,
-                            f"{name} [{shown(units[name])}]".removesuffix(" []"),
+                            f"{name} [{unit}]".removesuffix(" []"),
                             text,
                             _rms(before[chosen]),
                             None if after is None else _rms(after[chosen]),

@@ -136,7 +136,10 @@ class OpenEquation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """One effect of the library in the screen of the baseline. power: chance to have found a typical change."""
+    """One effect of the library in the screen of the baseline. power: chance to have found a typical change.
+
+    noticed_from: the size of which the chance is four in five; empty where no size that can be would be noticed.
+    """
 
     effect: str
     kind: Literal["physics", "sensor"]
@@ -146,6 +149,7 @@ class Candidate:
     expected: list[Estimate]
     power: float
     absorbed: float
+    noticed_from: list[Estimate] = field(default_factory=list)
     reason: str
 
 
@@ -202,6 +206,7 @@ class Findings:
     schema_version: int = SCHEMA_VERSION
     model: str
     recordings: list[str]
+    baseline: str = ""
     status: Status
     reasons: list[str]
     findings: list[Finding] = field(default_factory=list)

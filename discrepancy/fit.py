@@ -23,6 +23,7 @@ FORECAST = (
 )
 KEPT_PROMISE = 0.5  # share of a forecast gain that shows sensitivities of elsewhere to be good enough
 BEND = 3.0  # of whitened SSE, by which a window may become worse before its own step is shortened
+SHRINKS = (1.0, 0.4, 0.1)  # of a step, in turn; with borrowed sensitivities the first only
 CONVERGED = 1e-2  # in whitened SSE: a hundredth of what matters statistically
 
 
@@ -42,9 +43,8 @@ class Fit:
     information: Array
 
     def sd(self, name: str) -> float:
-        """Standard deviation of a fitted parameter; 0 where rounding leaves a variance below that."""
-        own = self.names.index(name)
-        return float(np.sqrt(max(self.covariance[own, own], 0.0)))
+        """Standard deviation of a fitted parameter; 0 where nothing tells of it."""
+        return float(np.sqrt(self.covariance[self.names.index(name), self.names.index(name)]))
 
     @property
     def covariance(self) -> Array:
@@ -98,6 +98,14 @@ def differences(
     return np.stack(columns, axis=1) if columns else np.zeros((base.size, 0))
 
 
+def begins(problem: Problem, values: Values, base: Array, *, rough: bool = False) -> Array:
+    """Raw rows (N, k) of one standard deviation of each state in which windows begin and that is not known exactly; rough: as in `fit`."""
+    sds = [problem.model.parameter(name).prior_sd or 0.0 for name in problem.begin_names]
+    return np.asarray(
+        differences(problem, values, base, problem.begin_names, rough=rough) * np.array(sds), float
+    )
+
+
 def _difference(problem: Problem, values: Values, name: str) -> float:
     """Step of a finite difference that stays within the bounds; that of a parameter with a negative typical value is negative."""
     parameter = problem.model.parameter(name)
@@ -112,7 +120,7 @@ def _difference(problem: Problem, values: Values, name: str) -> float:
 def _stepped(problem: Problem, values: Values, name: str, step: float) -> Values:
     if problem.model.parameter(name).scope == "window":
         return replace(values, local={**values.local, name: values.local[name] + step})
-    return values.with_shared({name: values.shared[name] + step})
+    return values.with_shared({name: values.shared.get(name, 0.0) + step})
 
 
 def fit(
@@ -124,39 +132,47 @@ def fit(
     rows: Mask | None = None,
     iterations: int = 8,
     rough: bool = False,
+    enough: float | None = None,
 ) -> Fit:
     """Fit shared parameters `names` and all initial states to the whitened rows of a mask (all, if None).
 
-    rough: sensitivities that a costly model has had elsewhere serve while steps keep what they promise; they are in the result.
+    rough: sensitivities that a costly model has had elsewhere serve while steps keep what they promise; they are in the result. enough: gain
+    in SSE that is not worth a step.
     """
     rows = np.ones(noise.keep.size, bool) if rows is None else rows
     parameters = [problem.model.parameter(name) for name in names]
     scale = np.array([p.typical for p in parameters])
     prior = np.array([p.typical / p.prior_sd if p.prior_sd else 0.0 for p in parameters])
     point = _Point.at(problem, noise, parameters, start, rows, rough)
-    for _ in range(iterations):
+    borrowed = rough = rough and problem.model.costly
+    for later in reversed(range(iterations)):
         A = np.concatenate([point.columns[rows] * scale, np.diag(prior)])
         b = np.concatenate([point.residual[rows], -prior * point.deviation])
         step = _bounded(A, b, parameters, point.values)
         left = point.white - point.white_columns @ (step * scale)
         local_step = point.states.solve(left, len(problem.windows), noise.row_window)
+        before, promised = point.sse, float(np.sum((b - A @ step) ** 2))
+        if enough is not None and before - promised < enough:
+            break
         tried = (
             _with_local_steps(problem, noise, point, shrink * step * scale, local_step, shrink, rows)
-            for shrink in (1.0, 0.4, 0.1)
+            for shrink in (SHRINKS[:1] if rough else SHRINKS)
+            if before - promised > CONVERGED
         )
-        better = next(((v, sse) for v, sse in tried if sse < point.sse), None)
-        if better is None and rough:
+        better = next(((v, sse) for v, sse in tried if sse < before), None)
+        if better is None and rough and later:
             rough, point = False, _Point.at(problem, noise, parameters, point.values, rows)
             continue
         if better is None:
             break
-        before, promised, (moved, sse) = point.sse, float(np.sum((b - A @ step) ** 2)), better
+        moved, sse = better
         # where the linear forecast held, the sensitivities still do (chord method)
         linear = abs(sse - promised) < FORECAST * (before - sse) + CONVERGED
         rough = rough and before - sse > KEPT_PROMISE * (before - promised)
+        last = before - sse < CONVERGED or (borrowed and not later)
         point = (
             point.renewed(problem, noise, moved, rows)
-            if linear
+            if linear or last
             else _Point.at(problem, noise, parameters, moved, rows, rough)
         )
         if before - point.sse < CONVERGED:

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from discrepancy.quantities import quantity
 from discrepancy.recording import Array
 from discrepancy.sensors import lagged
 from discrepancy.units import Unit, parse_unit
@@ -67,7 +68,7 @@ def functions(
 def _played(command: str, its_unit: str, factor: str, unit: str, width: float) -> Function:
     """Play of a command times another signal: steering with play turns a car in proportion to its speed."""
     return Function(
-        f"play({command}, {width:.3g} {its_unit})·{factor}",
+        f"play({command}, {quantity(width, its_unit)})·{factor}",
         parse_unit(its_unit) * parse_unit(unit),
         5,
         (command, factor),
@@ -78,7 +79,7 @@ def _played(command: str, its_unit: str, factor: str, unit: str, width: float) -
 
 def _with_play(name: str, unit: str, width: float) -> Function:
     return Function(
-        f"play({name}, {width:.3g} {unit})",
+        f"play({name}, {quantity(width, unit)})",
         parse_unit(unit),
         4,
         (name,),

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from discrepancy.fit import Fit
 from discrepancy.noise import Noise
 from discrepancy.problem import Problem
+from discrepancy.quantities import figures, readable
 from discrepancy.recording import Array
-from discrepancy.units import shown
 
 BINS = 60  # of time, per recording
 SHARE = 0.8  # of the gain, that the reported stretch holds
@@ -111,28 +111,33 @@ def _regimes(problem: Problem, noise: Noise, gain: Array, total: float) -> list[
     names = [n for n in (*problem.model.inputs, *problem.channels) if all(w.has(n) for w in problem.windows)]
     units = {**problem.model.inputs, **problem.model.outputs}
     for name in names:
-        for text, rows in thirds(at_rows(problem, noise, name)).items():
+        unit, ranges = regimes_of(problem, noise, name, units[name])
+        for text, rows in ranges.items():
             share, size = float(np.sum(gain[rows])) / total, float(rows.mean())
             if size > 0.05 and share / size > 1.5:
-                found.append(Regime(f"{name} {text} {shown(units[name])}".rstrip(), share, share / size))
+                found.append(Regime(f"{name} {text} {unit}".rstrip(), share, share / size))
     return sorted(found, key=lambda r: -r.density)[:4]
+
+
+def regimes_of(
+    problem: Problem, noise: Noise, name: str, unit: str
+) -> tuple[str, dict[str, NDArray[np.bool_]]]:
+    """Rows in the thirds of a known signal's range, and the unit that these are told in."""
+    value = at_rows(problem, noise, name)
+    factor, told = readable(unit, float(np.max(np.abs(value))))
+    return told, thirds(value / factor)
 
 
 def thirds(value: Array) -> dict[str, NDArray[np.bool_]]:
     """Rows in the thirds of a signal's range, by what they are called; of one that mostly rests, those at rest and those beyond."""
     low, high = np.quantile(value, [1 / 3, 2 / 3])
     found = {
-        f"below {_three(low)}": value < low,
-        f"{_three(low)} to {_three(high)}" if low < high else f"at {_three(low)}": (value >= low)
+        f"below {figures(low)}": value < low,
+        f"{figures(low)} to {figures(high)}" if low < high else f"at {figures(low)}": (value >= low)
         & (value <= high),
-        f"above {_three(high)}": value > high,
+        f"above {figures(high)}": value > high,
     }
     return {text: rows for text, rows in found.items() if rows.any()} if np.ptp(value) > 0.0 else {}
-
-
-def _three(value: float) -> str:
-    """Three digits, up to 999000 without a power of ten."""
-    return f"{float(f'{value:.3g}'):g}"
 
 
 def at_rows(problem: Problem, noise: Noise, name: str) -> Array:

@@ -25,7 +25,8 @@ class Parameter:
 
     name: unique in the model; lower, upper: physical bounds; prior_sd: standard deviation of what is known beforehand,
     None if nothing; scope 'window': refitted in every window without prior (initial states), `guess` gives its
-    start there; shape: has no meaning while the effect is off (a time constant, a corner speed); whole: means something at `value` and a
+    start there; scope 'begin': of the state each window begins in, never fitted: each window's own, known to `prior_sd`, is part of the noise;
+    shape: has no meaning while the effect is off (a time constant, a corner speed); whole: means something at `value` and a
     typical change from it only (a wrong sign); probes: finite changes at
     which an effect is scored, default (typical,), needed where the gradient vanishes at zero; small: scored at nearly no change too.
     """
@@ -37,7 +38,7 @@ class Parameter:
     upper: float = np.inf
     typical: float = 1.0
     prior_sd: float | None = None
-    scope: Literal["all", "window"] = "all"
+    scope: Literal["all", "window", "begin"] = "all"
     shape: bool = False
     whole: bool = False
     probes: tuple[float, ...] = ()

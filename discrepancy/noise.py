@@ -7,6 +7,7 @@ chosen by BIC. Holds for evenly spaced samples; jitter is neglected, gaps restar
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,10 +48,15 @@ class Whitener:
 
 
 class Noise:
-    """Whitening of all rows of a problem; `keep` are the raw rows that remain (the first `order` of a run do not)."""
+    """Whitening of all rows of a problem; `keep` are the raw rows that remain (the first `order` of a run do not).
 
-    def __init__(self, problem: Problem, whiteners: Sequence[Whitener]) -> None:
+    begins: raw rows (N, k) of one standard deviation of each state in which windows begin and that is not known exactly; what they
+    may be in each window is whitened as well.
+    """
+
+    def __init__(self, problem: Problem, whiteners: Sequence[Whitener], begins: Array | None = None) -> None:
         self.whiteners = tuple(whiteners)
+        self.begins = np.zeros((problem.measured.size, 0)) if begins is None else begins
         self._blocks = problem.blocks
         kept = [
             np.arange(b.start + self.whiteners[b.group].order * b.shape[1], max(b.stop, b.start))
@@ -60,9 +66,51 @@ class Noise:
         self.row_window = problem.row_window[self.keep]
         self.row_channel = problem.row_channel[self.keep]
         self.row_time = problem.row_time[self.keep]
+        self._windows = problem.row_window
+        self._unsure = [*self._decomposed()]
+
+    def having(self, problem: Problem, begins: Array) -> "Noise":
+        """The same noise where windows may begin otherwise."""
+        return Noise(problem, self.whiteners, begins)
+
+    def _decomposed(self) -> Iterator[tuple[slice, Array, Array, Array]]:
+        """For each window: its whitened rows, and the singular vectors and values of what its begin may do there."""
+        if not self.begins.size:
+            return
+        white = self._predicted(self.begins)
+        edges = np.flatnonzero(np.diff(self.row_window, prepend=-1, append=-1))
+        for first, last in pairwise(edges.tolist()):
+            U, size, V = np.linalg.svd(white[first:last], full_matrices=False)
+            yield slice(first, last), U, size, V
 
     def whiten(self, rows: Array) -> Array:
         """Raw rows (N,) or (N, k) -> whitened rows (n,) or (n, k)."""
+        white = self._predicted(rows)
+        for part, U, size, _ in self._unsure:
+            shrunk = 1.0 - 1.0 / np.hypot(1.0, size)
+            white[part] -= (U * shrunk) @ (U.T @ white[part])
+        return white
+
+    def begun(self, rows: Array) -> tuple[Array, float]:
+        """Of raw rows (N,): what is most likely to stem from how windows begin, and how many parameters that is worth."""
+        white, found, used = self._predicted(rows), np.zeros(rows.size), 0.0
+        for part, U, size, V in self._unsure:
+            likely = V.T @ (size / (1.0 + size**2) * (U.T @ white[part]))
+            own = self._windows == self.row_window[part.start]
+            found[own] = self.begins[own] @ likely
+            used += float(np.sum(size**2 / (1.0 + size**2)))
+        return found, used
+
+    def log_density(self) -> float:
+        """Logarithm of the density of raw rows that are whitened to nothing, but for a constant."""
+        known = sum(
+            b.shape[0] * float(np.linalg.slogdet(self.whiteners[b.group].inverse_factor)[1])
+            for b in self._blocks
+        )
+        return known - 0.5 * sum(float(np.sum(np.log1p(size**2))) for _, _, size, _ in self._unsure)
+
+    def _predicted(self, rows: Array) -> Array:
+        """Errors of one-step predictions, white but for how windows begin."""
         columns = rows[:, None] if rows.ndim == 1 else rows
         parts = []
         for b in self._blocks:
@@ -81,8 +129,8 @@ class Noise:
         }
 
 
-def white_noise(problem: Problem, residual: Array) -> Noise:
-    """No memory yet: each channel scaled by the spread of its residual."""
+def white_noise(problem: Problem, residual: Array, begins: Array | None = None) -> Noise:
+    """No memory yet: each channel scaled by the spread of its residual; begins: of Noise."""
     whiteners = []
     for blocks in by_group(problem.blocks):
         spread = np.std(_stack(blocks, residual), axis=0)
@@ -90,11 +138,17 @@ def white_noise(problem: Problem, residual: Array) -> Noise:
         size = np.maximum(size, _floors(problem, blocks))
         c = blocks[0].shape[1]
         whiteners.append(Whitener(np.zeros((0, c, c)), np.diag(1.0 / size)))
-    return Noise(problem, whiteners)
+    return Noise(problem, whiteners, begins)
 
 
-def estimate_noise(problem: Problem, residual: Array, used: float) -> Noise:
-    """Autoregression of the residual rows; `used` parameters were fitted to them (their share of freedom is given back)."""
+def estimate_noise(problem: Problem, residual: Array, used: float, known: Noise | None = None) -> Noise:
+    """Autoregression of the residual rows; `used` parameters were fitted to them (their share of freedom is given back).
+
+    known: the noise as it was taken to be, which tells what of the rows is due to how windows begin.
+    """
+    if known is not None:
+        begun, also = known.begun(residual)
+        residual, used = residual - begun, used + also
     inflation = residual.size / max(residual.size - used, 0.25 * residual.size)
     return Noise(
         problem,
@@ -102,6 +156,7 @@ def estimate_noise(problem: Problem, residual: Array, used: float) -> Noise:
             _autoregression(blocks, residual, inflation, _floors(problem, blocks))
             for blocks in by_group(problem.blocks)
         ],
+        known.begins if known is not None else None,
     )
 
 

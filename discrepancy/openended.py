@@ -21,6 +21,7 @@ from discrepancy.model import Model, Window
 from discrepancy.noise import Noise
 from discrepancy.normal import inverse
 from discrepancy.problem import Problem
+from discrepancy.quantities import quantity
 from discrepancy.recording import Array
 from discrepancy.screen import Projector, inflation_of, penalty, stretches
 from discrepancy.state import Settings, State
@@ -70,7 +71,7 @@ class OpenEnded:
         return "; ".join(
             f"{place} += "
             + " + ".join(
-                f"({f'{t.coefficient:.4g} {t.unit}'.removesuffix(' 1')}) {t.function.text}".removesuffix(" 1")
+                f"({quantity(t.coefficient, t.unit)}) {t.function.text}".removesuffix(" 1")
                 for t in self.terms
                 if t.place == place
             )

@@ -141,7 +141,7 @@ def _synchrony(problem: Problem, part: _Part, base: Array, local: Array) -> Comp
     likeness = np.abs(moved.T @ predicted) / np.maximum(size, 1e-300)
     inner, best = float(np.max(likeness[np.abs(shifts) <= allowed + step])), int(np.argmax(likeness))
     late, alike = float(shifts[best]), float(likeness[best])
-    if abs(late) <= allowed + step or alike < ALIKE or 1.0 - alike**2 > 0.5 * (1.0 - inner**2):
+    if abs(late) <= allowed + step or not alike >= ALIKE or 1.0 - alike**2 > 0.5 * (1.0 - inner**2):
         return None
     text = (
         f"fits the inputs {abs(late):.2f} s {'later' if late > 0 else 'earlier'} than it is stamped (correlation {alike:.2f} against "

@@ -25,7 +25,8 @@ OWN_SHARE = (
 FITTED_SHARE = (
     0.2  # of what parameters may move, that they may before derivatives are: these decide where a fit ends
 )
-PLACES = 2  # at which sensitivities are kept: beside a strained fit its priors, to which it returns
+PLACES = 2  # at which sensitivities of finite changes are kept: beside a strained fit its priors, to which it returns
+FITTED_PLACES = 6  # at which derivatives are: every effect that is tried takes them elsewhere, and then the next begins where they were
 RECENT = 4  # predictions kept: a step that was tried is where the next begins
 
 
@@ -118,6 +119,7 @@ class Problem:
         self.missing = tuple(name for name in model.outputs if name not in self.channels)
         self.row_window, self.row_channel, self.row_time = self._labels()
         self.local_names = tuple(p.name for p in model.nuisances if p.scope == "window")
+        self.begin_names = tuple(p.name for p in model.nuisances if p.scope == "begin")
         self.nuisance_names = tuple(p.name for p in model.nuisances if p.scope == "all")
         shared = [p for p in model.parameters if p.scope == "all"]
         self._shared = [p.name for p in shared]
@@ -211,17 +213,23 @@ class Problem:
         )
         if anywhere:
             return column
-        own = self._shared.index(name)
+        own = moved[self._shared.index(name)] if name in self._shared else 0.0
         hold = self.model.slopes_hold * (FITTED_SHARE if probe is None else 1.0)
-        if moved[own] > OWN_SHARE * hold or np.max(moved) > hold:
+        if own > OWN_SHARE * hold or np.max(moved) > hold:
             return None
         return column
 
     def keep_slope(self, name: str, probe: float | None, values: Values, column: Array) -> None:
         """Keep a column of the sensitivities; probe: the finite change it is for, None for a derivative."""
         if self.model.costly and name not in self.local_names:
-            kept = self._slopes.setdefault((name, probe), deque(maxlen=PLACES))
+            places = FITTED_PLACES if probe is None else PLACES
+            kept = self._slopes.setdefault((name, probe), deque(maxlen=places))
             kept.append((self._scaled(values), column))
+
+    def forget_derivatives(self) -> None:
+        """Have the next fit begin with derivatives of its own place."""
+        for name, probe in [key for key in self._slopes if key[1] is None and key[0] not in self.begin_names]:
+            del self._slopes[name, probe]
 
     def _scaled(self, values: Values) -> Array:
         """Shared parameters in typical changes."""
@@ -232,16 +240,21 @@ class Problem:
         rows = np.empty(self.measured.size)
         seen = self._all_outputs(values, extra)
         for block, place in zip(self.blocks, self._places, strict=True):
-            outputs = seen[block.window]
-            for i, name in enumerate(block.channels):
-                rows[block.start + i : block.stop : len(block.channels)] = place.of(outputs[name])
+            outputs = np.stack([seen[block.window][name] for name in block.channels])
+            rows[block.start : block.stop] = place.of(outputs).T.ravel()
         return rows
+
+    def motions(self, windows: Sequence[Window], values: Values) -> Sequence[Mapping[str, Array]]:
+        """What the model says of every window, no sensor being faulty; windows: those of the problem, maybe with fewer signals."""
+        together = getattr(self.model.simulate, "together", None)
+        if self.local_names or values.spells or together is None:
+            return [self.model.simulate(window, values.in_window(i), {}) for i, window in enumerate(windows)]
+        return list(together(windows, values.shared))
 
     def _all_outputs(
         self, values: Values, extra: Sequence[Mapping[str, Array]] | None
     ) -> list[dict[str, Array]]:
-        together = getattr(self.model.simulate, "together", None)
-        if extra or self.local_names or values.spells or together is None:
-            return [self.outputs(i, values, extra[i] if extra else None) for i in range(len(self.windows))]
-        motions = together(self.windows, values.shared)
-        return [self._sensed(i, true, dict(values.shared)) for i, true in enumerate(motions)]
+        if extra:
+            return [self.outputs(i, values, extra[i]) for i in range(len(self.windows))]
+        motions = self.motions(self.windows, values)
+        return [self._sensed(i, true, values.in_window(i)) for i, true in enumerate(motions)]

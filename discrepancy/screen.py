@@ -236,7 +236,7 @@ def score(
         if seen < INVISIBLE * whole or whole == 0.0:
             plausible, seen = False, 0.0  # nuisances or initial states can do exactly the same
         noncentrality = (
-            _least_seen(X, np.array([p.typical for p in own]) / change) / inflation if seen else 0.0
+            least_seen(X, np.array([p.typical for p in own]) / change) / inflation if seen else 0.0
         )
         found = Score(
             effect=columns.effect.name,
@@ -267,7 +267,7 @@ def allowed(parameters: Sequence[Parameter], moved: Array) -> bool:
     )
 
 
-def _least_seen(direction: Array, typical: Array) -> float:
+def least_seen(direction: Array, typical: Array) -> float:
     """Squared size of the least visible combination of typical changes, (k,) in units of the changes tried; of a long profile, of all together."""
     if typical.size > FEW:
         return float(np.sum(direction**2) * np.mean(typical**2))

@@ -48,7 +48,7 @@ def cut_short(problem: Problem, settings: Settings) -> bool:
 def passed(problem: Problem, state: State, settings: Settings) -> list[Trial]:
     """The best trial that passed, if any."""
     good = [t for t in state.trials if t.accepted(settings) and not t.negligible(problem)]
-    return [_first(problem, good)] if good else []
+    return [_first(problem, state.noise, good)] if good else []
 
 
 def together(problem: Problem, state: State, settings: Settings) -> list[Trial]:
@@ -101,19 +101,15 @@ def _agreed(problem: Problem, noise: Noise, fitted: Fit, name: str, settings: Se
     return beyond > settings.alpha / len(problem.model.effects)
 
 
-def _first(problem: Problem, passed: Sequence[Trial]) -> Trial:
+def _first(problem: Problem, noise: Noise, good: Sequence[Trial]) -> Trial:
     """The effect that explains best: by lead, or by likelihood where some were judged under the noise that they leave."""
-    if not any(t.beside for t in passed):
-        return max(passed, key=lambda t: t.lead)
-    return max(passed, key=lambda t: _log_likelihood(problem, t) - t.needed)
+    if not any(t.beside for t in good):
+        return max(good, key=lambda t: t.lead)
+    return max(good, key=lambda t: _log_likelihood(problem, noise, t) - t.needed)
 
 
-def _log_likelihood(problem: Problem, trial: Trial) -> float:
-    """Twice the logarithm of the likelihood of a trial under the noise that it leaves, but for a constant."""
+def _log_likelihood(problem: Problem, noise: Noise, trial: Trial) -> float:
+    """Twice the logarithm of the likelihood of a trial under the noise that it leaves, but for a constant; noise: that of the search."""
     raw = problem.measured - problem.predict(trial.fit.values)
-    noise = estimate_noise(problem, raw, len(trial.fit.names))
-    density = sum(
-        b.shape[0] * float(np.linalg.slogdet(noise.whiteners[b.group].inverse_factor)[1])
-        for b in problem.blocks
-    )
-    return 2.0 * density - float(np.sum(noise.whiten(raw) ** 2))
+    noise = estimate_noise(problem, raw, len(trial.fit.names), noise)
+    return 2.0 * noise.log_density() - float(np.sum(noise.whiten(raw) ** 2))

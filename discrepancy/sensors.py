@@ -174,7 +174,11 @@ def through_sensors(
             if one in seen and two in seen:
                 c, s = np.cos(angle), np.sin(angle)
                 seen[one], seen[two] = c * seen[one] + s * seen[two], c * seen[two] - s * seen[one]
+    # most sensors have no fault, and then nothing is to be done
+    faulty = {name.rpartition(".")[0] for name, value in values.items() if value != 0.0}
     for name, true in seen.items():
+        if name not in faulty:
+            continue
         lag = values.get(f"{name}.lag", 0.0)
         y = lagged_more(true, lag, lags[name], step_s) if name in lags else lagged(true, lag, step_s)
         y = delayed(y, values.get(f"{name}.delay", 0.0), time_s)

@@ -157,7 +157,7 @@ def settle(
     fitted = fit(problem, noise, (*names, *own), begun.acting(switches(effect), windows), iterations=4)
     for _ in range(ROUNDS):
         raw = problem.measured - problem.predict(fitted.values)
-        noise = estimate_noise(problem, *unexplained(problem, noise, fitted, raw, columns))
+        noise = estimate_noise(problem, *unexplained(problem, noise, fitted, raw, columns), noise)
         everywhere = np.ones(noise.keep.size, bool)
         fitted = fit(problem, noise, (*names, *own), fitted.values, iterations=4)
         spells = {name: spell for name, spell in fitted.values.spells.items() if name not in own}

@@ -34,7 +34,7 @@ def with_effect(model: Model, effect: Effect, terms: Mapping[str, Term]) -> Mode
     ) -> Mapping[str, Array]:
         if not any(values.get(name, 0.0) for name in effect.names):
             return inner(window, values, extra)
-        signals = driven(replace(model, simulate=inner), window, values)
+        signals = driven(model, [window], lambda blind: [inner(w, values, {}) for w in blind])[0]
         added = {place: term(signals, values, window.step_s) for place, term in terms.items()}
         pushed = {name: extra.get(name, 0.0) + more for name, more in added.items() if name in ports}
         outputs = inner(window, values, {**extra, **pushed})

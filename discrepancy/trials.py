@@ -18,6 +18,7 @@ from discrepancy.spells import price, settle, spell_of, within
 from discrepancy.starts import Starts
 from discrepancy.state import CLEAR, Settings, State, Trial, free_names
 
+NEAR = 0.02  # share of an effect's gain to which it is known what a costly model leaves without the effect
 BEHIND = 0.25  # share of the largest gain in SSE below which a begun refit is left, where that gain is
 REACH = 0.5  # share of the gain that is needed, below which a begun refit of a costly model is left
 SURE = 1.96  # standard deviations
@@ -30,12 +31,13 @@ def try_shortlist(problem: Problem, state: State, settings: Settings) -> list[Tr
     if any(t.accepted(settings) for t in trials):
         return trials
     known = {t.effect for t in trials} | {s.effect for s in listed}
-    rest = [s for s in state.scores if s.effect not in known and s.statistic > _needed(problem, s, settings)]
+    count = len(problem.model.effects)
+    rest = [
+        s
+        for s in state.scores
+        if s.effect not in known and s.statistic > penalty(s.freedom, count, settings.alpha)
+    ]
     return trials + _tried(problem, state, rest[: settings.shortlist], (), settings)
-
-
-def _needed(problem: Problem, found: Score, settings: Settings) -> float:
-    return penalty(found.freedom, len(problem.model.effects), settings.alpha)
 
 
 def _tried(
@@ -70,9 +72,12 @@ def _tried(
         fine and (t.beside is not None or t.lead > best - 3.0 * settings.same)
         for t, fine in zip(trials, sure, strict=True)
     ]
+    gains = [t.gain for t, test in zip(trials, tested, strict=True) if test and t.beside is None]
     before = (
-        held_out_residual(problem, state.noise, state.accepted, state.fit.values, settings)
-        if any(test and t.beside is None for t, test in zip(trials, tested, strict=True))
+        held_out_residual(
+            problem, state.noise, state.accepted, state.fit.values, settings, enough=near(problem, min(gains))
+        )
+        if gains
         else None
     )
     return [
@@ -147,10 +152,18 @@ def refit(
     if problem.model.costly:
         least = max(least, REACH * price(problem, effect, best.values, settings.alpha))
     if state.fit.sse - best.sse > least:
-        fits = [fit(problem, state.noise, names, b.values, iterations=4) for b in begun]
+        fits: list[Fit] = []
+        for b in begun:
+            if not any(_one_place(problem, b, ended) for ended in fits):
+                fits.append(fit(problem, state.noise, names, b.values, iterations=4))
         best = min(fits, key=lambda f: f.sse)
     if windows is None:
-        return weighed(problem, state, effect, best, settings)
+        trial = weighed(problem, state, effect, best, settings)
+        if trial.gain <= trial.needed or trial.size >= problem.model.negligible:
+            return trial
+        # beside a nuisance that can do nearly the same, derivatives of a little elsewhere do not tell the way
+        problem.forget_derivatives()
+        return weighed(problem, state, effect, fit(problem, state.noise, names, best.values), settings)
     names = free_names(problem, state.accepted)
     own = settle(problem, state.noise, effect, names, best.values, windows, state.columns)
     alike = own.even(settings.alpha / len(problem.model.effects))
@@ -159,6 +172,13 @@ def refit(
     needed = price(problem, effect, best.values, settings.alpha)
     gain = own.sure_gain if alike else 0.0  # what comes and goes in between is another thing
     return Trial(effect.name, own.with_it, gain, own.gain, needed, None, own.inflation, size, beside=beside)
+
+
+def _one_place(problem: Problem, one: Fit, other: Fit) -> bool:
+    """Whether two fits of the same parameters stand within a typical change of each other, and so lead to the same end."""
+    apart = [one.values.shared[name] - other.values.shared[name] for name in one.names]
+    typical = [problem.model.parameter(name).typical for name in one.names]
+    return bool(np.max(np.abs(apart) / np.abs(typical)) < 1.0)
 
 
 def weighed(problem: Problem, state: State, effect: Effect, fitted: Fit, settings: Settings) -> Trial:
@@ -188,7 +208,8 @@ def confirm(
     """
     noise, count = state.noise, len(problem.channels)
     if without is None:
-        without = held_out_residual(problem, noise, state.accepted, state.fit.values, settings)
+        enough = near(problem, trial.gain)
+        without = held_out_residual(problem, noise, state.accepted, state.fit.values, settings, enough=enough)
     with_it = held_out_residual(problem, noise, (*state.accepted, trial.effect), trial.fit.values, settings)
     gained, whole = without**2 - with_it**2, np.bincount(noise.row_channel, without**2, count)
     taken = np.bincount(noise.row_channel, gained, count) / np.maximum(whole, 1e-300)
@@ -196,14 +217,25 @@ def confirm(
 
 
 def held_out_residual(
-    problem: Problem, noise: Noise, effects: Sequence[str], start: Values, settings: Settings
+    problem: Problem,
+    noise: Noise,
+    effects: Sequence[str],
+    start: Values,
+    settings: Settings,
+    *,
+    enough: float | None = None,
 ) -> Array:
-    """Whitened residual (n,), every row from a fit of the shared parameters that has not seen it."""
+    """Whitened residual (n,), every row from a fit of the shared parameters that has not seen it; enough: as in `fit`."""
     names, residual = free_names(problem, effects), np.empty(noise.keep.size)
     for test in folds(problem, noise, settings.folds):
-        trained = fit(problem, noise, names, start, rows=~test, iterations=4, rough=True)
+        trained = fit(problem, noise, names, start, rows=~test, iterations=4, rough=True, enough=enough)
         residual[test] = held_out(problem, noise, trained.values, test)[test]
     return residual
+
+
+def near(problem: Problem, gain: float) -> float | None:
+    """Gain in SSE that is not worth a step of a fit without an effect that gains so much; None where steps cost little."""
+    return NEAR * gain if problem.model.costly else None
 
 
 def folds(problem: Problem, noise: Noise, count: int) -> list[Mask]:

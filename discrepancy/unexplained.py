@@ -35,7 +35,7 @@ def unexplained(
 
 def _refitted(problem: Problem, noise: Noise, fitted: Fit, left: Array) -> Array:
     base = problem.predict(fitted.values)
-    raw = differences(problem, fitted.values, base, [*fitted.names, *problem.local_names])
+    raw = differences(problem, fitted.values, base, [*fitted.names, *problem.local_names], rough=True)
     J, L = raw[:, : len(fitted.names)], raw[:, len(fitted.names) :]
     white = noise.whiten(left)
     everything = np.ones(white.size, bool)

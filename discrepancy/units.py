@@ -31,6 +31,7 @@ FOREIGN = {
     "%": ("1", 1e-2), "rpm": ("rad/s", math.pi / 30.0), "mV": ("V", 1e-3), "mA": ("A", 1e-3), "kHz": ("Hz", 1e3),
 }  # fmt: skip
 GRAM = {"g": ("kg", 1e-3)}
+_POWER = re.compile(r"(?<=[A-Za-z])\^?([23])(?!\d)")
 _FACTOR = re.compile(r"([A-Za-z%°µ1]+)(?:\^(-?\d+))?$")
 
 
@@ -134,8 +135,9 @@ def _unreadable(text: str, part: str, *more: str) -> ValueError:
 
 
 def shown(unit: str) -> str:
-    """A unit as people read it: 'm/s²', 'N·m'; empty for a plain number."""
-    return "" if unit == "1" else unit.replace("^2", "²").replace("^3", "³").replace(".", "·")
+    """A unit as people read it: 'm/s²', 'N·m' for 'N.m' and 'N m'; empty for a plain number."""
+    raised = _POWER.sub(lambda power: "²" if power[1] == "2" else "³", unit)
+    return "" if unit == "1" else raised.replace(".", "·").replace(" ", "·")
 
 
 CONFUSED = (

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from discrepancy import findings as f
+from discrepancy.agreement import disagreements
 from discrepancy.doubts import strained
 from discrepancy.openended import OpenEnded
 from discrepancy.problem import Problem
@@ -10,6 +11,7 @@ from discrepancy.state import CLEAR, Settings, State, Trial
 from discrepancy.trials import confirm
 
 FEW_SAMPLES = 30
+SHOWN = 6  # effects in a reason; all candidates with their verdicts stand beside it
 
 
 def verdict(
@@ -28,6 +30,7 @@ def verdict(
     if status == "nothing missing":
         reasons += [f"{text}: the baseline is wrong there" for text in strained(problem, state.fit)]
         status = "inconclusive" if left_over else status
+    reasons += disagreements(problem, state, [x.effect for x in found if x.named])
     return status, reasons + [
         f"the search ended at {settings.most_simulations} simulations though {t.effect} would help: the model is wrong by far, or in many ways"
         for t in left_over
@@ -81,7 +84,8 @@ def _status(
         return "inconclusive", ["none of the library's effects would have been noticed at a typical size"]
     reasons.append("no effect and no function of the known signals improves the prediction of held-out data")
     if blind:
-        reasons.append(f"could not be judged here: {', '.join(c.effect for c in blind)}")
+        more = f" and {len(blind) - SHOWN} more of {len(candidates)}" if len(blind) > SHOWN else ""
+        reasons.append(f"could not be judged here: {', '.join(c.effect for c in blind[:SHOWN])}{more}")
     if wrong:
         channels = ", ".join(problem.channels)
         return "inconclusive", [*wrong, f"in {channels} alone {reasons[0]}", *reasons[1:]]

@@ -12,7 +12,7 @@ from discrepancy.problem import Problem, Values
 from discrepancy.recording import Array
 from discrepancy.spells import price
 from discrepancy.state import Settings, State, free_names
-from discrepancy.trials import held_out_residual, size_of
+from discrepancy.trials import held_out_residual, near, size_of
 
 NOTHING_KNOWN: Mapping[frozenset[str], Values] = {}
 TOUCHED = 0.1  # share of the gain that makes a channel one the effect acts on
@@ -67,8 +67,12 @@ def _without(
         if name not in others
         for p in problem.model.effect(name).parameters
     }
-    start = known.get(frozenset(others), state.fit.values.with_shared(off))
-    return fit(problem, state.noise, free_names(problem, others), start, rough=True)
+    names = free_names(problem, others)
+    start, enough = known.get(frozenset(others), state.fit.values.with_shared(off)), None
+    if problem.model.costly:
+        begun = fit(problem, state.noise, names, start, rough=True, iterations=0)
+        enough = near(problem, begun.sse - state.fit.sse)
+    return fit(problem, state.noise, names, start, rough=True, enough=enough)
 
 
 def beside_others(
@@ -97,7 +101,8 @@ def _weigh(
     """after: the held-out residual with all that was accepted."""
     others = tuple(n for n in state.accepted if n != name)
     without = _without(problem, state, others, known)
-    before = held_out_residual(problem, state.noise, others, without.values, settings)
+    enough = near(problem, without.sse - state.fit.sse)
+    before = held_out_residual(problem, state.noise, others, without.values, settings, enough=enough)
     rows = {c: state.noise.row_channel == i for i, c in enumerate(problem.channels)}
     gains = {c: float(np.sum(before[r] ** 2) - np.sum(after[r] ** 2)) for c, r in rows.items()}
     gained = sum(gains.values())

@@ -54,11 +54,11 @@ class Place:
         return cls(at, np.clip(part, 0.0, 1.0))
 
     def of(self, values: Array) -> Array:
-        """Values at the stamps."""
+        """Values (..., grid) at the stamps (..., n)."""
+        before = np.take(values, self.before, axis=-1)
         if self.part is None:
-            return np.asarray(values[self.before], float)
-        rise = values[self.before + 1] - values[self.before]
-        return np.asarray(values[self.before] + self.part * rise, float)
+            return np.asarray(before, float)
+        return np.asarray(before + self.part * (np.take(values, self.before + 1, axis=-1) - before), float)
 
 
 def usable(

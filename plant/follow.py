@@ -44,7 +44,8 @@ M_SPEED: Final = 5  # mean wheel speed [rad/s]
 M_ARTICULATION: Final = 6  # angle [rad], and the rate [rad/s]: measured, or asked for
 M_LIFT: Final = 8  # the same
 M_TILT: Final = 10
-MEASURED: Final = 12
+M_TURNING: Final = 12  # four wheel speeds [rad/s]
+MEASURED: Final = 16
 
 JOINTS: Final = (
     (M_ARTICULATION, s.FRONT_FRAME, s.C_ARTICULATION_RATE, P_STEERING),
@@ -56,7 +57,7 @@ JOINTS: Final = (
 AT_ONCE: Final = 2e-3  # lag of motors and brakes whose torque was measured [s], or the step if that is longer
 ANGLE_GAIN: Final = 4.0  # how fast an error of such an angle decays [1/s]
 ASKED_GAIN: Final = 1.0  # the same where the rate is the one that was asked for
-HELD: Final = 0.05  # wheel speed below which an applied brake holds the wheels [rad/s]
+HELD: Final = 0.05  # wheel speed below which an applied brake holds the wheel [rad/s]
 GAIN: Final = 0.5  # with which the speed is drawn to the measured one [1/s]
 
 
@@ -70,7 +71,7 @@ def _command(
     for wheel in range(4):
         torque = m[M_TORQUE + wheel] + middle * (after[M_TORQUE + wheel] - m[M_TORQUE + wheel])
         capacity = 0.0
-        standing = abs(m[M_SPEED]) < HELD
+        standing = abs(m[M_TURNING + wheel]) < HELD
         if m[M_BRAKING] > 0.0 and (standing or torque * m[M_SPEED] < 0.0):
             capacity = p[P_BRAKE_CAPACITY] if standing else abs(torque)
             torque = 0.0

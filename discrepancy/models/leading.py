@@ -26,6 +26,7 @@ from plant.follow import (
     M_SPEED,
     M_TILT,
     M_TORQUE,
+    M_TURNING,
     MEASURED,
     Asked,
 )
@@ -42,6 +43,10 @@ MISLEADING: Final = ("scale", "delay")
 LINKAGE: Final = ((M_LIFT, "lift_arm_angle", "lift_zero"), (M_TILT, "tilt_angle", "tilt_zero"))
 
 
+Speeds = Mapping[str, Array]
+"""By the channel of a wheel's speed."""
+
+
 def asked_of(window: Window) -> Asked:
     """Which joints' demands were recorded."""
     steering, lift, tilt = (window.has(name) for name in DEMANDS)
@@ -49,12 +54,18 @@ def asked_of(window: Window) -> Asked:
 
 
 def measured_of(
-    window: Window, sensors: SensorParameters, machine: Machine, abilities: Abilities, *, asked: Asked
+    window: Window,
+    speeds: Speeds,
+    sensors: SensorParameters,
+    machine: Machine,
+    abilities: Abilities,
+    *,
+    asked: Asked,
 ) -> Array:
     """What leads the plant, (n, MEASURED): the recorded inputs without what their sensors did to them.
 
     Lags and delays of the sheet are undone by reading as much later as they make slow motions late.
-    asked: joints whose rates are those the driver asked for.
+    speeds: of `speeds_of`; asked: joints whose rates are those the driver asked for.
     """
 
     def read(name: str) -> Array:
@@ -67,7 +78,9 @@ def measured_of(
         measured[:, M_TORQUE + i] = nominal + _smooth(read(name) - nominal, LEVELLED)
     if window.has("brake_demand"):
         measured[:, M_BRAKING] = window["brake_demand"] > 0.0
-    measured[:, M_SPEED] = speeds_of(window, sensors) @ _shares_of(window)
+    measured[:, M_SPEED] = np.mean(list(speeds.values()), axis=0) if speeds else 0.0
+    for i, name in enumerate(SPEEDS):
+        measured[:, M_TURNING + i] = speeds.get(name, measured[:, M_SPEED])
     angle, rate = read("articulation_angle"), read("articulation_rate")
     steering = machine.steering
     if asked[0]:
@@ -97,24 +110,17 @@ def measured_of(
     return measured
 
 
-def speeds_of(window: Window, sensors: SensorParameters) -> Array:
-    """What leads the plant's speed: those of the wheels (n, 4) [rad/s], 0 where one was not recorded."""
-    speeds = np.zeros((window.time_s.size, len(SPEEDS)))
-    for i, name in enumerate(SPEEDS):
-        if window.has(name):
-            late = _late(sensors.of(name), window.step_s)
-            speeds[:, i] = _smooth(delayed(window[name], -late, window.time_s))
-    return speeds
-
-
-def _shares_of(window: Window) -> Array:
-    """How much each wheel says of the speed that leads: the same of those that were recorded."""
-    recorded = np.array([window.has(name) for name in SPEEDS], float)
-    return np.asarray(recorded / max(np.sum(recorded), 1.0), float)
+def speeds_of(window: Window, sensors: SensorParameters) -> Speeds:
+    """Speeds of the wheels that were recorded, as they lead the plant [rad/s]."""
+    return {
+        name: _smooth(delayed(window[name], -_late(sensors.of(name), window.step_s), window.time_s))
+        for name in SPEEDS
+        if window.has(name)
+    }
 
 
 def shifted(
-    measured: Array, speeds: Array, edges: NDArray[np.intp], values: Mapping[str, float], step_s: float
+    measured: Array, speeds: Speeds, edges: NDArray[np.intp], values: Mapping[str, float], step_s: float
 ) -> Array:
     """What was measured without what sensors are taken to add: those of torque and angles as nuisances, of wheel speeds as faults.
 
@@ -125,20 +131,12 @@ def shifted(
     true[:, M_ARTICULATION] -= values.get("articulation_zero", 0.0)
     for at, _, name in LINKAGE:
         true[:, at] -= values.get(name, 0.0)
-    true[:, M_SPEED] -= _misled(speeds, edges, values, step_s)
-    return true
-
-
-def _misled(speeds: Array, edges: NDArray[np.intp], values: Mapping[str, float], step_s: float) -> Array:
-    """By how much faults of wheel-speed sensors mislead the speed that leads (n,) [rad/s]."""
-    recorded = [i for i in range(len(SPEEDS)) if speeds[:, i].any()]
-    wrong = np.zeros(len(speeds))
-    for i in recorded:
-        scale, delay_s = (values.get(f"{SPEEDS[i]}.{fault}", 0.0) for fault in MISLEADING)
+    for name, speed in speeds.items():
+        scale, delay_s = (values.get(f"{name}.{fault}", 0.0) for fault in MISLEADING)
         if scale or delay_s:
-            true = _read_later(speeds[:, i], edges, delay_s, step_s) / (1.0 + scale)
-            wrong += (speeds[:, i] - true) / len(recorded)
-    return wrong
+            turned = _read_later(speed, edges, delay_s, step_s) / (1.0 + scale)
+            true[:, M_SPEED] -= (speed - turned) / len(speeds)
+    return true
 
 
 def _read_later(values: Array, edges: NDArray[np.intp], by_s: float, step_s: float) -> Array:

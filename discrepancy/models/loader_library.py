@@ -59,13 +59,17 @@ OPTIONAL: Mapping[str, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """An output: its unit, an error that matters, what its zero point may be off by, and what its sensor does."""
+    """An output: its unit, an error that matters, what its zero point and its scale may be off by, and what its sensor does."""
 
     unit: str
     typical: float
     zero: float
     columns: tuple[str, int | None]
     faults: tuple[str, ...] = ()
+    scale: float = 0.0
+
+
+GAUGE: Final = 2.5e-3  # of a pressure's reading: accuracy of the transducers in the equipment's sheet
 
 
 def _machine_channels() -> dict[str, Channel]:
@@ -85,10 +89,14 @@ def _machine_channels() -> dict[str, Channel]:
         },
         "pitch_angle": Channel("rad", 0.005, 0.005, ("pitch", None), ("bias", "delay", "lag")),
         "roll_angle": Channel("rad", 0.005, 0.005, ("roll", None), ("bias", "delay", "lag")),
-        "lift_pressure": Channel("Pa", 2e5, 1e5, ("lift_pressure", None), ("bias", "scale", "delay", "lag")),
-        "tilt_pressure": Channel("Pa", 2e5, 1e5, ("tilt_pressure", None), ("bias", "scale")),
+        "lift_pressure": Channel(
+            "Pa", 2e5, 1e5, ("lift_pressure", None), ("bias", "scale", "delay", "lag"), GAUGE
+        ),
+        "tilt_pressure": Channel("Pa", 2e5, 1e5, ("tilt_pressure", None), ("bias", "scale"), GAUGE),
         **{
-            f"steering_pressure_{side}": Channel("Pa", 2e5, 1e5, ("steering_pressure", i), ("bias", "scale"))
+            f"steering_pressure_{side}": Channel(
+                "Pa", 2e5, 1e5, ("steering_pressure", i), ("bias", "scale"), GAUGE
+            )
             for i, side in enumerate(("left", "right"))
         },
     }
@@ -114,6 +122,33 @@ def zero(name: str) -> str:
     return f"zero.{name}"
 
 
+def scale(name: str) -> str:
+    return f"scale.{name}"
+
+
+BOUNCE: Final = 12.0  # of the loader on its tyres [rad/s]
+HEAVE_M: Final = 2e-3  # about 1 kN a wheel
+TILT_RAD: Final = 2e-3
+SPEED_M_S: Final = 0.05  # a quarter of it is left where a stretch is scored
+
+
+def _begin(name: str, unit: str, sd: float) -> Parameter:
+    return Parameter(name=f"begin.{name}", unit=unit, typical=sd, prior_sd=sd, scope="begin")
+
+
+BEGINS = (
+    _begin("height", "m", HEAVE_M),
+    _begin("height_rate", "m/s", HEAVE_M * BOUNCE),
+    _begin("roll", "rad", TILT_RAD),
+    _begin("pitch", "rad", TILT_RAD),
+    _begin("roll_rate", "rad/s", TILT_RAD * BOUNCE),
+    _begin("pitch_rate", "rad/s", TILT_RAD * BOUNCE),
+    _begin("speed", "m/s", SPEED_M_S),
+)
+"""What a stretch begins with and no sensor tells exactly. What the pilot misses of a hard stop rings on for seconds in a machine on soft tyres;
+motions sideways and in the joints have died away before a stretch is scored.
+"""
+
 NUISANCES = (
     Parameter(name="rear_mass", unit="kg", lower=-1500.0, upper=1500.0, typical=100.0, prior_sd=120.0),
     Parameter(name="front_mass", unit="kg", lower=-800.0, upper=800.0, typical=50.0, prior_sd=60.0),
@@ -129,6 +164,14 @@ NUISANCES = (
         for name, channel in CHANNELS.items()
         if channel.zero > 0.0
     ),
+    *(
+        Parameter(
+            name=scale(name), unit="1", lower=-0.05, upper=0.05, typical=channel.scale, prior_sd=channel.scale
+        )
+        for name, channel in CHANNELS.items()
+        if channel.scale > 0.0
+    ),
+    *BEGINS,
 )
 
 

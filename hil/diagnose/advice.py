@@ -8,6 +8,7 @@ from discrepancy.findings import Finding, Findings
 from discrepancy.words import number_and_unit
 
 SHOWN = 4  # members of a list in one sentence
+OTHER_CHANNEL = "another channel"
 NEEDS = "; needs "  # how the reasons of candidates that could not be judged name what would show them
 
 
@@ -72,10 +73,16 @@ def _recorded(result: Findings) -> Iterator[str]:
     for c in result.candidates:
         if c.verdict == "could not be judged" and NEEDS in c.reason:
             by_need.setdefault(c.reason.partition(NEEDS)[2], []).append(c.effect)
+    alike = by_need.pop(OTHER_CHANNEL, [])
     needs = [f"{need} ({_some(effects)})" for need, effects in by_need.items()]
     if needs:
         more = "; and more" if len(needs) > SHOWN else ""
         yield f"To judge what could not be judged, record {'; '.join(needs[:SHOWN])}{more}."
+    if alike:
+        yield (
+            f"No driving tells {_some(alike)} from what the baseline's own parameters can do (a zero point, a mass); "
+            "a further channel can."
+        )
 
 
 def _size(f: Finding) -> str:

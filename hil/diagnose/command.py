@@ -171,26 +171,24 @@ def _one(question: "Question", out: Path | None, apply: Path | None, *, everythi
             progress("predicting held-out stretches for the report")
             shown = evidence(found.judged, settings)
     console, steps = Console(soft_wrap=True), advice(result, question.model, out, applied=apply is not None)
-    files = []
+    files, said = list[Path](), list[str]()
     if out is not None:  # before it is told, so that a reader of the words who leaves loses no result
-        text = page(result, shown, steps, conditions(time.monotonic() - start, found.base.told))
-        files = write("--out", out, {"findings.json": to_json(result), "report.html": text})
-    if found.base.told:
-        print(found.base.told)
-    tell(result, console, all_candidates=everything)
-    tell_steps(steps, console)
+        text = page(result, shown, steps, conditions(time.monotonic() - start, result.baseline))
+        files += write("--out", out, {"findings.json": to_json(result), "report.html": text})
+    try:
+        if result.baseline:
+            print(f"baseline: {result.baseline}")
+        tell(result, console, all_candidates=everything)
+        tell_steps(steps, console)
+    finally:  # the same; and where it cannot be applied, the verdict has been told
+        if apply is not None:
+            outcome = application(found.choice, found.model, result, found.base.given, apply)
+            said += outcome.said
+            for path, text in outcome.files.items():
+                files += write("--apply", path.parent, {path.name: text})
+    for line in said:
+        print(line)
     tell_written(files)
-    if apply is not None:
-        outcome = application(found.choice, found.model, result, found.base.given, apply)
-        for line in outcome.said:
-            print(line)
-        tell_written(
-            [
-                file
-                for path, text in outcome.files.items()
-                for file in write("--apply", path.parent, {path.name: text})
-            ]
-        )
     return EXIT[result.status]
 
 
@@ -221,14 +219,14 @@ def tell_steps(steps: Sequence[str], console: "Console") -> None:
         console.print(f"- {escape(step)}", highlight=False)
 
 
-def conditions(seconds: float, baseline: str = "") -> dict[str, str]:
-    """What was run, for the report; baseline: a line about it, where there is something to say."""
+def conditions(seconds: float, baseline: str) -> dict[str, str]:
+    """What was run, for the report; baseline: as in findings.json."""
     now = datetime.now(UTC)
     return {
         "command": shlex.join(["loaderhil", *sys.argv[1:]]),
         "when": f"{now:%Y-%m-%d %H:%M} UTC, in {seconds:.1f} s",
         "version": f"loaderhil {importlib.metadata.version('loaderhil')}, Python {platform.python_version()}",
-        **({"baseline": baseline.removeprefix("baseline: ")} if baseline else {}),
+        **({"baseline": baseline} if baseline else {}),
     }
 
 

@@ -14,7 +14,7 @@ from typing import Final
 from bus.mistake import Mistake
 from discrepancy.findings import Estimate, Finding, Findings
 from discrepancy.model import Effect, Model, Parameter
-from discrepancy.words import rounded
+from discrepancy.words import likelihood, rounded
 from hil.diagnose.tomltext import Line, laid_over
 
 Values = Mapping[str, Mapping[str, float]]
@@ -83,7 +83,7 @@ def _story(f: Finding, recordings: Sequence[str]) -> list[str]:
         f"{f.sentence.rstrip('.')}: {f.equation}".rstrip(": "),
         f"found in {', '.join(recordings)}; seen in {where}, "
         + ("throughout" if f.where.throughout or not spans else f"mostly at {spans}"),
-        f"evidence {f.gain:.0f} ({f.needed:.0f} needed), {f.held_out_gain:.0f} on held-out data; closes {f.gap_closed:.0%} of the gap",
+        f"evidence {likelihood(f.gain)} ({f.needed:.0f} needed), {likelihood(f.held_out_gain)} on held-out data; closes {f.gap_closed:.0%} of the gap",
     ]
     if f.group:
         lines.append(

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from discrepancy.findings import Findings, to_json
 from discrepancy.state import Settings
+from discrepancy.words import counted
 from hil.diagnose.question import Question, answer
 from hil.diagnose.seal import digest
 from hil.scale.cluster import Tally, carry_out
@@ -62,6 +63,7 @@ def diagnosed(question: Question) -> Row:
     found = answer(question, Settings(), lambda _: None).findings
     return {
         "recording": question.ask.paths[0].name,
+        "baseline": found.baseline,
         "status": found.status,
         "named": ", ".join(found.named),
         "reason": "; ".join(found.reasons),
@@ -83,9 +85,11 @@ def _first(found: Findings) -> dict[str, str | float | None]:
 
 
 def summary(rows: Sequence[Row], failures: Mapping[str, str]) -> Iterator[str]:
-    """How often each verdict and each name was given."""
+    """How often each verdict and each name was given, and compared with what."""
     verdicts = Counter(str(row["status"]) for row in rows)
-    yield f"{len(rows)} recordings: {', '.join(f'{n} {status}' for status, n in verdicts.most_common())}"
+    yield f"{counted(len(rows), 'recording')}: {', '.join(f'{n} {status}' for status, n in verdicts.most_common())}"
+    machines = Counter(str(row["baseline"]).partition(", ")[0] for row in rows if row["baseline"])
+    yield from (f"  {n} of {len(rows)} compared with {machine}" for machine, n in machines.most_common())
     names = Counter(name for row in rows for name in str(row["named"]).split(", ") if name)
     yield from (f"  {n} of {len(rows)}: {name}" for name, n in names.most_common())
     without = [row for row in rows if not row["named"] and row["status"] != "nothing missing"]

@@ -1,6 +1,6 @@
 """One diagnosis, from what was asked to the verdict; the same for one call and for each of a fleet."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from discrepancy.clocks import with_clocks
@@ -41,9 +41,8 @@ def answer(question: Question, settings: Settings, progress: Progress) -> Answer
     read = read_all(choice, question.ask, progress)
     base = base_of(choice, question.given, read.machines)
     model = baseline(choice, base.given, read.recordings)
-    judged = investigate(
-        with_clocks(model, read.clocks), read.recordings, settings, progress, read.complaints
-    )
-    if isinstance(judged, Judgement):
-        return Answer(choice, model, base, judged.findings, judged)
-    return Answer(choice, model, base, judged, None)
+    progress(f"simulating {model.name} and each of its {len(model.effects)} effects")
+    found = investigate(with_clocks(model, read.clocks), read.recordings, settings, progress, read.complaints)
+    judged = found if isinstance(found, Judgement) else None
+    findings = found.findings if isinstance(found, Judgement) else found
+    return Answer(choice, model, base, replace(findings, baseline=base.told), judged)

@@ -1,10 +1,12 @@
 """`loaderhil score`: findings against the sealed truth of a concealed recording.
 
-Exit codes: 0 every hidden effect is in a named group and no other name was given; 5 the others were said not to be visible in
-the recording, and no other name was given; 1 otherwise; 2 misused.
+An effect that was not found counts as not visible where the findings say so: that it could not be judged, or is noticed only from a
+larger size on than the hidden one.
+Exit codes: 0 every hidden effect is in a named group and no other name was given; 5 the others were not visible in the recording, and no
+other name was given; 1 otherwise; 2 misused.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,8 +17,11 @@ from bus.mistake import Mistake
 from hil.ending import Ending
 
 if TYPE_CHECKING:
-    from discrepancy.findings import Findings
+    from discrepancy.findings import Candidate, Estimate, Findings
     from hil.diagnose.hidden import Truth
+
+
+WIDTH = 120  # where there is no terminal
 
 
 class NotScored(Mistake, ValueError):
@@ -25,7 +30,7 @@ class NotScored(Mistake, ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """One hidden effect. place: named, in group (of `found`), proxy, not visible (and the findings said so), missed."""
+    """One hidden effect. place: named, in group (of `found`), proxy, not visible, missed; why: what the findings say of one of the last two."""
 
     effect: str
     place: str
@@ -35,6 +40,8 @@ class Row:
     value: float | None
     low: float | None
     high: float | None
+    unit: str = ""
+    why: str = ""
 
     @property
     def within(self) -> bool | None:
@@ -88,12 +95,38 @@ def _row(result: "Findings", effect: str, parameters: dict[str, float]) -> Row:
             value=e.value,
             low=e.low,
             high=e.high,
+            unit=e.unit,
         )
-    unseen = effect in {c.effect for c in result.candidates if c.verdict == "could not be judged"}
-    place = "not visible" if unseen else "missed"
+    told_of = next((c for c in result.candidates if c.effect == effect), None)
+    place, why = _unfound(told_of, parameters)
+    unit = next((e.unit for e in told_of.noticed_from if e.name == name), "") if told_of else ""
     return Row(
-        effect=effect, place=place, found="", parameter=name, true=true, value=None, low=None, high=None
+        effect=effect, place=place, found="", parameter=name, true=true, value=None, low=None, high=None,
+        unit=unit, why=why,
+    )  # fmt: skip
+
+
+def _unfound(told: "Candidate | None", parameters: Mapping[str, float]) -> tuple[str, str]:
+    """Whether the recording could have shown it: by the size from which on the findings say it would, else by their verdict; and why."""
+    from discrepancy.words import number_and_unit
+
+    if told is None:
+        return "missed", "the findings do not have it among their candidates"
+    verdict = f"the findings say: {told.verdict}, {told.reason}"
+    if not told.noticed_from:
+        return ("not visible" if told.verdict == "could not be judged" else "missed"), verdict
+    share, limit = max(
+        ((_away(parameters[e.name], e) / _away(e.value, e), e) for e in told.noticed_from),
+        key=lambda pair: pair[0],
     )
+    if share >= 1.0:
+        return "missed", f"{verdict}, and that it would be noticed from {number_and_unit(limit)} on"
+    return "not visible", f"these recordings show it from {number_and_unit(limit)} on"
+
+
+def _away(value: float, limit: "Estimate") -> float:
+    """From where the effect is off."""
+    return abs(value - (limit.baseline or 0.0))
 
 
 def score(
@@ -112,8 +145,6 @@ def score(
 
     Example: `loaderhil score out/blind`
     """
-    from rich.console import Console
-
     from hil.diagnose.kept import read_findings
     from hil.diagnose.seal import unseal
 
@@ -124,8 +155,17 @@ def score(
         raise NotScored(f"{findings}: is of model {result.model}, the truth of {sealed.truth.model}")
     _check_files(sealed.files, sealed_file.parent, result.recordings)
     compared_with = compared(result, sealed.truth)
-    _tell(compared_with, result.status, sealed.truth, Console(width=120, highlight=False))
+    _tell(compared_with, result.status, sealed.truth, _console())
     raise typer.Exit(int(compared_with.ending))
+
+
+def _console() -> "Console":
+    """As wide as the terminal; lines in a pipe are not broken at 80."""
+    import sys
+
+    from rich.console import Console
+
+    return Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else WIDTH)
 
 
 def _check_files(files: dict[str, str], folder: Path, told: Sequence[str]) -> None:
@@ -139,30 +179,33 @@ def _check_files(files: dict[str, str], folder: Path, told: Sequence[str]) -> No
 
 
 def _tell(score: Score, status: str, truth: "Truth", console: "Console") -> None:
+    from rich.markup import escape
     from rich.table import Table
 
+    from discrepancy.quantities import figures
+    from discrepancy.units import shown
     from discrepancy.words import counted
 
-    table = Table(
-        "hidden effect",
-        "found",
-        "parameter",
-        "true",
-        "estimated",
-        "95 %",
-        "holds it",
-        box=None,
-        header_style="bold",
-    )
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for head in ("hidden effect", "found", "parameter", "true", "estimated", "95 %", "holds it"):
+        table.add_column(head, overflow="fold")
     for row in score.rows:
-        between = f"{row.low:.4g} to {row.high:.4g}" if row.low is not None and row.high is not None else "–"
+        between = (
+            f"{figures(row.low, 4)} to {figures(row.high, 4)}"
+            if row.low is not None and row.high is not None
+            else "–"
+        )
         holds = "–" if row.within is None else "yes" if row.within else "no"
         place = f"{row.place} of {row.found}" if row.place in ("in group", "proxy") else row.place
-        value = "–" if row.value is None else f"{row.value:.4g}"
-        table.add_row(row.effect, place, row.parameter, f"{row.true:.4g}", value, between, holds)
+        value = "–" if row.value is None else figures(row.value, 4)
+        unit = f" [{shown(row.unit)}]" if shown(row.unit) else ""
+        name = escape(f"{row.parameter}{unit}")
+        table.add_row(row.effect, place, name, figures(row.true, 4), value, between, holds)
     console.print(f"verdict: {status}; hidden: {counted(len(truth.effects), 'effect')}, seed {truth.seed}")
     if score.rows:
         console.print(table)
+    for line in [f"{row.effect} {row.place}: {row.why}" for row in score.rows if row.why]:
+        console.print(line)
     for name in score.false_names:
         console.print(f"false name: {name}")
     console.print(f"{score.ending.name.lower()}{_why(score)}")
@@ -170,10 +213,10 @@ def _tell(score: Score, status: str, truth: "Truth", console: "Console") -> None
 
 def _why(score: Score) -> str:
     """What makes a score inconclusive."""
-    unseen = [row.effect for row in score.rows if row.place == "not visible"]
     if score.ending != Ending.INCONCLUSIVE:
         return ""
-    return f": this recording hardly shows {', '.join(unseen)}, and the findings say so; another manoeuvre would (--manoeuvre, --like)"
+    unseen = [row.effect for row in score.rows if row.place == "not visible"]
+    return f": by what the findings say, this recording cannot show {', '.join(unseen)}"
 
 
 def register(app: typer.Typer) -> None:

@@ -8,6 +8,7 @@ import csv
 import gzip
 import io
 import re
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,8 @@ from discrepancy.units import parse_scaled
 
 HEADING = re.compile(r"\s*(?P<name>[^\[]*?)\s*(?:\[(?P<unit>[^\]]*)\])?\s*$")
 TIME = ("time", "t", "timestamp", "time_s", "timestamps")
+BEGINNING = 1024  # bytes that hold a heading and the first rows
+GZIP = 16 + zlib.MAX_WBITS  # for zlib: with the header of gzip
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 
 
@@ -80,14 +83,14 @@ def is_table(path: Path) -> bool:
 def read_table(path: Path) -> Table:
     """A file as columns. Raises Unreadable."""
     try:
+        if path.stat().st_size == 0:
+            raise Unreadable(f"{path.name}: is empty (0 bytes)")
         found = _read_parquet(path) if path.suffix.lower() == ".parquet" else _read_csv(path)
-    except (OSError, EOFError, UnicodeDecodeError, csv.Error, pa.ArrowException) as error:
+    except (OSError, EOFError, UnicodeDecodeError, csv.Error, zlib.error, pa.ArrowException) as error:
         raise Unreadable(f"{path.name}: cannot be read: {_first_line(error)}") from error
     raw, constants, skipped = found
     if not raw:
         raise Unreadable(f"{path.name}: is empty; a heading like 'time [s],speed [m/s]' and rows are needed")
-    if raw[0].value.size == 0:
-        raise Unreadable(f"{path.name}: has a heading but no rows")
     time_s = _stamps(raw, path.name)
     columns = [
         Column(r.name, r.unit, time_s[r.there], r.value[r.there], r.damage)
@@ -103,7 +106,7 @@ def _first_line(error: Exception) -> str:
 
 
 def _read_parquet(path: Path) -> _Found:
-    table = pq.read_table(path)
+    table = pq.read_table(path, page_checksum_verification=True)
     columns = []
     for field, data in zip(table.schema, table.columns, strict=True):
         name, unit = heading(field.name)
@@ -124,10 +127,10 @@ def _read_parquet(path: Path) -> _Found:
 
 
 def _read_csv(path: Path) -> _Found:
-    raw = path.read_bytes()
+    raw, told = path.read_bytes(), list[str]()
     if path.suffix.lower() == ".gz":
-        raw = gzip.decompress(raw)
-    text, told = _text(raw, path.name)
+        raw, told = _unpacked(raw)
+    text, doubtful = _text(raw, path.name)
     lines = io.StringIO(text, newline="")
     constants: dict[str, tuple[float, str | None]] = {}
     number = 0
@@ -158,17 +161,34 @@ def _read_csv(path: Path) -> _Found:
         for i, name in enumerate(names)
         if name.strip()
     ]
-    return columns, constants, [*told, *skipped]
+    return columns, constants, [*told, *doubtful, *skipped]
+
+
+def _unpacked(raw: bytes) -> tuple[bytes, list[str]]:
+    """What a compressed file holds, up to its last whole line where it is cut off. Raises OSError, zlib.error for one that is damaged."""
+    try:
+        return gzip.decompress(raw), []
+    except EOFError:
+        whole = zlib.decompressobj(GZIP).decompress(raw)
+        kept = whole[: whole.rfind(b"\n") + 1]
+        if not kept:
+            raise
+        lines = len(kept.splitlines())
+        return kept, [f"the compressed file is cut off; read as far as line {lines}"]
 
 
 def _text(raw: bytes, name: str) -> tuple[str, list[str]]:
     """What the bytes say, in the encodings that loggers and spreadsheets write, and a word on any but UTF-8."""
+    if raw and not raw.strip(b"\0"):
+        raise Unreadable(
+            f"{name}: holds {len(raw)} zero bytes and nothing else; was power lost while it was written?"
+        )
     if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return raw.decode("utf-16"), []
     try:
         return raw.decode("utf-8-sig"), []
     except UnicodeDecodeError:
-        if b"\0" in raw:
+        if b"\0" in raw[:BEGINNING]:
             raise Unreadable(f"{name}: is no text; is it a recording of another kind?") from None
         return raw.decode("cp1252", "replace"), ["is not UTF-8; read as Windows-1252"]
 
@@ -243,6 +263,8 @@ def _stamps(columns: Sequence[_Raw], name: str) -> Array:
         unit = column.unit or "s"
         if unit not in TIME_UNITS:
             raise Unreadable(f"{name}: time is in '{unit}'; known are {', '.join(TIME_UNITS)}")
+        if column.value.size == 0:
+            raise Unreadable(f"{name}: has a heading but no rows")
         if np.isnan(column.value).all():
             raise Unreadable(f"{name}: the column {column.name} holds no numbers")
         return column.value * TIME_UNITS[unit]

@@ -14,7 +14,15 @@ from rich.console import Console
 from discrepancy.examine import examine
 from discrepancy.findings import SCHEMA, Estimate, Findings, Separation, from_json, schema_text, to_json
 from discrepancy.state import Settings
-from discrepancy.words import expected_difference, most_improved, number_and_unit, rounded, tell, told_verdict
+from discrepancy.words import (
+    expected_difference,
+    most_improved,
+    noticed,
+    number_and_unit,
+    rounded,
+    tell,
+    told_verdict,
+)
 from tests.discrepancy.toys import record, tank
 
 
@@ -95,3 +103,45 @@ def test_what_was_found_and_is_not_the_cause_is_told_as_a_proxy() -> None:
 )
 def test_a_difference_that_is_sure_needs_no_size(size: float | None, told: str) -> None:
     assert expected_difference(Separation(effect="a", manoeuvre="b", expected_difference=size)) == told
+
+
+def test_what_is_smaller_than_noticed_from_is_not_found_and_what_is_larger_is() -> None:
+    """The size comes from one recording without the effect, and holds for others with it."""
+    model, settings = tank("level delay"), Settings(open_ended=False)
+    [limit] = examine(model, [record(1)], settings).candidates[0].noticed_from
+    assert limit.name == "level.delay"
+    for share, found in ((0.4, []), (1.6, ["level delay"])):
+        for seed in range(2, 8):
+            late = record(seed, delay_s=share * limit.value)
+            assert examine(model, [late], settings).named == found
+
+
+@pytest.mark.parametrize(
+    ("off", "on", "unit", "told"),
+    [(0.0, 60.0, "kg", "60 kg"), (1.0, 0.93, "1", "-0.07 from 1"), (0.05, 0.0512, "1/s", "+0.0012 1/s from 0.05")],
+)  # fmt: skip
+def test_what_is_noticed_is_told_as_a_change_of_what_is_there(
+    off: float, on: float, unit: str, told: str
+) -> None:
+    candidate = examine(tank("leak"), [record(1)], Settings(open_ended=False)).candidates[0]
+    limit = Estimate(name="x", value=on, low=None, high=None, unit=unit, baseline=off)
+    assert noticed(replace(candidate, noticed_from=[limit])) == told
+    assert noticed(replace(candidate, noticed_from=[])) == "–"
+
+
+def test_no_size_is_noticed_of_what_nuisances_can_do_as_well() -> None:
+    [sign] = [c for c in examine(tank(), [record(1)], Settings()).candidates if c.effect == "level sign"]
+    assert (sign.verdict, sign.noticed_from) == ("could not be judged", [])
+
+
+def test_names_are_whole_in_a_terminal_of_80_columns() -> None:
+    """Three of four wheels' sensors read alike where the ends of their names were cut off."""
+    result = examine(tank(), [record(1)], Settings(open_ended=False))
+    long = [
+        replace(c, effect=f"wheel_speed_front_{side} scale", verdict="could not be judged")
+        for c, side in zip(result.candidates, ("left", "right"), strict=False)
+    ]
+    out = io.StringIO()
+    tell(replace(result, candidates=long), Console(file=out, width=80))
+    for candidate in long:
+        assert any(line.startswith(candidate.effect) for line in out.getvalue().splitlines())

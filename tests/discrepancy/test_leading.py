@@ -40,7 +40,8 @@ def window(**known) -> Window:
 
 
 def led(seen: Window) -> np.ndarray:
-    return measured_of(seen, EQUIPMENT.sensors, L60, ABILITIES, asked=asked_of(seen))
+    speeds = speeds_of(seen, EQUIPMENT.sensors)
+    return measured_of(seen, speeds, EQUIPMENT.sensors, L60, ABILITIES, asked=asked_of(seen))
 
 
 def late(values: np.ndarray, name: str) -> np.ndarray:
@@ -106,7 +107,8 @@ def test_an_arm_that_starts_at_once_is_led_without_a_rounded_corner(joint, deman
     silent = replace(EQUIPMENT.sensors.of(name), lag=0.0, delay=0.0)
     sensors = replace(EQUIPMENT.sensors, channels={**EQUIPMENT.sensors.channels, name: silent})
     told, guessed = (
-        measured_of(w, sensors, L60, ABILITIES, asked=asked_of(w))[INNER, at] - angle[INNER]
+        measured_of(w, speeds_of(w, sensors), sensors, L60, ABILITIES, asked=asked_of(w))[INNER, at]
+        - angle[INNER]
         for w in (window(**seen), window(**{name: angle}))
     )
     assert np.max(np.abs(told)) < 0.05 * np.max(np.abs(guessed))

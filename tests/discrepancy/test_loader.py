@@ -9,8 +9,10 @@ import pytest
 from discrepancy.model import Model
 from discrepancy.models import loader
 from discrepancy.models.leading import _obeyed
-from discrepancy.models.led import Loader, _shares
+from discrepancy.models.led import Loader
 from discrepancy.models.loader_library import CHANNELS, INPUTS, UNSEARCHED, library
+from discrepancy.models.pilot import _flights
+from discrepancy.models.shared_out import _shares
 from discrepancy.problem import Problem
 from discrepancy.recording import Recording, signal
 from discrepancy.sensors import through_sensors
@@ -133,7 +135,7 @@ def test_processors_share_whole_stretches(edges, count, parts):
 def test_in_one_thread_or_several_a_simulation_is_the_same(plain, monkeypatch):
     predicted = []
     for cores in (1, 3):
-        monkeypatch.setattr("discrepancy.models.led.CORES", cores)
+        monkeypatch.setattr("discrepancy.models.shared_out.CORES", cores)
         problem = Problem(loader.model([plain]), [plain])
         predicted.append(problem.predict(problem.start()))
     np.testing.assert_array_equal(*predicted)
@@ -142,14 +144,14 @@ def test_in_one_thread_or_several_a_simulation_is_the_same(plain, monkeypatch):
 def test_a_stretch_that_cannot_be_solved_costs_no_other(plain, monkeypatch):
     problem = Problem(loader.model([plain]), [plain])
     whole = problem.predict(problem.start())
-    broken = float(problem.model.simulate._basis(problem.windows).measured[0, 0])
+    broken = float(problem.model.simulate._basis(problem.windows).way.measured[0, 0])
 
     def failing(starts, rests, measured, *rest):
         if len(starts) > 1 or measured[0, 0] == broken:
             raise np.linalg.LinAlgError
         lead(starts, rests, measured, *rest)
 
-    monkeypatch.setattr("discrepancy.models.led.lead", failing)
+    monkeypatch.setattr("discrepancy.models.shared_out.lead", failing)
     found = problem.predict(problem.start().having(rear_mass=1e-9))
     first = problem.row_window == 0
     assert not np.allclose(found[first], whole[first])
@@ -232,6 +234,35 @@ def test_long_steps_are_as_good_as_short_ones_where_the_pilot_flies(plain, monke
     np.testing.assert_allclose(long, short, rtol=1e-9, atol=1e-9)
     size = np.array([CHANNELS[problem.channels[i]].typical for i in problem.row_channel])
     assert np.std((changed_long - changed) / size) < 0.02 * np.std((changed - short) / size)
+
+
+@pytest.mark.parametrize(
+    ("rows", "run_in", "flights"),
+    [
+        ((100, 400), 100, [range(101), range(300, 401)]),
+        ((400, 100), 1000, [range(401)]),
+        ((100, 150, 260), 100, [range(151), range(160, 261)]),
+        ((0,), 100, [range(1)]),
+    ],
+)
+def test_a_pilot_flies_what_comes_before_each_stretch_once(rows, run_in, flights):
+    assert _flights(rows, run_in) == flights
+
+
+def test_a_pilot_that_flies_the_run_in_only_arrives_as_after_the_whole_way(monkeypatch):
+    """But for how far its wheels have turned, which nothing asks for."""
+    drive = recorded(noise=0.0, seconds=24.0)
+    arrived = []
+    for run_in_s in (15.0, 1e3):
+        monkeypatch.setattr("discrepancy.models.pilot.RUN_IN_S", run_in_s)
+        simulate = Loader(L60, load_equipment("l60"), [drive])
+        problem = Problem(loader.model([drive]), [drive])
+        late = [window for window in problem.windows if window.time_s[0] > 17.0]
+        arrived.append(
+            np.concatenate([np.stack(list(seen.values())) for seen in simulate.together(late, {})], axis=1)
+        )
+    size = np.array([channel.typical for channel in CHANNELS.values()])[:, None]
+    assert np.max(np.abs(arrived[0] - arrived[1]) / size) < 0.02
 
 
 @pytest.mark.parametrize("channel", ["pitch_rate", "acceleration_z"])

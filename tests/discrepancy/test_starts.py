@@ -57,6 +57,18 @@ def test_borrowed_sensitivities_lead_to_the_same_fit_with_fewer_simulations() ->
     assert spent[1] < spent[0]
 
 
+def test_forgotten_derivatives_are_computed_again_where_they_are_asked_for() -> None:
+    problem = Problem(replace(tank(*LEAK), slopes_hold=6.0), [record(5, leak=0.02)])
+    state = assess(problem, (), problem.start(), Settings())
+    values, shape = state.fit.values, (problem.measured.size,)
+    probe = state.columns[0].changes[0][0]
+    problem.forget_derivatives()
+    assert problem.kept_slope("area", None, values, anywhere=True) is None
+    assert problem.kept_slope("leak", probe, values, anywhere=True).shape == shape
+    fit(problem, state.noise, ("area",), values, iterations=0)
+    assert problem.kept_slope("area", None, values).shape == shape
+
+
 def test_a_prediction_is_not_simulated_twice() -> None:
     problem = Problem(tank(*LEAK), [record(5)])
     first = problem.predict(problem.start())

@@ -45,6 +45,7 @@ def measured(truth, braking):
     out[:, f.M_TORQUE : f.M_TORQUE + 4] = truth["wheel_torque"]
     out[:, f.M_BRAKING] = braking
     out[:, f.M_SPEED] = truth["wheel_speed"].mean(axis=1)
+    out[:, f.M_TURNING : f.M_TURNING + 4] = truth["wheel_speed"]
     for at, name in ((f.M_ARTICULATION, "articulation"), (f.M_LIFT, "lift_arm"), (f.M_TILT, "tilt")):
         out[:, at], out[:, at + 1] = truth[f"{name}_angle"], truth[f"{name}_rate"]
     return out
@@ -113,6 +114,23 @@ def test_a_motor_that_drives_against_a_brake_still_let_off_is_not_taken_for_the_
     )
     np.testing.assert_array_equal(touched["speed"][10:], free["speed"][10:])
     assert forward * touched["speed"][-1] > forward * touched["speed"][10] + 0.1
+
+
+def test_a_wheel_that_its_brake_locks_stands_where_the_others_roll():
+    """Its torque is what the road gives it, not what the brake could: by its speed alone can a lock be told."""
+    plant, rows = Plant(L60, speed=3.0, integrator="rk4"), []
+    for k in range(150):
+        rows.append(plant.truth().row)
+        plant.advance(Commands(brake_torque=(4000.0, 4000.0, 30e3, 30e3) if k > 50 else (0.0,) * 4), 0.01)
+    leader = columns_of(np.array(rows))
+    locked = (np.abs(leader["wheel_speed"][:, 2]) < 1e-9) & (leader["speed"] > 0.5)
+    assert locked.sum() > 20
+    found = columns_of(
+        f.follow(Plant(L60, speed=3.0), measured(leader, leader["time_s"] > 0.5), interval_s=0.01)[0]
+    )
+    assert np.abs(found["wheel_speed"][locked, 2][3:]).max() < 1e-9
+    assert np.abs(found["wheel_speed"][locked, 0] - leader["wheel_speed"][locked, 0]).max() < 0.05
+    assert np.abs(found["speed"] - leader["speed"])[locked].max() < 0.03
 
 
 def test_an_error_of_force_shows_as_a_steady_difference_of_speed(truth):

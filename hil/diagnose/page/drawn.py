@@ -7,9 +7,11 @@ import numpy as np
 
 from discrepancy.evidence import Evidence, MapRow, RegimeCell, Trace
 from discrepancy.findings import ChannelNoise
-from discrepancy.units import shown as shown_unit
+from discrepancy.quantities import figures, readable
+from discrepancy.recording import Array
 from hil.diagnose.page import heat as heat_map
 from hil.diagnose.page import spectrum
+from hil.diagnose.page.figure import versions
 from hil.diagnose.page.heat import HeatRow
 from hil.diagnose.page.tables import Cell, heat, plain, table
 from hil.report import plot
@@ -19,6 +21,8 @@ from hil.report.plot import Curve, Plot, Timeline
 MOST_RECORDINGS = 8
 MOST_CHANNELS, MOST_SIGNALS = 4, 8  # of the table by regime, which can be read
 MOST_PAIRS = 8  # of plots that are open from the start
+WHITE = 0.01  # p below which residuals are not
+LEAST_P = 0.001  # that is written out
 APART = (
     2.0  # recordings whose clocks lie further apart than this many lengths are drawn from their own starts
 )
@@ -54,17 +58,23 @@ class Clock:
 def mismatch(shown: Evidence, clock: Clock) -> str:
     """Channel by time for each recording, and channel by regime."""
     recordings = list(dict.fromkeys(r.recording for r in shown.time_map))
+    rows = (
+        " Above, the model as it was; the thin row below it, with what was found."
+        if any(r.after is not None for r in shown.time_map)
+        else ""
+    )
     note = (
-        "Root mean square of the held-out residual, in one-step errors: noise alone leaves about 1. Above, the model as it was; "
-        "the thin row below it, with what was found. Channels that differ most come first."
+        f"Root mean square of the held-out residual, in one-step errors: noise alone leaves 1 or less.{rows} "
+        "Channels that differ most come first; where nothing is drawn, nothing was judged."
     )
     parts = [f"<p class=soft>{note}</p>", heat_map.key()]
     for name in recordings[:MOST_RECORDINGS]:
         of = sorted((r for r in shown.time_map if r.recording == name), key=_largest, reverse=True)
         drawn = [r for r in of if _largest(r) >= heat_map.LEVELS[0]] or of[:1]
-        rows = [row for r in drawn for row in _rows(r, clock)]
         head = f"<h3>{plain(name).markup}</h3>" if len(recordings) > 1 else ""
-        parts.append(head + heat_map.markup(rows, clock.line(name)))
+        parts.append(
+            head + heat_map.markup([row for r in drawn for row in _rows(r, clock)], clock.line(name))
+        )
         if calm := [r.channel for r in of if r not in drawn]:
             parts.append(f"<p class=soft>As small as noise throughout: {plain(', '.join(calm)).markup}.</p>")
     if len(recordings) > MOST_RECORDINGS:
@@ -93,8 +103,7 @@ def _regimes(cells: Sequence[RegimeCell]) -> str:
     signals = _ranked(told, lambda c: c.signal, np.ptp)[:MOST_SIGNALS]
     several = cells[0].after is not None
     head = ["where", ""]
-    for channel in channels:
-        head += [f"{channel}, before", "after"] if several else [channel]
+    head += [f"{channel}, before → after" if several else channel for channel in channels]
     by_place = {(c.signal, c.regime, c.channel): c for c in told}
     rows: list[list[Cell]] = []
     for signal in signals:
@@ -102,8 +111,7 @@ def _regimes(cells: Sequence[RegimeCell]) -> str:
             row = [plain("" if i else signal), plain(regime)]
             for channel in channels:
                 cell = by_place.get((signal, regime, channel))
-                row.append(heat(cell.before if cell else None))
-                row += [heat(cell.after if cell else None)] if several else []
+                row.append(heat(cell.before, cell.after) if cell else heat(None))
             rows.append(row)
     there = len({c.channel for c in cells}), len({c.signal for c in cells})
     text = f"Of {there[0]} channels and {there[1]} signals, those with the largest mismatch."
@@ -128,10 +136,9 @@ def traces(shown: Evidence, clock: Clock) -> str:
 def _pair(t: Trace, clock: Clock) -> str:
     """A channel, and the difference of model and recording."""
     time_s = t.time_s - clock.origin[t.recording]
-    factor, unit = readable(t)
+    factor, unit = readable(t.unit, float(np.nanmax(np.abs(t.recorded))))
     recorded = t.recorded / factor
-    found = [("before", t.before, "predicted")]
-    found += [("after", t.after, "estimate")] if t.after is not None else []
+    found = versions(t.before, t.after)
     curves = [Curve("recorded", time_s, recorded, "truth")]
     curves += [Curve(name, time_s, values / factor, style) for name, values, style in found]
     errors = [Curve(name, time_s, recorded - values / factor, style) for name, values, style in found]
@@ -140,14 +147,6 @@ def _pair(t: Trace, clock: Clock) -> str:
         Plot(title=f"{t.channel}, recorded minus simulated", unit=unit, curves=errors, always=(0.0,)),
     )
     return "".join(plot.markup(p, plot.common_range([p]), clock.line(t.recording)) for p in plots)
-
-
-def readable(t: Trace) -> tuple[float, str]:
-    """What values are divided by, and the unit they then have: 'MPa' and 'kN' where ticks would need seven digits."""
-    unit, largest = shown_unit(t.unit), float(np.nanmax(np.abs(t.recorded)))
-    if not unit.startswith(("N", "Pa", "W", "J")) or largest < 1e4:
-        return 1.0, unit
-    return (1e6, f"M{unit}") if largest >= 1e6 else (1e3, f"k{unit}")
 
 
 def _folded(pairs: Sequence[str], names: Sequence[str]) -> str:
@@ -180,6 +179,8 @@ def recordings(shown: Evidence) -> str:
         stamps = t.time_s[np.isfinite(t.recorded)]
         span = f"{stamps[0]:.1f} to {stamps[-1]:.1f} s"
         values = t.recorded[np.isfinite(t.recorded)]
+        factor, unit = readable(t.unit, float(np.max(np.abs(values))))
+        low, high = (figures(float(end) / factor) for end in (values.min(), values.max()))
         rows.append(
             [
                 plain("" if t.recording == above else t.recording),
@@ -187,7 +188,7 @@ def recordings(shown: Evidence) -> str:
                 plain(span, "n"),
                 plain(f"{stamps.size}", "n"),
                 plain(f"{1e3 * float(np.median(np.diff(stamps))):.3g} ms", "n"),
-                plain(f"{values.min():.3g} to {values.max():.3g} {shown_unit(t.unit)}".strip(), "n"),
+                plain(f"{low} to {high} {unit}".strip(), "n"),
             ]
         )
         above = t.recording
@@ -198,6 +199,7 @@ def recordings(shown: Evidence) -> str:
 def residuals(shown: Evidence, noise: Sequence[ChannelNoise]) -> str:
     """Spectra and autocorrelations of the whitened residuals, and the verdict on whiteness."""
     worst = {s.channel: float(np.mean(s.before)) for s in shown.spectra}
+    left = remaining(shown.time_map)
     spectra = sorted(shown.spectra, key=lambda s: -worst[s.channel])
     drawn = _folded(
         [spectrum.power(s) + spectrum.correlation(s) for s in spectra], [s.channel for s in spectra]
@@ -205,15 +207,37 @@ def residuals(shown: Evidence, noise: Sequence[ChannelNoise]) -> str:
     rows = [
         [
             plain(n.channel),
-            plain(f"{n.one_step_error:.3g} {shown_unit(n.unit)}".strip(), "n"),
+            plain(_told_error(n), "n"),
             plain(str(n.order), "n"),
-            plain(f"{n.whiteness_p:.3f}", "n"),
-            plain(
-                "yes" if n.whiteness_p > 0.01 else "no: something is left, or the noise is not of this kind"
-            ),
+            heat(left.get(n.channel)),
+            plain(f"{n.whiteness_p:.3f}" if n.whiteness_p >= LEAST_P else f"< {LEAST_P}", "n"),
+            plain(_told_white(n, left.get(n.channel, np.inf))),
         ]
         for n in noise
     ]
-    head = ("channel", "one-step error", "order of its memory", "p (Ljung-Box)", "white")
-    note = "A model that leaves nothing out leaves residuals without structure: power 1 at every frequency, correlation within the band."
-    return f'<p class="soft">{note}</p>{table(head, rows, numbers=(1, 2, 3))}{drawn}'
+    head = ("channel", "one-step error", "order of its memory", "left, in these", "p (Ljung-Box)", "white")
+    note = (
+        "A model that leaves nothing out leaves residuals without structure: power 1 or less at every frequency, correlation within the band. "
+        "What has structure and is no larger than the noise that was allowed for hardly weighs in any verdict."
+    )
+    return f'<p class="soft">{note}</p>{table(head, rows, numbers=(1, 2, 3, 4))}{drawn}'
+
+
+def _told_white(n: ChannelNoise, left: float) -> str:
+    if n.whiteness_p > WHITE:
+        return "yes"
+    return "no, but no larger than noise" if left < heat_map.LEVELS[0] else "no: something is left"
+
+
+def remaining(rows: Sequence[MapRow]) -> dict[str, float]:
+    """Root mean square of the residual of each channel at the end [one-step errors], over all recordings."""
+    squares: dict[str, list[Array]] = {}
+    for row in rows:
+        values = row.before if row.after is None else row.after
+        squares.setdefault(row.channel, []).append(values[np.isfinite(values)] ** 2)
+    return {channel: float(np.sqrt(np.mean(np.concatenate(parts)))) for channel, parts in squares.items()}
+
+
+def _told_error(n: ChannelNoise) -> str:
+    factor, unit = readable(n.unit, n.one_step_error)
+    return f"{figures(n.one_step_error / factor)} {unit}".rstrip()

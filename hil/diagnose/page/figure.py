@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from html import escape
 
+from discrepancy.recording import Array
 from hil.report.axis import Axis
 from hil.report.plot import UNITS, Curve, path
 
@@ -32,3 +33,10 @@ def figure(
         f'aria-hidden="true"><path class="grid" d="{upright}{flat}"/><path class="zero" d="{zero}"/>{lines}</svg></div>'
         f'<div class="x" aria-hidden="true"><div>{ticks}</div><em>{x_name}</em></div></div><ul class="legend">{legend}</ul></figure>'
     )
+
+
+def versions(before: Array, after: Array | None) -> list[tuple[str, Array, str]]:
+    """Name, values and style of each curve of a model: before and after, or the one that there is where nothing was found."""
+    if after is None:
+        return [("model", before, "predicted")]
+    return [("before", before, "predicted"), ("after", after, "estimate")]

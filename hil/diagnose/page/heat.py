@@ -40,6 +40,11 @@ def markup(rows: Sequence[HeatRow], timeline: Timeline) -> str:
     )
 
 
+def breakable(text: str) -> str:
+    """Markup of a text whose long names are broken where their words end."""
+    return escape(text).replace("_", "_<wbr>")
+
+
 def key() -> str:
     """Legend of the colours."""
     edges = ("0", *(f"{edge:g}" for edge in LEVELS))
@@ -62,7 +67,7 @@ def _row(row: HeatRow, across: Axis) -> str:
         if math.isfinite(value)
     )
     return (
-        f'<div class="band{" after" if row.after else ""}"><span class="name">{escape(row.name).replace("_", "_<wbr>")}<output></output></span>'
+        f'<div class="band{" after" if row.after else ""}"><span class="name">{breakable(row.name)}<output></output></span>'
         f'<div class="track" role="img" aria-label="{escape(label)}"><div class="moving">{cells}</div></div></div>'
     )
 

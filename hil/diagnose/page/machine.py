@@ -118,7 +118,8 @@ def chapter(result: Findings, shown: Evidence) -> str:
     several = any(s.after for s in seen.values())
     views = [_views("the model as it was", seen, marked, result, after=False)]
     views += [_views("with what was found", seen, marked, result, after=True)] if several else []
-    note = "Largest mismatch of what is measured at each place, in one-step errors. Numbers are the findings, where they act; point at a place for its channels."
+    numbers = " Numbers are the findings, where they act." if any(marked.values()) else ""
+    note = f"Largest mismatch of what is measured at each place, in one-step errors.{numbers} Point at a place for its channels."
     return f'<p class="soft">{note}</p><div class="machines">{"".join(views)}</div>{_table(seen, marked, several)}'
 
 
@@ -194,6 +195,7 @@ def _told(part: Part, seen: Mapping[str, float], marked: Sequence[int], result: 
 def _table(seen: Mapping[str, Seen], marked: Mapping[str, Sequence[int]], several: bool) -> str:
     """The same for who cannot see or point at the drawing."""
     rows: list[list[Cell]] = []
+    found = any(marked.values())
     for key, part in PARTS.items():
         if not seen[key].before and not marked[key]:
             continue
@@ -202,6 +204,7 @@ def _table(seen: Mapping[str, Seen], marked: Mapping[str, Sequence[int]], severa
         if several:
             left = seen[key].after
             cells.append(heat(max(left.values()) if left else None))
-        rows.append([*cells, plain(", ".join(map(str, marked[key])))])
-    head = ["place", "worst channel", "before", *(["after, worst"] if several else []), "findings"]
-    return table(head, rows, numbers=range(2, len(head) - 1))
+        rows.append([*cells, *([plain(", ".join(map(str, marked[key])))] if found else [])])
+    sizes = ["before", "after, of any channel"] if several else ["mismatch"]
+    head = ["place", "worst channel", *sizes, *(["findings"] if found else [])]
+    return table(head, rows, numbers=range(2, 2 + len(sizes)))

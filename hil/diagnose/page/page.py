@@ -6,11 +6,15 @@ from html import escape
 
 from discrepancy.evidence import Evidence
 from discrepancy.findings import Estimate, Finding, Findings
+from discrepancy.quantities import figures, quantity
 from discrepancy.units import shown as shown_unit
 from discrepancy.words import (
+    by_reason,
     counted,
     expected_difference,
+    likelihood,
     most_improved,
+    noticed,
     number_and_unit,
     told_missing,
     told_verdict,
@@ -123,7 +127,7 @@ def _finding(number: int, f: Finding) -> str:
         + (f"; and {len(f.parameters) - 4} more" if len(f.parameters) > 4 else ""),
         "where": told_where(f.where),
         "on held-out data": f"{better(f.held_out_error)}; closes {percent(f.gap_closed)} of the gap to what is possible",
-        "evidence": f"{f.gain:.0f}, needed {f.needed:.0f}; {f.held_out_gain:.0f} on held-out data; "
+        "evidence": f"{likelihood(f.gain)}, needed {f.needed:.0f}; {likelihood(f.held_out_gain)} on held-out data; "
         f"{percent(f.absorbed)} of the effect could hide behind the baseline's parameters",
         "not named because": "; ".join(f.doubts),
         "cannot be told from": "; ".join(
@@ -156,7 +160,17 @@ def _steps(steps: Sequence[str]) -> str:
 def _candidates(result: Findings) -> str:
     if not result.candidates:
         return ""
-    head = ("effect", "kind", "verdict", "score", "expected size", "power", "hidden by baseline", "why")
+    head = (
+        "effect",
+        "kind",
+        "verdict",
+        "score",
+        "expected size",
+        "noticed from",
+        "power",
+        "hidden by baseline",
+        "why",
+    )
     rows: list[Sequence[Cell]] = [
         (
             plain(c.effect),
@@ -171,6 +185,7 @@ def _candidates(result: Findings) -> str:
             ),
             plain(f"{c.statistic:.1f}", "n"),
             plain("–" if c.verdict == "could not be judged" else _expected(c.expected)),
+            plain(noticed(c)),
             meter(c.power),
             meter(c.absorbed),
             plain(c.reason),
@@ -178,8 +193,8 @@ def _candidates(result: Findings) -> str:
         for c in result.candidates
     ]
     note = (
-        "By their score on the baseline: how much each would lower the squared whitened error by itself. Power: the chance to notice one of "
-        "typical size in these recordings."
+        "The likeliest first. Score: how much each would lower the squared whitened error of the baseline by itself. Noticed from: the size that these "
+        "recordings would show four times in five. Power: the chance to notice one of typical size."
     )
     return f'<p class="soft">{note}</p>{table(head, rows, numbers=(3,))}'
 
@@ -187,22 +202,14 @@ def _candidates(result: Findings) -> str:
 def _expected(values: Sequence[Estimate]) -> str:
     if not values or len(values) > 3:
         return f"{len(values)} values" if values else "–"
-    return ", ".join(f"{e.value:.3g} {shown_unit(e.unit)}".strip() for e in values)
+    return ", ".join(quantity(e.value, e.unit) for e in values)
 
 
 def _blind(result: Findings) -> str:
-    lines = []
-    if ruled_out := [c.effect for c in result.candidates if c.verdict == "ruled out"]:
-        lines.append(f"Ruled out, a typical one would have been noticed: {', '.join(ruled_out)}")
-    by_reason: dict[str, list[str]] = {}
-    for c in result.candidates:
-        if c.verdict == "could not be judged":
-            by_reason.setdefault(c.reason, []).append(c.effect)
-    lines += [f"Could not be judged, {reason}: {', '.join(effects)}" for reason, effects in by_reason.items()]
-    lines += [told_missing(m) for m in result.missing_channels]
-    return (
-        f'<ul class="problems">{"".join(f"<li>{escape(line)}</li>" for line in lines)}</ul>' if lines else ""
-    )
+    told = [f"{reason}: {', '.join(effects)}" for reason, effects in by_reason(result).items()]
+    told += [told_missing(m) for m in result.missing_channels]
+    items = "".join(f"<li>{escape(line)}</li>" for line in told)
+    return f'<ul class="problems">{items}</ul>' if items else ""
 
 
 def _nuisances(result: Findings) -> str:
@@ -215,9 +222,9 @@ def _nuisances(result: Findings) -> str:
         told = (
             f"{abs(moved) / n.prior_sd:.1f} of its prior's standard deviations"
             if n.prior_sd
-            else f"{moved:+.3g}, no prior"
+            else f"by {figures(moved)}, no prior"
         )
-        values = (f"{n.before:.4g}", f"{n.after:.4g}", f"{1.96 * n.sd:.2g}")
+        values = (figures(n.before, 4), figures(n.after, 4), figures(1.96 * n.sd, 2))
         rows.append(
             (
                 plain(n.name),

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from discrepancy.findings import Estimate
+from discrepancy.quantities import figures, quantity
 from discrepancy.units import shown
 from hil.diagnose.page.figure import figure
 from hil.report.axis import Axis, around, number
@@ -35,7 +36,7 @@ def profile(values: Sequence[Estimate]) -> str:
         across,
         upward,
         labels,
-        "number",
-        f"{len(values)} values from {found.min():.3g} to {found.max():.3g} {unit}".rstrip(),
+        "number of the value",
+        f"{len(values)} values from {figures(float(found.min()))} to {quantity(float(found.max()), values[0].unit)}",
         0.0,
     )

@@ -4,7 +4,7 @@ import numpy as np
 
 from discrepancy.evidence import Spectrum
 from discrepancy.recording import Array
-from hil.diagnose.page.figure import figure
+from hil.diagnose.page.figure import figure, versions
 from hil.report.axis import Axis, around, number
 from hil.report.plot import Curve
 
@@ -13,9 +13,7 @@ FLOOR = 1e-3  # of the power of white noise, below which nothing is drawn
 
 def power(spectrum: Spectrum) -> str:
     """Power over frequency, both logarithmic, 1 where residuals are white."""
-    curves = [("before", spectrum.before, "predicted")]
-    if spectrum.after is not None:
-        curves.append(("after", spectrum.after, "estimate"))
+    curves = versions(spectrum.before, spectrum.after)
     across = Axis(float(np.log10(spectrum.frequency_hz[0])), float(np.log10(spectrum.frequency_hz[-1])))
     values = [(name, np.log10(np.maximum(value, FLOOR)), style) for name, value, style in curves]
     upward = around((v for _, v, _ in values), (-0.5, 0.5))
@@ -43,22 +41,16 @@ def power(spectrum: Spectrum) -> str:
 
 def correlation(spectrum: Spectrum) -> str:
     """Autocorrelation over lag, with the band in which those of white residuals lie."""
-    curves = [Curve("before", spectrum.lag_s, spectrum.correlation_before, "predicted")]
-    if spectrum.correlation_after is not None:
-        curves.append(Curve("after", spectrum.lag_s, spectrum.correlation_after, "estimate"))
+    own = versions(spectrum.correlation_before, spectrum.correlation_after)
+    curves = [Curve(name, spectrum.lag_s, value, style) for name, value, style in own]
     ends = spectrum.lag_s[[0, -1]]
     for sign, silent in ((1.0, False), (-1.0, True)):
         curves.append(Curve("95 % of white", ends, np.full(2, sign * spectrum.band), "limit", silent=silent))
     across = Axis(0.0, float(ends[1]) * 1.02)
     upward = around((c.value for c in curves), (-0.2, 0.2))
     labels = ([(t, number(t)) for t in across.ticks(6)], [(t, number(t)) for t in upward.ticks(5)])
-    described = (
-        f"Autocorrelation of the residual of {spectrum.channel}: largest {_largest(spectrum.correlation_before):.2f} before"
-        + (
-            ""
-            if spectrum.correlation_after is None
-            else f", {_largest(spectrum.correlation_after):.2f} after"
-        )
+    described = f"Autocorrelation of the residual of {spectrum.channel}: largest " + ", ".join(
+        f"{_largest(value):.2f} {name}" for name, value, _ in own
     )
     return figure(
         f"{spectrum.channel}: autocorrelation of the residual",

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
-from hil.diagnose.page.heat import level
+from hil.diagnose.page.heat import breakable, level
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,8 +16,8 @@ class Cell:
 
 
 def plain(text: str, style: str = "") -> Cell:
-    """Text."""
-    return Cell(escape(text), style)
+    """Text; names may be broken after an underscore."""
+    return Cell(breakable(text), style)
 
 
 def meter(share: float) -> Cell:
@@ -27,17 +27,16 @@ def meter(share: float) -> Cell:
     return Cell(f"{round(100 * share)} %{bar}", "n")
 
 
-def heat(value: float | None) -> Cell:
-    """A residual in one-step errors with its colour."""
-    if value is None:
-        return Cell("–", "heatcell")
-    return Cell(f'{value:.2f}<i class="h{level(value)}"></i>', "heatcell")
+def heat(*values: float | None) -> Cell:
+    """Residuals in one-step errors with their colours: one, or before and after."""
+    told = [f'{value:.2f}<i class="h{level(value)}"></i>' for value in values if value is not None]
+    return Cell(" → ".join(told) or "–", "heatcell")
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Cell]], numbers: Sequence[int] = ()) -> str:
     """A table that scrolls by itself where the page is narrow; numbers: columns whose heading stands right."""
     header = "".join(
-        f'<th scope="col"{" class=n" if i in numbers else ""}>{escape(name)}</th>'
+        f'<th scope="col"{" class=n" if i in numbers else ""}>{breakable(name)}</th>'
         for i, name in enumerate(head)
     )
     body = "".join("<tr>" + "".join(_cell(c) for c in row) + "</tr>" for row in rows)

@@ -1,11 +1,12 @@
 """A diagnosis in sentences."""
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from html import escape
 
 from discrepancy.findings import Estimate, Finding, Findings, OpenEquation, Where
-from discrepancy.words import SHOWN_CHANNELS, UNCHANGED, counted, number_and_unit
+from discrepancy.words import SHOWN_CHANNELS, UNCHANGED, counted, likelihood, number_and_unit, times
 from hil.diagnose.page.mathml import added
 from hil.diagnose.page.tables import definitions
 
@@ -30,7 +31,13 @@ def lead(result: Findings) -> str:
         )
         return f"The recordings hold something that the model does not, and no effect of the library is its cause.{seen}"
     if result.status == "nothing missing":
-        return "No effect of the library and no function of the known signals improves the prediction of data that was not fitted."
+        blind = sum(c.verdict == "could not be judged" for c in result.candidates)
+        unseen = (
+            f" {blind} of {len(result.candidates)} effects these recordings could not have shown."
+            if blind
+            else ""
+        )
+        return f"No effect of the library and no function of the known signals improves the prediction of data that was not fitted.{unseen}"
     return f"No verdict is possible: {result.reasons[0].rstrip('.')}."
 
 
@@ -41,13 +48,19 @@ def summary(result: Findings) -> str:
     more = f"{proxies} more" if named else counted(proxies, "effect")
     told += [f"{more} {'helps' if proxies == 1 else 'help'} without being the cause"] if proxies else []
     told += ["something that the library does not hold remains"] if result.open_ended else []
+    verdicts = Counter(c.verdict for c in result.candidates)
+    told += [f"{verdicts[v]} {v}" for v in ("ruled out", "could not be judged") if verdicts[v]]
     text = "; ".join(told)
     return text[:1].upper() + text[1:]
 
 
 def percent(share: float) -> str:
-    """'18 %', which no line is broken in."""
-    return f"{round(100 * share)}\N{NO-BREAK SPACE}%"
+    """'18 %', which no line is broken in; a rest is never told as nothing."""
+    whole = round(100 * share)
+    rest = (
+        "under 1" if whole == 0 and share > 0.0 else "over 99" if whole == 100 and share < 1.0 else f"{whole}"
+    )
+    return f"{rest} %".replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def told_kind(f: Finding) -> str:
@@ -73,9 +86,9 @@ def better(errors: Mapping[str, float]) -> str:
         ((c, r) for c, r in errors.items() if abs(r - 1.0) >= UNCHANGED), key=lambda item: item[1]
     )
     best, rest = ranked[:SHOWN_CHANNELS], ranked[SHOWN_CHANNELS:]
-    told = [f"{c} error × {r:.2f}" for c, r in best]
+    told = [f"{c} error {times(r)}" for c, r in best]
     if rest:
-        told.append(f"{counted(len(rest), 'more channel')} × {rest[0][1]:.2f} to {rest[-1][1]:.2f}")
+        told.append(f"{counted(len(rest), 'more channel')} {times(rest[0][1])} to {rest[-1][1]:.2f}")
     same = len(errors) - len(ranked)
     return "; ".join([*told, *(["others unchanged" if told else "no channel changes"] if same else [])])
 
@@ -107,7 +120,7 @@ def open_cards(found: OpenEquation) -> Iterator[str]:
             for i, t in enumerate(terms, 1)
         }
         facts["evidence, all terms"] = (
-            f"{found.gain:.0f}, needed {found.needed:.0f}; {found.held_out_gain:.0f} on held-out data"
+            f"{likelihood(found.gain)}, needed {found.needed:.0f}; {likelihood(found.held_out_gain)} on held-out data"
         )
         depends = [name for name in found.depends_on if any(_names(t.function, name) for t in terms)]
         yield (

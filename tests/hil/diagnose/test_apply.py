@@ -49,6 +49,22 @@ def test_what_was_applied_is_no_longer_missing(loaderhil: Call, tmp_path: Path) 
         assert again.result.status == "nothing missing"
 
 
+def test_what_is_to_be_applied_is_written_though_the_reader_of_the_words_has_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in `diagnose ... --apply FILE | head -3`."""
+    from hil.diagnose.command import diagnose
+
+    def left(*_: object, **__: object) -> None:
+        raise BrokenPipeError
+
+    monkeypatch.setattr("discrepancy.words.tell", left)
+    file, mine = write_csv(tmp_path / "a.csv", columns(record(2, leak=0.08))), tmp_path / "mine.toml"
+    with pytest.raises(BrokenPipeError):
+        diagnose([file], model=str(model_file(tmp_path)), apply=mine)
+    assert "leak = 0.08" in mine.read_text()
+
+
 def test_a_second_application_keeps_the_first(loaderhil: Call, tmp_path: Path) -> None:
     model, one, two = model_file(tmp_path), tmp_path / "one.toml", tmp_path / "two.toml"
     leaky = write_csv(tmp_path / "leaky.csv", columns(record(2, leak=0.08)))

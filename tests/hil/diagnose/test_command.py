@@ -134,6 +134,8 @@ def test_constants_are_converted_to_what_the_model_needs_or_refused() -> None:
 
 BROKEN = {
     "empty": "is empty",
+    "zero bytes": "4000 zero bytes and nothing else; was power lost",
+    "a page of the web": "no column of time",
     "only a heading": "no rows",
     "no time": "no column of time",
     "no heading": "has no heading, line 1 holds numbers",
@@ -158,6 +160,10 @@ def broken(kind: str, folder: Path) -> Path:
     n = table["time [s]"].size
     if kind == "empty":
         path.write_text("")
+    elif kind == "zero bytes":
+        path.write_bytes(bytes(4000))
+    elif kind == "a page of the web":
+        path.write_text("<!DOCTYPE html><html><head><title>404 Not Found</title></head></html>\n")
     elif kind == "only a heading":
         path.write_text("time [s],inflow [m/s],level [m]\n")
     elif kind == "no heading":
@@ -217,7 +223,7 @@ def test_bad_recordings_are_inconclusive_for_a_reason_that_is_said(
 def test_damaged_files_are_told_and_the_whole_ones_judged(loaderhil: Call, tmp_path: Path) -> None:
     good = write_csv(tmp_path / "good.csv", columns(record(2, leak=0.08)))
     (tmp_path / "cut.parquet").write_bytes(b"PAR1 and no more")
-    (tmp_path / "cut.csv.gz").write_bytes(gzip.compress(good.read_bytes())[:2000])
+    (tmp_path / "cut.csv.gz").write_bytes(gzip.compress(good.read_bytes())[:20])
     (tmp_path / "drive.zip").write_bytes(b"PK")
     files = [tmp_path / name for name in ("cut.parquet", "cut.csv.gz", "drive.zip")]
     ended = loaderhil("diagnose", good, *files, "--model", model_file(tmp_path))
@@ -229,6 +235,86 @@ def test_damaged_files_are_told_and_the_whole_ones_judged(loaderhil: Call, tmp_p
     assert ended.code == 5
     assert ended.result is not None
     assert ended.result.recordings == [f.name for f in files]
+
+
+def test_a_compressed_table_that_is_cut_off_is_read_as_far_as_it_goes(
+    loaderhil: Call, tmp_path: Path
+) -> None:
+    packed = gzip.compress(write_csv(tmp_path / "a.csv", columns(record(2, leak=0.08))).read_bytes())
+    file = tmp_path / "cut.csv.gz"
+    file.write_bytes(packed[: len(packed) * 9 // 10])
+    ended = loaderhil("diagnose", file, "--model", model_file(tmp_path))
+    assert ended.result is not None
+    assert ended.result.named == ["leak"]
+    assert "the compressed file is cut off; read as far as line 10" in ended.result.complaints[0].text
+    middle = len(packed) // 2
+    for junk in (
+        bytes(400),
+        bytes(range(255, 55, -1)),
+    ):  # caught by the sum at the end, and by the unpacking itself
+        file.write_bytes(packed[:middle] + junk + packed[middle + len(junk) :])
+        ended = loaderhil("diagnose", file, "--model", model_file(tmp_path))
+        assert ended.code == 5
+        assert "cut.csv.gz: cannot be read" in ended.out
+
+
+def test_of_files_joined_the_readable_are_judged(loaderhil: Call, tmp_path: Path) -> None:
+    table = columns(record(2, leak=0.08))
+    whole = write_csv(tmp_path / "whole.csv", table)
+    bad, worse = tmp_path / "bad.csv", tmp_path / "worse.csv"
+    bad.write_text("")
+    worse.write_bytes(bytes(9))
+    ended = loaderhil("diagnose", f"{bad}+{whole}", "--model", model_file(tmp_path))
+    assert ended.result is not None
+    assert ended.result.named == ["leak"]
+    assert any("bad.csv: is empty" in c.text for c in ended.result.complaints)
+    ended = loaderhil("diagnose", f"{bad}+{worse}", "--model", model_file(tmp_path))
+    assert ended.code == 5
+    assert ended.result is not None
+    assert "bad.csv: is empty (0 bytes); worse.csv: holds 9 zero bytes" in ended.result.reasons[0]
+
+
+def test_a_channel_in_two_joined_files_and_a_recording_given_twice_are_told(
+    loaderhil: Call, tmp_path: Path
+) -> None:
+    files = [write_csv(tmp_path / f"{seed}.csv", columns(record(seed, leak=0.08))) for seed in (2, 3)]
+    ended = loaderhil("diagnose", f"{files[0]}+{files[1]}", "--model", model_file(tmp_path))
+    assert ended.result is not None
+    assert any("inflow, level: in more than one of the files" in c.text for c in ended.result.complaints)
+    ended = loaderhil("diagnose", files[0], tmp_path / "." / "2.csv", "--model", model_file(tmp_path))
+    assert ended.code == 2
+    assert "is given twice" in ended.err.splitlines()[-1]
+
+
+def test_bytes_read_as_numbers_are_no_measurement(loaderhil: Call, tmp_path: Path) -> None:
+    table = columns(record(2, leak=0.08))
+    table["level [m]"][500:520] = -3.7e211
+    ended = loaderhil("diagnose", write_csv(tmp_path / "a.csv", table), "--model", model_file(tmp_path))
+    assert ended.result is not None
+    assert ended.result.named == ["leak"]
+    assert "20 of 1200 values are beyond 1e+30" in ended.result.complaints[0].text
+
+
+def test_a_channel_that_has_nothing_to_do_with_the_model_is_no_wrong_sign(
+    loaderhil: Call, tmp_path: Path
+) -> None:
+    """Noise fits half a change of sign best, which is no reading at all; a level that runs backwards nearly so."""
+    table = columns(record(2))
+    level = table["level [m]"]
+    for other in (np.random.default_rng(1).normal(0.0, 1.0, level.size), level[::-1].copy()):
+        file = write_csv(tmp_path / "a.csv", table | {"level [m]": other})
+        ended = loaderhil("diagnose", file, "--model", model_file(tmp_path))
+        assert ended.code == 1
+        assert "does not follow the model either way" in " ".join(ended.out.split())
+
+
+def test_inputs_that_never_move_are_told(loaderhil: Call, tmp_path: Path) -> None:
+    table = columns(record(2))
+    for still, told in ((np.full(1200, 0.5), True), (table["inflow [m/s]"], False)):
+        file = write_csv(tmp_path / "a.csv", table | {"inflow [m/s]": still})
+        ended = loaderhil("diagnose", file, "--model", model_file(tmp_path))
+        assert ended.result is not None
+        assert any("no input moves (inflow)" in c.text for c in ended.result.complaints) is told
 
 
 def test_damaged_cells_and_lines_cost_themselves_only(loaderhil: Call, tmp_path: Path) -> None:

@@ -15,7 +15,6 @@ from discrepancy.judge import Judgement
 from discrepancy.recording import Array
 from discrepancy.state import Settings
 from hil.diagnose.page import page
-from hil.diagnose.page.drawn import readable
 from hil.diagnose.page.heat import LEVELS, level
 from hil.diagnose.page.profile import profile
 from hil.diagnose.page.told import better, clause, percent, sentence
@@ -116,7 +115,7 @@ def test_many_channels_are_folded_and_what_differs_most_comes_first(
     assert text.count("<details>") == 2  # traces, spectra
     regimes = text[text.index("By regime") : text.index("Simulated against recorded</h2>")]
     assert "Of 12 channels and 12 signals" in regimes
-    assert "c11, before" in regimes
+    assert "c11, before → after" in regimes
     assert "c07, before" not in regimes
     assert re.findall(r"<td>(s\d\d)</td>", regimes) == [f"s{j:02}" for j in range(11, 3, -1)]
 
@@ -129,23 +128,6 @@ def test_an_effect_of_many_values_is_drawn_with_its_intervals() -> None:
     assert profile(values[:4]) == ""
 
 
-@pytest.mark.parametrize(
-    ("unit", "size", "factor", "told"),
-    [
-        ("Pa", 1.2e7, 1e6, "MPa"),
-        ("N", 6.5e4, 1e3, "kN"),
-        ("N.m", 9e3, 1.0, "N·m"),
-        ("rad/s", 1e5, 1.0, "rad/s"),
-    ],
-)
-def test_large_values_have_prefixed_units(
-    unit: str, size: float, factor: float, told: str, leaking: tuple[Judgement, Evidence]
-) -> None:
-    [trace] = leaking[1].traces
-    large = replace(trace, unit=unit, recorded=np.full_like(trace.recorded, -size))
-    assert readable(large) == (factor, told)
-
-
 def test_a_page_without_a_verdict_says_why_once() -> None:
     reasons = ["a.csv: level is constant at 2 m", "b.csv: is empty"]
     result = Findings(model="tank", recordings=["a.csv"], status="inconclusive", reasons=reasons)
@@ -155,6 +137,9 @@ def test_a_page_without_a_verdict_says_why_once() -> None:
 
 
 def test_words_of_the_page() -> None:
+    told = [percent(share).replace("\N{NO-BREAK SPACE}", " ") for share in (0.0, 0.003, 0.18, 0.998, 1.0)]
+    assert told == ["0 %", "under 1 %", "18 %", "over 99 %", "100 %"]
+    assert better({"a": 0.001}) == "a error below × 0.01"
     assert better({"a": 0.5, "b": 1.0, "c": 0.1}) == "c error × 0.10; a error × 0.50; others unchanged"
     few = {f"c{i}": 0.1 * i + 0.05 for i in range(8)}
     assert better(few).endswith("2 more channels × 0.65 to 0.75")
@@ -229,3 +214,20 @@ def test_a_folder_that_cannot_be_written_is_said_in_one_line(tmp_path: Path, loa
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert ended.value.code == 2
+
+
+def test_where_nothing_was_found_nothing_is_told_of_what_was() -> None:
+    """One curve, of the model; no row, column or caption for an after that there is not."""
+    judged = investigate(tank(), [record(1)], Settings(open_ended=False))
+    assert isinstance(judged, Judgement)
+    text = page(judged.findings, evidence(judged, Settings()), [], {})
+    blind = sum(c.verdict == "could not be judged" for c in judged.findings.candidates)
+    assert blind
+    assert (
+        f"{blind} of {len(judged.findings.candidates)} effects these recordings could not have shown." in text
+    )
+    body = text[text.index("<body") : text.index("Terms</h2>")]
+    for word in ("what was found;", "before", "after"):
+        assert word not in re.sub(
+            r"<script.*?</script>|<style.*?</style>|what is left", "", body, flags=re.DOTALL
+        )

@@ -1,0 +1,224 @@
+"""Windows whose begin is not known exactly: that is noise, and no parameter pays for it."""
+
+import numpy as np
+import pytest
+from scipy.signal import lsim
+from scipy.spatial.transform import Rotation
+from scipy.stats import multivariate_normal
+
+from discrepancy.assess import assess
+from discrepancy.fit import begins, fit
+from discrepancy.model import Effect, Model, Parameter
+from discrepancy.models import loader
+from discrepancy.models.begins import begun_otherwise
+from discrepancy.models.loader_library import BEGINS
+from discrepancy.models.shared_out import Way
+from discrepancy.noise import Noise, estimate_noise, white_noise
+from discrepancy.problem import Problem
+from discrepancy.recording import Recording, signal
+from discrepancy.state import Settings
+from plant import state as s
+from plant.follow import M_SPEED, MEASURED
+from plant.machine import load_machine
+from plant.plant import Plant
+from plant.resting import R_START, REST
+from tests.discrepancy.test_loader import recorded as driven
+
+STEP_S, OMEGA, DAMPING = 0.02, 6.0, 0.05
+SWING, SD = 0.05, 0.02
+TRUE_GAIN = 1.3
+
+
+def swing(window, values, extra):
+    """x'' = omega^2 (g u - x) - 2 d omega x', from rest or as the window's begin says."""
+    system = (
+        [[0.0, 1.0], [-(OMEGA**2), -2.0 * values["damping"] * OMEGA]],
+        [[0.0], [OMEGA**2]],
+        [[1.0, 0.0]],
+        0.0,
+    )
+    begin = [values.get("begin.place", 0.0), values.get("begin.rate", 0.0)]
+    _, moved, _ = lsim(system, values["gain"] * window["force"], window.time_s - window.time_s[0], begin)
+    return {"place": moved + values.get("offset", 0.0)}
+
+
+def swinging(*, unsure: bool = True) -> Model:
+    unknown = (
+        Parameter(name="begin.place", unit="m", typical=SWING, prior_sd=SWING, scope="begin"),
+        Parameter(
+            name="begin.rate", unit="m/s", typical=SWING * OMEGA, prior_sd=SWING * OMEGA, scope="begin"
+        ),
+    )
+    offset = Parameter(name="offset", unit="m", lower=-1.0, upper=1.0, typical=0.05)
+    return Model(
+        name="swing",
+        sentence="a mass on a spring",
+        inputs={"force": "m"},
+        outputs={"place": "m"},
+        nuisances=(
+            Parameter(name="gain", unit="1", value=1.0, lower=0.2, upper=3.0, typical=0.1),
+            Parameter(name="damping", unit="1", value=0.1, lower=0.005, upper=0.5, typical=0.01),
+            *(unknown if unsure else ()),
+        ),
+        effects=(
+            Effect(
+                name="offset",
+                sentence="an offset",
+                equation="",
+                parameters=(offset,),
+                kind="physics",
+                place="mass",
+            ),
+        ),
+        simulate=swing,
+        step_s=STEP_S,
+        window_s=3.0,
+    )
+
+
+def recorded(seed: int) -> Recording:
+    """Every three seconds a blow that no model knows of sets it swinging anew."""
+    rng = np.random.default_rng(seed)
+    time_s = STEP_S * np.arange(3000)
+    force = np.repeat(rng.uniform(-0.1, 0.1, 60), 50)
+    system = ([[0.0, 1.0], [-(OMEGA**2), -2.0 * DAMPING * OMEGA]], [[0.0], [OMEGA**2]], [[1.0, 0.0]], 0.0)
+    parts = []
+    for part in np.split(np.arange(time_s.size), 20):
+        begin = rng.normal(0.0, 1.0, 2) * (SWING, SWING * OMEGA)
+        parts.append(lsim(system, TRUE_GAIN * force[part], time_s[part] - time_s[part[0]], begin)[1])
+    place = np.concatenate(parts) + rng.normal(0.0, SD, time_s.size)
+    return Recording("swing", {"force": signal(time_s, force, "m"), "place": signal(time_s, place, "m")})
+
+
+def known_noise(problem: Problem) -> Noise:
+    """Of two readings in a row: white, with the begins of the model; the residual that it was made from."""
+    start = problem.start()
+    base = problem.predict(start)
+    return white_noise(problem, problem.measured - base, begins(problem, start, base))
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    return Problem(swinging(), [recorded(1)])
+
+
+def covariance_of(noise: Noise, rows: np.ndarray) -> np.ndarray:
+    """What the rows (raw numbers, in one window) scatter by, said plainly: sensor, and begins."""
+    one = 1.0 / noise.whiteners[0].inverse_factor[0, 0]
+    return one**2 * np.eye(rows.size) + noise.begins[rows] @ noise.begins[rows].T
+
+
+def test_what_is_whitened_is_white(problem):
+    noise = known_noise(problem)
+    own = np.flatnonzero(problem.row_window == 3)
+    columns = np.zeros((problem.measured.size, own.size))
+    columns[own, np.arange(own.size)] = 1.0
+    W = noise.whiten(columns)[own]
+    np.testing.assert_allclose(W @ covariance_of(noise, own) @ W.T, np.eye(own.size), atol=1e-8)
+    assert not noise.whiten(columns)[problem.row_window != 3].any()
+
+
+def test_the_likelihood_is_that_of_the_gaussian(problem):
+    noise = known_noise(problem)
+    residual = problem.measured - problem.predict(problem.start())
+    each = [np.flatnonzero(problem.row_window == w) for w in range(len(problem.windows))]
+    plain = sum(multivariate_normal.logpdf(residual[own], cov=covariance_of(noise, own)) for own in each)
+    found = noise.log_density() - 0.5 * float(np.sum(noise.whiten(residual) ** 2))
+    assert found == pytest.approx(plain + 0.5 * np.log(2.0 * np.pi) * residual.size, rel=1e-9)
+
+
+def test_what_stems_from_a_begin_is_its_conditional_mean(problem):
+    noise = known_noise(problem)
+    residual = problem.measured - problem.predict(problem.start())
+    own = np.flatnonzero(problem.row_window == 5)
+    L = noise.begins[own]
+    expected = L @ L.T @ np.linalg.solve(covariance_of(noise, own), residual[own])
+    found, used = noise.begun(residual)
+    np.testing.assert_allclose(found[own], expected, atol=1e-9)
+    assert 1.9 * len(problem.windows) < used < 2.0 * len(problem.windows)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_parameter_pays_for_how_windows_begin(seed):
+    problem = Problem(swinging(), [recorded(seed)])
+    state = assess(problem, (), problem.start(), Settings())
+    values = state.fit.values.shared
+    assert abs(values["gain"] - TRUE_GAIN) < 4.0 * state.fit.sd("gain")
+    assert abs(values["damping"] - DAMPING) < 4.0 * state.fit.sd("damping")
+    assert state.fit.sd("gain") < 0.03
+    assert state.noise.innovation_sd(problem)["place"] == pytest.approx(SD, rel=0.05)
+
+
+def test_taken_to_begin_as_the_model_says_noise_is_what_swings():
+    """The peer of the law above."""
+    problem = Problem(swinging(unsure=False), [recorded(0)])
+    state = assess(problem, (), problem.start(), Settings())
+    known = Problem(swinging(), [recorded(0)])
+    assert state.fit.sd("gain") > 1.5 * assess(known, (), known.start(), Settings()).fit.sd("gain")
+
+
+def test_noise_is_learned_anew_beside_what_is_known_of_begins(problem):
+    noise = known_noise(problem)
+    fitted = fit(problem, noise, problem.nuisance_names, problem.start())
+    residual = problem.measured - problem.predict(fitted.values)
+    beside, alone = (estimate_noise(problem, residual, 2.0, known) for known in (noise, None))
+    assert beside.innovation_sd(problem)["place"] < alone.innovation_sd(problem)["place"]
+    assert beside.begins is noise.begins
+
+
+# Of the loader.
+
+L60 = load_machine("l60")
+
+
+def a_start() -> tuple[np.ndarray, np.ndarray, Way]:
+    state = Plant(L60, speed=2.0, articulation_angle=0.2).inside()[0]
+    way = Way(np.zeros((6, MEASURED)), {}, np.array([0, 2, 6]), (False, False, False), 0.0, 0.01)
+    return np.stack([state, state]), np.zeros((2, REST)), way
+
+
+@pytest.mark.parametrize(("name", "axis"), [("roll", [1.0, 0.0, 0.0]), ("pitch", [0.0, 1.0, 0.0])])
+def test_it_begins_turned_about_its_own_axes(name, axis):
+    starts, rests, way = a_start()
+    level = Rotation.from_euler("zyx", [0.7, 0.05, -0.04])
+    starts[:, s.ATTITUDE : s.ATTITUDE + 4] = level.as_quat()[[3, 0, 1, 2]]
+    begun_otherwise({f"begin.{name}": 1e-3}, starts, rests, way, 0.7)
+    found = Rotation.from_quat(starts[0, [s.ATTITUDE + 1, s.ATTITUDE + 2, s.ATTITUDE + 3, s.ATTITUDE]])
+    np.testing.assert_allclose((level.inv() * found).as_rotvec(), 1e-3 * np.array(axis), atol=1e-9)
+
+
+def test_it_begins_higher_and_faster():
+    starts, rests, way = a_start()
+    was = starts.copy()
+    given = {"begin.height": 0.01, "begin.height_rate": 0.2, "begin.pitch_rate": 0.1, "begin.speed": 0.07}
+    measured = begun_otherwise(given, starts, rests, way, 0.7).measured
+    changed = np.flatnonzero((starts != was).any(axis=0))
+    assert changed.tolist() == [s.POSITION + 2, s.VELOCITY + 2, s.ANGULAR + 1]
+    np.testing.assert_allclose((starts - was)[:, changed], [[0.01, 0.2, 0.1]] * 2, atol=1e-12)
+    assert rests[:, R_START].tolist() == [0.01, 0.01]
+    assert np.argwhere(measured).tolist() == [[0, M_SPEED], [2, M_SPEED]]
+    assert measured[0, M_SPEED] == pytest.approx(0.1)
+    assert not way.measured.any()
+
+
+def test_as_it_is_known_to_begin_nothing_changes():
+    starts, rests, way = a_start()
+    was = starts.copy()
+    assert begun_otherwise({p.name: 0.0 for p in BEGINS}, starts, rests, way, 0.7) is way
+    np.testing.assert_array_equal(starts, was)
+
+
+def test_a_bounce_rings_on_where_it_is_scored():
+    """The normal forces of a stretch that begins a little higher and turned swing about those of one that does not, in every stretch."""
+    plain = driven(seconds=8.0)
+    problem = Problem(loader.model([plain]), [plain])
+    assert not {p.name for p in BEGINS} & {*problem.nuisance_names, *problem.start().shared}
+    start = problem.start()
+    moved = begins(problem, start, problem.predict(start))
+    for window in range(len(problem.windows)):
+        for i in range(len(BEGINS)):
+            rows = (problem.row_window == window) & (
+                problem.row_channel
+                == problem.channels.index("pitch_rate" if i != 2 and i != 4 else "roll_rate")
+            )
+            assert np.max(np.abs(moved[rows, i])) > 1e-5
