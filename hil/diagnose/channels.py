@@ -1,6 +1,7 @@
 """Columns of a file into the channels of a model: which is which, in the model's units. Units are converted here and nowhere else."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from discrepancy.units import parse_scaled, parse_unit
 from hil.diagnose.tables import Column, Table
 
 SHOWN = 8
+LARGEST = 1e30  # in any unit of a heading
 
 
 def to_recording(
@@ -39,9 +41,9 @@ def to_recording(
     return Recording(name, signals, constants), complaints + said
 
 
-def unknown_columns(tables: Sequence[Table], renamed: Mapping[str, str]) -> list[str]:
-    """Columns that were asked for by name and are in none of the files of a run."""
-    there = {c.name for table in tables for c in table.columns}
+def unknown_columns(columns: Sequence[Column], renamed: Mapping[str, str]) -> list[str]:
+    """Columns that were asked for by name and are not among those of a run."""
+    there = {c.name for c in columns}
     asked = [part.strip() for column in renamed.values() for part in column.split(",")]
     return [column for column in asked if column not in there]
 
@@ -51,12 +53,23 @@ def _parts(
 ) -> tuple[list[Signal], list[Complaint]]:
     parts, complaints = [], []
     for column in columns:
+        column, wild = _measurable(column, channel, name)
         values, told_unit, said = _converted(column, channel, unit, name)
+        complaints += wild
         complaints += said
         if any(c.fatal for c in said):
             return [], complaints
         parts.append(Signal(column.time_s, values, told_unit, held))
     return parts, complaints
+
+
+def _measurable(column: Column, channel: str, name: str) -> tuple[Column, list[Complaint]]:
+    """Without values beyond anything that is measured: bytes read as numbers."""
+    wild = np.abs(column.value) > LARGEST
+    if not wild.any():
+        return column, []
+    text = f"{np.count_nonzero(wild)} of {wild.size} values are beyond {LARGEST:g}, as damaged bytes read as numbers are; dropped"
+    return replace(column, value=np.where(wild, np.nan, column.value)), [Complaint(name, channel, text)]
 
 
 def _mean(parts: Sequence[Signal]) -> Signal:

@@ -1,5 +1,6 @@
 """`loaderhil conceal`: a recording with hidden effects, and their truth sealed beside it, so that anybody can test the diagnosis."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -79,7 +80,7 @@ def conceal(
     import numpy as np
 
     from hil.diagnose.command import write
-    from hil.diagnose.hidden import NotHidden, Truth, chosen, concealed, drawn, faint, parsed_fault
+    from hil.diagnose.hidden import Truth, concealed, drawn, faint, parsed_fault
     from hil.diagnose.models import find_model
     from hil.diagnose.reading import measured, numbers
     from hil.diagnose.seal import seal
@@ -93,15 +94,7 @@ def conceal(
     else:
         basis, initial = _basis(choice, like, manoeuvre, part, measured("--constant", constant or []))
         built = choice.build([basis])
-    effects = {}
-    for text in effect or []:
-        name, _, sizes = text.partition("=")
-        try:
-            effects[name.strip()] = chosen(
-                built, name.strip(), [_size(s) for s in sizes.split(",")] if sizes else []
-            )
-        except ValueError as error:
-            raise NotHidden(f"--effect '{text}': {error}") from error
+    effects = _effects(built, effect or [])
     truth = Truth(
         model=built.name,
         seed=seed,
@@ -122,6 +115,22 @@ def conceal(
     print(f"written: {file}\nwritten: {sealed}")
     for line in faint(built, effects):
         print(line)
+
+
+def _effects(model: "Model", texts: Sequence[str]) -> dict[str, dict[str, float]]:
+    """What --effect names, by name, with its parameters. Raises NotHidden."""
+    from hil.diagnose.hidden import NotHidden, chosen
+
+    found = {}
+    for text in texts:
+        name, _, sizes = (part.strip() for part in text.partition("="))
+        if name in found:
+            raise NotHidden(f"--effect '{text}': {name} is hidden already")
+        try:
+            found[name] = chosen(model, name, [_size(s) for s in sizes.split(",")] if sizes else [])
+        except ValueError as error:
+            raise NotHidden(f"--effect '{text}': {error}") from error
+    return found
 
 
 def _size(text: str) -> float:

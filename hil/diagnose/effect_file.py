@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from hil.diagnose.kept import read_findings
 from hil.diagnose.models import NAMED
 from hil.diagnose.plant_effect import forces, plant_file
 from plant.effects.library import VARIABLE
+
+NAME = re.compile(r"[\w ()-]+")  # of an effect, which stands in the text of its file
 
 
 def terms_of(result: Findings, path: Path) -> list[OpenTerm]:
@@ -79,6 +82,8 @@ def written(findings: Path, name: str, base: str | None, out: Path) -> tuple[str
     """Text of the effect's file, and how to use it. Raises NoEffect."""
     if out.suffix != ".py":
         raise NoEffect(f"--out {out}: must end in .py")
+    if not NAME.fullmatch(name):
+        raise NoEffect(f"--name '{name}': must be of letters, digits, spaces, '_', '-' and brackets")
     file = findings / "findings.json" if findings.is_dir() else findings
     result = read_findings(file)
     terms = terms_of(result, file)

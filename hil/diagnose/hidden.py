@@ -17,6 +17,7 @@ DEFAULT_NOISE = 0.01  # of a channel's own spread
 FASTEST_HZ = 50.0
 SIZES = (0.7, 3.0)  # of an effect's typical change, where the size is drawn
 FAINT = 0.1  # of a typical change: what is smaller, hardly any recording shows
+TIMED = ("stuck", "gap")
 KINDS = ("lost", "damaged", "spikes", "stuck", "gap")
 
 
@@ -123,10 +124,7 @@ def concealed(
 
     initial: initial states, guessed from the basis' own outputs where not given. Raises NotHidden.
     """
-    for name in truth.nuisances:
-        if name not in {p.name for p in model.nuisances}:
-            known = ", ".join(p.name for p in model.nuisances)
-            raise NotHidden(f"{model.name} has no baseline parameter '{name}'; it has {known}")
+    _check(model, truth)
     rng = np.random.default_rng(truth.seed)
     signals = dict(basis.signals)
     for name, signal in _simulated(model, basis, truth, initial or {}).items():
@@ -134,8 +132,41 @@ def concealed(
         sd = truth.noise.get(name, DEFAULT_NOISE * spread)
         noisy = signal.value + _noise(rng, signal.value.size, sd, truth.memory)
         faults = [f for f in truth.faults if f.channel == name]
+        _check_times(faults, signal)
         signals[name] = _faulty(replace(signal, value=noisy), faults, rng)
     return replace(basis, signals=signals)
+
+
+def _check(model: Model, truth: Truth) -> None:
+    """Raises NotHidden for a baseline parameter or noise that the model cannot have."""
+    nuisances = {p.name: p for p in model.nuisances if p.scope == "all"}
+    for name, value in truth.nuisances.items():
+        p = nuisances.get(name)
+        if p is None:
+            known = ", ".join(nuisances) or "none"
+            raise NotHidden(f"{model.name} has no baseline parameter '{name}'; it has {known}")
+        if not p.lower <= value <= p.upper:
+            raise NotHidden(f"{name}={value:g} {p.unit} is outside [{p.lower:g}, {p.upper:g}] {p.unit}")
+    for name, sd in truth.noise.items():
+        if name not in model.outputs:
+            raise NotHidden(
+                f"noise of {name}: {model.name} has no such output; it has {', '.join(model.outputs)}"
+            )
+        if not 0.0 <= sd < np.inf:
+            raise NotHidden(
+                f"noise of {name}: {sd:g} {model.outputs[name]} is no standard deviation; 0 or more is"
+            )
+
+
+def _check_times(faults: Sequence[Fault], signal: Signal) -> None:
+    """Raises NotHidden for a fault from one time to another that would strike no sample."""
+    for fault in [f for f in faults if f.kind in TIMED]:
+        within = (signal.time_s >= fault.start_s) & (signal.time_s <= fault.end_s)
+        if not within.any():
+            raise NotHidden(
+                f"{fault.channel}:{fault.kind}={fault.start_s:g}..{fault.end_s:g} s strikes no sample; "
+                f"there are some from {signal.time_s[0]:g} to {signal.time_s[-1]:g} s"
+            )
 
 
 def _simulated(
@@ -186,7 +217,7 @@ def _faulty(signal: Signal, faults: Sequence[Fault], rng: np.random.Generator) -
             value[hit] = np.nan
         elif fault.kind == "spikes":
             value[hit] += rng.choice([-1.0, 1.0], np.count_nonzero(hit)) * 10.0 * np.std(value)
-        elif fault.kind == "stuck" and within.any():
+        elif fault.kind == "stuck":
             value[within] = value[within][0]
         elif fault.kind == "gap":
             kept = ~within
@@ -205,7 +236,7 @@ def parsed_fault(model: Model, text: str) -> Fault:
     if kind not in KINDS:
         raise NotHidden(f"--fault '{text}': no fault '{kind}'; there are {', '.join(KINDS)}")
     try:
-        if kind in ("stuck", "gap"):
+        if kind in TIMED:
             start, end = (float(part) for part in size.split(".."))
             return Fault(channel=channel, kind=kind, start_s=start, end_s=end)
         share = float(size)

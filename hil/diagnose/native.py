@@ -1,6 +1,5 @@
 """Data sets that a model reads by itself, and what is to be complained of in the run directories of the bench."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ from dbc.errors import LogError
 from dbc.recording import read_frames
 from discrepancy.recording import Complaint, Recording
 from hil.diagnose.tables import Unreadable
-from hil.rundir import RECORD
+from hil.rundir import RECORD, read_record
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,16 +30,8 @@ def is_run(folder: Path) -> bool:
 
 
 def machine_of_run(folder: Path) -> str | None:
-    """The machine that a run directory was made with; None where it does not say. Raises Unreadable for a record that is none."""
-    record = folder / RECORD
-    if not record.is_file():
-        return None
-    try:
-        told = json.loads(record.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise Unreadable(f"{record}: cannot be read as the record of a run: {error}") from error
-    machine = told.get("machine") if isinstance(told, dict) else None
-    return machine if isinstance(machine, str) else None
+    """The machine that a run directory was made with; None where it has no record. Raises RunError for one that is damaged."""
+    return read_record(folder).machine if (folder / RECORD).is_file() else None
 
 
 def damage_of_run(folder: Path) -> list[Complaint]:

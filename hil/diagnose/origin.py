@@ -14,7 +14,7 @@ class OtherMachine(Mistake, ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Base:
-    """Name or file of a baseline, None for the model's own; told: a line about it, empty where there is nothing to choose."""
+    """Name or file of a baseline, None for the model's own; told: what it is and who says so, empty where there is nothing to choose."""
 
     given: Path | None
     told: str = ""
@@ -23,17 +23,17 @@ class Base:
 def base_of(choice: Choice, given: Path | None, machines: Mapping[str, str]) -> Base:
     """What --with gives, else the machine that the recordings say they are of. machines: by recording; raises OtherMachine."""
     if choice.own_machine is None:
-        return Base(given)
+        return Base(given, f"{given}, as --with says" if given is not None else "")
     if choice.build_from is None:
         _refuse_others(choice, Path(choice.own_machine), machines)
-        return Base(given)
+        return Base(given, f"{given}, as --with says" if given is not None else "")
     if given is not None:
         _refuse_others(choice, given, machines)
-        return Base(given, f"baseline: machine {given}, as --with says")
+        return Base(given, f"machine {given}, as --with says")
     if not machines:
         return Base(
             None,
-            f"baseline: machine {choice.own_machine}, the model's own; the recordings do not say which they are of, --with MACHINE does",
+            f"machine {choice.own_machine}, the model's own; the recordings do not say which they are of, --with MACHINE does",
         )
     (recording, machine), *others = machines.items()
     for other, another in others:
@@ -47,9 +47,7 @@ def base_of(choice: Choice, given: Path | None, machines: Mapping[str, str]) -> 
         )
     also = f" and of {len(others)} more" if others else ""
     own = machine == choice.own_machine
-    return Base(
-        None if own else Path(machine), f"baseline: machine {machine}, as run.json of {recording}{also} says"
-    )
+    return Base(None if own else Path(machine), f"machine {machine}, as run.json of {recording}{also} says")
 
 
 def _refuse_others(choice: Choice, machine: Path, machines: Mapping[str, str]) -> None:

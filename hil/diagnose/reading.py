@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from bus.mistake import Mistake
 from dbc.columns import ColumnDecoder
 from discrepancy.clocks import join
@@ -54,7 +56,7 @@ def read_all(choice: Choice, ask: Ask, progress: Progress) -> Read:
     channels = choice.channels
     _check_names(channels, ask)
     constants = constants_of(channels, ask.constants)
-    runs = _named([_files(path) for path in ask.paths])
+    runs = _named(_different([_files(path) for path in ask.paths]))
     through = decoder(ask.dbcs)
     recordings: list[Recording] = []
     complaints: list[Complaint] = []
@@ -91,21 +93,45 @@ def _run(
     if native is not None:
         machines = {name: native.machine} if native.machine is not None else {}
         return Read(native.recordings, native.complaints, (), machines)
-    tables = [_table(file, choice, ask, through) for file in files]
-    if unknown := unknown_columns(tables, ask.renamed):
-        columns = [c for table in tables for c in table.columns]
+    tables, complaints = _tables(files, name, choice, ask, through)
+    columns = [c for table in tables.values() for c in table.columns]
+    if unknown := unknown_columns(columns, ask.renamed):
         raise Unreadable(f"{name}: has no column {', '.join(unknown)}; it has {named(columns)}")
-    parts, complaints = [], list[Complaint]()
-    for file, table in zip(files, tables, strict=True):
-        part, said = to_recording(table, file.name, channels, ask.renamed)
+    parts = []
+    for file, table in tables.items():
+        part, said = to_recording(table, file, channels, ask.renamed)
         parts.append(part)
         complaints += said
     joined = join(channels, parts, name)
     if not any(channel in joined.recording.signals for channel in channels.outputs):
-        columns = [c for table in tables for c in table.columns]
         text = f"has {named(columns)}; --channel NAME=COLUMN says which is which"
         complaints.append(Complaint(name, "", text))
+    complaints += _unmoved(joined.recording, channels)
     return Read([joined.recording], [*joined.complaints, *complaints], joined.clocks)
+
+
+def _tables(
+    files: Sequence[Path], name: str, choice: Choice, ask: Ask, through: ColumnDecoder
+) -> tuple[dict[str, Table], list[Complaint]]:
+    """The files of a run by name; of several, one that cannot be read is told and the others are judged. Raises Unreadable if none can."""
+    tables, failed = dict[str, Table](), list[str]()
+    for file in files:
+        try:
+            tables[file.name] = _table(file, choice, ask, through)
+        except Unreadable as error:
+            failed.append(str(error))
+    if not tables:
+        raise Unreadable("; ".join(failed))
+    return tables, [Complaint(name, "", text, fatal=True) for text in failed]
+
+
+def _unmoved(recording: Recording, channels: Model) -> list[Complaint]:
+    """Where no input of a model moves, nothing drives what was recorded."""
+    known = {n: recording.signals[n] for n in channels.inputs if n in recording.signals}
+    if not known or any(np.unique(s.value[np.isfinite(s.value)]).size > 1 for s in known.values()):
+        return []
+    text = f"no input moves ({', '.join(known)}): are they dead channels? What only their changes show cannot be told"
+    return [Complaint(recording.name, "", text)]
 
 
 def _table(path: Path, choice: Choice, ask: Ask, through: ColumnDecoder) -> Table:
@@ -128,6 +154,17 @@ def _check_names(model: Model, ask: Ask) -> None:
             raise Misuse(
                 f"{option} {unknown[0]}=...: {model.name} has no such channel; it has {', '.join(known)}"
             )
+
+
+def _different(runs: Sequence[Sequence[Path]]) -> list[Sequence[Path]]:
+    """Raises Misuse for a run that is given twice, since its evidence would count twice."""
+    known: list[list[Path]] = []
+    for files in runs:
+        resolved = [file.resolve() for file in files]
+        if resolved in known:
+            raise Misuse(f"{'+'.join(map(str, files))}: is given twice; its evidence would count twice")
+        known.append(resolved)
+    return list(runs)
 
 
 def _named(runs: Sequence[Sequence[Path]]) -> dict[str, Sequence[Path]]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from discrepancy.examine import examine
-from discrepancy.findings import Candidate, Findings
+from discrepancy.findings import Candidate, Estimate, Findings, Verdict
 from discrepancy.model import Manoeuvre, Model
 from discrepancy.models import ball, car, road, straight
 from discrepancy.problem import Problem
@@ -113,7 +113,10 @@ def test_every_model_with_manoeuvres_can_be_concealed(model) -> None:  # type: i
 
 def test_what_cannot_be_hidden_is_refused() -> None:
     for bad in (lambda: chosen(tank(), "ghost", []), lambda: chosen(tank(), "leak", [5.0]), lambda: chosen(tank(), "leak", [0.1, 0.2]),
-                lambda: concealed(tank(), record(1), quiet(nuisances={"ghost": 1.0})), lambda: drawn(tank(), 99, np.random.default_rng(0))):  # fmt: skip
+                lambda: concealed(tank(), record(1), quiet(nuisances={"ghost": 1.0})), lambda: concealed(tank(), record(1), quiet(nuisances={"area": 9.0})),
+                lambda: concealed(tank(), record(1), quiet(noise={"level": -0.1})), lambda: concealed(tank(), record(1), quiet(noise={"depth": 0.1})),
+                lambda: concealed(tank(), record(1), quiet(faults=[Fault(channel="level", kind="gap", start_s=500.0, end_s=510.0)])),
+                lambda: drawn(tank(), 99, np.random.default_rng(0))):  # fmt: skip
         with pytest.raises(NotHidden):
             bad()
 
@@ -147,10 +150,13 @@ def told(
     return Findings(model="tank", recordings=["r"], status="explained", reasons=[], findings=findings)
 
 
-def unseen(effect: str) -> Candidate:
+def unseen(
+    effect: str, verdict: Verdict = "could not be judged", noticed_from: float | None = None
+) -> Candidate:
+    limit = Estimate(name=effect, value=noticed_from or 0.0, low=None, high=None, unit="1/s", baseline=0.0)
     return Candidate(
-        effect=effect, kind="physics", verdict="could not be judged", statistic=0.0, p_value=1.0, expected=[],
-        power=0.0, absorbed=0.0, reason="",
+        effect=effect, kind="physics", verdict=verdict, statistic=0.0, p_value=1.0, expected=[],
+        power=0.0, absorbed=0.0, noticed_from=[limit] if noticed_from else [], reason="",
     )  # fmt: skip
 
 
@@ -167,6 +173,28 @@ def unseen(effect: str) -> Candidate:
         (told("offset"), [], "", ["offset"], Ending.FAILED),
         (replace(told(), candidates=[unseen("leak")]), ["leak"], "not visible", [], Ending.INCONCLUSIVE),
         (replace(told(), candidates=[unseen("offset")]), ["leak"], "missed", [], Ending.FAILED),
+        (
+            replace(told(), candidates=[unseen("leak", "ruled out", 0.6)]),
+            ["leak"],
+            "not visible",
+            [],
+            Ending.INCONCLUSIVE,
+        ),
+        (
+            replace(told(), candidates=[unseen("leak", "ruled out", 0.4)]),
+            ["leak"],
+            "missed",
+            [],
+            Ending.FAILED,
+        ),
+        (
+            replace(told(), candidates=[unseen("leak", noticed_from=0.4)]),
+            ["leak"],
+            "missed",
+            [],
+            Ending.FAILED,
+        ),
+        (replace(told(), candidates=[unseen("leak", "ruled out")]), ["leak"], "missed", [], Ending.FAILED),
         (
             replace(told("offset"), candidates=[unseen("leak")]),
             ["leak"],
@@ -253,6 +281,7 @@ def test_conceal_diagnose_score(
     assert "was changed after it was sealed" in capsys.readouterr().err
     for words in (
         ("--effect", "ghost"),
+        ("--effect", "leak=0.1", "--effect", "leak=0.2"),
         ("--fault", "level:melts=1"),
         ("--fault", "depth:lost=1"),
         ("--noise", "level"),

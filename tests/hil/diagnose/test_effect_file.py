@@ -226,6 +226,7 @@ def test_the_effect_of_the_how_to_works(own_effects: list[Any]) -> None:
     ("result", "words", "said"),
     [
         (replace(PUSHED, open_ended=None), ("--name", "x"), "holds no equation outside the library"),
+        (PUSHED, ("--name", 'a"b'), "must be of letters, digits, spaces"),
         (PUSHED, ("--name", "two words"), "machine files need letters, digits and _, such as two_words"),
         (equation("tank", term("inflow", "level")), ("--name", "x"), "--model FILE.py says where that is"),
         (

@@ -4,6 +4,7 @@ Run directories as the bench leaves them, and tables of the same channels. The l
 nothing open-ended is looked for, so that a search takes seconds; what is asked of the input does not depend on it.
 """
 
+import json
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -71,12 +72,20 @@ def cut(folder: Path) -> None:
     (folder / "reference.log").unlink()
 
 
+def _without(folder: Path, key: str) -> None:
+    """run.json that lacks a key."""
+    told = json.loads((folder / "run.json").read_text())
+    del told[key]
+    (folder / "run.json").write_text(json.dumps(told))
+
+
 RUNS: dict[str, tuple[Callable[[Path], object], int, str]] = {
     "no log": (lambda d: (d / "bus.log").unlink(), 5, "loader reads a run directory"),
     "empty log": (lambda d: (d / "bus.log").write_text(""), 5, "the recording is empty"),
     "junk": (lambda d: (d / "bus.log").write_bytes(bytes(range(256)) * 40), 5, "not a candump log"),
     "another bus": (lambda d: shutil.copy(d / "reference.log", d / "bus.log"), 5, "is of this bus; is it the log of another?"),
     "record cut off": (lambda d: (d / "run.json").write_text('{"payl'), 5, "cannot be read as the record of a run"),
+    "record without a machine": (lambda d: _without(d, "machine"), 5, "run.json: machine: Field required"),
     "empty reference": (lambda d: (d / "reference.log").write_text(""), 0, "reference.log: the recording is empty"),
     "another's reference": (lambda d: shutil.copy(d / "bus.log", d / "reference.log"), 0, "reference.log: none of its"),
     "cut off": (cut, 0, "damaged places, skipped; the first"),
