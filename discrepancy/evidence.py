@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from discrepancy.fit import fit
 from discrepancy.judge import Judgement
 from discrepancy.locate import regimes_of
 from discrepancy.noise import Noise
 from discrepancy.problem import Problem, Values
 from discrepancy.recording import Array
-from discrepancy.state import Settings, free_names
-from discrepancy.trials import folds, near
+from discrepancy.state import Settings
+from discrepancy.trials import judged_elsewhere, near
 
 BINS = 60  # of time, per recording
 LAGS = 40
@@ -119,13 +118,11 @@ def held_out_prediction(
     enough: float | None = None,
 ) -> Array:
     """Predicted raw rows (N,), each from a fit of the shared parameters that has not seen it; enough: as in `fit`."""
-    names, predicted = free_names(problem, effects), np.empty(problem.measured.size)
+    predicted = np.empty(problem.measured.size)
     following = np.clip(np.searchsorted(noise.keep, np.arange(problem.measured.size)), 0, noise.keep.size - 1)
-    for test in folds(problem, noise, settings.folds):
-        trained = fit(problem, noise, names, start, rows=~test, iterations=4, rough=True, enough=enough)
-        tested = fit(problem, noise, (), trained.values, rows=test, iterations=2)
+    for test, judged in judged_elsewhere(problem, noise, effects, start, settings, enough=enough):
         rows = test[following]  # the first rows of a run belong to the stretch they lead into
-        predicted[rows] = problem.predict(tested.values)[rows]
+        predicted[rows] = problem.predict(judged.values)[rows]
     return predicted
 
 

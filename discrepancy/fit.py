@@ -120,7 +120,7 @@ def _difference(problem: Problem, values: Values, name: str) -> float:
 def _stepped(problem: Problem, values: Values, name: str, step: float) -> Values:
     if problem.model.parameter(name).scope == "window":
         return replace(values, local={**values.local, name: values.local[name] + step})
-    return values.with_shared({name: values.shared.get(name, 0.0) + step})
+    return values.with_shared({name: values.shared[name] + step})
 
 
 def fit(
@@ -154,12 +154,12 @@ def fit(
         before, promised = point.sse, float(np.sum((b - A @ step) ** 2))
         if enough is not None and before - promised < enough:
             break
+        worth = before - promised > CONVERGED
         tried = (
             _with_local_steps(problem, noise, point, shrink * step * scale, local_step, shrink, rows)
             for shrink in (SHRINKS[:1] if rough else SHRINKS)
-            if before - promised > CONVERGED
         )
-        better = next(((v, sse) for v, sse in tried if sse < before), None)
+        better = next(((v, sse) for v, sse in tried if sse < before), None) if worth else None
         if better is None and rough and later:
             rough, point = False, _Point.at(problem, noise, parameters, point.values, rows)
             continue
@@ -271,9 +271,9 @@ def _misfit(
     return _sse(noise.whiten(problem.measured - problem.predict(values)), parameters, values, rows)
 
 
-def held_out(problem: Problem, noise: Noise, values: Values, rows: Mask) -> Array:
-    """Residual (n,) with shared parameters as given and only the initial states refitted to `rows`."""
-    return fit(problem, noise, (), values, rows=rows, iterations=2).residual
+def held_out(problem: Problem, noise: Noise, values: Values, rows: Mask) -> Fit:
+    """Shared parameters as given; only the initial states are refitted, to `rows`."""
+    return fit(problem, noise, (), values, rows=rows, iterations=2)
 
 
 def _bounded(A: Array, b: Array, parameters: Sequence[Parameter], values: Values) -> Array:

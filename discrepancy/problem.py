@@ -121,7 +121,7 @@ class Problem:
         self.local_names = tuple(p.name for p in model.nuisances if p.scope == "window")
         self.begin_names = tuple(p.name for p in model.nuisances if p.scope == "begin")
         self.nuisance_names = tuple(p.name for p in model.nuisances if p.scope == "all")
-        shared = [p for p in model.parameters if p.scope == "all"]
+        shared = [p for p in model.parameters if p.scope != "window"]
         self._shared = [p.name for p in shared]
         self._typical = np.array([p.typical for p in shared])
         self._slopes: dict[tuple[str, float | None], deque[tuple[Array, Array]]] = {}
@@ -141,7 +141,7 @@ class Problem:
 
     def start(self) -> Values:
         """The baseline: every effect off, initial states at their guess."""
-        shared = {p.name: p.value for p in self.model.parameters if p.scope == "all"}
+        shared = {p.name: p.value for p in self.model.parameters if p.scope != "window"}
         local = {
             p.name: np.array([p.guess(w) if p.guess else p.value for w in self.windows])
             for p in self.model.nuisances
@@ -213,7 +213,7 @@ class Problem:
         )
         if anywhere:
             return column
-        own = moved[self._shared.index(name)] if name in self._shared else 0.0
+        own = moved[self._shared.index(name)]
         hold = self.model.slopes_hold * (FITTED_SHARE if probe is None else 1.0)
         if own > OWN_SHARE * hold or np.max(moved) > hold:
             return None
@@ -228,8 +228,7 @@ class Problem:
 
     def forget_derivatives(self) -> None:
         """Have the next fit begin with derivatives of its own place."""
-        for name, probe in [key for key in self._slopes if key[1] is None and key[0] not in self.begin_names]:
-            del self._slopes[name, probe]
+        self._slopes = {key: kept for key, kept in self._slopes.items() if key[1] is not None}
 
     def _scaled(self, values: Values) -> Array:
         """Shared parameters in typical changes."""

@@ -161,8 +161,8 @@ def settle(
         everywhere = np.ones(noise.keep.size, bool)
         fitted = fit(problem, noise, (*names, *own), fitted.values, iterations=4)
         spells = {name: spell for name, spell in fitted.values.spells.items() if name not in own}
-        always = held_out(problem, noise, replace(fitted.values, spells=spells), everywhere)
-        never = held_out(problem, noise, fitted.values.with_shared(off), everywhere)
+        always = held_out(problem, noise, replace(fitted.values, spells=spells), everywhere).residual
+        never = held_out(problem, noise, fitted.values.with_shared(off), everywhere).residual
         gain = np.bincount(noise.row_window, never**2 - always**2, len(problem.windows))
         gained = np.concatenate([[0.0], np.cumsum(gain)])
         best = max(among, key=lambda run: float(gained[run.stop] - gained[run.start]))

@@ -1,6 +1,6 @@
 """Effects put to the test: refitted beside what is accepted, weighed, and confirmed on data that were not fitted."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -226,11 +226,26 @@ def held_out_residual(
     enough: float | None = None,
 ) -> Array:
     """Whitened residual (n,), every row from a fit of the shared parameters that has not seen it; enough: as in `fit`."""
-    names, residual = free_names(problem, effects), np.empty(noise.keep.size)
+    residual = np.empty(noise.keep.size)
+    for test, judged in judged_elsewhere(problem, noise, effects, start, settings, enough=enough):
+        residual[test] = judged.residual[test]
+    return residual
+
+
+def judged_elsewhere(
+    problem: Problem,
+    noise: Noise,
+    effects: Sequence[str],
+    start: Values,
+    settings: Settings,
+    *,
+    enough: float | None = None,
+) -> Iterator[tuple[Mask, Fit]]:
+    """Rows held out in turn, with a fit in which shared parameters are those of the other rows; enough: as in `fit`."""
+    names = free_names(problem, effects)
     for test in folds(problem, noise, settings.folds):
         trained = fit(problem, noise, names, start, rows=~test, iterations=4, rough=True, enough=enough)
-        residual[test] = held_out(problem, noise, trained.values, test)[test]
-    return residual
+        yield test, held_out(problem, noise, trained.values, test)
 
 
 def near(problem: Problem, gain: float) -> float | None:

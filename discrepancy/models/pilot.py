@@ -1,11 +1,11 @@
 """The machine that is led through what comes before a stretch, so that the stretch begins in the midst of its motion."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
 from discrepancy.models.shared_out import Way, led, parameters_of
@@ -47,17 +47,15 @@ def flown(
         speeds={name: speed[taken] for name, speed in whole.speeds.items()},
         edges=edges,
     )
-    begun.pop(0, None)
     for flight in flights:
-        if flight.start not in begun:
+        if flight.start == 0 or flight.start not in begun:
             begun[flight.start] = at_begin(machine, whole.payload, whole.measured[flight.start]).inside()[0]
     places, p = reckoned(machine, whole.measured, whole.step_s, turning), parameters_of(machine, way, PILOT_S)
     starts = np.stack([_placed(begun[flight.start], places[flight.start], p) for flight in flights])
     states = led(machine, values, way, starts, np.zeros((0, REST)), PILOT_S, states=True)
     arrived = states[np.searchsorted(taken, rows)]
-    if (
-        turning is not None
-    ):  # what a machine misses of the road turns it otherwise: it points where the gyro says
+    if turning is not None:
+        # what a machine misses of the road turns it otherwise: it points where the gyro says
         for state, row in zip(arrived, rows, strict=True):
             _turn(state, places[row, 2] - _heading(state), p)
     return np.asarray(arrived, float)
@@ -85,13 +83,12 @@ def reckoned(machine: Machine, measured: Array, step_s: float, turning: Array | 
     if turning is None:
         bending = ahead * np.gradient(angle, step_s)
         turning = (speed * np.sin(angle) - bending) / (ahead + behind * np.cos(angle))
-    heading = step_s * (np.cumsum(turning) - turning)
+    heading = cumulative_trapezoid(turning, dx=step_s, initial=0)
     sideways = behind * turning
     along = speed * np.cos(heading) - sideways * np.sin(heading)
     across = speed * np.sin(heading) + sideways * np.cos(heading)
-    return np.stack(
-        [step_s * (np.cumsum(along) - along), step_s * (np.cumsum(across) - across), heading], axis=1
-    )
+    place = cumulative_trapezoid([along, across], dx=step_s, initial=0)
+    return np.stack([*place, heading], axis=1)
 
 
 def _placed(state: Array, place: Array, p: Array) -> Array:
@@ -106,14 +103,16 @@ def _placed(state: Array, place: Array, p: Array) -> Array:
 def _turn(state: Array, angle: float, p: Array) -> None:
     """Turn a machine and its motion about the normal of the road of parameters p, in place [rad]."""
     turn = Rotation.from_rotvec(angle * p[P_NORMAL : P_NORMAL + 3])
-    attitude = turn * Rotation.from_quat(state[s.ATTITUDE : s.ATTITUDE + 4], scalar_first=True)
-    state[s.ATTITUDE : s.ATTITUDE + 4] = attitude.as_quat(scalar_first=True)
+    state[s.ATTITUDE : s.ATTITUDE + 4] = (turn * _attitude(state)).as_quat(scalar_first=True)
     state[s.VELOCITY : s.VELOCITY + 3] = turn.apply(state[s.VELOCITY : s.VELOCITY + 3])
 
 
 def _heading(state: Array) -> float:
-    w, x, y, z = state[s.ATTITUDE : s.ATTITUDE + 4]
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return float(_attitude(state).as_euler("ZYX")[0])
+
+
+def _attitude(state: Array) -> Rotation:
+    return Rotation.from_quat(state[s.ATTITUDE : s.ATTITUDE + 4], scalar_first=True)
 
 
 def at_begin(machine: Machine, payload: float, first: Array) -> Plant:

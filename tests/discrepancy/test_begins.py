@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lsim
+from scipy.signal import lsim, periodogram
 from scipy.spatial.transform import Rotation
 from scipy.stats import multivariate_normal
 
@@ -11,18 +11,19 @@ from discrepancy.fit import begins, fit
 from discrepancy.model import Effect, Model, Parameter
 from discrepancy.models import loader
 from discrepancy.models.begins import begun_otherwise
-from discrepancy.models.loader_library import BEGINS
+from discrepancy.models.loader_library import BEGINS, TILT_RAD
 from discrepancy.models.shared_out import Way
+from discrepancy.models.stretches import LEAD_S
 from discrepancy.noise import Noise, estimate_noise, white_noise
 from discrepancy.problem import Problem
 from discrepancy.recording import Recording, signal
 from discrepancy.state import Settings
 from plant import state as s
-from plant.follow import M_SPEED, MEASURED
+from plant.follow import GAIN, M_SPEED, MEASURED
 from plant.machine import load_machine
 from plant.plant import Plant
 from plant.resting import R_START, REST
-from tests.discrepancy.test_loader import recorded as driven
+from tests.discrepancy.test_loader import recorded as recorded_drive
 
 STEP_S, OMEGA, DAMPING = 0.02, 6.0, 0.05
 SWING, SD = 0.05, 0.02
@@ -145,8 +146,8 @@ def test_no_parameter_pays_for_how_windows_begin(seed):
     values = state.fit.values.shared
     assert abs(values["gain"] - TRUE_GAIN) < 4.0 * state.fit.sd("gain")
     assert abs(values["damping"] - DAMPING) < 4.0 * state.fit.sd("damping")
-    assert state.fit.sd("gain") < 0.03
-    assert state.noise.innovation_sd(problem)["place"] == pytest.approx(SD, rel=0.05)
+    sd = state.noise.innovation_sd(problem)["place"]
+    assert sd == pytest.approx(SD, rel=0.05)  # of 3000 readings: known to 1.3 %
 
 
 def test_taken_to_begin_as_the_model_says_noise_is_what_swings():
@@ -208,17 +209,47 @@ def test_as_it_is_known_to_begin_nothing_changes():
     np.testing.assert_array_equal(starts, was)
 
 
-def test_a_bounce_rings_on_where_it_is_scored():
-    """The normal forces of a stretch that begins a little higher and turned swing about those of one that does not, in every stretch."""
-    plain = driven(seconds=8.0)
-    problem = Problem(loader.model([plain]), [plain])
-    assert not {p.name for p in BEGINS} & {*problem.nuisance_names, *problem.start().shared}
-    start = problem.start()
-    moved = begins(problem, start, problem.predict(start))
-    for window in range(len(problem.windows)):
-        for i in range(len(BEGINS)):
-            rows = (problem.row_window == window) & (
-                problem.row_channel
-                == problem.channels.index("pitch_rate" if i != 2 and i != 4 else "roll_rate")
-            )
-            assert np.max(np.abs(moved[rows, i])) > 1e-5
+@pytest.fixture(scope="module")
+def driven() -> Problem:
+    plain = recorded_drive(seconds=8.0)
+    return Problem(loader.model([plain]), [plain])
+
+
+def moved(problem: Problem, name: str, channel: str) -> list[np.ndarray]:
+    """By how much a channel of each stretch changes, from its begin on, that begins one standard deviation otherwise."""
+    start, sd = problem.start(), problem.model.parameter(name).prior_sd
+    plain, other = (
+        problem.motions(problem.windows, values) for values in (start, start.having(**{name: sd}))
+    )
+    return [b[channel] - a[channel] for a, b in zip(plain, other, strict=True)]
+
+
+def since_begin(problem: Problem) -> list[np.ndarray]:
+    return [window.time_s - window.time_s[0] for window in problem.windows]
+
+
+def test_an_error_of_speed_is_drawn_to_what_is_measured(driven):
+    """At the rate that follow.py says; a quarter is left where the stretch is scored."""
+    asked = driven.model.parameter("begin.speed").prior_sd / L60.tyre.radius
+    for late, speed in zip(
+        since_begin(driven), moved(driven, "begin.speed", "wheel_speed_rear_left"), strict=True
+    ):
+        soon = (late > 0.3) & (late < 0.7)  # tyres have taken it up, torque does not yet answer
+        np.testing.assert_allclose(speed[soon], asked * np.exp(-GAIN * late[soon]), rtol=0.05)
+        assert np.max(np.abs(speed[late >= LEAD_S])) < 0.3 * asked
+
+
+def test_a_bounce_rings_on_where_it_is_scored(driven):
+    for late, pitch in zip(since_begin(driven), moved(driven, "begin.pitch", "pitch_angle"), strict=True):
+        early, scored = pitch[late < 1.0], pitch[late >= LEAD_S]
+        assert 0.1 * TILT_RAD < np.max(np.abs(scored)) < np.max(np.abs(early)) < 1.1 * TILT_RAD
+        step = float(late[1] - late[0])
+        frequency, power = periodogram(pitch, 1.0 / step, nfft=8192)
+        assert 1.0 < frequency[np.argmax(power)] < 3.0  # of a machine on its tyres [Hz]
+
+
+def test_how_a_stretch_begins_is_not_fitted():
+    problem = Problem(swinging(), [recorded(0)])
+    assert not set(problem.begin_names) & set(problem.nuisance_names)
+    state = assess(problem, (), problem.start(), Settings())
+    assert [state.fit.values.shared[name] for name in problem.begin_names] == [0.0, 0.0]

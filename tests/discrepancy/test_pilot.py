@@ -43,7 +43,7 @@ def test_dead_reckoning_of_a_circle_is_that_circle(gyro):
     assert turned[-1] == pytest.approx(speed / radius * (30.0 - STEP_S))
     centre = (-BEHIND, radius)  # the joint begins at the origin, ahead of the rear axle
     away = np.hypot(along - centre[0], across - centre[1])
-    np.testing.assert_allclose(away, math.hypot(BEHIND, radius), rtol=2e-3)
+    np.testing.assert_allclose(away, math.hypot(BEHIND, radius), rtol=2e-6)  # trapezoids of 10 ms
 
 
 def test_after_a_run_in_it_points_where_it_would_after_the_whole_way(monkeypatch):
