@@ -29,6 +29,7 @@ pytestmark = [pytest.mark.socketcan, pytest.mark.timeout(600)]
 PATIENCE_S = 120.0
 """A user-mode kernel on a busy machine takes long to start an interpreter."""
 FLOOD = 20_000
+REPLAYS = 5
 SUMMARY = re.compile(r": (\d+) frames .* s, (?:(none)|(\d+)) lost")
 
 
@@ -123,11 +124,10 @@ def test_canplayer_plays_our_log_and_we_record_what_it_plays(log, tmp_path):
     assert content(read_candump(tmp_path / "again.log")) == content(read_candump(log))
 
 
-def test_candump_reads_what_we_replay_at_its_time(log, tmp_path):
-    """Every frame in order; none earlier than its recorded time after the first, as far as one is read late itself."""
-    theirs = tmp_path / "candump.log"
+def read_by_candump(log: Path, file: Path) -> tuple[FrameTable, int]:
+    """What candump reads of a replay of ours on vcan1, and how late at most the replay says it was [ns]."""
     before = listeners("vcan1")
-    with theirs.open("wb") as output:
+    with file.open("wb") as output:
         candump = subprocess.Popen(["candump", "-L", "-n", "200", "vcan1"], stdout=output)
         try:
             wait_for(lambda: listeners("vcan1") > before, "candump never listened")
@@ -137,12 +137,29 @@ def test_candump_reads_what_we_replay_at_its_time(log, tmp_path):
         finally:
             candump.kill()
             candump.wait()
-    ours, seen = read_candump(log), read_candump(theirs)
-    assert content(seen) == content(ours)
-    recorded, played = (table.time_ns - table.time_ns[0] for table in (ours, seen))
-    first_late_ns = 1_000_000 * float(re.search(r"([\d.]+) ms at most", done.stdout)[1])
-    assert (played - recorded).min() > -first_late_ns - 1_000_000  # stamps of two clocks, each cut at 1 us
-    assert played[-1] >= 0.99e9
+    said = re.search(r"([\d.]+) ms at most", done.stdout)
+    assert said is not None, done.stdout
+    return read_candump(file), round(1e6 * float(said[1]))
+
+
+def test_candump_reads_what_we_replay_at_its_time(log, tmp_path):
+    """Every frame in order; none earlier than its recorded time after the first, as far as that one was late itself.
+
+    How late the replay was it says; a tenth of the recording makes the times worthless. A busy machine does that, and
+    stamps the first frame later than it was sent, to one replay; a replay that keeps no time is so every time.
+    """
+    ours = read_candump(log)
+    found = []
+    for n in range(REPLAYS):
+        seen, late_ns = read_by_candump(log, tmp_path / f"candump{n}.log")
+        assert content(seen) == content(ours)
+        recorded, played = (table.time_ns - table.time_ns[0] for table in (ours, seen))
+        early_ns = int((recorded - played).max())
+        found.append(f"{early_ns * 1e-6:.1f} ms early, said to be {late_ns * 1e-6:.1f} ms late")
+        # 1 ms: stamps of two clocks, each cut at 1 us
+        if early_ns < late_ns + 1_000_000 and late_ns < recorded[-1] / 10:
+            return
+    pytest.fail("; ".join(found))
 
 
 @pytest.mark.parametrize("ring_frames", [1 << 18, 64])
