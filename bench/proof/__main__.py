@@ -7,8 +7,8 @@ from pathlib import Path
 from rich.console import Console
 
 from bench.proof import report
-from bench.proof.arm import read
-from bench.proof.plan import GROUPS, SLOW, carried_out, plan, sampled
+from bench.proof.arm import LOADERS, read
+from bench.proof.plan import GROUPS, carried_out, plan, sampled
 from hil.diagnose.fleet import bar
 from hil.scale.cluster import carry_out
 from hil.scale.store import Store
@@ -36,7 +36,7 @@ def main() -> None:
     if strange := [group for group in groups if group not in GROUPS]:
         parser.error(f"--arms {strange[0]}: there are {', '.join(GROUPS)}")
     planned = list(plan(groups, args.seeds))
-    quick, slow = [a for a in planned if a.body not in SLOW], [a for a in planned if a.body in SLOW]
+    quick, slow = [a for a in planned if a.body not in LOADERS], [a for a in planned if a.body in LOADERS]
     chosen = {a.key: a for a in (*sampled(quick, args.share), *sampled(slow, args.share * args.loader_share))}
     version = report.commit()
     store = Store(args.work, {"commit": version})

@@ -14,6 +14,10 @@ from discrepancy.recording import Recording
 from discrepancy.state import Settings
 from hil.scale.store import Row
 
+LOADERS = (
+    "loader",
+    "mujoco",
+)  # bodies with a whole machine; their effects have a size, and the lambda they come to
 LAMBDAS = (10.0, 20.0, 50.0, 250.0, 2500.0)
 STRONG = 50.0  # from here on the truth has to be found
 EXACT = 250.0  # from here on with its size
@@ -91,10 +95,17 @@ class Done:
     @property
     def reached(self) -> bool:
         """Whether the effect is as strong as was wanted."""
-        if np.isinf(self.arm.strength):
+        if self.arm.body in LOADERS or np.isinf(self.arm.strength):
             return True
         low, high = (share * self.arm.strength for share in NEAR)
         return self.truth.reached is None or low <= self.truth.reached <= high
+
+    @property
+    def lam(self) -> float:
+        """lambda with which the arm counts: the one that was wanted and reached, or what the loader's came to."""
+        if self.arm.body in LOADERS:
+            return self.truth.reached or 0.0
+        return self.arm.strength if self.reached else 0.0
 
 
 def diagnosed(arm: Arm, model: Model, recordings: list[Recording], truth: Truth) -> Row:

@@ -5,14 +5,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from bench.proof import oracle
 from bench.proof.arm import LAMBDAS, Arm, Truth, diagnosed
-from discrepancy.assess import assess
-from discrepancy.fit import fit
 from discrepancy.model import Effect, Model
 from discrepancy.problem import Problem
 from discrepancy.recording import Recording
-from discrepancy.screen import spread, stretches
-from discrepancy.state import Settings
 from hil.scale.store import Row
 
 Record = Callable[[Mapping[str, float], Arm, np.random.Generator], list[Recording]]
@@ -24,7 +21,6 @@ SQUARE = 2.0  # power of the size with which lambda grows, before it is known
 SLOPES = (1.0, 6.0)  # between which that power is looked for
 LONGEST = 1.6  # step in the logarithm of a size: five times
 BOUND = 0.9  # of the way to a parameter's bound, as far as effects go
-LEAST = 1e-9  # lambda that counts as none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,7 +113,7 @@ class Body:
         while True:
             change = float(np.copysign(size, parameter.typical))
             truth = self._oracle(effect, {parameter.name: parameter.value + change}, arm)
-            off = float(np.log(arm.strength / max(truth.reached or 0.0, LEAST)))
+            off = float(np.log(arm.strength / max(truth.reached or 0.0, oracle.LEAST)))
             tried.append((off, truth))
             if abs(off) < NEAR or len(tried) == ROUNDS:
                 break
@@ -131,20 +127,7 @@ class Body:
         return min(tried, key=lambda t: abs(t[0]))[1]
 
     def _oracle(self, effect: Effect, values: Mapping[str, float], arm: Arm) -> Truth:
-        """lambda and its shares by channel as told by one who knows the effect: what it changes beyond refitted nuisances and initial states,
-        over the noise, correlation of the scores counted.
-        """
+        """lambda and its shares by channel on a recording that holds the effect throughout."""
         whole = Arm(body=arm.body, kind="effect", seed=arm.seed, noise=arm.noise)
         problem = Problem(self.model(), self.record(values, whole, np.random.default_rng(arm.seed)))
-        state = assess(problem, (effect.name,), problem.start().having(**values), Settings())
-        off = {p.name: p.value for p in effect.parameters}
-        others = [name for name in state.fit.names if name not in off]
-        without = fit(problem, state.noise, others, state.fit.values.with_shared(off))
-        change = without.residual - state.fit.residual
-        power = np.bincount(state.noise.row_channel, change**2, len(problem.channels))
-        whole_power = max(float(np.sum(power)), LEAST)
-        return Truth(
-            values=values,
-            reached=float(np.sum(power)) / spread(state.fit, effect.names, stretches(state.noise)),
-            channels={n: float(p / whole_power) for n, p in zip(problem.channels, power, strict=True)},
-        )
+        return oracle.told(problem, [effect], values)

@@ -1,11 +1,16 @@
 """The wheel loader: drives by chance through driver, limits, sensors, CAN encoding and ECU (bench.loader_truth), the whole library as candidates."""
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from bench import loader_truth
+from bench.proof import oracle
 from bench.proof.arm import Arm, Truth, diagnosed
+from discrepancy.model import Model
+from discrepancy.problem import Problem
+from discrepancy.recording import Recording
 from hil.scale.store import Row
 
 SCALES = (0.3, 1.0, 3.0)  # of an effect's typical change
@@ -39,4 +44,15 @@ def carried_out(arm: Arm) -> Row:
         run = Path(folder) / "run"
         values = loader_truth.record(drive, run)
         recording = loader.load_run(run)
-    return diagnosed(arm, loader.model([recording]), [recording], Truth(values=values))
+    model = loader.model([recording])
+    return diagnosed(arm, model, [recording], _shown(arm, model, recording, values))
+
+
+def _shown(arm: Arm, model: Model, recording: Recording, values: Mapping[str, float]) -> Truth:
+    """What was hidden, with its lambda; an oracle that knows it needs no other candidates."""
+    effects = [model.effect(name) for name in arm.effects]
+    if not effects:
+        return Truth(values=values)
+    problem = Problem(replace(model, effects=tuple(effects)), [recording])
+    hidden = {p.name: values[p.name] for effect in effects for p in effect.parameters}
+    return replace(oracle.told(problem, effects, hidden), values=values)

@@ -13,7 +13,6 @@ from hil.scale.store import Row
 BODIES: dict[str, Body] = {body.name: body for body in (STRAIGHT, BALL, CAR)}
 GROUPS = (*BODIES, "loader", "real", "thesis")
 FEWEST_NULLS = 6
-SLOW = ("loader", "mujoco")  # bodies whose arms take minutes each
 
 
 def plan(groups: Iterable[str], seeds: int) -> Iterator[Arm]:

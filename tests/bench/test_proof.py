@@ -58,6 +58,33 @@ def test_what_counts_as_right(run, right, found, first, falsely) -> None:
     )
 
 
+def of_loader(lam: float, **more) -> Done:
+    run = done(strength=3.0, reached=lam, **more)
+    return replace(run, arm=replace(run.arm, body="loader"))
+
+
+def test_the_loader_is_judged_by_the_lambda_that_its_sizes_came_to() -> None:
+    found, missed = of_loader(60.0, found=(A,)), of_loader(51.0)
+    weak, unseen = of_loader(49.0), of_loader(0.0, found=(B,))
+    rows = {line.metric: line.measured for line in score.table([found, missed, weak, unseen])}
+    assert rows["truth in the reported group, lambda >= 50"].startswith("1 of 2 ")
+    assert (score.right(found), score.right(missed), score.right(weak), score.right(unseen)) == (
+        True, False, True, False,
+    )  # fmt: skip
+    assert [line.split(" | ")[1] for line in score.failures([found, missed, weak, unseen])] == [
+        "51",
+        "49",
+        "0",
+    ]
+    shares = [line.split(" | ")[:3] for line in score.by_strength([found, missed, weak, unseen])][2:]
+    assert [(head.removeprefix("| "), arms, of[:6]) for head, arms, of in shares] == [
+        ("below 10", "1", "0 of 1"),
+        ("10 to 50", "1", "0 of 1"),
+        ("50 to 250", "2", "1 of 2"),
+        ("250 and more", "0", "none r"),
+    ]
+
+
 @pytest.mark.parametrize("kind", ["null", "outside"])
 def test_a_name_where_there_is_none_to_give_is_wrong_and_a_proxy_is_not(kind) -> None:
     assert score.right(done(kind, (), found=(PROXY,)))

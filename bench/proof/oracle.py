@@ -1,0 +1,40 @@
+"""How plainly a recording shows what was hidden in it, as told by one who knows the effect and its size.
+
+lambda: what the effect changes beyond all refitted nuisances and initial states, squared, over the noise, correlation of the scores counted.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from bench.proof.arm import Truth
+from discrepancy.assess import assess
+from discrepancy.fit import fit
+from discrepancy.model import Effect
+from discrepancy.problem import Problem
+from discrepancy.screen import spread, stretches
+from discrepancy.state import Settings
+
+LEAST = 1e-9  # lambda that counts as none
+
+
+def told(problem: Problem, effects: Sequence[Effect], values: Mapping[str, float]) -> Truth:
+    """The truth with the lambda of that effect which shows least, the others known; values: of all parameters of the effects.
+
+    channels: shares of it.
+    """
+    names = tuple(effect.name for effect in effects)
+    state = assess(problem, names, problem.start().having(**values), Settings())
+    least: Truth | None = None
+    for effect in effects:
+        off = {p.name: p.value for p in effect.parameters}
+        others = [name for name in state.fit.names if name not in off]
+        without = fit(problem, state.noise, others, state.fit.values.with_shared(off))
+        change = without.residual - state.fit.residual
+        power = np.bincount(state.noise.row_channel, change**2, len(problem.channels))
+        whole = max(float(np.sum(power)), LEAST)
+        reached = float(np.sum(power)) / spread(state.fit, effect.names, stretches(state.noise))
+        channels = {n: float(p / whole) for n, p in zip(problem.channels, power, strict=True)}
+        if least is None or reached < (least.reached or 0.0):
+            least = Truth(values=values, reached=reached, channels=channels)
+    return least or Truth(values=values)
