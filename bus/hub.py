@@ -66,8 +66,8 @@ class Hub(Closing):
         """The address of its socket."""
         return self._listener.path
 
-    def run(self) -> None:
-        """Relay until `stop`."""
+    def run(self, after_round: Callable[[], None] | None = None) -> None:
+        """Relay until `stop`; after_round: called whenever what had come is served."""
         listening, alarm, writable = self._listener.socket.fileno(), self._alarm.fileno(), select.EPOLLOUT
         while not self._stopping:
             for number, events in self._epoll.poll(maxevents=CLIENT_LIMIT):
@@ -83,6 +83,8 @@ class Hub(Closing):
                     self._accept()
                 elif number == alarm:
                     self._advance()
+            if after_round is not None:
+                after_round()
 
     def stop(self) -> None:
         """End `run`; may be called from a signal handler or another thread."""
@@ -279,15 +281,19 @@ def serve(
     bit_rate: int | None = None,
     data_bit_rate: int | None = None,
     on_ready: Callable[[], None] | None = None,
+    after_round: Callable[[], None] | None = None,
 ) -> HubStatus:
-    """Run a hub until SIGINT or SIGTERM; its last counters. Call it from the main thread."""
+    """Run a hub until SIGINT or SIGTERM; its last counters. Call it from the main thread.
+
+    on_ready: called once it listens; after_round: as of `Hub.run`.
+    """
     with Hub(path, bit_rate=bit_rate, data_bit_rate=data_bit_rate) as hub:
         signals = (signal.SIGINT, signal.SIGTERM)
         before = [signal.signal(number, lambda *_: hub.stop()) for number in signals]
         try:
             if on_ready is not None:
                 on_ready()
-            hub.run()
+            hub.run(after_round)
             return hub.status()
         finally:
             for number, handler in zip(signals, before, strict=True):

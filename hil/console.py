@@ -21,7 +21,7 @@ from hil.recording.tables import COLOUR, several_channels, table_of
 from hil.rundir import RECORD, RunDirectory
 from hil.runs import RunResult, run_lockstep
 from hil.supervisor import Event
-from hil.timing import Spread, Timing
+from hil.timing import Spread, Timing, longest_wait_text
 from hil.verdict import WHEELS, Result, RunVerdict, Verdict, judge_warning
 from hil.vitals import Vitals
 from plant.scenario import Scenario, list_scenarios, load_scenario
@@ -199,6 +199,7 @@ def add_timing_rows(table: Table, timings: Sequence[Timing]) -> None:
         "waited for a processor, worst second",
         *(_longest_wait(timing.worst_waited) for timing in timings),
     )
+    table.add_row("waited for a processor, longest", *(longest_wait_text(timing) for timing in timings))
 
 
 def _longest_wait(shares: Mapping[str, float]) -> str:

@@ -14,17 +14,19 @@ A message is *stale* over every stretch that lasts longer than `stale_after` per
 judged time spent so is given. A NaN or a stamp that runs backwards is a failure, never a pass.
 
 What cannot be judged is inconclusive, with the reason: no period in the DBC, less than three periods of
-observation, an observer that lost frames, or a host that did not give the observer its time.
+observation, an observer that lost frames, or a host that did not give the observer its time. So is what was late, when
+one wait for a processor, in the sender or in what its frames pass, is as long as all that was late by more than permitted.
 """
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hil.verdict import Result, Verdict
+from hil.waits import Rows, Wait, explaining, longest
 
 TOLERANCE = 0.5
 """Permitted deviation of a gap from the period, as a share of it. ISO 11783-3 and J1939 leave it open;
@@ -34,6 +36,7 @@ STALE_AFTER = 3.0
 LEAST_PERIODS = 3
 """Shorter observations say nothing about a period."""
 QUESTION = "every message in time"
+MOMENTARILY = "the host was starved for a moment"
 COUNTER_MODULUS = 15
 """AUTOSAR E2E profile 1 counts 0..14."""
 
@@ -43,7 +46,7 @@ class Observation:
     """What was seen of one message.
 
     at_ns: (n,) stamps in the order of arrival; counters: (n,) alive counters or None where the message has
-    none; same_payload: (n,) whether a frame equals the one before it, or None where that was not kept.
+    none; same_payload: (n,) whether a frame equals the one before it, or None where that was not kept. sender: its node.
     """
 
     name: str
@@ -51,6 +54,7 @@ class Observation:
     at_ns: NDArray[np.int64]
     counters: NDArray[np.int64] | None = None
     same_payload: NDArray[np.bool_] | None = None
+    sender: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +63,8 @@ class Observer:
 
     start_ns, end_ns: the judged window. lost: frames that it knows it lost. starved: why the host did not
     give it (or the sender) time enough, '' when it did. starved_moment: the same of its worst second, which
-    may be why a frame was late. unfinished: whether the run was cut off.
+    may be why a frame was late. unfinished: whether the run was cut off. waits: by node, of the processes that a frame of
+    it comes from and passes, see `hil.waits`.
     """
 
     start_ns: int
@@ -68,6 +73,7 @@ class Observer:
     starved: str = ""
     starved_moment: str = ""
     unfinished: bool = False
+    waits: Mapping[str, Mapping[str, Rows]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,7 +173,43 @@ def judge_message(
         result=Result.PASSED,
         reason="",
     )
-    return _concluded(verdict, observer)
+    return _concluded(
+        verdict,
+        observer,
+        _excuse(verdict, edges, late | (missing > 0), tolerance, observer.waits.get(seen.sender, {})),
+    )
+
+
+def _excuse(
+    verdict: MessageVerdict,
+    edges: NDArray[np.int64],
+    late: NDArray[np.bool_],
+    tolerance: float,
+    waits: Mapping[str, Rows],
+) -> Wait | None:
+    """The longest wait for a processor, if there is one for each gap that is too long or too short, and nothing else is wrong.
+
+    late: of each gap, whether it is too long.
+    """
+    period = verdict.period_ns
+    if period is None or not waits or verdict.duplicates or verdict.counter_jumps or verdict.backwards:
+        return None
+    found = []
+    permitted = round(period * (1 + min(tolerance, 0.5)))  # from 1.5 periods on a frame is missing
+    for row in np.flatnonzero(late).tolist():
+        begin, end = int(edges[row]), int(edges[row + 1])
+        beyond = max(end - begin - permitted, 1)
+        # Somewhere in the gap it has to be as long as the whole delay: a sender that skips its ticks goes on with its schedule later.
+        wait = explaining(waits, begin + period, end, beyond) or explaining(
+            waits, begin, end, end - begin - period
+        )
+        found.append(wait)
+    early = np.diff(edges)[1:-1] < period * (1 - tolerance)
+    for row in (1 + np.flatnonzero(early)).tolist():
+        begin, end = int(edges[row]), int(edges[row + 1])
+        found.append(explaining(waits, end - period, begin, begin + round(period * (1 - tolerance)) - end))
+    explained = [wait for wait in found if wait is not None]
+    return longest(explained) if len(explained) == len(found) else None
 
 
 def _skipped(gaps: NDArray[np.int64], period: int, tolerance: float) -> NDArray[np.float64]:
@@ -198,13 +240,16 @@ def _counter_events(seen: Observation, period_ns: int) -> tuple[int, int, int]:
     return int(duplicate.sum()), int(jump.sum()), int((step[step > 1] - 1).sum())
 
 
-def _concluded(verdict: MessageVerdict, observer: Observer) -> MessageVerdict:
+def _concluded(verdict: MessageVerdict, observer: Observer, excuse: Wait | None) -> MessageVerdict:
     """Passed, failed, or why it cannot be said."""
     doubts = doubts_of(observer)
     events = verdict.events
     if events and not doubts and observer.starved_moment:
-        moment = f"the host was starved for a moment: {observer.starved_moment}"
-        result, reason = Result.INCONCLUSIVE, "; ".join([*events, moment])
+        told = f"{MOMENTARILY}: {observer.starved_moment}"
+        result, reason = Result.INCONCLUSIVE, "; ".join([*events, told])
+    elif events and not doubts and excuse is not None:
+        told = f"{MOMENTARILY}: {excuse.told(observer.start_ns)}"
+        result, reason = Result.INCONCLUSIVE, "; ".join([*events, told])
     elif events and not doubts:
         result, reason = Result.FAILED, "; ".join(events)
     elif doubts:

@@ -5,10 +5,16 @@ Sources: proc(5), /proc/stat (steal: time a hypervisor gave to others) and
 """
 
 import os
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from bus.closing import Closing
+
 STEAL = 7  # field of the cpu line after its name: user nice system idle iowait irq softirq steal
+LEAST_WAIT_NS = 1_000_000
+"""Shorter waits are part of every period and excuse nothing."""
 FIELDS = 8  # guest time is already part of user time
 
 
@@ -34,3 +40,39 @@ class HostClock:
 def waited_ns(pid: int | None = None) -> int:
     """Time the process' main thread was ready to run and had no processor [ns]."""
     return int(Path(f"/proc/{pid or os.getpid()}/schedstat").read_text().split()[1])
+
+
+class OwnWaits(Closing):
+    """How long this process waited for a processor between one look and the next.
+
+    A look costs about a microsecond: the file stays open. A wait that still lasts is not in it; it ends before we look.
+    """
+
+    def __init__(
+        self, tell: Callable[[int, int, int], None], file: Path = Path("/proc/self/schedstat")
+    ) -> None:
+        """tell: told the times of both looks and what was waited in between [ns], when that is LEAST_WAIT_NS or more.
+
+        A kernel without such a file tells nothing.
+        """
+        self._tell = tell
+        self._fd = os.open(file, os.O_RDONLY | os.O_CLOEXEC) if file.exists() else -1
+        self._seen_ns, self._waited_ns = time.monotonic_ns(), self._read() if self._fd >= 0 else 0
+
+    def _read(self) -> int:
+        return int(os.pread(self._fd, 64, 0).split()[1])
+
+    def look(self, now_ns: int) -> None:
+        """Once per tick or round, at its end; a stamp of the monotonic clock."""
+        if self._fd < 0:
+            return
+        waited_ns = self._read()
+        if waited_ns - self._waited_ns >= LEAST_WAIT_NS:
+            self._tell(self._seen_ns, now_ns, waited_ns - self._waited_ns)
+        self._seen_ns, self._waited_ns = now_ns, waited_ns
+
+    def close(self) -> None:
+        """Look no more; a second call does nothing."""
+        if self._fd >= 0:
+            os.close(self._fd)
+            self._fd = -1

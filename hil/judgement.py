@@ -1,6 +1,7 @@
 """From the files of a run to its verdicts: which column and which signal answers which question."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,13 +9,14 @@ from numpy.typing import NDArray
 from dbc.columns import Columns
 from hil.gateway.hops import hops
 from hil.rundir import RunDirectory, RunError
-from hil.timing import Spread, Timing, reaction_ns
+from hil.timing import REACTION, Spread, Ticks, Timing, explain_reactions, explain_ticks, reactions
 from hil.verdict import WARNING_MIN_S, RunVerdict, flickers, judge, lasting, roll_over_warning
+from hil.waits import Rows, longest_of
 
 PROCESSES = ("plant", "ecu")
 RECORDERS = ("recorder", "ecu-recorder", "recorder/child", "ecu-recorder/child")
 """Frames are stamped before they come to them: what they wait for a processor makes nothing late."""
-WAY = "way_"
+WAY, WAITS = "way_", "waits_"
 
 
 def judge_run(run: RunDirectory) -> RunVerdict:
@@ -59,7 +61,8 @@ def timing_of(run: RunDirectory) -> Timing:
     """The timing of a real-time run, from timing.npz, the log's echoes and the processes' counters."""
     counts, vitals = run.record.statistics, run.record.vitals
     lives = [life for life in vitals.lives if life.process not in RECORDERS] if vitals else []
-    return Timing(
+    sample_s, took_ns = _reactions(run)
+    timing = Timing(
         lateness={
             name: Spread.of(column)
             for name in PROCESSES
@@ -70,7 +73,7 @@ def timing_of(run: RunDirectory) -> Timing:
             for name in PROCESSES
             if (column := _column(run, f"{name}_execution_ns")).size
         },
-        reaction=Spread.of(_reactions(run)),
+        reaction=Spread.of(took_ns),
         overruns={"plant": int(counts.get("plant_missed", 0)), "ecu": _ecu_overruns(run)},
         dropped=sum(int(counts.get(f"{name}_dropped", 0)) for name in (*PROCESSES, "gateway", *RECORDERS)),
         stolen=vitals.stolen if vitals else float("nan"),
@@ -78,6 +81,53 @@ def timing_of(run: RunDirectory) -> Timing:
         worst_stolen=vitals.worst_stolen if vitals else float("nan"),
         worst_waited=_largest((life.process, life.worst_waited) for life in lives),
         hops={name: Spread.of(durations) for name, durations in hops(_way(run)).items()},
+    )
+    waits = waits_of(run)
+    return _explained(timing, run, waits, sample_s, took_ns) if waits else timing
+
+
+def waits_of(run: RunDirectory) -> dict[str, Rows]:
+    """By process, the waits for a processor of those that can make a frame late; see `hil.waits`."""
+    named = {name.removeprefix(WAITS): name for name in run.timing if name.startswith(WAITS)}
+    return {process: run.timing[name] for process, name in named.items() if process not in RECORDERS}
+
+
+def _explained(
+    timing: Timing,
+    run: RunDirectory,
+    waits: Mapping[str, Rows],
+    sample_s: NDArray[np.float64],
+    took_ns: NDArray[np.int64],
+) -> Timing:
+    """The same with what waits explain: of each process' ticks its own waits, of a reaction those of all but the plant."""
+    if not _column(run, "plant_due_ns").size:
+        return timing
+    due = run.timing["plant_due_ns"]
+    own, explained = timing, {}
+    for name in timing.lateness:
+        ticks = Ticks(*(run.timing[f"{name}_{what}_ns"] for what in ("due", "lateness", "execution")))
+        found = explain_ticks(ticks, {of: rows for of, rows in waits.items() if of == name})
+        during = (ticks.due_ns >= due[0]) & (ticks.due_ns <= due[-1])  # as those that were counted
+        unknown = max(timing.overruns[name] - int(found.skipped[during].sum()), 0)
+        left = unknown + int(found.skipped[during & ~found.by_wait].sum())
+        own = replace(
+            own,
+            lateness={**own.lateness, name: Spread.of(found.lateness_ns)},
+            execution={**own.execution, name: Spread.of(found.execution_ns)},
+            overruns={**own.overruns, name: min(left, timing.overruns[name])},
+        )
+        explained[name] = found.longest
+    if "time_s" in run.truth and (known := min(due.size, run.truth["time_s"].size)):
+        sample_ns = np.rint(np.interp(sample_s, run.truth["time_s"][:known], due[:known])).astype(np.int64)
+        others = {name: rows for name, rows in waits.items() if name != "plant"}
+        own_ns, explained[REACTION] = explain_reactions(sample_ns, took_ns, others)
+        own = replace(own, reaction=Spread.of(own_ns))
+    return replace(
+        timing,
+        own=own,
+        explained={name: wait for name, wait in explained.items() if wait is not None},
+        longest_wait=longest_of({name: rows[rows[:, 1] >= due[0]] for name, rows in waits.items()}),
+        zero_ns=int(due[0]),
     )
 
 
@@ -107,10 +157,10 @@ def _way(run: RunDirectory) -> dict[str, NDArray[np.int64]]:
     return {name.removeprefix(WAY): run.timing[name] for name in run.timing if name.startswith(WAY)}
 
 
-def _reactions(run: RunDirectory) -> NDArray[np.int64]:
+def _reactions(run: RunDirectory) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     samples, answers = run.messages.get("Articulation"), run.messages.get("EcuStatus")
     if samples is None or answers is None:
-        return np.empty(0, np.int64)
-    return reaction_ns(
+        return np.empty(0), np.empty(0, np.int64)
+    return reactions(
         samples.time_s, samples.signals["SampleSequence"], answers.time_s, answers.signals["EchoSequence"]
     )

@@ -1,6 +1,6 @@
 """The link between the supervisor and one of its processes: a socket pair with one JSON object per line.
 
-The process says ready, progress, finished or error; the supervisor says go. Either side
+The process says ready, progress, waited, action, finished or error; the supervisor says go. Either side
 sees the end of file when the other is gone. A process started by hand has no link: the
 same calls then print, or do nothing.
 """
@@ -55,6 +55,10 @@ class Lifeline:
     def progress(self, time_s: float, of_s: float) -> None:
         """Simulated time reached, of the time planned [s]."""
         self._say({"event": "progress", "time_s": time_s, "of_s": of_s})
+
+    def waited(self, from_ns: int, until_ns: int, waited_ns: int) -> None:
+        """Between these times this process waited so long for a processor [ns]."""
+        self._say({"event": "waited", "row": (from_ns, until_ns, waited_ns)})
 
     def act(self, kind: str, target: str) -> None:
         """Ask the supervisor to do something to another process: kill or restart."""

@@ -9,10 +9,13 @@ import shutil
 import signal
 import tempfile
 import time
+from array import array
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from hil import rundir
 from hil.compose import Choice, ChoiceError, calibration_of, record_of
@@ -26,6 +29,7 @@ from hil.rundir import RunDirectory, RunRecord
 from hil.runs import RunResult
 from hil.supervisor import Child, Event, StartFailed, Supervisor, loaderhil
 from hil.vitals import SAMPLE_S, Watch, with_children
+from hil.waits import Rows
 
 HUB_READY_S = 20.0
 READY_S = 180.0
@@ -86,8 +90,11 @@ def run_realtime(
         except KeyboardInterrupt:
             ending, reason = Ending.INTERRUPTED, "interrupted"
         figures = _stop_in_order(supervisor)
+        waits = _waits(supervisor)
     record = replace(_ended(record, ending, reason, figures), vitals=bench.watch.vitals())
     latency.conclude(out, record)
+    if waits:
+        rundir.write_table(rundir.part_of_timing(out, "waits"), waits)
     rundir.merge_timing(out)
     rundir.write_record(out, record)
     record = replace(record, punctuality=punctuality_of(RunDirectory.read(out)))
@@ -202,6 +209,14 @@ def _stop_in_order(supervisor: Supervisor) -> dict[str, Event]:
     """Plant and ECU first, so that the recorder hears their last frames and the hub outlives them all."""
     supervisor.stop_all()
     return {child.name: child.figures for child in supervisor.children}
+
+
+def _waits(supervisor: Supervisor) -> dict[str, Rows]:
+    """Of every process, the waits for a processor that it told; of one that was started again, those of all its lives."""
+    told: dict[str, array[int]] = {}
+    for child in supervisor.children:
+        told.setdefault(child.name, array("q")).extend(child.waits)
+    return {name: np.array(of, np.int64).reshape(-1, 3) for name, of in told.items() if of}
 
 
 OUTCOMES: dict[Ending, rundir.Outcome] = {Ending.PASSED: "finished", Ending.INTERRUPTED: "interrupted"}

@@ -5,7 +5,8 @@
     bus.log         every frame between plant and ECU, candump -L format; with a gateway, those of the plant's bus
     ecu-bus.log     with a gateway, the frames of the ECU's bus (optional)
     reference.log   the frames of the test instrumentation, which the ECU never sees (optional)
-    timing.npz      per tick of a real-time run: lateness, execution, due time; per reaction: its way [ns] (optional)
+    timing.npz      per tick of a real-time run: lateness, execution, due time; per reaction: its way; waits for a processor
+                    of each process, see hil.waits [ns] (optional)
     latency.hlog    histograms of the hops of that way, HdrHistogram log format (optional)
     ecu.log, plant.log, gateway.log   findings of the processes of a real-time run, one line each (optional)
     faults.json     what was injected, when, and how many frames it struck (optional)
@@ -223,7 +224,7 @@ def stamps(path: Path, process: str) -> Path:
     return path / f"stamps.{process}"
 
 
-def merge_timing(path: Path, processes: Sequence[str] = ("plant", "ecu", "way")) -> None:
+def merge_timing(path: Path, processes: Sequence[str] = ("plant", "ecu", "way", "waits")) -> None:
     """One timing.npz from what the processes left; its columns are named PROCESS_COLUMN."""
     merged: dict[str, NDArray[Any]] = {}
     for process in processes:

@@ -15,6 +15,7 @@ import socket
 import subprocess
 import sys
 import time
+from array import array
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -36,7 +37,8 @@ class Child:
     """One supervised process.
 
     finished: its work is done; figures: what it measured; error: what it reported before it ended;
-    silent: it closed its lifeline; vital: the run ends with it; condemned: it was killed as a fault asks; reached_s: simulated time it told [s].
+    waits: its waits for a processor, three numbers each (see `hil.waits`); silent: it closed its lifeline; vital: the run ends
+    with it; condemned: it was killed as a fault asks; reached_s: simulated time it told [s].
     """
 
     name: str
@@ -49,6 +51,7 @@ class Child:
     finished: bool = False
     error: str = ""
     figures: Event = field(default_factory=dict)
+    waits: "array[int]" = field(default_factory=lambda: array("q"))
     silent: bool = False
     reached_s: float = 0.0
     vital: bool = False
@@ -197,6 +200,8 @@ class Supervisor(Closing):
                     child.figures = event["figures"]
                 case "progress":
                     child.reached_s = event["time_s"]
+                case "waited":
+                    child.waits.extend(event["row"])
                 case "error":
                     child.error = event["message"]
                 case "action":

@@ -4,16 +4,21 @@ Per process, which is one task: lateness (start of a tick after its due time) an
 Across the bus: reaction, from a sample's frame to the ECU's first status frame that echoes
 its sequence number, both by the recorder's stamps. A starved host makes the verdict
 inconclusive whatever the figures say: good ones were luck, bad ones are not the software's.
+
+A host that gave its time on the whole may still have kept one process waiting. A tick or a reaction is explained when
+a single wait for a processor in it is as long as all that it took beyond what is permitted. What is missed with the
+explained ones at what is permitted is the software's; where nothing then is, the verdict is inconclusive.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hil.verdict import Result, Verdict
+from hil.waits import Rows, Wait, explaining, longest
 
 PERIOD_NS = 10_000_000
 LATEST_START = 0.5
@@ -31,6 +36,7 @@ MOMENT = 0.1
 QUESTION = "every tick in time"
 STARVED = "the host was starved"
 SEQUENCES = 65_536
+REACTION = "reaction"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +64,8 @@ class Timing:
 
     overruns: of every process that has to keep times, measured or not. stolen, waited: what the host kept from
     all and from each; worst_...: in the worst second. hops: spreads [ns] of the way of a reaction, in its order, by what happens there.
+    own: the same without what waits explain, None where nobody noted them. explained: the longest wait that explains a
+    miss, by process and of REACTION. longest_wait: of all; zero_ns: where the run's time begins on the clock of the waits.
     """
 
     lateness: Mapping[str, Spread]
@@ -70,6 +78,10 @@ class Timing:
     worst_stolen: float = 0.0
     worst_waited: Mapping[str, float] = field(default_factory=dict)
     hops: Mapping[str, Spread] = field(default_factory=dict)
+    own: "Timing | None" = None
+    explained: Mapping[str, Wait] = field(default_factory=dict)
+    longest_wait: Wait | None = None
+    zero_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,10 +97,10 @@ class TaskVerdict:
     reason: str
 
 
-def reaction_ns(
+def reactions(
     sample_s: ArrayLike, sample_sequence: ArrayLike, answer_s: ArrayLike, echo_sequence: ArrayLike
-) -> NDArray[np.int64]:
-    """Time from each sample that was echoed to the first answer that echoes it [ns].
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Of each sample that was echoed: when it came [s], and the time from it to the first answer that echoes it [ns].
 
     Both in the order of arrival; sequences are 16 bit and wrap. A sample that was overtaken
     by a newer one before the ECU ticked has no reaction of its own.
@@ -98,7 +110,7 @@ def reaction_ns(
     answers = np.asarray(answer_s, float)
     echo = np.asarray(echo_sequence, float)
     if samples.size == 0 or answers.size == 0:
-        return np.empty(0, np.int64)
+        return np.empty(0), np.empty(0, np.int64)
     newest = np.searchsorted(samples, answers, side="right") - 1
     known = newest >= 0
     answers, echo, newest = answers[known], echo[known], newest[known]
@@ -107,8 +119,84 @@ def reaction_ns(
     echoed = (index < sample.size) & (behind < SEQUENCES / 2)
     answers, index = answers[echoed], index[echoed]
     _, first = np.unique(index, return_index=True)
-    delays: NDArray[np.int64] = np.rint((answers[first] - samples[index[first]]) * 1e9).astype(np.int64)
-    return delays
+    came = samples[index[first]]
+    delays: NDArray[np.int64] = np.rint((answers[first] - came) * 1e9).astype(np.int64)
+    return came, delays
+
+
+def reaction_ns(
+    sample_s: ArrayLike, sample_sequence: ArrayLike, answer_s: ArrayLike, echo_sequence: ArrayLike
+) -> NDArray[np.int64]:
+    """The time from each sample that was echoed to the first answer that echoes it [ns]."""
+    return reactions(sample_s, sample_sequence, answer_s, echo_sequence)[1]
+
+
+@dataclass(frozen=True, slots=True)
+class Ticks:
+    """Of one process, (n,) each [ns]: when a tick was due, how late it started, how long it took."""
+
+    due_ns: NDArray[np.int64]
+    lateness_ns: NDArray[np.int64]
+    execution_ns: NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Explained:
+    """Ticks, (n,) each: [ns] with those that waits explain at what is permitted; ticks left out before each; whether a wait explains it.
+
+    longest: the longest such wait.
+    """
+
+    lateness_ns: NDArray[np.int64]
+    execution_ns: NDArray[np.int64]
+    skipped: NDArray[np.int64]
+    by_wait: NDArray[np.bool_]
+    longest: Wait | None
+
+
+def explain_ticks(ticks: Ticks, waits: Mapping[str, Rows], period_ns: int = PERIOD_NS) -> Explained:
+    """What of a process' ticks its own waits for a processor explain.
+
+    A tick that left others out is as late as the first of them. Start and execution have one wait between them.
+    """
+    step = np.diff(ticks.due_ns, prepend=ticks.due_ns[:1] - period_ns)
+    same_life = step % period_ns == 0  # another has ticks of its own
+    skipped = np.where(same_life, step // period_ns - 1, 0)
+    permitted_late, permitted_long = round(LATEST_START * period_ns), round(LONGEST_EXECUTION * period_ns)
+    late = ticks.lateness_ns + skipped * period_ns
+    beyond = np.maximum(late - permitted_late, 0) + np.maximum(ticks.execution_ns - permitted_long, 0)
+    ended = ticks.due_ns + ticks.lateness_ns + ticks.execution_ns
+    by_wait = np.zeros(late.size, np.bool_)
+    found = []
+    for k in np.flatnonzero(beyond > 0).tolist():
+        first_due = int(ticks.due_ns[k] - skipped[k] * period_ns)
+        if wait := explaining(waits, first_due, int(ended[k]), int(beyond[k])):
+            by_wait[k] = True
+            found.append(wait)
+    return Explained(
+        lateness_ns=np.where(by_wait, np.minimum(ticks.lateness_ns, permitted_late), ticks.lateness_ns),
+        execution_ns=np.where(by_wait, np.minimum(ticks.execution_ns, permitted_long), ticks.execution_ns),
+        skipped=skipped,
+        by_wait=by_wait,
+        longest=longest(found),
+    )
+
+
+def explain_reactions(
+    sample_ns: NDArray[np.int64],
+    took_ns: NDArray[np.int64],
+    waits: Mapping[str, Rows],
+    period_ns: int = PERIOD_NS,
+) -> tuple[NDArray[np.int64], Wait | None]:
+    """Reactions [ns] with those that a wait explains at what is permitted, and the longest such wait; sample_ns: their begins."""
+    permitted = round(LONGEST_REACTION * period_ns)
+    own, found = took_ns.copy(), []
+    for k in np.flatnonzero(took_ns > permitted).tolist():
+        begin, took = int(sample_ns[k]), int(took_ns[k])
+        if wait := explaining(waits, begin, begin + took, took - permitted):
+            own[k] = permitted
+            found.append(wait)
+    return own, longest(found)
 
 
 def judge_timing(timing: Timing, period_ns: int = PERIOD_NS) -> Verdict:
@@ -119,7 +207,8 @@ def judge_timing(timing: Timing, period_ns: int = PERIOD_NS) -> Verdict:
         return Verdict(question=QUESTION, result=Result.INCONCLUSIVE, reason=f"not measured: {unmeasured}")
     misses = _misses(timing, period_ns)
     if misses:
-        result, told = blamed(misses, timing)
+        own = misses if timing.own is None else _misses(timing.own, period_ns)
+        result, told = blamed(misses, own, timing, timing.explained.values())
         return Verdict(question=QUESTION, result=result, reason=told)
     worst = max(spread.p99 for spread in timing.lateness.values())
     return Verdict(
@@ -138,7 +227,8 @@ def judge_task(timing: Timing, name: str, period_ns: int = PERIOD_NS) -> TaskVer
     elif start is None or execution is None:
         result, reason = Result.INCONCLUSIVE, "not measured; did the process end before its time?"
     elif misses:
-        result, reason = blamed(misses, timing)
+        own = misses if timing.own is None else _task_misses(timing.own, name, period_ns)
+        result, reason = blamed(misses, own, timing, [w for of, w in timing.explained.items() if of == name])
     else:
         result, reason = Result.PASSED, f"{start.count} ticks in time"
     return TaskVerdict(
@@ -156,11 +246,18 @@ def _measured(spread: Spread | None) -> Spread | None:
     return spread if spread is not None and spread.count else None
 
 
-def blamed(misses: Sequence[str], timing: Timing) -> tuple[Result, str]:
-    """The verdict on misses: the software's, unless the host starved it in some second of the run."""
+def blamed(
+    misses: Sequence[str], own: Sequence[str], timing: Timing, waits: Iterable[Wait]
+) -> tuple[Result, str]:
+    """The verdict on misses: the software's, unless the host starved it in some second of the run or single waits explain all.
+
+    own: those that waits do not explain; waits: that do explain something.
+    """
     told = "; ".join(misses)
     if moment := starved_moment(timing):
         return Result.INCONCLUSIVE, f"{told}; {STARVED} for a moment: {moment}"
+    if not own and (wait := longest(waits)):
+        return Result.INCONCLUSIVE, f"{told}; {STARVED} for a moment: {wait.told(timing.zero_ns)}"
     return Result.FAILED, told
 
 
@@ -174,6 +271,12 @@ def starvation(timing: Timing) -> str:
 def starved_moment(timing: Timing) -> str:
     """The same of the worst second: it explains what was late, and says nothing against what was not."""
     return _kept_from(timing.worst_stolen, MOMENT, timing.worst_waited, MOMENT, "of its worst second")
+
+
+def longest_wait_text(timing: Timing) -> str:
+    """How long and who; – where nobody noted it or nobody waited a millisecond."""
+    wait = timing.longest_wait
+    return "–" if wait is None else f"{wait.waited_ns * 1e-6:.1f} ms ({wait.process})"
 
 
 def _kept_from(

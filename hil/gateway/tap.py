@@ -29,6 +29,7 @@ from bus.transport import Statistics, Transport
 from dbc import loader_database
 from dbc.database import Database
 from hil.gateway.hops import Kind
+from hil.host import OwnWaits
 
 ROW: Final = struct.Struct("=4q")
 FLUSH_ROWS: Final = 64
@@ -128,27 +129,35 @@ class Tap(Closing):
 
 
 @contextmanager
-def tapped(address: str, name: str, file: Path | None) -> Iterator[tuple[Transport, TickTiming]]:
-    """The bus at `address` and the timing of the process `name`, both stamped into `file` if one is given."""
+def tapped(
+    address: str, name: str, file: Path | None, waits: OwnWaits | None = None
+) -> Iterator[tuple[Transport, TickTiming]]:
+    """The bus at `address` and the timing of the process `name`, both stamped into `file` if one is given.
+
+    waits: looked at at the end of each tick.
+    """
     with ExitStack() as stack:
         bus = stack.enter_context(open_transport(address, name=name))
         if file is None:
             yield bus, TickTiming()
         else:
             stamps = stack.enter_context(StampWriter(file))
-            yield Tap(bus, stamps, loader_database()), TappedTiming(stamps)
+            yield Tap(bus, stamps, loader_database()), TappedTiming(stamps, waits)
 
 
 class TappedTiming(TickTiming):
     """The times of a process that ticks, among its stamps."""
 
-    def __init__(self, stamps: StampWriter) -> None:
+    def __init__(self, stamps: StampWriter, waits: OwnWaits | None = None) -> None:
         super().__init__()
         self._stamps = stamps
+        self._waits = waits
 
     def add(self, due_ns: int, started_ns: int, ended_ns: int) -> None:
         """One tick, told at its end."""
         self._stamps.add(Kind.TICK, due_ns, ended_ns, started_ns)
+        if self._waits is not None:
+            self._waits.look(ended_ns)
 
 
 def ticks_of(rows: NDArray[np.int64]) -> dict[str, NDArray[np.int64]]:

@@ -11,6 +11,7 @@ from hil.ecu_side import CALIBRATION, Form, ecu_cycle
 from hil.ending import Ending
 from hil.gateway.latency import keep_ticks
 from hil.gateway.tap import tapped
+from hil.host import OwnWaits
 from hil.lifeline import Lifeline
 from hil.processes.shell import counters, log_to, reach, run_until_signal
 from hil.realtime_options import ORDINARY, RealtimeOptions
@@ -40,7 +41,9 @@ def run(
     with ExitStack() as stack:
         if out and not line.supervised:
             stack.callback(keep_ticks, out, "ecu")
-        bus, timing = stack.enter_context(tapped(address, "ecu", out and rundir.stamps(out, "ecu")))
+        stamps = out and rundir.stamps(out, "ecu")
+        waits = stack.enter_context(OwnWaits(line.waited))
+        bus, timing = stack.enter_context(tapped(address, "ecu", stamps, waits))
         line.ready()
         try:
             run_until_signal(node.run(bus, cycle, timing=timing, found=found))

@@ -25,6 +25,7 @@ from hil.gateway.settings import Settings, read_settings, routes_of
 from hil.gateway.shell import GatewayLoop
 from hil.gateway.tap import tapped
 from hil.gateway.watcher import Watcher
+from hil.host import OwnWaits
 from hil.lifeline import Lifeline
 from hil.processes.shell import Stop, log_to
 from hil.realtime_options import ORDINARY, RealtimeOptions
@@ -89,6 +90,7 @@ def run(line: Lifeline, between: Between, out: Path | None, realtime: RealtimeOp
         control = stack.enter_context(_control(between.control, core, watcher, injector))
         stop = stack.enter_context(Stop())
         loop = stack.enter_context(GatewayLoop(core, buses, act=lambda action: _act(line, action)))
+        waits = stack.enter_context(OwnWaits(line.waited))
         realtime.apply()
         line.ready()
         try:
@@ -96,6 +98,7 @@ def run(line: Lifeline, between: Between, out: Path | None, realtime: RealtimeOp
                 if control is not None:
                     control.serve()
                 loop.serve()
+                waits.look(time.monotonic_ns())
             _pass_what_came(loop)
         finally:
             _tell_troubles(watcher)

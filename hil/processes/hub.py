@@ -1,5 +1,6 @@
 """The hub process: the bus that everybody else connects to; and what a running one says about itself."""
 
+import time
 from dataclasses import dataclass
 
 from bus.hub import serve
@@ -8,6 +9,7 @@ from bus.hub_status import HubStatus
 from bus.mistake import Mistake
 from bus.transport import BusUnavailable
 from hil.ending import Ending
+from hil.host import OwnWaits
 from hil.lifeline import Lifeline
 from hil.realtime_options import RealtimeOptions
 
@@ -43,7 +45,14 @@ def run(line: Lifeline, address: str, rates: BitRates, realtime: RealtimeOptions
     """Serve until told to end."""
     path = _path(address)
     realtime.apply()
-    status = serve(path, bit_rate=rates.nominal, data_bit_rate=rates.data, on_ready=line.ready)
+    with OwnWaits(line.waited) as waits:
+        status = serve(
+            path,
+            bit_rate=rates.nominal,
+            data_bit_rate=rates.data,
+            on_ready=line.ready,
+            after_round=(lambda: waits.look(time.monotonic_ns())) if line.supervised else None,
+        )
     dropped = sum(client.dropped for client in status.clients)
     line.finished(complete=True, frames=status.frames, dropped=dropped)
     return Ending.PASSED if line.supervised else Ending.INTERRUPTED

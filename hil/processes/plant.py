@@ -11,6 +11,7 @@ from hil.compose import Choice, plant_unit
 from hil.ending import Ending
 from hil.gateway.latency import keep_ticks
 from hil.gateway.tap import tapped
+from hil.host import OwnWaits
 from hil.lifeline import Lifeline
 from hil.processes.shell import counters, log_to, reach, run_until_signal
 from hil.realtime_options import ORDINARY, RealtimeOptions
@@ -40,9 +41,10 @@ def run(
     kinds: Counter[str] = Counter()
     with ExitStack() as stack:
         stamps = out and rundir.stamps(out, "plant")
+        waits = stack.enter_context(OwnWaits(line.waited))
         if out and not line.supervised:
             stack.callback(keep_ticks, out, "plant")
-        bus, timing = stack.enter_context(tapped(address, "plant", stamps))
+        bus, timing = stack.enter_context(tapped(address, "plant", stamps, waits))
         reference = out and stack.enter_context(CandumpWriter(out / rundir.REFERENCE))
 
         def on_tick(ticked: PlantUnit) -> None:

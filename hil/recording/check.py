@@ -89,7 +89,7 @@ def check(
                 verdict = judge_message(
                     seen_of, observer, tolerance=rules.tolerance, stale_after=rules.stale_after
                 )
-                judged.append(Judged(channel=channel, sender=next(iter(codec.senders), ""), verdict=verdict))
+                judged.append(Judged(channel=channel, sender=seen_of.sender, verdict=verdict))
         if quiet := tuple(sorted(_nodes(databases, seen) - present)):
             silent[channel] = quiet
     conclusion = _concluded(judged, silent, rules, doubts_of(observer), several=len(table.channels) > 1)
@@ -126,6 +126,7 @@ def observation(
         at_ns=table.time_ns[rows],
         counters=counters if protected else None,
         same_payload=same_as_before(table.data[rows]) if protected else None,
+        sender=next(iter(codec.senders), ""),
     )
 
 

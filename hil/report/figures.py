@@ -19,6 +19,7 @@ from hil.timing import (
     PERIOD_NS,
     Spread,
     Timing,
+    longest_wait_text,
     reaction_ns,
 )
 from hil.verdict import WHEELS, RunVerdict, first_lift_off
@@ -195,6 +196,7 @@ def timing_figures(timing: Timing) -> Figures:
     rows |= {f"Ticks the {SHOWN[who]} skipped": str(count) for who, count in timing.overruns.items()}
     rows["Frames lost"] = str(timing.dropped)
     rows["Processor time taken by other guests"] = f"{100 * timing.stolen:.2f} %"
+    rows["Longest wait for a processor"] = longest_wait_text(timing)
     return rows | {
         f"Time the {SHOWN.get(who, who)} waited for a processor": f"{100 * share:.1f} %"
         for who, share in timing.waited.items()

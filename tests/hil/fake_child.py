@@ -26,6 +26,8 @@ def main(behaviour: str) -> int:
     if behaviour == "work":
         line.wait_for_go()
         line.progress(1.0, 2.0)
+        line.waited(5, 9, 3)
+        line.waited(9, 14, 4)
         line.finished(complete=True, ticks=200)
         return 0
     time.sleep(60)

@@ -8,8 +8,11 @@ from contextlib import contextmanager
 import pytest
 
 from hil.ending import Ending
+from hil.host import LEAST_WAIT_NS
+from hil.judgement import waits_of
 from hil.rundir import RunDirectory
 from hil.verdict import Result
+from hil.waits import longest_of
 from tests.hil.test_realtime import started, wait_until_running
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(240)]
@@ -40,6 +43,9 @@ def test_a_starved_run_never_passes_and_names_the_cause(scenario, tmp_path):
     record = RunDirectory.read(out).record
     assert record.vitals is not None
     assert max(life.worst_waited for life in record.vitals.lives) > 0.05
+    waits = waits_of(RunDirectory.read(out))
+    assert {"plant", "ecu", "hub"} >= set(waits) > set()
+    assert longest_of(waits).waited_ns >= LEAST_WAIT_NS
     kept = record.punctuality
     assert kept is not None
     assert kept.ticks.result in (Result.INCONCLUSIVE, Result.FAILED)

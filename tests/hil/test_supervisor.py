@@ -28,7 +28,7 @@ def running(pid: int) -> bool:
     return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
 
 
-def test_a_process_waits_for_go_then_reports_progress_and_figures():
+def test_a_process_waits_for_go_then_reports_progress_waits_and_figures():
     heard = []
     with Supervisor(lambda name, event: heard.append((name, event["event"]))) as supervisor:
         child = start(supervisor, "work")
@@ -38,7 +38,9 @@ def test_a_process_waits_for_go_then_reports_progress_and_figures():
         assert supervisor.wait_first_end(20) is child
         assert child.finished
         assert child.figures == {"ticks": 200}
-    assert heard == [("work", "ready"), ("work", "progress"), ("work", "finished")]
+        assert child.waits.tolist() == [5, 9, 3, 9, 14, 4]
+    said = ["ready", "progress", "waited", "waited", "finished"]
+    assert heard == [("work", event) for event in said]
 
 
 def test_a_process_that_refuses_to_start_gives_its_reason_and_takes_the_others_along():
