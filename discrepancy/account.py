@@ -19,10 +19,12 @@ from discrepancy.quantities import quantity
 from discrepancy.recording import Array
 from discrepancy.screen import Score, active, jackknife, least_seen, penalty, stretches, switches
 from discrepancy.state import Settings, State, Trial
+from discrepancy.visible import NEARLY, in_a_valley, left_by_refit
 
 ENOUGH_POWER = 0.8
 TWIN = 0.95  # share of an effect that the nuisances can do, from which no driving tells them apart
 WHITE_LAGS = 20
+ALONE = 0.9  # share of what is known of a parameter, beyond which the stretch that tells it is not asked to agree with the others
 
 
 def estimate(parameter: Parameter, fitted: Fit, noise: Noise | None = None) -> f.Estimate:
@@ -31,7 +33,7 @@ def estimate(parameter: Parameter, fitted: Fit, noise: Noise | None = None) -> f
     reach = 1.96 * sd
     if noise is not None:
         blocks = stretches(noise)
-        variance = jackknife(fitted, blocks)[fitted.names.index(parameter.name)]
+        variance = jackknife(fitted, blocks, ALONE)[fitted.names.index(parameter.name)]
         if variance > 0.0:
             reach = max(reach, float(student.ppf(0.975, int(blocks.max())) * np.sqrt(variance)))
     close = 1e-3 * abs(parameter.typical)
@@ -60,10 +62,13 @@ def candidates(
         freedom = len(active(effect))
         critical = penalty(freedom, len(problem.model.effects), settings.alpha)
         seen = _typical_seen(state, effect, last)
-        accepted = effect.name in state.accepted and seen > 0.0
+        told = _of_found(effect, found)
+        if told is None and _power(critical, freedom, seen) >= ENOUGH_POWER and in_a_valley(effect, last):
+            seen = min(seen, left_by_refit(problem, state, effect, last))
+        power = _power(critical, freedom, seen)
         verdict, reason = (
-            _of_found(effect, found)
-            or _blind(problem, effect, score, last.power)
+            told
+            or _blind(problem, effect, score, power)
             or (("negligible", small[effect.name]) if effect.name in small else None)
             or _refuted(score.statistic > critical, bool(found))
         )
@@ -75,13 +80,18 @@ def candidates(
                 statistic=score.statistic,
                 p_value=score.p_value,
                 expected=_expected(effect, score),
-                power=float(ncx2.sf(critical, freedom, seen)) if accepted else last.power,
+                power=power,
                 absorbed=score.absorbed,
                 noticed_from=_noticed_from(effect, seen, critical, problem.model.negligible),
                 reason=reason,
             )
         )
     return sorted(rows, key=lambda c: (c.p_value, -c.statistic))
+
+
+def _power(critical: float, freedom: int, seen: float) -> float:
+    """Chance that a noncentral chi-square exceeds what would count; none of what leaves no trace."""
+    return float(ncx2.sf(critical, freedom, seen)) if seen > 0.0 else 0.0
 
 
 Judged = tuple[f.Verdict, str]
@@ -103,7 +113,7 @@ def _blind(problem: Problem, effect: Effect, score: Score, power: float) -> Judg
         return verdict, _why_invisible(problem, effect)
     if power >= ENOUGH_POWER:
         return None
-    if score.absorbed > TWIN:
+    if score.absorbed > TWIN or (score.absorbed > NEARLY and score.power >= ENOUGH_POWER):
         return verdict, "the baseline's own parameters can do the same; needs another channel"
     needs = effect.excited_by or "more data"
     return verdict, f"a typical one would hardly be noticed here; needs {needs}"

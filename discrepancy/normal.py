@@ -14,10 +14,15 @@ def inverse(normal: Array, whole: Array | None = None) -> Array:
     below zero tell nothing either, so that no variance is negative. whole: the matrix of which
     this is a part, if it is one: what is left of a parameter may be no more than rounding.
     """
+    half = root(normal, whole)
+    return np.asarray(half @ half.T, float)
+
+
+def root(normal: Array, whole: Array | None = None) -> Array:
+    """(k, m) that times its transpose is the inverse: columns are the directions of which something is known, in their standard deviations."""
     known = np.diag(normal)
     known = np.where(known > ROUNDING * (known if whole is None else np.diag(whole)), known, 0.0)
     by_size = np.where(known > 0.0, 1.0 / np.sqrt(np.where(known > 0.0, known, 1.0)), 0.0)
-    even = np.outer(by_size, by_size)
-    told, directions = np.linalg.eigh(even * normal)
+    told, directions = np.linalg.eigh(np.outer(by_size, by_size) * normal)
     kept = told > ROUNDING * np.max(told, initial=0.0)
-    return np.asarray(even * (directions[:, kept] / told[kept] @ directions[:, kept].T), float)
+    return np.asarray(by_size[:, None] * directions[:, kept] / np.sqrt(told[kept]), float)

@@ -9,6 +9,7 @@ import os
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -127,6 +128,12 @@ class Problem:
         self._slopes: dict[tuple[str, float | None], deque[tuple[Array, Array]]] = {}
         self._recent: deque[tuple[Values, Array]] = deque(maxlen=RECENT)
         self._places = [Place.on(self.windows[b.window].time_s, b.time_s) for b in self.blocks]
+
+    def read_as(self, values: Values) -> "Problem":
+        """The same windows, had they read exactly what the model says of values; what was learned of sensitivities is shared."""
+        other = copy(self)
+        other.measured = self.predict(values)
+        return other
 
     def _labels(self) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
         window = np.empty(self.measured.size, np.intp)

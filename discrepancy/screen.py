@@ -16,7 +16,7 @@ from scipy.stats import chi2, ncx2
 from discrepancy.fit import Fit, WindowStates, differences
 from discrepancy.model import Effect, Parameter
 from discrepancy.noise import Noise
-from discrepancy.normal import inverse
+from discrepancy.normal import inverse, root
 from discrepancy.problem import Problem, Values
 from discrepancy.recording import Array
 
@@ -170,14 +170,19 @@ def inflation_of(direction: Array, residual: Array, blocks: NDArray[np.intp]) ->
     return max(1.0, float(np.mean(spread)))
 
 
-def jackknife(fitted: Fit, blocks: NDArray[np.intp]) -> Array:
-    """Variance of each fitted parameter (k,) from estimates that leave out one block each (Efron 1982), linearised; 0 if blocks are few."""
-    moved = []
+def jackknife(fitted: Fit, blocks: NDArray[np.intp], most: float) -> Array:
+    """Variance of each fitted parameter (k,) from estimates that leave out one block each (Efron 1982), linearised; 0 if blocks are few.
+
+    Without a block that alone tells of a parameter there would be no estimate: one that has more than the share `most` of what is known
+    in some direction is left out only as far as that.
+    """
+    moved, half = [], root(fitted.information)
     for block in range(int(blocks.max()) + 1):
         rows = blocks == block
         J = fitted.columns[rows]
-        without = inverse(fitted.information - J.T @ J, fitted.information)
-        moved.append(without @ (J.T @ fitted.residual[rows]))
+        leverage, directions = np.linalg.eigh(half.T @ (J.T @ J) @ half)
+        pulls = directions.T @ (half.T @ (J.T @ fitted.residual[rows]))
+        moved.append(half @ (directions @ (pulls / (1.0 - np.minimum(leverage, most)))))
     if len(moved) < FEWEST_STRETCHES:
         return np.zeros(len(fitted.names))
     return np.asarray((len(moved) - 1) * np.var(moved, axis=0), float)
@@ -188,7 +193,11 @@ def spread(fitted: Fit, names: Sequence[str], blocks: NDArray[np.intp]) -> float
     own = [fitted.names.index(name) for name in names]
     plain = np.diag(fitted.covariance)[own]
     seen = plain > 0.0
-    return max(1.0, float(np.mean(jackknife(fitted, blocks)[own][seen] / plain[seen]))) if seen.any() else 1.0
+    return (
+        max(1.0, float(np.mean(jackknife(fitted, blocks, MOST_LEVERAGE)[own][seen] / plain[seen])))
+        if seen.any()
+        else 1.0
+    )
 
 
 def stretches(noise: Noise) -> NDArray[np.intp]:
@@ -245,7 +254,7 @@ def score(
             probe=probe,
             nearest=int(np.argmin(left)),
             change=moved,
-            power=float(ncx2.sf(critical, len(change), max(noncentrality, 1e-9))),
+            power=float(ncx2.sf(critical, len(change), noncentrality)) if noncentrality > 0.0 else 0.0,
             absorbed=max(1.0 - seen / whole, 0.0) if whole > 0.0 else 0.0,
             inflation=inflation,
             direction=X,

@@ -488,10 +488,18 @@ def test_two_effects_of_which_neither_stands_alone_are_found_together() -> None:
     assert result.finding("height lag").parameters[0].value == pytest.approx(0.022, abs=0.006)
 
 
+def test_two_that_help_only_together_are_found_in_most_throws() -> None:
+    found = [
+        examine(ball.model(), thrown_late_before_a_slow_camera(seed), STRICT).named for seed in range(3, 8)
+    ]
+    assert [sorted(names) for names in found] == [["height lag", "late release"]] * 5
+
+
 def test_what_helps_far_beyond_chance_never_ends_as_nothing() -> None:
-    """Seen by another seed the pair is not sure; that something is missing is."""
-    result = examine(ball.model(), thrown_late_before_a_slow_camera(3), STRICT)
-    assert result.status == "unknown"
+    """A leak that is another one in every minute: none of its sizes stands, but something is missing."""
+    minutes = [record(10 + i, leak=leak, duration_s=60.0) for i, leak in enumerate((0.02, 0.1, 0.05, 0.0))]
+    result = examine(tank("leak"), [replace(r, name=f"minute {i}") for i, r in enumerate(minutes)], STRICT)
+    assert (result.status, result.named) == ("unknown", [])
     assert "disagree" in result.reasons[0]
 
 
