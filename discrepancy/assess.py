@@ -39,7 +39,10 @@ def assess(problem: Problem, accepted: tuple[str, ...], values: Values, settings
     fitted = fit(problem, noise, names, values, rough=True, enough=enough)
     at = values if problem.model.costly else fitted.values
     for last in (False, True):
-        problem.settle(fitted.values)
+        home = _unstrained(problem, fitted)
+        problem.settle(home or fitted.values)
+        if home is not None and accepted:
+            fitted = _from_home(problem, noise, fitted, home)
         base = problem.predict(fitted.values)
         columns = sensitivities(problem, at, problem.predict(at), candidates)
         raw = problem.measured - base
@@ -54,6 +57,13 @@ def assess(problem: Problem, accepted: tuple[str, ...], values: Values, settings
     if unstrained is not None:
         scores = _better(scores, _screen_at(problem, noise, names, unstrained, candidates, settings))
     return State(noise, fitted, accepted, tuple(scores), (), tuple(columns), tuple(passing), unstrained)
+
+
+def _from_home(problem: Problem, noise: Noise, fitted: Fit, home: Values) -> Fit:
+    """The fit, or a better one that begins with nuisances at their priors: what they stood in for is among the effects now."""
+    here = fit(problem, noise, fitted.names, fitted.values, iterations=0, rough=True)
+    other = fit(problem, noise, fitted.names, home)
+    return min(here, other, key=lambda f: f.sse)
 
 
 def _unstrained(problem: Problem, fitted: Fit) -> Values | None:

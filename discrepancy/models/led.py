@@ -22,6 +22,7 @@ from discrepancy.models.leading import MISLEADING, asked_of, kept_share, measure
 from discrepancy.models.loader_library import (
     CHANNELS,
     INPUTS,
+    LASTING,
     NUISANCES,
     OPTIONAL,
     SPEEDS,
@@ -94,6 +95,7 @@ class Loader:
         self._moving |= {f"{name}.{p.name}" for name, item in self._searched.items() for p in item.parameters}
         self._kept: OrderedDict[Key, list[Mapping[str, Array]]] = OrderedDict()
         self._bases: dict[Key, Basis] = {}
+        self._remembering: OrderedDict[Key, Basis] = OrderedDict()
         self._whole: dict[Key, Whole | None] = {}
         self._begun: dict[str, dict[int, Array]] = {}
         self._settled: Mapping[str, float] = {}
@@ -123,6 +125,7 @@ class Loader:
             self._settled = dict(values)
             self._kept.clear()
             self._bases.clear()
+            self._remembering.clear()
 
     def _motions(self, windows: Sequence[Window], values: Mapping[str, float]) -> list[Mapping[str, Array]]:
         """Outputs before the zero points of the sensors; the last few motions are kept."""
@@ -136,7 +139,7 @@ class Loader:
         found: list[Mapping[str, Array]] = [{}] * len(windows)
         for recording in dict.fromkeys(window.recording for window in windows):
             own = [i for i, window in enumerate(windows) if window.recording == recording]
-            basis = self._basis([windows[i] for i in own])
+            basis = self._remembered([windows[i] for i in own], values)
             for i, outputs in zip(own, self._simulated(basis, values), strict=True):
                 found[i] = outputs
         with self._lock:
@@ -195,10 +198,44 @@ class Loader:
                 self._bases[key] = self._new_basis(windows)
             return self._bases[key]
 
+    def _remembered(self, windows: Sequence[Window], values: Mapping[str, float]) -> Basis:
+        """The same for a machine with effects that the pilot has not, or otherwise, if it remembers them for long: its pilot has them too."""
+        basis, memory = self._basis(windows), self._memory(values)
+        if memory == self._memory(self._settled):
+            return basis
+        key = (tuple(_identity(window) for window in windows), *sorted(memory.items()))
+        with self._lock:
+            if key not in self._remembering:
+                self._remembering[key] = self._begun_by(
+                    {**self._settled, **memory}, windows, basis.way, basis.coarse
+                )
+            while len(self._remembering) > KEPT:
+                self._remembering.popitem(last=False)
+            return self._remembering[key]
+
+    def _memory(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Values of the effects that are remembered for long; of those that are off, their offs."""
+        found: dict[str, float] = {}
+        for name in LASTING:
+            item = self._searched[name]
+            on = any(values.get(f"{name}.{p.name}", p.off) != p.off for p in item.parameters if not p.shape)
+            found |= {
+                f"{name}.{p.name}": values[f"{name}.{p.name}"] if on else p.off
+                for p in item.parameters
+                if fitted(name, p) and (on or not p.shape)
+            }
+        return found
+
     def _new_basis(self, windows: Sequence[Window]) -> Basis:
-        machine = self._changed(self._settled)
-        way = self._way(windows)
-        first = way.measured[way.edges[:-1]]
+        basis = self._begun_by(self._settled, windows, self._way(windows), {})
+        fine, coarse = (self._true(basis, self._settled, step_s) for step_s in (FINE_S, STEP_S))
+        return replace(basis, coarse={name: fine[name] - coarse[name] for name in fine})
+
+    def _begun_by(
+        self, settled: Mapping[str, float], windows: Sequence[Window], way: Way, coarse: Mapping[str, Array]
+    ) -> Basis:
+        """Stretches as they begin behind a pilot with these values."""
+        machine, first = self._changed(settled), way.measured[way.edges[:-1]]
         starts = self._starts(machine, windows, first, way)
         p, active, work = (
             parameters_of(machine, way, STEP_S),
@@ -208,9 +245,7 @@ class Loader:
         rests = np.empty((len(windows), REST))
         rest_records(starts, p, work, active, rests)
         rests[np.abs(first[:, M_SPEED]) < STANDING] = np.nan  # brakes hold it as it stands
-        basis = Basis(way, starts, rests, self._settled)
-        fine, coarse = (self._true(basis, self._settled, step_s) for step_s in (FINE_S, STEP_S))
-        return replace(basis, coarse={name: fine[name] - coarse[name] for name in fine})
+        return Basis(way, starts, rests, settled, coarse)
 
     def _way(self, windows: Sequence[Window]) -> Way:
         """What leads through windows of one recording."""

@@ -190,6 +190,10 @@ def _engine_parameter(effect: str, p: PlantParameter) -> Parameter:
     )
 
 
+LASTING: Final = ("brake_fade", "pile_entry")
+"""Effects that remember for longer than a lead-in: brakes that are hot, a pile that is dug into. A stretch begins with what was before it."""
+
+
 def fitted(effect: str, p: PlantParameter) -> bool:
     return not p.shape or f"{effect}.{p.name}" in FITTED_SHAPES
 

@@ -120,6 +120,22 @@ def test_it_predicts_a_recorded_drive_to_its_noise(plain):
         assert error < allowed, name
 
 
+def test_stretches_remember_the_pile_that_was_dug_into_before_them():
+    """However the pilot was told of it: they begin with what has been dug until then, and where a machine stands that met it."""
+    pile = {"pile_entry.distance_m": 8.0, "pile_entry.most_N": 30e3, "pile_entry.depth_m": 0.5}
+    recording = recorded(find_effect("pile_entry").of(distance_m=8.0, most_N=30e3), seconds=16.0)
+    problem = Problem(loader.model([recording]), [recording])
+    there = problem.start().with_shared(pile)
+    found = [problem.predict(there)]
+    problem.settle(there)
+    found += [problem.predict(there), problem.predict(problem.start())]
+    rows = (problem.row_window > 0) & (
+        problem.row_channel == problem.channels.index("wheel_speed_front_left")
+    )
+    early, settled, without = (predicted[rows] for predicted in found)
+    assert np.std(early - settled) < 0.02 * np.std(without - settled)
+
+
 @pytest.mark.parametrize(
     ("edges", "count", "parts"),
     [
