@@ -1,6 +1,7 @@
 """How plainly a recording shows what was hidden in it, as told by one who knows the effect and its size.
 
-lambda: what the effect changes beyond all refitted nuisances and initial states, squared, over the noise, correlation of the scores counted.
+lambda: what the effect changes beyond all refitted nuisances and initial states, squared, over the noise, and by how much those strain their
+priors for it; correlation of the scores counted.
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,7 +10,7 @@ import numpy as np
 
 from bench.proof.arm import Truth
 from discrepancy.assess import assess
-from discrepancy.fit import fit
+from discrepancy.fit import Fit, fit
 from discrepancy.model import Effect
 from discrepancy.problem import Problem
 from discrepancy.screen import spread, stretches
@@ -33,8 +34,14 @@ def told(problem: Problem, effects: Sequence[Effect], values: Mapping[str, float
         change = without.residual - state.fit.residual
         power = np.bincount(state.noise.row_channel, change**2, len(problem.channels))
         whole = max(float(np.sum(power)), LEAST)
-        reached = float(np.sum(power)) / spread(state.fit, effect.names, stretches(state.noise))
+        strained = max(_strain(without) - _strain(state.fit), 0.0)
+        reached = (float(np.sum(power)) + strained) / spread(state.fit, effect.names, stretches(state.noise))
         channels = {n: float(p / whole) for n, p in zip(problem.channels, power, strict=True)}
         if least is None or reached < (least.reached or 0.0):
             least = Truth(values=values, reached=reached, channels=channels)
     return least or Truth(values=values)
+
+
+def _strain(fitted: Fit) -> float:
+    """What the priors say of a fit, in SSE."""
+    return fitted.sse - fitted.data_sse

@@ -19,7 +19,7 @@ BODIES = {
 }
 REMARKS = (
     "- lambda is measured on the recording that holds the effect, by an oracle that knows it: what the outputs change by it beyond all refitted",
-    "  nuisances, squared, over the noise, the correlation of the scores counted. Where that is not within 0.8 to 1.5 of the lambda wanted (a bound of the parameter, say), the arm counts in no row.",
+    "  nuisances, squared, over the noise, and how much those strain their priors for it; the correlation of the scores counted. Where that is not within 0.8 to 1.5 of the lambda wanted (a bound of the parameter, say), the arm counts in no row.",
     "- The loader's effects have 0.3, 1 and 3 times their typical size; lambda is what that comes to. Where baseline parameters can do the same within what is known of them it is",
     "  near 0, whatever the size. Such arms count in the rows by lambda only, but those that were missed are among the failures.",
     "- Shares have Wilson's 95 % interval; the upper bound on nulls is Clopper and Pearson's, one-sided.",
