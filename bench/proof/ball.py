@@ -76,7 +76,7 @@ BALL = Body(
     model=model,
     record=recorded,
     noises=("white", "coloured", "quantised"),
-    nulls=7,
+    nulls=100,
     outside={"updraught 0.3 g": {"gust": 0.3 * G}, "updraught 0.6 g": {"gust": 0.6 * G}},
     pairs=(("quadratic drag", "late release"), ("late release", "height lag")),
 )

@@ -45,11 +45,12 @@ class Body:
         """The whole plan."""
         library = self.model().effects
         for seed in range(seeds):
-            for noise in self.noises:
-                for repeat in range(self.nulls):
-                    yield self._arm("null", 10_000 + 1_000 * seed + repeat, noise=noise)
-                for number, what in enumerate(self.outside):
-                    yield self._arm("outside", 20_000 + 1_000 * seed + number, noise=noise, what=what)
+            for number, noise in enumerate(self.noises):
+                for repeat in range(self.nulls):  # every one another drive: one chance would be counted thrice
+                    own = 10_000 + 1_000 * seed + len(self.noises) * repeat + number
+                    yield self._arm("null", own, noise=noise)
+                for place, what in enumerate(self.outside):
+                    yield self._arm("outside", 20_000 + 1_000 * seed + place, noise=noise, what=what)
             for number, effect in enumerate(library):
                 # a wrong sign has one size
                 strengths = (np.inf,) if effect.parameters[0].whole else LAMBDAS

@@ -135,7 +135,7 @@ CAR = Body(
     model=model,
     record=recorded,
     noises=("white", "coloured", "quantised"),
-    nulls=7,
+    nulls=100,
     outside={"steering play 0.01 rad": {"play": 0.01}, "steering play 0.03 rad": {"play": 0.03}},
     pairs=(("servo lag", "encoder delay"), ("understeer", "gyro scale"), ("gyro delay", "encoder scale")),
 )

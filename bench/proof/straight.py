@@ -33,7 +33,7 @@ STRAIGHT = Body(
     model=model,
     record=recorded,
     noises=("white", "coloured", "quantised"),
-    nulls=17,
+    nulls=100,
     outside={
         "hysteresis 1 kN": {"hysteresis": 1_000.0},
         "hysteresis 2 kN": {"hysteresis": 2_000.0},

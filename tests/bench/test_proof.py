@@ -188,6 +188,15 @@ def test_every_arm_has_a_key_of_its_own_and_all_kinds_survive_sampling() -> None
     assert sorted(a.key for a in sampled(arms, 1.0)) == sorted(a.key for a in arms)
 
 
+@pytest.mark.parametrize("body", BODIES)
+def test_nulls_are_drives_of_their_own_and_enough_to_show_the_target(body) -> None:
+    """At the chance that the engine is set to, the bound has to come out below that of the target; of 51 nulls none may fail for that, and one did."""
+    nulls = [a for a in BODIES[body].arms(3) if a.kind == "null"]
+    assert len({a.seed for a in nulls}) == len(nulls)
+    once = len([a for a in BODIES[body].arms(1) if a.kind == "null"])
+    assert score.upper_bound(round(Settings().alpha * once), once) < 0.05
+
+
 def test_the_report_lists_failures_and_what_did_not_finish() -> None:
     runs = [
         done(found=(A,), values={"a": 0.5}),
