@@ -56,6 +56,7 @@ def candidates(
     """Every effect of the library with its score on the baseline and what became of it, likeliest first."""
     final = {s.effect: s for s in state.scores}
     small = _negligible(problem, (*baseline.trials, *state.trials))
+    for_a_while = {s.effect for s, _ in baseline.passing}
     rows = []
     for score in baseline.scores:
         effect, last = problem.model.effect(score.effect), final.get(score.effect, score)
@@ -70,7 +71,7 @@ def candidates(
             told
             or _blind(problem, effect, score, power)
             or (("negligible", small[effect.name]) if effect.name in small else None)
-            or _refuted(score.statistic > critical, bool(found))
+            or _refuted(score.statistic > critical or effect.name in for_a_while, bool(found))
         )
         rows.append(
             f.Candidate(

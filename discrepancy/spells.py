@@ -127,12 +127,17 @@ def for_a_while(
     by_name = {s.effect: s for s in scores}
     for c in [c for c in columns if c.effect.size == 1]:
         score = by_name[c.effect.name]
-        raw, tried = c.raw[score.probe], c.changes[score.probe]
-        spell = best_spell(noise, projector, fitted.residual, raw[:, 0], among)
-        if spell is None or spell.statistic < score.statistic * score.inflation + least:
+        # friction that acts for a while is seen at one probe where over the whole recording another one leads
+        spells = [
+            (spell, spell.size * tried)
+            for raw, tried in zip(c.raw, c.changes, strict=True)
+            if (spell := best_spell(noise, projector, fitted.residual, raw[:, 0], among)) is not None
+            and allowed(switches(c.effect), spell.size * tried)
+        ]
+        if not spells:
             continue
-        change = spell.size * tried
-        if allowed(switches(c.effect), change):
+        spell, change = max(spells, key=lambda s: s[0].statistic)
+        if spell.statistic >= score.statistic * score.inflation + least:
             found.append((spell.statistic, (replace(score, change=change), spell.windows)))
     return [passing for _, passing in sorted(found, key=lambda f: -f[0])]
 

@@ -46,7 +46,9 @@ class Body:
         library = self.model().effects
         for seed in range(seeds):
             for number, noise in enumerate(self.noises):
-                for repeat in range(self.nulls):  # every one another drive: one chance would be counted thrice
+                for repeat in range(
+                    self.nulls
+                ):  # every one another drive: one chance would be counted thrice
                     own = 10_000 + 1_000 * seed + len(self.noises) * repeat + number
                     yield self._arm("null", own, noise=noise)
                 for place, what in enumerate(self.outside):

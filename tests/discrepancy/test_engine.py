@@ -200,13 +200,15 @@ def test_a_found_equation_built_into_the_model_explains_the_recording() -> None:
 
 
 def test_location_points_at_the_half_in_which_the_sensor_was_late() -> None:
-    good, late = record(6, duration_s=160.0), record(6, duration_s=160.0, delay_s=0.6)
+    good, late = record(6, duration_s=160.0), record(6, duration_s=160.0, delay_s=0.4)
     half = good.signals["level"].time_s < 80.0
     mixed = np.where(half, good.signals["level"].value, late.signals["level"].value)
     broken = replace(
         good, signals={**good.signals, "level": signal(good.signals["level"].time_s, mixed, "m")}
     )
-    where = verdict(broken).findings[0].where
+    result = verdict(broken)
+    assert result.named == ["level delay"]
+    where = result.findings[0].where
     assert not where.throughout
     assert where.intervals[0].start_s > 60.0
     assert where.intervals[0].share > 0.7
