@@ -133,11 +133,12 @@ def fit(
     iterations: int = 8,
     rough: bool = False,
     enough: float | None = None,
+    chord: bool = False,
 ) -> Fit:
     """Fit shared parameters `names` and all initial states to the whitened rows of a mask (all, if None).
 
     rough: sensitivities that a costly model has had elsewhere serve while steps keep what they promise; they are in the result. enough: gain
-    in SSE that is not worth a step.
+    in SSE that is not worth a step. chord: a costly model's sensitivities are never computed anew, whatever the steps keep.
     """
     rows = np.ones(noise.keep.size, bool) if rows is None else rows
     parameters = [problem.model.parameter(name) for name in names]
@@ -145,6 +146,7 @@ def fit(
     prior = np.array([p.typical / p.prior_sd if p.prior_sd else 0.0 for p in parameters])
     point = _Point.at(problem, noise, parameters, start, rows, rough)
     borrowed = rough = rough and problem.model.costly
+    chord = chord and borrowed
     for later in reversed(range(iterations)):
         A = np.concatenate([point.columns[rows] * scale, np.diag(prior)])
         b = np.concatenate([point.residual[rows], -prior * point.deviation])
@@ -160,7 +162,7 @@ def fit(
             for shrink in (SHRINKS[:1] if rough else SHRINKS)
         )
         better = next(((v, sse) for v, sse in tried if sse < before), None) if worth else None
-        if better is None and rough and later:
+        if better is None and rough and later and not chord:
             rough, point = False, _Point.at(problem, noise, parameters, point.values, rows)
             continue
         if better is None:
@@ -168,11 +170,11 @@ def fit(
         moved, sse = better
         # where the linear forecast held, the sensitivities still do (chord method)
         linear = abs(sse - promised) < FORECAST * (before - sse) + CONVERGED
-        rough = rough and before - sse > KEPT_PROMISE * (before - promised)
+        rough = rough and (chord or before - sse > KEPT_PROMISE * (before - promised))
         last = before - sse < CONVERGED or (borrowed and not later)
         point = (
             point.renewed(problem, noise, moved, rows)
-            if linear or last
+            if linear or last or chord
             else _Point.at(problem, noise, parameters, moved, rows, rough)
         )
         if before - point.sse < CONVERGED:

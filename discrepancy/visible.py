@@ -16,7 +16,7 @@ from discrepancy.screen import FEW, Score, switches
 from discrepancy.state import State
 
 NEARLY = 0.5  # share of an effect that nuisances can do, from which on it is asked what they leave of it in a refit
-STEPS = 4
+STEPS = 6
 
 
 def in_a_valley(effect: Effect, score: Score) -> bool:
@@ -34,7 +34,9 @@ def left_by_refit(problem: Problem, state: State, effect: Effect, score: Score) 
     shapes = {p.name: p.value + p.typical for p in effect.parameters if p.shape}
     there = {p.name: float(p.value + c) for p, c in zip(own, changes, strict=True)}
     supposed = problem.read_as(fitted.values.with_shared({**shapes, **there}))
-    without = fit(supposed, state.noise, fitted.names, fitted.values, iterations=STEPS, rough=True)
+    without = fit(
+        supposed, state.noise, fitted.names, fitted.values, iterations=STEPS, rough=True, chord=True
+    )
     problem.simulations = supposed.simulations
     lost = max(without.sse - (fitted.sse - fitted.data_sse), 0.0)
     return lost / score.inflation / _size(own, changes) ** 2
