@@ -53,7 +53,9 @@ def test_our_stamps_are_those_that_python_can_shows() -> None:
         message = bus.recv(WAIT_S)
         assert message is not None
         (frame,) = collect(ours, 1)
-        ahead_s = time.time() - time.monotonic()
+        ahead_s = max(
+            time.time() - time.monotonic() for _ in range(100)
+        )  # the pair with the shortest pause between
         assert message.timestamp == pytest.approx(frame.at_ns * 1e-9 + ahead_s, abs=1e-3)
 
 

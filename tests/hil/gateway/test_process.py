@@ -17,8 +17,9 @@ from bus.hub_client import hub_status
 from dbc import loader_database
 from hil.ending import Ending
 from hil.faults.control import Refused, ask
+from tests.bus.laws import WAIT_S
 
-pytestmark = [pytest.mark.processes, pytest.mark.timeout(60)]
+pytestmark = [pytest.mark.processes, pytest.mark.timeout(240)]
 SENSOR = loader_database().by_name["Articulation"].can_id
 SPEEDS = loader_database().by_name["WheelSpeedsFront"].can_id
 
@@ -76,11 +77,11 @@ def test_frames_cross_and_ctrl_c_ends_it_quietly(hubs, gateway):
             machine.send(Frame(SENSOR, n.to_bytes(8, "big")))  # no CRC fits: passed on all the same, and told
         heard = []
         while len(heard) < 500:
-            assert select.select([controller.fileno()], [], [], 5)[0]
+            assert select.select([controller.fileno()], [], [], WAIT_S)[0]
             heard += controller.drain()
     assert [int.from_bytes(frame.data, "big") for frame in heard] == list(range(500))
     gateway.send_signal(signal.SIGINT)
-    assert gateway.wait(5) == Ending.INTERRUPTED
+    assert gateway.wait(WAIT_S) == Ending.INTERRUPTED
     told = gateway.stderr.read().splitlines()
     assert all(" plant side: Articulation" in line for line in told)
     assert sum("wrong CRC" in line for line in told) == 2  # when it began, and how many there were
@@ -98,7 +99,7 @@ def test_faults_come_and_go_by_live_command(hubs, gateway, control):
             machine.send(Frame(SPEEDS, bytes([number] * 8)))
             heard = []
             while not heard or heard[-1].can_id != SPEEDS:
-                assert select.select([controller.fileno()], [], [], 5)[0]
+                assert select.select([controller.fileno()], [], [], WAIT_S)[0]
                 heard += controller.drain()
             return any(frame.can_id == SENSOR for frame in heard)
 
@@ -115,7 +116,7 @@ def test_faults_come_and_go_by_live_command(hubs, gateway, control):
 
 def test_a_lost_hub_is_told_in_one_line(hubs, gateway):
     hubs["ecu"].close()
-    assert gateway.wait(5) == Ending.HUB_LOST
+    assert gateway.wait(WAIT_S) == Ending.HUB_LOST
     assert gateway.stderr.read() == f"loaderhil: lost the bus: {hubs['ecu'].path}: the hub is gone\n"
 
 
@@ -134,7 +135,7 @@ def test_misuse_is_one_line(words, code, told, tmp_path):
         capture_output=True,
         text=True,
         check=False,
-        timeout=30,
+        timeout=WAIT_S,
         cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": os.getcwd()},  # noqa: PTH109 - where the tests run
     )

@@ -131,7 +131,9 @@ def test_ctrl_c_ends_it_though_nobody_reads(log: Path) -> None:
 
 
 def test_count_and_silence_end_it(hub: RunningHub) -> None:
-    counting, patient = (start("--raw", *words, f"hub:{hub.path}") for words in (("-n", 5), ("-T", 1500)))
+    counting = start("--raw", "-n", 5, f"hub:{hub.path}")
+    wait_for_monitors(hub)
+    patient = start("--raw", "-T", 5000, f"hub:{hub.path}")  # its silence counts from its own start
     wait_for_monitors(hub, 2)
     send_all(hub, numbered(8))
     assert ended(counting, 0)[0].count("\n") == 5

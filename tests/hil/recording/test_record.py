@@ -1,6 +1,7 @@
 """`loaderhil record` and its writer as processes: nothing readable is lost by any kill, and each end has its line."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -86,11 +87,13 @@ def test_a_writer_killed_at_any_moment_leaves_everything_it_flushed(tmp_path, su
         writer = WriterProcess(ring, Plan(path=path, channels=("can0",), flush_s=0.01))
         pause, put, seen = 0.013 + 0.017 * seed, 0, []
         while len(seen) < 300 + 700 * seed:
-            ring.put(numbered(put, 50), 0)
-            put += 50
+            if put - len(seen) < 2000:  # the writer may stand still for a while: the ring has to hold it
+                ring.put(numbered(put, 50), 0)
+                put += 50
             time.sleep(pause * 0.1)
             seen = numbers(path)
         ring.put(numbered(put, 1500), 0)  # it will be at it
+        assert ring.dropped == 0
         time.sleep(pause)
         os.kill(writer.pid, signal.SIGKILL)
         assert "code -9" in writer.finish().error
@@ -234,7 +237,9 @@ class TestRecord:
         with recorder(f"hub:{hubs[0].path}", "--out", path, "--duration-s", "0.05") as process:
             out, errors = process.communicate(timeout=PATIENCE_S)
         assert (process.returncode, errors) == (Ending.PASSED, "")
-        assert "0 frames in 0." in out
+        took_s = re.search(r"0 frames .*in ([\d.]+) s", out)
+        assert took_s is not None, out
+        assert float(took_s[1]) >= 0.05  # longer, where the host was busy
 
     @pytest.mark.parametrize(
         ("words", "code", "named"),
