@@ -199,10 +199,10 @@ def _excuse(
     for row in np.flatnonzero(late).tolist():
         begin, end = int(edges[row]), int(edges[row + 1])
         beyond = max(end - begin - permitted, 1)
-        # Somewhere in the gap it has to be as long as the whole delay: a sender that skips its ticks goes on with its schedule later.
-        wait = explaining(waits, begin + period, end, beyond) or explaining(
-            waits, begin, end, end - begin - period
-        )
+        # One that is over before the frame was due delays it only if its sender skips ticks and goes on with its schedule
+        # later: then it is as long as the whole delay.
+        wait = explaining(waits, begin, end, beyond, beyond_ns=begin + period)
+        wait = wait or explaining(waits, begin, end, end - begin - period)
         found.append(wait)
     early = np.diff(edges)[1:-1] < period * (1 - tolerance)
     for row in (1 + np.flatnonzero(early)).tolist():

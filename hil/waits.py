@@ -29,14 +29,16 @@ class Wait:
         return f"{self.process} waited {self.waited_ns * 1e-6:.1f} ms for a processor at {at_s:.2f} s"
 
 
-def explaining(waits: Mapping[str, Rows], from_ns: int, until_ns: int, needed_ns: int) -> Wait | None:
+def explaining(
+    waits: Mapping[str, Rows], from_ns: int, until_ns: int, needed_ns: int, *, beyond_ns: int | None = None
+) -> Wait | None:
     """The longest wait of which at least `needed_ns` may lie between the two times; None if there is none.
 
-    waits: by process. One wait has to be long enough by itself: those of several looks or processes are not added up.
+    waits: by process. beyond_ns: it may not be over before. One wait has to be long enough by itself: those of several looks or processes are not added up.
     """
     found = []
     for process, rows in waits.items():
-        first = int(np.searchsorted(rows[:, 1], from_ns, side="right"))
+        first = int(np.searchsorted(rows[:, 1], from_ns if beyond_ns is None else beyond_ns, side="right"))
         last = int(np.searchsorted(rows[:, 0], until_ns, side="left"))
         near = rows[first:last]
         within = np.minimum(near[:, 1], until_ns) - np.maximum(near[:, 0], from_ns)

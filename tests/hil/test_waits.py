@@ -156,6 +156,17 @@ def test_a_sender_that_skips_ticks_goes_on_later_wherever_in_the_gap_it_waited()
     assert verdict(54) is Result.FAILED
 
 
+@pytest.mark.parametrize(("waited_ms", "expected"), [(50, Result.FAILED), (52, Result.INCONCLUSIVE)])
+def test_a_message_of_every_second_tick_waits_for_the_next_that_is_its_own(waited_ms, expected):
+    """A wait of six ticks that began between two frames 20 ms apart makes one 61 ms late, of which 10 ms are permitted."""
+    stamps = np.arange(20) * 20 * MS
+    stamps[10:] += 61 * MS
+    begin, end_ns = 9 * 20 * MS, int(stamps[-1])
+    seen = Observation(name="Warnings", period_ns=20 * MS, at_ns=stamps, sender="EstimatorEcu")
+    waits = {"EstimatorEcu": {"ecu": rows((begin + MS, begin + 70 * MS, waited_ms * MS))}}
+    assert judge_message(seen, Observer(start_ns=0, end_ns=end_ns, waits=waits)).result is expected
+
+
 def ticks(*, late_ms=0.1, took_ms=0.5, skipped=0, at=HALF):
     """Ticks in time but for one, which left out `skipped` before it."""
     due = np.arange(FRAMES) * PERIOD
