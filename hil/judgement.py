@@ -14,6 +14,8 @@ from hil.verdict import WARNING_MIN_S, RunVerdict, flickers, judge, lasting, rol
 from hil.waits import Rows, longest_of
 
 PROCESSES = ("plant", "ecu")
+NODES = {"Machine": "plant", "EstimatorEcu": "ecu"}
+"""Of the DBC, and the process that is each."""
 RECORDERS = ("recorder", "ecu-recorder", "recorder/child", "ecu-recorder/child")
 """Frames are stamped before they come to them: what they wait for a processor makes nothing late."""
 WAY, WAITS = "way_", "waits_"
@@ -90,6 +92,15 @@ def waits_of(run: RunDirectory) -> dict[str, Rows]:
     """By process, the waits for a processor of those that can make a frame late; see `hil.waits`."""
     named = {name.removeprefix(WAITS): name for name in run.timing if name.startswith(WAITS)}
     return {process: run.timing[name] for process, name in named.items() if process not in RECORDERS}
+
+
+def waits_of_senders(run: RunDirectory) -> dict[str, dict[str, Rows]]:
+    """By node, those of its process and of what passes frames on: the other node makes none of its frames late."""
+    waits = waits_of(run)
+    return {
+        node: {name: rows for name, rows in waits.items() if name == process or name not in PROCESSES}
+        for node, process in NODES.items()
+    }
 
 
 def _explained(

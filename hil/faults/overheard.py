@@ -5,7 +5,7 @@ have found follows from the frames that it was sent, by the same checks.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ from hil.deadlines import TOLERANCE
 from hil.ecu_side import CALIBRATION
 from hil.faults.passage import Fault
 from hil.faults.watch import OF_CHECK, Answer, Mechanism, Notice, Witness
+from hil.waits import Rows, explaining
 
 _FINDING = re.compile(r"(?P<kind>ProtectionFailed|Stale|Implausible)\((?P<said>.*), at_ns=(?P<at_ns>\d+)\)")
 _CHECK = re.compile(r"what=<Finding\.(\w+):")
@@ -129,6 +130,24 @@ def messages_of(notice: Notice) -> frozenset[str]:
         rules = load_calibration(CALIBRATION).inputs
         return frozenset(s.message for s in sources(rules) if s.group.name.lower() == group[1])
     return frozenset(re.findall(r"\w+", notice.what)) & loader_database().by_name.keys()
+
+
+def by_a_wait(notice: Notice, waits: Mapping[str, Mapping[str, Rows]], stale_ns: int) -> bool:
+    """Whether a message was missed because one wait for a processor put it off by all that it may come late.
+
+    waits: by node, see `hil.judgement.waits_of_senders`. stale_ns: of the machine; the ECU has its own rule.
+    """
+    if notice.mechanism is not Mechanism.TIMEOUT:
+        return False
+    ecu = notice.who is Witness.ECU
+    sender = "Machine" if ecu else "EstimatorEcu"
+    cycles = load_calibration(CALIBRATION).inputs.stale_cycles
+    for name in messages_of(notice):
+        cycle_ns = loader_database().by_name[name].cycle_ns
+        limit_ns = round(cycles * cycle_ns) if ecu else stale_ns
+        if explaining(waits.get(sender, {}), notice.at_ns - limit_ns, notice.at_ns, limit_ns - cycle_ns):
+            return True
+    return False
 
 
 def concerns(notice: Notice, fault: Fault) -> bool:

@@ -2,7 +2,8 @@
 
 The faults are those of the soak in lockstep, but for the death of the plant, with which a run ends. A new ECU
 takes seconds to start: after a kill it is given that time. What is noticed between faults counts against
-the bench only if the host gave its processes their time, and only then the bench judges deadlines.
+the bench only if the host gave its processes their time, and only then the bench judges deadlines. A message that
+was missed because a single wait for a processor put it off is explained by that wait.
 """
 
 import json
@@ -23,7 +24,7 @@ from hil.faults.soak import AFTERWARDS_S, FIRST_S, Happened, Keeper, Soak, plan
 from hil.faults.table import SECOND, faults_of
 from hil.faults.watch import Notice
 from hil.gateway.buses import Buses
-from hil.judgement import timing_of
+from hil.judgement import timing_of, waits_of_senders
 from hil.realtime import run_realtime
 from hil.rundir import RunDirectory
 from hil.supervisor import Event
@@ -107,10 +108,16 @@ def judge(found: Soak, run: Path, faults: Sequence[Fault], stale_s: float) -> No
         *overheard.of_bench(plant_bus),
         *overheard.of_bench(ecu_bus),
     ]
-    timing = timing_of(RunDirectory.read(run))
+    left = RunDirectory.read(run)
+    waits = waits_of_senders(left)
+    timing = timing_of(left)
     found.doubt = starvation(timing) or starved_moment(timing)
     untimely = [] if found.doubt else [*overheard.untimely(plant_bus), *overheard.untimely(ecu_bus)]
-    attribute(found, notices, zero_ns, {f.number: f for f in read_faults(run)}, faults, untimely)
+    was = {fault.number: fault for fault in read_faults(run)}
+    stale_ns = round(stale_s * SECOND)
+    attribute(
+        found, notices, zero_ns, was, faults, untimely, lambda n: overheard.by_a_wait(n, waits, stale_ns)
+    )
 
 
 def attribute(
@@ -120,11 +127,13 @@ def attribute(
     was: Mapping[int, Injected],
     faults: Sequence[Fault],
     untimely: Sequence[Notice] = (),
+    waited: Callable[[Notice], bool] = lambda notice: False,
 ) -> None:
     """Each notice to the fault in whose time it falls and whose messages it is about.
 
     Unexplained are those in no fault's time: what a starved host adds during one cannot be told apart. untimely: of
-    the bench's deadlines, which a host may miss by itself now and then, and so only count during a fault.
+    the bench's deadlines, which a host may miss by itself now and then, and so only count during a fault. waited: whether
+    one wait for a processor explains a notice.
     """
     late_s = np.array([(notice.at_ns - zero_ns) / SECOND for notice in untimely])
     at_s = np.array([(notice.at_ns - zero_ns) / SECOND for notice in notices])
@@ -145,5 +154,5 @@ def attribute(
             Happened(fault=fault, struck=injected.struck > 0 or fault.kind == "kill", noticed=by)
         )
     for notice, time_s, known in zip(notices, at_s.tolist(), explained.tolist(), strict=True):
-        if not known:
+        if not known and not waited(notice):
             found.unexplained.add(f"{time_s:.2f} s: {notice.who}, {notice.mechanism}: {notice.what}")

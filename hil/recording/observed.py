@@ -11,19 +11,16 @@ from dbc.recording import read_frames
 from hil import rundir
 from hil.deadlines import QUESTION, Observer, doubtful, doubts_of
 from hil.faults.record import read_faults
-from hil.judgement import PROCESSES, timing_of, waits_of
+from hil.judgement import PROCESSES, timing_of, waits_of_senders
 from hil.punctuality import Punctuality
 from hil.recording.check import Check, check, whole
 from hil.rundir import RunDirectory
 from hil.timing import judge_task, judge_timing, starvation, starved_moment
 from hil.verdict import Result, Verdict
-from hil.waits import Rows
 
 PLANT_BUS, ECU_BUS = "plant bus", "ECU bus"
 BUSES = {PLANT_BUS: (rundir.BUS, "recorder"), ECU_BUS: (rundir.ECU_BUS, "ecu-recorder")}
 """Log of each, and the process that wrote it."""
-NODES = {"Machine": "plant", "EstimatorEcu": "ecu"}
-"""Of the DBC, and the process that is each."""
 GRAVITY = (Result.PASSED, Result.INCONCLUSIVE, Result.FAILED)
 
 
@@ -44,20 +41,12 @@ def _read_bus(run: RunDirectory, log: str, recorder: str) -> tuple[FrameTable, O
             observer,
             starved=starvation(timing),
             starved_moment=starved_moment(timing),
-            waits=_of_senders(waits_of(run)),
+            waits=waits_of_senders(run),
         )
     if "plant_due_ns" in run.timing and (due := run.timing["plant_due_ns"]).size:
         observer = replace(observer, start_ns=int(due[0]), end_ns=int(due[-1]))
     lost = observer.lost + int(run.record.statistics.get(f"{recorder}_dropped", 0))
     return table, replace(observer, lost=lost, unfinished=run.record.outcome != "finished")
-
-
-def _of_senders(waits: Mapping[str, Rows]) -> dict[str, dict[str, Rows]]:
-    """By node, the waits of its process and of what passes frames on: the other node makes none of its frames late."""
-    return {
-        node: {name: rows for name, rows in waits.items() if name == process or name not in PROCESSES}
-        for node, process in NODES.items()
-    }
 
 
 def punctuality_of(run: RunDirectory) -> Punctuality:

@@ -1,6 +1,7 @@
 """A soak in real time: its scenario is sound, and what a run left is read as it happened."""
 
 import random
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -180,6 +181,41 @@ def test_notices_go_to_the_fault_of_their_time_and_message():
     assert found.result is Result.FAILED
     found.doubt = "ecu waited 9 % of the time"
     assert found.result is Result.INCONCLUSIVE
+
+
+@pytest.mark.parametrize(
+    ("notice", "node", "needed_ms"),
+    [
+        # after 3 cycles of 10 ms, and after 50 ms
+        (Notice(1_000 * MS, Witness.ECU, Mechanism.TIMEOUT, "group='rates'"), "Machine", 20),
+        (Notice(1_000 * MS, Witness.MACHINE, Mechanism.TIMEOUT, "Limits stale"), "EstimatorEcu", 40),
+    ],
+)
+def test_a_missed_message_is_the_hosts_by_one_wait_as_long_as_it_may_be_late(notice, node, needed_ms):
+    """A cycle goes by before it is late at all; the other node's waits, another time and another finding count for nothing."""
+
+    def excused(waited_ms, *, at_ms=1_030, of=node, what=notice):
+        looks = np.array([(at_ms - 85, at_ms, waited_ms)], np.int64) * MS
+        return overheard.by_a_wait(what, {of: {"hub": looks}}, 50 * MS)
+
+    assert excused(needed_ms)
+    assert not excused(needed_ms - 1)
+    assert not excused(needed_ms, at_ms=960)
+    assert not excused(needed_ms, at_ms=1_200)
+    assert not excused(needed_ms, of={"Machine": "EstimatorEcu"}.get(node, "Machine"))
+    assert not excused(needed_ms, what=replace(notice, mechanism=Mechanism.COUNTER))
+
+
+def test_what_a_wait_explains_is_still_noticed_of_a_fault_and_unexplained_no_more():
+    faults = [fault(kind="drop", message="BodyRates", at_s=5.0, for_s=1.0)]
+    notices = [
+        Notice(at_ms * MS, Witness.ECU, Mechanism.TIMEOUT, "group='rates'") for at_ms in (5_100, 8_000, 9_000)
+    ]
+    found = Soak(0, simulated_s=30.0)
+    was = {1: Injected(1, "a", 5.0, 6.0, 7)}
+    attribute(found, notices, 0, was, faults, waited=lambda n: n.at_ns != 9_000 * MS)
+    assert found.faults[0].noticed == {(Witness.ECU, Mechanism.TIMEOUT)}
+    assert [line[:6] for line in found.unexplained.lines] == ["9.00 s"]
 
 
 def test_a_run_that_never_began_is_a_failure_and_not_a_crash(tmp_path):
