@@ -20,9 +20,9 @@ from discrepancy.screen import (
     sensitivities,
     stretches,
 )
-from discrepancy.spells import for_a_while
+from discrepancy.spells import for_a_while, runs
 from discrepancy.state import STRAINED, Settings, State, free_names
-from discrepancy.unexplained import unexplained
+from discrepancy.unexplained import unexplained, unexplained_by_window
 
 ROUGHLY = (
     1e-4  # gain in SSE per row that is not worth a step of a costly model while the noise is not known yet
@@ -52,11 +52,29 @@ def assess(problem: Problem, accepted: tuple[str, ...], values: Values, settings
         fitted = fit(problem, noise, names, fitted.values, enough=None if last else enough)
         at = fitted.values
     scores = screen(problem, noise, fitted, columns, settings)
-    passing = for_a_while(problem, noise, fitted, scores, columns, settings.alpha)
+    passing, seen_under = _for_a_while(problem, noise, fitted, columns, settings)
     unstrained = _unstrained(problem, fitted)
     if unstrained is not None:
         scores = _better(scores, _screen_at(problem, noise, names, unstrained, candidates, settings))
-    return State(noise, fitted, accepted, tuple(scores), (), tuple(columns), tuple(passing), unstrained)
+    return State(
+        noise, fitted, accepted, tuple(scores), (), tuple(columns), tuple(passing), seen_under, unstrained
+    )
+
+
+def _for_a_while(
+    problem: Problem, noise: Noise, fitted: Fit, columns: Sequence[Columns], settings: Settings
+) -> tuple[list[tuple[Score, range]], tuple[Noise, Fit] | None]:
+    """Effects that may act for a while only, and the noise and fit by which they are seen: noise from which candidates are projected out as
+
+    they act always holds them.
+    """
+    if not runs(problem):
+        return [], None
+    raw = problem.measured - problem.predict(fitted.values)
+    noise = estimate_noise(problem, *unexplained_by_window(problem, noise, fitted, raw, columns), noise)
+    fitted = fit(problem, noise, fitted.names, fitted.values)
+    scores = screen(problem, noise, fitted, columns, settings)
+    return for_a_while(problem, noise, fitted, scores, columns, settings.alpha), (noise, fitted)
 
 
 def _from_home(problem: Problem, noise: Noise, fitted: Fit, home: Values) -> Fit:

@@ -81,7 +81,7 @@ class Trial:
 class State:
     """Where a search stands: noise, the fit with the accepted effects, the screen of the others, and what was tried.
 
-    passing: effects that may act for a while only, best first; unstrained: the fit with nuisances put back to their priors, where the data had pushed one far from it.
+    passing: effects that may act for a while only, best first; seen_under: the noise and fit by which they were seen; unstrained: the fit with nuisances put back to their priors, where the data had pushed one far from it.
     """
 
     noise: Noise
@@ -91,6 +91,7 @@ class State:
     trials: tuple[Trial, ...] = ()
     columns: tuple[Columns, ...] = field(default=(), repr=False)
     passing: tuple[tuple[Score, range], ...] = ()
+    seen_under: tuple[Noise, Fit] | None = None
     unstrained: Values | None = None
 
 

@@ -51,21 +51,19 @@ def _tried(
     # what seems to act for a while may act always
     named = {s.effect for s in listed}
     listed = [*listed, *(s for s, _ in passing if s.effect not in named)]
-    tried: list[tuple[Score, range | None]] = [*((s, None) for s in listed), *passing]
     points = Starts(problem, state.noise, state.fit, state.columns, state.unstrained)
-    begins = [(s, windows, points.of(s, windows)) for s, windows in tried]
+    begins = [(s, points.of(s, None)) for s in listed]
     most = max((start[0][1] for *_, start in begins), default=0.0)
     # of costly models: what is far behind by its score and where it starts has its turn when what is beyond doubt has been taken in
     least = BEHIND * most if most > CLEAR and problem.model.costly else -np.inf
-    begins = [b for b in begins if max(b[0].statistic * b[0].inflation, b[2][0][1]) > least]
-    begun = [begin(problem, state, s, start) for s, _, start in begins]
+    begins = [b for b in begins if max(b[0].statistic * b[0].inflation, b[1][0][1]) > least]
+    begun = [begin(problem, state, s, start) for s, start in begins]
     most = max((state.fit.sse - b[0].sse for b in begun), default=0.0)
     least = BEHIND * most if most > CLEAR else -np.inf
     trials = [
-        refit(problem, state, s, b, settings, least, windows)
-        for (s, windows, _), b in zip(begins, begun, strict=True)
+        refit(problem, state, s, b, settings, least, None) for (s, _), b in zip(begins, begun, strict=True)
     ]
-    trials += _in_the_same_windows(problem, state, trials, points, settings)
+    trials += _briefly(problem, state, passing, settings)
     sure = [t.gain > t.needed and t.size >= problem.model.negligible for t in trials]
     best = max((t.lead for t, fine in zip(trials, sure, strict=True) if fine and not t.beside), default=0.0)
     tested = [
@@ -103,6 +101,22 @@ def shortlisted(model_effects: Sequence[Effect], scores: Sequence[Score], settin
         if swapped not in named
     }
     return best + [s for s in scores if s.effect in partners]
+
+
+def _briefly(
+    problem: Problem, state: State, passing: Sequence[tuple[Score, range]], settings: Settings
+) -> list[Trial]:
+    """Those that may act for a while, and their rivals in the same windows, begun under the noise by which they were seen."""
+    if not passing or state.seen_under is None:
+        return []
+    noise, fitted = state.seen_under
+    seen = replace(state, noise=noise, fit=fitted)
+    points = Starts(problem, noise, fitted, state.columns, state.unstrained)
+    trials = [
+        refit(problem, seen, s, begin(problem, seen, s, points.of(s, windows)), settings, -np.inf, windows)
+        for s, windows in passing
+    ]
+    return trials + _in_the_same_windows(problem, seen, trials, points, settings)
 
 
 def _in_the_same_windows(

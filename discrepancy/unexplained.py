@@ -19,18 +19,43 @@ def unexplained(
     Each candidate enters at each probe in units of that change, with a prior of a few such changes, so that a large
     library cannot eat a short recording.
     """
-    all_columns = np.concatenate(
-        [part for c in columns for part in c.raw] or [np.zeros((raw.size, 0))], axis=1
-    )
+    all_columns = _stacked(raw, columns)
     projector = Projector(problem, noise, fitted)
     X = projector.off(noise.whiten(all_columns))
-    gram = X.T @ X
-    weak = gram + np.eye(len(gram)) / 5.0**2
-    coefficient = np.linalg.solve(weak, X.T @ fitted.residual) if len(gram) else np.zeros(0)
-    used = float(np.trace(np.linalg.solve(weak, gram))) if len(gram) else 0.0
+    coefficient, used = _weakly(X, fitted.residual)
     left = raw - all_columns @ coefficient
     # nuisances and initial states give way too
     return _refitted(problem, noise, fitted, left), used + projector.states.used + len(fitted.names)
+
+
+def unexplained_by_window(
+    problem: Problem, noise: Noise, fitted: Fit, raw: Array, columns: Sequence[Columns]
+) -> tuple[Array, float]:
+    """The same where every candidate may act otherwise in every window: what acts for a while is not left to the noise either."""
+    all_columns = _stacked(raw, columns)
+    states = Projector(problem, noise, fitted).states
+    X = states.off(noise.whiten(all_columns))
+    left, whole = raw.copy(), states.used + len(fitted.names) + 0.0
+    for window in range(len(problem.windows)):
+        own, rows = noise.row_window == window, problem.row_window == window
+        coefficient, used = _weakly(X[own], fitted.residual[own])
+        left[rows] -= all_columns[rows] @ coefficient
+        whole += used
+    return _refitted(problem, noise, fitted, left), whole
+
+
+def _stacked(raw: Array, columns: Sequence[Columns]) -> Array:
+    return np.concatenate([part for c in columns for part in c.raw] or [np.zeros((raw.size, 0))], axis=1)
+
+
+def _weakly(X: Array, residual: Array) -> tuple[Array, float]:
+    """Coefficients of columns (n, k) with a prior of five of each, and how many parameters that is worth."""
+    gram = X.T @ X
+    weak = gram + np.eye(len(gram)) / 5.0**2
+    if not len(gram):
+        return np.zeros(0), 0.0
+    found = np.asarray(np.linalg.solve(weak, X.T @ residual), float)
+    return found, float(np.trace(np.linalg.solve(weak, gram)))
 
 
 def _refitted(problem: Problem, noise: Noise, fitted: Fit, left: Array) -> Array:

@@ -301,6 +301,16 @@ def test_play_in_the_steering_is_no_delay_of_the_servo_but_an_equation_with_its_
     assert float(width[1]) == pytest.approx(0.01 / 0.4, rel=0.15)
 
 
+@pytest.mark.parametrize("seed", [1, 2, 73011])
+def test_friction_that_acts_for_a_while_is_seen_in_its_windows_though_noise_could_hold_it(seed) -> None:
+    """4.3 kN from 30 to 68 s, windows of 8 s: noise from which a constant one is projected out holds it to nearly nothing."""
+    arm = Arm(body="straight", kind="stretch", seed=seed, noise="quantised", start_s=30.0, end_s=68.0)
+    body = BODIES["straight"]
+    problem = Problem(body.model(), body.record({"rolling": 0.037}, arm, np.random.default_rng(seed)))
+    state = assess(problem, (), problem.start(), Settings())
+    assert ("rolling resistance", range(4, 8)) in {(s.effect, windows) for s, windows in state.passing}
+
+
 def test_what_is_there_or_not_is_hidden_whole_and_counts_at_any_lambda() -> None:
     arms = [a for a in BODIES["car"].arms(1) if a.effects == ("gyro sign",)]
     assert [a.strength for a in arms] == [np.inf]
