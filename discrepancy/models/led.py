@@ -205,13 +205,14 @@ class Loader:
             return basis
         key = (tuple(_identity(window) for window in windows), *sorted(memory.items()))
         with self._lock:
-            if key not in self._remembering:
-                self._remembering[key] = self._begun_by(
-                    {**self._settled, **memory}, windows, basis.way, basis.coarse
-                )
-            while len(self._remembering) > KEPT:
-                self._remembering.popitem(last=False)
-            return self._remembering[key]
+            known = self._remembering.get(key)
+        if known is None:  # outside the lock: whole recordings are flown, one on each processor
+            known = self._begun_by({**self._settled, **memory}, windows, basis.way, basis.coarse)
+            with self._lock:
+                self._remembering[key] = known
+                while len(self._remembering) > KEPT:
+                    self._remembering.popitem(last=False)
+        return known
 
     def _memory(self, values: Mapping[str, float]) -> dict[str, float]:
         """Values of the effects that are remembered for long; of those that are off, their offs."""
