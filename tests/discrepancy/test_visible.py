@@ -1,6 +1,7 @@
 """Effects in a valley with a nuisance: what a straight line counts as visible, and what a refit leaves of it."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -62,3 +63,25 @@ def test_what_is_left_beside_a_line_is_followed_and_what_is_beside_the_valley_st
         assert in_a_valley(effect, score)
         expected = problem.measured.size * (beside * 0.02 / SD) ** 2 / 2.0 / score.inflation
         assert left_by_refit(problem, state, effect, score) == pytest.approx(expected, rel=0.02, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("place", "told"),
+    [
+        ("spring", "leaves no trace beyond the nuisances in these recordings; needs a storm"),
+        ("force", "there is no usable force"),
+    ],
+)
+def test_what_leaves_no_trace_at_all_is_told_with_what_it_would_need(place: str, told: str) -> None:
+    model = swinging(0.0)
+    still = replace(model.effects[0], place=place, excited_by="a storm")
+
+    def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Array]) -> dict[str, Array]:
+        seen = model.simulate(window, {**values, "stiffer": 0.0}, extra)
+        return {**seen, "force": 0.0 * window.time_s}
+
+    outputs = {**model.outputs, "force": "N"}
+    blind = replace(model, simulate=simulate, effects=(still,), outputs=outputs)
+    (candidate,) = examine(blind, [recorded()], Settings()).candidates
+    assert (candidate.verdict, candidate.reason) == ("could not be judged", told)
+    assert (candidate.power, candidate.expected, candidate.noticed_from) == (0.0, [], [])
