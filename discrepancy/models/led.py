@@ -32,6 +32,7 @@ from discrepancy.models.loader_library import (
     zero,
 )
 from discrepancy.models.pilot import STANDING, at_begin, flown
+from discrepancy.models.resisted import met_at
 from discrepancy.models.shared_out import Way, led, parameters_of
 from discrepancy.recording import Array, Recording
 from discrepancy.sensors import delayed
@@ -127,6 +128,27 @@ class Loader:
             self._bases.clear()
             self._remembering.clear()
 
+    def met_at(self, step_s: float) -> float | None:
+        """Where the recorded machine met something that resisted most, of the first recording in which it did (`resisted.met_at`)."""
+        for recording in self._recordings.values():
+            if not all(name in recording.signals for name in INPUTS):
+                continue
+            like = Window(
+                recording=recording.name,
+                start_s=0.0,
+                end_s=0.0,
+                time_s=np.zeros(0),
+                step_s=step_s,
+                known=dict.fromkeys(recording.signals, np.zeros(0)),
+                constants=recording.constants,
+            )
+            _, whole, yaw_rate = self._new_whole(recording, like)
+            turning = None if yaw_rate is None else self._turning(yaw_rate, whole)
+            found = met_at(self._machine, whole.payload, whole.measured, step_s, turning)
+            if found is not None:
+                return found
+        return None
+
     def _motions(self, windows: Sequence[Window], values: Mapping[str, float]) -> list[Mapping[str, Array]]:
         """Outputs before the zero points of the sensors; the last few motions are kept."""
         which = tuple(_identity(window) for window in windows)
@@ -195,7 +217,7 @@ class Loader:
         key = tuple(_identity(window) for window in windows)
         with self._lock:
             if key not in self._bases:
-                self._bases[key] = self._new_basis(windows)
+                self._bases[key] = self._begun_by(self._settled, windows, self._way(windows))
             return self._bases[key]
 
     def _remembered(self, windows: Sequence[Window], values: Mapping[str, float]) -> Basis:
@@ -207,7 +229,11 @@ class Loader:
         with self._lock:
             known = self._remembering.get(key)
         if known is None:  # outside the lock: whole recordings are flown, one on each processor
-            known = self._begun_by({**self._settled, **memory}, windows, basis.way, basis.coarse)
+            known = basis
+            with suppress(
+                NoEquilibriumError
+            ):  # such a machine would fall over: no begin is better than another
+                known = self._begun_by({**self._settled, **memory}, windows, basis.way)
             with self._lock:
                 self._remembering[key] = known
                 while len(self._remembering) > KEPT:
@@ -227,14 +253,7 @@ class Loader:
             }
         return found
 
-    def _new_basis(self, windows: Sequence[Window]) -> Basis:
-        basis = self._begun_by(self._settled, windows, self._way(windows), {})
-        fine, coarse = (self._true(basis, self._settled, step_s) for step_s in (FINE_S, STEP_S))
-        return replace(basis, coarse={name: fine[name] - coarse[name] for name in fine})
-
-    def _begun_by(
-        self, settled: Mapping[str, float], windows: Sequence[Window], way: Way, coarse: Mapping[str, Array]
-    ) -> Basis:
+    def _begun_by(self, settled: Mapping[str, float], windows: Sequence[Window], way: Way) -> Basis:
         """Stretches as they begin behind a pilot with these values."""
         machine, first = self._changed(settled), way.measured[way.edges[:-1]]
         starts = self._starts(machine, windows, first, way)
@@ -246,7 +265,9 @@ class Loader:
         rests = np.empty((len(windows), REST))
         rest_records(starts, p, work, active, rests)
         rests[np.abs(first[:, M_SPEED]) < STANDING] = np.nan  # brakes hold it as it stands
-        return Basis(way, starts, rests, settled, coarse)
+        basis = Basis(way, starts, rests, settled)
+        fine, coarse = (self._true(basis, settled, step_s) for step_s in (FINE_S, STEP_S))
+        return replace(basis, coarse={name: fine[name] - coarse[name] for name in fine})
 
     def _way(self, windows: Sequence[Window]) -> Way:
         """What leads through windows of one recording."""

@@ -9,6 +9,7 @@ does not know exactly (masses, height of the centre of gravity, tyre stiffness, 
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -22,7 +23,7 @@ from dbc.errors import LogError
 from dbc.packing import Signals
 from dbc.recording import read_frames
 from dbc.units import factor_to
-from discrepancy.model import Model
+from discrepancy.model import Effect, Model
 from discrepancy.models.led import Loader
 from discrepancy.models.loader_library import CHANNELS, INPUTS, NUISANCES, OPTIONAL, SPEEDS, library
 from discrepancy.models.stretches import LEAD_S, SCORED_S, stretches
@@ -36,6 +37,7 @@ FLOOR: Final = 0.2  # one-step errors are at least this share of an error that m
 NEGLIGIBLE: Final = 0.1  # of a typical change: what an engineer would not look for
 THINNED_S: Final = 0.04  # between samples of outputs: the machine's own motions are below 5 Hz
 HEAVIEST_KG: Final = 20_000.0  # payload, as in a scenario
+PILE: Final = "pile_entry.distance_m"
 WAYS: Final = (*SPEEDS[:1], *INPUTS, *OPTIONAL)
 """Signals by which ways of driving differ."""
 
@@ -47,6 +49,7 @@ def model(
     sheet = load_machine(machine) if isinstance(machine, str) else machine
     equipment = load_equipment(sheet.family)
     lags = {name: equipment.sensors.of(name).lag for name in CHANNELS}
+    simulate = Loader(sheet, equipment, recordings)
     return Model(
         name="loader",
         sentence="an articulated wheel loader, led by its measured torques and joint angles",
@@ -54,8 +57,8 @@ def model(
         optional=OPTIONAL,
         outputs={name: channel.unit for name, channel in CHANNELS.items()},
         nuisances=NUISANCES,
-        effects=tuple(e for e in library() if e.name not in without),
-        simulate=Loader(sheet, equipment, recordings),
+        effects=tuple(_placed(e, simulate) for e in library() if e.name not in without),
+        simulate=simulate,
         step_s=STEP_S,
         window_s=SCORED_S,
         lead_s=LEAD_S,
@@ -67,6 +70,15 @@ def model(
         least_explained=0.05,
         threads=True,
     )
+
+
+def _placed(effect: Effect, simulate: Loader) -> Effect:
+    """The effect; a pile is first looked for where the recorded machine met something."""
+    met = simulate.met_at(STEP_S) if effect.name == "pile_entry" else None
+    if met is None:
+        return effect
+    parameters = [replace(p, value=met - p.typical) if p.name == PILE else p for p in effect.parameters]
+    return replace(effect, parameters=tuple(parameters))
 
 
 def load_run(folder: Path) -> Recording:

@@ -12,6 +12,7 @@ from discrepancy.models.leading import _obeyed
 from discrepancy.models.led import Loader
 from discrepancy.models.loader_library import CHANNELS, INPUTS, UNSEARCHED, library
 from discrepancy.models.pilot import _flights
+from discrepancy.models.resisted import SMOOTH_S
 from discrepancy.models.shared_out import _shares
 from discrepancy.problem import Problem
 from discrepancy.recording import Recording, signal
@@ -136,6 +137,20 @@ def test_stretches_remember_the_pile_that_was_dug_into_before_them():
     assert np.std(early - settled) < 0.02 * np.std(without - settled)
 
 
+@pytest.mark.parametrize("distance_m", [7.0, 9.0])
+def test_a_pile_is_looked_for_where_the_machine_met_something(distance_m):
+    """At 3 m/s, as early as what the wheels gain is smoothed."""
+    recording = recorded(find_effect("pile_entry").of(distance_m=distance_m), seconds=8.0)
+    distance = loader.model([recording]).parameter("pile_entry.distance_m")
+    assert distance.value + distance.typical == pytest.approx(distance_m, abs=3.0 * SMOOTH_S)
+
+
+def test_where_nothing_was_met_a_pile_is_looked_for_anywhere(plain):
+    assert loader.model([plain]).parameter("pile_entry.distance_m") == loader.model().parameter(
+        "pile_entry.distance_m"
+    )
+
+
 @pytest.mark.parametrize(
     ("edges", "count", "parts"),
     [
@@ -236,6 +251,26 @@ def test_nothing_is_found_where_nothing_was_concealed(plain):
 
     model = restricted(*LIBRARY, recordings=[plain])
     assert examine(model, [plain], Settings(open_ended=False)).status == "nothing missing"
+
+
+@pytest.mark.processes
+def test_the_pile_of_the_scenario_is_found_where_it_is(tmp_path):
+    """Without it the machine pushes forward for seconds where the recorded one stands: nothing of the baseline is near."""
+    from discrepancy.examine import examine
+    from discrepancy.state import Settings
+    from hil.compose import Choice
+    from hil.runs import run_lockstep
+
+    run_lockstep(Choice(scenario="pile_entry"), tmp_path / "run")
+    drive = loader.load_run(tmp_path / "run")
+    found = examine(
+        restricted(*LIBRARY, "pile_entry", recordings=[drive]), [drive], Settings(open_ended=False)
+    )
+    assert (found.status, found.named) == ("explained", ["pile_entry"])
+    size = {e.name: e.value for e in found.findings[0].parameters}
+    assert size["pile_entry.distance_m"] == pytest.approx(7.0, abs=0.02)
+    assert size["pile_entry.most_N"] == pytest.approx(60e3, rel=0.02)
+    assert size["pile_entry.depth_m"] == pytest.approx(0.5, rel=0.05)
 
 
 def test_long_steps_are_as_good_as_short_ones_where_the_pilot_flies(plain, monkeypatch):
