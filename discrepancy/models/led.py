@@ -34,7 +34,7 @@ from discrepancy.models.loader_library import (
 from discrepancy.models.pilot import STANDING, at_begin, flown
 from discrepancy.models.resisted import met_at
 from discrepancy.models.shared_out import Way, led, parameters_of
-from discrepancy.recording import Array, Recording
+from discrepancy.recording import Array, Recording, cleaned
 from discrepancy.sensors import delayed
 from discrepancy.windows import resampled
 from plant import state as s
@@ -50,6 +50,7 @@ from plant.workspace import new_workspace
 
 STEP_S: Final = 5e-3  # of the plant
 FINE_S: Final = 1e-3  # of what tells once what that step is wrong by
+BRIEF_S: Final = 2.0  # in which nothing is met
 STILL_S: Final = 1.0  # standing that tells the zero point of a gyro
 KEPT: Final = 32  # motions kept, for effects of sensors that only look at them again; more than one set of derivatives takes
 ABSURD: Final = (
@@ -130,8 +131,12 @@ class Loader:
 
     def met_at(self, step_s: float) -> float | None:
         """Where the recorded machine met something that resisted most, of the first recording in which it did (`resisted.met_at`)."""
-        for recording in self._recordings.values():
-            if not all(name in recording.signals for name in INPUTS):
+        for recorded in self._recordings.values():
+            recording, _ = cleaned(recorded)
+            used = [recording.signals[name].time_s for name in INPUTS if name in recording.signals]
+            if len(used) < len(INPUTS) or min(t.size for t in used) < 2:
+                continue
+            if min(t[-1] for t in used) - max(t[0] for t in used) < BRIEF_S:
                 continue
             like = Window(
                 recording=recording.name,
