@@ -199,7 +199,7 @@ def add_timing_rows(table: Table, timings: Sequence[Timing]) -> None:
         "waited for a processor, worst second",
         *(_longest_wait(timing.worst_waited) for timing in timings),
     )
-    table.add_row("waited for a processor, longest", *(longest_wait_text(timing) for timing in timings))
+    table.add_row("kept waiting by the host, longest", *(longest_wait_text(timing) for timing in timings))
 
 
 def _longest_wait(shares: Mapping[str, float]) -> str:

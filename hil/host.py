@@ -5,6 +5,7 @@ Sources: proc(5), /proc/stat (steal: time a hypervisor gave to others) and
 """
 
 import os
+import selectors
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -42,33 +43,64 @@ def waited_ns(pid: int | None = None) -> int:
     return int(Path(f"/proc/{pid or os.getpid()}/schedstat").read_text().split()[1])
 
 
+class Sleeps(selectors.DefaultSelector):
+    """The selector of an event loop, which notes when the process last slept: from when until when [ns]."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.last_ns = (0, 0)
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        """As the selector's; one that only looks (timeout 0) is no sleep."""
+        if timeout is not None and timeout <= 0.0:
+            return super().select(timeout)
+        from_ns = time.monotonic_ns()
+        ready = super().select(timeout)
+        self.last_ns = (from_ns, time.monotonic_ns())
+        return ready
+
+    def woken_late_ns(self, due_ns: int) -> int:
+        """How much later it woke from a sleep in which its timer was due; 0 if it was awake then."""
+        from_ns, until_ns = self.last_ns
+        return max(until_ns - due_ns, 0) if from_ns < due_ns else 0
+
+
 class OwnWaits(Closing):
-    """How long this process waited for a processor between one look and the next.
+    """How long the host kept this process waiting between one look and the next: for a processor, or for its timer.
+
+    A process that sleeps when its tick is due does nothing that could make it late: what passes until it wakes is the host's, also
+    where a whole machine stood still and nobody waited for a processor.
 
     A look costs about a microsecond: the file stays open. A wait that still lasts is not in it; it ends before we look.
     """
 
     def __init__(
-        self, tell: Callable[[int, int, int], None], file: Path = Path("/proc/self/schedstat")
+        self,
+        tell: Callable[[int, int, int], None],
+        sleeps: Sleeps | None = None,
+        file: Path = Path("/proc/self/schedstat"),
     ) -> None:
         """tell: told the times of both looks and what was waited in between [ns], when that is LEAST_WAIT_NS or more.
 
-        A kernel without such a file tells nothing.
+        sleeps: of the process' event loop. A kernel without such a file tells nothing.
         """
-        self._tell = tell
+        self._tell, self._sleeps = tell, sleeps
         self._fd = os.open(file, os.O_RDONLY | os.O_CLOEXEC) if file.exists() else -1
         self._seen_ns, self._waited_ns = time.monotonic_ns(), self._read() if self._fd >= 0 else 0
 
     def _read(self) -> int:
         return int(os.pread(self._fd, 64, 0).split()[1])
 
-    def look(self, now_ns: int) -> None:
-        """Once per tick or round, at its end; a stamp of the monotonic clock."""
+    def look(self, now_ns: int, due_ns: int | None = None) -> None:
+        """Once per tick or round, at its end; stamps of the monotonic clock. due_ns: of the tick."""
         if self._fd < 0:
             return
         waited_ns = self._read()
-        if waited_ns - self._waited_ns >= LEAST_WAIT_NS:
-            self._tell(self._seen_ns, now_ns, waited_ns - self._waited_ns)
+        kept_ns = waited_ns - self._waited_ns
+        if self._sleeps is not None and due_ns is not None:
+            kept_ns = max(kept_ns, self._sleeps.woken_late_ns(due_ns))
+        if kept_ns >= LEAST_WAIT_NS:
+            self._tell(self._seen_ns, now_ns, kept_ns)
         self._seen_ns, self._waited_ns = now_ns, waited_ns
 
     def close(self) -> None:

@@ -26,7 +26,7 @@ class Wait:
     def told(self, zero_ns: int) -> str:
         """In words; zero_ns: where the run's time begins."""
         at_s = (self.until_ns - zero_ns) * 1e-9
-        return f"{self.process} waited {self.waited_ns * 1e-6:.1f} ms for a processor at {at_s:.2f} s"
+        return f"{self.process} was kept waiting {self.waited_ns * 1e-6:.1f} ms at {at_s:.2f} s"
 
 
 def explaining(

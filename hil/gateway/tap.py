@@ -157,7 +157,7 @@ class TappedTiming(TickTiming):
         """One tick, told at its end."""
         self._stamps.add(Kind.TICK, due_ns, ended_ns, started_ns)
         if self._waits is not None:
-            self._waits.look(ended_ns)
+            self._waits.look(ended_ns, due_ns)
 
 
 def ticks_of(rows: NDArray[np.int64]) -> dict[str, NDArray[np.int64]]:

@@ -11,7 +11,7 @@ from hil.ecu_side import CALIBRATION, Form, ecu_cycle
 from hil.ending import Ending
 from hil.gateway.latency import keep_ticks
 from hil.gateway.tap import tapped
-from hil.host import OwnWaits
+from hil.host import OwnWaits, Sleeps
 from hil.lifeline import Lifeline
 from hil.processes.shell import counters, log_to, reach, run_until_signal
 from hil.realtime_options import ORDINARY, RealtimeOptions
@@ -42,11 +42,12 @@ def run(
         if out and not line.supervised:
             stack.callback(keep_ticks, out, "ecu")
         stamps = out and rundir.stamps(out, "ecu")
-        waits = stack.enter_context(OwnWaits(line.waited))
+        sleeps = Sleeps()
+        waits = stack.enter_context(OwnWaits(line.waited, sleeps))
         bus, timing = stack.enter_context(tapped(address, "ecu", stamps, waits))
         line.ready()
         try:
-            run_until_signal(node.run(bus, cycle, timing=timing, found=found))
+            run_until_signal(node.run(bus, cycle, timing=timing, found=found), sleeps)
         finally:
             line.finished(complete=True, missed=timing.missed, **kinds, **counters(bus))
     return Ending.PASSED if line.supervised else Ending.INTERRUPTED

@@ -11,7 +11,7 @@ from hil.compose import Choice, plant_unit
 from hil.ending import Ending
 from hil.gateway.latency import keep_ticks
 from hil.gateway.tap import tapped
-from hil.host import OwnWaits
+from hil.host import OwnWaits, Sleeps
 from hil.lifeline import Lifeline
 from hil.processes.shell import counters, log_to, reach, run_until_signal
 from hil.realtime_options import ORDINARY, RealtimeOptions
@@ -41,7 +41,8 @@ def run(
     kinds: Counter[str] = Counter()
     with ExitStack() as stack:
         stamps = out and rundir.stamps(out, "plant")
-        waits = stack.enter_context(OwnWaits(line.waited))
+        sleeps = Sleeps()
+        waits = stack.enter_context(OwnWaits(line.waited, sleeps))
         if out and not line.supervised:
             stack.callback(keep_ticks, out, "plant")
         bus, timing = stack.enter_context(tapped(address, "plant", stamps, waits))
@@ -63,7 +64,8 @@ def run(
             interrupted = run_until_signal(
                 node.run(
                     bus, unit, on_tick=on_tick, on_finding=on_finding, timing=timing, truth_path=truth_path
-                )
+                ),
+                sleeps,
             )
         finally:
             line.finished(

@@ -17,6 +17,7 @@ from bus.address import open_transport
 from bus.mistake import Mistake
 from bus.transport import BusClosed, BusUnavailable, Transport
 from hil.ending import Ending
+from hil.host import Sleeps
 from hil.lifeline import Lifeline, SupervisorGone
 
 
@@ -50,8 +51,8 @@ def log_to(file: Path | None) -> None:
     )
 
 
-def run_until_signal(work: Coroutine[Any, Any, None]) -> bool:
-    """Run `work`; SIGTERM and Ctrl-C cancel it. Whether that happened."""
+def run_until_signal(work: Coroutine[Any, Any, None], sleeps: Sleeps | None = None) -> bool:
+    """Run `work`; SIGTERM and Ctrl-C cancel it. Whether that happened. sleeps: the selector of its event loop."""
 
     async def guarded() -> bool:
         task = asyncio.ensure_future(work)
@@ -63,7 +64,8 @@ def run_until_signal(work: Coroutine[Any, Any, None]) -> bool:
             return True
         return False
 
-    return asyncio.run(guarded())
+    with asyncio.Runner(loop_factory=lambda: asyncio.SelectorEventLoop(sleeps)) as runner:
+        return runner.run(guarded())
 
 
 class Stop:

@@ -196,7 +196,7 @@ def timing_figures(timing: Timing) -> Figures:
     rows |= {f"Ticks the {SHOWN[who]} skipped": str(count) for who, count in timing.overruns.items()}
     rows["Frames lost"] = str(timing.dropped)
     rows["Processor time taken by other guests"] = f"{100 * timing.stolen:.2f} %"
-    rows["Longest wait for a processor"] = longest_wait_text(timing)
+    rows["Longest time that the host kept a process waiting"] = longest_wait_text(timing)
     return rows | {
         f"Time the {SHOWN.get(who, who)} waited for a processor": f"{100 * share:.1f} %"
         for who, share in timing.waited.items()

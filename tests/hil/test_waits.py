@@ -1,6 +1,7 @@
 """What was late is the host's only if one wait for a processor, there and then, is as long as all that was late beyond the permitted."""
 
 import os
+import selectors
 import subprocess
 import sys
 import time
@@ -13,7 +14,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from hil.deadlines import Observation, Observer, judge_message
-from hil.host import LEAST_WAIT_NS, OwnWaits
+from hil.host import LEAST_WAIT_NS, OwnWaits, Sleeps
 from hil.timing import Ticks, explain_reactions, explain_ticks
 from hil.verdict import Result
 from hil.waits import Wait, explaining, longest_of
@@ -77,13 +78,13 @@ def test_a_late_frame_is_the_hosts_exactly_if_the_wait_is_as_long_as_what_is_too
     verdict = judged(delayed(by_ms), look_before(by_ms, waited_ms))
     enough = round(waited_ms * MS) >= round(by_ms * MS) - PERIOD // 2
     assert verdict.result is (Result.INCONCLUSIVE if enough else Result.FAILED), verdict.reason
-    assert ("plant waited" in verdict.reason) == enough
+    assert ("plant was kept waiting" in verdict.reason) == enough
 
 
 def test_the_wait_is_named_with_its_length_and_time():
     reason = judged(delayed(7), look_before(7, 7.2)).reason
     assert "1 late" in reason
-    assert reason.endswith("the host was starved for a moment: plant waited 7.2 ms for a processor at 0.51 s")
+    assert reason.endswith("the host was starved for a moment: plant was kept waiting 7.2 ms at 0.51 s")
 
 
 @pytest.mark.parametrize(("waited_ms", "expected"), [(1.9, Result.FAILED), (2.0, Result.INCONCLUSIVE)])
@@ -239,7 +240,7 @@ def test_only_waits_worth_it_are_told(tmp_path):
         waits.look(now_ns)
 
     file.write_text("123 5000000 7\n")
-    with closing(OwnWaits(lambda *row: told.append(row), file)) as waits:
+    with closing(OwnWaits(lambda *row: told.append(row), file=file)) as waits:
         look(100, 5_000_000 + LEAST_WAIT_NS - 1)
         look(200, 5_000_000 + 2 * LEAST_WAIT_NS - 1)
         look(300, 5_000_000 + 9 * LEAST_WAIT_NS)
@@ -247,7 +248,7 @@ def test_only_waits_worth_it_are_told(tmp_path):
 
 
 def test_a_kernel_that_does_not_say_tells_nothing(tmp_path):
-    with closing(OwnWaits(lambda *_: pytest.fail("told"), tmp_path / "none")) as waits:
+    with closing(OwnWaits(lambda *_: pytest.fail("told"), file=tmp_path / "none")) as waits:
         waits.look(1)
 
 
@@ -295,3 +296,30 @@ def test_a_look_costs_a_tiny_share_of_a_period():
         for now_ns in range(10_000):
             waits.look(now_ns)
         assert time.process_time() - begun < 1.0
+
+
+def test_a_process_that_slept_when_its_tick_was_due_was_woken_late_by_the_host(tmp_path: Path) -> None:
+    """And one that was awake then, or only looked whether something was there, was not."""
+    reader, writer = os.pipe()
+    file = tmp_path / "schedstat"
+    file.write_text("0 0 0")
+    told: list[tuple[int, ...]] = []
+    with Sleeps() as sleeps, closing(OwnWaits(lambda *row: told.append(row), sleeps, file=file)) as waits:
+        sleeps.register(reader, selectors.EVENT_READ)
+        due_ns = time.monotonic_ns() + 1_000_000
+        sleeps.select(0.02)  # the timer ought to have woken it after 1 ms
+        sleeps.select(0.0)
+        woken_ns = time.monotonic_ns()
+        waits.look(woken_ns, due_ns)
+        assert len(told) == 1
+        assert 15_000_000 < told[0][2] <= woken_ns - due_ns
+        os.write(writer, b".")
+        sleeps.select(0.02)
+        due_ns = time.monotonic_ns() + 1_000_000
+        while time.monotonic_ns() < due_ns + 5_000_000:  # it computes
+            pass
+        sleeps.select(0.02)
+        waits.look(time.monotonic_ns(), due_ns)
+        assert len(told) == 1
+    os.close(reader)
+    os.close(writer)
