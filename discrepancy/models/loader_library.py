@@ -190,8 +190,10 @@ def _engine_parameter(effect: str, p: PlantParameter) -> Parameter:
     )
 
 
-LASTING: Final = ("brake_fade", "pile_entry")
-"""Effects that remember for longer than a lead-in: brakes that are hot, a pile that is dug into. A stretch begins with what was before it."""
+LASTING: Final = ("pile_entry",)
+"""Effects that remember for longer than a lead-in: a pile that is dug into. A stretch begins with what was before it. Brakes that are hot would
+be another; a whole flight for each of their sizes costs more than their heat has been seen to matter.
+"""
 
 
 def fitted(effect: str, p: PlantParameter) -> bool:
