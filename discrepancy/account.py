@@ -17,7 +17,7 @@ from discrepancy.openended import OpenEnded
 from discrepancy.problem import Problem
 from discrepancy.quantities import quantity
 from discrepancy.recording import Array
-from discrepancy.screen import Score, active, jackknife, least_seen, penalty, stretches, switches
+from discrepancy.screen import Score, active, changes_at, jackknife, least_seen, penalty, stretches, switches
 from discrepancy.state import Settings, State, Trial
 from discrepancy.visible import NEARLY, in_a_valley, left_by_refit
 
@@ -175,8 +175,7 @@ def _typical_seen(state: State, effect: Effect, score: Score) -> float:
         return max(float(np.linalg.eigvalsh(typical[:, None] * information * typical)[0]), 0.0)
     if score.power == 0.0:
         return 0.0
-    tried = np.array([p.tried[min(score.probe, len(p.tried) - 1)] - p.value for p in own])
-    return least_seen(score.direction, typical / tried) / score.inflation
+    return least_seen(score.direction, typical / changes_at(effect, score.probe)) / score.inflation
 
 
 def _noticed_from(effect: Effect, seen: float, critical: float, negligible: float) -> list[f.Estimate]:

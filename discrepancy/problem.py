@@ -131,8 +131,9 @@ class Problem:
 
     def read_as(self, values: Values) -> "Problem":
         """The same windows, had they read exactly what the model says of values; what was learned of sensitivities is shared."""
+        rows = self.predict(values)
         other = copy(self)
-        other.measured = self.predict(values)
+        other.measured = rows
         return other
 
     def _labels(self) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:

@@ -107,6 +107,11 @@ def switches(effect: Effect) -> list[Parameter]:
     return [p for p in effect.parameters if not p.shape]
 
 
+def changes_at(effect: Effect, probe: int) -> Array:
+    """Changes of its switches (k,) that a probe tries."""
+    return np.array([p.tried[min(probe, len(p.tried) - 1)] - p.value for p in switches(effect)])
+
+
 def _probes(effect: Effect) -> int:
     own = switches(effect)
     return max(len(p.tried) for p in own) if len(own) <= FEW else 1

@@ -12,7 +12,7 @@ from discrepancy.fit import fit
 from discrepancy.model import Effect, Parameter
 from discrepancy.problem import Problem
 from discrepancy.recording import Array
-from discrepancy.screen import FEW, Score, switches
+from discrepancy.screen import FEW, Score, changes_at, switches
 from discrepancy.state import State
 
 NEARLY = 0.5  # share of an effect that nuisances can do, from which on it is asked what they leave of it in a refit
@@ -44,10 +44,8 @@ def left_by_refit(problem: Problem, state: State, effect: Effect, score: Score) 
 
 def least_visible(effect: Effect, score: Score) -> Array:
     """Changes of its switches, together one typical change, that the projected sensitivities show least."""
-    own = switches(effect)
-    typical = np.array([p.typical for p in own])
-    tried = np.array([p.tried[min(score.probe, len(p.tried) - 1)] - p.value for p in own])
-    scaled = score.direction * (typical / tried)
+    typical = np.array([p.typical for p in switches(effect)])
+    scaled = score.direction * (typical / changes_at(effect, score.probe))
     return np.asarray(np.linalg.eigh(scaled.T @ scaled)[1][:, 0] * typical, float)
 
 

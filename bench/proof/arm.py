@@ -95,7 +95,7 @@ class Done:
     @property
     def reached(self) -> bool:
         """Whether the effect is as strong as was wanted."""
-        if self.arm.body in LOADERS or np.isinf(self.arm.strength):
+        if np.isinf(self.arm.strength):
             return True
         low, high = (share * self.arm.strength for share in NEAR)
         return self.truth.reached is None or low <= self.truth.reached <= high

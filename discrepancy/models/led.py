@@ -235,9 +235,7 @@ class Loader:
             known = self._remembering.get(key)
         if known is None:  # outside the lock: whole recordings are flown, one on each processor
             known = basis
-            with suppress(
-                NoEquilibriumError
-            ):  # such a machine would fall over: no begin is better than another
+            with suppress(NoEquilibriumError):  # it would fall over: no begin is better than another
                 known = self._begun_by({**self._settled, **memory}, windows, basis.way)
             with self._lock:
                 self._remembering[key] = known
@@ -261,7 +259,7 @@ class Loader:
     def _begun_by(self, settled: Mapping[str, float], windows: Sequence[Window], way: Way) -> Basis:
         """Stretches as they begin behind a pilot with these values."""
         machine, first = self._changed(settled), way.measured[way.edges[:-1]]
-        starts = self._starts(machine, windows, first, way)
+        starts = self._starts(machine, settled, windows, first, way)
         p, active, work = (
             parameters_of(machine, way, STEP_S),
             dispatch.active_vector(machine.effects),
@@ -286,7 +284,14 @@ class Loader:
         payload = windows[0].constants.get("payload", 0.0)
         return Way(np.concatenate(parts), speeds, edges, asked, payload, windows[0].step_s)
 
-    def _starts(self, machine: Machine, windows: Sequence[Window], first: Array, way: Way) -> Array:
+    def _starts(
+        self,
+        machine: Machine,
+        settled: Mapping[str, float],
+        windows: Sequence[Window],
+        first: Array,
+        way: Way,
+    ) -> Array:
         """States at the begin of each window (n, STATES): the pilot's, or at rest on the tyres, or rolling evenly; first: what was measured there."""
         states = np.full((len(windows), s.STATES), np.nan)
         known = self._recorded(windows[0])
@@ -297,7 +302,7 @@ class Loader:
             if min(rows) >= 0 and max(rows) < len(whole.measured):
                 with suppress(NoEquilibriumError):
                     begun = self._begun.setdefault(windows[0].recording, {})
-                    states = flown(machine, self._settled, whole, rows, begun, turning)
+                    states = flown(machine, settled, whole, rows, begun, turning)
         for state, row in zip(states, first, strict=True):
             if not np.isfinite(state).all():
                 state[:] = at_begin(machine, way.payload, row).inside()[0]

@@ -34,8 +34,8 @@ def flown(
     """States (n, STATES) of a machine at some rows of a whole recording.
 
     values: as in `led`; turning: yaw rate of the rear frame (rows of the recording,) [rad/s], if it was measured. Effects with states of their own
-    remember all that was before them; else a run-in will do, and any machine's rest to begin it from: begun keeps them by row. At the first row it
-    has to be the machine's own. Raises NoEquilibriumError.
+    remember all that was before them; else a run-in will do, and any machine's rest to begin it from: begun keeps them by row, and may be shared
+    by threads. At the first row it has to be the machine's own. Raises NoEquilibriumError.
     """
     remembers = any(item.effect.own_states for item in machine.effects)
     flights = _flights(rows, len(whole.measured) if remembers else round(RUN_IN_S / whole.step_s))
@@ -47,11 +47,11 @@ def flown(
         speeds={name: speed[taken] for name, speed in whole.speeds.items()},
         edges=edges,
     )
-    for flight in flights:
-        if flight.start == 0 or flight.start not in begun:
-            begun[flight.start] = at_begin(machine, whole.payload, whole.measured[flight.start]).inside()[0]
+    rests = [_rest(machine, whole, flight.start, begun) for flight in flights]
     places, p = reckoned(machine, whole.measured, whole.step_s, turning), parameters_of(machine, way, PILOT_S)
-    starts = np.stack([_placed(begun[flight.start], places[flight.start], p) for flight in flights])
+    starts = np.stack(
+        [_placed(rest, places[flight.start], p) for rest, flight in zip(rests, flights, strict=True)]
+    )
     states = led(machine, values, way, starts, np.zeros((0, REST)), PILOT_S, states=True)
     arrived = states[np.searchsorted(taken, rows)]
     if turning is not None:
@@ -59,6 +59,15 @@ def flown(
         for state, row in zip(arrived, rows, strict=True):
             _turn(state, places[row, 2] - _heading(state), p)
     return np.asarray(arrived, float)
+
+
+def _rest(machine: Machine, whole: Way, row: int, begun: dict[int, Array]) -> Array:
+    if row in begun:
+        return begun[row]
+    state = at_begin(machine, whole.payload, whole.measured[row]).inside()[0]
+    if row > 0:
+        begun[row] = state
+    return state
 
 
 def _flights(rows: Sequence[int], run_in: int) -> list[range]:

@@ -490,7 +490,7 @@ def test_two_effects_of_which_neither_stands_alone_are_found_together() -> None:
     assert result.finding("height lag").parameters[0].value == pytest.approx(0.022, abs=0.006)
 
 
-def test_two_that_help_only_together_are_found_in_most_throws() -> None:
+def test_two_that_help_only_together_are_found_in_other_throws_too() -> None:
     found = [
         examine(ball.model(), thrown_late_before_a_slow_camera(seed), STRICT).named for seed in range(3, 8)
     ]

@@ -78,3 +78,18 @@ def test_it_points_where_the_gyro_says(off):
     assert math.remainder(drift - free_drift, math.tau) == pytest.approx(0.0, abs=1e-6)
     joints = slice(s.JOINT + s.FRONT_FRAME, s.JOINT + s.BODIES)
     np.testing.assert_allclose(state[joints], free[joints])
+
+
+def test_what_rests_are_kept_for_one_machine_changes_nothing_for_another():
+    """They are shared by pilots that fly side by side; a machine that begins with the recording begins at its own rest."""
+    way, heavier = (
+        circling(20.0),
+        replace(L60, rear_frame=replace(L60.rear_frame, mass=L60.rear_frame.mass + 900.0)),
+    )
+    kept: dict[int, np.ndarray] = {}
+    for rows in ([900], [1900]):  # from the first row, and after a run-in
+        pilot.flown(L60, {}, way, rows, kept)
+    assert 0 not in kept
+    np.testing.assert_array_equal(
+        pilot.flown(heavier, {}, way, [900], kept), pilot.flown(heavier, {}, way, [900], {})
+    )
