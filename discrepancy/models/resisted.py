@@ -6,12 +6,14 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from discrepancy.models.pilot import ROLLED, at_begin, reckoned
+from discrepancy.models.stretches import runs_of
 from discrepancy.recording import Array
 from plant.effects import find_effect
 from plant.equilibrium import NoEquilibriumError
 from plant.follow import M_BRAKING, M_SPEED, M_TORQUE
 from plant.kinematics import place_loader
 from plant.machine import Machine
+from plant.parameters import GRAVITY_VALUE
 
 HEAVY: Final = 0.12  # of its weight: what resists more is no road, and no tyre
 LIGHT: Final = 0.03  # beyond the second before, from which on it is being met
@@ -30,14 +32,11 @@ def met_at(
     """
     resisting = _resistance(machine, payload, measured, step_s)
     second, least = round(1.0 / step_s), round(LASTING_S / step_s)
-    weight = 9.81 * (machine.mass + payload)
-    edges = np.flatnonzero(
-        np.diff(np.concatenate(([False], resisting > HEAVY * weight, [False])).astype(int))
-    )
-    runs = [(a, b) for a, b in edges.reshape(-1, 2) if b - a >= least]
+    weight = GRAVITY_VALUE * (machine.mass + payload)
+    runs = [run for run in runs_of(resisting > HEAVY * weight) if len(run) >= least]
     if not runs:
         return None
-    first = max(runs, key=lambda run: float(np.max(resisting[run[0] : run[1]])))[0]
+    first = max(runs, key=lambda run: float(np.max(resisting[run]))).start
     before = resisting[max(first - second, 0) : first]
     base = float(np.median(before)) if before.size else 0.0
     begun = first

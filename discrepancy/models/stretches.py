@@ -50,8 +50,13 @@ def stretches(
 
 def _runs(where: NDArray[np.bool_], grid: Array) -> list[Interval]:
     """First and last time of every run of True."""
+    return [(float(grid[run.start]), float(grid[run.stop - 1])) for run in runs_of(where)]
+
+
+def runs_of(where: NDArray[np.bool_]) -> list[range]:
+    """Rows of every run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], where, [False])).astype(int)))
-    return [(float(grid[a]), float(grid[b - 1])) for a, b in edges.reshape(-1, 2)]
+    return [range(a, b) for a, b in edges.reshape(-1, 2).tolist()]
 
 
 def _cut(low: float, high: float) -> list[Interval]:
