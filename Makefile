@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check fast slow-tests socketcan bench proof results clean lock
+.PHONY: help demo test check fast slow-tests socketcan fuzz bench shape speed proof identification results pages clean lock
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
@@ -29,6 +29,9 @@ demo: $(BIN)/.run ## roll-over with the ECU's limits off and on; writes out/demo
 
 test: check fast slow-tests socketcan ## every test, linter and import contract
 
+fuzz: $(BIN)/.test ## 10^5 mutated files through every reader; writes docs/results/fuzz.md
+	$(BIN)/python -m tests.fuzz 10000 docs/results/fuzz.md
+
 check: $(BIN)/.test ## format, lint, types, import contracts
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
@@ -48,12 +51,26 @@ socketcan: $(BIN)/.test ## SocketCAN tests: natively where the kernel has CAN, e
 bench: $(BIN)/.bench ## every benchmark, each against its peer
 	@for b in $(basename $(notdir $(wildcard bench/bench_*.py))); do echo "== $$b"; $(BIN)/python -m bench.$$b || exit 1; done
 
+shape: $(BIN)/.test ## sizes, import levels, circles and comments of the source tree
+	$(BIN)/python -m bench.shape
+
+speed: $(BIN)/.bench ## every benchmark into docs/results/speed.md, on a quiet machine alone (some ten minutes)
+	$(BIN)/python -m bench.speed --out docs/results/speed.md
+
 proof: $(BIN)/.bench ## prove the diagnosis: all arms into docs/results/proof.md (hours; run again to take up); PROOF='--arms straight --share 0.1'
 	$(BIN)/python -m bench.proof --out docs/results/proof.md $(PROOF)
 
-results: $(BIN)/.test ## regenerate the tables under docs/results (minutes)
+identification: $(BIN)/.test ## coverage of the identification on 200 seeded cases into docs/results/identification.md (an hour; run again to take up)
+	$(BIN)/python -m bench.identify_coverage --cases 200 --out docs/results/identification.md
+
+results: $(BIN)/.test ## regenerate the campaigns' tables and docs/thesis (tens of minutes; results of single runs are kept)
 	$(BIN)/loaderhil campaign normal-force --out docs/results
 	$(BIN)/loaderhil campaign roll-over --out docs/results
+	$(BIN)/loaderhil campaign roll-over --extended --out docs/results
+	$(BIN)/loaderhil thesis all --out docs/thesis
+
+pages: $(BIN)/.test ## regenerate the reference pages from DBC, effects, faults and the schema of findings.json
+	@for s in scripts/*-docs; do $(BIN)/python $$s || exit 1; done
 
 lock: $(BIN)/.test ## renew constraints.txt from the environment
 	@{ head -n 1 constraints.txt; $(BIN)/python -m pip list --format=freeze --exclude-editable --exclude pip --exclude setuptools; } > constraints.new

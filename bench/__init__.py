@@ -1,4 +1,4 @@
-"""Benchmarks and the proof. BLAS gets one thread, as in `loaderhil` itself (hil.__main__): said here, before numpy is loaded."""
+"""Benchmarks and the proof. BLAS gets one thread, as in `loaderhil` itself (loaderhil.__main__): said here, before numpy is loaded."""
 
 import os
 

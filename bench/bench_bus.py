@@ -34,14 +34,14 @@ import can
 import cantools
 
 import dbc
-from bus import packet
 from bus.address import open_transport
 from bus.frame import Frame
-from bus.hub import Hub
-from bus.hub_client import HubTransport
-from bus.link import can_interfaces
+from bus.hub import packet
+from bus.hub.client import HubTransport
+from bus.hub.server import Hub
 from bus.pacing import reading
 from bus.python_can import HubBus
+from bus.socketcan.link import can_interfaces
 from bus.ticks import Ticks
 
 STAMP = struct.Struct("=q")

@@ -24,7 +24,7 @@ from asammdf.blocks.v4_blocks import SourceInformation
 
 from dbc import FOLDER, loader_database
 from dbc.columns import ColumnDecoder
-from dbc.logfile import FrameTable, read_candump
+from dbc.recordings.logfile import FrameTable, read_candump
 
 PART = 50_000
 REPEATS = 5

@@ -11,10 +11,10 @@ import time
 from pathlib import Path
 
 from bench.loader_truth import Arm, record
-from discrepancy.judge import judge
-from discrepancy.models import loader
-from discrepancy.problem import Problem
-from discrepancy.state import Settings
+from discrepancy.decision.judge import judge
+from discrepancy.estimation.problem import Problem
+from discrepancy.models.loader import model as loader
+from discrepancy.selection.state import Settings
 
 HIDDEN = (
     (),

@@ -9,10 +9,10 @@ import time
 import numpy as np
 
 from bench.proof.straight_truth import COLOURED, record
-from discrepancy.judge import judge
+from discrepancy.decision.judge import judge
+from discrepancy.estimation.problem import Problem
 from discrepancy.models.straight import MASS_KG, model
-from discrepancy.problem import Problem
-from discrepancy.state import Settings
+from discrepancy.selection.state import Settings
 
 HIDDEN = {"rolling": 0.01, "speed.delay": 0.05}
 

@@ -19,9 +19,10 @@ from ecu.calibration import load_calibration
 from ecu.cycle import EcuCycle
 from ecu.estimators.columns import estimate_columns
 from ecu.estimators.estimate import corrected
-from ecu.estimators.signals import INITIAL, Inputs
-from hil.campaign.ablation import inputs_of
+from ecu.estimators.signals import Inputs
+from ecu.estimators.state import INITIAL
 from hil.compose import Choice, plant_unit
+from studies.campaigns.ablation import inputs_of
 
 TICKS = 1500
 WARM = 200
@@ -85,15 +86,15 @@ def main() -> int:
     parameters = load_calibration().parameters
     some = inputs(frames)
     rows = np.tile(some, (ROWS // len(some) + 1, 1))[:ROWS]
-    for outlook in (True, False):
-        estimate_columns(rows[:10], parameters, outlook=outlook)
+    for prediction in (True, False):
+        estimate_columns(rows[:10], parameters, prediction=prediction)
     columns, now, plain = [], [], []
     for _ in range(REPEATS):
         start = time.perf_counter()
         estimate_columns(rows, parameters)
         columns.append(ROWS / (time.perf_counter() - start) * 1e-6)
         start = time.perf_counter()
-        estimate_columns(rows, parameters, outlook=False)
+        estimate_columns(rows, parameters, prediction=False)
         now.append(ROWS / (time.perf_counter() - start) * 1e-6)
         start, state = time.perf_counter(), INITIAL
         for row in rows[:PLAIN_ROWS]:
@@ -101,7 +102,7 @@ def main() -> int:
         plain.append(PLAIN_ROWS / (time.perf_counter() - start) * 1e-6)
     for name, rate in (
         ("columns", columns),
-        ("columns without the outlook", now),
+        ("columns without the prediction", now),
         ("the compiled step, row by row from Python", plain),
     ):
         print(

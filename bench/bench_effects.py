@@ -13,8 +13,9 @@ from dataclasses import replace
 
 from plant.effects import effects
 from plant.effects.dispatch import compiled_hooks
-from plant.machine import load_machine
+from plant.effects.registry import python_hook
 from plant.plant import Commands, Plant
+from plant.sheets.machine import load_machine
 
 COMMANDS = Commands(wheel_torque=(500.0,) * 4)
 CALM = (
@@ -30,7 +31,11 @@ CALM = (
 def variants():
     """Machines by what is switched on."""
     base, known = load_machine("l60"), effects()
-    prepared = [item for item in known.values() if item.prepare is not None and not compiled_hooks(item)]
+    prepared = [
+        item
+        for item in known.values()
+        if python_hook(item, "prepare") is not None and not compiled_hooks(item)
+    ]
 
     def having(*names):
         return replace(base, effects=tuple(known[name].typical() for name in names))

@@ -28,10 +28,10 @@ from pathlib import Path
 
 import numpy as np
 
-from bus import packet
 from bus.frame import Frame
-from bus.hub import Hub
-from bus.hub_client import HubTransport, hub_status
+from bus.hub import packet
+from bus.hub.client import HubTransport, hub_status
+from bus.hub.server import Hub
 from bus.ticks import Ticks
 from dbc import loader_database
 from dbc.protection import Protector
@@ -136,7 +136,9 @@ def measure(arm: str, folder: Path, seconds: float) -> dict[str, object]:
     receiver.start()
     if arm == "gateway":
         words = ["--plant-bus", f"hub:{source}", "--ecu-bus", f"hub:{sink}", "--control", control]
-        relay = subprocess.Popen([sys.executable, "-m", "hil", "gateway", *words], stderr=subprocess.DEVNULL)
+        relay = subprocess.Popen(
+            [sys.executable, "-m", "loaderhil", "gateway", *words], stderr=subprocess.DEVNULL
+        )
         end = relay.wait
     else:
         process = FORK.Process(target=relay_raw, args=(source, sink), daemon=True)

@@ -21,9 +21,9 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from bench.bench_bus import in_process, serve
-from bus import packet
 from bus.frame import Frame
-from bus.hub_client import HubTransport, hub_status
+from bus.hub import packet
+from bus.hub.client import HubTransport, hub_status
 from bus.ticks import Ticks
 
 PACE_NS = 1_000_000

@@ -29,12 +29,12 @@ from pathlib import Path
 import dbc
 from bus.address import open_transport
 from bus.frame import Frame
-from bus.hub import Hub
-from bus.hub_client import hub_status
-from bus.link import can_interfaces
+from bus.hub.client import hub_status
+from bus.hub.server import Hub
+from bus.socketcan.link import can_interfaces
 from bus.ticks import Ticks
 from dbc.protection import COUNTERS, Protector
-from dbc.writer import candump_line
+from dbc.recordings.writer import candump_line
 
 DBC = dbc.FOLDER / "loader.dbc"
 BURST = 40
@@ -42,7 +42,7 @@ WARM_UP = 2_000
 """Frames before the count begins, and of the log whose cost is subtracted as that of starting up."""
 LOG = 10
 """The log is that many times as long as what is sent on a bus."""
-MONITOR = (sys.executable, "-m", "hil", "monitor")
+MONITOR = (sys.executable, "-m", "loaderhil", "monitor")
 SETTLE_S = 1.0
 
 

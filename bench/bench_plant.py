@@ -21,11 +21,11 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from plant import state as s
-from plant.machine import Machine, load_machine
-from plant.parameters import P_FRICTION, P_NORMAL, P_WHEELS, WHEEL_SIZE
+from plant.physics import state as s
+from plant.physics.parameters import P_FRICTION, P_NORMAL, P_WHEELS, WHEEL_SIZE
+from plant.physics.tyre import wheel_contact
 from plant.plant import Commands, Plant
-from plant.tyre import wheel_contact
+from plant.sheets.machine import Machine, load_machine
 from tests.plant.oracle.loader import MujocoLoader, mjcf
 
 PAYLOAD = 3204.0

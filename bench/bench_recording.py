@@ -19,8 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bus.hub_client import wait_for_hub
-from dbc.recording import read_frames
+from bus.hub.client import wait_for_hub
+from dbc.recordings.reading import read_frames
 
 BUSES = 10
 BURST_S = 0.001
@@ -99,7 +99,7 @@ def round_of(
 ) -> list[tuple[str, float, int, int]]:
     """(recorder, processor time [s], frames sent, frames in the files) of each recorder of one round."""
     paths = [str(folder / f"bus{k}") for k in range(BUSES)]
-    hubs = [start("-m", "hil", "hub", "--bus", f"hub:{path}") for path in paths]
+    hubs = [start("-m", "loaderhil", "hub", "--bus", f"hub:{path}") for path in paths]
     running = []
     try:
         for path in paths:
@@ -110,7 +110,7 @@ def round_of(
             assert running[0].stdout.readline() == "ready\n"
         else:
             running.append(
-                start("-m", "hil", "record", *(f"hub:{path}" for path in paths), "--out", str(ours))
+                start("-m", "loaderhil", "record", *(f"hub:{path}" for path in paths), "--out", str(ours))
             )
             while not ours.exists():
                 time.sleep(0.05)

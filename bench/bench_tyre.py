@@ -21,11 +21,11 @@ import numpy as np
 from numba.extending import register_jitable
 from vehiclemodels.utils import tire_model
 
-from plant.machine import Machine, load_machine
-from plant.parameters import P_WHEELS, WHEEL_SIZE, parameter_vector
-from plant.surface import Surface
-from plant.tyre import combined_forces, stiffness_and_peak
-from plant.tyre_file import lacking, read_tir, tyre_values
+from plant.physics.parameters import P_WHEELS, WHEEL_SIZE, parameter_vector
+from plant.physics.surface import Surface
+from plant.physics.tyre import combined_forces, stiffness_and_peak
+from plant.sheets.machine import Machine, load_machine
+from plant.sheets.tyre_file import lacking, read_tir, tyre_values
 from tests.plant.oracle import magic_formula
 
 NAMES = (

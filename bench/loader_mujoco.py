@@ -12,12 +12,13 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from plant import state as s
-from plant.linkage import linkage_of, pressures
-from plant.machine import Machine
-from plant.parameters import P_FRICTION
+from plant.effects.registry import python_hook
+from plant.physics import state as s
+from plant.physics.linkage import linkage_of, pressures
+from plant.physics.parameters import P_FRICTION
+from plant.physics.steering import cylinders_of, steering_pressures
 from plant.plant import Commands, Plant
-from plant.steering import cylinders_of, steering_pressures
+from plant.sheets.machine import Machine
 from plant.truth import Truth
 from tests.plant.oracle.loader import MujocoLoader
 
@@ -41,7 +42,7 @@ class MujocoMotion:
                 self._drag += (front, front, rear, rear)
             elif item.effect.name == "surface_friction" and item.named["left"] == item.named["right"]:
                 grip *= item.named["left"]  # that of the whole road
-            elif item.effect.prepare is None or item.effect.name in (
+            elif python_hook(item.effect, "prepare") is None or item.effect.name in (
                 "mass_split",
                 "yaw_inertia",
                 "roll_inertia",
@@ -51,8 +52,9 @@ class MujocoMotion:
         parametric = tuple(e for e in machine.effects if e.effect.name not in OURS)
         self._machine = replace(machine, effects=parametric)
         self._payload = payload_mass + extra
-        plant = Plant(self._machine, payload_mass=self._payload, speed=speed)
-        state, p, *_ = plant.inside()
+        _, p, *_ = Plant(self._machine, payload_mass=self._payload, speed=speed).inside()
+        # a rolling start balances every effect of the machine, also those that MuJoCo has in another form
+        state, *_ = Plant(machine, payload_mass=payload_mass, speed=speed).inside()
         p[P_FRICTION] *= grip
         self._oracle = MujocoLoader(self._machine, p, payload_mass=self._payload, step=STEP_S)
         self._oracle.set_state(state)

@@ -19,23 +19,23 @@ from typing import Literal
 import numpy as np
 
 from bench.loader_mujoco import MujocoMotion
-from discrepancy.model import Model
-from discrepancy.models import loader
+from discrepancy.model.description import Model
+from discrepancy.models.loader import model as loader
 from hil import rundir
 from hil.compose import record_of
 from hil.ecu_side import ecu_cycle
 from hil.lockstep import Lockstep
 from hil.runs import write_recording
 from plant.effects import effects as plant_effects
-from plant.equipment import Equipment, load_equipment
-from plant.machine import Machine, load_machine
+from plant.physics.surface import Surface
 from plant.plant import Plant
-from plant.profile import Profile
-from plant.scenario import Scenario, Start
-from plant.script import Script
-from plant.sensors import ChannelParameters
-from plant.surface import Surface
-from plant.unit import Motion, PlantUnit
+from plant.sheets.machine import Machine, load_machine
+from plant.unit.equipment import Equipment, load_equipment
+from plant.unit.profile import Profile
+from plant.unit.scenario import Scenario, Start
+from plant.unit.script import Script
+from plant.unit.sensor_parameters import ChannelParameters
+from plant.unit.unit import Motion, PlantUnit
 
 Body = Literal["plant", "rk4", "mujoco"]
 
@@ -95,8 +95,8 @@ REPORT_EFFECTS = (
     "yaw_rate lag",
     "yaw_rate delay",
     "yaw_rate scale",
-    "acceleration_x scale",
-    "acceleration_y bias",
+    "specific_force_x scale",
+    "specific_force_y bias",
     "pitch_angle delay",
     "lift_pressure scale",
     "tilt_pressure bias",
@@ -111,7 +111,7 @@ MUJOCO_EFFECTS = (
     "inflation_pressure",
     "surface_friction",
     "yaw_rate lag",
-    "acceleration_x scale",
+    "specific_force_x scale",
     "lift_pressure scale",
     "wheel_speed_front_left scale",
 )
@@ -133,7 +133,7 @@ def arms(
         for number, effect in enumerate(MUJOCO_EFFECTS):
             yield Arm(effects=(effect,), seed=seed + 7 * number, truth="mujoco")
         yield Arm(effects=("rolling_resistance", "yaw_rate delay"), seed=seed)
-        yield Arm(effects=("payload_mass", "acceleration_x scale"), seed=seed)
+        yield Arm(effects=("payload_mass", "specific_force_x scale"), seed=seed)
 
 
 def hidden(model: Model, arm: Arm) -> dict[str, float]:

@@ -1,7 +1,7 @@
 """Opening a bus by its address: `hub:/path/to/socket`, `hub:@NAME`, `socketcan:can0`, `virtual:NAME`."""
 
-from bus.hub_client import HubTransport
-from bus.socketcan import SocketCanTransport
+from bus.hub.client import HubTransport
+from bus.socketcan.transport import SocketCanTransport
 from bus.transport import BusUnavailable, Transport
 from bus.virtual import named_bus
 

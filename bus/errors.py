@@ -100,7 +100,7 @@ _TRANSCEIVER = {  # data[4]
     0x70: "CAN low: short to ground",
     0x80: "CAN low: short to CAN high",
 }
-_PLAIN = (  # classes that need no data, in the order in which they are told
+_PLAIN = (  # classes that need no data, in the order in which they are reported
     (0x001, Fault.TX_TIMEOUT),
     (0x020, Fault.NO_ACK),
     (0x040, Fault.BUS_OFF),

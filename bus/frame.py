@@ -16,7 +16,9 @@ STANDARD_MASK = 0x7FF
 FD = 0x04  # CANFD_FDF: the frame is CAN FD
 BRS = 0x01  # CANFD_BRS: bit rate switched
 ESI = 0x02  # CANFD_ESI: the sender is error passive
-LOCAL = 0x80  # ours, not the kernel's: sent from this machine; only from a transport that was asked to tell
+LOCAL = (
+    0x80  # ours, not the kernel's: sent from this machine; only from a transport that was asked to mark them
+)
 
 
 class Frame(NamedTuple):

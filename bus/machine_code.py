@@ -14,7 +14,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numba
 
-from bus.mistake import Mistake
+from bus.user_error import UserError
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -23,7 +23,7 @@ KEPT_S = 86_400.0
 """How much older the code of other sources is when it is removed [s]: another process may still use it."""
 
 
-class NoCacheFolderError(Mistake, ValueError):
+class NoCacheFolderError(UserError, ValueError):
     """No place for machine code can be written to."""
 
 

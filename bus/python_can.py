@@ -13,7 +13,7 @@ import can
 from can.typechecking import CanFilters
 
 from bus.frame import BRS, ERROR, ESI, EXTENDED, EXTENDED_MASK, FD, REMOTE, STANDARD_MASK, Frame
-from bus.hub_client import HubTransport
+from bus.hub.client import HubTransport
 from bus.transport import BusClosed, BusUnavailable
 
 

@@ -6,14 +6,14 @@ from typing import Protocol, Self
 
 from bus.errors import BusFinding
 from bus.frame import Frame
-from bus.mistake import Mistake
+from bus.user_error import UserError
 
 
 class BusClosed(ConnectionError):
     """The bus is gone: the hub ended, the interface went away, or `close` was called."""
 
 
-class BusUnavailable(Mistake, ConnectionError):
+class BusUnavailable(UserError, ConnectionError):
     """The bus cannot be opened; the message says what is missing and what would help."""
 
 
@@ -44,7 +44,7 @@ class Transport(Protocol):
         """
 
     def findings(self) -> list[BusFinding]:
-        """What error frames and the interface have told since the last call, as far as `drain` has met it."""
+        """Findings from error frames and from the interface since the last call, as far as `drain` has reached."""
 
     def fileno(self) -> int:
         """A file descriptor that is readable when `drain` has something to give."""

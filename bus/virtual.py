@@ -6,10 +6,11 @@ from collections import deque
 from collections.abc import Callable
 from weakref import WeakValueDictionary
 
-from bus import errors, packet
+from bus import errors
 from bus.closing import Closing
 from bus.errors import FINDINGS_LIMIT, BusFinding
 from bus.frame import ERROR, Frame
+from bus.hub import packet
 from bus.transport import BusClosed, Statistics
 
 QUEUE_LIMIT = 16384
@@ -101,7 +102,7 @@ class VirtualTransport(Closing):
         return frames
 
     def findings(self) -> list[BusFinding]:
-        """What error frames have told since the last call."""
+        """Findings from error frames since the last call."""
         found = list(self._findings)
         self._findings.clear()
         return found

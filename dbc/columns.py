@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bus.frame import ERROR, REMOTE
 from dbc.database import Database, MessageCodec
-from dbc.logfile import FrameTable
+from dbc.recordings.logfile import FrameTable
 from dbc.signal import Signal
 
 _FLOATS = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}

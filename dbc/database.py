@@ -9,10 +9,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
+from bus.bounded_json import printable
 from bus.frame import EXTENDED
 from dbc import codegen
 from dbc.errors import DatabaseError, DecodeError, EncodeError
 from dbc.j1939 import pgn
+from dbc.limits import check_name, check_text
 from dbc.signal import Signal
 
 Number = int | float
@@ -34,6 +36,9 @@ class MessageCodec:
 
     def __init__(self, message: Any) -> None:
         self.name: str = message.name
+        check_name("message", self.name)
+        for node in message.senders:
+            check_name("node", node)
         self.comment: str = message.comment or ""
         self.can_id: int = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
         self.length: int = message.length
@@ -122,6 +127,7 @@ class Database:
     @classmethod
     def from_file(cls, path: str | Path, *, strict: bool = True) -> Self:
         """Read a DBC file; `strict` refuses signals that overlap or do not fit their message."""
+        check_text(Path(path))
         import cantools.database  # with python-can: half a second, and nothing without a DBC needs it
         import cantools.errors
 
@@ -130,10 +136,16 @@ class Database:
         except OSError as error:
             raise DatabaseError(f"{path}: cannot read the DBC: {error.strerror or error}") from error
         except (cantools.errors.Error, UnicodeDecodeError, ValueError) as error:
-            raise DatabaseError(f"{path}: not a usable DBC: {error}") from error
+            raise DatabaseError(f"{path}: not a usable DBC: {_one_line(error)}") from error
+        except (
+            Exception
+        ) as error:  # the parser trips over damaged files in many ways: KeyError, TypeError, ...
+            raise DatabaseError(
+                f"{path}: not a usable DBC: {type(error).__name__}: {_one_line(error)}"
+            ) from error
         try:
             return cls(str(path), [MessageCodec(message) for message in read.messages])
-        except ValueError as error:
+        except (ValueError, OverflowError, TypeError) as error:
             raise DatabaseError(f"{path}: {error}") from error
 
     def match(self, can_id: int) -> MessageCodec | None:
@@ -144,6 +156,11 @@ class Database:
         """
         codec = self.by_id.get(can_id)
         return codec if codec is not None or not can_id & EXTENDED else self.by_pgn.get(pgn(can_id))
+
+
+def _one_line(error: Exception) -> str:
+    """The message of a foreign error without line ends and control characters; it quotes the file."""
+    return printable(" ".join(str(error).split()), 300)
 
 
 def _attribute(message: Any, name: str) -> Any:

@@ -1,9 +1,9 @@
 """What can go wrong between bytes and physical values."""
 
-from bus.mistake import Mistake
+from bus.user_error import UserError
 
 
-class DatabaseError(Mistake, ValueError):
+class DatabaseError(UserError, ValueError):
     """A DBC file cannot be used; the message names file, message, signal and cause."""
 
 
@@ -15,5 +15,5 @@ class EncodeError(ValueError):
     """A value does not fit its signal, or is missing."""
 
 
-class LogError(Mistake, ValueError):
+class LogError(UserError, ValueError):
     """A recording cannot be read at all; damaged lines of a readable one are no error."""

@@ -2,7 +2,7 @@
 
 Byte 0 is the CRC-8 (SAE J1850) over data id and payload, the low nibble of byte 1 a counter
 0..14. The receiver's counter check is ours, not AUTOSAR's: with the message's cycle time it
-tells lost, repeated, late and restarted apart as far as 15 counter values allow.
+distinguishes lost, repeated, late and restarted frames as far as 15 counter values allow.
 
 The CRC is linear, so a random corruption looks like the frame of one of n other data ids
 with probability n/255: MASQUERADED is certain only when it repeats.

@@ -8,6 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Self
 
+from bus.bounded_json import printable
+from dbc.limits import check_name
+
 _FLOAT_BITS = (16, 32, 64)
 _NOT_AVAILABLE = "not_available"
 
@@ -52,6 +55,7 @@ class Signal:
     @classmethod
     def from_cantools(cls, signal: Any) -> Self:
         """The same signal out of a cantools database."""
+        check_name("signal", signal.name)
         conversion = signal.conversion
         scale, offset = _integers_if_whole(conversion)
         return cls(
@@ -65,10 +69,10 @@ class Signal:
             offset=offset,
             minimum=signal.minimum,
             maximum=signal.maximum,
-            unit=signal.unit or "",
+            unit=printable(signal.unit or ""),
             comment=signal.comment or "",
             receivers=tuple(signal.receivers),
-            choices={int(value): str(name) for value, name in (signal.choices or {}).items()},
+            choices={int(value): printable(str(name)) for value, name in (signal.choices or {}).items()},
             is_multiplexer=signal.is_multiplexer,
             multiplexer=signal.multiplexer_signal,
             multiplexer_ids=frozenset(signal.multiplexer_ids or ()),

@@ -1,6 +1,6 @@
-"""The receiver's opinion of one message over time: what was wrong with its frames, and whether it can be relied on.
+"""The receiver's view of one message over time: what was wrong with its frames, and whether its values are valid.
 
-`Checker` judges a frame; a watch adds what only time tells (late, silent) and the state machine of AUTOSAR's
+`Checker` judges a frame; a watch adds what only time shows (late, silent) and the state machine of AUTOSAR's
 end-to-end protocol (PRS_E2EProtocol, E2E state machine): a window of the last judgements decides whether the
 message is valid. A frame that is intact and new counts as good, a broken or foreign one as bad; one that is
 repeated, overtaken or missing counts as neither, but takes the place of a good one.
@@ -25,7 +25,7 @@ WINDOW: Final = 10
 
 
 class Trouble(enum.Enum):
-    """What can be wrong with a message; told apart wherever a frame allows it."""
+    """What can be wrong with a message; distinguished wherever a frame allows it."""
 
     WRONG_CRC = "wrong CRC"
     WRONG_COUNTER = "counter 15 is never sent"

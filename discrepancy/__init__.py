@@ -1,4 +1,4 @@
-"""Which physics did the simulation leave out? Locate it, name it, fit it, and prove it on data the fit never saw.
+"""Which physics did the simulation leave out? Locate, name and fit the missing effect, and prove it on data that the fit has not seen.
 
-The engine is pure and knows no machine: a model (discrepancy.model) is a description and one function.
+The engine is pure and knows no machine: a model (discrepancy.model.description) is a description and one function.
 """

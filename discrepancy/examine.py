@@ -3,21 +3,21 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from discrepancy.findings import Findings
-from discrepancy.judge import Judgement, judge, nothing_usable
-from discrepancy.model import Model
-from discrepancy.plausible import implausible
-from discrepancy.problem import Problem, Unusable
-from discrepancy.recording import Complaint, Recording
-from discrepancy.rehearsal import rehearse
-from discrepancy.state import Progress, Settings
-from discrepancy.windows import OUTPUTS
+from discrepancy.checks.channel_checks import failing_channels
+from discrepancy.checks.model_check import check_model
+from discrepancy.decision.judge import Judgement, judge, nothing_usable
+from discrepancy.estimation.problem import Problem, Unusable
+from discrepancy.model.description import Model
+from discrepancy.model.windows import OUTPUTS
+from discrepancy.selection.state import Progress, Settings
+from discrepancy.signals.findings import Findings
+from discrepancy.signals.recording import Complaint, Recording
 
 
 def examine(
     model: Model, recordings: Sequence[Recording], settings: Settings, progress: Progress = lambda _: None
 ) -> Findings:
-    """The verdict on recordings, usable or not."""
+    """The verdict on recordings, usable or not. Raises BadModel."""
     judged = investigate(model, recordings, settings, progress)
     return judged.findings if isinstance(judged, Judgement) else judged
 
@@ -29,40 +29,33 @@ def investigate(
     progress: Progress = lambda _: None,
     complaints: Sequence[Complaint] = (),
 ) -> Judgement | Findings:
-    """The verdict with what it rests on, or the verdict alone where nothing is usable; complaints: of those who read.
+    """The verdict with what it rests on, or the verdict alone where nothing is usable; complaints: of those who read the recordings.
 
-    A channel whose scale or clock cannot be right is left out and told; the others are judged.
+    A channel whose scale or clock cannot be right is left out, with a complaint; the others are judged. Raises BadModel.
     """
     try:
-        problem, doubted = usable(model, recordings)
+        problem, failed = usable(model, recordings)
     except Unusable as error:
         names = list(dict.fromkeys([*(r.name for r in recordings), *(c.recording for c in complaints)]))
-        return nothing_usable(model.name, names, preceded(error, complaints))
-    problem.complaints[:0] = [*complaints, *doubted]
-    return judge(problem, settings, progress)
+        return nothing_usable(model.name, names, Unusable([*complaints, *error.complaints]))
+    return judge(problem, settings, progress, [*complaints, *failed])
 
 
 def usable(model: Model, recordings: Sequence[Recording]) -> tuple[Problem, list[Complaint]]:
-    """The problem without implausible channels, and what was said of those. Raises Unusable if nothing is left, BadModel."""
+    """The problem without channels that fail their checks, and the complaints on those. Raises Unusable if nothing is left, BadModel."""
     problem = Problem(model, recordings)
-    rehearse(problem)
-    doubted = implausible(problem)
-    if not doubted:
+    check_model(problem)
+    failed = failing_channels(problem)
+    if not failed:
         return problem, []
-    gone = {(c.recording, c.signal) for c in doubted}
+    gone = {(c.recording, c.signal) for c in failed}
     kept = [
         replace(r, signals={name: s for name, s in r.signals.items() if (r.name, name) not in gone})
         for r in recordings
     ]
     try:
-        return Problem(model, kept), doubted
+        return Problem(model, kept), failed
     except Unusable as error:
-        left = [
-            c for c in error.complaints if c.signal != OUTPUTS
-        ]  # that none is there follows from what is doubted
-        raise Unusable([*doubted, *left]) from error
-
-
-def preceded(error: Unusable, first: Sequence[Complaint]) -> Unusable:
-    """The same with more to complain of, most important first."""
-    return Unusable([*first, *error.complaints])
+        # that no output is left follows from the failed channels
+        left = [c for c in error.complaints if c.signal != OUTPUTS]
+        raise Unusable([*failed, *left]) from error

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
+from configuration import CheckedTable, ConfigurationError
 from ecu.estimators.parameters import (
     Arm,
     Axle,
@@ -21,12 +22,12 @@ from ecu.estimators.parameters import (
     Geometry,
     MagicFormula,
     Parameters,
-    Prediction,
+    PredictionRules,
     Sensors,
     TiltLinkage,
     Wheel,
 )
-from ecu.quantity import CalibrationError, Quantity, read_table, read_toml
+from ecu.quantity import Quantity, read_section
 
 CALIBRATIONS = Path(__file__).resolve().parent / "calibrations"
 
@@ -76,11 +77,11 @@ class WarningRules:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlarmRules:
-    """How long a condition has to hold or to be gone before the driver is told [s]."""
+    """How long a condition has to hold or to be gone before the driver sees it [s]."""
 
     short_delay: float  # roll-over
-    usual_delay: float  # everything else that estimates tell
-    least_on: float  # what is told stays at least this long
+    usual_delay: float  # every other condition found from estimates
+    least_on: float  # an alarm stays on at least this long
     off_delay: float  # and until its condition has been gone this long
 
 
@@ -109,7 +110,9 @@ class InputRules:
     carried: (
         float  # largest lateral specific force to judge it at: no wheel is near to lifting and spinning free
     )
-    start_up: float  # inputs may be missing this long after the start
+    start_up: float  # inputs may be missing this long after the start [s]
+    recovery: float  # after a fault every input has to be good for this long [s]
+    least_specific_force: float  # a machine on the ground feels more [m/s2]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -269,7 +272,7 @@ _TABLES: Mapping[str, tuple[type, Mapping[str, Quantity]]] = {
         },
     ),
     "prediction": (
-        Prediction,
+        PredictionRules,
         {
             "horizon": _q("horizon_s", 0.1, 5),
             "step": _q("step_ms", 5, 100),
@@ -362,6 +365,8 @@ _TABLES: Mapping[str, tuple[type, Mapping[str, Quantity]]] = {
             "turning": _q("turning_deg_s", 1, 90),
             "carried": _q("carried_m_s2", 0, 10),
             "start_up": _q("start_up_s", 0, 10),
+            "recovery": _q("recovery_s", 0.1, 60),
+            "least_specific_force": _q("least_specific_force_m_s2", 0, 9),
         },
     ),
 }
@@ -396,27 +401,25 @@ _SECTIONS = frozenset(_TABLES) | {"cylinders", "tilt_linkage", "name"}
 
 
 def load_calibration(name_or_path: str | Path = "l60") -> Calibration:
-    """A calibration by name, or from a TOML file. Raises CalibrationError."""
+    """A calibration by name, or from a TOML file. Raises ConfigurationError."""
     path = Path(name_or_path)
     if path.suffix != ".toml":
         path = CALIBRATIONS / f"{name_or_path}.toml"
         if not path.is_file():
             known = ", ".join(sorted(file.stem for file in CALIBRATIONS.glob("*.toml")))
-            raise CalibrationError(
+            raise ConfigurationError(
                 f"no calibration named {str(name_or_path)!r}; known: {known}, or give a .toml file"
             )
-    tables = read_toml(path)
-    for section in tables:
+    top = CheckedTable.from_file(path)
+    for section in top.values:
         if section not in _SECTIONS:
-            raise CalibrationError(
-                f"{path}: [{section}] is not a known table; known: {', '.join(sorted(_SECTIONS))}"
-            )
-    name = tables.get("name")
-    if not isinstance(name, str) or not name:
-        raise CalibrationError(f"{path}: name is missing: name the machine this calibration fits")
+            raise top.unknown(section, _SECTIONS)
+    if "name" not in top:
+        raise top.error("name", "is missing: name the machine this calibration fits")
+    name = top.text("name")
 
     def part(section: str, kind: type[T]) -> T:
-        return kind(**read_table(tables, section, _TABLES[section][1], path))
+        return kind(**read_section(top, section, _TABLES[section][1]))
 
     parameters = Parameters(
         geometry=part("geometry", Geometry),
@@ -425,14 +428,14 @@ def load_calibration(name_or_path: str | Path = "l60") -> Calibration:
         bucket=part("bucket", Bucket),
         rear=part("rear", Body),
         axle=part("axle", Axle),
-        cylinders=Cylinders(**_with_areas(tables, "cylinders", _CYLINDERS, path)),
-        tilt_linkage=TiltLinkage(**_with_areas(tables, "tilt_linkage", _TILT_LINKAGE, path)),
+        cylinders=Cylinders(**_with_areas(top, "cylinders", _CYLINDERS)),
+        tilt_linkage=TiltLinkage(**_with_areas(top, "tilt_linkage", _TILT_LINKAGE)),
         digging=part("digging", Digging),
         wheel=part("wheel", Wheel),
         magic_formula=part("magic_formula", MagicFormula),
         sensors=part("sensors", Sensors),
         contact=part("contact", Contact),
-        prediction=part("prediction", Prediction),
+        prediction=part("prediction", PredictionRules),
     )
     calibration = Calibration(
         name=name,
@@ -446,15 +449,13 @@ def load_calibration(name_or_path: str | Path = "l60") -> Calibration:
     return calibration
 
 
-def _with_areas(
-    tables: Mapping[str, object], section: str, quantities: Mapping[str, Quantity], path: Path
-) -> dict[str, float]:
+def _with_areas(top: CheckedTable, section: str, quantities: Mapping[str, Quantity]) -> dict[str, float]:
     """A section with bore, rod and count of its cylinders turned into their areas."""
-    values = read_table(tables, section, quantities, path)
+    values = read_section(top, section, quantities)
     bore, rod, count = values.pop("bore"), values.pop("rod"), values.pop("count")
     if not rod < bore:
-        raise CalibrationError(
-            f"{path}: {section}.rod_mm = {rod * 1e3:g} mm is not below the bore of {bore * 1e3:g} mm: were they swapped?"
+        raise ConfigurationError(
+            f"{top.file}: {section}.rod_mm = {rod * 1e3:g} mm is not below the bore of {bore * 1e3:g} mm: were they swapped?"
         )
     area = count * math.pi / 4
     return {**values, "head_area": area * bore**2, "rod_area": area * (bore**2 - rod**2)}
@@ -464,7 +465,7 @@ def _check(calibration: Calibration, path: Path) -> None:
     """Refuse values that are possible each but not together."""
     p, limits, warnings = calibration.parameters, calibration.limits, calibration.warnings
     if not p.rear.x < 0 < p.front.x:
-        raise CalibrationError(
+        raise ConfigurationError(
             f"{path}: rear.x_m = {p.rear.x:g} m and front.x_m = {p.front.x:g} m do not lie on their own sides of the "
             "joint (rear below 0, front above): x is forward of the joint"
         )
@@ -491,4 +492,4 @@ def _check(calibration: Calibration, path: Path) -> None:
     )
     for low_key, low, high_key, high in ordered:
         if not low < high:
-            raise CalibrationError(f"{path}: {low_key} = {low:g} is not below {high_key} = {high:g}")
+            raise ConfigurationError(f"{path}: {low_key} = {low:g} is not below {high_key} = {high:g}")

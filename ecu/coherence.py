@@ -1,4 +1,4 @@
-"""What one sensor alone does not show: wheels in each other's sockets, told by the yaw rate that they would mean.
+"""Exchanged wheel sensors of an axle, found by the yaw rate that their difference would mean.
 
 An axle that turns with yaw rate w has its right wheel faster by w T / r (ISO 8855, left positive). The gyro sits on the
 rear frame; the front axle turns with it and with the articulation. Slip adds to the difference of the wheels, and seldom
@@ -26,9 +26,9 @@ class AxleSides:
         """One frame: wheel speeds and the axle's yaw rate [rad/s]; whether they are exchanged as far as is known."""
         if not self.frames or abs(yaw_rate) < self.turning:
             return self.exchanged
-        told = (right - left) * self.lever
+        shown = (right - left) * self.lever
         expected = -yaw_rate if self.exchanged else yaw_rate
-        contradicts = abs(told + expected) < NEAR * abs(yaw_rate)
+        contradicts = abs(shown + expected) < NEAR * abs(yaw_rate)
         self._against = self._against + 1 if contradicts else 0
         if self._against >= self.frames:
             self.exchanged, self._against = not self.exchanged, 0

@@ -1,7 +1,7 @@
 """The ECU's cycle: frames and times in, frames and findings out.
 
 No clock, bus, asyncio or logging here. The shell calls `receive` for every frame and `tick` every
-10 ms, and tells how long the last tick took and how many were skipped.
+10 ms, and reports how long the last tick took and how many ticks were skipped.
 """
 
 import math
@@ -14,18 +14,26 @@ from dbc import loader_database
 from dbc.database import Database
 from ecu import limits, reasons
 from ecu.alarms import Alarm, advanced
-from ecu.answers import TICK_NS, Answers
 from ecu.calibration import Calibration
+from ecu.consistency import Consistency
 from ecu.estimators.live import LiveEstimator
 from ecu.estimators.signals import Estimates
-from ecu.findings import Finding, ProtectionFailed, Stale, StateChanged
-from ecu.inputs import Group, Heard, Hearing, estimator_inputs
+from ecu.findings import EstimatorFailed, Finding, ProtectionFailed, Stale, StateChanged
+from ecu.inputs import CycleInputs, Group, InputReceiver, estimator_inputs
+from ecu.outputs import TICK_NS, Outputs
 from ecu.states import Event, State, after
 from ecu.validity import NOTHING, valid_without
 
 Form = Literal["corrected", "printed"]
 NO_ESTIMATES: Final = Estimates(*([0.0] * len(Estimates._fields)))
 MOST_OVERRUNS: Final = 1023
+LINKAGE_UNLIMITED: Final[Mapping[str, float]] = {
+    **dict.fromkeys(
+        (f"limit {way} rate" for way in ("lift up", "lift down", "tilt back", "tilt forward")), math.inf
+    ),
+    "linkage limit cause": 0.0,
+}
+"""The rates of the linkage are not limited yet; infinity goes out as the top of the signal's range."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +61,9 @@ class EcuCycle:
         self._parameters = calibration.parameters
         self._estimator = LiveEstimator(self._parameters, form)
         self._limits_enabled = limits_enabled
-        self._hearing = Hearing(calibration, database)
-        self._answers = Answers(database)
+        self._receiver = InputReceiver(calibration, database)
+        self._consistency = Consistency(self._parameters.wheel, database)
+        self._outputs = Outputs(database)
         self._state = State.INIT
         self._unlimited = limits.unlimited(calibration.limits, self._parameters.prediction)
         self._limits = limits.safe(calibration.limits)
@@ -62,7 +71,8 @@ class EcuCycle:
         self._times = reasons.times(calibration.alarms)
         self._alarms: Mapping[str, Alarm] = {}
         self._ticks = 0
-        self._started_ns: int | None = None  # when the bus was first heard
+        self._started_ns: int | None = None  # when the first frame was received
+        self._bad_ns = self._fault_ns = -1  # when an input was last bad, and when an estimator last failed
         self._previous_ns: int | None = None
         self._execution_ns = 0
         self._overruns = 0
@@ -76,14 +86,14 @@ class EcuCycle:
 
     def warm_up(self) -> None:
         """Compile the estimators, so that the first cycle is as fast as the others."""
-        self._estimator.estimate(estimator_inputs(self._hearing.gather(0), TICK_NS * 1e-9, 1.0))
+        self._estimator.estimate(estimator_inputs(self._receiver.gather(0), TICK_NS * 1e-9, 1.0))
         self._estimator.reset()
 
     def receive(self, frame: Frame, now_ns: int) -> list[Finding]:
         """Take one frame from the bus."""
         if self._started_ns is None:
             self._started_ns = now_ns
-        found = self._hearing.receive(frame, now_ns)
+        found = self._receiver.receive(frame, now_ns)
         if found and any(isinstance(finding, ProtectionFailed) for finding in found):
             self._protection_failed = True
         return found
@@ -97,34 +107,32 @@ class EcuCycle:
         self._overruns = min(self._overruns + skipped, MOST_OVERRUNS)
         self._overran = True
 
-    def reset(self) -> None:
-        """Leave the fault state, as an operator would."""
-        self._state = after(self._state, Event.RESET)
-        self._estimator.reset()
-        self._alarms = {}
-        self._started_ns = None
-
     def tick(self, now_ns: int) -> Tick:
         """One cycle at `now_ns`."""
-        heard = self._hearing.gather(now_ns)
-        findings: list[Finding] = [Stale(g.name.lower(), now_ns) for g in sorted(heard.stale - self._stale)]
-        self._stale = heard.stale
-        findings += self._move(self._input_event(heard, now_ns), now_ns)
-        estimates, flags = self._estimates(heard, now_ns)
-        if not all(map(math.isfinite, estimates)):
-            findings += self._move(Event.INTERNAL_ERROR, now_ns)
-            estimates, flags = NO_ESTIMATES, NOTHING
+        received = self._receiver.gather(now_ns)
+        findings: list[Finding] = [
+            Stale(g.name.lower(), now_ns) for g in sorted(received.stale - self._stale)
+        ]
+        self._stale = received.stale
+        findings += self._move(self._input_event(received, now_ns), now_ns)
+        estimates, flags, failed = self._estimates(received, now_ns)
+        findings += failed
         self._limits = self._next_limits(estimates, flags, now_ns)
-        self._alarms = self._next_alarms(estimates, flags, heard, now_ns)
-        values = self._values(estimates, flags, heard)
-        frames = self._answers.frames(self._ticks, values)
+        valid = self._consistency.valid(estimates, flags)
+        self._alarms = self._next_alarms(estimates, flags, valid, received, now_ns)
+        values = self._values(estimates, flags, valid, received)
+        frames = self._outputs.frames(self._ticks, values)
         self._previous_ns = now_ns
         self._ticks += 1
         return Tick(frames, findings, estimates)
 
-    def _input_event(self, heard: Heard, now_ns: int) -> Event:
-        unusable = (heard.stale | heard.implausible) - {Group.DEMAND}
+    def _input_event(self, received: CycleInputs, now_ns: int) -> Event:
+        unusable = (received.stale | received.implausible) - {Group.DEMAND}
+        if unusable:
+            self._bad_ns = now_ns
         if not unusable:
+            if self._state is State.FAULT and self._recovered(now_ns):
+                return Event.RECOVERED
             return Event.INPUTS_GOOD
         waiting_ns = now_ns - self._started_ns if self._started_ns is not None else 0
         waited = waiting_ns * 1e-9 > self._calibration.inputs.start_up
@@ -134,9 +142,14 @@ class EcuCycle:
         before, self._state = self._state, after(self._state, event)
         if before is self._state:
             return []
-        if before is State.INIT and self._state is State.RUNNING:  # nothing to rise slowly from
-            self._limits = self._unlimited
+        if before is State.INIT and self._state is State.RUNNING and self._fault_ns < 0:
+            self._limits = self._unlimited  # at the start there is nothing to rise slowly from
         return [StateChanged(before, self._state, event, now_ns)]
+
+    def _recovered(self, now_ns: int) -> bool:
+        """Whether fault and bad inputs have been gone for the time to recover."""
+        since_ns = max(self._bad_ns, self._fault_ns)
+        return (now_ns - since_ns) * 1e-9 >= self._calibration.inputs.recovery
 
     def _period(self, now_ns: int) -> float:
         """Time since the previous cycle [s], in whole periods: the sensors sample by the same clock."""
@@ -144,11 +157,25 @@ class EcuCycle:
             return TICK_NS * 1e-9
         return max(round((now_ns - self._previous_ns) / TICK_NS), 1) * TICK_NS * 1e-9
 
-    def _estimates(self, heard: Heard, now_ns: int) -> tuple[Estimates, Mapping[str, bool]]:
+    def _estimates(
+        self, received: CycleInputs, now_ns: int
+    ) -> tuple[Estimates, Mapping[str, bool], list[Finding]]:
+        """Estimates, which of them are valid, and findings. Estimators that fail start anew after a fault."""
         if self._state not in (State.RUNNING, State.DEGRADED):
-            return NO_ESTIMATES, NOTHING
-        inputs = estimator_inputs(heard, self._period(now_ns), self._limits.rate)
-        return self._estimator.estimate(inputs), valid_without(heard.unusable)
+            return NO_ESTIMATES, NOTHING, []
+        inputs = estimator_inputs(received, self._period(now_ns), self._limits.rate)
+        error = "an estimate is not a number"
+        try:
+            estimates = self._estimator.estimate(inputs)
+        except (ArithmeticError, ValueError) as failure:  # division by zero, domain of a function
+            error = str(failure)
+        else:
+            if all(map(math.isfinite, estimates)):
+                return estimates, valid_without(received.unusable), []
+        self._estimator.reset()
+        self._fault_ns = now_ns
+        moved = self._move(Event.INTERNAL_ERROR, now_ns)
+        return NO_ESTIMATES, NOTHING, [EstimatorFailed(error, now_ns), *moved]
 
     def _next_limits(self, estimates: Estimates, flags: Mapping[str, bool], now_ns: int) -> limits.Limits:
         rules, prediction = self._calibration.limits, self._parameters.prediction
@@ -160,26 +187,34 @@ class EcuCycle:
         return limits.next_limits(self._limits, estimates, now_ns, dt, times, rules, prediction)
 
     def _next_alarms(
-        self, e: Estimates, flags: Mapping[str, bool], heard: Heard, now_ns: int
+        self,
+        e: Estimates,
+        flags: Mapping[str, bool],
+        valid: Mapping[str, bool],
+        received: CycleInputs,
+        now_ns: int,
     ) -> dict[str, Alarm]:
         rules, stop = self._calibration.warnings, self._parameters.geometry.articulation_stop
         found = {
-            **reasons.conditions(e, heard, flags, stop, rules),
+            **reasons.conditions(e, received, flags, stop, rules),
             **reasons.roll_over_conditions(e, flags["roll_over"], self._alarms, rules),
+            "EstimateInvalid": not all(valid.values()),
             "ProtectionError": self._protection_failed,
             "CycleOverrun": self._overran,
         }
         self._protection_failed = self._overran = False
         return advanced(self._alarms, found, now_ns, self._times)
 
-    def _values(self, e: Estimates, flags: Mapping[str, bool], heard: Heard) -> dict[str, float]:
+    def _values(
+        self, e: Estimates, flags: Mapping[str, bool], valid: Mapping[str, bool], received: CycleInputs
+    ) -> dict[str, float]:
         """Everything that goes into a frame, by name, SI."""
         raised = {name: self._alarms[name].on for name in reasons.REASONS}
         acting, now = self._limits, self._unlimited
         prevents = acting.cause in (limits.Cause.ROLL_OVER_PREVENTION, limits.Cause.SAFE_VALUES)
         return {
             **e._asdict(),
-            **{f"{name} valid": float(flag) for name, flag in flags.items()},
+            **{f"{name} valid": float(flag) for name, flag in valid.items()},
             **{f"reason {name}": float(flag) for name, flag in raised.items()},
             "warning level": float(reasons.level(raised)),
             "roll-over state": float(reasons.roll_over_state(self._alarms, flags["roll_over"])),
@@ -188,11 +223,12 @@ class EcuCycle:
             "limit speed": acting.speed,
             "limit rate": acting.rate,
             "limit cause": float(acting.cause),
+            **LINKAGE_UNLIMITED,
             "prevention limits torque": float(prevents and acting.front_torque < now.front_torque),
             "prevention limits speed": float(prevents and acting.speed < now.speed),
-            "echo": heard.values["sequence"],
+            "echo": received.values["sequence"],
             "execution time": self._execution_ns * 1e-9,
             "overruns": float(self._overruns),
             "state": float(self._state),
-            "stale inputs": float(sum(1 << group for group in heard.stale if group is not Group.DEMAND)),
+            "stale inputs": float(sum(1 << group for group in received.stale if group is not Group.DEMAND)),
         }

@@ -44,4 +44,12 @@ class StateChanged:
     at_ns: int
 
 
-Finding = ProtectionFailed | Implausible | Stale | StateChanged
+@dataclass(frozen=True, slots=True)
+class EstimatorFailed:
+    """The estimators could not be computed from this cycle's inputs."""
+
+    error: str
+    at_ns: int
+
+
+Finding = EstimatorFailed | ProtectionFailed | Implausible | Stale | StateChanged

@@ -1,23 +1,25 @@
-"""What the ECU hears: the machine's frames, checked one by one, gathered once per cycle.
+"""The ECU's inputs: the machine's frames, checked one by one, gathered once per cycle.
 
 A frame is used when its protection holds. A signal is plausible when it is available, inside the
 range the machine can reach, no further from the one before than the machine can move in a frame,
 and not reported as faulty by its sensor; it does not stand still to the bit while most others move, and the
 wheels of an axle turn with it (`ecu.coherence`). An implausible or stale message keeps its last good values,
-marked unusable; nothing else is touched by it. Signal names of the DBC end here.
+marked unusable; nothing else is touched by it. Which signals there are is read from the signal table
+(`ecu.estimators.signals`).
 """
 
 import enum
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final, NamedTuple
 
 from bus.frame import Frame
 from dbc.binding import Binding
 from dbc.database import Database, MessageCodec
 from dbc.protection import Checker
 from dbc.protection import Finding as Check
+from ecu.bus_signals import Received, Usable, rows
 from ecu.calibration import Calibration, InputRules
 from ecu.coherence import AxleSides
 from ecu.estimators.parameters import GRAVITY
@@ -25,7 +27,8 @@ from ecu.estimators.signals import Inputs
 from ecu.findings import Finding, Implausible, ProtectionFailed
 
 FROZEN: Final = "stands still to the bit while others move"
-EXCHANGED: Final = "left and right are exchanged, says the yaw rate"
+EXCHANGED: Final = "left and right are exchanged, by the yaw rate"
+WEIGHTLESS: Final = "a machine on the ground feels its weight"
 FAULTY: Final = 2
 """Sensor states from here on (error, not available) make a signal unusable."""
 
@@ -44,18 +47,37 @@ class Group(enum.IntEnum):
     DEMAND = 8
 
 
+GROUP_OF: Final[Mapping[str, Group]] = {
+    "Articulation": Group.ARTICULATION,
+    "WheelSpeedsFront": Group.WHEEL_SPEEDS,
+    "WheelSpeedsRear": Group.WHEEL_SPEEDS,
+    "WheelTorquesFront": Group.WHEEL_TORQUES,
+    "WheelTorquesRear": Group.WHEEL_TORQUES,
+    "BodyAcceleration": Group.ACCELERATION,
+    "BodyRates": Group.RATES,
+    "SlopeSensor": Group.SLOPE,
+    "LiftPressure": Group.PRESSURES,
+    "TiltPressure": Group.PRESSURES,
+    "LinkageAngles": Group.LINKAGE,
+    "DriverDemand": Group.DEMAND,
+}
+"""The messages that the ECU uses; every row of the signal table names one of them."""
+
+
+class Echoed(NamedTuple):
+    """Inputs that the estimators do not need: the ECU sends them back."""
+
+    sequence: Annotated[float, Received("Articulation", "SampleSequence", "1", sensed=False)]
+
+
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One signal: its SI unit, where its value goes, and what is plausible (SI; step per frame).
+    """One input signal with this machine's bounds of plausibility, SI."""
 
-    sensed: by a sensor with noise, so that it never stands still for long.
-    """
-
-    unit: str
-    target: str
-    limit: float
-    step: float = math.inf
-    sensed: bool = True
+    name: str  # the input's, in `Inputs` or `Echoed`
+    row: Received
+    limit: float  # largest plausible magnitude
+    step: float  # largest plausible change between two frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,134 +86,62 @@ class Source:
 
     message: str
     group: Group
-    fields: Mapping[str, Field]
-    states: Mapping[str, tuple[str, ...]]  # state signal -> targets it vouches for
+    fields: tuple[Field, ...]
+
+    @property
+    def states(self) -> dict[str, tuple[str, ...]]:
+        """State signal of a sensor -> the inputs that it vouches for."""
+        found: dict[str, tuple[str, ...]] = {}
+        for field in self.fields:
+            if field.row.state:
+                found[field.row.state] = (*found.get(field.row.state, ()), field.name)
+        return found
 
 
-def _pair(
-    message: str, group: Group, unit: str, targets: tuple[str, str], limit: float, step: float
-) -> Source:
-    left, right = targets
-    return Source(
-        message,
-        group,
-        {"Left": Field(unit, left, limit, step), "Right": Field(unit, right, limit, step)},
-        {"LeftState": (left,), "RightState": (right,)},
-    )
+def sources(rules: InputRules) -> tuple[Source, ...]:
+    """The messages that the ECU uses, with their signals from the signal table."""
 
+    def field(name: str, row: Received) -> Field:
+        limit, step = (getattr(rules, rule) if rule else math.inf for rule in (row.limit, row.step))
+        return Field(name, row, limit, step)
 
-def sources(r: InputRules) -> tuple[Source, ...]:
-    """What is heard and what of it is plausible."""
-    speed, torque = r.wheel_speed, r.wheel_torque
-    spin, free = r.wheel_speed_step, math.inf
-    speeds, torques = Group.WHEEL_SPEEDS, Group.WHEEL_TORQUES
-    return (
-        Source(
-            "Articulation",
-            Group.ARTICULATION,
-            {
-                "ArticulationAngle": Field("rad", "articulation_angle", r.articulation, r.articulation_step),
-                "ArticulationRate": Field("rad/s", "articulation_rate", r.articulation_rate),
-                "SampleSequence": Field("1", "sequence", math.inf, sensed=False),
-            },
-            {"State": ("articulation_angle", "articulation_rate")},
-        ),
-        _pair("WheelSpeedsFront", speeds, "rad/s", ("wheel_speed_1", "wheel_speed_2"), speed, spin),
-        _pair("WheelSpeedsRear", speeds, "rad/s", ("wheel_speed_3", "wheel_speed_4"), speed, spin),
-        _pair("WheelTorquesFront", torques, "N.m", ("wheel_torque_1", "wheel_torque_2"), torque, free),
-        _pair("WheelTorquesRear", torques, "N.m", ("wheel_torque_3", "wheel_torque_4"), torque, free),
-        Source(
-            "BodyAcceleration",
-            Group.ACCELERATION,
-            {
-                "Longitudinal": Field("m/s2", "specific_force_x", r.acceleration),
-                "Lateral": Field("m/s2", "specific_force_y", r.acceleration),
-                "Vertical": Field("m/s2", "specific_force_z", r.acceleration),
-            },
-            {"State": ("specific_force_x", "specific_force_y", "specific_force_z")},
-        ),
-        Source(
-            "BodyRates",
-            Group.RATES,
-            {
-                "RollRate": Field("rad/s", "roll_rate", r.rate),
-                "PitchRate": Field("rad/s", "pitch_rate", r.rate),
-                "YawRate": Field("rad/s", "yaw_rate", r.rate),
-            },
-            {"State": ("roll_rate", "pitch_rate", "yaw_rate")},
-        ),
-        Source(
-            "SlopeSensor",
-            Group.SLOPE,
-            {
-                "PitchAngle": Field("rad", "pitch", r.slope, r.slope_step),
-                "RollAngle": Field("rad", "roll", r.slope, r.slope_step),
-            },
-            {},
-        ),
-        Source(
-            "LiftPressure",
-            Group.PRESSURES,
-            {"LiftCylinderPressure": Field("Pa", "lift_pressure", r.pressure)},
-            {},
-        ),
-        Source(
-            "TiltPressure",
-            Group.PRESSURES,
-            {"TiltCylinderPressure": Field("Pa", "tilt_pressure", r.pressure)},
-            {},
-        ),
-        Source(
-            "LinkageAngles",
-            Group.LINKAGE,
-            {
-                "LiftArmAngle": Field("rad", "lift_arm_angle", r.arm, r.linkage_step),
-                "TiltAngle": Field("rad", "tilt_angle", r.tilt, r.linkage_step),
-            },
-            {"State": ("lift_arm_angle", "tilt_angle")},
-        ),
-        Source(
-            "DriverDemand",
-            Group.DEMAND,
-            {
-                "ArticulationRateDemand": Field(
-                    "rad/s", "articulation_rate_demand", r.articulation_rate, sensed=False
-                )
-            },
-            {},
-        ),
+    table = [field(name, row) for names in (Inputs, Echoed) for name, row in rows(names, Received)]
+    return tuple(
+        Source(message, group, tuple(each for each in table if each.row.message == message))
+        for message, group in GROUP_OF.items()
     )
 
 
 class _Listener:
-    """One message: its last good values, when they came, and which targets are implausible now."""
+    """One message: when its last good frame came, and which of its inputs are implausible now."""
 
     def __init__(self, source: Source, codec: MessageCodec) -> None:
-        units = {name: field.unit for name, field in source.fields.items()} | dict.fromkeys(
-            source.states, "1"
-        )
+        states = source.states
+        units = {field.row.signal: field.row.unit for field in source.fields} | dict.fromkeys(states, "1")
         self.source = source
         self.codec = codec
         self.heard_ns: int | None = None
-        self.targets = frozenset(field.target for field in source.fields.values())
+        self.names = frozenset(field.name for field in source.fields)
         self.unusable: frozenset[str] = frozenset()
         self._binding = Binding(codec, units)
         self._checker = Checker(codec) if codec.e2e_data_id is not None else None
-        self._fields = tuple(source.fields.items())
-        self._states = tuple(source.states.values())
+        self._fields = source.fields
+        self._states = tuple(states.values())
         self._previous: tuple[float, ...] | None = None
         self._same = [0] * len(self._fields)  # frames in a row with the value of the one before
 
     def standing(self, frames: float) -> tuple[int, int]:
         """How many of its sensed signals have stood still for so many frames, and of how many."""
-        sensed = [same for (_, field), same in zip(self._fields, self._same, strict=True) if field.sensed]
+        sensed = [same for field, same in zip(self._fields, self._same, strict=True) if field.row.sensed]
         return sum(same >= frames for same in sensed), len(sensed)
 
     def fresh(self, now_ns: int, stale_cycles: float) -> bool:
         """Whether a good frame came within the permitted time."""
         return self.heard_ns is not None and now_ns - self.heard_ns <= stale_cycles * self.codec.cycle_ns
 
-    def receive(self, frame: Frame, now_ns: int, values: dict[str, float], among: "Hearing") -> list[Finding]:
+    def receive(
+        self, frame: Frame, now_ns: int, values: dict[str, float], among: "InputReceiver"
+    ) -> list[Finding]:
         """Check a frame and put its plausible values into `values`; among: the other messages, which may contradict it."""
         found: list[Finding] = []
         name = self.source.message
@@ -207,30 +157,33 @@ class _Listener:
         numbers = self._binding.decode(frame.data)
         signals, states = numbers[: len(self._fields)], numbers[len(self._fields) :]
         bad = self._faulty(states) if states and max(states) >= FAULTY else {}
-        if among.exchanged(name, signals, now_ns):
-            bad = dict.fromkeys(self.targets, EXCHANGED) | bad
-        for i, ((signal, field), value, before) in enumerate(
+        if reason := among.contradiction(name, signals, now_ns):
+            bad = dict.fromkeys(self.names, reason) | bad
+        for i, (field, value, before) in enumerate(
             zip(self._fields, signals, self._previous or signals, strict=True)
         ):
             self._same[i] = self._same[i] + 1 if value == before else 0
-            reason = bad.get(field.target) or _doubt(field, value, before)
-            if not reason and field.sensed and among.frozen(self._same[i]):
+            reason = bad.get(field.name) or _doubt(field, value, before)
+            if not reason and field.row.sensed and among.frozen(self._same[i]):
                 reason = FROZEN
             if not reason:
-                values[field.target] = float(value)  # an int would compile the estimators anew
+                values[field.name] = float(value)  # an int would compile the estimators anew
                 continue
-            bad[field.target] = reason
-            if field.target not in self.unusable:
-                found.append(Implausible(name, signal, value, reason, now_ns))
+            bad[field.name] = reason
+            if field.name not in self.unusable:
+                found.append(Implausible(name, field.row.signal, value, reason, now_ns))
         self._previous = signals
         self.unusable = frozenset(bad)
         return found
 
     def _faulty(self, states: tuple[float, ...]) -> dict[str, str]:
-        """The targets whose sensor does not vouch for them, and why."""
-        told = zip(states, self._states, strict=True)
+        """The inputs whose sensor does not vouch for them, and the reason."""
+        reported = zip(states, self._states, strict=True)
         return {
-            t: "its sensor reports a fault" for state, targets in told if state >= FAULTY for t in targets
+            name: "its sensor reports a fault"
+            for state, names in reported
+            if state >= FAULTY
+            for name in names
         }
 
 
@@ -241,29 +194,26 @@ def _doubt(field: Field, value: float, before: float) -> str:
     if math.isnan(value):
         return "not available"
     if abs(value) > field.limit:
-        return f"outside +-{field.limit:.4g} {field.unit}"
-    return f"moved {value - before:.4g} {field.unit} in one frame, at most {field.step:.4g} is possible"
+        return f"outside +-{field.limit:.4g} {field.row.unit}"
+    return f"moved {value - before:.4g} {field.row.unit} in one frame, at most {field.step:.4g} is possible"
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
-    """The inputs of one cycle.
+class CycleInputs:
+    """The inputs of one cycle."""
 
-    unusable: targets not to be relied on; stale: groups without a fresh frame; implausible: groups with a bad signal.
-    """
+    values: Mapping[str, float]  # the last good value of every input, SI
+    unusable: frozenset[str]  # inputs that must not be relied on
+    stale: frozenset[Group]  # groups without a fresh frame
+    implausible: frozenset[Group]  # groups with an implausible signal
 
-    values: Mapping[str, float]
-    unusable: frozenset[str]
-    stale: frozenset[Group]
-    implausible: frozenset[Group]
-
-    def all_usable(self, *targets: str) -> bool:
-        """Whether every one of `targets` is."""
-        return self.unusable.isdisjoint(targets)
+    def all_usable(self, *names: str) -> bool:
+        """Whether every one of these inputs can be relied on."""
+        return self.unusable.isdisjoint(names)
 
 
-class Hearing:
-    """Every message the ECU uses; others are not looked at."""
+class InputReceiver:
+    """All messages that the ECU uses, and the last good value of every input. Other messages are ignored."""
 
     def __init__(self, calibration: Calibration, database: Database) -> None:
         rules = self._rules = calibration.inputs
@@ -271,7 +221,7 @@ class Hearing:
         self._by_id = {listener.codec.can_id: listener for listener in self._listeners}
         self._by_name = {listener.source.message: listener for listener in self._listeners}
         self._values: dict[str, float] = {
-            field.target: 0.0 for listener in self._listeners for field in listener.source.fields.values()
+            field.name: 0.0 for listener in self._listeners for field in listener.source.fields
         } | {"specific_force_z": GRAVITY}
         geometry, radius = calibration.parameters.geometry, calibration.parameters.wheel.unloaded_radius
         tracks = {"WheelSpeedsFront": geometry.front_track, "WheelSpeedsRear": geometry.rear_track}
@@ -286,22 +236,28 @@ class Hearing:
         return listener.receive(frame, now_ns, self._values, self) if listener else []
 
     def frozen(self, same: int) -> bool:
-        """Whether a sensed signal that was the same in so many frames is frozen: most others moved a moment ago."""
+        """Whether a signal that was the same in so many frames is frozen: true while most others have moved lately."""
         frames = self._rules.frozen_frames
         if not frames or same < frames:
             return False
-        # A quarter: of the slowest message, half as many frames come, and all begin to stand still one after the other.
-        told = (each.standing(frames / 4) for each in self._listeners)
-        still, sensed = map(sum, zip(*told, strict=True))
+        # A quarter of the frames: the slowest message sends half as many, and signals freeze one after the other.
+        counts = (each.standing(frames / 4) for each in self._listeners)
+        still, sensed = map(sum, zip(*counts, strict=True))
         return 2 * still < sensed
+
+    def contradiction(self, message: str, signals: tuple[float, ...], now_ns: int) -> str:
+        """Why the signals of this message cannot be right together, '' if they can."""
+        if message == "BodyAcceleration" and math.hypot(*signals) < self._rules.least_specific_force:
+            return WEIGHTLESS
+        return EXCHANGED if self.exchanged(message, signals, now_ns) else ""
 
     def exchanged(self, message: str, signals: tuple[float, ...], now_ns: int) -> bool:
         """Whether a message is one of wheel speeds and has left and right exchanged."""
         axle = self._axles.get(message)
         if axle is None:
             return False
-        for told in ("BodyRates", "Articulation", "BodyAcceleration"):
-            listener = self._by_name[told]
+        for needed in ("BodyRates", "Articulation", "BodyAcceleration"):
+            listener = self._by_name[needed]
             if listener.unusable or not listener.fresh(now_ns, self._rules.stale_cycles):
                 return axle.exchanged
         if abs(self._values["specific_force_y"]) > self._rules.carried:
@@ -312,36 +268,29 @@ class Hearing:
             left, right, self._values["yaw_rate"] + (self._values["articulation_rate"] if front else 0.0)
         )
 
-    def gather(self, now_ns: int) -> Heard:
-        """What can be relied on at this cycle."""
+    def gather(self, now_ns: int) -> CycleInputs:
+        """The inputs of the cycle at `now_ns`, and which of them can be relied on."""
         unusable: set[str] = set()
         stale: set[Group] = set()
         implausible: set[Group] = set()
         for listener in self._listeners:
             if not listener.fresh(now_ns, self._rules.stale_cycles):
                 stale.add(listener.source.group)
-                unusable |= listener.targets
+                unusable |= listener.names
             elif listener.unusable:
                 implausible.add(listener.source.group)
                 unusable |= listener.unusable
-        return Heard(dict(self._values), frozenset(unusable), frozenset(stale), frozenset(implausible))
+        return CycleInputs(dict(self._values), frozenset(unusable), frozenset(stale), frozenset(implausible))
 
 
-FLAGS: Final[Mapping[str, tuple[str, ...]]] = {
-    "demand_usable": ("articulation_rate_demand",),
-    **{f"wheel_{n}_usable": (f"wheel_speed_{n}",) for n in (1, 2, 3, 4)},
-    "torque_usable": tuple(f"wheel_torque_{n}" for n in (1, 2, 3, 4)),
-    "acceleration_usable": ("specific_force_x", "specific_force_y", "specific_force_z"),
-    "rates_usable": ("roll_rate", "pitch_rate", "yaw_rate"),
-    "slope_usable": ("pitch", "roll"),
-    "pressure_usable": ("lift_pressure", "tilt_pressure"),
-}
-"""The estimators' flags: each is set while all of its targets are usable."""
-_MEASURED: Final = Inputs._fields[1 : -1 - len(FLAGS)]
-assert Inputs._fields == ("dt", *_MEASURED, *FLAGS, "rate_limit")
+FLAGS: Final = tuple((name, flag.inputs) for name, flag in rows(Inputs, Usable))
+"""The estimators' flags, each with the inputs that it vouches for."""
+_RECEIVED: Final = tuple(name for name, _ in rows(Inputs, Received))
+if Inputs._fields != ("dt", *_RECEIVED, *(name for name, _ in FLAGS), "rate_limit"):
+    raise TypeError("the rows of Inputs stand in the order dt, received signals, flags, rate_limit")
 
 
-def estimator_inputs(heard: Heard, dt: float, rate_limit: float) -> Inputs:
-    """The estimators' inputs: values, and flags for what may be relied on. dt [s]; rate_limit [rad/s]."""
-    flags = (1.0 if heard.unusable.isdisjoint(targets) else 0.0 for targets in FLAGS.values())
-    return Inputs._make((dt, *map(heard.values.__getitem__, _MEASURED), *flags, rate_limit))
+def estimator_inputs(received: CycleInputs, dt: float, rate_limit: float) -> Inputs:
+    """The estimators' inputs: values, and flags for those that can be relied on. dt [s]; rate_limit [rad/s]."""
+    flags = (1.0 if received.unusable.isdisjoint(names) else 0.0 for _, names in FLAGS)
+    return Inputs._make((dt, *map(received.values.__getitem__, _RECEIVED), *flags, rate_limit))

@@ -2,7 +2,7 @@
 
 The estimators say which articulation rate and which speed leave a margin over the prediction horizon;
 here they become limits that fall at once (or as fast as the machine can brake) and rise slowly, so that
-the driver feels one intervention and not a flutter. Where roll-over cannot be judged, safe values hold.
+the driver feels one intervention and not a flutter. Where the roll-over margin is not valid, safe values hold.
 """
 
 import enum
@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 from ecu.alarms import SILENT, Alarm, Times, after, below
 from ecu.calibration import LimitRules
-from ecu.estimators.parameters import Prediction
+from ecu.estimators.parameters import PredictionRules
 from ecu.estimators.signals import Estimates
 
 SPEED_HEADROOM = 0.3
-"""A falling speed limit starts this far above the present speed [m/s]: further up it would limit nothing."""
+"""A falling speed limit starts this far above the present speed [m/s]: a higher start would not limit anything."""
 
 
 class Cause(enum.IntEnum):
@@ -28,17 +28,18 @@ class Cause(enum.IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """What the machine may do: torque of front and rear wheels [N m], speed [m/s], articulation rate [rad/s]."""
+    """The limits that the machine obeys."""
 
-    front_torque: float
+    front_torque: float  # of each front wheel [N m]
     rear_torque: float
-    speed: float
-    rate: float
+    speed: float  # [m/s]
+    rate: float  # of articulation, to either side [rad/s]
     cause: Cause
+    direction: float = 0.0  # side that the rate was found for: +1 left, -1 right, 0 both
     prevention: Alarm = SILENT  # whether prevention acts; carried to the next cycle
 
 
-def unlimited(rules: LimitRules, prediction: Prediction) -> Limits:
+def unlimited(rules: LimitRules, prediction: PredictionRules) -> Limits:
     """The machine's own limits only."""
     return Limits(
         front_torque=rules.front_torque,
@@ -50,7 +51,7 @@ def unlimited(rules: LimitRules, prediction: Prediction) -> Limits:
 
 
 def safe(rules: LimitRules) -> Limits:
-    """What the machine may do while nobody knows how close it is to rolling over."""
+    """Limits while the roll-over margin is not known."""
     return Limits(
         front_torque=min(rules.safe_torque, rules.front_torque),
         rear_torque=min(rules.safe_torque, rules.rear_torque),
@@ -74,7 +75,7 @@ def next_limits(
     dt: float,
     times: Times,
     rules: LimitRules,
-    prediction: Prediction,
+    prediction: PredictionRules,
 ) -> Limits:
     """The limits of this cycle from a valid prediction. times: those of the prevention; dt [s]."""
     none = unlimited(rules, prediction)
@@ -82,7 +83,10 @@ def next_limits(
     hysteresis = rules.release_margin - rules.engage_margin
     close = below(margin, rules.engage_margin, hysteresis, before.prevention.on)
     prevention = after(before.prevention, close, now_ns, times)
-    rate = min(estimates.permitted_rate, before.rate + rules.rate_rise * dt, none.rate)
+    rate = min(estimates.permitted_rate, none.rate)
+    side = estimates.permitted_direction
+    if side * before.direction >= 0.0:  # a driver who turns back is not held by the limit of the other side
+        rate = min(rate, before.rate + rules.rate_rise * dt)
     permitted = max(estimates.permitted_speed, rules.creep_speed)
     start = min(before.speed, max(abs(estimates.speed) + SPEED_HEADROOM, permitted))
     speed = max(permitted, start - rules.speed_fall * dt)
@@ -95,6 +99,7 @@ def next_limits(
         rear_torque=rear,
         speed=speed,
         rate=rate,
+        direction=side or before.direction,
         cause=Cause.NO_LIMIT,
         prevention=prevention,
     )

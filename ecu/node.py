@@ -1,7 +1,7 @@
 """The ECU as a process: frames and ticks in real time around the cycle. A thin shell.
 
 Two tasks live and die together: one waits for frames, one for the absolute timer. Missed ticks are
-skipped and told to the cycle; findings are logged as they come, and they come on changes only.
+skipped and reported to the cycle; findings are logged as they come, and they come on changes only.
 """
 
 import asyncio
@@ -13,9 +13,9 @@ from bus.pacing import TickTiming, first_of, readable, reading
 from bus.ticks import Ticks
 from bus.transport import BusClosed, Transport
 from bus.trouble_log import TroubleLog
-from ecu.answers import TICK_NS
 from ecu.cycle import EcuCycle
 from ecu.findings import Finding
+from ecu.outputs import TICK_NS
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +35,7 @@ async def run(
 ) -> None:
     """Run the cycle on the bus until the task is cancelled; BusClosed when the bus is gone.
 
-    period_ns: real time between ticks. timing: told every tick.
+    period_ns: real time between ticks. timing: records every tick.
     """
     timing = timing if timing is not None else TickTiming()
     cycle.warm_up()
@@ -47,7 +47,7 @@ async def run(
             for frame in frames:
                 for finding in cycle.receive(frame, frame.at_ns or time.monotonic_ns()):
                     found(finding)
-        trouble.tell(bus.findings())
+        trouble.log(bus.findings())
 
     def tick(due_ns: int) -> None:
         started_ns = time.monotonic_ns()

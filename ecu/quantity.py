@@ -3,14 +3,11 @@
 The unit is the end of the key; an error names file, key, value, unit and permitted range.
 """
 
-import difflib
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
-from bus.mistake import Mistake
+from configuration import CheckedTable
 
 DEGREE = math.pi / 180
 UNITS: Mapping[str, tuple[str, float]] = {
@@ -40,10 +37,6 @@ UNITS: Mapping[str, tuple[str, float]] = {
 }
 
 
-class CalibrationError(Mistake, ValueError):
-    """A calibration file cannot be used; the message says where and why."""
-
-
 @dataclass(frozen=True, slots=True)
 class Quantity:
     """One number of a calibration: its key, and its permitted range in the key's unit."""
@@ -67,44 +60,20 @@ class Quantity:
         return value * (UNITS[self.suffix][1] if self.suffix else 1.0)
 
 
-def read_toml(path: Path) -> dict[str, object]:
-    """The tables of a file."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise CalibrationError(f"{path}: cannot be read: {error}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise CalibrationError(f"{path}: not valid TOML: {error}") from error
-
-
-def read_table(
-    tables: Mapping[str, object], section: str, quantities: Mapping[str, Quantity], path: Path
-) -> dict[str, float]:
-    """The numbers of one section in SI, by field name; also demands a non-empty `source`."""
-    table = tables.get(section)
-    if not isinstance(table, dict):
-        raise CalibrationError(f"{path}: table [{section}] is missing")
-    known = {quantity.key for quantity in quantities.values()} | {"source"}
-    for key in table:
+def read_section(top: CheckedTable, section: str, quantities: Mapping[str, Quantity]) -> dict[str, float]:
+    """The numbers of one section in SI, by field name; the section has to say its `source`."""
+    if section not in top:
+        raise top.error(f"[{section}]", "is missing")
+    table = top.table(section)
+    known = {"source", *(quantity.key for quantity in quantities.values())}
+    for key in table.values:  # first: a misspelt key is not a missing one
         if key not in known:
-            near = difflib.get_close_matches(key, sorted(known), n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise CalibrationError(f"{path}: {section}.{key} is not a known key{hint}")
-    source = table.get("source")
-    if not isinstance(source, str) or not source.strip():
-        raise CalibrationError(f"{path}: {section}.source is missing: say where the numbers come from")
-    return {field: _number(table, section, quantity, path) for field, quantity in quantities.items()}
-
-
-def _number(table: Mapping[str, object], section: str, quantity: Quantity, path: Path) -> float:
-    where, unit = f"{path}: {section}.{quantity.key}", quantity.unit
-    if quantity.key not in table:
-        raise CalibrationError(f"{where} is missing ({quantity.low:g}..{quantity.high:g} {unit})")
-    value = table[quantity.key]
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise CalibrationError(f"{where} = {value!r} is not a number of {unit}")
-    if not quantity.low <= value <= quantity.high:
-        raise CalibrationError(
-            f"{where} = {value:g} {unit} is outside {quantity.low:g}..{quantity.high:g} {unit}"
-        )
-    return quantity.si(float(value))
+            raise table.unknown(key, known)
+    numbers = {
+        field: q.si(table.number(q.key, unit=q.unit, low=q.low, high=q.high))
+        for field, q in quantities.items()
+    }
+    if "source" not in table:
+        raise table.error("source", "is missing: say where the numbers come from")
+    table.text("source")
+    return numbers

@@ -1,6 +1,6 @@
-"""What there is to warn of: roll-over state and reasons, from the estimates and what may be believed of them.
+"""Conditions of the warnings: roll-over states and reasons, from the estimates and their validity.
 
-Here conditions arise, cycle by cycle; `ecu.alarms` makes them stand and go, and says which are on.
+Conditions are found here cycle by cycle; `ecu.alarms` decides when an alarm is raised and dropped.
 """
 
 import enum
@@ -9,9 +9,8 @@ from typing import Final, NamedTuple
 
 from ecu.alarms import Alarm, Times, below
 from ecu.calibration import AlarmRules, WarningRules
-from ecu.estimators.rollover import NEVER
-from ecu.estimators.signals import Estimates
-from ecu.inputs import Heard
+from ecu.estimators.signals import NEVER, Estimates
+from ecu.inputs import CycleInputs
 from ecu.validity import WHEELS
 
 
@@ -37,15 +36,15 @@ class Level(enum.IntEnum):
 
 
 class Delay(enum.Enum):
-    """How long a condition has to hold before it is told."""
+    """How long a condition has to hold before it is shown."""
 
-    NONE = "what happens in one cycle is told"
+    NONE = "one cycle is enough"
     SHORT = "the machine is about to go over"
     USUAL = "a driver cannot act on less"
 
 
 class Reason(NamedTuple):
-    """How loud a reason is, and how soon it is told."""
+    """The level of a reason, and how long it has to hold before it is shown."""
 
     level: Level
     delay: Delay
@@ -94,7 +93,7 @@ def _ns(seconds: float) -> int:
 def roll_over_conditions(
     e: Estimates, valid: bool, alarms: Mapping[str, Alarm], rules: WarningRules
 ) -> dict[str, bool]:
-    """Which roll-over states hold in this cycle; one that is on already holds a little longer."""
+    """Which roll-over states hold in this cycle; a state that is on has a threshold higher by the hysteresis."""
     margin = min(e.lift_off_margin, e.predicted_margin)
 
     def under(state: RollOver, value: float, threshold: float) -> bool:
@@ -120,7 +119,7 @@ def roll_over_state(alarms: Mapping[str, Alarm], valid: bool) -> RollOver:
 
 def conditions(
     e: Estimates,
-    heard: Heard,
+    received: CycleInputs,
     valid: Mapping[str, bool],
     articulation_stop: float,
     rules: WarningRules,
@@ -129,7 +128,7 @@ def conditions(
     normal = (e.normal_1, e.normal_2, e.normal_3, e.normal_4)
     slips = (e.slip_1, e.slip_2, e.slip_3, e.slip_4)
     believed = [slip for slip, n in zip(slips, WHEELS, strict=True) if valid[f"slip_{n}"]]
-    v = heard.values
+    v = received.values
     moving = valid["speed"] and abs(e.speed) > rules.lock_speed
     return {
         "RollOverPredicted": valid["roll_over"] and e.time_to_lift_off < NEVER,
@@ -139,21 +138,21 @@ def conditions(
         "WheelLock": moving and min(believed, default=0.0) < rules.lock_slip,
         "AxleOverload": valid["normal"]
         and max(normal[0] + normal[1], normal[2] + normal[3]) > rules.axle_rating,
-        "ArticulationNearStop": heard.all_usable("articulation_angle")
+        "ArticulationNearStop": received.all_usable("articulation_angle")
         and abs(v["articulation_angle"]) > articulation_stop - rules.stop_distance,
-        "SteepSlope": heard.all_usable("pitch", "roll")
+        "SteepSlope": received.all_usable("pitch", "roll")
         and max(abs(v["pitch"]), abs(v["roll"])) > rules.slope,
         "PayloadHigh": valid["payload"]
         and valid["speed"]
         and e.payload > rules.payload
         and v["lift_arm_angle"] > rules.payload_arm
         and abs(e.speed) > rules.payload_speed,
-        "InputStale": bool(heard.stale),
-        "InputImplausible": bool(heard.implausible),
+        "InputStale": bool(received.stale),
+        "InputImplausible": bool(received.implausible),
         "EstimateInvalid": not all(valid.values()),
     }
 
 
 def level(raised: Mapping[str, bool]) -> Level:
-    """The loudest of the reasons that are told."""
+    """The highest level among the reasons that are on."""
     return max((REASONS[reason].level for reason, on in raised.items() if on), default=Level.NONE)

@@ -21,7 +21,7 @@ class Event(enum.Enum):
     INPUTS_BAD = "an input is stale or implausible"
     START_UP_OVER = "the time to wait for the first inputs is over"
     INTERNAL_ERROR = "an estimate is not a number"
-    RESET = "reset by the operator"
+    RECOVERED = "after a fault, every input has been good for the time to recover"
 
 
 TRANSITIONS: Final[Mapping[State, Mapping[Event, State]]] = {
@@ -30,28 +30,28 @@ TRANSITIONS: Final[Mapping[State, Mapping[Event, State]]] = {
         Event.INPUTS_BAD: State.INIT,
         Event.START_UP_OVER: State.DEGRADED,
         Event.INTERNAL_ERROR: State.FAULT,
-        Event.RESET: State.INIT,
+        Event.RECOVERED: State.INIT,
     },
     State.RUNNING: {
         Event.INPUTS_GOOD: State.RUNNING,
         Event.INPUTS_BAD: State.DEGRADED,
         Event.START_UP_OVER: State.RUNNING,
         Event.INTERNAL_ERROR: State.FAULT,
-        Event.RESET: State.INIT,
+        Event.RECOVERED: State.RUNNING,
     },
     State.DEGRADED: {
         Event.INPUTS_GOOD: State.RUNNING,
         Event.INPUTS_BAD: State.DEGRADED,
         Event.START_UP_OVER: State.DEGRADED,
         Event.INTERNAL_ERROR: State.FAULT,
-        Event.RESET: State.INIT,
+        Event.RECOVERED: State.DEGRADED,
     },
     State.FAULT: {
         Event.INPUTS_GOOD: State.FAULT,
         Event.INPUTS_BAD: State.FAULT,
         Event.START_UP_OVER: State.FAULT,
         Event.INTERNAL_ERROR: State.FAULT,
-        Event.RESET: State.INIT,
+        Event.RECOVERED: State.INIT,
     },
 }
 

@@ -1,1 +1,1 @@
-"""The bench: lockstep, processes, decoding, report and command line; composes everything."""
+"""The bench: lockstep, processes in real time, gateway, faults, recording, replay, check, monitor, MQTT."""

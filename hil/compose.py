@@ -1,4 +1,4 @@
-"""The composition root: from what a user chose to a plant unit, an ECU cycle and a run's record.
+"""The composition root: builds the plant unit, the ECU cycle and the run's record from the user's choice.
 
 Besides the command line the only place of the bench that knows both sides.
 """
@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bus.mistake import Mistake
+from bus.user_error import UserError
 from dbc import loader_database
 from ecu.calibration import load_calibration
 from ecu.cycle import EcuCycle
@@ -22,20 +22,20 @@ from hil.companions import CALIBRATION as CALIBRATION_FILE
 from hil.companions import EQUIPMENT, companion
 from hil.ecu_side import Form, ecu_cycle
 from hil.faults.injector import Injector
-from hil.faults.mortal import MortalEcu, MortalPlant, acting_on
+from hil.faults.restartable import RestartableEcu, RestartablePlant, acting_on
 from hil.faults.table import faults_of
 from hil.faults.wire import FaultyWire
 from hil.lockstep import Lockstep
 from hil.rundir import Mode, RunRecord
-from plant.changes import Changes
-from plant.equipment import find_file
-from plant.machine import Machine, load_machine
-from plant.scenario import FOLDER, Scenario, load_scenario
+from plant.sheets.changes import Changes
+from plant.sheets.machine import Machine, load_machine
 from plant.truth import Truth, columns_of
-from plant.unit import PlantUnit
+from plant.unit.equipment import find_file
+from plant.unit.scenario import FOLDER, Scenario, load_scenario
+from plant.unit.unit import PlantUnit
 
 
-class ChoiceError(Mistake, ValueError):
+class ChoiceError(UserError, ValueError):
     """What the user chose cannot be run; the message says which option and what is permitted."""
 
 
@@ -44,7 +44,7 @@ class Choice:
     """What to run. None takes the scenario's own value.
 
     scenario: a shipped name or the path of a TOML file; limits: whether the ECU limits the machine.
-    inject: a TOML file with more faults than the scenario has of its own.
+    inject: a TOML file with more faults than the scenario has of its own; expect: one with more expectations.
     changes: KEY=VALUE words laid over the files of scenario, machine and equipment; calibration: the ECU's, a name or file,
     by default that of the machine's family.
     """
@@ -55,6 +55,7 @@ class Choice:
     payload_kg: float | None = None
     seed: int | None = None
     inject: Path | None = None
+    expect: Path | None = None
     changes: tuple[str, ...] = ()
     calibration: str | None = None
 
@@ -91,6 +92,11 @@ class Choice:
             for fault in faults_of(file, database, alone=file == self.inject)
         )
         return Injector(database, faults, seed=self.load().seed) if faults else None
+
+    def expectation_files(self) -> list[Path]:
+        """The files that may hold expectations: the scenario's, and `expect`."""
+        scenario = find_file(_named(self.scenario), FOLDER, "scenario")
+        return [scenario] if self.expect is None else [scenario, self.expect]
 
     def fault_files(self) -> list[Path]:
         """The files that may hold faults: the scenario's, and `inject`."""
@@ -146,7 +152,7 @@ def lockstep(
 
     if injector is None:
         return Lockstep(plant_unit(scenario), fresh(), reference=reference)
-    plant, ecu = MortalPlant(plant_unit(scenario)), MortalEcu(fresh)
+    plant, ecu = RestartablePlant(plant_unit(scenario)), RestartableEcu(fresh)
     injector.start(0)
     wire = FaultyWire(injector, acting_on(plant, ecu))
     return Lockstep(plant, ecu, wire=wire, reference=reference)

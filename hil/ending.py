@@ -1,18 +1,20 @@
-"""How a command ends: the exit codes, the same for people, scripts and the supervisor."""
+"""The exit codes of all commands, for scripts and for the supervisor."""
 
 import enum
 
 
 class Ending(enum.IntEnum):
-    """Exit code. PEER_DIED: another process of the bench ended; HUB_LOST: the bus did, or was not there;
-
-    INCONCLUSIVE: a diagnosis cannot tell from what was recorded.
-    """
+    """Exit code of a command."""
 
     PASSED = 0
     FAILED = 1
     MISUSED = 2
+    """The command line or an input file is wrong."""
     PEER_DIED = 3
+    """Another process of the bench ended early."""
     HUB_LOST = 4
+    """The bus went away, or did not exist."""
     INCONCLUSIVE = 5
+    """The recordings do not allow a verdict."""
     INTERRUPTED = 130
+    """Ctrl-C, as shells report it: 128 + SIGINT."""

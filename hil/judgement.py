@@ -1,4 +1,4 @@
-"""From the files of a run to its verdicts: which column and which signal answers which question."""
+"""Judges a run directory: takes columns and signals from its files and hands them to the verdicts."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 from dbc.columns import Columns
 from hil.gateway.hops import hops
 from hil.rundir import RunDirectory, RunError
-from hil.timing import REACTION, Spread, Ticks, Timing, explain_reactions, explain_ticks, reactions
+from hil.timing.measured import REACTION, Spread, Ticks, Timing, explain_reactions, explain_ticks, reactions
+from hil.timing.waits import Rows, longest_of
 from hil.verdict import WARNING_MIN_S, RunVerdict, flickers, judge, lasting, roll_over_warning
-from hil.waits import Rows, longest_of
 
 PROCESSES = ("plant", "ecu")
 NODES = {"Machine": "plant", "EstimatorEcu": "ecu"}
 """Of the DBC, and the process that is each."""
-RECORDERS = ("recorder", "ecu-recorder", "recorder/child", "ecu-recorder/child")
-"""Frames are stamped before they come to them: what they wait for a processor makes nothing late."""
+RECORDERS = ("recorder", "ecu-recorder", "recorder/child", "ecu-recorder/child", "attend")
+"""They only listen. Frames are stamped before they come to them: what they wait for a processor makes nothing late."""
 WAY, WAITS = "way_", "waits_"
 
 
@@ -76,7 +76,14 @@ def timing_of(run: RunDirectory) -> Timing:
             if (column := _column(run, f"{name}_execution_ns")).size
         },
         reaction=Spread.of(took_ns),
-        overruns={"plant": int(counts.get("plant_missed", 0)), "ecu": _ecu_overruns(run)},
+        overruns={
+            name: count
+            for name, count in (
+                ("plant", int(counts.get("plant_missed", 0))),
+                ("ecu", _ecu_overruns(run)),
+            )
+            if name not in run.record.foreign  # the ticks of a foreign node are its own affair
+        },
         dropped=sum(int(counts.get(f"{name}_dropped", 0)) for name in (*PROCESSES, "gateway", *RECORDERS)),
         stolen=vitals.stolen if vitals else float("nan"),
         waited=_largest((life.process, life.waited) for life in lives),
@@ -89,7 +96,7 @@ def timing_of(run: RunDirectory) -> Timing:
 
 
 def waits_of(run: RunDirectory) -> dict[str, Rows]:
-    """By process, the waits for a processor of those that can make a frame late; see `hil.waits`."""
+    """By process, the waits for a processor of those that can make a frame late; see `hil.timing.waits`."""
     named = {name.removeprefix(WAITS): name for name in run.timing if name.startswith(WAITS)}
     return {process: run.timing[name] for process, name in named.items() if process not in RECORDERS}
 

@@ -25,7 +25,7 @@ ECU_PHASE_NS = 5 * MS
 
 
 class PlantSide(Protocol):
-    """What lockstep needs of a plant: `plant.unit.PlantUnit`, or a fake."""
+    """What lockstep needs of a plant: `plant.unit.unit.PlantUnit`, or a fake."""
 
     def receive(self, frame: Frame, now_ns: int) -> Sequence[object]: ...
 

@@ -2,11 +2,12 @@
 
     run.json        what was run, in which mode, and how it ended (RunRecord)
     truth.npz       the plant's own state, one array per field, first axis time, 100 Hz
+    truth.rows      the same while a real-time run goes on, row by row; left by a run that was killed (optional)
     bus.log         every frame between plant and ECU, candump -L format; with a gateway, those of the plant's bus
     ecu-bus.log     with a gateway, the frames of the ECU's bus (optional)
     reference.log   the frames of the test instrumentation, which the ECU never sees (optional)
     timing.npz      per tick of a real-time run: lateness, execution, due time; per reaction: its way; waits for a processor
-                    of each process, see hil.waits [ns] (optional)
+                    of each process, see hil.timing.waits [ns] (optional)
     latency.hlog    histograms of the hops of that way, HdrHistogram log format (optional)
     ecu.log, plant.log, gateway.log   findings of the processes of a real-time run, one line each (optional)
     faults.json     what was injected, when, and how many frames it struck (optional)
@@ -28,20 +29,38 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from bus.mistake import Mistake
+from bus.user_error import UserError
 from dbc import loader_database, reference_database
 from dbc.database import Database
-from hil.punctuality import Punctuality
-from hil.vitals import Vitals
+from hil.timing.punctuality import Punctuality
+from hil.timing.vitals import Vitals
+from hil.verdict import Verdict
 
 if TYPE_CHECKING:
     from dbc.columns import Columns
 
 RECORD, TRUTH, BUS, REFERENCE, TIMING = "run.json", "truth.npz", "bus.log", "reference.log", "timing.npz"
+TRUTH_ROWS = "truth.rows"
 ECU_BUS, LATENCY = "ecu-bus.log", "latency.hlog"
 ECU_LOG, PLANT_LOG, GATEWAY_LOG = "ecu.log", "plant.log", "gateway.log"
 FAULTS = "faults.json"
-FILES = (RECORD, TRUTH, BUS, ECU_BUS, REFERENCE, TIMING, LATENCY, ECU_LOG, PLANT_LOG, GATEWAY_LOG, FAULTS)
+FILES = (
+    RECORD,
+    TRUTH,
+    TRUTH_ROWS,
+    BUS,
+    ECU_BUS,
+    REFERENCE,
+    TIMING,
+    LATENCY,
+    ECU_LOG,
+    PLANT_LOG,
+    GATEWAY_LOG,
+    FAULTS,
+)
+
+FOREIGN_ZERO = "attend_zero_ns"
+"""Among the statistics of a run against a foreign machine: the stamp of its time zero."""
 
 Mode = Literal["lockstep", "realtime"]
 Outcome = Literal["running", "finished", "interrupted", "failed"]
@@ -49,7 +68,7 @@ Clock = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
 """Stamps of a log and its first stamp [s] to times of the run [s]."""
 
 
-class RunError(Mistake, ValueError):
+class RunError(UserError, ValueError):
     """A run directory cannot be read or written; the message names the file and the cause."""
 
 
@@ -58,7 +77,8 @@ class RunRecord:
     """The content of run.json.
 
     changes: KEY=VALUE words laid over the files. duration_s: simulated time that was recorded. outcome "running" in a file that nobody
-    writes any more means that the run was killed. punctuality, vitals: of a real-time run that ended.
+    writes any more means that the run was killed. punctuality, vitals: of a real-time run that ended. expectations: the
+    verdicts on the scenario's [[expect]] tables. foreign: side (plant, ecu) -> bus of the node that was not ours.
     """
 
     scenario: str
@@ -78,6 +98,8 @@ class RunRecord:
     statistics: dict[str, float | int | str] = field(default_factory=dict)
     punctuality: Punctuality | None = None
     vitals: Vitals | None = None
+    expectations: tuple[Verdict, ...] = ()
+    foreign: dict[str, str] = field(default_factory=dict)
 
 
 _record = TypeAdapter(RunRecord)
@@ -132,7 +154,7 @@ class RunDirectory:
         problems: list[str] = []
         if record.outcome == "running":
             problems.append(f"{path / RECORD}: the run was killed before it ended, or is still running")
-        truth = _read_table(path / TRUTH, problems, optional=False)
+        truth = _read_truth(path, problems, optional="plant" in record.foreign)
         timing = _read_table(path / TIMING, problems, optional=record.mode == "lockstep")
         clock = _run_clock(record, truth, timing)
         messages = _read_log(path / BUS, loader_database(), clock, problems, optional=False)
@@ -259,15 +281,46 @@ def _read_table(file: Path, problems: list[str], *, optional: bool) -> Table:
     return Table(file, {})
 
 
+def _read_truth(path: Path, problems: list[str], *, optional: bool) -> Table:
+    """truth.npz, or the rows that a killed run left of it; optional: the machine was not ours."""
+    if (path / TRUTH).exists() or not (path / TRUTH_ROWS).exists():
+        return _read_table(path / TRUTH, problems, optional=optional)
+    from plant.recorder import read_rows
+
+    try:
+        columns = read_rows(path / TRUTH_ROWS)
+    except (OSError, ValueError) as error:
+        problems.append(f"{path / TRUTH_ROWS}: unreadable ({error})")
+        return Table(path / TRUTH, {})
+    problems.append(
+        f"{path / TRUTH}: missing; the plant was killed, and its rows up to then are read instead"
+    )
+    return Table(path / TRUTH_ROWS, columns)
+
+
+def keep_truth(path: Path) -> None:
+    """Make truth.npz of the rows that a killed plant left in the run directory `path`; nothing to do otherwise."""
+    if (path / TRUTH).exists() or not (path / TRUTH_ROWS).exists():
+        return
+    from plant.recorder import read_rows
+
+    with contextlib.suppress(ValueError):  # killed before the first row
+        write_table(path / TRUTH, read_rows(path / TRUTH_ROWS))
+        (path / TRUTH_ROWS).unlink()
+
+
 def _run_clock(record: RunRecord, truth: Table, timing: Table) -> Clock:
     """From stamps of the bus [s] to the clock of the truth [s].
 
     In lockstep they are one. In real time the plant notes the stamp at which each of its
-    ticks was due; its own clock stands still during a tick it missed. Without that the
-    first frame is time zero.
+    ticks was due; its own clock stands still during a tick it missed. Against a foreign machine time zero
+    is when the run began. Without any of these the first frame is time zero.
     """
     if record.mode == "lockstep":
         return lambda stamp_s, _: stamp_s
+    if FOREIGN_ZERO in record.statistics:
+        zero_s = int(record.statistics[FOREIGN_ZERO]) * 1e-9
+        return lambda stamp_s, _: stamp_s - zero_s
     if "plant_due_ns" not in timing or "time_s" not in truth or not truth["time_s"].size:
         return lambda stamp_s, first_s: stamp_s - first_s
     count = min(truth["time_s"].size, timing["plant_due_ns"].size)
@@ -282,7 +335,7 @@ def _read_log(
     file: Path, database: Database, clock: Clock, problems: list[str], *, optional: bool
 ) -> "dict[str, Columns]":
     from dbc.columns import ColumnDecoder  # with numba: 60 MB, which a process that only writes does not need
-    from dbc.logfile import read_candump
+    from dbc.recordings.logfile import read_candump
 
     if not file.exists():
         if not optional:

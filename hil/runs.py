@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bus.frame import Frame
-from dbc.writer import CandumpWriter
+from dbc.recordings.writer import CandumpWriter
 from hil import rundir
 from hil.compose import Choice, lockstep, record_of, truth_columns
 from hil.ending import Ending

@@ -1,4 +1,4 @@
-"""What a run shows about roll-over: did it happen, was it announced, in time, was it prevented.
+"""Verdicts on roll-over in a run: did it happen, did a warning come in time, was it prevented.
 
 Pure: arrays in, a verdict out. Definitions:
 

@@ -1,4 +1,4 @@
-"""When a frame arrives: one shared wire, arbitration by identifier, time by length.
+"""The bus of a lockstep run: when a frame arrives on one shared wire, by arbitration and frame length.
 
 Classic CAN at a constant bit rate. A frame occupies the wire for its nominal length
 without stuff bits (ISO 11898-1: 47 bits of frame and interframe space with an 11-bit

@@ -3,10 +3,12 @@
 from pathlib import Path
 
 from bus.machine_code import code_folder, compiler, digest_of
-from plant.effects.library import effect_files
+from plant.effects.files import effect_files
 
 FOLDER = Path(__file__).resolve().parent
-DIGEST = digest_of(sorted({*FOLDER.glob("*.py"), *(FOLDER / "effects").glob("*.py"), *effect_files()}))
+# what is generated beside the machine code follows from these sources; counted in, every process would compile anew
+SOURCES = {file for file in FOLDER.rglob("*.py") if "__pycache__" not in file.parts}
+DIGEST = digest_of(sorted({*SOURCES, *effect_files()}))
 """Of every source that machine code is made from, the effects of the user included."""
 
 CODE = code_folder(FOLDER, "plant", DIGEST)

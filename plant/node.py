@@ -13,9 +13,9 @@ from bus.pacing import TickTiming, first_of, readable, reading
 from bus.ticks import Ticks
 from bus.transport import BusClosed, Transport
 from bus.trouble_log import TroubleLog
-from plant.reception import Finding
 from plant.recorder import TruthRecorder
-from plant.unit import TICK_NS, PlantUnit
+from plant.unit.reception import Finding
+from plant.unit.unit import TICK_NS, PlantUnit
 
 
 async def run(
@@ -33,11 +33,11 @@ async def run(
 
     period_ns: real time between ticks; each advances the machine by its own 10 ms.
     realtime: False ticks as fast as the loop permits, for tests.
-    on_tick: told the unit after each tick.
+    on_tick: called with the unit after each tick.
     truth_path: where the true motion is written at the end, however it comes: finished,
     cancelled, or BusClosed, which is raised to the caller when the hub or interface is gone.
     """
-    truth = TruthRecorder(truth_path.parent) if truth_path else None
+    truth = TruthRecorder(truth_path) if truth_path else None
     timing = timing or TickTiming()
     trouble = TroubleLog()
 
@@ -47,7 +47,7 @@ async def run(
                 for finding in unit.receive(frame, frame.at_ns or time.monotonic_ns()):
                     if on_finding:
                         on_finding(finding)
-        trouble.tell(transport.findings())
+        trouble.log(transport.findings())
 
     def tick(due_ns: int) -> None:
         started_ns = time.monotonic_ns()
@@ -84,6 +84,6 @@ async def run(
             raise
         raise first_of(closed) from None
     finally:
-        if truth is not None and truth_path is not None:
+        if truth is not None:
             with truth:
-                truth.save(truth_path)
+                truth.save()

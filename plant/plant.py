@@ -11,15 +11,17 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from plant import state as s
-from plant.dynamics import advance, derivative
 from plant.effects import dispatch
-from plant.equilibrium import settle
-from plant.machine import Machine
-from plant.parameters import P_BRAKE_CAPACITY, P_NORMAL, parameter_vector
-from plant.surface import Surface, road_axes
-from plant.truth import Observer, Truth
-from plant.workspace import Workspace, new_workspace
+from plant.observer import Observer
+from plant.physics import state as s
+from plant.physics.dynamics import advance
+from plant.physics.equilibrium import find_equilibrium
+from plant.physics.parameters import P_BRAKE_CAPACITY, P_NORMAL, parameter_vector
+from plant.physics.rolling import roll_steadily
+from plant.physics.surface import Surface, road_axes
+from plant.physics.workspace import Workspace, new_workspace
+from plant.sheets.machine import Machine
+from plant.truth import Truth
 
 Array = NDArray[np.float64]
 Integrator = Literal["semi-implicit", "rk4"]
@@ -73,8 +75,8 @@ class DivergedError(RuntimeError):
 class Plant:
     """A loader in motion.
 
-    Starts at the world's origin, at rest on its deflected tyres, or at `speed` [m/s] of the rear
-    axle with all wheels rolling without slip along the circle of its articulation angle. A standing
+    Starts at the world's origin, at rest on its deflected tyres, or at `speed` [m/s] of the rear axle in a steady
+    turn with its articulation angle: tyres carry the lateral forces of turn and slope, wheels have no torque. A standing
     machine starts with its brakes applied; they follow the commands from the first step on.
     Angles in rad; lift arm and tilt default to the carry position. heading is about the road's normal.
     """
@@ -177,48 +179,24 @@ class Plant:
         twin._state = self._state.copy()
         return twin
 
-    def _evaluate(self) -> None:
-        derivative(self._state, self._command, self._parameters, 0.0, self._work, self._active)
-
     def _start(self, speed: float, heading: float) -> None:
         state, work = self._state, self._work
         standing = speed == 0.0
         road = road_axes(self._parameters[P_NORMAL : P_NORMAL + 3])
         dispatch.start(self.machine.effects, state, self._parameters, work)
         for _ in range(RESTS):
-            settle(state, self._parameters, work, self._active, road, heading=heading, standing=standing)
+            find_equilibrium(
+                state, self._parameters, work, self._active, road, heading=heading, standing=standing
+            )
             if not dispatch.start(self.machine.effects, state, self._parameters, work):
                 break
         if standing:
             state[s.BRAKE : s.BRAKE + 4] = self._parameters[P_BRAKE_CAPACITY]
             self._command[s.C_BRAKE : s.C_BRAKE + 4] = self._parameters[P_BRAKE_CAPACITY]
         else:
-            self._roll(speed)
-
-    def _roll(self, speed: float) -> None:
-        """Velocities of rolling without slip, at `speed` of the rear axle."""
-        state, work, geometry = self._state, self._work, self.machine.geometry
-        delta = state[s.JOINT + s.FRONT_FRAME]
-        behind, ahead = -geometry.rear_axle_x, geometry.front_axle_x
-        yaw_rate = speed * math.sin(delta) / (ahead + behind * math.cos(delta))
-        normal = work.places.world.T @ self._parameters[P_NORMAL : P_NORMAL + 3]
-        forward = np.array((1.0, 0.0, 0.0)) - normal[0] * normal
-        forward /= np.linalg.norm(forward)
-        left = np.array(
-            (
-                normal[1] * forward[2] - normal[2] * forward[1],
-                normal[2] * forward[0] - normal[0] * forward[2],
-                normal[0] * forward[1] - normal[1] * forward[0],
-            )
-        )
-        state[s.ANGULAR : s.ANGULAR + 3] = yaw_rate * normal
-        state[s.VELOCITY : s.VELOCITY + 3] = work.places.world @ (speed * forward + yaw_rate * behind * left)
-        state[s.STICK : s.STICK + 4] = 1.0
-        self._evaluate()
-        for wheel in range(4):
-            sliding, radius = work.tyres[wheel, [s.T_SLIDING_X, s.T_ROLLING_RADIUS]]
-            state[s.JOINT_RATE + s.WHEEL + wheel] = sliding / radius
-            state[s.STICK + wheel] = math.copysign(1.0, sliding)
+            geometry = self.machine.geometry
+            axles = (-geometry.rear_axle_x, geometry.front_axle_x)
+            roll_steadily(state, self._parameters, work, self._active, road, heading, speed, axles)
 
 
 def _check_range(name: str, value: float, unit: str, low: float, high: float) -> None:

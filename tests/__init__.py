@@ -1,4 +1,4 @@
-"""BLAS gets one thread, as in `loaderhil` itself (hil.__main__): said here, before numpy is loaded."""
+"""BLAS gets one thread, as in `loaderhil` itself (loaderhil.__main__): said here, before numpy is loaded."""
 
 import os
 

@@ -9,9 +9,9 @@ from rich.console import Console
 from bench.proof import report
 from bench.proof.arm import LOADERS, read
 from bench.proof.plan import GROUPS, carried_out, plan, sampled
-from hil.diagnose.fleet import bar
-from hil.scale.cluster import carry_out
-from hil.scale.store import Store
+from diagnosis.fleet.cluster import carry_out
+from diagnosis.fleet.fleet import bar
+from diagnosis.fleet.store import Store
 
 
 def main() -> None:

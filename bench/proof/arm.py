@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from diagnosis.fleet.store import Row
 from discrepancy.examine import examine
-from discrepancy.findings import Findings, from_json, to_json
-from discrepancy.model import Model
-from discrepancy.recording import Recording
-from discrepancy.state import Settings
-from hil.scale.store import Row
+from discrepancy.model.description import Model
+from discrepancy.selection.state import Settings
+from discrepancy.signals.findings import Findings, from_json, to_json
+from discrepancy.signals.recording import Recording
 
 LOADERS = (
     "loader",

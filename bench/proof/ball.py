@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from bench.proof.arm import Arm
 from bench.proof.body import Body
 from discrepancy.models.ball import model
-from discrepancy.recording import Recording, signal
+from discrepancy.signals.recording import Recording, signal
 
 G, AIR, VISCOSITY = 9.81, 1.2, 1.8e-5
 PICTURES_HZ = 60.0

@@ -7,10 +7,10 @@ import numpy as np
 
 from bench.proof import oracle
 from bench.proof.arm import LAMBDAS, Arm, Truth, diagnosed
-from discrepancy.model import Effect, Model
-from discrepancy.problem import Problem
-from discrepancy.recording import Recording
-from hil.scale.store import Row
+from diagnosis.fleet.store import Row
+from discrepancy.estimation.problem import Problem
+from discrepancy.model.description import Effect, Model
+from discrepancy.signals.recording import Recording
 
 Record = Callable[[Mapping[str, float], Arm, np.random.Generator], list[Recording]]
 """Truth by parameter name, arm (noise, stretch), generator -> recordings; the baseline's own errors are drawn first."""
@@ -55,7 +55,7 @@ class Body:
                     yield self._arm("outside", 20_000 + 1_000 * seed + place, noise=noise, what=what)
             for number, effect in enumerate(library):
                 # a wrong sign has one size
-                strengths = (np.inf,) if effect.parameters[0].whole else LAMBDAS
+                strengths = (np.inf,) if effect.parameters[0].discrete else LAMBDAS
                 for level, strength in enumerate(strengths):
                     noise = self.noises[(number + level + seed) % len(self.noises)]
                     yield self._arm(
@@ -89,7 +89,7 @@ class Body:
     def carried_out(self, arm: Arm) -> Row:
         """Size the hidden effects, record, diagnose, ask the peer."""
         library = {effect.name: effect for effect in self.model().effects}
-        sized = [self._sized(library[name], arm) for name in arm.effects]
+        sized = [self.sized(library[name], arm) for name in arm.effects]
         values = {name: value for one in sized for name, value in one.values.items()}
         values |= self.outside.get(arm.what, {})
         recordings = self.record(values, arm, np.random.default_rng(arm.seed))
@@ -99,7 +99,7 @@ class Body:
         truth = Truth(values=values, reached=reached, channels=channels, beyond=beyond)
         return diagnosed(arm, self.model(), recordings, truth)
 
-    def _sized(self, effect: Effect, arm: Arm) -> Truth:
+    def sized(self, effect: Effect, arm: Arm) -> Truth:
         """The change of an effect's parameter that has the wanted lambda on the very recordings that hold it.
 
         Secant steps in the logarithms of size and lambda: lambda need not grow with the square of a size, a limit on grip's grows with its

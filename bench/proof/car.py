@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from bench.proof.arm import Arm
 from bench.proof.body import Body
 from discrepancy.models.car import WHEELBASE_M, model
-from discrepancy.recording import Recording, signal
+from discrepancy.signals.recording import Recording, signal
 
 G = 9.81
 STEP_S = 1e-3

@@ -8,10 +8,10 @@ from pathlib import Path
 from bench import loader_truth
 from bench.proof import oracle
 from bench.proof.arm import Arm, Truth, diagnosed
-from discrepancy.model import Model
-from discrepancy.problem import Problem
-from discrepancy.recording import Recording
-from hil.scale.store import Row
+from diagnosis.fleet.store import Row
+from discrepancy.estimation.problem import Problem
+from discrepancy.model.description import Model
+from discrepancy.signals.recording import Recording
 
 SCALES = (0.3, 1.0, 3.0)  # of an effect's typical change
 
@@ -32,7 +32,7 @@ def arms(seeds: int) -> Iterator[Arm]:
 
 def carried_out(arm: Arm) -> Row:
     """Drive, record as the bench does, read as the diagnosis does."""
-    from discrepancy.models import loader
+    from discrepancy.models.loader import model as loader
 
     drive = loader_truth.Arm(
         effects=arm.effects,

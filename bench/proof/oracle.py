@@ -9,12 +9,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from bench.proof.arm import Truth
-from discrepancy.assess import assess
-from discrepancy.fit import Fit, fit
-from discrepancy.model import Effect
-from discrepancy.problem import Problem
-from discrepancy.screen import spread, stretches
-from discrepancy.state import Settings
+from discrepancy.estimation.fit import Fit, fit
+from discrepancy.estimation.problem import Problem
+from discrepancy.model.description import Effect
+from discrepancy.selection.assess import assess
+from discrepancy.selection.screen import spread, time_blocks_of
+from discrepancy.selection.state import Settings
 
 LEAST = 1e-9  # lambda that counts as none
 
@@ -35,7 +35,9 @@ def told(problem: Problem, effects: Sequence[Effect], values: Mapping[str, float
         power = np.bincount(state.noise.row_channel, change**2, len(problem.channels))
         whole = max(float(np.sum(power)), LEAST)
         strained = max(_strain(without) - _strain(state.fit), 0.0)
-        reached = (float(np.sum(power)) + strained) / spread(state.fit, effect.names, stretches(state.noise))
+        reached = (float(np.sum(power)) + strained) / spread(
+            state.fit, effect.names, time_blocks_of(state.noise)
+        )
         channels = {n: float(p / whole) for n, p in zip(problem.channels, power, strict=True)}
         if least is None or reached < (least.reached or 0.0):
             least = Truth(values=values, reached=reached, channels=channels)

@@ -8,7 +8,7 @@ from bench.proof.ball import BALL
 from bench.proof.body import Body
 from bench.proof.car import CAR
 from bench.proof.straight import STRAIGHT
-from hil.scale.store import Row
+from diagnosis.fleet.store import Row
 
 BODIES: dict[str, Body] = {body.name: body for body in (STRAIGHT, BALL, CAR)}
 GROUPS = (*BODIES, "loader", "real", "thesis")

@@ -7,15 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.exhibits import EXHIBITS, model_and_recordings
 from bench.proof.arm import Arm, Truth, row
-from dbc.recording import read_frames
+from dbc.recordings.reading import read_frames
+from diagnosis.fleet.store import Row
 from discrepancy.examine import examine
-from discrepancy.findings import Findings
-from discrepancy.model import Model
+from discrepancy.model.description import Model
 from discrepancy.models import ball, car, road
-from discrepancy.recording import Recording
-from discrepancy.state import Settings
-from hil.scale.store import Row
+from discrepancy.selection.state import Settings
+from discrepancy.signals.findings import Findings
+from discrepancy.signals.recording import Recording
 
 VARIABLE = "LOADERHIL_DATA"
 LIGHT = ("Tennis Ball", "Whiffle Ball 1", "Whiffle Ball 2", "Yellow Whiffle Ball", "Orange Whiffle Ball")
@@ -46,6 +47,12 @@ def cases(data: Path) -> dict[str, tuple[str, Case]]:
             "a delay, shared",
             lambda _, path=path: (car.model(reference=False), [car.load_dart(path, reference=False)]),
         )
+    for exhibit in EXHIBITS:
+        if (data / exhibit.name).is_dir():
+            found[exhibit.name.replace("_", " ")] = (
+                exhibit.known,
+                lambda data, exhibit=exhibit: model_and_recordings(exhibit, data),
+            )
     found["RAV4, segment 40"] = ("road grade, ACCEL_X reversed", _rav4)
     return found
 

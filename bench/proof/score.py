@@ -330,7 +330,7 @@ def failures(done: Sequence[Done]) -> Iterator[str]:
             told = "; ".join(
                 f"{f.effect}{'' if f.named else ' (proxy)'}"
                 + (f" [or {', '.join(m.effect for m in f.group)}]" if f.group else "")
-                + (f" because {'; '.join(f.doubts)}" if f.doubts else "")
+                + (f" because {'; '.join(f.caveats)}" if f.caveats else "")
                 for f in d.findings.findings
             )
             hidden = ", ".join(f"{k} = {v:.4g}" for k, v in d.truth.values.items()) or "nothing"

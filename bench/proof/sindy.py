@@ -9,7 +9,7 @@ import warnings
 import numpy as np
 
 from discrepancy.models.straight import CORNER_M_S, MASS_KG, G
-from discrepancy.recording import Array, Recording
+from discrepancy.signals.recording import Array, Recording
 
 VISCOUS = 400.0  # kg/s, as the baseline has it
 THRESHOLDS = np.geomspace(0.001, 0.5, 12)  # of the largest standardised coefficient

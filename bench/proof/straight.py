@@ -7,7 +7,7 @@ from bench.proof.body import Body
 from bench.proof.sindy import terms_first
 from bench.proof.straight_truth import COLOURED, QUANTISED, WHITE, record
 from discrepancy.models.straight import LIBRARY, MASS_KG, model
-from discrepancy.recording import Recording
+from discrepancy.signals.recording import Recording
 
 NOISES = {"white": WHITE, "coloured": COLOURED, "quantised": QUANTISED}
 

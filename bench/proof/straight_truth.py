@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from discrepancy.recording import Recording, signal
+from discrepancy.signals.recording import Recording, signal
 
 G = 9.81
 STEP_S = 0.005

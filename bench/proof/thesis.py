@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from bench.proof.arm import Arm, Truth, row
-from hil.scale.store import Row
-from hil.thesis.left_out import EXPECTED, OTHERS, diagnose, record
+from diagnosis.fleet.store import Row
+from studies.thesis.left_out import EXPECTED, OTHERS, diagnose, record
 
 FIRST = (4, 0.0)
 """Seed of the sensors' noise and payload [kg] of the drive that the thesis page shows."""

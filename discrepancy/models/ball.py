@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from discrepancy.model import Effect, Manoeuvre, Model, Parameter, Port, Window
-from discrepancy.recording import Array, Recording, signal
-from discrepancy.sensors import sensor_effects
+from discrepancy.model.description import Effect, Manoeuvre, Model, Parameter, Port, Window
+from discrepancy.model.sensors import sensor_effects
+from discrepancy.signals.recording import Array, Recording, signal
 
 G = 9.81  # m/s²
 AIR = 1.2  # kg/m³, 20 °C
@@ -118,7 +118,7 @@ LAUNCH = Effect(
     sentence="the ball is held for a time after the first sample",
     equation="z(t) = z0 until t0 + t_r",
     parameters=(
-        Parameter(name="release", unit="s", lower=0.0, upper=0.4, typical=0.05, probes=(0.05, 0.15)),
+        Parameter(name="release", unit="s", lower=0.0, upper=0.4, typical=0.05, trial_steps=(0.05, 0.15)),
     ),
     kind="physics",
     place="start of each drop",

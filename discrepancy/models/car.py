@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import savgol_filter
 
-from discrepancy.model import Effect, Manoeuvre, Model, Parameter, Port, Window
-from discrepancy.recording import Array, Recording, changes_only, signal
-from discrepancy.sensors import delayed, lagged, sensor_effects
+from discrepancy.model.description import Effect, Manoeuvre, Model, Parameter, Port, Window
+from discrepancy.model.sensors import delayed, lagged, sensor_effects
+from discrepancy.signals.recording import Array, Recording, changes_only, signal
 
 WHEELBASE_M = 0.1735
 STEP_S = 0.01
@@ -68,7 +68,7 @@ def _lag(
         sentence=sentence,
         equation=equation,
         parameters=(
-            Parameter(name=parameter, unit="s", lower=0.0, upper=0.5, typical=0.05, probes=(0.05, 0.15)),
+            Parameter(name=parameter, unit="s", lower=0.0, upper=0.5, typical=0.05, trial_steps=(0.05, 0.15)),
         ),
         kind="physics",
         place=place,
@@ -120,7 +120,9 @@ PHYSICS = (
         sentence="the lateral acceleration saturates at the floor's grip",
         equation="r = r0 / sqrt(1 + (c v r0 / g)²), c = 1/mu",
         parameters=(
-            Parameter(name="slipperiness", unit="1", lower=0.0, upper=6.0, typical=1.0, probes=(1.0, 2.0)),
+            Parameter(
+                name="slipperiness", unit="1", lower=0.0, upper=6.0, typical=1.0, trial_steps=(1.0, 2.0)
+            ),
         ),
         kind="physics",
         place="tyres",

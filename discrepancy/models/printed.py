@@ -13,14 +13,14 @@ from typing import Final
 
 import numpy as np
 
-from discrepancy.model import Effect, Model, Parameter, Window
-from discrepancy.models.loader import load_run
+from discrepancy.model.description import Effect, Model, Parameter, Window
+from discrepancy.model.sensors import sensor_effects
+from discrepancy.models.loader.model import load_run
 from discrepancy.models.printed_forms import Corrections, estimate
-from discrepancy.recording import Array, Recording, Signal, signal
-from discrepancy.sensors import sensor_effects
+from discrepancy.signals.recording import Array, Recording, Signal, signal
 from ecu.calibration import load_calibration
-from ecu.estimators.wheels import radius
-from plant.sensors import WHEELS
+from ecu.estimators.tyres.wheels import radius
+from plant.unit.signals import WHEELS
 
 STEP_S: Final = 0.5
 
@@ -93,7 +93,7 @@ LIBRARY = (
     _share("wheel_spin", PITCH, "the wheels' own spin takes part in the pitch moment", "sum M_y + sum J_w Omega'", "braking",
            trunnion="a wheel that spins without the machine accelerating"),
     _share("arm_rotation", "centre of gravity (37), (42)", "the whole lift arm turns about its own pivot, the payload with it", "full rotation about (x_p, z_p)",
-           "laden, braking and fast turns", higher="arm level and arm down: a height is the same in both"),
+           "loaded, braking and fast turns", higher="arm level and arm down: a height is the same in both"),
     _share("lateral_share", ROLL, "the rear pivot bears another share of the lateral force than half", "F_yR = (1/2 + s) m a_y", "fast turns",
            size=0.2, most=0.5),
     _share("axle_roll", ROLL, "the rear axle does not oscillate freely but bears part of the roll moment", "M_p = s m Z_cog a_y", "fast turns",
@@ -120,11 +120,11 @@ LIBRARY = (
     _error("roll_zero", "rad", 0.01, "slope sensor", "the slope sensor is mounted askew", "roll + r0", "standstill", sensor=True),
     _error("speed_error", "1", 0.03, "wheel speeds", "the wheels' radius is wrong", "v (1 + s)", "turns", sensor=True),
     *(fault for name in NORMAL for fault in sensor_effects(name, "N", bias=500.0, kinds=("bias", "scale"))),
-    *sensor_effects("acceleration_y", "m/s^2", bias=0.1, kinds=("bias", "scale", "delay")),
+    *sensor_effects("specific_force_y", "m/s^2", bias=0.1, kinds=("bias", "scale", "delay")),
     *sensor_effects("joint_torque", "N.m", bias=500.0, kinds=("bias", "delay")),
 )  # fmt: skip
 
-NUISANCES = (Parameter(name="zero.acceleration_y", unit="m/s^2", typical=0.1, prior_sd=0.1),)
+NUISANCES = (Parameter(name="zero.specific_force_y", unit="m/s^2", typical=0.1, prior_sd=0.1),)
 """Masses and where they are count as known, as in the thesis, whose estimators had the numbers of its simulation (5.3.1)."""
 
 
@@ -144,7 +144,7 @@ class PrintedEstimators:
         estimate(rows, made, window.constants.get("payload", 0.0), self._parameters, normal, side, torque)
         return {
             **dict(zip(NORMAL, normal.T, strict=True)),
-            "acceleration_y": side + values.get("zero.acceleration_y", 0.0),
+            "specific_force_y": side + values.get("zero.specific_force_y", 0.0),
             "joint_torque": torque,
         }
 
@@ -182,7 +182,7 @@ def model(_: Sequence[Recording] = (), *, without: tuple[str, ...] = ()) -> Mode
             **dict.fromkeys(RATES, "rad/s"),
             **dict.fromkeys(FORCES, "N"),
         },
-        outputs={**dict.fromkeys(NORMAL, "N"), "acceleration_y": "m/s^2", "joint_torque": "N.m"},
+        outputs={**dict.fromkeys(NORMAL, "N"), "specific_force_y": "m/s^2", "joint_torque": "N.m"},
         constants={"payload": "kg"},
         nuisances=NUISANCES,
         effects=tuple(e for e in LIBRARY if e.name not in without),

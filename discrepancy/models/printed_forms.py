@@ -7,13 +7,16 @@ corrections at zero: the print, (71)-(87) as solved (E-14, E-20), acceleration a
 import math
 from typing import Final, NamedTuple
 
-from discrepancy.recording import Array
-from ecu.estimators.acceleration import printed_acceleration
-from ecu.estimators.cog import Centre, front_unit, front_unit_printed, machine_centre, with_axle
+from discrepancy.signals.recording import Array
 from ecu.estimators.compiled import compiled
-from ecu.estimators.normal_force import printed_arms
+from ecu.estimators.loads.cog import front_unit, machine_centre, with_axle
 from ecu.estimators.parameters import GRAVITY, Body, Parameters
-from ecu.estimators.turning import WheelForces, joint_torque, yaw_moment, yaw_moment_printed
+from ecu.estimators.printed.centre import front_unit_printed
+from ecu.estimators.printed.motion import printed_acceleration
+from ecu.estimators.printed.normal_force import printed_arms
+from ecu.estimators.printed.turning import yaw_moment_printed
+from ecu.estimators.quantities import Centre, WheelForces
+from ecu.estimators.stability.turning import joint_torque, yaw_moment
 
 WHEEL_MASS: Final = 426.0  # thesis, table 3 [kg]
 

@@ -18,9 +18,9 @@ from cantools.database.can import Message
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import savgol_filter
 
-from discrepancy.model import Effect, Model, Parameter, Port, Window
-from discrepancy.recording import Array, Recording, Signal, signal
-from discrepancy.sensors import sensor_effects
+from discrepancy.model.description import Effect, Model, Parameter, Port, Window
+from discrepancy.model.sensors import sensor_effects
+from discrepancy.signals.recording import Array, Recording, Signal, signal
 
 G = 9.81
 STEP_S = 0.02

@@ -14,9 +14,9 @@ import numba
 import numpy as np
 from scipy.signal import lfilter
 
-from discrepancy.model import Effect, Manoeuvre, Model, Parameter, Port, Window
-from discrepancy.recording import Array, signal
-from discrepancy.sensors import sensor_effects
+from discrepancy.model.description import Effect, Manoeuvre, Model, Parameter, Port, Window
+from discrepancy.model.sensors import sensor_effects
+from discrepancy.signals.recording import Array, signal
 
 G = 9.81
 MASS_KG = 11_840.0
@@ -116,13 +116,13 @@ def _parameter(name: str, unit: str, lower: float, upper: float, typical: float)
     return Parameter(name=name, unit=unit, lower=lower, upper=upper, typical=typical)
 
 
-REVERSE = "drive the same stretch in the other direction"
+REVERSE = "drive the same road in the other direction"
 LIBRARY = (
     _effect(
         "rolling resistance",
         "the tyres resist with a force that only depends on the direction of travel",
         "F = -f m g sign(v)",
-        Parameter(name="rolling", unit="1", lower=0.0, upper=0.2, typical=0.015, probes=(0.015, 0.004)),
+        Parameter(name="rolling", unit="1", lower=0.0, upper=0.2, typical=0.015, trial_steps=(0.015, 0.004)),
         "wheels",
         "driving in both directions",
         slope=REVERSE,
@@ -168,7 +168,7 @@ LIBRARY = (
         "motor lag",
         "the drive force follows its command with a first-order lag",
         "tau dF/dt + F = F_command",
-        Parameter(name="motor_lag", unit="s", lower=0.0, upper=2.0, typical=0.1, probes=(0.1, 0.4)),
+        Parameter(name="motor_lag", unit="s", lower=0.0, upper=2.0, typical=0.1, trial_steps=(0.1, 0.4)),
         "drive",
         "fast changes of the command",
         speed_delay="a step of the command: acceleration is late too under a lag",

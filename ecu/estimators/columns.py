@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from ecu.estimators.compiled import compiled
 from ecu.estimators.estimate import corrected, corrected_now
 from ecu.estimators.parameters import Parameters
-from ecu.estimators.printed import printed
-from ecu.estimators.signals import INITIAL, Estimates, Inputs, State
+from ecu.estimators.printed.estimate import printed
+from ecu.estimators.printed.state import PRINTED_INITIAL, PrintedState
+from ecu.estimators.signals import Estimates, Inputs
+from ecu.estimators.state import INITIAL, State
 
 Floats = NDArray[np.float64]
 INPUTS = len(Inputs._fields)
@@ -24,19 +26,21 @@ def estimate_columns(
     parameters: Parameters,
     *,
     form: Literal["corrected", "printed"] = "corrected",
-    outlook: bool = True,
+    prediction: bool = True,
 ) -> Floats:
     """Estimates, shape (n, len(Estimates._fields)), of inputs of shape (n, len(Inputs._fields)).
 
-    The rows are consecutive cycles; the state starts at its initial value. outlook: False leaves out what
-    lies ahead (NaN), which takes most of the time.
+    The rows are consecutive cycles; the state starts at its initial value. prediction: False leaves out
+    the prediction (NaN), which takes most of the time.
     """
     if inputs.ndim != 2 or inputs.shape[1] != INPUTS:
         raise ValueError(f"inputs have shape {inputs.shape}; expected (n, {INPUTS}), the fields of Inputs")
     rows = np.ascontiguousarray(inputs, dtype=np.float64)
     out = np.empty((len(rows), ESTIMATES))
-    corrected_form = corrected_rows if outlook else present_rows
-    (corrected_form if form == "corrected" else printed_rows)(rows, parameters, INITIAL, out)
+    if form == "printed":
+        printed_rows(rows, parameters, PRINTED_INITIAL, out)
+    else:
+        (corrected_rows if prediction else present_rows)(rows, parameters, INITIAL, out)
     return out
 
 
@@ -51,7 +55,7 @@ def corrected_rows(rows: Floats, parameters: Parameters, state: State, out: Floa
 
 @compiled
 def present_rows(rows: Floats, parameters: Parameters, state: State, out: Floats) -> None:
-    """The corrected estimators without the outlook."""
+    """The corrected estimators without the prediction."""
     for k in range(rows.shape[0]):
         estimates, state = corrected_now(Inputs(*to_fixed_tuple(rows[k], INPUTS)), state, parameters)
         for j in range(ESTIMATES):
@@ -59,7 +63,7 @@ def present_rows(rows: Floats, parameters: Parameters, state: State, out: Floats
 
 
 @compiled
-def printed_rows(rows: Floats, parameters: Parameters, state: State, out: Floats) -> None:
+def printed_rows(rows: Floats, parameters: Parameters, state: PrintedState, out: Floats) -> None:
     """The estimators as printed."""
     for k in range(rows.shape[0]):
         estimates, state = printed(Inputs(*to_fixed_tuple(rows[k], INPUTS)), state, parameters)

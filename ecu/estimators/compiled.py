@@ -11,6 +11,6 @@ from bus.machine_code import code_folder, compiler, digest_of
 _FOLDER = Path(__file__).resolve().parent
 
 compiled = compiler(
-    code_folder(_FOLDER, "estimators", digest_of(sorted(_FOLDER.glob("*.py")))), fastmath=False
+    code_folder(_FOLDER, "estimators", digest_of(sorted(_FOLDER.rglob("*.py")))), fastmath=False
 )
 """Compiles at the first call, without reordering floating point: same results as Python."""

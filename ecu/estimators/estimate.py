@@ -1,19 +1,20 @@
-"""One cycle of all estimators, corrected: inputs and state in, estimates and new state out.
+"""One cycle of all corrected estimators: inputs and state in, estimates and new state out.
 
-Two halves: `present` is what is so now, `ahead` what will come of it. Only the first carries state, so
-that whoever does not need the outlook of a recording can leave it out.
+Two halves: `present` estimates the machine as it is now, `predict_and_permit` what follows within the horizon. Only the
+first carries state, so that a study of a recording can leave out the prediction, which takes most of the time.
 """
 
 import math
 from typing import NamedTuple
 
-from ecu.estimators import contact, permitted, rollover, turning
-from ecu.estimators.acceleration import Vector, gravity_reaction, yaw_rate
-from ecu.estimators.balance import balance, longitudinal_forces
-from ecu.estimators.cog import front_unit, machine_centre
 from ecu.estimators.compiled import compiled
-from ecu.estimators.contact import Followed, Tilt
-from ecu.estimators.motion import (
+from ecu.estimators.loads.arm_forces import arm_forces
+from ecu.estimators.loads.balance import balance, longitudinal_forces
+from ecu.estimators.loads.cog import front_unit, machine_centre
+from ecu.estimators.loads.payload import BucketLoad, followed_load, lift_acceleration, push_of
+from ecu.estimators.motion.acceleration import gravity_reaction, yaw_rate
+from ecu.estimators.motion.arm import Turning, tracked
+from ecu.estimators.motion.motion import (
     Accelerations,
     Motion,
     centre_force,
@@ -22,19 +23,21 @@ from ecu.estimators.motion import (
     measured_accelerations,
     motion,
 )
-from ecu.estimators.normal_force import NormalForces
+from ecu.estimators.motion.planar import Steering, lateral_step
+from ecu.estimators.next_state import next_state
 from ecu.estimators.parameters import GRAVITY, Body, Parameters
-from ecu.estimators.payload import BucketLoad, followed_load, push_of
-from ecu.estimators.planar import Steering, slid
-from ecu.estimators.rollover import Course, Laden, Margin, Outlook
-from ecu.estimators.signals import Estimates, Inputs, State
-from ecu.estimators.state import next_state
-from ecu.estimators.turning import WheelForces
-from ecu.estimators.wheels import radius, shared, transient_forces, wheel_slips
+from ecu.estimators.quantities import NormalForces, Vector, WheelForces
+from ecu.estimators.signals import Estimates, Inputs
+from ecu.estimators.stability import permitted, rollover, turning
+from ecu.estimators.stability.rollover import LoadedMachine, Margin, Prediction, PredictionState
+from ecu.estimators.state import State
+from ecu.estimators.tyres import contact
+from ecu.estimators.tyres.contact import Followed, Tilt
+from ecu.estimators.tyres.wheels import radius, shared, transient_forces, wheel_slips
 
 
 class Present(NamedTuple):
-    """What is so now, and where an outlook starts."""
+    """The machine as it is now, and where a prediction starts."""
 
     normal: NormalForces
     forces: WheelForces
@@ -46,32 +49,52 @@ class Present(NamedTuple):
     speed: float
     force: Vector  # specific force at the centre of gravity
     payload: float
-    course: Course
-    machine: Laden
+    start: PredictionState
+    machine: LoadedMachine
 
 
-class Ahead(NamedTuple):
-    """What will come of it."""
+class Future(NamedTuple):
+    """What follows within the horizon, and what the machine is permitted because of it."""
 
-    outlook: Outlook
-    permitted_rate: float
-    permitted_speed: float
+    prediction: Prediction
+    permitted_rate: float  # articulation rate [rad/s]
+    permitted_direction: float  # the demanded one: +1 left, -1 right, 0 none
+    permitted_speed: float  # [m/s]
 
 
-UNKNOWN = Ahead(Outlook(math.nan, math.nan, math.nan, math.nan), math.nan, math.nan)
-"""Nobody looked."""
+NOT_PREDICTED = Future(Prediction(math.nan, math.nan, math.nan, math.nan), math.nan, math.nan, math.nan)
+"""The prediction was left out."""
+
+
+@compiled
+def in_front_axes(i: Inputs, v: Vector) -> Vector:
+    """A vector of the rear frame's axes in those of the front frame."""
+    c, s = math.cos(i.articulation_angle), math.sin(i.articulation_angle)
+    return Vector(v.x * c + v.y * s, v.y * c - v.x * s, v.z)
 
 
 @compiled
 def bucket_load(
-    i: Inputs, s: State, a: Accelerations, x: WheelForces, front: Body, p: Parameters
+    i: Inputs, s: State, a: Accelerations, x: WheelForces, front: Body, lift: Turning, p: Parameters
 ) -> BucketLoad:
     """What the bucket carries and pushes, from the pressures and the traction that the motion does not explain."""
-    c, d = math.cos(i.articulation_angle), math.sin(i.articulation_angle)
-    along = Vector(a.front.x * c + a.front.y * d, a.front.y * c - a.front.x * d, a.front.z)
+    c = math.cos(i.articulation_angle)
     traction = (x.x1 + x.x2) * c + x.x3 + x.x4
     traction -= front.mass * a.front.x + p.rear.mass * a.rear.x + p.axle.mass * a.axle.x
-    return followed_load(i, s, along, traction, s.speed, p)
+    return followed_load(i, s, in_front_axes(i, a.front), traction, s.speed, lift, p)
+
+
+@compiled
+def arm_motion(i: Inputs, s: State) -> tuple[Turning, Turning]:
+    """Motion of lift arm and bucket; at rest in the first cycle."""
+    if s.cycles == 0.0:
+        return (
+            Turning(i.lift_arm_angle, 0.0, 0.0, i.lift_arm_angle),
+            Turning(i.tilt_angle, 0.0, 0.0, i.tilt_angle),
+        )
+    arm = Turning(s.lift_angle, s.lift_rate, s.lift_acceleration, s.lift_sample)
+    bucket = Turning(s.tilt_angle, s.tilt_rate, s.tilt_acceleration, s.tilt_sample)
+    return tracked(arm, i.lift_arm_angle, i.dt), tracked(bucket, i.tilt_angle, i.dt)
 
 
 @compiled
@@ -80,14 +103,17 @@ def follow_tilt(
 ) -> tuple[NormalForces, Followed]:
     """Loads that follow the gyro in the short run, and the state of that filter.
 
-    Where a tyre has no load or the gyro is not to be relied on, the balance of forces stands.
+    Where the gyro is not to be relied on, the balance of forces stands alone. Where a tyre has no load its deflection
+    does not follow from its load: the balance gives the forces, and the tilt goes on with the gyro.
     """
     g, w = p.geometry, p.wheel
     bias = Tilt(s.roll_bias, s.pitch_bias)
     balanced = contact.tilt_of(n, i.articulation_angle, w, g)
-    if s.cycles == 0.0 or i.rates_usable == 0.0 or not contact.stands(n) or p.contact.settling_time == 0.0:
+    if s.cycles == 0.0 or i.rates_usable == 0.0 or p.contact.settling_time == 0.0:
         return n, Followed(balanced, bias, Tilt(0.0, 0.0))
     before, gyro = Tilt(s.roll_tilt, s.pitch_tilt), Tilt(i.roll_rate, i.pitch_rate)
+    if not contact.stands(n):
+        return n, contact.carried_on(before, bias, gyro, m.rate.z, i.dt)
     now = contact.followed(before, bias, gyro, m.rate.z, balanced, s.cycles, i.dt, p.contact)
     return contact.carried(n, now.tilt, now.rate, i.articulation_angle, i.dt, w, g, p.contact), now
 
@@ -103,9 +129,10 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     else:
         a = kinematic_accelerations(i, s, m, front, p)
     x = longitudinal_forces(i, s, m, a, front, p)
-    load = bucket_load(i, s, a, x, front, p)
+    arm, bucket = arm_motion(i, s)
+    load = bucket_load(i, s, a, x, front, arm, p)
     front = front_unit(i.lift_arm_angle, i.tilt_angle, load.payload, p.front, p.arm, p.bucket)
-    machine = rollover.laden(front, p)
+    machine = rollover.loaded_machine(front, p)
 
     r1 = radius(s.normal_1, w.front_stiffening, w)
     r2 = radius(s.normal_2, w.front_stiffening, w)
@@ -115,7 +142,12 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     axle_acceleration = (m.wheel_acceleration_3 + m.wheel_acceleration_4) / 2.0 * r3
     trail = w.pneumatic_trail * min(max(v / 0.5, -1.0), 1.0)
 
-    lateral, balanced = balance(i, m, a, front, push_of(i, load, p), x, trail, p)
+    front_yaw = m.rate.z + i.articulation_rate
+    quick = Turning(
+        arm.angle, arm.rate, lift_acceleration(i, in_front_axes(i, a.front), load, arm, p), arm.sample
+    )
+    moved = arm_forces(quick, bucket, front_yaw, load.payload, p)
+    lateral, balanced = balance(i, m, a, front, push_of(i, load, p), moved, x, trail, p)
     n, tilt = follow_tilt(i, s, m, balanced, p)
 
     rest = Vector(a.rear.x, a.rear.y, a.rear.z)
@@ -124,11 +156,13 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     acceleration = (a.axle.x - rest.x) if i.acceleration_usable != 0.0 else axle_acceleration
     front_load, rear_load = n.front_left + n.front_right, n.rear_left + n.rear_right
     steering = Steering(d, i.articulation_rate, m.articulation_acceleration, v, acceleration, rest.x, rest.y)
-    slide = slid(s.drift, m.rate.z, steering, front_load, rear_load, i.dt, front, machine.rear_unit, w, g)
+    slide = lateral_step(
+        s.drift, m.rate.z, steering, front_load, rear_load, i.dt, front, machine.rear_unit, w, g
+    )
     ground = permitted.leaned(rest, Tilt(-tilt.tilt.roll, -tilt.tilt.pitch))
     over = rollover.support_of(n, d, g)
     demand = i.articulation_rate_demand if i.demand_usable != 0.0 else i.articulation_rate
-    course = Course(
+    start = PredictionState(
         d, i.articulation_rate, demand, v, acceleration, rest.x, rest.y, rest.z, ground, slide.drift,
         m.rate.z, front_load, rear_load, over.y, contact.support_rate(n, tilt.rate, d, i.articulation_rate, w, g),
     )  # fmt: skip
@@ -144,56 +178,88 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     now = Present(
         n, forces, slips, models,
         rollover.margin(n, machine.standing), turn, lateral.joint_torque, v,
-        centre_force(a, front, p.rear, p.axle.mass), load.payload, course, machine,
+        centre_force(a, front, p.rear, p.axle.mass), load.payload, start, machine,
     )  # fmt: skip
     state = next_state(
         i, s, m, load, v, axle_speed, axle_acceleration, n, forces,
-        deflections, slide.drift, tilt.tilt, tilt.bias,
+        deflections, slide.drift, tilt.tilt, tilt.bias, arm, bucket,
     )  # fmt: skip
     return now, state
 
 
 @compiled
-def ahead(course: Course, rate_limit: float, machine: Laden) -> Ahead:
-    """The outlook at the rate that the driver demands and is permitted, and what would be permitted."""
-    g, prediction, rate = machine.geometry, machine.prediction, course.articulation_rate
-    asked = rollover.demanding(course, min(max(course.demanded_rate, -rate_limit), rate_limit))
-    outlook = rollover.look_ahead(asked, prediction.demand_hold, 0.0, machine)
-    turned = course.articulation_angle + rate * prediction.limit_hold
+def predict_and_permit(start: PredictionState, rate_limit: float, machine: LoadedMachine) -> Future:
+    """The prediction at the rate that the driver demands and is permitted, and what will be permitted next."""
+    g, rules, rate = machine.geometry, machine.prediction, start.articulation_rate
+    asked = rollover.with_demand(start, min(max(start.demanded_rate, -rate_limit), rate_limit))
+    prediction = rollover.predict(asked, rules.demand_hold, 0.0, machine)
+    turned = start.articulation_angle + rate * rules.limit_hold
     turned = min(max(turned, -g.articulation_stop), g.articulation_stop)
-    direction = 1.0 if course.speed >= 0.0 else -1.0
-    speed = permitted.permitted_speed(turned, course.ground, direction, machine)
-    return Ahead(
-        outlook,
-        permitted.permitted_rate(course, machine),
-        permitted.limit_for(speed, course.ground, direction, machine),
+    direction = 1.0 if start.speed >= 0.0 else -1.0
+    speed = permitted.permitted_speed(turned, start.ground, direction, machine)
+    return Future(
+        prediction,
+        permitted.permitted_rate(start, machine),
+        math.copysign(1.0, start.demanded_rate) if start.demanded_rate != 0.0 else 0.0,
+        permitted.limit_for(speed, start.ground, direction, machine),
     )
 
 
 @compiled
-def estimates_of(now: Present, future: Ahead, p: Parameters) -> Estimates:
-    """Both halves in the order of the estimates."""
-    n, f, k, t, outlook = now.normal, now.forces, now.slips, now.models, future.outlook
-    c = now.course
+def estimates_of(now: Present, future: Future, p: Parameters) -> Estimates:
+    """Both halves as one row of estimates."""
+    c = now.start
     return Estimates(
-        n.front_left, n.front_right, n.rear_left, n.rear_right,
-        f.x1, f.x2, f.x3, f.x4, f.y1, f.y2, f.y3, f.y4, k.x1, k.x2, k.x3, k.x4, t.x1, t.x2, t.x3, t.x4,
-        rollover.load_transfer_ratio(n), outlook.load_transfer_ratio, now.margin.ratio, now.margin.wheel,
-        outlook.margin, outlook.time_to_lift_off, outlook.wheel, now.yaw_moment, now.joint_torque,
-        yaw_rate(now.speed, c.articulation_angle, c.articulation_rate, p.geometry), now.speed,
-        now.force.x, now.force.y, now.force.z, now.payload, future.permitted_rate, future.permitted_speed,
-    )  # fmt: skip
+        normal_1=now.normal.front_left,
+        normal_2=now.normal.front_right,
+        normal_3=now.normal.rear_left,
+        normal_4=now.normal.rear_right,
+        longitudinal_1=now.forces.x1,
+        longitudinal_2=now.forces.x2,
+        longitudinal_3=now.forces.x3,
+        longitudinal_4=now.forces.x4,
+        lateral_1=now.forces.y1,
+        lateral_2=now.forces.y2,
+        lateral_3=now.forces.y3,
+        lateral_4=now.forces.y4,
+        slip_1=now.slips.x1,
+        slip_2=now.slips.x2,
+        slip_3=now.slips.x3,
+        slip_4=now.slips.x4,
+        tyre_model_1=now.models.x1,
+        tyre_model_2=now.models.x2,
+        tyre_model_3=now.models.x3,
+        tyre_model_4=now.models.x4,
+        load_transfer_ratio=rollover.load_transfer_ratio(now.normal),
+        predicted_load_transfer_ratio=future.prediction.load_transfer_ratio,
+        lift_off_margin=now.margin.ratio,
+        lift_off_wheel=now.margin.wheel,
+        predicted_margin=future.prediction.margin,
+        time_to_lift_off=future.prediction.time_to_lift_off,
+        lifting_wheel=future.prediction.wheel,
+        yaw_moment=now.yaw_moment,
+        joint_torque=now.joint_torque,
+        yaw_rate=yaw_rate(now.speed, c.articulation_angle, c.articulation_rate, p.geometry),
+        speed=now.speed,
+        specific_force_x=now.force.x,
+        specific_force_y=now.force.y,
+        specific_force_z=now.force.z,
+        payload=now.payload,
+        permitted_rate=future.permitted_rate,
+        permitted_direction=future.permitted_direction,
+        permitted_speed=future.permitted_speed,
+    )
 
 
 @compiled
 def corrected(i: Inputs, s: State, p: Parameters) -> tuple[Estimates, State]:
     """One cycle of the corrected estimators."""
     now, state = present(i, s, p)
-    return estimates_of(now, ahead(now.course, i.rate_limit, now.machine), p), state
+    return estimates_of(now, predict_and_permit(now.start, i.rate_limit, now.machine), p), state
 
 
 @compiled
 def corrected_now(i: Inputs, s: State, p: Parameters) -> tuple[Estimates, State]:
-    """The same without the outlook: what belongs to it is not a number."""
+    """The same without the prediction: what belongs to the prediction is not a number."""
     now, state = present(i, s, p)
-    return estimates_of(now, UNKNOWN, p), state
+    return estimates_of(now, NOT_PREDICTED, p), state

@@ -14,8 +14,10 @@ from ecu.estimators.columns import ESTIMATES, INPUTS, to_fixed_tuple
 from ecu.estimators.compiled import compiled
 from ecu.estimators.estimate import corrected
 from ecu.estimators.parameters import Parameters
-from ecu.estimators.printed import printed
-from ecu.estimators.signals import INITIAL, Estimates, Inputs, State
+from ecu.estimators.printed.estimate import printed
+from ecu.estimators.printed.state import PRINTED_INITIAL, PrintedState
+from ecu.estimators.signals import Estimates, Inputs
+from ecu.estimators.state import INITIAL, State
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +27,7 @@ class LiveEstimator:
 
     def __init__(self, parameters: Parameters, form: Literal["corrected", "printed"]) -> None:
         self._parameters = parameters
-        self._cycles = corrected_cycles if form == "corrected" else printed_cycles
+        self._form = form
         self._inputs, self._estimates = np.empty(INPUTS), np.empty(ESTIMATES)
         self._running: Iterator[None] | None = None
 
@@ -37,9 +39,15 @@ class LiveEstimator:
         """One cycle; the first one compiles on a fresh machine."""
         self._inputs[:] = inputs
         if self._running is None:
-            self._running = self._cycles(self._inputs, self._estimates, self._parameters, INITIAL)
+            self._running = self._start()
         next(self._running)
         return Estimates._make(self._estimates.tolist())
+
+    def _start(self) -> Iterator[None]:
+        rows = self._inputs, self._estimates, self._parameters
+        if self._form == "printed":
+            return printed_cycles(*rows, PRINTED_INITIAL)
+        return corrected_cycles(*rows, INITIAL)
 
 
 @compiled
@@ -55,8 +63,10 @@ def corrected_cycles(
 
 
 @compiled
-def printed_cycles(inputs: Floats, estimates: Floats, parameters: Parameters, state: State) -> Iterator[None]:
-    """The estimators as printed, likewise."""
+def printed_cycles(
+    inputs: Floats, estimates: Floats, parameters: Parameters, state: PrintedState
+) -> Iterator[None]:
+    """The printed estimators: each step reads `inputs` and leaves `estimates`."""
     while True:
         found, state = printed(Inputs(*to_fixed_tuple(inputs, INPUTS)), state, parameters)
         for k in range(ESTIMATES):

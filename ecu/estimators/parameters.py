@@ -182,7 +182,7 @@ class Contact(NamedTuple):
     damping: float  # of a tyre, radial [N s/m]
 
 
-class Prediction(NamedTuple):
+class PredictionRules(NamedTuple):
     """Feed-forward prediction of lift-off."""
 
     horizon: float  # [s]
@@ -221,4 +221,4 @@ class Parameters(NamedTuple):
     magic_formula: MagicFormula
     sensors: Sensors
     contact: Contact
-    prediction: Prediction
+    prediction: PredictionRules

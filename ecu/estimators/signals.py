@@ -1,143 +1,146 @@
-"""What goes into one cycle of the estimators, what comes out, and what they carry to the next.
+"""The ECU's signal table: what goes into one cycle of the estimators, and what comes out.
 
-Everything here is a float: flags are 0 or 1, wheels are 1 FL, 2 FR, 3 RL, 4 RR. An input that is not
-usable still needs a number (its last one); its flag says that it is not to be relied on, and what can
-do without it does. Which estimate may then be called valid is decided in `ecu.validity`.
+One row per signal. Its marker (`ecu.bus_signals`) names the signal on the bus; the ECU's inputs, its frames and their
+validity flags are derived from the rows. Everything is a float in SI units: flags are 0 or 1, wheels are 1 FL, 2 FR,
+3 RL, 4 RR. An input that is not usable still has a number (its last good one); its flag says that the estimators
+must not rely on it. `ecu.validity` decides which estimates are valid.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
+
+from ecu.bus_signals import Received, Sent, Usable
 
 
 class Inputs(NamedTuple):
-    """What the machine reports, SI, and which of it is usable (1) or not (0)."""
+    """What the machine reports, and which of it is usable (1) or not (0).
+
+    In this order: the period, the inputs from the bus, their flags, the ECU's own limit.
+    """
 
     dt: float  # time since the previous cycle [s]
-    articulation_angle: float
-    articulation_rate: float
-    articulation_rate_demand: float
-    wheel_speed_1: float
-    wheel_speed_2: float
-    wheel_speed_3: float
-    wheel_speed_4: float
-    wheel_torque_1: float
-    wheel_torque_2: float
-    wheel_torque_3: float
-    wheel_torque_4: float
-    specific_force_x: float
-    specific_force_y: float
-    specific_force_z: float
-    roll_rate: float
-    pitch_rate: float
-    yaw_rate: float
-    pitch: float
-    roll: float
-    lift_pressure: float
-    tilt_pressure: float
-    lift_arm_angle: float
-    tilt_angle: float
-    demand_usable: float
-    wheel_1_usable: float
-    wheel_2_usable: float
-    wheel_3_usable: float
-    wheel_4_usable: float
-    torque_usable: float
-    acceleration_usable: float
-    rates_usable: float
-    slope_usable: float
-    pressure_usable: float
+    articulation_angle: Annotated[
+        float,
+        Received("Articulation", "ArticulationAngle", "rad", "articulation", "articulation_step", "State"),
+    ]
+    articulation_rate: Annotated[
+        float, Received("Articulation", "ArticulationRate", "rad/s", "articulation_rate", state="State")
+    ]
+    articulation_rate_demand: Annotated[
+        float,
+        Received("DriverDemand", "ArticulationRateDemand", "rad/s", "articulation_rate", sensed=False),
+    ]
+    wheel_speed_1: Annotated[
+        float, Received("WheelSpeedsFront", "Left", "rad/s", "wheel_speed", "wheel_speed_step", "LeftState")
+    ]
+    wheel_speed_2: Annotated[
+        float, Received("WheelSpeedsFront", "Right", "rad/s", "wheel_speed", "wheel_speed_step", "RightState")
+    ]
+    wheel_speed_3: Annotated[
+        float, Received("WheelSpeedsRear", "Left", "rad/s", "wheel_speed", "wheel_speed_step", "LeftState")
+    ]
+    wheel_speed_4: Annotated[
+        float, Received("WheelSpeedsRear", "Right", "rad/s", "wheel_speed", "wheel_speed_step", "RightState")
+    ]
+    wheel_torque_1: Annotated[
+        float, Received("WheelTorquesFront", "Left", "N.m", "wheel_torque", state="LeftState")
+    ]
+    wheel_torque_2: Annotated[
+        float, Received("WheelTorquesFront", "Right", "N.m", "wheel_torque", state="RightState")
+    ]
+    wheel_torque_3: Annotated[
+        float, Received("WheelTorquesRear", "Left", "N.m", "wheel_torque", state="LeftState")
+    ]
+    wheel_torque_4: Annotated[
+        float, Received("WheelTorquesRear", "Right", "N.m", "wheel_torque", state="RightState")
+    ]
+    # the inertial sensor on the rear frame: what an accelerometer reads, gravity's reaction included
+    specific_force_x: Annotated[
+        float, Received("BodyAcceleration", "Longitudinal", "m/s2", "acceleration", state="State")
+    ]
+    specific_force_y: Annotated[
+        float, Received("BodyAcceleration", "Lateral", "m/s2", "acceleration", state="State")
+    ]
+    specific_force_z: Annotated[
+        float, Received("BodyAcceleration", "Vertical", "m/s2", "acceleration", state="State")
+    ]
+    roll_rate: Annotated[float, Received("BodyRates", "RollRate", "rad/s", "rate", state="State")]
+    pitch_rate: Annotated[float, Received("BodyRates", "PitchRate", "rad/s", "rate", state="State")]
+    yaw_rate: Annotated[float, Received("BodyRates", "YawRate", "rad/s", "rate", state="State")]
+    pitch: Annotated[float, Received("SlopeSensor", "PitchAngle", "rad", "slope", "slope_step")]
+    roll: Annotated[float, Received("SlopeSensor", "RollAngle", "rad", "slope", "slope_step")]
+    # head sides of the cylinders
+    lift_pressure: Annotated[float, Received("LiftPressure", "LiftCylinderPressure", "Pa", "pressure")]
+    tilt_pressure: Annotated[float, Received("TiltPressure", "TiltCylinderPressure", "Pa", "pressure")]
+    lift_arm_angle: Annotated[
+        float, Received("LinkageAngles", "LiftArmAngle", "rad", "arm", "linkage_step", "State")
+    ]
+    tilt_angle: Annotated[
+        float, Received("LinkageAngles", "TiltAngle", "rad", "tilt", "linkage_step", "State")
+    ]
+    demand_usable: Annotated[float, Usable(("articulation_rate_demand",))]
+    wheel_1_usable: Annotated[float, Usable(("wheel_speed_1",))]
+    wheel_2_usable: Annotated[float, Usable(("wheel_speed_2",))]
+    wheel_3_usable: Annotated[float, Usable(("wheel_speed_3",))]
+    wheel_4_usable: Annotated[float, Usable(("wheel_speed_4",))]
+    torque_usable: Annotated[
+        float, Usable(("wheel_torque_1", "wheel_torque_2", "wheel_torque_3", "wheel_torque_4"))
+    ]
+    acceleration_usable: Annotated[
+        float, Usable(("specific_force_x", "specific_force_y", "specific_force_z"))
+    ]
+    rates_usable: Annotated[float, Usable(("roll_rate", "pitch_rate", "yaw_rate"))]
+    slope_usable: Annotated[float, Usable(("pitch", "roll"))]
+    pressure_usable: Annotated[float, Usable(("lift_pressure", "tilt_pressure"))]
     rate_limit: float  # articulation rate the machine is permitted at present [rad/s]
 
 
-class State(NamedTuple):
-    """What the estimators carry from cycle to cycle; `INITIAL` before the first."""
-
-    cycles: float  # since the start
-    payload: float
-    speed: float
-    articulation_rate: float
-    articulation_acceleration: float
-    roll_rate: float
-    roll_acceleration: float
-    pitch_rate: float
-    pitch_acceleration: float
-    yaw_rate: float
-    yaw_acceleration: float
-    wheel_speed_1: float
-    wheel_speed_2: float
-    wheel_speed_3: float
-    wheel_speed_4: float
-    wheel_acceleration_1: float
-    wheel_acceleration_2: float
-    wheel_acceleration_3: float
-    wheel_acceleration_4: float
-    normal_1: float
-    normal_2: float
-    normal_3: float
-    normal_4: float
-    force_1: float
-    force_2: float
-    force_3: float
-    force_4: float
-    deflection_1: float
-    deflection_2: float
-    deflection_3: float
-    deflection_4: float
-    drift: float
-    axle_speed: float
-    axle_acceleration: float
-    roll_tilt: float
-    pitch_tilt: float
-    roll_bias: float
-    pitch_bias: float
-    couple: float  # of the load on the bucket (ecu.estimators.payload)
-    calm_payload: float
-    calm_couple: float
-    digging: float
-    push_x: float
-    push_z: float
-    traction: float
-
-
-INITIAL = State(*([0.0] * len(State._fields)))
-
-
 class Estimates(NamedTuple):
-    """What the ECU tells about the machine, SI, ISO 8855."""
+    """What the estimators say about the machine, ISO 8855. A row without a marker stays inside the ECU."""
 
-    normal_1: float
-    normal_2: float
-    normal_3: float
-    normal_4: float
-    longitudinal_1: float
-    longitudinal_2: float
-    longitudinal_3: float
-    longitudinal_4: float
-    lateral_1: float
-    lateral_2: float
-    lateral_3: float
-    lateral_4: float
-    slip_1: float
-    slip_2: float
-    slip_3: float
-    slip_4: float
+    normal_1: Annotated[float, Sent("NormalForces", "FrontLeft", "N", "normal", "FrontLeftValid")]
+    normal_2: Annotated[float, Sent("NormalForces", "FrontRight", "N", "normal", "FrontRightValid")]
+    normal_3: Annotated[float, Sent("NormalForces", "RearLeft", "N", "normal", "RearLeftValid")]
+    normal_4: Annotated[float, Sent("NormalForces", "RearRight", "N", "normal", "RearRightValid")]
+    # forces of the road on the tyres, in the wheels' own axes
+    longitudinal_1: Annotated[float, Sent("TyreForceFrontLeft", "Longitudinal", "N", "force_1", "ForceValid")]
+    longitudinal_2: Annotated[
+        float, Sent("TyreForceFrontRight", "Longitudinal", "N", "force_2", "ForceValid")
+    ]
+    longitudinal_3: Annotated[float, Sent("TyreForceRearLeft", "Longitudinal", "N", "force_3", "ForceValid")]
+    longitudinal_4: Annotated[float, Sent("TyreForceRearRight", "Longitudinal", "N", "force_4", "ForceValid")]
+    lateral_1: Annotated[float, Sent("TyreForceFrontLeft", "Lateral", "N", "force_1", "ForceValid")]
+    lateral_2: Annotated[float, Sent("TyreForceFrontRight", "Lateral", "N", "force_2", "ForceValid")]
+    lateral_3: Annotated[float, Sent("TyreForceRearLeft", "Lateral", "N", "force_3", "ForceValid")]
+    lateral_4: Annotated[float, Sent("TyreForceRearRight", "Lateral", "N", "force_4", "ForceValid")]
+    slip_1: Annotated[float, Sent("TyreForceFrontLeft", "Slip", "1", "slip_1", "SlipValid")]
+    slip_2: Annotated[float, Sent("TyreForceFrontRight", "Slip", "1", "slip_2", "SlipValid")]
+    slip_3: Annotated[float, Sent("TyreForceRearLeft", "Slip", "1", "slip_3", "SlipValid")]
+    slip_4: Annotated[float, Sent("TyreForceRearRight", "Slip", "1", "slip_4", "SlipValid")]
     tyre_model_1: float  # longitudinal force of the tyre model at the transient slip [N]
     tyre_model_2: float
     tyre_model_3: float
     tyre_model_4: float
-    load_transfer_ratio: float
-    predicted_load_transfer_ratio: float
-    lift_off_margin: float
-    lift_off_wheel: float
-    predicted_margin: float
-    time_to_lift_off: float
-    lifting_wheel: float
-    yaw_moment: float
-    joint_torque: float
-    yaw_rate: float
-    speed: float
-    specific_force_x: float  # at the machine's centre of gravity
-    specific_force_y: float
+    load_transfer_ratio: Annotated[float, Sent("RollOver", "LoadTransferRatio", "1", "roll_over", "Valid")]
+    predicted_load_transfer_ratio: Annotated[
+        float, Sent("RollOver", "PredictedLoadTransferRatio", "1", "roll_over", "Valid")
+    ]
+    lift_off_margin: Annotated[float, Sent("RollOver", "LiftOffMargin", "1", "roll_over", "Valid")]
+    lift_off_wheel: float  # the wheel of that margin (1..4)
+    predicted_margin: float  # the smallest over the horizon
+    time_to_lift_off: Annotated[float, Sent("RollOver", "TimeToLiftOff", "s", "roll_over", "Valid")]
+    lifting_wheel: Annotated[float, Sent("RollOver", "LiftingWheel", "1", "roll_over", "Valid")]
+    yaw_moment: Annotated[float, Sent("TurningTorque", "YawMoment", "N.m", "yaw_moment", "MomentValid")]
+    joint_torque: Annotated[float, Sent("TurningTorque", "JointTorque", "N.m", "joint_torque", "TorqueValid")]
+    yaw_rate: Annotated[float, Sent("TurningTorque", "YawRate", "rad/s")]
+    speed: Annotated[float, Sent("BodyMotion", "Speed", "m/s")]  # of the rear axle
+    # specific force at the machine's centre of gravity
+    specific_force_x: Annotated[float, Sent("BodyMotion", "LongitudinalAcceleration", "m/s2")]
+    specific_force_y: Annotated[float, Sent("BodyMotion", "LateralAcceleration", "m/s2")]
     specific_force_z: float
-    payload: float
-    permitted_rate: float
-    permitted_speed: float
+    payload: Annotated[float, Sent("BodyMotion", "PayloadMass", "kg", "payload", "PayloadValid")]
+    permitted_rate: float  # articulation rate that leaves a margin [rad/s]
+    permitted_direction: float  # ... to the side that the driver demands: +1 left, -1 right, 0 none
+    permitted_speed: float  # [m/s]
+
+
+NEVER = 10.23  # TimeToLiftOff of the DBC: none within the horizon [s]

@@ -1,27 +1,68 @@
-"""What is carried from one cycle to the next."""
+"""What the corrected estimators carry from cycle to cycle."""
 
-from ecu.estimators.compiled import compiled
-from ecu.estimators.contact import Tilt
-from ecu.estimators.motion import Motion
-from ecu.estimators.normal_force import NormalForces
-from ecu.estimators.payload import BucketLoad
-from ecu.estimators.signals import Inputs, State
-from ecu.estimators.turning import WheelForces
+from typing import NamedTuple
 
 
-@compiled
-def next_state(
-    i: Inputs, s: State, m: Motion, load: BucketLoad, fused: float, axle_speed: float, axle_acceleration: float,
-    n: NormalForces, f: WheelForces, u: WheelForces, drift: float, tilt: Tilt, bias: Tilt,
-) -> State:  # fmt: skip
-    """The state for the next cycle."""
-    return State(
-        s.cycles + 1.0, load.payload, fused, i.articulation_rate, m.articulation_acceleration,
-        i.roll_rate, m.change.x, i.pitch_rate, m.change.y, i.yaw_rate, m.change.z,
-        i.wheel_speed_1, i.wheel_speed_2, i.wheel_speed_3, i.wheel_speed_4,
-        m.wheel_acceleration_1, m.wheel_acceleration_2, m.wheel_acceleration_3, m.wheel_acceleration_4,
-        n.front_left, n.front_right, n.rear_left, n.rear_right,
-        f.x1, f.x2, f.x3, f.x4, u.x1, u.x2, u.x3, u.x4, drift, axle_speed, axle_acceleration,
-        tilt.roll, tilt.pitch, bias.roll, bias.pitch,
-        load.couple, load.calm_payload, load.calm_couple, load.digging, load.x, load.z, load.traction,
-    )  # fmt: skip
+class State(NamedTuple):
+    """Everything the next cycle needs of this one; `INITIAL` before the first.
+
+    Rates are the last samples, accelerations their filtered derivatives. Wheels are 1 FL, 2 FR, 3 RL, 4 RR.
+    """
+
+    cycles: float  # since the start
+    payload: float  # [kg]
+    speed: float  # of the rear axle, fused [m/s]
+    articulation_rate: float  # [rad/s]
+    articulation_acceleration: float  # [rad/s2]
+    roll_rate: float  # of the rear frame [rad/s]
+    roll_acceleration: float  # [rad/s2]
+    pitch_rate: float
+    pitch_acceleration: float
+    yaw_rate: float
+    yaw_acceleration: float
+    wheel_speed_1: float  # [rad/s]
+    wheel_speed_2: float
+    wheel_speed_3: float
+    wheel_speed_4: float
+    wheel_acceleration_1: float  # [rad/s2]
+    wheel_acceleration_2: float
+    wheel_acceleration_3: float
+    wheel_acceleration_4: float
+    normal_1: float  # normal force [N]
+    normal_2: float
+    normal_3: float
+    normal_4: float
+    force_1: float  # longitudinal force [N]
+    force_2: float
+    force_3: float
+    force_4: float
+    deflection_1: float  # of the contact point of the tyre model [m]
+    deflection_2: float
+    deflection_3: float
+    deflection_4: float
+    drift: float  # velocity of the joint to the left [m/s]
+    axle_speed: float  # of the rear axle by the wheels alone [m/s]
+    axle_acceleration: float  # [m/s2]
+    roll_tilt: float  # of the rear frame against the road [rad]
+    pitch_tilt: float
+    roll_bias: float  # of the gyro [rad/s]
+    pitch_bias: float
+    lift_angle: float  # of the lift arm, tracked (ecu.estimators.motion.arm) [rad]
+    lift_rate: float  # [rad/s]
+    lift_acceleration: float  # [rad/s2]
+    lift_sample: float  # [rad]
+    tilt_angle: float  # of the bucket, likewise
+    tilt_rate: float
+    tilt_acceleration: float
+    tilt_sample: float
+    # of the load on the bucket: the fields of ecu.estimators.loads.payload.BucketLoad
+    couple: float  # [N m]
+    calm_payload: float  # [kg]
+    calm_couple: float
+    digging: float
+    push_x: float  # [N]
+    push_z: float
+    traction: float  # [N]
+
+
+INITIAL = State(*([0.0] * len(State._fields)))

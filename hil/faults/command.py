@@ -1,4 +1,4 @@
-"""`loaderhil inject`: faults into a running gateway, by its control socket."""
+"""`loaderhil inject`: options of the command that sends faults to the control socket of a running gateway."""
 
 import re
 from pathlib import Path
@@ -6,14 +6,14 @@ from typing import Annotated, Any
 
 import typer
 
-from bus.mistake import Mistake
+from bus.user_error import UserError
 
 CONTROL = Path("/tmp/loaderhil.control")  # a Unix socket; every user can name another
 UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0}
 PARAMETERS = "Parameters of the fault"
 
 
-class NoSuchValue(Mistake, ValueError):
+class NoSuchValue(UserError, ValueError):
     """An option is neither a number nor a duration."""
 
 
@@ -53,93 +53,175 @@ def _whole(text: str) -> int:
 
 
 def inject(
-    kind: Annotated[str | None, typer.Argument(metavar="KIND", help="drop, delay, freeze, ...")] = None,
+    kind: Annotated[
+        str | None, typer.Argument(metavar="KIND", help="Kind of fault: drop, delay, freeze and others.")
+    ] = None,
     message: Annotated[
         str | None,
-        typer.Argument(metavar="MESSAGE", help="A name, the beginning of names, or a pattern with *."),
+        typer.Argument(
+            metavar="MESSAGE",
+            help="Messages that the fault changes: a name, the start of names, or a pattern with *.",
+        ),
     ] = None,
     control: Annotated[
         Path, typer.Option("--control", metavar="PATH", help="Control socket of the gateway.")
     ] = CONTROL,
-    listing: Annotated[bool, typer.Option("--list", help="Show the faults and how far they are.")] = False,
+    listing: Annotated[
+        bool, typer.Option("--list", help="List the faults of the gateway and their state.")
+    ] = False,
     clear: Annotated[bool, typer.Option("--clear", help="End every fault, or the one of --number.")] = False,
     number: Annotated[
-        int | None, typer.Option("--number", metavar="N", help="With --clear: only this.")
+        int | None,
+        typer.Option("--number", metavar="N", help="With --clear: end only the fault of this number."),
     ] = None,
     for_: Annotated[
-        str | None, typer.Option("--for", metavar="DURATION", help="How long; without it until cleared.")
+        str | None,
+        typer.Option(
+            "--for", metavar="DURATION", help="Duration of the fault; by default until it is cleared."
+        ),
     ] = None,
-    in_: Annotated[str | None, typer.Option("--in", metavar="DURATION", help="Begin later.")] = None,
+    in_: Annotated[
+        str | None, typer.Option("--in", metavar="DURATION", help="Delay before the fault begins.")
+    ] = None,
     side: Annotated[
-        str | None, typer.Option("--from", metavar="SIDE", help="Frames of plant or ecu only.")
+        str | None,
+        typer.Option("--from", metavar="SIDE", help="Change only the frames of this side: plant or ecu."),
     ] = None,
     probability: Annotated[
         float | None,
-        typer.Option("--probability", metavar="P", rich_help_panel=PARAMETERS, help="Of each frame."),
+        typer.Option(
+            "--probability",
+            metavar="P",
+            rich_help_panel=PARAMETERS,
+            help="Probability for each frame, 0 to 1.",
+        ),
     ] = None,
     delay: Annotated[
-        str | None, typer.Option("--delay", metavar="DURATION", rich_help_panel=PARAMETERS, help="delay")
+        str | None,
+        typer.Option(
+            "--delay", metavar="DURATION", rich_help_panel=PARAMETERS, help="For delay: by how much."
+        ),
     ] = None,
     jitter: Annotated[
-        str | None, typer.Option("--jitter", metavar="DURATION", rich_help_panel=PARAMETERS, help="jitter")
+        str | None,
+        typer.Option(
+            "--jitter",
+            metavar="DURATION",
+            rich_help_panel=PARAMETERS,
+            help="For jitter: the largest random delay.",
+        ),
     ] = None,
     depth: Annotated[
         int | None,
-        typer.Option("--depth", metavar="N", rich_help_panel=PARAMETERS, help="reorder: overtaken by N"),
+        typer.Option(
+            "--depth",
+            metavar="N",
+            rich_help_panel=PARAMETERS,
+            help="For reorder: number of frames that overtake a frame.",
+        ),
     ] = None,
     copies: Annotated[
-        int | None, typer.Option("--copies", metavar="N", rich_help_panel=PARAMETERS, help="repeat")
+        int | None,
+        typer.Option(
+            "--copies", metavar="N", rich_help_panel=PARAMETERS, help="For repeat: number of copies."
+        ),
     ] = None,
     gap: Annotated[
-        str | None, typer.Option("--gap", metavar="DURATION", rich_help_panel=PARAMETERS, help="repeat")
+        str | None,
+        typer.Option(
+            "--gap", metavar="DURATION", rich_help_panel=PARAMETERS, help="For repeat: time between copies."
+        ),
     ] = None,
     bits: Annotated[
-        int | None, typer.Option("--bits", metavar="N", rich_help_panel=PARAMETERS, help="corrupt")
+        int | None,
+        typer.Option(
+            "--bits", metavar="N", rich_help_panel=PARAMETERS, help="For corrupt: number of bits to flip."
+        ),
     ] = None,
     valid_crc: Annotated[
-        bool | None, typer.Option("--valid-crc", rich_help_panel=PARAMETERS, help="corrupt: the CRC fits.")
+        bool | None,
+        typer.Option(
+            "--valid-crc",
+            rich_help_panel=PARAMETERS,
+            help="For corrupt: compute a CRC that fits the changed bits.",
+        ),
     ] = None,
     signal: Annotated[
         str | None,
-        typer.Option("--signal", metavar="NAME", rich_help_panel=PARAMETERS, help="freeze, offset, spike"),
+        typer.Option(
+            "--signal",
+            metavar="NAME",
+            rich_help_panel=PARAMETERS,
+            help="For freeze, offset and spike: the signal to change.",
+        ),
     ] = None,
     signals: Annotated[
-        str | None, typer.Option("--signals", metavar="A,B", rich_help_panel=PARAMETERS, help="swap")
+        str | None,
+        typer.Option(
+            "--signals", metavar="A,B", rich_help_panel=PARAMETERS, help="For swap: the two signals."
+        ),
     ] = None,
     offset: Annotated[
         float | None,
         typer.Option(
-            "--offset", metavar="X", rich_help_panel=PARAMETERS, help="offset, in the signal's unit"
+            "--offset",
+            metavar="X",
+            rich_help_panel=PARAMETERS,
+            help="For offset: value to add, in the unit of the signal.",
         ),
     ] = None,
     height: Annotated[
         float | None,
-        typer.Option("--height", metavar="X", rich_help_panel=PARAMETERS, help="spike, in the signal's unit"),
+        typer.Option(
+            "--height",
+            metavar="X",
+            rich_help_panel=PARAMETERS,
+            help="For spike: height, in the unit of the signal.",
+        ),
     ] = None,
     unit: Annotated[
         str | None,
-        typer.Option("--unit", metavar="UNIT", rich_help_panel=PARAMETERS, help="Checked, if given."),
+        typer.Option(
+            "--unit",
+            metavar="UNIT",
+            rich_help_panel=PARAMETERS,
+            help="For offset and spike: the unit you mean; an error if the DBC has another.",
+        ),
     ] = None,
     every: Annotated[
         int | None,
-        typer.Option("--every", metavar="N", rich_help_panel=PARAMETERS, help="spike: one frame in N"),
+        typer.Option(
+            "--every", metavar="N", rich_help_panel=PARAMETERS, help="For spike: change one frame in N."
+        ),
     ] = None,
     interval: Annotated[
-        str | None, typer.Option("--interval", metavar="DURATION", rich_help_panel=PARAMETERS, help="babble")
+        str | None,
+        typer.Option(
+            "--interval",
+            metavar="DURATION",
+            rich_help_panel=PARAMETERS,
+            help="For babble: time between frames.",
+        ),
     ] = None,
     identifier: Annotated[
-        str | None, typer.Option("--identifier", metavar="ID", rich_help_panel=PARAMETERS, help="babble")
+        str | None,
+        typer.Option(
+            "--identifier",
+            metavar="ID",
+            rich_help_panel=PARAMETERS,
+            help="For babble: identifier of the frames, as 291 or 0x123.",
+        ),
     ] = None,
     node: Annotated[
         str | None,
-        typer.Option("--node", metavar="SIDE", rich_help_panel=PARAMETERS, help="bus_off: plant or ecu"),
+        typer.Option("--node", metavar="SIDE", rich_help_panel=PARAMETERS, help="For bus_off: plant or ecu."),
     ] = None,
     process: Annotated[
         str | None,
-        typer.Option("--process", metavar="SIDE", rich_help_panel=PARAMETERS, help="kill: plant or ecu"),
+        typer.Option("--process", metavar="SIDE", rich_help_panel=PARAMETERS, help="For kill: plant or ecu."),
     ] = None,
 ) -> None:
-    """Put a fault between plant and ECU while they run; list or end the ones that are there.
+    """Inject faults into a running gateway, list them, or end them.
 
     Examples: `loaderhil inject drop WheelSpeeds --probability 0.1 --for 2s`,
     `loaderhil inject offset Articulation --signal ArticulationAngle --offset 5 --unit deg`,
@@ -149,13 +231,13 @@ def inject(
     from hil.faults.control import ControlUnavailable, ask
 
     if (kind is not None) + listing + clear != 1:
-        raise typer.BadParameter("name a kind of fault, or --list, or --clear", param_hint="KIND")
+        raise typer.BadParameter("give a kind of fault, or --list, or --clear", param_hint="KIND")
     try:
         if listing:
-            _tell_list(ask(control, {"command": "list"})["faults"])
+            _print_list(ask(control, {"command": "list"})["faults"])
         elif clear:
             cleared = ask(control, {"command": "clear"} | ({"number": number} if number is not None else {}))
-            print(f"cleared: {', '.join(map(str, cleared['cleared'])) or 'none was there'}")
+            print(f"cleared: {', '.join(map(str, cleared['cleared'])) or 'no fault was active'}")
         else:
             said = {
                 "kind": kind, "message": message, "from": side, "at_s": in_, "for_s": for_,
@@ -171,7 +253,7 @@ def inject(
         raise typer.Exit(Ending.HUB_LOST) from None
 
 
-def _tell_list(faults: list[dict[str, Any]]) -> None:
+def _print_list(faults: list[dict[str, Any]]) -> None:
     if not faults:
         print("no fault")
     for fault in faults:

@@ -1,4 +1,4 @@
-"""Live commands to whoever injects: JSON over a Unix socket, one packet each way.
+"""The control socket of a gateway, for live fault injection: JSON over a Unix socket, one packet each way.
 
 The server is for a loop that waits on descriptors, as the gateway's does; it never blocks. Requests and
 answers are those of `Injector.command`.
@@ -15,21 +15,25 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from bus.bounded_json import read_object
 from bus.closing import Closing
-from bus.mistake import Mistake
+from bus.user_error import UserError
 
-PACKET_LIMIT = 65_536
+REQUEST_LIMIT = 8_192
+"""Longest command [bytes]; the longest fault table takes some 500."""
+ANSWER_LIMIT = 65_536
+"""Longest answer [bytes]: the list of some 500 faults."""
 PATH_LIMIT = 107
 """Bytes in a socket's name (struct sockaddr_un)."""
 CLIENTS_LIMIT = 16
 ANSWER_S = 5.0
 
 
-class ControlUnavailable(Mistake, ConnectionError):
+class ControlUnavailable(UserError, ConnectionError):
     """No control socket can be made or reached there; the message says which and why."""
 
 
-class Refused(Mistake, ValueError):
+class Refused(UserError, ValueError):
     """The injector refused a command; the message is its reason."""
 
 
@@ -70,7 +74,7 @@ class ControlServer(Closing):
     def _answer(self, descriptor: int) -> None:
         client = self._clients[descriptor]
         try:
-            packet = client.recv(PACKET_LIMIT)
+            packet = client.recv(REQUEST_LIMIT + 1)  # the kernel cuts off what is longer
             if packet:
                 client.send(_packed(self._reply(packet)))
                 return
@@ -82,14 +86,12 @@ class ControlServer(Closing):
 
     def _reply(self, packet: bytes) -> Mapping[str, Any]:
         try:
-            request = json.loads(packet)
+            request = read_object(packet, REQUEST_LIMIT)
         except ValueError as error:
-            return {"ok": False, "error": f"not JSON: {error}"}
-        if not isinstance(request, dict):
-            return {"ok": False, "error": "a command is a JSON object"}
+            return {"ok": False, "error": f"a command is a JSON object: {error}"}
         try:
             return self._obey(request)
-        except Mistake as error:
+        except UserError as error:
             return {"ok": False, "error": str(error)}
 
     def close(self) -> None:
@@ -109,7 +111,7 @@ def ask(path: Path, request: Mapping[str, Any]) -> dict[str, Any]:
         try:
             connection.connect(_name(path))
             connection.send(_packed(request))
-            answer: dict[str, Any] = json.loads(connection.recv(PACKET_LIMIT))
+            answer = read_object(connection.recv(ANSWER_LIMIT), ANSWER_LIMIT)
         except TimeoutError as error:
             raise ControlUnavailable(f"{path}: no answer within {ANSWER_S:g} s; is it stopped?") from error
         except (FileNotFoundError, ConnectionRefusedError) as error:

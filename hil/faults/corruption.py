@@ -1,14 +1,14 @@
-"""Flipped bits: as a bad line does it, or as a bad sender does it, with a CRC that fits."""
+"""Faults that flip bits: as a disturbed line does, or as a defect sender does, with a CRC that fits."""
 
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from configuration import CheckedTable
 from dbc.database import MessageCodec
 from hil.faults.loss import read_probability
 from hil.faults.passage import Effect, Planned, Side
 from hil.faults.rawbits import signed_again
-from plant.checked import CheckedTable
 
 PROTECTION_BITS = 12
 """AUTOSAR E2E profile 1: CRC in byte 0, counter in the low nibble of byte 1."""

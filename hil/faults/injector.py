@@ -12,12 +12,14 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from bus.frame import Frame
-from bus.mistake import Mistake
+from bus.user_error import UserError
+from configuration import CheckedTable
 from dbc.database import Database, MessageCodec
 from hil.faults.passage import OTHER, Action, Effect, Fault, Planned, Side
 from hil.faults.table import SECOND, read_fault
-from plant.checked import CheckedTable
 
+FAULTS_LIMIT = 500
+"""Faults of one run, those that are over included: each is kept for the record."""
 REMEMBERED = 4096
 """Identifiers whose message is remembered."""
 
@@ -162,10 +164,15 @@ class Injector:
                     return self._command_clear(request.get("number"), now_ns)
                 case other:
                     return {"ok": False, "error": f"{other!r} is no command; there are inject, list, clear"}
-        except Mistake as error:
+        except UserError as error:
             return {"ok": False, "error": str(error)}
 
     def _command_inject(self, request: Mapping[str, object], now_ns: int) -> dict[str, object]:
+        if self._count >= FAULTS_LIMIT:
+            return {
+                "ok": False,
+                "error": f"this run has had {self._count} faults; it takes at most {FAULTS_LIMIT}",
+            }
         table = CheckedTable(request, file="inject").table("fault")
         fault = read_fault(table, self._database)
         self._count += 1

@@ -1,14 +1,14 @@
-"""Frames that come late: all by the same time, each by its own, or behind their successors."""
+"""Faults that delay frames: by a fixed time, by a random time, or behind later frames."""
 
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from bus.frame import Frame
+from configuration import CheckedTable
 from dbc.database import MessageCodec
 from hil.faults.loss import MS, read_probability
 from hil.faults.passage import Effect, Planned, Side
-from plant.checked import CheckedTable
 
 ACYCLIC_NS = 100 * MS
 """Stands for the cycle time of a message that has none."""

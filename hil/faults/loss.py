@@ -1,12 +1,12 @@
-"""Frames that do not come, or come more than once."""
+"""Faults that lose or repeat frames."""
 
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from configuration import CheckedTable
 from dbc.database import MessageCodec
 from hil.faults.passage import Effect, Planned, Side
-from plant.checked import CheckedTable
 
 MS = 1_000_000
 

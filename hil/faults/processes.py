@@ -1,11 +1,11 @@
-"""The death of a process of the bench, and its return."""
+"""Faults that kill a process of the bench, and start it again."""
 
 import random
 from dataclasses import dataclass
 
+from configuration import CheckedTable
 from hil.faults.passage import Action, Effect, Side
 from hil.faults.traffic import read_side
-from plant.checked import CheckedTable
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,15 +2,17 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass
 
 from hil.faults.injector import FaultEvent
 from hil.faults.table import SECOND
-from hil.rundir import FAULTS
+from hil.rundir import FAULTS, RunError, writing
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid"))
 class Injected:
     """One fault as it was; times [s] on the clock of the run.
 
@@ -23,6 +25,9 @@ class Injected:
     began_s: float
     ended_s: float | None
     struck: int
+
+
+_faults = TypeAdapter(list[Injected])
 
 
 def injected(events: Sequence[FaultEvent], zero_ns: int = 0) -> list[Injected]:
@@ -39,14 +44,15 @@ def injected(events: Sequence[FaultEvent], zero_ns: int = 0) -> list[Injected]:
 
 
 def write_faults(path: Path, faults: Sequence[Injected]) -> None:
-    """Write faults.json into the run directory `path`."""
+    """Write faults.json into the run directory `path`. RunError where that is impossible."""
     rows = [
         {"number": f.number, "fault": f.fault, "began_s": f.began_s, "ended_s": f.ended_s, "struck": f.struck}
         for f in faults
     ]
     part = path / f".{FAULTS}"
-    part.write_text(json.dumps(rows, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    part.replace(path / FAULTS)
+    with writing(path / FAULTS):
+        part.write_text(json.dumps(rows, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        part.replace(path / FAULTS)
 
 
 def read_faults(path: Path) -> list[Injected]:
@@ -54,4 +60,9 @@ def read_faults(path: Path) -> list[Injected]:
     file = path / FAULTS
     if not file.exists():
         return []
-    return [Injected(**row) for row in json.loads(file.read_bytes())]
+    try:
+        return _faults.validate_json(file.read_bytes())
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        place = ".".join(map(str, first["loc"])) or "file"
+        raise RunError(f"{file}: {place}: {first['msg']}; was it damaged while being copied?") from None

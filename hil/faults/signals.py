@@ -1,4 +1,4 @@
-"""Signals that lie: frozen, shifted, spiking or exchanged, in frames that are otherwise sound.
+"""Faults of signal values: frozen, offset, spiking or swapped, in frames that are otherwise valid.
 
 The fault sits in the sensor, ahead of the protection: counters go on and the CRC fits.
 """
@@ -9,11 +9,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from bus.frame import Frame
+from configuration import CheckedTable
 from dbc.database import MessageCodec
 from dbc.signal import Signal
 from hil.faults.passage import Effect, Planned, Selection, Side
 from hil.faults.rawbits import RawSignal, signed_again
-from plant.checked import CheckedTable
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,10 +8,10 @@ import fnmatch
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from configuration import CheckedTable
 from dbc.database import Database, MessageCodec
 from hil.faults import corruption, lateness, loss, processes, signals, traffic
 from hil.faults.passage import NODES, Fault, Selection, Settings
-from plant.checked import CheckedTable
 
 SECOND = 1_000_000_000
 LONGEST_S = 86_400.0

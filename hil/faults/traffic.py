@@ -1,13 +1,13 @@
-"""Faults of a node: one that talks without end, and one that its controller took off the bus."""
+"""Faults of a node: one that sends without end, and one whose controller went bus-off."""
 
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from bus.frame import EXTENDED, EXTENDED_MASK, STANDARD_MASK, Frame
+from configuration import CheckedTable
 from dbc.database import MessageCodec
 from hil.faults.passage import SIDES, Action, Effect, Planned, Selection, Side
-from plant.checked import CheckedTable
 
 US = 1_000
 MOST_AT_ONCE = 64

@@ -20,7 +20,7 @@ from hil.gateway.watcher import Watcher
 
 QUEUE_FRAMES: Final = 4096
 """Frames that may wait for one bus: a second of a full 500 kbit/s bus."""
-_TELLING: Final = frozenset({Fate.WRONG_SIDE, Fate.UNKNOWN, Fate.BLOCKED})
+_REPORTED_STATES: Final = frozenset({Fate.WRONG_SIDE, Fate.UNKNOWN, Fate.BLOCKED})
 """Fates worth a finding."""
 
 
@@ -59,7 +59,7 @@ class GatewayCore:
         self._order = 0  # frames planned for one moment keep their order
         self._bus_off: set[Side] = set()
         self.started_ns: int | None = None
-        self._told: set[tuple[Side, int, str]] = set()
+        self._reported: set[tuple[Side, int, str]] = set()
         self._findings: list[Finding] = []
 
     def start(self, now_ns: int) -> None:
@@ -82,8 +82,8 @@ class GatewayCore:
                 watcher.receive(side, frame, now_ns)
             if fate is not Fate.PASS:
                 counts.stayed[fate] += 1
-                if fate in _TELLING:
-                    self._tell(side, frame.can_id, fate.value, now_ns)
+                if fate in _REPORTED_STATES:
+                    self._report(side, frame.can_id, fate.value, now_ns)
             elif self._injector is None:
                 queue.append(frame)
             else:
@@ -159,14 +159,14 @@ class GatewayCore:
 
     def _lose(self, side: Side, frame: Frame, now_ns: int) -> None:
         self.counts[side].overflowed += 1
-        self._tell(
+        self._report(
             side, frame.can_id, f"lost: more than {self._queue_frames} frames wait for this bus", now_ns
         )
 
-    def _tell(self, side: Side, can_id: int, what: str, now_ns: int) -> None:
+    def _report(self, side: Side, can_id: int, what: str, now_ns: int) -> None:
         key = (side, can_id, what)
-        if key in self._told or len(self._told) >= KNOWN_LIMIT:
+        if key in self._reported or len(self._reported) >= KNOWN_LIMIT:
             return
-        self._told.add(key)
+        self._reported.add(key)
         codec = self.routes.database.match(can_id)
         self._findings.append(Finding(side, can_id, codec.name if codec else "", what, now_ns))

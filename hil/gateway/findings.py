@@ -1,4 +1,4 @@
-"""What the gateway finds: values for its shell to log, told once or on a change."""
+"""What the gateway finds: values for its shell to log, each reported once or on a change."""
 
 from dataclasses import dataclass
 

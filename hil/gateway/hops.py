@@ -118,14 +118,14 @@ def _samples(rows: Stamps, kind: Kind, column: int) -> dict[int, int]:
 def _answers(rows: Stamps, limits: Kind, columns: Mapping[str, int]) -> dict[str, dict[int, int]]:
     """By name, the stamp in a column of the limits that belong to the first status of each echo.
 
-    Column 4 is the start of the tick: rows come in the order of time, but the tick is told at its end, so it
+    Column 4 is the start of the tick: rows come in the order of time, but the row of a tick is written at its end, so it
     is the first TICK after the status.
     """
     status = limits + (Kind.HEARD_STATUS - Kind.HEARD_LIMITS)
     echoes = _unwrapped(rows[rows[:, 0] == status][:, 1]).tolist()
     result: dict[str, dict[int, int]] = {name: {} for name in columns}
     latest: list[int] | None = None
-    waiting: int | None = None  # echo whose tick has not been told
+    waiting: int | None = None  # echo whose tick has no row yet
     place = 0
     for row in rows.tolist():
         if row[0] == limits:

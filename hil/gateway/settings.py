@@ -21,13 +21,13 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bus.frame import EXTENDED, EXTENDED_MASK, STANDARD_MASK
-from bus.mistake import Mistake
+from bus.user_error import UserError
 from dbc.database import Database
 from hil.gateway.core import QUEUE_FRAMES
 from hil.gateway.routes import NODES, SIDES, Routes, Rule, Side
 
 
-class SettingsError(Mistake, ValueError):
+class SettingsError(UserError, ValueError):
     """The gateway's file cannot be used; the message names file, key, value and what is permitted."""
 
 
@@ -65,8 +65,8 @@ def read_settings(file: Path) -> Settings:
         return Settings.model_validate(content)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        told = _plain(first["type"], first["msg"], first["input"])
-        raise SettingsError(f"{file}: {_key(first['loc'])}: {told}") from None
+        message = _plain(first["type"], first["msg"], first["input"])
+        raise SettingsError(f"{file}: {_key(first['loc'])}: {message}") from None
 
 
 def _key(path: tuple[int | str, ...]) -> str:

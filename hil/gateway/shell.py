@@ -44,9 +44,9 @@ class GatewayLoop(Closing):
         act: Callable[[Action], None] | None = None,
         passed: Callable[[int], None] | None = None,
     ) -> None:
-        """found: told every finding; act: does what the core cannot (kill a process).
+        """found: called with every finding; act: does what the core cannot do (kill a process).
 
-        passed: told of every frame how long it was in here, from its bus' stamp to its sending [ns].
+        passed: called for every frame with its time in the gateway, from the stamp of its bus to its sending [ns].
         """
         self._core = core
         self._transports = transports
@@ -89,7 +89,7 @@ class GatewayLoop(Closing):
         if any(waiting):
             due_ns = min(now_ns + RETRY_NS, due_ns or now_ns + RETRY_NS)
         self._alarm.set(due_ns)
-        self._tell()
+        self._report()
         return came
 
     def _send(self, side: Side) -> bool:
@@ -107,7 +107,7 @@ class GatewayLoop(Closing):
                 passed(now() - frame.at_ns)
         return False
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         for finding in self._core.findings():
             self._found(finding.side, finding)
         for side, transport in self._transports.items():

@@ -29,10 +29,11 @@ from bus.transport import Statistics, Transport
 from dbc import loader_database
 from dbc.database import Database
 from hil.gateway.hops import Kind
-from hil.host import OwnWaits
+from hil.timing.host import OwnWaits
 
 ROW: Final = struct.Struct("=4q")
-FLUSH_ROWS: Final = 64
+FLUSH_ROWS: Final = 16
+"""Some 50 ms of a process that ticks every 10 ms: what a kill can lose."""
 
 
 TRACED: Final = (
@@ -154,7 +155,7 @@ class TappedTiming(TickTiming):
         self._waits = waits
 
     def add(self, due_ns: int, started_ns: int, ended_ns: int) -> None:
-        """One tick, told at its end."""
+        """Add one tick. Called at the end of the tick."""
         self._stamps.add(Kind.TICK, due_ns, ended_ns, started_ns)
         if self._waits is not None:
             self._waits.look(ended_ns, due_ns)

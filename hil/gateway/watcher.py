@@ -16,8 +16,8 @@ from hil.gateway.routes import SIDES, Routes, Side
 LOOK_NS: Final = 10_000_000
 """How often to look for messages that have fallen silent."""
 QUIET_NS: Final = 1_000_000_000
-"""A message that wavers between valid and invalid is told about once in this time."""
-_TELLING: Final = frozenset({State.VALID, State.INVALID})
+"""Shortest time between two reports about a message that wavers between valid and invalid."""
+_REPORTED_STATES: Final = frozenset({State.VALID, State.INVALID})
 
 
 class Watcher:
@@ -27,10 +27,10 @@ class Watcher:
         self._watches: dict[Side, dict[int, Watch]] = {
             side: {codec.can_id: Watch(codec) for codec in routes.crossing(side)} for side in SIDES
         }
-        self._told: set[tuple[Side, int, Trouble]] = set()
+        self._reported: set[tuple[Side, int, Trouble]] = set()
         self._findings: list[Finding] = []
         self._look_ns: dict[Side, int] = {}
-        self._told_ns: dict[tuple[Side, int], int] = {}
+        self._reported_ns: dict[tuple[Side, int], int] = {}
 
     def receive(self, side: Side, frame: Frame, now_ns: int) -> None:
         """Judge a frame by its bus' stamp, or by `now_ns` where it has none."""
@@ -59,15 +59,15 @@ class Watcher:
         return min(self._look_ns.values(), default=None)
 
     def _note(self, side: Side, watch: Watch, trouble: Trouble | None, before: State, now_ns: int) -> None:
-        """Tell each trouble of a message once, and when it stops or begins again to be valid."""
+        """Report each trouble of a message once, and each change between valid and invalid."""
         can_id, name = watch.codec.can_id, watch.codec.name
-        if trouble is not None and (side, can_id, trouble) not in self._told:
-            self._told.add((side, can_id, trouble))
+        if trouble is not None and (side, can_id, trouble) not in self._reported:
+            self._reported.add((side, can_id, trouble))
             claimed = f" ({watch.claimed})" if trouble is Trouble.MASQUERADED else ""
             self._findings.append(Finding(side, can_id, name, f"{trouble.value}{claimed}", now_ns))
-        changed = watch.state is not before and {watch.state, before} == _TELLING
-        if changed and now_ns >= self._told_ns.get((side, can_id), now_ns):
-            self._told_ns[side, can_id] = now_ns + QUIET_NS
+        changed = watch.state is not before and {watch.state, before} == _REPORTED_STATES
+        if changed and now_ns >= self._reported_ns.get((side, can_id), now_ns):
+            self._reported_ns[side, can_id] = now_ns + QUIET_NS
             self._findings.append(Finding(side, can_id, name, f"is {watch.state.value}", now_ns))
 
     def findings(self) -> list[Finding]:

@@ -1,7 +1,7 @@
-"""The state behind the table: the newest of every message, its period against the DBC's, and its age.
+"""The state behind the table: the newest frame of every message, its period against the DBC's, and its age.
 
 Pure: stamps come in with the frames, and the time with the question. A cyclic message is *late* from 1.5 periods
-of silence on, *stale* from 3 on (the limits of `hil.deadlines`), *missing* if it never came although its sender
+of silence on, *stale* from 3 on (the limits of `hil.timing.deadlines`), *missing* if it never came although its sender
 sends; *slow* or *fast* if it keeps coming at a period that is off by more than half.
 """
 
@@ -13,10 +13,10 @@ from enum import StrEnum
 from bus import errors
 from bus.frame import ERROR, Frame
 from dbc.errors import DecodeError
-from hil.deadlines import STALE_AFTER, TOLERANCE
 from hil.monitor.candump import identifier
 from hil.monitor.integrity import Integrity
 from hil.monitor.messages import Field, Messages, Number, Shown
+from hil.timing.deadlines import STALE_AFTER, TOLERANCE
 
 _STAMPS = 33
 _PAUSE_NS = 3_000_000_000

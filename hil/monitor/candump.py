@@ -28,7 +28,7 @@ _PRINTABLE = "".join(chr(byte) if 0x1F < byte < 0x7F else "." for byte in range(
 
 
 class Stamp(StrEnum):
-    """How time is told."""
+    """The form of time stamps."""
 
     NONE = ""
     ABSOLUTE = "a"  # (seconds since 1970)

@@ -1,4 +1,4 @@
-"""What a user's words choose: the buses or files to watch, and the messages to show."""
+"""Turns command-line words into the buses or files to watch and the messages to show."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`loaderhil monitor`: its options, and what of them goes together."""
+"""`loaderhil monitor`: its options, and which of them can be combined."""
 
 import os
 import sys
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bus.mistake import Mistake
+from bus.user_error import UserError
 from hil.monitor.candump import Stamp, Style
 from hil.monitor.choice import known_messages, names, watched
 from hil.monitor.raw import LogFile, RawView
@@ -24,7 +24,7 @@ DEFAULT = "hub:/tmp/loaderhil.hub"
 _RAW_ONLY = ("-L", "-l", "-x", "-a", "-i", "-S", "-d", "-c")
 
 
-class OptionError(Mistake, ValueError):
+class OptionError(UserError, ValueError):
     """Options that do not go together."""
 
 
@@ -42,20 +42,22 @@ def monitor(
         list[str] | None,
         typer.Argument(
             metavar="BUS|FILE...",
-            help="hub:PATH, socketcan:INTERFACE or just its name, `any`, or recordings (`-`: standard input), "
-            f"each with candump's filters behind commas. By default {DEFAULT}.",
+            help="Buses (hub:PATH, socketcan:INTERFACE, the interface's name alone, or `any`) or recordings (`-`: standard "
+            f"input). Candump's filters may follow each after a comma. By default {DEFAULT}.",
         ),
     ] = None,
-    raw: Annotated[bool, typer.Option("--raw", help="Lines as candump prints them.")] = False,
+    raw: Annotated[bool, typer.Option("--raw", help="Print lines in candump's format.")] = False,
     lines: Annotated[
-        bool, typer.Option("--lines", help="One decoded line per frame; the default in a pipe.")
+        bool, typer.Option("--lines", help="Print one decoded line per frame; the default in a pipe.")
     ] = False,
-    json: Annotated[bool, typer.Option("--json", help="One JSON object per frame and line.")] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object per frame, one per line.")
+    ] = False,
     table: Annotated[
         bool,
         typer.Option(
             "--table",
-            help="One row per message, redrawn; the default on a terminal. In a pipe: once, at the end.",
+            help="Show a table with one row per message, updated as frames arrive; the default on a terminal. In a pipe: once, at the end.",
         ),
     ] = False,
     dbc: Annotated[
@@ -63,14 +65,25 @@ def monitor(
         typer.Option(
             "--dbc",
             metavar="FILE",
-            help="DBC file, may be repeated. Default: our own and a few J1939 groups.",
+            help="DBC file; by default the bench's own and a few J1939 parameter groups. Repeatable.",
         ),
     ] = None,
     message: Annotated[
-        list[str] | None, typer.Option("--message", "-m", metavar="NAME", help="Only messages of that name.")
+        list[str] | None,
+        typer.Option(
+            "--message",
+            "-m",
+            metavar="NAME",
+            help="Show only messages of this name. Repeatable; shell patterns.",
+        ),
     ] = None,
     sender: Annotated[
-        list[str] | None, typer.Option("--sender", metavar="NODE", help="Only messages of that sender.")
+        list[str] | None,
+        typer.Option(
+            "--sender",
+            metavar="NODE",
+            help="Show only messages that this node sends. Repeatable; shell patterns.",
+        ),
     ] = None,
     signals: Annotated[
         list[str] | None,
@@ -78,46 +91,58 @@ def monitor(
             "--signals",
             "-s",
             metavar="A,B",
-            help="Only these signals, as Signal or Message.Signal; shell patterns, as with the two above.",
+            help="Show only these signals, as Signal or Message.Signal; shell patterns.",
         ),
     ] = None,
     follow: Annotated[
-        bool, typer.Option("--follow", "-f", help="Go on while the recording grows, like `tail -f`.")
+        bool, typer.Option("--follow", "-f", help="Continue while the recording grows, like `tail -f`.")
     ] = False,
     count: Annotated[
-        int | None, typer.Option("--count", "-n", min=1, help="End after that many frames.")
+        int | None, typer.Option("--count", "-n", min=1, help="End after this number of frames.")
     ] = None,
     silence_ms: Annotated[
-        int | None, typer.Option("--silence-ms", "-T", min=1, help="End after that long without a frame.")
+        int | None,
+        typer.Option("--silence-ms", "-T", min=1, help="End after this time without a frame [ms]."),
     ] = None,
     stamp: Annotated[
         str | None,
         typer.Option(
             "-t",
             metavar="a|A|d|z",
-            help="Lines begin with the time, with the date, since the last, the first.",
+            help="Time at the start of a line: a absolute, A with date, d since the previous frame, z since the first frame.",
         ),
     ] = None,
-    log_format: Annotated[bool, typer.Option("-L", help="raw: candump's log format.")] = False,
+    log_format: Annotated[bool, typer.Option("-L", help="With --raw: candump's log format.")] = False,
     log: Annotated[
-        bool, typer.Option("-l", help="raw: into a log candump-DATE_TIME.log, not shown.")
+        bool, typer.Option("-l", help="With --raw: write a log file candump-DATE_TIME.log and show nothing.")
     ] = False,
-    extra: Annotated[bool, typer.Option("-x", help="raw: RX or TX, and CAN FD flags.")] = False,
-    text: Annotated[bool, typer.Option("-a", help="raw: data also as text.")] = False,
-    binary: Annotated[bool, typer.Option("-i", help="raw: data in bits.")] = False,
-    swapped: Annotated[bool, typer.Option("-S", help="raw: data in reverse, marked with `.")] = False,
-    drops: Annotated[bool, typer.Option("-d", help="raw: tell lost frames among the lines.")] = False,
+    extra: Annotated[
+        bool, typer.Option("-x", help="With --raw: show RX or TX, and the CAN FD flags.")
+    ] = False,
+    text: Annotated[bool, typer.Option("-a", help="With --raw: show the data also as text.")] = False,
+    binary: Annotated[bool, typer.Option("-i", help="With --raw: show the data as bits.")] = False,
+    swapped: Annotated[
+        bool, typer.Option("-S", help="With --raw: show the bytes in reverse order, separated by `.")
+    ] = False,
+    drops: Annotated[
+        bool, typer.Option("-d", help="With --raw: report lost frames between the lines.")
+    ] = False,
     colour: Annotated[
-        int, typer.Option("-c", count=True, help="raw: colour per interface; more with -cc, -ccc.")
+        int,
+        typer.Option(
+            "-c",
+            count=True,
+            help="With --raw: one colour per interface; -cc and -ccc colour more of the line.",
+        ),
     ] = 0,
 ) -> None:
-    """Follow buses, or show recordings: as a table, as decoded lines, or as candump prints them.
+    """Show the frames of buses or recordings: as a table, as decoded lines, or as candump prints them.
 
     Examples: `loaderhil monitor can0`, `loaderhil monitor drive.blf --lines --signals 'Wheel*.Left'`,
     `loaderhil monitor can0,123:7FF can1 --raw -t a`, `loaderhil monitor can0 --json | jq .signals`
     """
     from hil.monitor.run import monitor
-    from hil.processes.shell import ending_of
+    from hil.shell.process import ending_of
 
     form = _form(raw=raw, lines=lines, json=json, table=table)
     used = (log_format, log, extra, text, binary, swapped, drops, colour)

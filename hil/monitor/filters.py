@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from bus.frame import ERROR, EXTENDED, EXTENDED_MASK, REMOTE, STANDARD_MASK
-from bus.mistake import Mistake
+from bus.user_error import UserError
 
 INVERTED = 0x2000_0000
 """CAN_INV_FILTER in the identifier of a filter: it matches what its mask does not."""
@@ -25,7 +25,7 @@ _LONG = 8
 _WORD = 0xFFFF_FFFF
 
 
-class FilterError(Mistake, ValueError):
+class FilterError(UserError, ValueError):
     """A filter that candump could not read either."""
 
 

@@ -9,7 +9,7 @@ from decimal import Decimal
 from fnmatch import fnmatchcase
 
 from bus.frame import ERROR, REMOTE
-from bus.mistake import Mistake
+from bus.user_error import UserError
 from dbc.database import Database, MessageCodec
 from dbc.signal import Signal
 
@@ -19,7 +19,7 @@ _PROTECTION = ("Crc", "AliveCounter")
 _MOST_DECIMALS = 6
 
 
-class SelectionError(Mistake, ValueError):
+class SelectionError(UserError, ValueError):
     """A message, signal or sender was asked for that no DBC has."""
 
 
@@ -55,7 +55,7 @@ class Field:
 
 
 def _decimals(signal: Signal) -> int:
-    """Decimals that tell neighbouring values apart."""
+    """Number of decimals that keep neighbouring values different."""
     step = math.ceil(-math.log10(abs(signal.scale)) - 1e-9)
     exponent = Decimal(str(signal.offset)).normalize().as_tuple().exponent
     of_offset = -exponent if isinstance(exponent, int) else 0

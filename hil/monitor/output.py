@@ -6,7 +6,7 @@ import select
 import stat
 import sys
 
-from hil.processes.shell import Stop
+from hil.shell.process import Stop
 
 _NOBODY = (errno.EPIPE, errno.EIO)  # a pipe's reader, a terminal
 
@@ -16,7 +16,7 @@ PATIENCE_S = 0.5
 
 
 class Closed(Exception):
-    """Nobody reads any more, or we were told to end while nobody did."""
+    """The reader of the pipe is gone, or a signal came while it did not read."""
 
 
 class Output:

@@ -10,7 +10,7 @@ from hil.monitor.source import Batch, Source
 
 
 class RawView:
-    """Text of the frames; `drops`: lost frames are told among the lines, as `candump -d` does."""
+    """Text of the frames; `drops`: lost frames are reported between the lines, as `candump -d` does."""
 
     def __init__(self, style: Style, source: Source, *, drops: bool = False) -> None:
         self._candump = Candump(style, source.names)

@@ -10,13 +10,13 @@ from typing import BinaryIO
 
 import numpy as np
 
-from bus.mistake import Mistake
+from bus.user_error import UserError
 from dbc.errors import LogError
-from dbc.logfile import CHUNK, FrameTable, parse_candump
-from dbc.recording import read_frames
+from dbc.recordings.logfile import CHUNK, FrameTable, parse_candump
+from dbc.recordings.reading import read_frames
 from hil.monitor.source import Batch, Seen, signalled
 from hil.monitor.target import STDIN, Target
-from hil.processes.shell import Stop
+from hil.shell.process import Stop
 
 _LOOK_S = 0.1
 """How often a growing file is looked at."""
@@ -27,7 +27,7 @@ _TOLD = 5
 """Damaged lines that are named; all are counted."""
 
 
-class FollowError(Mistake, ValueError):
+class FollowError(UserError, ValueError):
     """A recording that cannot be followed while it grows."""
 
 
@@ -60,7 +60,7 @@ class Recordings:
         assert target.path is not None
         if target.name != STDIN and not self._is_candump_log(target.path):
             table = read_frames(target.path)
-            self._tell_damage(target.name, table, 0)
+            self._note_damage(target.name, table, 0)
             yield table
             return
         with _opened(target.path) as file:
@@ -106,10 +106,10 @@ class Recordings:
 
     def _parsed(self, name: str, text: bytes, line: int) -> FrameTable:
         table = parse_candump(text)
-        self._tell_damage(name, table, line)
+        self._note_damage(name, table, line)
         return table
 
-    def _tell_damage(self, name: str, table: FrameTable, before: int) -> None:
+    def _note_damage(self, name: str, table: FrameTable, before: int) -> None:
         """Damaged lines as notices; before: lines of the file that came earlier."""
         for damage in table.damaged[:_TOLD]:
             self._notices.append(f"{name}: {replace(damage, at=before + damage.at)}")
@@ -122,8 +122,8 @@ class Recordings:
 
     def notices(self) -> list[str]:
         """Damaged lines."""
-        told, self._notices = self._notices, []
-        return told
+        notices, self._notices = self._notices, []
+        return notices
 
     def now_ns(self) -> int:
         """The newest stamp: a recording's clock."""

@@ -11,12 +11,12 @@ from hil.ending import Ending
 from hil.monitor.output import Closed, Output
 from hil.monitor.source import Batch, Buses, Source, signalled
 from hil.monitor.target import Target, TargetError
-from hil.processes.shell import Stop
+from hil.shell.process import Stop
 
 EVERY_S = 0.25
 """How long a view waits at most to be called again while nothing comes."""
 _TELL_S = 1.0
-"""How often lost frames are told at most."""
+"""Shortest time between two reports of lost frames."""
 
 
 class View(Protocol):
@@ -64,14 +64,14 @@ def monitor(plan: Plan, view_of: Callable[[Source, ExitStack], View]) -> Ending:
         output = Output(sys.stdout.fileno(), stop)
         source = open_source(plan, output.watchable, stack)
         view = view_of(source, stack)
-        teller = _Teller(source)
+        reporter = _Teller(source)
         until = _Until(plan)
         try:
             for batch in source.batches(stop, min(EVERY_S, plan.silence_s or EVERY_S)):
                 allowed = until.cut(batch)
                 if text := view.text(allowed):
                     output.write(text)
-                teller.tell()
+                reporter.report()
                 if until.reached:
                     break
         except Closed:
@@ -79,10 +79,10 @@ def monitor(plan: Plan, view_of: Callable[[Source, ExitStack], View]) -> Ending:
         finally:
             with suppress(Closed):
                 output.write(view.end())
-        teller.finish()
+        reporter.finish()
         if not signalled(stop):
             return Ending.PASSED
-        print(f"loaderhil: interrupted after {until.frames} frames, {teller.summary()}", file=sys.stderr)
+        print(f"loaderhil: interrupted after {until.frames} frames, {reporter.summary()}", file=sys.stderr)
         return Ending.INTERRUPTED
 
 
@@ -113,10 +113,10 @@ class _Teller:
 
     def __init__(self, source: Source) -> None:
         self._source = source
-        self._told: dict[str, int] = {}
+        self._reported: dict[str, int] = {}
         self._next = 0.0
 
-    def tell(self) -> None:
+    def report(self) -> None:
         """What is new."""
         for notice in self._source.notices():
             print(f"loaderhil: {notice}", file=sys.stderr)
@@ -124,12 +124,12 @@ class _Teller:
             self.finish()
 
     def finish(self) -> None:
-        """Lost frames that have not been told."""
+        """Lost frames that have not been reported."""
         for name, total in self._source.lost().items():
-            if new := total - self._told.get(name, 0):
+            if new := total - self._reported.get(name, 0):
                 print(f"loaderhil: fell behind: {new} frames of {name} lost, {total} so far", file=sys.stderr)
                 self._next = time.monotonic() + _TELL_S
-            self._told[name] = total
+            self._reported[name] = total
 
     def summary(self) -> str:
         """All losses in a few words."""

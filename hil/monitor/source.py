@@ -7,17 +7,17 @@ from contextlib import ExitStack
 from dataclasses import replace
 from typing import NamedTuple, Protocol
 
-from bus import wallclock
 from bus.address import open_transport
 from bus.closing import Closing
 from bus.errors import Fault
 from bus.frame import LOCAL, Frame
-from bus.link import Link, can_interfaces
-from bus.socketcan import SocketCanTransport
+from bus.socketcan import wallclock
+from bus.socketcan.link import Link, can_interfaces
+from bus.socketcan.transport import SocketCanTransport
 from bus.ticks import Alarm
 from bus.transport import BusClosed, BusUnavailable, Transport
 from hil.monitor.target import ANY, Target
-from hil.processes.shell import Stop
+from hil.shell.process import Stop
 
 Seen = tuple[str, Frame]
 """A frame and the name of the interface it was seen on."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
 
-from bus.mistake import Mistake
+from bus.user_error import UserError
 from hil.monitor.filters import Filters
 
 ANY = "any"
@@ -14,7 +14,7 @@ _SCHEMES = ("hub", "socketcan", "virtual")
 STDIN = "-"
 
 
-class TargetError(Mistake, ValueError):
+class TargetError(UserError, ValueError):
     """Nothing that could be monitored."""
 
 

@@ -1,6 +1,6 @@
 """The bridge between buses and a broker: an optional process that the bus never waits for.
 
-Two tasks: one takes every frame that arrives, whatever the broker does; the other tells the broker the newest state a
+Two tasks: one takes every frame that arrives, whatever the broker does; the other publishes the newest state a
 few times per second, for as long as there is one, and looks for it again when it is gone.
 """
 
@@ -9,18 +9,16 @@ import contextlib
 import json
 import sys
 import time
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import aiomqtt
 
-from bus import wallclock
-from bus.mistake import Mistake
+from bus.socketcan import wallclock
 from bus.transport import BusClosed
-from hil.faults.control import ask
 from hil.monitor.board import Board
 from hil.monitor.source import Buses
+from hil.mqtt.broker import Broker
+from hil.mqtt.commands import Commands
 from hil.mqtt.publications import Publisher, Topics
 
 RETRY_S = (0.2, 5.0)
@@ -31,34 +29,6 @@ STATISTICS_S = 1.0
 COMMANDS_WAITING = 64
 """Commands that may wait for their turn; more are dropped."""
 ONLINE, OFFLINE = "online", "offline"
-
-
-class BrokerError(Mistake, ValueError):
-    """An address that names no broker."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Broker:
-    """Where the broker listens."""
-
-    host: str
-    port: int
-
-    @classmethod
-    def parse(cls, text: str) -> "Broker":
-        """`HOST:PORT`, `HOST` or `[ADDRESS]:PORT`; BrokerError for anything else."""
-        host, separator, port = text.rpartition(":") if not text.endswith("]") else (text, "", "")
-        if not separator:
-            host, port = text, "1883"
-        host = host.removeprefix("[").removesuffix("]")
-        if not host or not port.isdecimal() or not 0 < int(port) < 65536:
-            raise BrokerError(
-                f"broker '{text}': write HOST:PORT with a port from 1 to 65535, such as localhost:1883"
-            )
-        return cls(host=host, port=int(port))
-
-    def __str__(self) -> str:
-        return f"{self.host}:{self.port}"
 
 
 class Bridge:
@@ -72,11 +42,11 @@ class Bridge:
         topics: Topics,
         *,
         every_s: float,
-        control: Path | None,
+        commands: Commands | None,
     ) -> None:
-        """every_s: how often a message is told at most; control: socket of the gateway that obeys commands."""
+        """every_s: shortest time between two publications of a message; commands: None: none are taken."""
         self._buses, self._board, self._broker, self._topics = buses, board, broker, topics
-        self._every_s, self._control = every_s, control
+        self._every_s, self._commands = every_s, commands
         self._publisher = Publisher(topics)
         self._published = self._connections = 0
         self._alone = False
@@ -91,7 +61,7 @@ class Bridge:
         try:
             async with asyncio.TaskGroup() as tasks:
                 tasks.create_task(self._listen(), name="mqtt-listen")
-                tasks.create_task(self._tell(), name="mqtt-tell")
+                tasks.create_task(self._stay_connected(), name="mqtt-connection")
         except BaseExceptionGroup as group:
             closed, others = group.split(BusClosed)
             if closed is None or others is not None:
@@ -117,8 +87,8 @@ class Bridge:
         finally:
             loop.remove_reader(self._buses.fileno())
 
-    async def _tell(self) -> None:
-        """A connection to the broker after the other."""
+    async def _stay_connected(self) -> None:
+        """Connect to the broker, again after every loss of the connection."""
         pause_s = RETRY_S[0]
         while True:
             before = self._connections
@@ -141,8 +111,7 @@ class Bridge:
         """One connection, from its first to its last message."""
         will = aiomqtt.Will(self._topics.status, OFFLINE, qos=1, retain=True)
         async with aiomqtt.Client(
-            self._broker.host,
-            self._broker.port,
+            **self._broker.options(),
             will=will,
             timeout=ANSWER_S,
             keepalive=KEEPALIVE_S,
@@ -155,8 +124,8 @@ class Bridge:
             try:
                 async with asyncio.TaskGroup() as tasks:
                     tasks.create_task(self._publish(client), name="mqtt-publish")
-                    if self._control is not None:
-                        tasks.create_task(self._obey(client, self._control), name="mqtt-obey")
+                    if self._commands is not None:
+                        tasks.create_task(self._obey(client, self._commands), name="mqtt-obey")
             except asyncio.CancelledError:
                 with contextlib.suppress(aiomqtt.MqttError):
                     await client.publish(self._topics.status, OFFLINE, qos=1, retain=True)
@@ -186,30 +155,15 @@ class Bridge:
             "connections": self._connections,
         }
 
-    async def _obey(self, client: aiomqtt.Client, control: Path) -> None:
+    async def _obey(self, client: aiomqtt.Client, commands: Commands) -> None:
         """Commands to the gateway's control socket, one after the other, and its answers."""
         await client.subscribe(self._topics.command, qos=1)
         async for message in client.messages:
             if message.retain:  # it would be obeyed again after every reconnection
                 answer: dict[str, Any] = {"ok": False, "error": "a retained command is not obeyed"}
             else:
-                answer = await asyncio.to_thread(obey, control, message.payload)
+                answer = await asyncio.to_thread(commands.obey, message.payload)
             await client.publish(self._topics.reply, json.dumps(answer), qos=1)
-
-
-def obey(control: Path, payload: Any) -> dict[str, Any]:
-    """The control socket's answer to a command; `id`, if the command has one, comes back with it."""
-    try:
-        command = json.loads(payload)
-    except (ValueError, TypeError) as error:
-        return {"ok": False, "error": f"not JSON: {error}"}
-    if not isinstance(command, dict):
-        return {"ok": False, "error": "a command is a JSON object, as `loaderhil inject` sends it"}
-    number = {"id": command.pop("id")} if "id" in command else {}
-    try:
-        return ask(control, command) | number
-    except Mistake as error:
-        return {"ok": False, "error": str(error)} | number
 
 
 def say(text: str) -> None:

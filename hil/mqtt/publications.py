@@ -1,4 +1,4 @@
-"""What is told to a broker: the newest of every message, and what changed for better or worse.
+"""What is published: the newest frame of every message, and findings when they change.
 
     PREFIX/bus/BUS/MESSAGE[/ID]   retained; the object of `loaderhil monitor --json`. ID only where a J1939
                                   message comes from another address than the DBC's
@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from hil.monitor.board import Pace, Row
 from hil.monitor.decoded import decoded
 
-_TOLD = frozenset({Pace.STALE, Pace.MISSING, Pace.SLOW, Pace.FAST})
+_REPORTED = frozenset({Pace.STALE, Pace.MISSING, Pace.SLOW, Pace.FAST})
 _IN_TIME = "in time again"
 _SEPARATORS = re.compile(r"[/+#\0]")
 Key = tuple[str, str]
@@ -71,7 +71,7 @@ class Topics:
 
 
 @dataclass(slots=True)
-class _Told:
+class _Published:
     """What the broker knows of a row."""
 
     count: int = 0
@@ -80,51 +80,51 @@ class _Told:
 
 
 class Publisher:
-    """Remembers what was told, and gives what is new; superseded: frames that were never told, being replaced."""
+    """Remembers what was published, and gives what is new; superseded: frames that were never published, being replaced."""
 
     def __init__(self, topics: Topics) -> None:
         self._topics = topics
-        self._told: dict[Key, _Told] = {}
+        self._published: dict[Key, _Published] = {}
         self._renewed: set[Key] = set()
         self.superseded = 0
 
     def renew(self) -> None:
-        """A broker that may have forgotten everything is there: tell each message's state again."""
-        self._renewed = set(self._told)
+        """Publish the state of every message again: a broker that was restarted has forgotten it."""
+        self._renewed = set(self._published)
 
     def due(self, rows: Sequence[Row], wall_ns: int) -> Iterator[Publication]:
-        """What is new in the rows, one by one; what has been taken counts as told. wall_ns: now, since 1970."""
+        """What is new in the rows, one by one; what has been taken counts as published. wall_ns: now, since 1970."""
         for row in rows:
             key = row.bus, row.identifier
-            told = self._told.setdefault(key, _Told())
-            yield from self._events(row, told, wall_ns)
+            published = self._published.setdefault(key, _Published())
+            yield from self._events(row, published, wall_ns)
             if row.shown is None or row.age_ns is None:
                 continue
-            if row.count != told.count or key in self._renewed:
-                self.superseded += max(0, row.count - told.count - 1)
-                told.count = row.count
+            if row.count != published.count or key in self._renewed:
+                self.superseded += max(0, row.count - published.count - 1)
+                published.count = row.count
                 self._renewed.discard(key)
                 yield Publication(self._topics.message(row), _state(row, wall_ns - row.age_ns), retain=True)
 
-    def _events(self, row: Row, told: _Told, wall_ns: int) -> Iterator[Publication]:
-        """Findings of a row since it was told last."""
+    def _events(self, row: Row, published: _Published, wall_ns: int) -> Iterator[Publication]:
+        """Findings of a row since it was published last."""
         found = []
-        if row.findings != told.findings:
+        if row.findings != published.findings:
             found.append(row.note)
-            told.findings = row.findings
-        if row.pace is not told.pace and row.pace is not Pace.LATE:  # late alone may be nothing
-            if row.pace in _TOLD:
+            published.findings = row.findings
+        if row.pace is not published.pace and row.pace is not Pace.LATE:  # late alone may be nothing
+            if row.pace in _REPORTED:
                 found.append(str(row.pace))
-            elif told.pace in _TOLD:
+            elif published.pace in _REPORTED:
                 found.append(_IN_TIME)
-            told.pace = row.pace
+            published.pace = row.pace
         for finding in found:
             event = {"time_s": wall_ns // 1000 / 1e6, "bus": row.bus, "message": row.name, "finding": finding}
             yield Publication(self._topics.findings, json.dumps(event))
 
 
 def _state(row: Row, came_ns: int) -> str:
-    """The newest frame of a message as `loaderhil monitor --json` tells it, with its period."""
+    """The newest frame of a message in the form of `loaderhil monitor --json`, with its period."""
     assert row.shown is not None
     findings = [row.note] if row.note else []
     period = "null" if row.period_ns is None else f"{row.period_ns / 1e6:.3f}"

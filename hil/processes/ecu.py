@@ -4,17 +4,21 @@ from collections import Counter
 from contextlib import ExitStack
 from pathlib import Path
 
+from dbc import loader_database
 from ecu import node
 from ecu.findings import Finding
 from hil import rundir
 from hil.ecu_side import CALIBRATION, Form, ecu_cycle
 from hil.ending import Ending
+from hil.foreign.duplicates import OwnIdentifiers, other_sender
 from hil.gateway.latency import keep_ticks
 from hil.gateway.tap import tapped
-from hil.host import OwnWaits, Sleeps
-from hil.lifeline import Lifeline
-from hil.processes.shell import counters, log_to, reach, run_until_signal
-from hil.realtime_options import ORDINARY, RealtimeOptions
+from hil.shell.lifeline import Lifeline
+from hil.shell.process import counters, log_to, reach, run_until_signal
+from hil.shell.realtime_options import ORDINARY, RealtimeOptions
+from hil.timing.host import OwnWaits, Sleeps
+
+NODE = "EstimatorEcu"
 
 
 def run(
@@ -26,7 +30,7 @@ def run(
     realtime: RealtimeOptions = ORDINARY,
     calibration: str = CALIBRATION,
 ) -> Ending:
-    """The virtual ECU on the bus, until it is told to end; with `out`, its timing and log are left there."""
+    """Run the virtual ECU on the bus until a signal ends it; with `out`, its timing and log are written there."""
     log_to(out and out / rundir.ECU_LOG)
     reach(address)
     cycle = ecu_cycle(form=form, limits=limits, calibration=calibration)
@@ -44,10 +48,13 @@ def run(
         stamps = out and rundir.stamps(out, "ecu")
         sleeps = Sleeps()
         waits = stack.enter_context(OwnWaits(line.waited, sleeps))
-        bus, timing = stack.enter_context(tapped(address, "ecu", stamps, waits))
+        tap, timing = stack.enter_context(tapped(address, "ecu", stamps, waits))
+        bus = OwnIdentifiers(
+            tap, NODE, loader_database(), lambda name: other_sender(line, "ecu", address, name)
+        )
         line.ready()
         try:
             run_until_signal(node.run(bus, cycle, timing=timing, found=found), sleeps)
         finally:
-            line.finished(complete=True, missed=timing.missed, **kinds, **counters(bus))
+            line.finished(complete=True, missed=timing.missed, **kinds, **counters(bus), **bus.figures())
     return Ending.PASSED if line.supervised else Ending.INTERRUPTED

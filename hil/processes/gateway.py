@@ -25,10 +25,10 @@ from hil.gateway.settings import Settings, read_settings, routes_of
 from hil.gateway.shell import GatewayLoop
 from hil.gateway.tap import tapped
 from hil.gateway.watcher import Watcher
-from hil.host import OwnWaits
-from hil.lifeline import Lifeline
-from hil.processes.shell import Stop, log_to
-from hil.realtime_options import ORDINARY, RealtimeOptions
+from hil.shell.lifeline import Lifeline
+from hil.shell.process import Stop, log_to
+from hil.shell.realtime_options import ORDINARY, RealtimeOptions
+from hil.timing.host import OwnWaits
 
 log = logging.getLogger(__name__)
 LAST_BATCHES = 256
@@ -77,7 +77,7 @@ class Between:
 
 
 def run(line: Lifeline, between: Between, out: Path | None, realtime: RealtimeOptions = ORDINARY) -> Ending:
-    """Route between two buses until told to end; with `out`, its log, stamps and faults are left there."""
+    """Route between two buses until a signal ends it; with `out`, its log, stamps and faults are written there."""
     log_to(out and out / rundir.GATEWAY_LOG)
     database = between.database()
     injector = between.injector(database)
@@ -101,7 +101,7 @@ def run(line: Lifeline, between: Between, out: Path | None, realtime: RealtimeOp
                 waits.look(time.monotonic_ns())
             _pass_what_came(loop)
         finally:
-            _tell_troubles(watcher)
+            _log_troubles(watcher)
             if injector is not None:
                 _conclude(injector, core, out)
             line.finished(complete=True, dropped=lost(core, buses), **figures(core, watcher))
@@ -158,7 +158,7 @@ def lost(core: GatewayCore, buses: dict[Side, Transport]) -> int:
     return unread + sum(core.counts[side].overflowed + len(core.waiting(side)) for side in SIDES)
 
 
-def _tell_troubles(watcher: Watcher) -> None:
+def _log_troubles(watcher: Watcher) -> None:
     """One line per message that was ever in trouble."""
     for side in SIDES:
         troubles = watcher.troubles(side)

@@ -3,20 +3,20 @@
 import time
 from dataclasses import dataclass
 
-from bus.hub import serve
-from bus.hub_client import hub_status
-from bus.hub_status import HubStatus
-from bus.mistake import Mistake
+from bus.hub.client import hub_status
+from bus.hub.server import serve
+from bus.hub.status import HubStatus
 from bus.transport import BusUnavailable
+from bus.user_error import UserError
 from hil.ending import Ending
-from hil.host import OwnWaits
-from hil.lifeline import Lifeline
-from hil.realtime_options import RealtimeOptions
+from hil.shell.lifeline import Lifeline
+from hil.shell.realtime_options import RealtimeOptions
+from hil.timing.host import OwnWaits
 
 PREFIX = "hub:"
 
 
-class ImpossibleRates(Mistake, ValueError):
+class ImpossibleRates(UserError, ValueError):
     """No CAN bus has these bit rates."""
 
 
@@ -42,7 +42,7 @@ class BitRates:
 
 
 def run(line: Lifeline, address: str, rates: BitRates, realtime: RealtimeOptions) -> Ending:
-    """Serve until told to end."""
+    """Serve until a signal ends it."""
     path = _path(address)
     realtime.apply()
     with OwnWaits(line.waited) as waits:
@@ -58,8 +58,8 @@ def run(line: Lifeline, address: str, rates: BitRates, realtime: RealtimeOptions
     return Ending.PASSED if line.supervised else Ending.INTERRUPTED
 
 
-def tell_status(address: str) -> Ending:
-    """Print the counters of the hub at `address` and of everybody on it."""
+def print_status(address: str) -> Ending:
+    """Print the counters of the hub at `address` and of its clients."""
     from rich.console import Console
     from rich.table import Table
 
@@ -88,12 +88,14 @@ def summary(status: HubStatus) -> str:
     """The hub in one line."""
     line = f"{status.frames} frames in {status.uptime_s:.1f} s"
     if status.bit_rate is None:
-        return f"{line}, as fast as it goes"
+        return f"{line}, without a bit rate"
     load = status.busy_s / status.uptime_s if status.uptime_s > 0 else 0.0
-    return f"{line} at {status.bit_rate} bit/s, {100 * load:.1f} % of the wire's time"
+    return f"{line} at {status.bit_rate} bit/s, {100 * load:.1f} % bus load"
 
 
 def _path(address: str) -> str:
     if not address.startswith(PREFIX):
-        raise BusUnavailable(f"--bus {address}: a hub serves hub:PATH; other buses need no process of ours")
+        raise BusUnavailable(
+            f"--bus {address}: a hub needs an address hub:PATH; other buses exist without it"
+        )
     return address.removeprefix(PREFIX)

@@ -5,25 +5,28 @@ from collections import Counter
 from contextlib import ExitStack
 from pathlib import Path
 
-from dbc.writer import CandumpWriter
+from dbc import loader_database
+from dbc.recordings.writer import CandumpWriter
 from hil import rundir
 from hil.compose import Choice, plant_unit
 from hil.ending import Ending
+from hil.foreign.duplicates import OwnIdentifiers, other_sender
 from hil.gateway.latency import keep_ticks
 from hil.gateway.tap import tapped
-from hil.host import OwnWaits, Sleeps
-from hil.lifeline import Lifeline
-from hil.processes.shell import counters, log_to, reach, run_until_signal
-from hil.realtime_options import ORDINARY, RealtimeOptions
+from hil.shell.lifeline import Lifeline
+from hil.shell.process import counters, log_to, reach, run_until_signal
+from hil.shell.realtime_options import ORDINARY, RealtimeOptions
+from hil.timing.host import OwnWaits, Sleeps
 from plant import node
-from plant.reception import Finding
-from plant.scenario import Scenario
-from plant.unit import TICK_NS, PlantUnit
+from plant.unit.reception import Finding
+from plant.unit.scenario import Scenario
+from plant.unit.unit import TICK_NS, PlantUnit
 
 log = logging.getLogger(__name__)
 REFERENCE_CHANNEL = "reference"
 PROGRESS_TICKS = 20
 WARM_TICKS = 5
+NODE = "Machine"
 
 
 def run(
@@ -45,7 +48,10 @@ def run(
         waits = stack.enter_context(OwnWaits(line.waited, sleeps))
         if out and not line.supervised:
             stack.callback(keep_ticks, out, "plant")
-        bus, timing = stack.enter_context(tapped(address, "plant", stamps, waits))
+        tap, timing = stack.enter_context(tapped(address, "plant", stamps, waits))
+        bus = OwnIdentifiers(
+            tap, NODE, loader_database(), lambda name: other_sender(line, "plant", address, name)
+        )
         reference = out and stack.enter_context(CandumpWriter(out / rundir.REFERENCE))
 
         def on_tick(ticked: PlantUnit) -> None:
@@ -74,6 +80,7 @@ def run(
                 missed=timing.missed,
                 **kinds,
                 **counters(bus),
+                **bus.figures(),
             )
     return Ending.INTERRUPTED if interrupted else Ending.PASSED
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bus.frame import BRS, ERROR, ESI, EXTENDED, EXTENDED_MASK, FD, REMOTE
-from bus.packet import FD_LENGTHS
-from hil.recording.formats import NewFile
+from bus.hub.packet import FD_LENGTHS
+from hil.recording.new_file import NewFile
 from hil.recording.ring import Records
 
 CONTAINER_BYTES = 1 << 17

@@ -1,4 +1,4 @@
-"""The process that listens: from the buses into the ring, and nothing else.
+"""The recorder's first process: receives frames from the buses and puts them into the ring.
 
 After each wake-up it naps: frames are stamped where they arrive on the bus, so nothing is lost by taking them in
 handfuls, and ten full buses cost a few hundred wake-ups per second instead of 40 000.
@@ -12,21 +12,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bus.address import open_transport
-from bus.mistake import Mistake
 from bus.ticks import Alarm
 from bus.transport import BusClosed, Statistics, Transport
+from bus.user_error import UserError
 from hil.ending import Ending
-from hil.lifeline import Lifeline
-from hil.processes.shell import Stop
-from hil.recording.files import Plan, told
+from hil.recording.files import Plan, names_of
 from hil.recording.ring import SLOTS, Ring
 from hil.recording.writing import WriterProcess, Written
+from hil.shell.lifeline import Lifeline
+from hil.shell.process import Stop
 
 NAP_S = 0.002
 """At most 16 frames of a full 1 Mbit/s bus wait meanwhile; the smallest receive buffers hold some hundreds."""
 
 
-class SourceError(Mistake, ValueError):
+class SourceError(UserError, ValueError):
     """A bus to record is not named well; the message says which and how."""
 
 
@@ -116,7 +116,7 @@ def run(
     duration_s: float | None = None,
     slots: int = SLOTS,
 ) -> Ending:
-    """Record until told to end, until `duration_s` is over, or until every bus is gone; what came by then is written."""
+    """Record until a signal, until `duration_s` is over, or until every bus is gone. Every frame received by then is written."""
     with contextlib.ExitStack() as stack:
         buses = [stack.enter_context(open_transport(address, name="recorder")) for address in addresses]
         ring = stack.enter_context(contextlib.closing(Ring.create(slots)))
@@ -186,4 +186,4 @@ class Lost:
 def summary(written: Written, buses: int, elapsed_s: float, lost: Lost) -> str:
     """A recording in one line."""
     of = f"of {buses} buses " if buses > 1 else ""
-    return f"{told(written.paths)}: {written.frames} frames {of}in {elapsed_s:.1f} s, {lost}"
+    return f"{names_of(written.paths)}: {written.frames} frames {of}in {elapsed_s:.1f} s, {lost}"

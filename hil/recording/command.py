@@ -15,46 +15,57 @@ def record(
     buses: Annotated[
         list[str],
         typer.Argument(
-            metavar="BUS...", help="Addresses (hub:PATH, socketcan:INTERFACE), each alone or as NAME=ADDRESS."
+            metavar="BUS...",
+            help="Addresses of buses (hub:PATH, socketcan:INTERFACE), each alone or as NAME=ADDRESS. NAME is the channel's name in the file.",
         ),
     ],
     out: Annotated[
         Path,
         typer.Option(
-            "--out", metavar="FILE", help="New file; its suffix names the format: .log, .blf, .asc or .mf4."
+            "--out",
+            metavar="FILE",
+            help="File to write. Its suffix chooses the format: .log, .blf, .asc or .mf4.",
         ),
     ],
     duration_s: Annotated[
-        float | None, typer.Option("--duration-s", min=0.001, help="End by itself after this time.")
+        float | None,
+        typer.Option("--duration-s", min=0.001, help="End after this time [s]; by default at Ctrl-C."),
     ] = None,
     rotate_mib: Annotated[
-        float, typer.Option("--rotate-mib", min=0, help="A new file after this many MiB; 0: never.")
+        float, typer.Option("--rotate-mib", min=0, help="Start a new file after this size [MiB]; 0: never.")
     ] = 0,
     rotate_s: Annotated[
-        float, typer.Option("--rotate-s", min=0, help="A new file after this many seconds; 0: never.")
+        float, typer.Option("--rotate-s", min=0, help="Start a new file after this time [s]; 0: never.")
     ] = 0,
     flush_s: Annotated[
-        float, typer.Option("--flush-s", min=0.01, max=60, help="Longest time until a frame is in the file.")
+        float,
+        typer.Option(
+            "--flush-s", min=0.01, max=60, help="Longest time until a received frame is in the file [s]."
+        ),
     ] = 0.2,
     ring_frames: Annotated[
         int,
-        typer.Option("--ring-frames", min=64, max=1 << 24, help="Room for frames that wait to be written."),
+        typer.Option(
+            "--ring-frames", min=64, max=1 << 24, help="Number of frames that can wait to be written."
+        ),
     ] = SLOTS,
     monotonic: Annotated[
         bool,
-        typer.Option("--monotonic", help="Stamps of the machine's monotonic clock, not wall-clock time."),
+        typer.Option(
+            "--monotonic", help="Time stamps of the computer's monotonic clock instead of wall-clock time."
+        ),
     ] = False,
 ) -> None:
-    """Every frame of one or several buses into a file, until Ctrl-C.
+    """Record every frame of one or several buses, until Ctrl-C.
 
-    The file is complete up to the last flush whatever ends the recorder. Examples:
+    If the recorder is killed, the file is complete up to its last flush. Examples:
     `loaderhil record socketcan:can0 --out drive.blf`,
     `loaderhil record loader=hub:/tmp/loaderhil.hub ref=socketcan:can1 --out drive.mf4 --rotate-s 600`
     """
-    from bus.wallclock import SHARED
-    from hil.processes.shell import ending_of
+    from bus.socketcan.wallclock import SHARED
     from hil.recording import capture
     from hil.recording.files import Plan
+    from hil.shell.process import ending_of
 
     check_suffix(out)
     sources = capture.parse_sources(buses)

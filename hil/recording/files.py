@@ -1,5 +1,6 @@
 """The files of one recording: one, or a new one by size or time."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,6 +87,14 @@ def numbered(path: Path, number: int) -> Path:
     return path.with_stem(f"{path.stem}-{number:03d}")
 
 
-def told(paths: Sequence[Path]) -> str:
+def files_of(plan: Plan) -> tuple[Path, ...]:
+    """The files of a recording that are there."""
+    if not (plan.rotate_bytes or plan.rotate_ns):
+        return (plan.path,) if plan.path.exists() else ()
+    candidates = (numbered(plan.path, number) for number in itertools.count(1))
+    return tuple(itertools.takewhile(Path.exists, candidates))
+
+
+def names_of(paths: Sequence[Path]) -> str:
     """The files in a line."""
     return str(paths[0]) if len(paths) == 1 else f"{paths[0]} .. {paths[-1].name} ({len(paths)} files)"

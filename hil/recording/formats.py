@@ -5,21 +5,21 @@ nothing that was written. Stamps are whole microseconds, the finest that all for
 """
 
 import datetime
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
 from bus.frame import BRS, ERROR, ESI, EXTENDED, EXTENDED_MASK, FD, REMOTE, Frame
-from bus.mistake import Mistake
-from bus.packet import FD_LENGTHS
-from dbc.writer import candump_line
+from bus.hub.packet import FD_LENGTHS
+from bus.user_error import UserError
+from dbc.recordings.writer import candump_line
+from hil.recording.new_file import NewFile
 from hil.recording.ring import Records, frames_of
 
 SUFFIXES = (".log", ".blf", ".asc", ".mf4")
 
 
-class RecordingError(Mistake, ValueError):
+class RecordingError(UserError, ValueError):
     """A recording cannot be written; the message names the file and the cause."""
 
 
@@ -69,34 +69,6 @@ def check_suffix(path: Path) -> None:
         raise RecordingError(f"{path}: the suffix names the format, one of {', '.join(SUFFIXES)}")
 
 
-class NewFile:
-    """An unbuffered file that did not exist before; every write is whole or an error."""
-
-    def __init__(self, path: Path) -> None:
-        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
-        self.size = 0
-
-    def append(self, content: bytes) -> int:
-        """Write at the end; returns where that was."""
-        at = self.size
-        self.patch(at, content)
-        self.size = at + len(content)
-        return at
-
-    def patch(self, at: int, content: bytes) -> None:
-        """Write over what stands at `at`."""
-        view = memoryview(content)
-        while view:
-            written = os.pwrite(self._descriptor, view, at)
-            view, at = view[written:], at + written
-
-    def close(self) -> None:
-        """Close; a second call does nothing."""
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
-
-
 _STAMP = len("(0000000000.000000)")
 
 
@@ -109,7 +81,7 @@ class CandumpRecords:
         self._heads: dict[tuple[int, int, int], str] = {}  # what stands between stamp and data
 
     def write(self, records: Records) -> None:
-        """One line per frame, as `dbc.writer.candump_line` makes them one by one."""
+        """One line per frame, as `dbc.recordings.writer.candump_line` makes them one by one."""
         if len(records):
             self._file.append("".join(self._lines(records)).encode("ascii"))
 

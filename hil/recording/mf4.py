@@ -18,8 +18,8 @@ from asammdf.blocks.v4_constants import BUS_TYPE_CAN, SOURCE_BUS
 from numpy.typing import NDArray
 
 from bus.frame import BRS, ERROR, ESI, EXTENDED, EXTENDED_MASK, FD, REMOTE
-from bus.packet import FD_LENGTHS
-from hil.recording.formats import NewFile
+from bus.hub.packet import FD_LENGTHS
+from hil.recording.new_file import NewFile
 from hil.recording.ring import Records
 
 _BLOCK = struct.Struct("<4s4xQQ")  # of every block: kind, length, number of links

@@ -103,16 +103,29 @@ class Ring:
         self._head = head
         self._write(_HEAD, head)
 
+    @property
+    def taken_count(self) -> int:
+        """Frames released so far by the taking side."""
+        return self._read(_TAIL)
+
     def take(self, limit: int) -> Records:
         """At most `limit` of the oldest frames, as a copy; they make room."""
+        taken = self.peek(limit)
+        self.release(len(taken))
+        return taken
+
+    def peek(self, limit: int) -> Records:
+        """At most `limit` of the oldest frames, as a copy; they stay until they are released."""
         waiting = min(self._read(_HEAD) - self._tail, limit)
         start = self._tail % self._slots
         first = self._records(start, min(waiting, self._slots - start))
         rest = self._records(0, waiting - len(first))
-        taken = np.concatenate((first, rest))
-        self._tail += waiting
+        return np.concatenate((first, rest))
+
+    def release(self, count: int) -> None:
+        """Make room where the `count` oldest frames were: they are where they belong."""
+        self._tail += count
         self._write(_TAIL, self._tail)
-        return taken
 
     def _records(self, start: int, count: int) -> Records:
         at = _RECORDS + start * RECORD.itemsize

@@ -1,4 +1,4 @@
-"""The process that writes a recording: from the ring to the file, on its own processor time.
+"""The recorder's second process: takes frames from the ring and writes the file.
 
 It outlives the process that fills the ring: when that one ends, however it ends, the ring is emptied and the file
 closed. Talks in lines of JSON on its standard output: ready, then the end or an error.
@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from hil.recording.files import Plan, RecordingFiles
+from hil.recording.files import Plan, RecordingFiles, files_of
 from hil.recording.formats import RecordingError
 from hil.recording.ring import Ring
 
@@ -37,8 +37,9 @@ def main(ring_descriptor: int, life_descriptor: int, plan: Plan) -> int:
                 ended = bool(
                     selector.select(plan.flush_s)
                 )  # looked at first: what came before the end is taken
-                while len(records := ring.take(BATCH)):
+                while len(records := ring.peek(BATCH)):
                     files.write(records)
+                    ring.release(len(records))  # only now: the count of a killed writer is that of its file
         files.close()
     except (RecordingError, OSError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
@@ -78,6 +79,7 @@ class WriterProcess:
 
         program: what Python runs; a test may put limits around the writer.
         """
+        self._ring, self._plan = ring, plan
         theirs, self._life = os.pipe2(os.O_CLOEXEC)
         words = json.dumps(asdict(plan) | {"path": str(plan.path)})
         try:
@@ -124,6 +126,8 @@ class WriterProcess:
             code = self._process.wait()
         self._process.stdout.close()
         error = last.get("error", "" if code == 0 else f"the process that writes it ended with code {code}")
+        if not last:  # it was killed; the ring knows how far it had come
+            return Written(self._ring.taken_count, files_of(self._plan), error)
         return Written(last.get("frames", 0), tuple(map(Path, last.get("paths", ()))), error)
 
 

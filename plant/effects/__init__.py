@@ -5,6 +5,6 @@ named by the environment variable LOADERHIL_EFFECTS: an effect of your own is on
 """
 
 from plant.effects.effect import ActiveEffect, Confusable, Effect, Parameter
-from plant.effects.library import effects, find_effect
+from plant.effects.registry import effects, find_effect
 
 __all__ = ["ActiveEffect", "Confusable", "Effect", "Parameter", "effects", "find_effect"]

@@ -1,7 +1,7 @@
 """Parts of the parameter vector that effects change once."""
 
 from plant.effects.effect import Array
-from plant.parameters import BODY_SIZE, P_WHEELS, WHEEL_SIZE
+from plant.physics.parameters import BODY_SIZE, P_WHEELS, WHEEL_SIZE
 
 
 def wheel_blocks(p: Array) -> list[Array]:

@@ -1,8 +1,8 @@
 """Calls the compiled functions of the effects that are switched on.
 
 The callers are generated, one line per effect and hook, from the effects that were found, and kept in a
-file so that their machine code is cached. What they are told, the vector `active`, is a switch for each
-effect and then its parameters, MOST_PARAMETERS for each.
+file so that their machine code is cached. Their first argument, the vector `active`, holds a switch for each
+effect and then the parameters of each, MOST_PARAMETERS per effect.
 """
 
 import importlib.util
@@ -14,12 +14,12 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.checked import ConfigurationError
+from configuration import ConfigurationError
 from plant.compiled import CODE, DIGEST
 from plant.effects.effect import HOOKS, MOST_PARAMETERS, ActiveEffect, Effect
-from plant.effects.library import modules
-from plant.state import EXTRA, EXTRAS
-from plant.workspace import Workspace
+from plant.effects.registry import modules, python_hook
+from plant.physics.state import EXTRA, EXTRAS
+from plant.physics.workspace import Workspace
 
 Array = NDArray[np.float64]
 
@@ -100,7 +100,7 @@ def compiled_hooks(effect: Effect) -> list[str]:
 
 
 def active_vector(chosen: Sequence[ActiveEffect]) -> Array | None:
-    """What the compiled callers are told; None where no chosen effect has a compiled function."""
+    """The vector `active` of the compiled callers; None where no chosen effect has a compiled function."""
     if not any(compiled_hooks(item.effect) for item in chosen):
         return None
     names = list(modules())
@@ -118,6 +118,7 @@ def start(chosen: Sequence[ActiveEffect], state: Array, p: Array, work: Workspac
     before = state[EXTRA : EXTRA + EXTRAS].copy()
     first = _first_states(modules())
     for item in chosen:
-        if item.effect.start is not None:
-            item.effect.start(item.named, first[item.effect.name], state, p, work)
+        begin = python_hook(item.effect, "start")
+        if begin is not None:
+            begin(item.named, first[item.effect.name], state, p, work)
     return not np.allclose(before, state[EXTRA : EXTRA + EXTRAS], rtol=1e-9, atol=1e-12)

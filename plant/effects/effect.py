@@ -1,19 +1,12 @@
 """What an effect is: a sentence, an equation, parameters with units and bounds, and where it acts."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.checked import CheckedTable
-
-if TYPE_CHECKING:
-    from plant.machine import Machine
-    from plant.sensors import SensorParameters
-    from plant.workspace import Workspace
+from configuration import CheckedTable
 
 Array = NDArray[np.float64]
 
@@ -30,6 +23,15 @@ bodies(q, x, state, p, work): forces and moments on bodies.
 states(q, x, state, p, work): rates of the effect's own states, once all accelerations are known.
 
 q: the effect's parameters, SI, in their order; x: index of its first own state in state and work.rate.
+"""
+
+PYTHON_HOOKS = ("prepare", "sensors", "start")
+"""Names of the plain Python functions that an effect's module may define; each gets the parameters by name, SI.
+
+prepare(q, p, machine): changes the plant's parameter vector once.
+sensors(q, given): returns the sensors' parameters as the effect changes them.
+start(q, x, state, p, work): sets the effect's own states, from index x on, for a plant at rest. It is called
+again for the rest that the machine then finds, until neither changes.
 """
 
 
@@ -67,7 +69,7 @@ def degrees(
 
 @dataclass(frozen=True, slots=True)
 class Confusable:
-    """Another effect that looks alike, and what tells the two apart."""
+    """Another effect that looks alike, and how a test separates the two."""
 
     name: str
     separate: str
@@ -79,9 +81,7 @@ class Effect:
 
     sentence: what it is, for a test engineer. equation: in the symbols of its parameters.
     acts_on: where it is felt. signature: how it shows in the channels. excited_by: the manoeuvre that shows it.
-    prepare: changes the plant's parameter vector once; sensors: changes the sensors' parameters once.
-    own_states: how many states it has; start: sets them, from the first one on, to a plant at rest. It is
-    called again for the rest that the machine then finds, until neither changes.
+    own_states: how many states it has. What it does are functions of its module, found by name: HOOKS, PYTHON_HOOKS.
     source: where equation and typical values are from.
     """
 
@@ -95,9 +95,6 @@ class Effect:
     confusable: tuple[Confusable, ...] = ()
     source: str
     own_states: int = 0
-    prepare: Callable[[Mapping[str, float], Array, "Machine"], None] | None = None
-    sensors: Callable[[Mapping[str, float], "SensorParameters"], "SensorParameters"] | None = None
-    start: Callable[[Mapping[str, float], int, Array, Array, "Workspace"], None] | None = None
 
     def __post_init__(self) -> None:
         if len(self.parameters) > MOST_PARAMETERS:
@@ -135,11 +132,3 @@ class ActiveEffect:
     def named(self) -> dict[str, float]:
         """The parameters by name, SI."""
         return {item.name: value for item, value in zip(self.effect.parameters, self.values, strict=True)}
-
-
-def faulty(given: "SensorParameters", chosen: Sequence[ActiveEffect]) -> "SensorParameters":
-    """The sensors as the chosen effects have changed them."""
-    for item in chosen:
-        if item.effect.sensors is not None:
-            given = item.effect.sensors(item.named, given)
-    return given

@@ -3,24 +3,39 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from plant.effects.effect import Parameter
-
-if TYPE_CHECKING:
-    from plant.sensors import SensorParameters
+from plant.unit.sensor_parameters import SensorParameters
+from plant.unit.signals import (
+    ANGULAR_RATE,
+    ARTICULATION_ANGLE,
+    ARTICULATION_RATE,
+    CHANNELS,
+    PRESSURE,
+    SPECIFIC_FORCE,
+    WHEEL_SPEED,
+    WHEEL_TORQUE,
+    WHEELS,
+    Family,
+)
 
 DEGREE = math.pi / 180.0
-WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
-IMU = ("acceleration_x", "acceleration_y", "acceleration_z", "roll_rate", "pitch_rate", "yaw_rate")
+
+
+def _channels(*families: Family) -> tuple[str, ...]:
+    """Names of the channels of some families."""
+    return tuple(name for name, channel in CHANNELS.items() if channel.family in families)
+
+
+IMU = _channels(SPECIFIC_FORCE, ANGULAR_RATE)
 
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "inertial": IMU,
-    "wheel": tuple(f"{what}_{wheel}" for what in ("wheel_speed", "wheel_torque") for wheel in WHEELS),
-    "pressure": ("lift_pressure", "tilt_pressure", "steering_pressure_left", "steering_pressure_right"),
-    "articulation": ("articulation_angle", "articulation_rate"),
+    "wheel": _channels(WHEEL_SPEED, WHEEL_TORQUE),
+    "pressure": _channels(PRESSURE),
+    "articulation": _channels(ARTICULATION_ANGLE, ARTICULATION_RATE),
 }
 """Channels whose sensors are of one make."""
 
@@ -52,7 +67,7 @@ def wheels(what: str, front: float, rear: float) -> dict[str, float]:
     return {f"{what}_{wheel}": front if wheel.startswith("front") else rear for wheel in WHEELS}
 
 
-def added(given: "SensorParameters", field: str, values: Mapping[str, float]) -> "SensorParameters":
+def added(given: SensorParameters, field: str, values: Mapping[str, float]) -> SensorParameters:
     """The sensors with `values` added to one of their parameters, by channel."""
     changed = {
         name: replace(given.of(name), **{field: getattr(given.of(name), field) + value})
@@ -61,7 +76,7 @@ def added(given: "SensorParameters", field: str, values: Mapping[str, float]) ->
     return replace(given, channels={**given.channels, **changed})
 
 
-def scaled(given: "SensorParameters", errors: Mapping[str, float]) -> "SensorParameters":
+def scaled(given: SensorParameters, errors: Mapping[str, float]) -> SensorParameters:
     """The sensors with another error of scale, by channel."""
     changed = {
         name: replace(given.of(name), scale_error=(1.0 + given.of(name).scale_error) * (1.0 + error) - 1.0)
@@ -70,7 +85,7 @@ def scaled(given: "SensorParameters", errors: Mapping[str, float]) -> "SensorPar
     return replace(given, channels={**given.channels, **changed})
 
 
-def coarser(given: "SensorParameters", factor: float) -> "SensorParameters":
+def coarser(given: SensorParameters, factor: float) -> SensorParameters:
     """The sensors with steps that are `factor` times larger."""
     changed = {
         name: replace(item, resolution=item.resolution * factor) for name, item in given.channels.items()
@@ -78,7 +93,7 @@ def coarser(given: "SensorParameters", factor: float) -> "SensorParameters":
     return replace(given, channels=changed)
 
 
-def turned(given: "SensorParameters", roll: float, pitch: float, yaw: float) -> "SensorParameters":
+def turned(given: SensorParameters, roll: float, pitch: float, yaw: float) -> SensorParameters:
     """The sensors with the inertial ones turned by three angles [rad], about z, then y, then x of the frame."""
     cr, sr, cp, sp, cy, sy = (f(a) for a in (roll, pitch, yaw) for f in (math.cos, math.sin))
     about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])

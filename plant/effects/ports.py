@@ -4,8 +4,8 @@ import math
 
 from plant.compiled import compiled
 from plant.effects.effect import Array
-from plant.parameters import P_NORMAL, P_STEERING, SERVO_LAG, W_RADIUS
-from plant.state import (
+from plant.physics.parameters import P_NORMAL, P_STEERING, SERVO_LAG, W_RADIUS
+from plant.physics.state import (
     FRONT_FRAME,
     G_HEIGHT,
     G_RISE,
@@ -21,7 +21,7 @@ from plant.state import (
     T_WRENCH,
     WHEEL,
 )
-from plant.workspace import Workspace
+from plant.physics.workspace import Workspace
 
 LEAST = 1e-9  # keeps the heading of a wheel that lies on its side finite
 

@@ -10,14 +10,14 @@ from scipy.stats import binomtest
 from bench.proof import car, report, score
 from bench.proof.arm import Arm, Done, Truth, read, row
 from bench.proof.plan import BODIES, GROUPS, plan, sampled
-from discrepancy.assess import assess
-from discrepancy.findings import Candidate, Findings, Interval, Regime, Where
-from discrepancy.fit import fit
-from discrepancy.noise import white_noise
-from discrepancy.problem import Problem
-from discrepancy.state import Settings
-from hil.scale.store import Store
-from tests.hil.diagnose.cases import finding
+from diagnosis.fleet.store import Store
+from discrepancy.estimation.fit import fit
+from discrepancy.estimation.noise import white_noise
+from discrepancy.estimation.problem import Problem
+from discrepancy.selection.assess import assess
+from discrepancy.selection.state import Settings
+from discrepancy.signals.findings import Candidate, Findings, Interval, Regime, Where
+from tests.diagnosis.cases import finding
 
 
 def findings(*found, status="explained") -> Findings:
@@ -106,7 +106,7 @@ def test_a_miss_is_forgiven_where_it_is_said_of_that_effect_that_it_could_not_be
         p_value=1.0,
         expected=[],
         power=0.0,
-        absorbed=1.0,
+        confounded_share=1.0,
         reason="",
     )
     run = done()
@@ -280,7 +280,7 @@ def test_an_effect_is_sized_until_it_has_its_lambda_even_if_that_grows_with_the_
     body = BODIES["car"]
     effect = body.model().effect("grip limit")
     arm = Arm(body="car", kind="effect", seed=30043, effects=("grip limit",), noise="white", strength=250.0)
-    sized = body._sized(effect, arm)
+    sized = body.sized(effect, arm)
     assert sized.reached == pytest.approx(250.0, rel=0.11)
     problem = Problem(body.model(), body.record(sized.values, arm, np.random.default_rng(arm.seed)))
     known = assess(problem, ("grip limit",), problem.start().having(**sized.values), Settings())
@@ -308,12 +308,12 @@ def test_friction_that_acts_for_a_while_is_seen_in_its_windows_though_noise_coul
     body = BODIES["straight"]
     problem = Problem(body.model(), body.record({"rolling": 0.037}, arm, np.random.default_rng(seed)))
     state = assess(problem, (), problem.start(), Settings())
-    assert ("rolling resistance", range(4, 8)) in {(s.effect, windows) for s, windows in state.passing}
+    assert ("rolling resistance", range(4, 8)) in {(s.effect, windows) for s, windows in state.temporary}
 
 
 def test_what_is_there_or_not_is_hidden_whole_and_counts_at_any_lambda() -> None:
     arms = [a for a in BODIES["car"].arms(1) if a.effects == ("gyro sign",)]
     assert [a.strength for a in arms] == [np.inf]
-    sized = BODIES["car"]._sized(BODIES["car"].model().effect("gyro sign"), arms[0])
+    sized = BODIES["car"].sized(BODIES["car"].model().effect("gyro sign"), arms[0])
     assert sized.values == {"gyro.sign": 1.0}
     assert replace(done(), arm=arms[0], truth=sized).reached

@@ -2,8 +2,8 @@
 
 import pytest
 
-from bus.can_socket import kernel_has_can
-from bus.link import can_interfaces
+from bus.socketcan.can_socket import kernel_has_can
+from bus.socketcan.link import can_interfaces
 from tests.bus.vcan import INTERFACE
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from bus.errors import Fault
 from bus.frame import BRS, ERROR, ESI, EXTENDED, FD, REMOTE, Frame
-from bus.packet import FD_LENGTHS
+from bus.hub.packet import FD_LENGTHS
 from bus.transport import BusClosed, Transport
 
 WAIT_S = 60.0

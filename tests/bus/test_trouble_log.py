@@ -9,7 +9,7 @@ S = 1_000_000_000
 
 
 def lines(caplog: pytest.LogCaptureFixture, findings: list[BusFinding]) -> list[str]:
-    TroubleLog().tell(findings)
+    TroubleLog().log(findings)
     return caplog.messages
 
 

@@ -4,7 +4,7 @@ import subprocess
 from pathlib import Path
 
 from bus.errors import BusFinding, Fault
-from bus.socketcan import SocketCanTransport
+from bus.socketcan.transport import SocketCanTransport
 from tests.bus.laws import WAIT_S, readable
 
 ROOT = Path(__file__).resolve().parents[2]

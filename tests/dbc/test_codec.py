@@ -17,7 +17,7 @@ from dbc import FOLDER
 from dbc.columns import decode_rows
 from dbc.database import Database, MessageCodec
 from dbc.errors import DatabaseError, DecodeError, EncodeError
-from dbc.logfile import parse_candump
+from dbc.recordings.logfile import parse_candump
 
 OURS = ["loader.dbc", "reference.dbc", "j1939.dbc"]
 

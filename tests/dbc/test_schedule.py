@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from dbc import loader_database, reference_database
 from dbc.schedule import FrameSchedule, phases
-from plant import interface
+from plant.unit import signals
 
 TICK_NS = 10_000_000
 
@@ -31,8 +31,8 @@ def test_phases_lie_in_their_cycle_and_spread_the_load(cycles):
 @pytest.mark.parametrize(
     ("database", "sender", "messages"),
     [
-        (loader_database(), interface.MACHINE, interface.MACHINE_MESSAGES),
-        (reference_database(), interface.TEST_RIG, interface.REFERENCE_MESSAGES),
+        (loader_database(), signals.MACHINE, signals.MACHINE_MESSAGES),
+        (reference_database(), signals.TEST_RIG, signals.REFERENCE_MESSAGES),
     ],
 )
 def test_each_message_goes_out_at_its_cycle_time(database, sender, messages):
@@ -55,16 +55,14 @@ def test_each_message_goes_out_at_its_cycle_time(database, sender, messages):
 
 
 def test_a_message_the_plant_does_not_make_or_the_dbc_does_not_have_is_refused():
-    without = {
-        name: signals for name, signals in interface.MACHINE_MESSAGES.items() if name != "LiftPressure"
-    }
+    without = {name: signals for name, signals in signals.MACHINE_MESSAGES.items() if name != "LiftPressure"}
     with pytest.raises(ValueError, match="LiftPressure"):
-        FrameSchedule(loader_database(), interface.MACHINE, without, tick_ns=TICK_NS)
-    more = {**interface.MACHINE_MESSAGES, "Weather": {}}
+        FrameSchedule(loader_database(), signals.MACHINE, without, tick_ns=TICK_NS)
+    more = {**signals.MACHINE_MESSAGES, "Weather": {}}
     with pytest.raises(ValueError, match="Weather"):
-        FrameSchedule(loader_database(), interface.MACHINE, more, tick_ns=TICK_NS)
+        FrameSchedule(loader_database(), signals.MACHINE, more, tick_ns=TICK_NS)
 
 
 def test_a_cycle_time_that_is_no_multiple_of_the_tick_is_refused():
     with pytest.raises(ValueError, match="no multiple of the tick"):
-        FrameSchedule(loader_database(), interface.MACHINE, interface.MACHINE_MESSAGES, tick_ns=3_000_000)
+        FrameSchedule(loader_database(), signals.MACHINE, signals.MACHINE_MESSAGES, tick_ns=3_000_000)

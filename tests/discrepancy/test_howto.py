@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hil import cli
+from loaderhil import cli
 from tests.conftest import ROOT
 
 TEXT = Path(ROOT / "docs/howto/write-a-model.md").read_text()

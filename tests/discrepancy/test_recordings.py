@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from discrepancy.examine import examine
-from discrepancy.findings import Findings
 from discrepancy.models import ball, car, road
-from discrepancy.recording import Recording
-from discrepancy.state import Settings
+from discrepancy.selection.state import Settings
+from discrepancy.signals.findings import Findings
+from discrepancy.signals.recording import Recording
 
 pytestmark = pytest.mark.data
 FEWER = Settings(most_effects=4)  # what is asked for is among the first four

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.signal import lfilter
 
-from discrepancy.model import Effect, Model, Parameter, Port, Window
-from discrepancy.recording import Array, Recording, signal
-from discrepancy.sensors import sensor_effects
+from discrepancy.model.description import Effect, Model, Parameter, Port, Window
+from discrepancy.model.sensors import sensor_effects
+from discrepancy.signals.recording import Array, Recording, signal
 
 STEP_S = 0.1
 

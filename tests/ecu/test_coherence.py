@@ -9,7 +9,7 @@ from dbc.protection import Protector
 from ecu.calibration import load_calibration
 from ecu.coherence import AxleSides
 from ecu.findings import Implausible
-from ecu.inputs import EXCHANGED, FROZEN, Hearing, sources
+from ecu.inputs import EXCHANGED, FROZEN, InputReceiver, sources
 
 MS = 1_000_000
 CALIBRATION = load_calibration("l60")
@@ -24,7 +24,7 @@ class Drive:
     """Sensor frames of a machine that drives a circle of yaw rate 0.2 rad/s, with noise well above the resolutions."""
 
     def __init__(self, noise: float = 1.0) -> None:
-        self.hearing = Hearing(CALIBRATION, DATABASE)
+        self.hearing = InputReceiver(CALIBRATION, DATABASE)
         self._random = np.random.default_rng(5)
         self._noise = noise
         self._protectors = {
@@ -41,10 +41,9 @@ class Drive:
         values = dict.fromkeys(codec.signals, 0.0)
         for source in sources(CALIBRATION.inputs):
             if source.message == message:
-                for signal, field in source.fields.items():
-                    if field.sensed:
-                        step = codec.by_signal[signal].scale
-                        values[signal] = float(self._noise * self._random.normal(0.0, 4.0) * step)
+                for signal in (field.row.signal for field in source.fields if field.row.sensed):
+                    step = codec.by_signal[signal].scale
+                    values[signal] = float(self._noise * self._random.normal(0.0, 4.0) * step)
         if message.startswith("WheelSpeeds"):
             apart = 0.2 * TRACK / RADIUS
             values["Left"] += 5.0 - apart / 2
@@ -53,6 +52,8 @@ class Drive:
                 values["Left"], values["Right"] = values["Right"], values["Left"]
         if message.endswith("Pressure"):
             values = {signal: value + PRESSURE_KPA for signal, value in values.items()}
+        if message == "BodyAcceleration":
+            values["Vertical"] += 9.81
         if message == "BodyRates":
             values["YawRate"] += np.degrees(0.2)
         for (of, signal), value in self.frozen.items():

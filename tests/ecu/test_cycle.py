@@ -10,8 +10,9 @@ from dbc import loader_database
 from dbc.protection import Checker, Finding
 from ecu.calibration import load_calibration
 from ecu.cycle import EcuCycle
-from ecu.estimators.rollover import NEVER
-from ecu.findings import Implausible, ProtectionFailed, Stale, StateChanged
+from ecu.estimators.signals import NEVER
+from ecu.findings import EstimatorFailed, Implausible, ProtectionFailed, Stale, StateChanged
+from ecu.inputs import WEIGHTLESS
 from ecu.states import State
 from ecu.validity import NEEDS
 from tests.ecu.machine import MESSAGES, PERIOD_NS, FakeMachine, decoded, play
@@ -251,7 +252,7 @@ def test_states_as_they_are_entered_and_left():
     assert changes == [("INIT", "RUNNING"), ("RUNNING", "DEGRADED"), ("DEGRADED", "RUNNING")]
 
 
-def test_an_estimate_that_is_no_number_is_a_fault_until_reset():
+def test_an_estimate_that_is_no_number_is_a_fault():
     broken = dataclasses.replace(
         CALIBRATION,
         parameters=CALIBRATION.parameters._replace(
@@ -259,13 +260,64 @@ def test_an_estimate_that_is_no_number_is_a_fault_until_reset():
         ),
     )
     ecu, machine = EcuCycle(broken), FakeMachine()
-    results, _ = play(ecu, machine, 20)
+    results, findings = play(ecu, machine, 20)
     assert ecu.state is State.FAULT
     values = last_values(results)
     assert values["Limits"]["Cause"] == 3
     assert not any(flags(values).values())
-    ecu.reset()
-    assert ecu.state is State.INIT
+    assert [f.error for f in findings if isinstance(f, EstimatorFailed)] == ["an estimate is not a number"]
+
+
+def failing_once(ecu, at):
+    """Let the estimators raise in one cycle, as compiled code does when it divides by zero."""
+    estimate, count = ecu._estimator.estimate, itertools.count()
+
+    def fails(inputs):
+        if next(count) == at:
+            raise ZeroDivisionError("division by zero")
+        return estimate(inputs)
+
+    ecu._estimator.estimate = fails
+
+
+def test_estimators_that_fail_are_a_fault_which_good_inputs_end():
+    ecu, machine = cycle(), FakeMachine()
+    failing_once(ecu, 20)
+    results, findings = play(ecu, machine, 60)
+    assert [f.error for f in findings if isinstance(f, EstimatorFailed)] == ["division by zero"]
+    assert ecu.state is State.FAULT
+    assert last_values(results)["Limits"]["Cause"] == 3
+    results, _ = play(ecu, machine, 100)
+    assert ecu.state is State.RUNNING
+    assert all(flags(last_values(results[-20:])).values())
+
+
+def test_a_fault_lasts_while_an_input_is_bad():
+    ecu, machine = cycle(), FakeMachine()
+    failing_once(ecu, 20)
+    play(ecu, machine, 50)
+    machine.silent = {"SlopeSensor"}
+    play(ecu, machine, 200)
+    assert ecu.state is State.FAULT
+
+
+def test_after_a_fault_the_limits_rise_slowly():
+    ecu, machine = cycle(), FakeMachine()
+    failing_once(ecu, 20)
+    results, _ = play(ecu, machine, 160)
+    speeds = [v["Limits"]["Speed"] for result in results if "Limits" in (v := decoded(result.frames))]
+    rise = max(b - a for a, b in itertools.pairwise(speeds[15:]))
+    assert 0.0 < rise < 2.0
+
+
+def test_a_machine_without_weight_is_a_sensor_without_supply():
+    ecu, machine = cycle(), FakeMachine()
+    play(ecu, machine, 50)
+    machine.values |= {"specific_force_z": 0.0}
+    results, findings = play(ecu, machine, 50)
+    assert {f.reason for f in findings if isinstance(f, Implausible)} == {WEIGHTLESS}
+    assert ecu.state is State.DEGRADED
+    assert last_values(results)["NormalForces"]["FrontLeftValid"] == 1  # wheels and slope stand in
 
 
 def test_limits_that_are_off_are_the_machines_own():

@@ -16,7 +16,9 @@ def test_validity_table_and_state_diagram_are_current():
     assert diagram() in PAGE
 
 
-def test_every_state_answers_every_event_and_a_fault_ends_by_reset_only():
+def test_every_state_answers_every_event_and_a_fault_ends_by_recovery_only():
     assert set(TRANSITIONS) == set(State)
     assert all(set(row) == set(Event) for row in TRANSITIONS.values())
-    assert [e for e, target in TRANSITIONS[State.FAULT].items() if target is not State.FAULT] == [Event.RESET]
+    assert [e for e, target in TRANSITIONS[State.FAULT].items() if target is not State.FAULT] == [
+        Event.RECOVERED
+    ]

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from ecu.alarms import Times
 from ecu.calibration import load_calibration
-from ecu.estimators.rollover import NEVER
-from ecu.estimators.signals import Estimates
+from ecu.estimators.signals import NEVER, Estimates
 from ecu.limits import Cause, Limits, next_limits, safe, torque_share, unlimited
 from ecu.reasons import PREVENTION, times
 
@@ -145,3 +144,21 @@ def test_a_repeated_cycle_changes_the_prevention_no_further():
     assert isinstance(once, Limits)
     assert once.prevention == twice.prevention
     assert Times(on_delay_ns=0, least_on_ns=TIMES.least_on_ns, off_delay_ns=TIMES.off_delay_ns) == TIMES
+
+
+def test_a_driver_who_turns_back_is_not_held_by_the_limit_of_the_other_side():
+    """Turning on to the right is refused; turning back to the left is permitted in the same cycle, and refused again at once."""
+    right = CALM._replace(permitted_rate=0.0, permitted_direction=-1.0)
+    left = CALM._replace(permitted_rate=0.6, permitted_direction=1.0)
+    held = limited([right] * 50)[-1]
+    freed = limited([left], held)[-1]
+    assert (held.rate, freed.rate) == (0.0, 0.6)
+    assert limited([right], freed)[-1].rate == 0.0
+
+
+def test_without_a_demand_the_rate_limit_still_rises_slowly():
+    none = CALM._replace(permitted_direction=0.0)
+    held = limited([CALM._replace(permitted_rate=0.0, permitted_direction=-1.0)])[-1]
+    freed = limited([none], held)[-1]
+    assert 0.0 < freed.rate <= RULES.rate_rise * DT + 1e-12
+    assert freed.direction == -1.0

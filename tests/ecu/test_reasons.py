@@ -9,9 +9,8 @@ from dbc import loader_database
 from ecu.alarms import SILENT, Alarm
 from ecu.calibration import load_calibration
 from ecu.cycle import EcuCycle
-from ecu.estimators.rollover import NEVER
-from ecu.estimators.signals import Estimates
-from ecu.inputs import Group, Heard, Hearing
+from ecu.estimators.signals import NEVER, Estimates
+from ecu.inputs import CycleInputs, Group, InputReceiver
 from ecu.reasons import (
     REASONS,
     STATES,
@@ -33,15 +32,17 @@ CALM = Estimates(*([0.0] * len(Estimates._fields)))._replace(
     lift_off_margin=1.0, predicted_margin=1.0, time_to_lift_off=NEVER, speed=5.0,
 )  # fmt: skip
 ALL = dict.fromkeys(NEEDS, True)
-QUIET = Hearing(CALIBRATION, loader_database()).gather(0)
+QUIET = InputReceiver(CALIBRATION, loader_database()).gather(0)
 
 
-def heard(unusable=(), stale=(), implausible=(), **values):
-    return Heard({**QUIET.values, **values}, frozenset(unusable), frozenset(stale), frozenset(implausible))
+def received(unusable=(), stale=(), implausible=(), **values):
+    return CycleInputs(
+        {**QUIET.values, **values}, frozenset(unusable), frozenset(stale), frozenset(implausible)
+    )
 
 
 def found(e=CALM, inputs=None, valid=ALL):
-    return {name for name, on in conditions(e, inputs or heard(), valid, STOP, RULES).items() if on}
+    return {name for name, on in conditions(e, inputs or received(), valid, STOP, RULES).items() if on}
 
 
 def test_a_calm_machine_gives_no_reason():
@@ -75,15 +76,15 @@ def test_an_estimate_gives_its_reason_while_it_is_valid(reason, change, needs):
     ],
 )
 def test_an_input_gives_its_reason_while_it_is_usable(reason, signal, value):
-    assert found(inputs=heard(**{signal: value})) == {reason}
-    assert found(inputs=heard(unusable=[signal], **{signal: value})) == set()
+    assert found(inputs=received(**{signal: value})) == {reason}
+    assert found(inputs=received(unusable=[signal], **{signal: value})) == set()
 
 
 def test_a_raised_load_matters_only_at_speed():
-    e, raised = CALM._replace(payload=3000.0), heard(lift_arm_angle=0.5)
+    e, raised = CALM._replace(payload=3000.0), received(lift_arm_angle=0.5)
     assert found(e, raised) == {"PayloadHigh"}
     assert found(e._replace(speed=1.0), raised) == set()
-    assert found(e, heard(lift_arm_angle=-0.5)) == set()
+    assert found(e, received(lift_arm_angle=-0.5)) == set()
 
 
 def test_a_standing_wheel_is_not_locked():
@@ -91,8 +92,8 @@ def test_a_standing_wheel_is_not_locked():
 
 
 def test_troubles_with_inputs_are_told():
-    assert found(inputs=heard(stale=[Group.SLOPE])) == {"InputStale"}
-    assert found(inputs=heard(implausible=[Group.SLOPE])) == {"InputImplausible"}
+    assert found(inputs=received(stale=[Group.SLOPE])) == {"InputStale"}
+    assert found(inputs=received(implausible=[Group.SLOPE])) == {"InputImplausible"}
     assert found(valid=ALL | {"payload": False}) == {"EstimateInvalid"}
 
 

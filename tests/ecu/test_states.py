@@ -1,4 +1,4 @@
-"""The table of states: every state and event is defined, nothing is a dead end, a fault stays until reset."""
+"""The table of states: every state and event is defined, nothing is a dead end, a fault stays until the inputs have recovered."""
 
 import pytest
 
@@ -35,8 +35,8 @@ def test_no_state_is_a_dead_end(state):
 
 
 @pytest.mark.parametrize("event", Event)
-def test_only_a_reset_leads_out_of_a_fault(event):
-    assert after(State.FAULT, event) is (State.INIT if event is Event.RESET else State.FAULT)
+def test_only_recovery_leads_out_of_a_fault(event):
+    assert after(State.FAULT, event) is (State.INIT if event is Event.RECOVERED else State.FAULT)
 
 
 @pytest.mark.parametrize("state", State)

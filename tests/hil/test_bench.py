@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from configuration import ConfigurationError
 from hil import rundir
 from hil.compose import Choice, ChoiceError, lockstep
 from hil.ending import Ending
 from hil.judgement import judge_run
 from hil.rundir import RunDirectory, RunError
 from hil.runs import run_lockstep
-from plant.checked import ConfigurationError
 
 FILES = (rundir.BUS, rundir.REFERENCE, rundir.TRUTH)
 SCENARIO = """

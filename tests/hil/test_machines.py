@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from ecu.calibration import load_calibration
-from hil.campaign.memory import columns_of
-from hil.campaign.normal_force import errors_of, estimates_of
 from hil.compose import Choice, calibration_of, lockstep
 from hil.judgement import first_warning
 from hil.verdict import first_lift_off
-from plant.equipment import load_equipment
-from plant.machine import family_of, load_machine, machine_names
+from plant.sheets.machine import family_of, load_machine, machine_names
+from plant.unit.equipment import load_equipment
+from studies.campaigns.memory import columns_of
+from studies.campaigns.normal_force import errors_of, estimates_of
 
 MACHINES = pytest.mark.parametrize("machine", machine_names())
 

@@ -8,9 +8,11 @@ import pytest
 
 from bus.frame import Frame
 from dbc import loader_database
-from dbc.writer import CandumpWriter
+from dbc.recordings.writer import CandumpWriter
 from hil import rundir
 from hil.rundir import RunDirectory, RunError, RunRecord
+from plant.recorder import TruthRecorder
+from plant.truth import Truth
 
 RECORD = RunRecord(
     scenario="loaded",
@@ -91,6 +93,21 @@ def test_a_killed_run_reads_with_its_problems_named(path):
     text = "\n".join(run.problems)
     assert "run.json: the run was killed" in text
     assert "truth.npz: missing" in text
+
+
+def test_the_truth_of_a_killed_plant_is_read_from_its_rows(path):
+    with np.load(path / rundir.TRUTH) as archive:
+        written = {name: archive[name] for name in archive.files}
+    (path / rundir.TRUTH).unlink()
+    with TruthRecorder(path / rundir.TRUTH) as recorder:
+        for k in range(7):
+            recorder.append(Truth(np.full(Truth.size, k * 0.01)))
+    run = RunDirectory.read(path)
+    assert len(run.truth["time_s"]) == 7
+    assert any("rows up to then are read instead" in problem for problem in run.problems)
+    rundir.keep_truth(path)
+    assert not (path / rundir.TRUTH_ROWS).exists()
+    assert set(written) <= set(RunDirectory.read(path).truth)
 
 
 def test_truth_cut_off_in_a_copy_is_named_and_the_log_still_reads(path):

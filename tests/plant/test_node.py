@@ -14,8 +14,8 @@ from bus.pacing import KeptTiming
 from bus.transport import BusClosed, Statistics
 from dbc.protection import Finding as Check
 from plant import node
-from plant.reception import Finding
 from plant.truth import Truth
+from plant.unit.reception import Finding
 
 MS = 1_000_000
 

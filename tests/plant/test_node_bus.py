@@ -12,9 +12,9 @@ from bus.virtual import VirtualBus
 from dbc import loader_database
 from dbc.protection import Protector
 from plant import node
-from plant.machine import load_machine
-from plant.scenario import load_scenario
-from plant.unit import PlantUnit
+from plant.sheets.machine import load_machine
+from plant.unit.scenario import load_scenario
+from plant.unit.unit import PlantUnit
 
 DATABASE = loader_database()
 

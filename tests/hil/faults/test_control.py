@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from hil.cli import app
 from hil.ending import Ending
-from hil.faults.command import NoSuchValue, fault_table, register, seconds
+from hil.faults.command import NoSuchValue, fault_table, seconds
 from hil.faults.control import CLIENTS_LIMIT, ControlServer, ControlUnavailable, Refused, ask
+from hil.faults.injector import FAULTS_LIMIT
+from loaderhil.cli import app
 from tests.hil.faults.traffic import MS, frames, injector
 
 
@@ -44,8 +45,6 @@ def served(path):
 
 @pytest.fixture
 def inject(path):
-    if "inject" not in {command.name or command.callback.__name__ for command in app.registered_commands}:
-        register(app)
     runner = CliRunner()
     return lambda *words: runner.invoke(app, ["inject", "--control", str(path), *words])
 
@@ -62,17 +61,43 @@ def test_a_refused_command_gives_the_reason(path, served):
         ask(path, {"command": "inject", "fault": {"kind": "drop", "probability": 2}})
 
 
-def test_whoever_sends_rubbish_or_hangs_up_disturbs_nobody(path, served):
+def test_rubbish_or_a_lost_client_disturbs_nobody(path, served):
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as other:
         other.connect(str(path))
         other.send(b"\xff not json")
-        assert b"not JSON" in other.recv(1000)
+        assert b"not UTF-8" in other.recv(1000)
         other.send(b"[1, 2]")
         assert b"JSON object" in other.recv(1000)
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as gone:
         gone.connect(str(path))
         gone.send(b'{"command": "list"}')
     assert ask(path, {"command": "list"}) == {"ok": True, "faults": []}
+
+
+@pytest.mark.parametrize(
+    "packet",
+    [
+        b"[" * 20_000,
+        b'{"command": ' + b"[" * 7_000,
+        b"9" * 20_000,
+        b'{"command": "\\ud800"}',
+        b'{"fault": -Infinity}',
+    ],
+)
+def test_a_packet_of_any_size_and_depth_ends_nothing(path, served, packet):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as other:
+        other.connect(str(path))
+        other.settimeout(5)
+        other.send(packet)
+        assert b'"ok": false' in other.recv(10_000)
+    assert ask(path, {"command": "list"}) == {"ok": True, "faults": []}
+
+
+def test_the_number_of_faults_is_limited(path, served):
+    for _ in range(FAULTS_LIMIT):
+        served.command({"command": "inject", "fault": {"kind": "drop", "message": "WheelSpeeds"}})
+    with pytest.raises(Refused, match="at most 500"):
+        ask(path, {"command": "inject", "fault": {"kind": "drop", "message": "WheelSpeeds"}})
 
 
 def test_too_many_clients_are_sent_away_and_the_others_stay(path, served):
@@ -151,7 +176,7 @@ def test_the_command_injects_lists_and_clears(inject, served):
     assert "begins in 0.5 s" in listed[1]
     assert inject("--clear", "--number", "2").output == "cleared: 2\n"
     assert inject("--clear").output == "cleared: 1\n"
-    assert inject("--clear").output == "cleared: none was there\n"
+    assert inject("--clear").output == "cleared: no fault was active\n"
 
 
 def test_without_a_gateway_the_command_says_so(inject):

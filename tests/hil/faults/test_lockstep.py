@@ -5,15 +5,15 @@ import pytest
 
 from hil import rundir
 from hil.compose import Choice, ChoiceError
-from hil.faults.mortal import MortalEcu, MortalPlant, acting_on
 from hil.faults.passage import Action
 from hil.faults.record import read_faults
+from hil.faults.restartable import RestartableEcu, RestartablePlant, acting_on
 from hil.lockstep import Lockstep
-from hil.realtime import run_realtime
-from hil.render import Pictures
-from hil.report import write_report
+from hil.processes.realtime import run_realtime
 from hil.rundir import RunDirectory
 from hil.runs import run_lockstep
+from report.render import Pictures
+from report.run import write_report
 from tests.hil.fakes import FakeEcu, FakePlant
 
 SCENARIO = """
@@ -107,7 +107,7 @@ def test_the_faults_of_an_earlier_run_are_removed(run):
 
 
 def test_the_report_lists_what_was_injected(run, tmp_path, monkeypatch):
-    monkeypatch.setattr("hil.report.section.pictures_of", lambda *_: Pictures())
+    monkeypatch.setattr("report.run.section.pictures_of", lambda *_: Pictures())
     page = write_report([run(GYRO_DIES).path], tmp_path / "report.html").read_text()
     assert "Injected faults" in page
     assert "drop BodyRates" in page
@@ -128,7 +128,7 @@ def test_a_dead_side_says_and_hears_nothing_until_it_is_restarted():
         return made[-1]
 
     inner = FakePlant(30)
-    plant, ecu = MortalPlant(inner), MortalEcu(make)
+    plant, ecu = RestartablePlant(inner), RestartableEcu(make)
     act, bench = acting_on(plant, ecu), Lockstep(plant, ecu)
     for _ in range(10):
         bench.step()

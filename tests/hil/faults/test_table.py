@@ -2,9 +2,9 @@
 
 import pytest
 
+from configuration import ConfigurationError
 from hil.faults.table import KINDS, faults_of, matching
-from plant.checked import ConfigurationError
-from plant.scenario import load_scenario
+from plant.unit.scenario import load_scenario
 from tests.hil.faults.traffic import DATABASE, MS, fault
 
 GOOD = {

@@ -1,11 +1,11 @@
 """Cyclic traffic of one message and what an injector makes of it, for laws about faults."""
 
 from bus.frame import Frame
+from configuration import CheckedTable
 from dbc import loader_database
 from dbc.protection import Protector
 from hil.faults.injector import Injector
 from hil.faults.table import read_fault
-from plant.checked import CheckedTable
 
 MS = 1_000_000
 DATABASE = loader_database()

@@ -12,8 +12,8 @@ import pytest
 
 from bus.address import open_transport
 from bus.frame import Frame
-from bus.hub import Hub
-from bus.hub_client import hub_status
+from bus.hub.client import hub_status
+from bus.hub.server import Hub
 from dbc import loader_database
 from hil.ending import Ending
 from hil.faults.control import Refused, ask
@@ -55,7 +55,7 @@ def control(tmp_path):
 def gateway(hubs, control):
     """The process, once it is a client of both hubs."""
     with subprocess.Popen(
-        [sys.executable, "-m", "hil", "gateway", "--control", str(control)]
+        [sys.executable, "-m", "loaderhil", "gateway", "--control", str(control)]
         + [word for side, hub in hubs.items() for word in (f"--{side}-bus", f"hub:{hub.path}")],
         stderr=subprocess.PIPE,
         text=True,
@@ -131,7 +131,7 @@ def test_a_lost_hub_is_told_in_one_line(hubs, gateway):
 )
 def test_misuse_is_one_line(words, code, told, tmp_path):
     result = subprocess.run(
-        [sys.executable, "-m", "hil", "gateway", *words],
+        [sys.executable, "-m", "loaderhil", "gateway", *words],
         capture_output=True,
         text=True,
         check=False,

@@ -11,7 +11,7 @@ from hil.gateway.histograms import read_log, tag_of
 from hil.gateway.hops import AGE, PROCESSING, REACTION
 from hil.judgement import timing_of
 from hil.rundir import RunDirectory
-from tests.hil.test_realtime import children, end, fewest_reactions, started, wait_until_ticking
+from tests.hil.processes.test_realtime import children, end, fewest_reactions, started, wait_until_ticking
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(240)]
 
@@ -25,9 +25,8 @@ def test_a_run_over_two_hubs_loses_nothing_and_times_every_hop(scenario, tmp_pat
     out = tmp_path / "run"
     with started("run", scenario(3.0), "--gateway", "--out", out) as process:
         code, errors = end(process)
-    assert (code, errors) == (Ending.PASSED, "") or code == Ending.FAILED, (
-        errors
-    )  # timing is the host's matter
+    assert errors == ""
+    assert code in (Ending.PASSED, Ending.FAILED)  # a busy host may miss deadlines
     run = RunDirectory.read(out)
     assert run.problems == ()
     figures = run.record.statistics

@@ -8,7 +8,7 @@ import pytest
 
 from bus.address import open_transport
 from bus.frame import Frame
-from bus.hub import Hub
+from bus.hub.server import Hub
 from bus.transport import BusClosed
 from bus.virtual import VirtualBus
 from dbc import loader_database

@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from bus.frame import BRS, ERROR, ESI, EXTENDED, FD, REMOTE, Frame
-from bus.packet import FD_LENGTHS
+from bus.hub.packet import FD_LENGTHS
 from hil.monitor.candump import Stamp, Style
 from tests.bus.laws import WAIT_S
 

@@ -10,7 +10,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from bus.socketcan import SocketCanTransport
+from bus.socketcan.transport import SocketCanTransport
 from tests.hil.monitor.candump_tool import STYLES, candumps, every_kind
 
 GOLDEN = Path(__file__).parent / "golden"

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus.frame import FD, LOCAL, Frame
-from dbc.logfile import parse_candump
-from dbc.writer import candump_line
+from dbc.recordings.logfile import parse_candump
+from dbc.recordings.writer import candump_line
 from hil.monitor.candump import Candump, Stamp, Style, log_line
 from hil.monitor.recordings import rows
 from tests.bus.laws import classic, fd, remote

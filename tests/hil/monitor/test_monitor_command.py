@@ -15,11 +15,11 @@ from pathlib import Path
 import pytest
 
 from bus.frame import Frame
-from bus.hub_client import hub_status
-from dbc.logfile import parse_candump
-from dbc.writer import candump_line
+from bus.hub.client import hub_status
+from dbc.recordings.logfile import parse_candump
+from dbc.recordings.writer import candump_line
+from tests.bus.hub.test_hub import RunningHub
 from tests.bus.laws import collect, numbered
-from tests.bus.test_hub import RunningHub
 from tests.hil.monitor.candump_tool import every_kind
 from tests.hil.monitor.make_golden import file_of
 from tests.hil.monitor.traffic import machine_frames
@@ -27,7 +27,7 @@ from tests.hil.monitor.traffic import machine_frames
 pytestmark = pytest.mark.processes
 LONG_S = 100.0
 """For a process to start on a busy machine; one that takes longer hangs."""
-COMMAND = (sys.executable, "-m", "hil", "monitor")
+COMMAND = (sys.executable, "-m", "loaderhil", "monitor")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -102,7 +102,7 @@ def test_a_reader_that_leaves_ends_it_quietly(log: Path) -> None:
 
 
 def test_the_shells_head_gets_its_lines(log: Path) -> None:
-    line = f"{sys.executable} -m hil monitor --raw {log} | head -n 3"
+    line = f"{sys.executable} -m loaderhil monitor --raw {log} | head -n 3"
     done = subprocess.run(
         ["bash", "-o", "pipefail", "-c", line], capture_output=True, text=True, check=False, timeout=LONG_S
     )

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from bus.can_socket import kernel_has_can
 from bus.frame import ERROR, EXTENDED, Frame
-from bus.link import can_interfaces
-from bus.socketcan import SocketCanTransport
+from bus.socketcan.can_socket import kernel_has_can
+from bus.socketcan.link import can_interfaces
+from bus.socketcan.transport import SocketCanTransport
 from hil.monitor.raw import RawView
 from hil.monitor.source import Buses
 from hil.monitor.target import Target
-from hil.processes.shell import Stop
+from hil.shell.process import Stop
 from tests.hil.monitor.candump_tool import STYLES, candumps, every_kind
 
 pytestmark = pytest.mark.socketcan

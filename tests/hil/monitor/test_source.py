@@ -15,14 +15,14 @@ from bus.python_can import to_message
 from bus.transport import BusClosed, BusUnavailable
 from bus.virtual import VirtualBus, named_bus
 from dbc.errors import LogError
-from dbc.writer import candump_line
+from dbc.recordings.writer import candump_line
 from hil.monitor.recordings import FollowError, Recordings
 from hil.monitor.run import Plan, open_source
 from hil.monitor.source import Batch, Buses, Source
 from hil.monitor.target import Target, TargetError
-from hil.processes.shell import Stop
+from hil.shell.process import Stop
+from tests.bus.hub.test_hub import RunningHub
 from tests.bus.laws import WAIT_S, numbered, unstamped
-from tests.bus.test_hub import RunningHub
 from tests.hil.monitor.candump_tool import every_kind
 
 

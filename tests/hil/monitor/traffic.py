@@ -5,9 +5,9 @@ from functools import cache
 from bus.frame import Frame
 from dbc import loader_database, reference_database
 from hil.monitor.messages import Messages, Selection
-from plant.machine import load_machine
-from plant.scenario import load_scenario
-from plant.unit import PlantUnit
+from plant.sheets.machine import load_machine
+from plant.unit.scenario import load_scenario
+from plant.unit.unit import PlantUnit
 
 MS = 1_000_000
 

@@ -19,12 +19,12 @@ import cantools
 import pytest
 
 from bus.frame import Frame
-from bus.hub_client import hub_status
-from bus.hub_peer import BACKLOG_LIMIT
+from bus.hub.client import hub_status
+from bus.hub.peer import BACKLOG_LIMIT
 from dbc import FOLDER
 from hil.faults.control import ControlServer
+from tests.bus.hub.test_hub import RunningHub
 from tests.bus.laws import numbered
-from tests.bus.test_hub import RunningHub
 from tests.hil.monitor.test_monitor_command import send_all
 from tests.hil.monitor.traffic import can_id_of, machine_frames
 
@@ -88,7 +88,7 @@ class RunningBridge:
 
     def __init__(self, hub: RunningHub, broker: RunningBroker, *words: object) -> None:
         self.hub = hub
-        command = [sys.executable, "-m", "hil", "mqtt", "--bus", f"hub:{hub.path}"]
+        command = [sys.executable, "-m", "loaderhil", "mqtt", "--bus", f"hub:{hub.path}"]
         command += ["--broker", f"127.0.0.1:{broker.port}", "--every-ms", "20", *map(str, words)]
         self.process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
         wait(lambda: self.client() is not None)
@@ -248,7 +248,8 @@ def test_findings_are_events(bridge: RunningBridge, hub: RunningHub, broker: Run
 
 
 def test_commands_reach_the_gateway_once(hub: RunningHub, broker: RunningBroker, tmp_path: Path) -> None:
-    control = tmp_path / "control"
+    control, key = tmp_path / "control", tmp_path / "key"
+    key.write_text("0123456789abcdef\n")
     obeyed: list[Any] = []
 
     def obey(request: Any) -> dict[str, Any]:
@@ -263,12 +264,18 @@ def test_commands_reach_the_gateway_once(hub: RunningHub, broker: RunningBroker,
             answers = []
             for payload, retain in (
                 ('{"command": "list", "id": "a"}', True),  # there before the bridge, and obeyed by nobody
-                ('{"command": "inject", "fault": {"kind": "drop", "message": "BodyRates"}, "id": 2}', False),
+                (
+                    '{"command": "inject", "fault": {"kind": "drop", "message": "BodyRates"}, "id": 2, '
+                    '"key": "0123456789abcdef"}',
+                    False,
+                ),
                 ("rubbish", False),
+                ("[" * 20_000, False),
+                ('{"command": "list"}', False),
             ):
                 await sender.publish("loaderhil/command", payload, qos=1, retain=retain)
                 if retain:
-                    running.append(RunningBridge(hub, broker, "--control", control))
+                    running.append(RunningBridge(hub, broker, "--control", control, "--command-key", key))
                 answers.append(json.loads((await anext(messages)).payload))
             return answers
 
@@ -291,7 +298,8 @@ def test_commands_reach_the_gateway_once(hub: RunningHub, broker: RunningBroker,
                 bridge.end()
     assert answers[0] == {"ok": False, "error": "a retained command is not obeyed"}
     assert answers[1] == {"ok": True, "number": 1, "id": 2}
-    assert "not JSON" in answers[2]["error"]
+    assert [answer["ok"] for answer in answers[2:]] == [False, False, False]
+    assert answers[4]["error"] == "the key is missing or wrong"
     assert obeyed == [{"command": "inject", "fault": {"kind": "drop", "message": "BodyRates"}}]
 
 
@@ -312,11 +320,13 @@ def test_the_end_of_the_bus_ends_it(tmp_path: Path, broker: RunningBroker) -> No
 def test_misuse_is_one_line() -> None:
     for words, says in (
         (("--broker", "host:none"), "broker 'host:none': write HOST:PORT"),
-        (("--prefix", "a/#"), "prefix 'a/#': a topic without"),
+        (("--prefix", "a/#"), "--prefix 'a/#': a topic must not be empty"),
+        (("--control", "/tmp/nowhere"), "--control and --command-key belong together"),
+        (("--password-file", __file__), "--password-file needs --user"),
         (("-m", "Nothing"), "no message 'Nothing'"),
     ):
         done = subprocess.run(
-            [sys.executable, "-m", "hil", "mqtt", *words],
+            [sys.executable, "-m", "loaderhil", "mqtt", *words],
             capture_output=True,
             text=True,
             check=False,

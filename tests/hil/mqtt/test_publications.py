@@ -11,7 +11,7 @@ from hil.monitor.board import Board
 from hil.monitor.decoded import JsonView
 from hil.monitor.messages import Messages, Selection
 from hil.monitor.source import Batch
-from hil.mqtt.bridge import Broker, BrokerError, obey
+from hil.mqtt.broker import Broker, BrokerError
 from hil.mqtt.publications import Publication, Publisher, Topics
 from tests.hil.monitor.traffic import MS, can_id_of, machine_frames, messages
 
@@ -144,12 +144,3 @@ def test_a_broker_is_named_by_host_and_port(text: str, host: str, port: int) -> 
 def test_what_names_no_broker_is_refused(text: str) -> None:
     with pytest.raises(BrokerError, match="write HOST:PORT"):
         Broker.parse(text)
-
-
-def test_commands_that_are_none_are_answered(tmp_path) -> None:
-    control = tmp_path / "control"
-    assert "not JSON" in obey(control, b"\xff")["error"]
-    assert "a JSON object" in obey(control, b"[1]")["error"]
-    answer = obey(control, b'{"command": "list", "id": 7}')
-    assert (answer["ok"], answer["id"]) == (False, 7)
-    assert "nobody listens" in answer["error"]

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bus.frame import Frame
-from dbc.recording import read_frames
-from hil.recording.files import Plan, RecordingFiles, told
+from dbc.recordings.reading import read_frames
+from hil.recording.files import Plan, RecordingFiles, names_of
 from hil.recording.ring import records_of
 
 MS = 1_000_000
@@ -47,7 +47,7 @@ def test_by_size_a_new_file_begins_after_the_batch_that_exceeds(tmp_path):
         30 * line
     ] * 3  # the first ten beyond 1000 bytes
     assert [f for path in files.paths for f in read_frames(path).frames()] == frames
-    assert told(files.paths) == f"{tmp_path / 'a-001.log'} .. a-004.log (4 files)"
+    assert names_of(files.paths) == f"{tmp_path / 'a-001.log'} .. a-004.log (4 files)"
 
 
 def test_several_buses_are_put_in_the_order_of_their_stamps(tmp_path):

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 
 from bus.frame import BRS, ERROR, ESI, EXTENDED, FD, REMOTE, Frame
 from dbc.errors import LogError
-from dbc.recording import read_frames
-from dbc.writer import candump_line
-from hil.recording import formats
+from dbc.recordings.reading import read_frames
+from dbc.recordings.writer import candump_line
 from hil.recording.formats import SUFFIXES, RecordingError, open_writer
+from hil.recording.new_file import NewFile
 from hil.recording.ring import records_of
-from tests.dbc.test_recording import frame_of, plain
+from tests.dbc.recordings.test_reading import frame_of, plain
 
 START_NS = 1_700_000_000_123_456_000
 CHANNELS = ("front", "rear")
@@ -103,7 +103,7 @@ def test_a_file_is_whole_after_every_batch(tmp_path, suffix):
     assert list(read_frames(path).frames()) == frames
 
 
-class Journal(formats.NewFile):
+class Journal(NewFile):
     """Keeps every write, in order, as (offset, content, whether it ends a batch)."""
 
     writes: list

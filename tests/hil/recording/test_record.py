@@ -13,15 +13,15 @@ import pytest
 
 from bus.frame import FD, Frame
 from dbc.errors import LogError
-from dbc.recording import read_frames
+from dbc.recordings.reading import read_frames
 from hil.ending import Ending
 from hil.recording.capture import Lost, Source, SourceError, parse_sources
 from hil.recording.files import Plan
 from hil.recording.formats import RecordingError
 from hil.recording.ring import Ring
 from hil.recording.writing import WriterProcess
+from tests.bus.hub.test_hub import RunningHub
 from tests.bus.laws import WAIT_S
-from tests.bus.test_hub import RunningHub
 
 PATIENCE_S = 60.0
 
@@ -96,8 +96,11 @@ def test_a_writer_killed_at_any_moment_leaves_everything_it_flushed(tmp_path, su
         assert ring.dropped == 0
         time.sleep(pause)
         os.kill(writer.pid, signal.SIGKILL)
-        assert "code -9" in writer.finish().error
+        written = writer.finish()
+        assert "code -9" in written.error
         found = numbers(path)
+        assert written.paths == (path,)
+        assert len(seen) <= written.frames <= len(found), "its summary said 0 frames of 1 695"
         assert found[: len(seen)] == seen
         assert found == list(range(len(found)))
         ring.close()
@@ -149,7 +152,7 @@ def test_a_file_that_exists_is_refused_before_anything_is_recorded(tmp_path):
 def recorder(*words):
     """`loaderhil record`, killed with its writer if the test leaves it."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "hil", "record", *map(str, words)],
+        [sys.executable, "-m", "loaderhil", "record", *map(str, words)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

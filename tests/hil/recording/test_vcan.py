@@ -14,15 +14,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bus.can_socket import kernel_has_can
 from bus.frame import ERROR
-from bus.link import can_interfaces
+from bus.socketcan.can_socket import kernel_has_can
+from bus.socketcan.link import can_interfaces
 from dbc import loader_database
-from dbc.logfile import FrameTable, read_candump
-from dbc.writer import candump_line
+from dbc.recordings.logfile import FrameTable, read_candump
+from dbc.recordings.writer import candump_line
 from hil.compose import lockstep
 from hil.ending import Ending
-from plant.scenario import load_scenario
+from plant.unit.scenario import load_scenario
 from tests.hil.monitor.candump_tool import every_kind
 
 pytestmark = [pytest.mark.socketcan, pytest.mark.timeout(600)]
@@ -54,7 +54,7 @@ def listeners(interface: str) -> int:
 
 
 def loaderhil(*words: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "hil", *map(str, words)]
+    command = [sys.executable, "-m", "loaderhil", *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
 
 

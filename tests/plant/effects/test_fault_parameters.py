@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from plant.effects.faults import GROUPS
-from plant.sensors import CHANNELS, INDEX, Health
+from plant.unit.sensors import Health
+from plant.unit.signals import CHANNELS, INDEX
 from tests.plant.effects.test_faults import PRESSURES, bank, ramp, shift, still
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
@@ -16,7 +17,7 @@ WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 @pytest.mark.parametrize(
     ("name", "parameter", "channel", "si"),
     [("gyro_bias", f"{axis}_deg_s", f"{axis}_rate", math.pi / 180) for axis in ("roll", "pitch", "yaw")]
-    + [("accelerometer_bias", f"{axis}_m_s2", f"acceleration_{axis}", 1.0) for axis in "xyz"],
+    + [("accelerometer_bias", f"{axis}_m_s2", f"specific_force_{axis}", 1.0) for axis in "xyz"],
 )
 def test_a_bias_is_that_of_its_axis(name, parameter, channel, si, value):
     others = {"gyro_bias": {"yaw_deg_s": 0.0}, "accelerometer_bias": {"x_m_s2": 0.0}}[name]
@@ -58,10 +59,10 @@ def test_a_scale_is_in_proportion_and_in_its_channels_only(name, parameter, othe
 def test_a_sensor_turned_to_the_left_reads_what_is_ahead_on_its_right(degrees):
     angle = math.radians(degrees)
     seen = bank("imu_misalignment", roll_deg=0.0, yaw_deg=degrees).sample(
-        still(acceleration_x=2.0, yaw_rate=0.5)
+        still(specific_force_x=2.0, yaw_rate=0.5)
     )
-    assert seen.value("acceleration_x") == pytest.approx(2.0 * math.cos(angle))
-    assert seen.value("acceleration_y") == pytest.approx(-2.0 * math.sin(angle))
+    assert seen.value("specific_force_x") == pytest.approx(2.0 * math.cos(angle))
+    assert seen.value("specific_force_y") == pytest.approx(-2.0 * math.sin(angle))
     assert seen.value("yaw_rate") == pytest.approx(0.5)
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from plant.effects import find_effect
-from plant.effects.effect import faulty
 from plant.effects.faults import GROUPS
-from plant.sensors import CHANNELS, INDEX, ChannelParameters, Health, SensorBank, SensorParameters
+from plant.unit.sensor_parameters import ChannelParameters, SensorParameters
+from plant.unit.sensors import Health, SensorBank, faulty
+from plant.unit.signals import CHANNELS, INDEX
 
 STEP = 0.01
 PRESSURES = ("lift_pressure", "tilt_pressure", "steering_pressure_left", "steering_pressure_right")
@@ -43,7 +44,7 @@ def shift(name, truth, **values):
         (
             "accelerometer_bias",
             {"x_m_s2": 0.15, "z_m_s2": -0.1},
-            {"acceleration_x": 0.15, "acceleration_z": -0.1},
+            {"specific_force_x": 0.15, "specific_force_z": -0.1},
         ),
         ("articulation_offset", {"offset_deg": 0.5}, {"articulation_angle": math.radians(0.5)}),
         ("pressure_error", {"offset_kPa": 200.0}, dict.fromkeys(PRESSURES, 2e5)),
@@ -71,16 +72,16 @@ def test_a_scale_is_in_proportion(name, channel, factor):
 @pytest.mark.parametrize(
     ("angles", "leaks"),
     [
-        ({"roll_deg": 1.0}, {"acceleration_y": 9.81 * math.sin(math.radians(1.0))}),
-        ({"roll_deg": 0.0, "pitch_deg": 1.0}, {"acceleration_x": -9.81 * math.sin(math.radians(1.0))}),
+        ({"roll_deg": 1.0}, {"specific_force_y": 9.81 * math.sin(math.radians(1.0))}),
+        ({"roll_deg": 0.0, "pitch_deg": 1.0}, {"specific_force_x": -9.81 * math.sin(math.radians(1.0))}),
     ],
 )
 def test_misalignment_lets_gravity_leak_into_the_level_axes(angles, leaks):
-    level = still(acceleration_z=9.81, yaw_rate=0.5)
+    level = still(specific_force_z=9.81, yaw_rate=0.5)
     seen = bank("imu_misalignment", **angles).sample(level)
     for name, value in leaks.items():
         assert seen.value(name) == pytest.approx(value, rel=1e-6)
-    gravity = [seen.value(f"acceleration_{axis}") for axis in "xyz"]
+    gravity = [seen.value(f"specific_force_{axis}") for axis in "xyz"]
     rates = [seen.value(f"{axis}_rate") for axis in ("roll", "pitch", "yaw")]
     assert np.linalg.norm(gravity) == pytest.approx(9.81, rel=1e-12)
     assert np.linalg.norm(rates) == pytest.approx(0.5, rel=1e-12)

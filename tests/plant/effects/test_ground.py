@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
+from plant.physics.surface import Surface
 from plant.plant import Commands, Plant
-from plant.surface import Surface
 from tests.plant.effects.trial import GRAVITY, L60, MASS, coast, machine, rolling_mass, run
 
 LEVER = L60.tyre.radius / 0.727  # the moment is with the unloaded radius, the force acts at the rolling one
@@ -95,7 +95,7 @@ def test_velocity_dependent_friction_falls_with_the_sliding_speed(start):
 
 def test_soil_sinkage_in_dry_sand():
     """Worked values: 29 kN on a patch of 0.52 m by 0.48 m in dry sand sinks 96 mm and resists with 2.7 kN."""
-    from plant.effects.soil_sinkage import compaction, sinkage
+    from plant.effects.library.soil_sinkage import compaction, sinkage
 
     q = np.array((1.1, 0.99e3, 1528e3, 0.52, 0.48, 0.4, 1.0))
     depth = sinkage(29e3, q)
@@ -109,7 +109,7 @@ def test_soil_sinkage_in_dry_sand():
 
 def test_soil_sinkage_lowers_the_machine_and_resists():
     """Each wheel by its own load; the rear wheels press what the front wheels have left. 5 %: loads while it slows down."""
-    from plant.effects.soil_sinkage import compaction, sinkage
+    from plant.effects.library.soil_sinkage import compaction, sinkage
 
     given = machine("soil_sinkage")
     q = np.array(given.effects[0].values)
@@ -123,8 +123,8 @@ def test_soil_sinkage_lowers_the_machine_and_resists():
 
 def test_soil_shear_has_no_peak():
     """Traction still rises with slip where the road tyre's is past its peak."""
-    from plant.parameters import P_WHEELS, WHEEL_SIZE, parameter_vector
-    from plant.tyre import combined_forces, stiffness_and_peak
+    from plant.physics.parameters import P_WHEELS, WHEEL_SIZE, parameter_vector
+    from plant.physics.tyre import combined_forces, stiffness_and_peak
 
     def force(given, kappa):
         w = parameter_vector(given, Surface(), 0.0)[P_WHEELS : P_WHEELS + WHEEL_SIZE]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from plant import state as s
+from plant.physics import state as s
 from plant.plant import Plant
 from tests.plant.effects.trial import L60, evaluated, machine
 

@@ -5,12 +5,19 @@ import math
 import numpy as np
 import pytest
 
-from plant import state as s
 from plant.effects import dispatch
-from plant.effects.library import modules
-from plant.parameters import B_BUCKET, B_FRONT_FRAME, B_LIFT_ARM, B_REAR_FRAME, P_STOP_ANGLE, parameter_vector
+from plant.effects.registry import modules
+from plant.physics import state as s
+from plant.physics.parameters import (
+    B_BUCKET,
+    B_FRONT_FRAME,
+    B_LIFT_ARM,
+    B_REAR_FRAME,
+    P_STOP_ANGLE,
+    parameter_vector,
+)
+from plant.physics.surface import Surface
 from plant.plant import Commands, Plant
-from plant.surface import Surface
 from tests.plant.effects.trial import (
     GRAVITY,
     L60,
@@ -215,7 +222,7 @@ def test_gyroscopic_moment_is_yaw_rate_times_spin_momentum():
     for wheel, inertia in enumerate(spin_inertia(seen.p)):
         axle, turning = seen.work.places.axles[wheel], tree.motion[s.WHEEL + wheel, :3]
         expected -= np.cross(turning, inertia * float(turning @ axle) * axle)
-    from plant.effects.wheel_gyroscopics import bodies
+    from plant.effects.library.wheel_gyroscopics import bodies
 
     before = tree.bias[s.WHEEL : s.WHEEL + 4].copy()
     bodies(np.array((1.0,)), s.EXTRA, seen.state, seen.p, seen.work)

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from plant import state as s
 from plant.effects import dispatch
-from plant.effects.library import modules
-from plant.parameters import (
+from plant.effects.registry import modules
+from plant.physics import state as s
+from plant.physics.parameters import (
     B_REAR_FRAME,
     P_WHEELS,
     W_DAMPING,
@@ -17,8 +17,8 @@ from plant.parameters import (
     WHEEL_SIZE,
     parameter_vector,
 )
+from plant.physics.surface import Surface
 from plant.plant import Plant
-from plant.surface import Surface
 from tests.plant.effects.trial import GRAVITY, L60, MASS, coast, evaluated, machine, rolling_mass, run
 
 
@@ -168,11 +168,9 @@ def test_the_twist_of_the_frame_follows_within_its_time_constant(constant):
 @pytest.mark.parametrize("share", [-1.0, 0.5])
 def test_a_share_of_the_gyroscopic_moment_is_added(share):
     """Spin momentum across the turning of each wheel, times the share."""
-    plants = [
-        Plant(given, speed=6.0, articulation_angle=0.3)
-        for given in (L60, machine("wheel_gyroscopics", share=share))
-    ]
-    plain, more = (evaluated(plant).work for plant in plants)
+    plant = Plant(L60, speed=6.0, articulation_angle=0.3)  # one motion: each machine would start its own
+    plain = evaluated(plant).work
+    more = evaluated(plant, machine("wheel_gyroscopics", share=share)).work
     added = (more.tree.bias - plain.tree.bias)[s.WHEEL : s.WHEEL + 4, :3]
     for wheel in range(4):
         axle, turning = plain.places.axles[wheel], plain.tree.motion[s.WHEEL + wheel, :3]
@@ -190,7 +188,7 @@ def test_the_viscous_damper_is_kept_by_its_share(share):
 @pytest.mark.parametrize("loss", [0.1, 0.3])
 def test_the_loss_factor_is_that_of_a_swing_about_the_standing_load(loss, hertz):
     """Energy lost in a swing over 2 pi times that of the spring, from the complex stiffness of the two elements; 15 %."""
-    from plant.effects.hysteretic_damping import SHARE, TIMES
+    from plant.effects.library.hysteretic_damping import SHARE, TIMES
 
     (given,) = machine("hysteretic_damping", loss_factor=loss).effects
     omega = math.tau * hertz
@@ -201,7 +199,7 @@ def test_the_loss_factor_is_that_of_a_swing_about_the_standing_load(loss, hertz)
 @pytest.mark.parametrize(("cohesive", "frictional", "width"), [(0.99, 1528.0, 0.52), (13.0, 700.0, 0.4)])
 def test_the_rut_bears_the_load_by_bekkers_law(cohesive, frictional, width):
     """p = (k_c/b + k_phi) z^n over the patch of b by its length."""
-    from plant.effects.soil_sinkage import sinkage
+    from plant.effects.library.soil_sinkage import sinkage
 
     (given,) = machine(
         "soil_sinkage",
@@ -219,7 +217,7 @@ def test_the_rut_bears_the_load_by_bekkers_law(cohesive, frictional, width):
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_the_axle_behind_runs_in_the_ruts_of_the_first(share):
     """Its resistance is that share of a first pass; 5 %: loads while it slows down."""
-    from plant.effects.soil_sinkage import compaction, sinkage
+    from plant.effects.library.soil_sinkage import compaction, sinkage
 
     given = machine("soil_sinkage", second_pass=share)
     q = np.array(given.effects[0].values)

@@ -5,16 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from plant import state as s
-from plant.checked import ConfigurationError
-from plant.dynamics import derivative
+from configuration import ConfigurationError
 from plant.effects import find_effect
 from plant.effects.dispatch import _first_states
-from plant.effects.enveloped_step import cam_lift, enveloped
-from plant.effects.library import modules
-from plant.parameters import P_WHEELS, W_LONGITUDINAL_STIFFNESS, WHEEL_SIZE
+from plant.effects.library.enveloped_step import cam_lift, enveloped
+from plant.effects.registry import modules
+from plant.physics import state as s
+from plant.physics.dynamics import derivative
+from plant.physics.parameters import P_WHEELS, W_LONGITUDINAL_STIFFNESS, WHEEL_SIZE
+from plant.physics.surface import Surface
 from plant.plant import Commands, Plant
-from plant.surface import Surface
 from tests.plant.effects.trial import L60, machine
 
 RING = machine("wheel_rigid_ring")
@@ -84,9 +84,7 @@ def test_a_wheel_in_the_air_rings_at_the_frequencies_that_were_asked_for():
     found = modes(jacobian(Plant(RING), list(range(OWN, OWN + 8)), lift=2.0))
     assert len(found) == 4
     frequencies = np.array([frequency for frequency, _ in found])
-    assert frequencies[1] == pytest.approx(WIND_UP, rel=2e-3) or frequencies[0] == pytest.approx(
-        WIND_UP, rel=2e-3
-    )
+    assert np.abs(frequencies[:2] / WIND_UP - 1.0).min() < 2e-3  # one of the two lowest
     for frequency in (LATERAL, IN_PLANE):
         assert np.any((frequencies >= 0.999 * frequency) & (frequencies <= 1.08 * frequency))
     for frequency, ratio in found:

@@ -5,18 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from plant import state as s
-from plant.parameters import (
-    P_WHEELS,
-    W_DAMPING,
-    W_RADIUS,
-    WHEEL_SIZE,
-    parameter_vector,
-)
+from plant.physics import state as s
+from plant.physics.parameters import P_WHEELS, W_DAMPING, W_RADIUS, WHEEL_SIZE, parameter_vector
+from plant.physics.state import T_KAPPA_RATE, T_OUTPUTS, T_TAN_ALPHA_RATE
+from plant.physics.surface import Surface
+from plant.physics.tyre import combined_forces, radial_force, stiffness_and_peak, tyre_forces
 from plant.plant import Commands, Plant
-from plant.state import T_KAPPA_RATE, T_OUTPUTS, T_TAN_ALPHA_RATE
-from plant.surface import Surface
-from plant.tyre import combined_forces, radial_force, stiffness_and_peak, tyre_forces
 from tests.plant.effects.trial import L60, evaluated, machine, run, strong, wrenches
 
 LOAD = 29e3
@@ -179,9 +173,9 @@ def test_less_damping_rings_longer():
 @pytest.mark.parametrize("frequency", [1.0, 2.0, 3.5, 5.0])
 def test_hysteresis_loses_the_same_share_at_every_frequency(frequency):
     """The tyre shaken by hand: loss per cycle over 2 pi times the stored energy is the loss factor."""
-    from plant.effects.hysteretic_damping import before_tyre
-    from plant.parameters import W_ADDED_LOAD
-    from plant.workspace import new_workspace
+    from plant.effects.library.hysteretic_damping import before_tyre
+    from plant.physics.parameters import W_ADDED_LOAD
+    from plant.physics.workspace import new_workspace
 
     given = machine("hysteretic_damping", loss_factor=0.15)
     p = parameter_vector(given, Surface(), 0.0)

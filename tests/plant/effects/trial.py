@@ -5,12 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from plant import state as s
-from plant.dynamics import derivative
 from plant.effects import find_effect
-from plant.machine import load_machine
-from plant.parameters import P_WHEELS, W_SPIN, WHEEL_SIZE
+from plant.physics import state as s
+from plant.physics.dynamics import derivative
+from plant.physics.parameters import P_WHEELS, W_SPIN, WHEEL_SIZE
 from plant.plant import Commands, Plant
+from plant.sheets.machine import load_machine
 
 L60 = load_machine("l60")
 MASS = 11842.0  # curb, of the machine's sheet [kg]

@@ -12,9 +12,9 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from plant import state as s
-from plant.machine import Body, Machine
-from plant.parameters import P_STEERING
+from plant.physics import state as s
+from plant.physics.parameters import P_STEERING
+from plant.sheets.machine import Body, Machine
 from tests.plant.oracle.loader import DRIVEN, MujocoLoader
 
 INCLUDED = {

@@ -8,10 +8,9 @@ MuJoCo's state. Bodies that our plant merges (axle and front frame, bucket and p
 import mujoco
 import numpy as np
 
-from plant import state as s
-from plant.dynamics import servo, stop_moment
-from plant.machine import Body, Machine
-from plant.parameters import (
+from plant.physics import state as s
+from plant.physics.dynamics import servo, stop_moment
+from plant.physics.parameters import (
     P_FRICTION,
     P_LIFT,
     P_NORMAL,
@@ -22,7 +21,8 @@ from plant.parameters import (
     SERVO_SIZE,
     WHEEL_SIZE,
 )
-from plant.tyre import wheel_contact
+from plant.physics.tyre import wheel_contact
+from plant.sheets.machine import Body, Machine
 
 JOINTS = {
     s.FRONT_FRAME: "articulation",

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from plant.machine import Machine
+from plant.sheets.machine import Machine
 
 G = 9.81
 

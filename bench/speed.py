@@ -1,0 +1,374 @@
+"""Runs every benchmark and writes docs/results/speed.md, with machine, commit and load. For releases; takes some ten minutes.
+
+    python -m bench.speed [--out docs/results/speed.md] [--only NAME...]
+
+Each figure stands beside its peer, measured in the same run, and beside a physical floor. The page is written only if the figures mean
+something: the sources are committed, the host took no processor time away, and nothing else computed. Else the reasons and the
+figures are printed, no file is written, and the exit code is 5 (inconclusive).
+"""
+
+import argparse
+import os
+import platform
+import re
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+INCONCLUSIVE = 5
+MOST_STOLEN = (
+    0.01  # of the processors' time; the bench's timing verdicts use the same share (docs/howto/keep-time.md)
+)
+MOST_FOREIGN = 0.10  # processors that others may use: a twentieth of a machine with two
+IDLE_S = 5.0  # watched before the first benchmark
+FRAME_BYTES = 45 + 64  # read of a candump line, and written of its decoded signals (some eight of 8 bytes)
+NUMBER = r"[-+]?[\d.,]+(?:e[-+]?\d+)?"
+
+Reading = tuple[float, float, float]  # median, least, most
+Readings = Mapping[tuple[str, str], Reading]  # by benchmark and label
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Figure:
+    """One line of the page. Labels are those that the benchmark prints."""
+
+    what: str
+    unit: str
+    bench: str
+    label: str
+    peer: str = ""  # label in the same benchmark; none where there is nothing to compare with
+    peer_name: str = ""
+    floor: Callable[[Readings], float] | None = None  # in the figure's unit
+    floor_name: str = ""
+    more_is_better: bool = False
+    scale: float = 1.0  # from the printed number to the unit
+    per: float = 0.0  # the printed number is a time for so many: the unit counts them per second
+
+
+def _of(bench: str, label: str) -> Callable[[Readings], float]:
+    return lambda readings: readings[bench, label][0]
+
+
+FIGURES = (
+    Figure(
+        what="plant, one step of 1 ms",
+        unit="us",
+        bench="bench_plant",
+        label="plant, semi-implicit",
+        peer="MuJoCo, compiled tyres, looped in C",
+        peer_name="MuJoCo in C, our tyres",
+        floor=_of("bench_plant", "MuJoCo, no tyres, looped in C"),
+        floor_name="MuJoCo's bodies alone, no tyres (not a floor of ours)",
+    ),
+    Figure(
+        what="lockstep, by processor time",
+        unit="x real time",
+        bench="bench_lockstep",
+        label="by processor time",
+        floor=lambda r: 1000.0 / r["bench_plant", "plant, semi-implicit"][0],
+        floor_name="dynamics alone",
+        more_is_better=True,
+    ),
+    Figure(what="ECU, one cycle", unit="us", bench="bench_ecu", label="collector on, processor"),
+    Figure(
+        what="ECU on columns, outlook included",
+        unit="million samples/s",
+        bench="bench_ecu",
+        label="columns",
+        peer="the compiled step, row by row from Python",
+        peer_name="row by row from Python",
+        more_is_better=True,
+    ),
+    Figure(
+        what="live decode of a frame",
+        unit="us",
+        bench="bench_codec",
+        label="decode",
+        peer="peer decode",
+        peer_name="cantools",
+        floor=_of("floors", "function call [us]"),
+        floor_name="an empty Python call",
+    ),
+    Figure(
+        what="hub, one way at 1000 frames/s (p50)",
+        unit="us",
+        bench="bench_bus",
+        label="hub",
+        peer="raw relay",
+        peer_name="raw relay",
+        floor=_of("bench_bus", "direct"),
+        floor_name="one socket",
+    ),
+    Figure(
+        what="hub, processor time at 40 000 frames/s",
+        unit="us/frame",
+        bench="bench_hub",
+        label="hub",
+        floor=_of("bench_hub", "bytes moved"),
+        floor_name="the same bytes moved",
+    ),
+    Figure(
+        what="offline decode of a candump log",
+        unit="million frames/s",
+        bench="bench_decode",
+        label="candump log, column decoder",
+        peer="asammdf extract_bus_logging (MF4 of the same frames)",
+        peer_name="asammdf",
+        floor=lambda r: r["floors", "memory bandwidth [GB/s]"][0] * 1e3 / FRAME_BYTES,
+        floor_name="memory bandwidth",
+        more_is_better=True,
+        per=1.0,  # of a million frames, which the benchmark decodes
+    ),
+    Figure(
+        what="reading a candump log into arrays",
+        unit="us/frame",
+        bench="bench_files",
+        label="read .log",
+        peer="read .log, python-can",
+        peer_name="python-can",
+    ),
+    Figure(
+        what="writing MF4, whole after every batch",
+        unit="us/frame",
+        bench="bench_files",
+        label="write .mf4",
+        peer="write .mf4, python-can",
+        peer_name="python-can",
+        floor=_of("floors", "system call [us]"),
+        floor_name="a system call (we need some four per 400 frames)",
+    ),
+)
+
+
+def readings(bench: str, output: str) -> dict[tuple[str, str], Reading]:
+    """Figures in a benchmark's output: table rows `| label | median | min..max |` or `| label | median (min to max) |`, and lines
+    `median unit (min to max)  label`. The first of several with one label counts."""
+    found: dict[tuple[str, str], Reading] = {}
+    forms = (
+        rf"^\| (?P<label>[^|]+?) \| (?P<m>{NUMBER}) \| (?P<a>{NUMBER})\.\.(?P<b>{NUMBER}) \|",
+        rf"^\| (?P<label>[^|]+?) \| (?P<m>{NUMBER}) \((?P<a>{NUMBER}) to (?P<b>{NUMBER})\) \|",
+        rf"^\s*(?P<m>{NUMBER}) [^(]*\((?P<a>{NUMBER}) to (?P<b>{NUMBER})[^)]*\)\s+(?P<label>.+?)$",
+        rf"^(?P<label>(?:read|write) \S+)\s+(?P<m>{NUMBER}) us/frame \((?P<a>{NUMBER}) to (?P<b>{NUMBER})\)",
+        rf"^(?P<left>(?:read|write) \S+) .*(?P<label>python-can)\s+(?P<m>{NUMBER}) \((?P<a>{NUMBER}) to (?P<b>{NUMBER})\)",
+    )
+    for line in output.splitlines():
+        for form in forms:
+            if (match := re.match(form, line)) is None:
+                continue
+            parts = match.groupdict()
+            label = ", ".join(part for part in (parts.get("left"), parts["label"]) if part)
+            values = tuple(float(parts[key].rstrip(".").replace(",", "")) for key in ("m", "a", "b"))
+            found.setdefault((bench, label), (values[0], values[1], values[2]))
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Host:
+    """Processor time since boot [s], of all processors together."""
+
+    at_s: float
+    busy_s: float
+    stolen_s: float
+    own_s: float  # of this process and of its children that have ended
+
+    @classmethod
+    def now(cls) -> "Host":
+        ticks = [int(word) for word in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]]
+        user, nice, system, _, _, irq, softirq, steal = (t / os.sysconf("SC_CLK_TCK") for t in ticks)
+        used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+        own = sum(u.ru_utime + u.ru_stime for u in used)
+        return cls(time.monotonic(), user + nice + system + irq + softirq, steal, own)
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """What the host did during one benchmark."""
+
+    name: str
+    seconds: float
+    foreign: float  # processors used by others, mean
+    stolen: float  # share of the processors' time that the host took away
+
+    @classmethod
+    def between(cls, name: str, one: Host, two: Host) -> "Load":
+        seconds = max(two.at_s - one.at_s, 1e-9)
+        foreign = (two.busy_s - one.busy_s) - (two.own_s - one.own_s)
+        stolen = (two.stolen_s - one.stolen_s) / seconds / (os.cpu_count() or 1)
+        return cls(name, seconds, max(foreign, 0.0) / seconds, stolen)
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why figures measured under this load are not published; none if they are."""
+        found = []
+        if self.foreign > MOST_FOREIGN:
+            found.append(
+                f"{self.name}: others used {self.foreign:.2f} processors (at most {MOST_FOREIGN:.2f})"
+            )
+        if self.stolen > MOST_STOLEN:
+            found.append(
+                f"{self.name}: the host took {self.stolen:.1%} of the time away (at most {MOST_STOLEN:.0%})"
+            )
+        return found
+
+
+@dataclass(slots=True)
+class Session:
+    """Outputs and loads of all benchmarks that ran."""
+
+    outputs: dict[str, str] = field(default_factory=dict)
+    loads: list[Load] = field(default_factory=list)
+
+    @property
+    def readings(self) -> dict[tuple[str, str], Reading]:
+        return {key: r for name, output in self.outputs.items() for key, r in readings(name, output).items()}
+
+    def run(self, name: str) -> None:
+        """Run one benchmark and keep what it prints. Raises CalledProcessError."""
+        before = Host.now()
+        command = [sys.executable, "-m", f"bench.{name}"]
+        done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
+        self.outputs[name] = done.stdout
+        self.loads.append(Load.between(name, before, Host.now()))
+
+
+def line(figure: Figure, found: Readings) -> str:
+    """One row of the page's table. Raises KeyError if the benchmark did not print what the figure needs."""
+    own = converted(figure, found[figure.bench, figure.label])
+    cells = [figure.what, f"{own[0]:.3g} {figure.unit}", f"{own[1]:.3g} to {own[2]:.3g}"]
+    if figure.peer:
+        peer = converted(figure, found[figure.bench, figure.peer])
+        ratio = own[0] / peer[0] if figure.more_is_better else peer[0] / own[0]
+        cells += [f"{figure.peer_name} {peer[0]:.3g}", f"{ratio:.2f}"]
+    else:
+        cells += ["–", "–"]
+    if figure.floor is not None:
+        floor = figure.floor(found)
+        away = floor / own[0] if figure.more_is_better else own[0] / floor
+        cells += [f"{figure.floor_name} {floor:.3g}", f"{away:.2f}"]
+    else:
+        cells += ["–", "–"]
+    return "| " + " | ".join(cells) + " |"
+
+
+def converted(figure: Figure, reading: Reading) -> Reading:
+    """The reading in the figure's unit; of a time for so many, how many in a second."""
+    middle, least, most = reading
+    if figure.per:
+        return figure.per / middle, figure.per / most, figure.per / least
+    return middle * figure.scale, least * figure.scale, most * figure.scale
+
+
+def machine() -> str:
+    """Processor, memory, kernel and versions, in one line."""
+    cpu = re.search(r"^model name\s*:\s*(.+)$", Path("/proc/cpuinfo").read_text(), re.MULTILINE)
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
+    packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "numba"))
+    name = cpu[1] if cpu else platform.machine()
+    return f"{name}, {os.cpu_count()} processors, {memory:.0f} GiB, Linux {platform.release()}, Python {platform.python_version()}, {packages}"
+
+
+def commit() -> tuple[str, bool]:
+    """The checkout's commit, and whether its sources are as committed."""
+
+    def git(*words: str) -> str:
+        return subprocess.run(
+            ["git", "-C", str(ROOT), *words], stdout=subprocess.PIPE, text=True, check=True
+        ).stdout.strip()
+
+    return git("rev-parse", "--short=10", "HEAD"), not git("status", "--porcelain", "--untracked-files=no")
+
+
+def page(session: Session, figures: Sequence[Figure]) -> str:
+    """The whole page."""
+    found = session.readings
+    head = "| figure | measured | range | peer, in the same run | times as fast as the peer | floor | times the floor |"
+    loads = ["| benchmark | seconds | processors used by others | stolen |", "|---|---:|---:|---:|"]
+    loads += [
+        f"| {load.name} | {load.seconds:.0f} | {load.foreign:.2f} | {load.stolen:.1%} |"
+        for load in session.loads
+    ]
+    printed = [f"### {name}\n\n```text\n{output.strip()}\n```\n" for name, output in session.outputs.items()]
+    return "\n".join(
+        [
+            "# Speed",
+            "",
+            f"Made by `python -m bench.speed --out docs/results/speed.md` at commit {commit()[0]}. {machine()}.",
+            "Medians and ranges over the repeats of one run. A floor is what the machine needs for the unavoidable part alone.",
+            "",
+            head,
+            "|---|---:|---:|---|---:|---|---:|",
+            *(line(figure, found) for figure in figures),
+            "",
+            "## Load while measuring",
+            "",
+            f"The page is refused beyond {MOST_FOREIGN:.2f} processors used by others or {MOST_STOLEN:.0%} stolen time.",
+            "",
+            *loads,
+            "",
+            "## As printed",
+            "",
+            *printed,
+        ]
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m bench.speed",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE", help="write the page there, if it may be published"
+    )
+    benches = list(dict.fromkeys(["floors", *(f.bench for f in FIGURES)]))
+    parser.add_argument(
+        "--only", nargs="+", choices=benches, metavar="NAME", help="only these benchmarks; nothing is written"
+    )
+    options = parser.parse_args(argv)
+    chosen = options.only or benches
+    session = Session()
+    before = Host.now()
+    time.sleep(IDLE_S)
+    session.loads.append(Load.between("before the first", before, Host.now()))
+    reasons = list(session.loads[0].reasons)
+    if not commit()[1]:
+        reasons.append("the sources differ from the commit: commit first")
+    if options.out is not None and reasons:  # some ten minutes of figures that could not be published
+        print("not measured, since nothing could be published:\n" + "\n".join(reasons), file=sys.stderr)
+        return INCONCLUSIVE
+    for name in chosen:
+        print(f"{name} ...", file=sys.stderr, flush=True)
+        session.run(name)
+        reasons += session.loads[-1].reasons
+    have = session.readings
+    figures = [f for f in FIGURES if not options.only or _complete(f, have)]
+    text = page(session, figures)
+    if options.out is None or options.only or reasons:
+        print(text)
+        if reasons:
+            print("not published:\n" + "\n".join(reasons), file=sys.stderr)
+            return INCONCLUSIVE
+        return 0
+    options.out.write_text(text, encoding="utf-8")
+    print(options.out)
+    return 0
+
+
+def _complete(figure: Figure, have: Readings) -> bool:
+    """Whether all readings that a figure needs are there."""
+    try:
+        line(figure, have)
+    except KeyError:
+        return False
+    return True
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""CAN of the Linux kernel (SocketCAN): raw socket, interface state, kernel time stamps."""

@@ -1,0 +1,5 @@
+"""Checked reading of TOML files, for whoever has a configuration: plant, ECU, faults, campaigns. Imports only `bus.user_error`."""
+
+from configuration.table import Change, CheckedTable, ConfigurationError, read_toml
+
+__all__ = ["Change", "CheckedTable", "ConfigurationError", "read_toml"]

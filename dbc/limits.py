@@ -1,0 +1,50 @@
+"""What a DBC file of a stranger may hold: sizes that a bus can carry, and names that are safe in a path or a topic."""
+
+import re
+from pathlib import Path
+from typing import Final
+
+from dbc.errors import DatabaseError
+
+FILE_LIMIT: Final = 32 << 20
+"""Longest DBC file that is read [bytes]; those of whole cars have some 5 MB."""
+LONGEST_MESSAGE: Final = 4095
+"""Longest message [bytes]: a segmented one of ISO 15765-2. CAN XL carries 2048, a J1939 transport 1785."""
+_MESSAGE: Final = re.compile(rb"^[ \t]*BO_[ \t]+\d+[ \t]+([^\s:]+)[ \t]*:[ \t]*(\d+)", re.MULTILINE)
+_SIGNAL: Final = re.compile(rb"^[ \t]*SG_[ \t]+(\S+)[^:\n]*:[ \t]*(\d+)[ \t]*\|[ \t]*(\d+)", re.MULTILINE)
+_NAME: Final = re.compile(r"\w[\w.-]*")
+
+
+def check_text(path: Path) -> None:
+    """Refuse a DBC whose parser would need gigabytes. Raises DatabaseError that names the message.
+
+    cantools builds a table of all bits of a message, so the sizes are looked at before.
+    """
+    try:
+        with path.open("rb") as file:
+            text = file.read(FILE_LIMIT + 1)
+    except OSError as error:
+        raise DatabaseError(f"{path}: cannot read the DBC: {error.strerror or error}") from error
+    if len(text) > FILE_LIMIT:
+        raise DatabaseError(f"{path}: longer than {FILE_LIMIT >> 20} MiB; is this a DBC?")
+    for name, length in _MESSAGE.findall(text):
+        if len(length) > 9 or int(length) > LONGEST_MESSAGE:
+            raise DatabaseError(
+                f"{path}: message {_shown(name)}: {_shown(length)} bytes; at most {LONGEST_MESSAGE} are possible"
+            )
+    for name, *numbers in _SIGNAL.findall(text):
+        if any(len(number) > 9 or int(number) > 8 * LONGEST_MESSAGE for number in numbers):
+            raise DatabaseError(f"{path}: signal {_shown(name)}: lies outside any message")
+
+
+def _shown(text: bytes) -> str:
+    return ascii(text[:40].decode("ascii", "replace"))[1:-1]
+
+
+def check_name(kind: str, name: str) -> None:
+    """Refuse a name that could leave a folder or a topic. Raises ValueError.
+
+    Long names come from an attribute of the file that may hold any text.
+    """
+    if not _NAME.fullmatch(name) or ".." in name:
+        raise ValueError(f"{kind} name {name[:60]!r}: letters, digits, _ and - only, as in C")

@@ -1,0 +1,1 @@
+"""Recordings of frames read into columns: candump logs, BLF and MF4."""

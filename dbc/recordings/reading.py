@@ -1,0 +1,241 @@
+"""Reads a recording of CAN frames, whatever its format, into one FrameTable.
+
+candump logs, plain or gzip-compressed, by our own parser (`dbc.recordings.logfile`); BLF and ASC through python-can;
+MF4 bus logging through asammdf, column by column. The content decides, not the suffix.
+
+python-can gives stamps in float seconds, which near today's date resolve 0.24 µs: they are rounded to the
+microsecond, as candump writes them. Error frames of BLF, ASC and MF4 carry no error bits, only that there was one.
+A cut or damaged place is reported once, with its line or byte; everything before it is kept, and after a damaged line or a damaged place of a BLF too.
+"""
+
+import re
+from array import array
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, BinaryIO, Self, cast
+
+import numpy as np
+
+from bus.bounded_json import printable
+from bus.frame import BRS, ERROR, ESI, EXTENDED, EXTENDED_MASK, FD, REMOTE, STANDARD_MASK
+from dbc.errors import LogError
+from dbc.recordings.blf import read_blf
+from dbc.recordings.logfile import DAMAGE_SHOWN, Damage, FrameTable, read_candump
+
+Progress = Callable[[int, int], None]
+FORMATS = "candump log, .gz of one, BLF, ASC or MF4"
+_BINARY = (".blf", ".mf4", ".mdf")
+_BLF, _MF4 = (b"LOGG",), (b"MDF ", b"UnFinMF ")
+_ASC_LINE = re.compile(
+    rb"\s*(\d+\.\d|//|date |base |begin |end |no |internal |previous |start of |$)", re.IGNORECASE
+)
+_ASC_STARTS = (b"date ", b"base ", b"// version", b"begin triggerblock")
+LATEST_S = 9e9
+"""Stamps beyond the year 2255 do not fit 64 bits of nanoseconds."""
+_REPORT_EVERY = 4096
+_MICROSECOND = 1000
+
+
+def read_frames(path: str | Path, progress: Progress | None = None) -> FrameTable:
+    """Every frame of a recording, in the order of the file (MF4: of time).
+
+    progress hears bytes read and bytes in all. LogError when the file cannot be opened, is none of FORMATS,
+    or holds not one frame; a file that is damaged or cut off gives what can be read, and where it breaks.
+    """
+    path = Path(path)
+    try:
+        size = path.stat().st_size
+        with path.open("rb") as file:
+            start = file.read(64)
+    except OSError as error:
+        raise LogError(f"{path}: cannot read the recording: {error.strerror or error}") from error
+    if size == 0:
+        raise LogError(
+            f"{path}: the recording is empty (0 bytes): was the bus silent, or its recorder killed at once?"
+        )
+    reader = _reader_of(path, start)
+    if reader is read_candump and path.suffix.lower() in _BINARY and not start.isascii():
+        raise _no_beginning(path)
+    try:
+        table = reader(path, progress)
+    except LogError as error:
+        if reader is read_candump and path.suffix.lower() in _BINARY:
+            raise _no_beginning(path) from error
+        raise
+    if not len(table):
+        first = f" ({table.damaged[0]})" if table.damaged else ""
+        raise LogError(f"{path}: the recording holds not one frame{first}")
+    return table
+
+
+def _no_beginning(path: Path) -> LogError:
+    kind = path.suffix[1:].upper()
+    return LogError(f"{path}: does not begin as a {kind} does: damaged, encrypted, or of another kind?")
+
+
+def _reader_of(path: Path, start: bytes) -> Callable[[Path, Progress | None], FrameTable]:
+    if start.startswith(_BLF):
+        return _read_blf
+    if start.startswith(_MF4):
+        from dbc.recordings.mf4 import read_mf4  # asammdf takes a second to load
+
+        return read_mf4
+    if path.suffix.lower() == ".asc" or start.lstrip().lower().startswith(_ASC_STARTS):
+        return _read_asc
+    return read_candump
+
+
+class _Rows:
+    """Collects python-can's messages as columns."""
+
+    def __init__(self) -> None:
+        self._time_ns, self._can_id = array("q"), array("I")
+        self._length, self._flags, self._channel = array("B"), array("B"), array("B")
+        self._data: list[bytes] = []
+        self._channels: dict[Any, int] = {}
+        self.damaged: list[Damage] = []
+        self.damaged_count = 0
+
+    def add(self, message: Any) -> None:
+        """One python-can message; ValueError if it is no whole frame."""
+        remote, error, data = message.is_remote_frame, message.is_error_frame, bytes(message.data)
+        if not remote and not error and message.dlc != len(data):
+            raise ValueError(f"{len(data)} bytes of data where {message.dlc} are announced")
+        if not 0 <= message.arbitration_id <= (EXTENDED_MASK if message.is_extended_id else STANDARD_MASK):
+            raise ValueError(f"identifier {message.arbitration_id:X} has more bits than a frame's")
+        if not abs(message.timestamp) < LATEST_S:
+            raise ValueError(f"time stamp {message.timestamp:g} s")
+        limit = 64 if message.is_fd else 8
+        if message.dlc > limit:
+            raise ValueError(f"{message.dlc} bytes of data, more than a frame holds ({limit})")
+        number = self._channels.setdefault(message.channel, len(self._channels))
+        if number > 255:
+            raise LogError("more than 256 different channels")
+        extended = EXTENDED if message.is_extended_id and not error else 0
+        fd = FD | BRS * message.bitrate_switch | ESI * message.error_state_indicator if message.is_fd else 0
+        self._time_ns.append(round(message.timestamp * 1e6) * _MICROSECOND)
+        self._can_id.append(message.arbitration_id | extended | REMOTE * remote | ERROR * error)
+        self._length.append(message.dlc if remote else len(data))
+        self._flags.append(fd)
+        self._channel.append(number)
+        self._data.append(data)
+
+    def add_damage(self, damage: Damage) -> None:
+        """Note a place that could not be read."""
+        if len(self.damaged) < DAMAGE_SHOWN:
+            self.damaged.append(damage)
+        self.damaged_count += 1
+
+    def __len__(self) -> int:
+        return len(self._data)
+
+    def table(self) -> FrameTable:
+        """Everything added."""
+        width = 64 if any(flags & FD for flags in self._flags) else 8
+        joined = b"".join(data.ljust(width, b"\0") for data in self._data)
+        return FrameTable(
+            time_ns=np.array(self._time_ns, np.int64),
+            can_id=np.array(self._can_id, np.uint32),
+            length=np.array(self._length, np.uint8),
+            flags=np.array(self._flags, np.uint8),
+            data=np.frombuffer(joined, np.uint8).reshape(len(self._data), width),
+            channel=np.array(self._channel, np.uint8),
+            channels=tuple(channel_name(channel) for channel in self._channels),
+            damaged=tuple(self.damaged),
+            damaged_count=self.damaged_count,
+        )
+
+
+def channel_name(channel: int | str | None) -> str:
+    """What a channel is called that the format only numbers (from 0): can0, can1, ..."""
+    if channel is None:
+        return "can"
+    return f"can{channel}" if isinstance(channel, int) else printable(channel)
+
+
+def _read_blf(path: Path, progress: Progress | None) -> FrameTable:
+    size, rows = path.stat().st_size, _Rows()
+    with path.open("rb") as file:
+        for item in read_blf(file):
+            if isinstance(item, Damage):
+                rows.add_damage(item)
+                continue
+            try:
+                rows.add(item)
+            except ValueError as error:
+                at = min(file.tell(), size)
+                rows.add_damage(Damage(at, f"in what ends here, not a frame: {error}; skipped", "byte"))
+            if progress is not None and len(rows) % _REPORT_EVERY == 0:
+                progress(file.tell(), size)
+    return rows.table()
+
+
+class _NumberedLines:
+    """A text file for python-can's reader that knows which line it is at, and can go on after a bad one.
+
+    cut: whether the file ends inside a line; that line is left out, as half a number is still a number.
+    strange: numbers of lines that are none of the format's, which python-can passes over.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._resumed = False
+        self.number = 0
+        self.cut = False
+        self.strange: list[int] = []
+
+    def resume(self) -> None:
+        """The reader will look for a header again: the next line says that there is none."""
+        self._resumed = True
+
+    def close(self) -> None:
+        """The reader has done with it; the file belongs to whoever opened it."""
+
+    def __iter__(self) -> Self:
+        return self
+
+    def __next__(self) -> str:
+        if self._resumed:
+            self._resumed = False
+            return "internal events logged\n"
+        line = self._file.readline()
+        if not line:
+            raise StopIteration
+        self.number += 1
+        self.cut = not line.endswith(b"\n") and not line.lower().startswith(b"end triggerblock")
+        if self.cut:
+            raise StopIteration
+        if not _ASC_LINE.match(line) or b"\0" in line:
+            self.strange.append(self.number)
+        return line.decode("utf-8", "replace")
+
+
+def _read_asc(path: Path, progress: Progress | None) -> FrameTable:
+    from can.io.asc import ASCReader
+
+    size, rows = path.stat().st_size, _Rows()
+    with path.open("rb") as file:
+        lines = _NumberedLines(file)
+        reader = ASCReader(cast(Any, lines), relative_timestamp=False)
+        messages: Iterator[Any] = iter(reader)
+        while True:
+            try:
+                message = next(messages)
+                rows.add(message)
+            except StopIteration:
+                break
+            except LogError:
+                raise
+            except Exception as error:  # python-can's reader trips over damaged lines in many ways
+                rows.add_damage(Damage(lines.number, f"not a frame: {error}"))
+                lines.resume()
+                messages = iter(reader)
+            if progress is not None and lines.number % _REPORT_EVERY == 0:
+                progress(file.tell(), size)
+        for number in lines.strange:
+            rows.add_damage(
+                Damage(number, "no time stamp and no word of the format at its start, or zero bytes in it")
+            )
+        if lines.cut:
+            rows.add_damage(Damage(lines.number, "the file ends inside this line", at_end=True))
+    return rows.table()

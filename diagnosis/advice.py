@@ -1,0 +1,101 @@
+"""The next steps after a diagnosis, for its reader: one sentence each, the most urgent first, with the commands to type."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from shlex import quote
+
+from diagnosis.describe import estimate
+from discrepancy.signals.findings import Finding, Findings
+
+SHOWN = 4  # members of a list in one sentence
+OTHER_CHANNEL = "another channel"
+NEEDS = "; needs "  # separates a reason of discrepancy.decision from the manoeuvre that would show the effect
+
+
+def advice(result: Findings, model: str, out: Path | None, *, applied: bool = False) -> list[str]:
+    """Steps, with commands between backticks. model, out: as on the command line; applied: whether the findings are already in a file."""
+    steps = [*_mended(result), *_checked(result), *_separated(result), *_named(result, model, out)]
+    if any(f.named for f in result.findings) and not applied:
+        steps.append(
+            "Keep the findings: the same command with `--apply FILE.toml` writes the model extended by them; "
+            "with `--with FILE.toml` the next diagnosis reports only what is still missing."
+        )
+    if result.status == "unknown" and len(result.recordings) > 1:
+        steps.append(
+            "If the recordings are not of one machine in one state, diagnose each of them alone with `--each`."
+        )
+    return [*steps, *_recorded(result)]
+
+
+def _mended(result: Findings) -> Iterator[str]:
+    """Recordings with errors come first: they decide the value of everything else."""
+    wrong = list(dict.fromkeys(f"{c.recording} {c.signal}".strip() for c in result.complaints if c.fatal))
+    if wrong:
+        yield f"Correct and diagnose again: {_some(wrong)}. The message about each of them states the error and the remedy."
+
+
+def _checked(result: Findings) -> Iterator[str]:
+    for f in [f for f in result.findings if f.named and f.kind == "sensor"]:
+        rivals = f" (or instead: {_some([m.effect for m in f.group])})" if f.group else ""
+        yield f"Check the {f.place}: {f.sentence}{_size(f)}{rivals}."
+    for f in [f for f in result.findings if not f.named]:
+        yield (
+            f"Do not take {f.effect} as the cause: it is only the most similar effect of the library. "
+            f"Look for the cause where the difference shows: {_where(f)}."
+        )
+
+
+def _separated(result: Findings) -> Iterator[str]:
+    for f in result.findings:
+        for way in f.separate_by:
+            yield (
+                f"To distinguish {f.effect} from {way.effect}, record this and diagnose it together with the present recordings: {way.manoeuvre}."
+            )
+
+
+def _named(result: Findings, model: str, out: Path | None) -> Iterator[str]:
+    if result.open_ended is None:
+        return
+    if out is None:
+        yield "With `--out DIR` the equation is saved; `loaderhil effects add DIR` then makes an effect of it."
+        return
+    known = "" if model == "loader" else f" --model {quote(model)}"
+    depends, places = result.open_ended.depends_on, dict.fromkeys(t.place for t in result.open_ended.terms)
+    what = f"a cause that depends on {_some(depends)} and acts" if depends else "a constant that acts"
+    yield (
+        f"Look for {what} at {_some(list(places))}. To give the equation a name: "
+        f"`loaderhil effects add {quote(str(out))} --name NAME{known} --out NAME.py`."
+    )
+
+
+def _recorded(result: Findings) -> Iterator[str]:
+    """Manoeuvres and channels that another recording needs, for the effects that these recordings could not show."""
+    by_need: dict[str, list[str]] = {}
+    for c in result.candidates:
+        if c.verdict == "could not be judged" and NEEDS in c.reason:
+            by_need.setdefault(c.reason.partition(NEEDS)[2], []).append(c.effect)
+    alike = by_need.pop(OTHER_CHANNEL, [])
+    needs = [f"{need} ({_some(effects)})" for need, effects in by_need.items()]
+    if needs:
+        more = "; and more" if len(needs) > SHOWN else ""
+        yield f"To judge the remaining effects, record {'; '.join(needs[:SHOWN])}{more}."
+    if alike:
+        yield (
+            f"No manoeuvre distinguishes {_some(alike)} from other values of the baseline's own parameters (a zero point, a mass); "
+            "an additional channel may."
+        )
+
+
+def _size(f: Finding) -> str:
+    return f", {estimate(f.parameters[0])}" if len(f.parameters) == 1 else ""
+
+
+def _where(f: Finding) -> str:
+    channels = [channel for channel, share in f.where.channels.items() if share > 0.05]
+    spans = [f"{i.recording} {i.start_s:.1f} to {i.end_s:.1f} s" for i in f.where.intervals[:1]]
+    regime = [r.text for r in f.where.regimes[:1]]
+    return "; ".join([_some(channels), *([] if f.where.throughout else spans), *regime])
+
+
+def _some(names: list[str]) -> str:
+    return ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")

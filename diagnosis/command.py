@@ -1,0 +1,281 @@
+"""`loaderhil diagnose`: the physics that a simulation leaves out, found in recordings.
+
+Exit codes: 0 explained, or nothing missing; 1 unknown: the model misses something that is not in the library;
+2 wrong use; 5 inconclusive: these recordings allow no verdict.
+"""
+
+import importlib.metadata
+import platform
+import shlex
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from bus.user_error import UserError
+from diagnosis.options import ConstantOption, ModelOption, PartOption, WithOption
+from hil.ending import Ending
+from hil.shell.interruption import ended_at_once
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from diagnosis.question import Question
+    from discrepancy.selection.state import Progress
+
+EXIT = {
+    "explained": int(Ending.PASSED),
+    "nothing missing": int(Ending.PASSED),
+    "unknown": int(Ending.FAILED),
+    "inconclusive": int(Ending.INCONCLUSIVE),
+}
+
+COMPUTING_ENDS_S = 1.0
+CLUSTER_ENDS_S = 20.0
+"""How long Ctrl-C may take; workers on a cluster need a message first."""
+
+EPILOG = (
+    "Exit codes: 0 explained, or nothing missing; 1 unknown: the model misses something that is not in the library; "
+    "2 wrong use; 5 inconclusive: these recordings allow no verdict; 130 interrupted."
+)
+
+
+def diagnose(
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RECORDING...",
+            help="Tables (.csv, .csv.gz, .parquet) headed `name [unit]`, CAN recordings with --dbc, run directories of the bench; "
+            "A+B are files of one run.",
+        ),
+    ],
+    model: ModelOption,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Write findings.json and report.html here.")
+    ] = None,
+    given: WithOption = None,
+    apply: Annotated[
+        Path | None,
+        typer.Option(
+            "--apply",
+            metavar="FILE.toml",
+            help="Write the model extended by the named effects; for the loader a machine file, with equipment and calibration beside it.",
+        ),
+    ] = None,
+    part: PartOption = None,
+    dbc: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--dbc", metavar="FILE", help="For candump, BLF, ASC and MF4 recordings; may be repeated."
+        ),
+    ] = None,
+    bus: Annotated[
+        str | None,
+        typer.Option("--bus", metavar="NAME", help="Only this bus of a recording of several: can0."),
+    ] = None,
+    channel: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--channel",
+            metavar="NAME=COLUMN",
+            help="Column (or CAN `Message.Signal`) of a channel, or of the time: `time=clock`; A,B are averaged; a formula is computed: `power=voltage * current`; a unit in brackets replaces that of the heading: `speed [km/h]=v`; may be repeated.",
+        ),
+    ] = None,
+    constant: ConstantOption = None,
+    shift: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--shift", metavar="NAME=SECONDS", help="Add to the stamps of a channel; may be repeated."
+        ),
+    ] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="List every candidate, not the best twelve.")
+    ] = False,
+    each: Annotated[
+        bool,
+        typer.Option(
+            "--each",
+            help="Diagnose each recording alone, many in parallel; results go to results.parquet of --out.",
+        ),
+    ] = False,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler",
+            metavar="ADDRESS",
+            help="With --each: address of a dask cluster; default: processes of this machine.",
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers", min=1, help="With --each: number of processes; default: one per processor."
+        ),
+    ] = None,
+) -> None:
+    """Find what a model leaves out: where it differs from the recordings, and the name and size of the missing effect.
+
+    Examples: `loaderhil diagnose drive.csv --model straight --out out/diagnosis`,
+    `loaderhil diagnose out/gravel --model loader --apply mine.toml`, then `loaderhil run loaded --machine mine.toml`,
+    `loaderhil diagnose drives/*.csv --model straight --each --out out/fleet`
+    """
+    with ended_at_once(CLUSTER_ENDS_S if each else COMPUTING_ENDS_S):
+        from diagnosis.question import Question
+        from diagnosis.reading.reading import Ask, Misuse, assigned, measured, numbers
+
+        given_channels = assigned(channel or [])
+        ask = Ask(
+            paths=recordings,
+            part=part,
+            renamed=given_channels.columns,
+            units=given_channels.units,
+            time=given_channels.time,
+            shifts=numbers("--shift", shift or []),
+            constants=measured("--constant", constant or []),
+            dbcs=dbc or [],
+            bus=bus,
+        )
+        question = Question(model=model, given=given, ask=ask)
+        # an unwritable folder is reported now, not after minutes of computing
+        if out is not None:
+            write("--out", out, {})
+        if each:
+            raise typer.Exit(_each(question, out, apply, scheduler, workers))
+        if scheduler is not None or workers is not None:
+            raise Misuse("--scheduler and --workers: apply to many diagnoses; add --each")
+        raise typer.Exit(_one(question, out, apply, everything=everything))
+
+
+def _one(question: "Question", out: Path | None, apply: Path | None, *, everything: bool) -> int:
+    """All recordings together: the verdict on the terminal, in DIR and in the files of --apply; the exit code."""
+    from rich.console import Console
+
+    from diagnosis.advice import advice
+    from diagnosis.apply.applying import application
+    from diagnosis.page import page
+    from diagnosis.question import answer
+    from diagnosis.terminal import render
+    from discrepancy.decision.evidence import evidence
+    from discrepancy.selection.state import Settings
+    from discrepancy.signals.findings import to_json
+
+    if apply is not None:
+        check_applicable(apply)
+        write("--apply", apply.parent, {})
+    settings, start = Settings(), time.monotonic()
+    with shown_progress(Console(stderr=True)) as progress:
+        found = answer(question, settings, progress)
+        result, shown = found.findings, None
+        if out is not None and found.judged is not None:
+            progress("predicting held-out segments for the report")
+            shown = evidence(found.judged, settings)
+    console, steps = Console(soft_wrap=True), advice(result, question.model, out, applied=apply is not None)
+    files, said = list[Path](), list[str]()
+    if out is not None:  # before anything is printed: a closed pipe then loses no result
+        text = page(result, shown, steps, conditions(time.monotonic() - start, result.baseline))
+        files += write("--out", out, {"findings.json": to_json(result), "report.html": text})
+    try:
+        if result.baseline:
+            print(f"baseline: {result.baseline}")
+        render(result, console, all_candidates=everything)
+        print_steps(steps, console)
+    finally:  # for the same reason; and if --apply fails, the verdict has been printed
+        if apply is not None:
+            outcome = application(found.choice, found.model, result, found.base.given, apply)
+            said += outcome.said
+            for path, text in outcome.files.items():
+                files += write("--apply", path.parent, {path.name: text})
+    for line in said:
+        print(line)
+    print_written(files)
+    return EXIT[result.status]
+
+
+def _each(
+    question: "Question", out: Path | None, apply: Path | None, scheduler: str | None, workers: int | None
+) -> Ending:
+    """Many recordings, each by itself."""
+    from rich.console import Console
+
+    from diagnosis.fleet.fleet import diagnose_each
+    from diagnosis.reading.reading import Misuse
+
+    if out is None:
+        raise Misuse("--each: needs --out DIR for its results")
+    if apply is not None:
+        raise Misuse(
+            "--each: every recording would write another --apply file; diagnose one recording with --apply instead"
+        )
+    tally = diagnose_each(question, out, scheduler, workers, Console(stderr=True))
+    return Ending.FAILED if tally.failures else Ending.PASSED
+
+
+def print_steps(steps: Sequence[str], console: "Console") -> None:
+    """Print the next steps."""
+    from rich.markup import escape
+
+    if steps:
+        console.print("\n[bold]What to do next[/]")
+    for step in steps:
+        console.print(f"- {escape(step)}", highlight=False)
+
+
+def conditions(seconds: float, baseline: str) -> dict[str, str]:
+    """Command, time and versions, for the report; baseline: as in findings.json."""
+    now = datetime.now(UTC)
+    return {
+        "command": shlex.join(["loaderhil", *sys.argv[1:]]),
+        "when": f"{now:%Y-%m-%d %H:%M} UTC, in {seconds:.1f} s",
+        "version": f"loaderhil {importlib.metadata.version('loaderhil')}, Python {platform.python_version()}",
+        **({"baseline": baseline} if baseline else {}),
+    }
+
+
+def check_applicable(file: Path) -> None:
+    """Raises Unwritable for a name that `--with` would not accept."""
+    if file.suffix != ".toml":
+        raise Unwritable(f"--apply {file}: must end in .toml")
+
+
+def print_written(files: Sequence[Path]) -> None:
+    """Print one line for each file."""
+    for file in files:
+        print(f"written: {file}")
+
+
+def write(option: str, folder: Path, texts: Mapping[str, str]) -> list[Path]:
+    """All files, each whole or not at all. Raises Unwritable, naming the option, where the folder cannot be written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in texts.items():
+            part = folder / f".{name}.part"
+            part.write_text(text, encoding="utf-8")
+            part.replace(folder / name)
+    except OSError as error:
+        raise Unwritable(f"{option} {folder}: {error.strerror or error}") from error
+    return [folder / name for name in texts]
+
+
+class Unwritable(UserError, ValueError):
+    """The results cannot be written to the given folder or file."""
+
+
+@contextmanager
+def shown_progress(console: "Console") -> "Iterator[Progress]":
+    """The current step: one changing line on a terminal, otherwise one line per step with its time."""
+    start = time.monotonic()
+    if console.is_terminal:
+        with console.status("starting") as status:
+            yield lambda text: status.update(f"{text} [dim]{time.monotonic() - start:.0f} s[/]")
+        return
+    yield lambda text: print(f"{time.monotonic() - start:6.1f} s  {text}", file=sys.stderr, flush=True)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command(epilog=EPILOG)(diagnose)

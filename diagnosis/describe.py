@@ -1,0 +1,109 @@
+"""Descriptions of estimates, candidates and missing channels in plain English, for the terminal and the HTML page alike."""
+
+import math
+from collections.abc import Mapping
+
+from discrepancy.signals.findings import Candidate, Estimate, Finding, Findings, MissingChannel, Separation
+from discrepancy.signals.quantities import figures, quantity
+from discrepancy.signals.units import shown
+
+SURE = 1000  # evidence above which the number says nothing more
+UNCHANGED = 0.005  # relative change of an error that is not worth a line
+SMALLEST_RATIO = 0.01  # of two errors; a smaller one is given as a bound
+MOST_DECIMALS = 7  # with more, a power of ten reads better
+MOST_EFFECTS = 5  # of a missing channel; all of them are in findings.json
+
+
+def estimate(e: Estimate) -> str:
+    """'leak = 0.0970 1/s (95 %: 0.0950 to 0.0980), baseline 0.0800', with as many digits as the interval supports."""
+    if e.low is None or e.high is None:
+        text = f"{e.name} = {quantity(e.value, e.unit, 4)}"
+    else:
+        value, low, high = (rounded(v, 0.5 * (e.high - e.low)) for v in (e.value, e.low, e.high))
+        text = f"{e.name} = {value} {shown(e.unit)}".rstrip() + f" (95 %: {low} to {high})"
+    if e.baseline:
+        text += f", baseline {figures(e.baseline, 4)}"
+    return text + (f", at its {e.at_bound} bound" if e.at_bound else "")
+
+
+def rounded(value: float, uncertainty: float) -> str:
+    """A value to two digits of its uncertainty: 0.09619 ± 0.0027 is '0.0962'."""
+    if not uncertainty > 0.0:
+        return figures(value, 4)
+    decimals = 1 - math.floor(math.log10(uncertainty))
+    if decimals > MOST_DECIMALS:
+        return f"{value:.4g}"
+    return f"{round(value, decimals) + 0.0:.{max(decimals, 0)}f}"
+
+
+def counted(number: int, what: str) -> str:
+    """'1 recording', '2 recordings'."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def evidence(gain: float) -> str:
+    """Evidence (twice the log-likelihood ratio) as text: '37'; 'over 1000' where the number says nothing more."""
+    return f"over {SURE}" if gain >= SURE else f"{gain:.0f}"
+
+
+def expected_evidence(separation: Separation) -> str:
+    """' (expected evidence 37)' of an experiment that separates two effects; empty where it was not computed."""
+    if separation.expected_difference is None:
+        return ""
+    return f" (expected evidence {evidence(separation.expected_difference)})"
+
+
+def alternatives(f: Finding) -> str:
+    """'leak, or drift, or scale': the finding and the effects that these recordings cannot distinguish from it."""
+    return ", or ".join([f.effect, *(member.effect for member in f.group)])
+
+
+def error_ratio(ratio: float) -> str:
+    """The ratio of two errors: '× 0.18', 'below × 0.01'."""
+    return f"× {ratio:.2f}" if ratio >= SMALLEST_RATIO else f"below × {SMALLEST_RATIO}"
+
+
+def most_improved(error: Mapping[str, float], count: int) -> tuple[dict[str, float], int]:
+    """The channels whose error falls most, best first, and the number of all others."""
+    ranked = sorted(error.items(), key=lambda item: item[1])
+    return dict(ranked[:count]), max(len(ranked) - count, 0)
+
+
+def smallest_detectable(c: Candidate, most: int = 2) -> str:
+    """The size that would be detected with 80 % probability: '60 kg', '-0.07 from 1'; a dash where no size would."""
+    sizes = [_change(e) for e in c.smallest_detectable]
+    return ", ".join(sizes[:most]) + (", ..." if len(sizes) > most else "") or "–"
+
+
+def _change(e: Estimate) -> str:
+    """A size, or its difference from the baseline's where that is not 0."""
+    if not e.baseline:
+        return quantity(e.value, e.unit, 2)
+    sign = "+" if e.value > e.baseline else ""
+    return f"{sign}{quantity(e.value - e.baseline, e.unit, 2)} from {figures(e.baseline)}"
+
+
+def missing_channel(missing: MissingChannel) -> str:
+    """'speed was not recorded. It would have shown linear drag (0.3 m/s); distinguished gyro delay from servo delay.'"""
+    shows = [f"{w.what} ({quantity(w.change, missing.unit, 2)})" for w in missing.would_judge[:MOST_EFFECTS]]
+    pairs = [f"{w.what} ({quantity(w.change, missing.unit, 2)})" for w in missing.would_part[:MOST_EFFECTS]]
+    uses = [f"shown {', '.join(shows)}"] if shows else []
+    uses += [f"distinguished {', '.join(pairs)}"] if pairs else []
+    state = "could not be used" if missing.recorded else "was not recorded"
+    use = f"It would have {'; '.join(uses)}" if uses else "It would have added nothing"
+    return f"{missing.channel} {state}. {use}."
+
+
+def verdict(c: Candidate, result: Findings) -> str:
+    """The verdict on a candidate; a finding that is not accepted as the cause is 'best proxy'."""
+    proxy = c.verdict == "found" and c.effect not in result.named
+    return "best proxy" if proxy else c.verdict
+
+
+def by_reason(result: Findings) -> dict[str, list[str]]:
+    """Effects that were not found, by verdict and reason; those ruled out come first."""
+    found: dict[str, list[str]] = {}
+    for kind in ("ruled out", "not needed", "negligible", "could not be judged"):
+        for c in [c for c in result.candidates if c.verdict == kind]:
+            found.setdefault(f"{kind.capitalize()}: {c.reason}", []).append(c.effect)
+    return found

@@ -1,0 +1,170 @@
+"""`diagnose --each`: every recording by itself, on the processors of this machine or of a cluster, into one table.
+
+DIR/results.parquet             a row per recording: verdict, names, first finding with its interval, all findings as JSON
+DIR/findings/RECORDING.json     findings.json of each
+"""
+
+import hashlib
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from diagnosis.blind.seal import digest
+from diagnosis.describe import counted
+from diagnosis.fleet.cluster import Tally, carry_out
+from diagnosis.fleet.store import Row, Store
+from diagnosis.question import Question, answer
+from discrepancy.selection.state import Settings
+from discrepancy.signals.findings import Findings, to_json
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+SHOWN = 10  # recordings without a name, in the words
+EVERY_S = 10.0  # between lines of progress where there is no terminal
+
+
+def diagnose_each(
+    question: Question, folder: Path, scheduler: str | None, workers: int | None, console: "Console"
+) -> Tally:
+    """Diagnose each recording of the question by itself and keep the results in the folder."""
+    arms = {
+        key: replace(question, ask=replace(question.ask, paths=[path]))
+        for path, key in zip(question.ask.paths, keys(question.ask.paths), strict=True)
+    }
+    store = Store(folder, _told(question))
+    with bar(console) as told:
+        tally = carry_out(diagnosed, arms, store, scheduler=scheduler, workers=workers, told=told)
+    table = store.collect(arms, tally.failures)
+    texts = folder / "findings"
+    texts.mkdir(exist_ok=True)
+    rows = store.rows(arms)
+    for row in rows:
+        (texts / f"{row['key']}.json").write_text(str(row["findings"]), encoding="utf-8")
+    for line in summary(rows, tally.failures):
+        print(line)
+    print(f"written: {table}")
+    return tally
+
+
+def keys(paths: Sequence[Path]) -> list[str]:
+    """A name per recording that changes with its content: what was diagnosed before is not again, what was changed is."""
+    return [f"{path.name} {_digest(path)[:12]}" for path in paths]
+
+
+def diagnosed(question: Question) -> Row:
+    """One recording as a row; findings: findings.json."""
+    start = time.monotonic()
+    found = answer(question, Settings(), lambda _: None).findings
+    return {
+        "recording": question.ask.paths[0].name,
+        "baseline": found.baseline,
+        "status": found.status,
+        "named": ", ".join(found.named),
+        "reason": "; ".join(found.reasons),
+        **_first(found),
+        "samples": found.samples,
+        "seconds": time.monotonic() - start,
+        "findings": to_json(found),
+    }
+
+
+def _first(found: Findings) -> dict[str, str | float | None]:
+    """The first parameter of the first finding that is named, with its interval."""
+    names = ("effect", "parameter", "value", "low", "high", "unit")
+    named = [f for f in found.findings if f.named]
+    if not named:
+        return dict.fromkeys(names)
+    e = named[0].parameters[0]
+    return dict(zip(names, (named[0].effect, e.name, e.value, e.low, e.high, e.unit), strict=True))
+
+
+def summary(rows: Sequence[Row], failures: Mapping[str, str]) -> Iterator[str]:
+    """How often each verdict and each name was given, and compared with what."""
+    verdicts = Counter(str(row["status"]) for row in rows)
+    yield f"{counted(len(rows), 'recording')}: {', '.join(f'{n} {status}' for status, n in verdicts.most_common())}"
+    machines = Counter(str(row["baseline"]).partition(", ")[0] for row in rows if row["baseline"])
+    yield from (f"  {n} of {len(rows)} compared with {machine}" for machine, n in machines.most_common())
+    names = Counter(name for row in rows for name in str(row["named"]).split(", ") if name)
+    yield from (f"  {n} of {len(rows)}: {name}" for name, n in names.most_common())
+    without = [row for row in rows if not row["named"] and row["status"] != "nothing missing"]
+    for row in without[:SHOWN]:
+        reason = str(row["reason"]).removeprefix(f"{row['recording']}: ")
+        yield f"  {row['recording']}: {row['status']}: {reason}"
+    if len(without) > SHOWN:
+        yield f"  and {len(without) - SHOWN} more without a name; the table has them all"
+    yield from (f"  failed: {key}: {reason}" for key, reason in failures.items())
+
+
+def _duration(seconds: float) -> str:
+    """'under a minute', 'about 3 min'."""
+    return "under a minute" if seconds < 60.0 else f"about {seconds / 60.0:.0f} min"
+
+
+def _told(question: Question) -> dict[str, str]:
+    """What, besides the recording, decides its result."""
+    import importlib.metadata
+
+    files = [
+        path for path in (Path(question.model), question.given, *question.ask.dbcs) if path and path.is_file()
+    ]
+    return {
+        "question": repr(replace(question, ask=replace(question.ask, paths=[]))),
+        "version": importlib.metadata.version("loaderhil"),
+        **{f"content of {path}": _digest(path) for path in files},
+    }
+
+
+def _digest(path: Path) -> str:
+    """Of a recording; of all files of a run joined by '+'."""
+    parts = [path] if path.exists() else [Path(part) for part in str(path).split("+")]
+    return hashlib.sha256("".join(digest(part) for part in parts).encode()).hexdigest()
+
+
+@contextmanager
+def bar(console: "Console") -> "Iterator[Told]":
+    """Progress: a bar on a terminal, a line now and then elsewhere."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    if console.is_terminal:
+        with Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            console=console,
+        ) as progress:
+            task = progress.add_task("diagnosing")
+            yield lambda t: progress.update(
+                task,
+                total=t.total,
+                completed=t.total - t.left,
+                description=f"diagnosing, {len(t.failures)} failed" if t.failures else "diagnosing",
+            )
+        return
+    start, last = time.monotonic(), -EVERY_S
+
+    def line(t: Tally) -> None:
+        nonlocal last
+        now = time.monotonic() - start
+        if now - last < EVERY_S and t.left:
+            return
+        last = now
+        rest = f", {_duration(now / t.done * t.left)} left" if t.done and t.left else ""
+        failed = f", {len(t.failures)} failed" if t.failures else ""
+        print(
+            f"{now:6.0f} s  {t.total - t.left} of {t.total} done{failed}{rest}", file=sys.stderr, flush=True
+        )
+
+    yield line
+
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    Told = Callable[[Tally], None]

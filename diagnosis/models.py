@@ -1,0 +1,191 @@
+"""Which model is meant: one that comes with loaderhil by name, or the user's own in a Python file."""
+
+import importlib.util
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import TypeVar
+
+from bus.user_error import UserError
+from diagnosis.reading.run_directory import Native, damage_of_run, is_run, machine_of_run
+from discrepancy.model.description import Model
+from discrepancy.models import ball, car, road, straight
+from discrepancy.signals.recording import Recording
+
+MOVED = {
+    "discrepancy.recording": "discrepancy.model",
+    "discrepancy.sensors": "discrepancy.model",
+    "discrepancy.terms": "discrepancy.model",
+    "discrepancy.functions": "discrepancy.model",
+    "discrepancy.selection.terms": "discrepancy.model",
+    "discrepancy.findings": "discrepancy.signals.findings",
+    "discrepancy.units": "discrepancy.signals.units",
+    "discrepancy.search": "discrepancy.selection.state",
+    "discrepancy.state": "discrepancy.selection.state",
+}
+"""Modules from which users' files may import, and where the same names are now."""
+
+T = TypeVar("T")
+Build = Callable[[Sequence[Recording]], Model]
+BuildFrom = Callable[[Path, Sequence[Recording]], Model]
+ReadNative = Callable[[Path, str | None], Native | None]
+
+
+class NoModel(UserError, ValueError):
+    """The model that was asked for is not there, or not a model."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A model for recordings, made once these are read; `native` reads its own published data sets, None if it is none.
+
+    build_from: makes it from a file of its own kind, which `diagnose --apply` writes; None: from a plain list of effects.
+    own_machine: the machine that it is of where nobody names another; None: it is of no machine of the bench.
+    """
+
+    name: str
+    build: Build
+    native: ReadNative
+    data: str = ""
+    build_from: BuildFrom | None = None
+    own_machine: str | None = None
+
+    @property
+    def channels(self) -> Model:
+        """The model before any recording is known: its channels with their units."""
+        return self.build(())
+
+
+def _no_data_set(_: Path, __: str | None) -> None:
+    return None
+
+
+def _drops(path: Path, part: str | None) -> Native | None:
+    if not (path / "ball_drops.csv").is_file():
+        return None
+    if part is None:
+        raise NoModel(
+            f"{path} holds drops of several balls; name one by --part: {', '.join(map(repr, ball.WEIGHED))}"
+        )
+    return Native(ball.load_drops(path, part))
+
+
+def _dart(path: Path, part: str | None) -> Native | None:
+    files = sorted(path.glob("*.csv.gz")) if path.is_dir() else [path]
+    if not files or not all(car.is_dart(file) for file in files):
+        return None
+    return Native([car.load_dart(file, reference=part != "on-board") for file in files])
+
+
+def _build_car(recordings: Sequence[Recording]) -> Model:
+    return car.model(reference=all("speed_reference" in r.signals for r in recordings))
+
+
+def _run(path: Path, _: str | None) -> Native | None:
+    if not is_run(path):
+        return None
+    damage = damage_of_run(path)
+    from discrepancy.models.loader import model as loader  # with it comes the plant, compiled
+
+    return Native([loader.load_run(path)], damage, machine_of_run(path))
+
+
+def _build_loader(recordings: Sequence[Recording]) -> Model:
+    from discrepancy.models.loader import model as loader
+
+    return loader.model(recordings)
+
+
+def _build_loader_from(machine: Path, recordings: Sequence[Recording]) -> Model:
+    from diagnosis.apply import machine_files
+
+    return machine_files.baseline(machine, recordings)
+
+
+def _build_printed(recordings: Sequence[Recording]) -> Model:
+    from discrepancy.models import printed
+
+    return printed.model(recordings)
+
+
+def _slow_run(path: Path, _: str | None) -> Native | None:
+    if not is_run(path):
+        return None
+    damage = damage_of_run(path)
+    from discrepancy.models import printed
+
+    return Native([printed.load_quasi_static(path)], damage, machine_of_run(path))
+
+
+def _comma(path: Path, _: str | None) -> Native | None:
+    return Native([road.load_comma(path)]) if (path / "segment40.npz").is_file() else None
+
+
+NAMED = {
+    choice.name: choice
+    for choice in (
+        Choice("ball", lambda _: ball.model(), _drops, "folder with ball_drops.csv and balls.txt, with --part BALL"),
+        Choice("car", _build_car, _dart, "DART csv.gz or a folder of them; --part on-board leaves motion capture out"),
+        Choice("road", road.model, _comma, "folder of the comma2k19 minute with its DBC"),
+        Choice("loader", _build_loader, _run, "run directory of the bench, with or without reference.log", _build_loader_from, "l60"),
+        Choice("printed-estimator", _build_printed, _slow_run, "run directory of the bench, with reference.log", own_machine="l60"),
+        Choice("straight", lambda _: straight.model(), _no_data_set),
+    )
+}  # fmt: skip
+
+
+def find_model(text: str) -> Choice:
+    """By name, or from a file that defines `model`: a Model, or a function of the recordings that returns one.
+
+    `native`, where the file defines it, reads published data sets.
+    """
+    if text in NAMED:
+        return NAMED[text]
+    path = Path(text)
+    if path.suffix != ".py":
+        raise NoModel(f"no model '{text}'; there are {', '.join(NAMED)}, or a FILE.py that defines `model`")
+    if not path.is_file():
+        raise NoModel(f"{path}: no such file; a model is a Python file that defines `model`")
+    module = _defined(path)
+    made, native = getattr(module, "model", None), getattr(module, "native", _no_data_set)
+    if isinstance(made, Model):
+        return Choice(made.name, lambda _: made, native)
+    if not callable(made):
+        what = "does not define `model`" if made is None else f"defines `model` as {type(made).__name__}"
+        raise NoModel(f"{path}: {what}; it must be a discrepancy.model.Model or a function that makes one")
+
+    def build(recordings: Sequence[Recording]) -> Model:
+        model = _told(path, lambda: made(recordings))
+        if not isinstance(model, Model):
+            raise NoModel(f"{path}: model(recordings) returned {type(model).__name__}, not a Model")
+        return model
+
+    return Choice(build(()).name, build, native)
+
+
+def _defined(path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"loaderhil_model_{path.stem}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module, loader = importlib.util.module_from_spec(spec), spec.loader
+    sys.modules[spec.name] = module  # dataclasses look their module up
+    _told(path, lambda: loader.exec_module(module))
+    return module
+
+
+def _told(path: Path, run: Callable[[], T]) -> T:
+    """Run the user's code; its mistakes become one line with the file's own line number."""
+    try:
+        return run()
+    except Exception as error:
+        frames = [f for f in traceback.extract_tb(error.__traceback__) if Path(f.filename) == path]
+        line = frames[-1].lineno if frames else getattr(error, "lineno", None)
+        at = f", line {line}" if line else ""
+        if isinstance(error, ModuleNotFoundError) and error.name in MOVED:
+            raise NoModel(
+                f"{path}{at}: {error.name} has moved; import the same names from {MOVED[error.name]}"
+            ) from error
+        raise NoModel(f"{path}{at}: {type(error).__name__}: {error}") from error

@@ -1,0 +1,121 @@
+"""Drop-one tests: loss of fit and of held-out prediction when an accepted effect is dropped."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from discrepancy import gates
+from discrepancy.estimation.effort import AS_IT_IS, CACHED
+from discrepancy.estimation.fit import Fit, fit
+from discrepancy.estimation.problem import Problem, Values
+from discrepancy.selection.active_intervals import sse_threshold
+from discrepancy.selection.assess import assess
+from discrepancy.selection.candidate_fits import held_out_residual, size_of
+from discrepancy.selection.open_ended import OpenEnded
+from discrepancy.selection.state import Settings, State, free_names, switched_off
+from discrepancy.signals.recording import Array
+
+NOTHING_KNOWN: Mapping[frozenset[str], Values] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class DropOneTest:
+    """What an accepted effect is worth beside the others."""
+
+    effect: str
+    without: Fit  # all other effects, fitted again
+    sse_reduction: float  # by the effect
+    data_sse_reduction: float  # the same without priors, of which held-out rows do not know
+    threshold: float  # of the reduction
+    held_out_sse_reduction: float
+    gap_closed: float  # share of the held-out gap between the model without the effect and the best that anything reaches
+    error_ratio: dict[str, float]  # held-out error with the effect over that without, by channel
+
+
+def backward(problem: Problem, state: State, settings: Settings) -> State:
+    """Drop accepted effects that the others have made superfluous, weakest first."""
+    while len(state.accepted) > 1:
+        reductions = {}
+        for name in state.accepted:
+            others = tuple(n for n in state.accepted if n != name)
+            reductions[name] = _without(problem, state, others).sse - state.fit.sse
+        weakest = min(reductions, key=lambda n: reductions[n])
+        effect = problem.model.effect(weakest)
+        least = sse_threshold(problem, effect, state.fit.values, settings.alpha)
+        if reductions[weakest] > least and size_of(effect, state.fit) >= problem.model.negligible:
+            break
+        kept = tuple(n for n in state.accepted if n != weakest)
+        state = replace(
+            assess(problem, kept, _without(problem, state, kept).values, settings), trials=state.trials
+        )
+    return state
+
+
+def _without(
+    problem: Problem,
+    state: State,
+    others: tuple[str, ...],
+    known: Mapping[frozenset[str], Values] = NOTHING_KNOWN,
+) -> Fit:
+    """The fit with only `others` on, the rest switched off again; known: values of the search by accepted effects, to begin from."""
+    dropped = [problem.model.effect(name) for name in state.accepted if name not in others]
+    off = {name: value for effect in dropped for name, value in switched_off(effect).items()}
+    names = free_names(problem, others)
+    start = known.get(frozenset(others), state.fit.values.with_shared(off)).warmed_up_as(state.fit.values)
+    least = 0.0
+    if problem.costs.costly:
+        begun = fit(problem, state.noise, names, start, effort=replace(AS_IT_IS, cached=True))
+        least = problem.costs.least_reduction(begun.sse - state.fit.sse)
+    return fit(problem, state.noise, names, start, effort=replace(CACHED, least_reduction=least))
+
+
+def drop_one_tests(
+    problem: Problem,
+    state: State,
+    known: Mapping[frozenset[str], Values],
+    equation: OpenEnded,
+    settings: Settings,
+) -> list[DropOneTest]:
+    """One test per accepted effect; known: values of the search by accepted effects."""
+    if not state.accepted:
+        return []
+    after = held_out_residual(problem, state.noise, state.accepted, state.fit.values, settings)
+    return [_drop_one(problem, state, name, after, known, equation, settings) for name in state.accepted]
+
+
+def _drop_one(
+    problem: Problem,
+    state: State,
+    name: str,
+    after: Array,
+    known: Mapping[frozenset[str], Values],
+    equation: OpenEnded,
+    settings: Settings,
+) -> DropOneTest:
+    """after: the held-out residual with all that was accepted."""
+    others = tuple(n for n in state.accepted if n != name)
+    without = _without(problem, state, others, known)
+    least = problem.costs.least_reduction(without.sse - state.fit.sse)
+    before = held_out_residual(problem, state.noise, others, without.values, settings, least_reduction=least)
+    rows = {c: state.noise.row_channel == i for i, c in enumerate(problem.channels)}
+    reductions = {c: float(np.sum(before[r] ** 2) - np.sum(after[r] ** 2)) for c, r in rows.items()}
+    reduction = sum(reductions.values())
+    # an error left in a channel that the effect does not move says nothing about the effect
+    touched = [c for c, own in reductions.items() if own > gates.CHANNEL_TOUCHED.threshold * reduction]
+    gap = reduction + sum(max(equation.held_out_sse_reductions.get(c, 0.0), 0.0) for c in touched)
+    ratio = {
+        c: float(np.sqrt(np.mean(after[r] ** 2) / np.mean(before[r] ** 2)))
+        for c, r in rows.items()
+        if r.any()
+    }
+    return DropOneTest(
+        effect=name,
+        without=without,
+        sse_reduction=without.sse - state.fit.sse,
+        data_sse_reduction=without.data_sse - state.fit.data_sse,
+        threshold=sse_threshold(problem, problem.model.effect(name), state.fit.values, settings.alpha),
+        held_out_sse_reduction=reduction,
+        gap_closed=float(np.clip(reduction / gap, 0.0, 1.0)) if gap > 0.0 else 0.0,
+        error_ratio=ratio,
+    )

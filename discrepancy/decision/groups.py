@@ -1,0 +1,189 @@
+"""Effects that this recording cannot tell apart, and the manoeuvre that would."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from discrepancy import gates
+from discrepancy.estimation.effort import BRIEF, Effort
+from discrepancy.estimation.fit import Fit, fit
+from discrepancy.estimation.noise import Noise, Whitener, by_group
+from discrepancy.estimation.problem import Problem, Unusable, Values
+from discrepancy.model.description import Effect, Manoeuvre, Model, Parameter
+from discrepancy.selection.active_intervals import active_interval_of, sse_threshold
+from discrepancy.selection.candidate_fits import project_out, size_of
+from discrepancy.selection.screen import Score, collinearity, time_blocks_of
+from discrepancy.selection.starts import starts
+from discrepancy.selection.state import Settings, State, free_names, switched_off
+from discrepancy.signals import findings as f
+from discrepancy.signals.recording import Array, Recording, Signal
+
+RIVAL: Effort = Effort(iterations=6)
+EXTRA_PARAMETER = 2.0  # of SSE, that every further parameter has to earn (AIC)
+
+
+@dataclass(frozen=True, slots=True)
+class Alternative:
+    """An effect that explains the recording as well as a finding, with its fit in the finding's place."""
+
+    effect: str
+    difference: float  # in SSE, from the finding
+    collinearity: float  # with the finding
+    fit: Fit
+
+
+def alternatives(
+    problem: Problem, state: State, effect: str, without: Fit, scores: Sequence[Score], settings: Settings
+) -> list[Alternative]:
+    """Effects that do as well as `effect` in its place; the first is the best and may not be `effect`.
+
+    Rivals are compared by likelihood, each fitted in the finding's place. The direction of their sensitivities decides nothing: beside a
+    nuisance that can do nearly the same, what is left of exact twins after the projection is rounding and noise.
+    """
+    others = tuple(name for name in state.accepted if name != effect)
+    whole = without.sse - state.fit.sse
+    own = _direction(problem, state.fit, effect)
+    found = [Alternative(effect, 0.0, 1.0, state.fit)]
+    interval = active_interval_of(problem.model.effect(effect), state.fit.values)
+    for score in scores:
+        if score.effect in state.accepted or not _worth_fitting(problem, effect, score, whole, settings):
+            continue
+        candidate = problem.model.effect(score.effect)
+        names = free_names(problem, (*others, candidate.name))
+        points = starts(without.values, candidate, score)
+        if interval is not None:
+            points = [point.active_in(candidate.amplitude_parameters, interval) for point in points]
+        fits = [fit(problem, state.noise, names, point, effort=RIVAL) for point in points]
+        best = min(fits, key=lambda f: f.sse)
+        if size_of(candidate, best) < problem.model.negligible:
+            continue  # nuisances do its work
+        if any(in_between(p, best) for p in candidate.amplitude_parameters):
+            continue  # half a wrong sign is a scale, and no name for one
+        extra = candidate.size - problem.model.effect(effect).size
+        difference = best.sse - state.fit.sse + EXTRA_PARAMETER * extra
+        limit = max(settings.same, gates.VUONG.threshold * difference_sd(state.noise, best, state.fit))
+        kept = without.sse - best.sse > gates.RIVAL_KEEPS.threshold * whole
+        if (
+            difference < limit
+            and kept
+            and not _both_needed(problem, state, effect, candidate, best, settings)
+        ):
+            cosine = collinearity(own, _direction(problem, best, candidate.name))
+            found.append(Alternative(candidate.name, float(difference), cosine, best))
+    return sorted(found, key=lambda m: m.difference)
+
+
+def _worth_fitting(problem: Problem, effect: str, score: Score, whole: float, settings: Settings) -> bool:
+    """Whether a rival is fitted: always where simulations are cheap, else by its score, or where the library declares it confusable."""
+    if not problem.costs.costly:
+        return True
+    finding, rival = problem.model.effect(effect), problem.model.effect(score.effect)
+    declared = rival.name in finding.confusable or effect in rival.confusable
+    return declared or score.raw_statistic >= gates.RIVAL_SCORE.threshold * whole - settings.same
+
+
+def _both_needed(
+    problem: Problem, state: State, effect: str, rival: Effect, fitted: Fit, settings: Settings
+) -> bool:
+    """Whether each of two rivals adds to the other beyond chance; fitted: the rival in the finding's place."""
+    names = free_names(problem, (*state.accepted, rival.name))
+    finding = problem.model.effect(effect)
+    # from either of them alone: where the other has no gradient at zero, one of the starts may stay where it is
+    points = (
+        state.fit.values.with_shared(switched_off(rival)),
+        fitted.values.with_shared(switched_off(finding)),
+    )
+    together = min(fit(problem, state.noise, names, point, effort=BRIEF).sse for point in points)
+    added = min(state.fit.sse, fitted.sse) - together
+    least = sse_threshold(
+        problem, max(finding, rival, key=lambda e: e.size), state.fit.values, settings.alpha
+    )
+    return added > gates.BOTH_NEEDED.threshold * least
+
+
+def in_between(parameter: Parameter, fitted: Fit) -> bool:
+    """Whether a discrete parameter fits best between its two values."""
+    value = fitted.values.shared[parameter.name]
+    apart = abs(value - parameter.value - parameter.typical)
+    return parameter.discrete and apart > gates.DISCRETE_VALUE.threshold * abs(parameter.typical)
+
+
+def difference_sd(noise: Noise, one: Fit, other: Fit) -> float:
+    """Standard deviation of the difference in SSE of two rival fits, from its spread over blocks of time.
+
+    After Vuong (1989): rivals that are both a little wrong take turns in being better.
+    """
+    blocks = time_blocks_of(noise)
+    per_block = np.bincount(blocks, one.residual**2 - other.residual**2)
+    return float(np.std(per_block) * np.sqrt(per_block.size)) if per_block.size > 5 else 0.0
+
+
+def _direction(problem: Problem, fitted: Fit, effect: str) -> Array:
+    kept = [fitted.names.index(name) for name in problem.model.effect(effect).amplitude_names]
+    return project_out(fitted, kept)
+
+
+def separation(problem: Problem, noise: Noise, one: Alternative, other: Alternative) -> f.Separation | None:
+    """The model's manoeuvre in which two explanations, each as fitted, disagree most; else the sentence of the library, if it has one."""
+    found = [
+        f.Separation(
+            effect=other.effect,
+            manoeuvre=m.sentence,
+            expected_difference=_disagreement(problem, noise, m, one, other),
+        )
+        for m in problem.model.manoeuvres
+    ]
+    best = max(found, key=lambda s: s.expected_difference or 0.0, default=None)
+    if best is not None and (best.expected_difference or 0.0) > gates.MANOEUVRE_DECIDES.threshold:
+        return best
+    model = problem.model
+    known = {**model.effect(other.effect).confusable, **model.effect(one.effect).confusable}
+    text = known.get(other.effect, known.get(one.effect))
+    return f.Separation(effect=other.effect, manoeuvre=text, expected_difference=None) if text else None
+
+
+def _disagreement(
+    problem: Problem, noise: Noise, manoeuvre: Manoeuvre, one: Alternative, other: Alternative
+) -> float:
+    """SSE left when `other` is fitted to what `one` predicts for the manoeuvre; both ways, the smaller."""
+    try:
+        return min(_left_over(problem, noise, manoeuvre, a, b) for a, b in ((one, other), (other, one)))
+    except Unusable:
+        return 0.0
+
+
+def _left_over(
+    problem: Problem, noise: Noise, manoeuvre: Manoeuvre, true: Alternative, assumed: Alternative
+) -> float:
+    model = replace(problem.model, window_s=None)
+    staged = Problem(model, [_staged(problem, manoeuvre)])
+    local = {n: np.array([v]) for n, v in _initial(model, manoeuvre).items()}
+    staged = staged.measuring(Values(true.fit.values.shared, local))
+    spread = noise.innovation_sd(problem)
+    whiteners = [
+        Whitener(
+            np.zeros((0, len(runs[0].channels), len(runs[0].channels))),
+            np.diag([1.0 / spread[c] for c in runs[0].channels]),
+        )
+        for runs in by_group(staged.runs)
+    ]
+    names = [n for n in assumed.fit.names if model.parameter(n) in model.nuisances]
+    # the effect keeps its fitted value: that is what the recording at hand has taught
+    start = Values(assumed.fit.values.shared, local)
+    return fit(staged, Noise(staged, whiteners), names, start, effort=BRIEF).sse
+
+
+def _initial(model: Model, manoeuvre: Manoeuvre) -> dict[str, float]:
+    return {p.name: manoeuvre.initial.get(p.name, p.value) for p in model.nuisances if p.scope == "window"}
+
+
+def _staged(problem: Problem, manoeuvre: Manoeuvre) -> Recording:
+    """Stamps as dense as those recorded; output values are placeholders until simulated."""
+    signals: dict[str, Signal] = dict(manoeuvre.inputs)
+    for run in problem.runs:
+        step = float(np.median(np.diff(run.time_s)))
+        stamps = np.arange(0.0, manoeuvre.duration_s, step)
+        for name in run.channels:
+            signals.setdefault(name, Signal(stamps, stamps.copy(), problem.model.outputs[name]))
+    return Recording(manoeuvre.name, signals, problem.windows[0].constants)

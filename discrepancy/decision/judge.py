@@ -1,0 +1,166 @@
+"""From a finished search to a verdict: what is left out, what cannot be told, and why.
+
+After the search, every effect must still be needed beside the others (backward elimination), and it must close at
+least half of the gap between the model without it and the best that anything, the library or functions of the known signals,
+achieves on held-out rows; else it is the best proxy and the cause is unknown. All thresholds are in discrepancy.gates.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from discrepancy.decision import summary
+from discrepancy.decision.caveats import caveats_of
+from discrepancy.decision.drop_one import DropOneTest, backward, drop_one_tests
+from discrepancy.decision.groups import Alternative, alternatives, separation
+from discrepancy.decision.location import locate
+from discrepancy.decision.missing_channels import missing_channels
+from discrepancy.decision.verdict import verdict
+from discrepancy.estimation.fit import Fit
+from discrepancy.estimation.problem import Problem, Unusable
+from discrepancy.selection.active_intervals import active_interval_of, restricted_to
+from discrepancy.selection.assess import screen
+from discrepancy.selection.open_ended import OpenEnded, explore
+from discrepancy.selection.screen import Score, sensitivities
+from discrepancy.selection.search import best_confirmed, search
+from discrepancy.selection.state import Progress, Settings, State
+from discrepancy.signals import findings as f
+from discrepancy.signals.recording import Complaint
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """The findings and what they rest on."""
+
+    findings: f.Findings
+    problem: Problem
+    baseline: State  # of the search, before anything was accepted
+    state: State  # with all that was accepted
+    equation: OpenEnded
+
+
+def judge(
+    problem: Problem,
+    settings: Settings,
+    progress: Progress = lambda _: None,
+    complaints: Sequence[Complaint] = (),
+) -> Judgement:
+    """Search, then decide. complaints: of what was recorded, beside those of the problem.
+
+    Never raises for what recordings contain; Unusable is raised when Problem is built.
+    """
+    complaints = [*complaints, *problem.complaints]
+    state, history = search(problem, settings, progress)
+    left_over = best_confirmed(problem, state, settings)
+    state = backward(problem, state, settings)
+    progress("looking for what the library does not explain")
+    equation = explore(problem, state, settings) if settings.open_ended else OpenEnded()
+    on_the_way = {frozenset(h.accepted): h.fit.values for h in history}
+    tests = drop_one_tests(problem, state, on_the_way, equation, settings)
+    progress("locating, grouping")
+    found = [_finding(problem, state, history[0], test, equation, settings) for test in tests]
+    # the fits of the search are forward; report in order of evidence
+    found.sort(key=lambda finding: -finding.sse_reduction)
+    candidates = summary.candidates(problem, state, history[0], found, settings)
+    status, reasons = verdict(
+        problem,
+        state,
+        left_over,
+        found,
+        equation,
+        candidates,
+        complaints,
+        settings,
+        len(history[-1].accepted),
+    )
+    findings = f.Findings(
+        model=problem.model.name,
+        recordings=list(dict.fromkeys(w.recording for w in problem.windows)),
+        status=status,
+        reasons=reasons,
+        findings=found,
+        open_ended=summary.open_equation(equation),
+        candidates=candidates,
+        nuisances=summary.nuisances(problem, state),
+        noise=summary.channel_noise(problem, state),
+        missing_channels=missing_channels(problem, state, candidates, found, complaints),
+        complaints=complaints,
+        simulations=problem.simulations,
+        samples=int(problem.measured.size),
+    )
+    return Judgement(findings, problem, history[0], state, equation)
+
+
+def nothing_usable(model: str, recordings: Sequence[str], error: Unusable) -> f.Findings:
+    """The verdict on recordings that cannot be used at all."""
+    return f.Findings(
+        model=model,
+        recordings=list(recordings),
+        status="inconclusive",
+        reasons=error.reasons,
+        complaints=list(error.complaints),
+    )
+
+
+def _finding(
+    problem: Problem,
+    state: State,
+    baseline: State,
+    test: DropOneTest,
+    equation: OpenEnded,
+    settings: Settings,
+) -> f.Finding:
+    others = tuple(n for n in state.accepted if n != test.effect)
+    active = active_interval_of(problem.model.effect(test.effect), state.fit.values)
+    scores = _scores_without(problem, state, others, test.without, active, settings)
+    best, *rest = alternatives(problem, state, test.effect, test.without, scores, settings)
+    effect = problem.model.effect(best.effect)
+    confounded = next((s.confounded_share for s in baseline.scores if s.effect == effect.name), 0.0)
+    caveats = caveats_of(problem, state, test, effect, best.fit, equation, settings)
+    separations = [separation(problem, state.noise, best, other) for other in rest]
+    return f.Finding(
+        effect=effect.name,
+        named=not caveats,
+        caveats=caveats,
+        kind=effect.kind,
+        place=effect.place,
+        sentence=effect.sentence,
+        equation=effect.equation,
+        parameters=summary.estimates(effect, best.fit, state.noise),
+        sse_reduction=test.sse_reduction,
+        threshold=test.threshold,
+        held_out_sse_reduction=test.held_out_sse_reduction,
+        gap_closed=test.gap_closed,
+        confounded_share=confounded,
+        held_out_error=test.error_ratio,
+        group=[_member(problem, state, other) for other in rest],
+        separate_by=[s for s in separations if s is not None],
+        where=locate(
+            problem, state.noise, test.without, best.fit, active_interval_of(effect, best.fit.values)
+        ),
+    )
+
+
+def _member(problem: Problem, state: State, other: Alternative) -> f.GroupMember:
+    return f.GroupMember(
+        effect=other.effect,
+        likelihood_difference=other.difference,
+        collinearity=other.collinearity,
+        parameters=summary.estimates(problem.model.effect(other.effect), other.fit, state.noise),
+    )
+
+
+def _scores_without(
+    problem: Problem,
+    state: State,
+    others: tuple[str, ...],
+    without: Fit,
+    active: range | None,
+    settings: Settings,
+) -> list[Score]:
+    """Screen of the library with one accepted effect taken out again; active: the windows in which it acted, None for all."""
+    base = problem.predict(without.values)
+    rest = [e for e in problem.model.effects if e.name not in others]
+    columns = sensitivities(problem, without.values, base, rest, cached=True)
+    if active is not None:
+        columns = restricted_to(problem, columns, active)
+    return screen(problem, state.noise, without, columns, settings)

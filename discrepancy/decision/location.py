@@ -1,0 +1,98 @@
+"""Where the evidence of a finding lies: reduction in SSE per channel, interval of time and regime."""
+
+import numpy as np
+
+from discrepancy.decision.regimes import BINS, regimes_of, time_bins
+from discrepancy.estimation.fit import Fit
+from discrepancy.estimation.noise import Noise
+from discrepancy.estimation.problem import Problem
+from discrepancy.signals import findings as f
+from discrepancy.signals.recording import Array
+
+BACKGROUND = 0.5  # share of the average density that an interval has to exceed; half of it lets gaps of chance be bridged
+SMALLEST_REGIME = 0.05  # of all rows
+DENSER = 1.5  # times the average, from which a regime is worth a word
+MOST_REGIMES = 4
+MOSTLY = 0.5  # of the recorded time, beyond which no interval stands out
+
+
+def locate(
+    problem: Problem, noise: Noise, without: Fit, with_it: Fit, active: range | None = None
+) -> f.Where:
+    """Compare innovations row by row, with and without the effect; active: windows in which it acts, None for all."""
+    reduction = without.residual**2 - with_it.residual**2
+    total = max(float(np.sum(reduction)), 1e-12)
+    # reductions of single channels hold noise that only cancels in their sum
+    change = (without.residual - with_it.residual) ** 2
+    moved = np.bincount(noise.row_channel, change, len(problem.channels)) / max(float(np.sum(change)), 1e-12)
+    channels = dict(zip(problem.channels, moved.tolist(), strict=True))
+    share = reduction / total
+    intervals = (
+        _densest_intervals(problem, noise, share)
+        if active is None
+        else [_active_interval(problem, noise, share, active)]
+    )
+    length = sum(w.end_s - w.start_s for w in problem.windows)
+    covered = sum(s.end_s - s.start_s for s in intervals)
+    return f.Where(
+        channels=dict(sorted(channels.items(), key=lambda item: -item[1])),
+        throughout=active is None and covered > MOSTLY * length,
+        intervals=intervals,
+        regimes=_regimes(problem, noise, share),
+    )
+
+
+def _densest_intervals(problem: Problem, noise: Noise, share: Array) -> list[f.Interval]:
+    """Per recording, the interval in which the evidence outruns half its own average the most (maximum subarray)."""
+    found = []
+    for bins in time_bins(problem, noise):
+        own = share[bins.rows]
+        if float(np.sum(own)) < BACKGROUND * bins.rows.mean():
+            continue
+        per_bin = bins.summed(share)
+        low, high = densest(per_bin - BACKGROUND * np.sum(per_bin) / BINS)
+        found.append(
+            f.Interval(
+                recording=bins.recording,
+                start_s=float(bins.edges_s[low]),
+                end_s=float(bins.edges_s[high]),
+                share=float(np.sum(per_bin[low:high])),
+            )
+        )
+    return found
+
+
+def _active_interval(problem: Problem, noise: Noise, share: Array, active: range) -> f.Interval:
+    first, last = problem.windows[active.start], problem.windows[active.stop - 1]
+    rows = (noise.row_window >= active.start) & (noise.row_window < active.stop)
+    return f.Interval(
+        recording=first.recording,
+        start_s=first.start_s,
+        end_s=last.end_s,
+        share=float(np.sum(share[rows])),
+    )
+
+
+def densest(values: Array) -> tuple[int, int]:
+    """Half-open range with the largest sum (Kadane)."""
+    best, best_range, now, start = -np.inf, (0, len(values)), 0.0, 0
+    for i, value in enumerate(values.tolist()):
+        if now <= 0.0:
+            now, start = 0.0, i
+        now += value
+        if now > best:
+            best, best_range = now, (start, i + 1)
+    return best_range
+
+
+def _regimes(problem: Problem, noise: Noise, share: Array) -> list[f.Regime]:
+    found = []
+    names = [n for n in (*problem.model.inputs, *problem.channels) if all(w.has(n) for w in problem.windows)]
+    units = {**problem.model.inputs, **problem.model.outputs}
+    for name in names:
+        unit, ranges = regimes_of(problem, noise, name, units[name])
+        for text, rows in ranges.items():
+            own, size = float(np.sum(share[rows])), float(rows.mean())
+            if size > SMALLEST_REGIME and own / size > DENSER:
+                found.append(f.Regime(text=f"{name} {text} {unit}".rstrip(), share=own, density=own / size))
+    return sorted(found, key=lambda r: -r.density)[:MOST_REGIMES]

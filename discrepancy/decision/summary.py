@@ -1,0 +1,278 @@
+"""Parts of a result that restate a finished search: parameters with intervals, the ranking of the library, nuisances, noise."""
+
+from collections.abc import Sequence
+from functools import cache
+from typing import Final
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import chi2, ncx2
+from scipy.stats import t as student
+
+from discrepancy import gates
+from discrepancy.decision.detectability import in_a_valley, left_by_refit
+from discrepancy.estimation.fit import Fit
+from discrepancy.estimation.noise import Noise
+from discrepancy.estimation.normal_equations import inverse
+from discrepancy.estimation.problem import Problem
+from discrepancy.model.description import Effect, Parameter
+from discrepancy.selection.open_ended import OpenEnded
+from discrepancy.selection.screen import (
+    Score,
+    changes_at,
+    jackknife,
+    least_seen,
+    penalty,
+    time_blocks_of,
+)
+from discrepancy.selection.state import CandidateFit, Settings, State
+from discrepancy.signals import findings as f
+from discrepancy.signals.quantities import quantity
+from discrepancy.signals.recording import Array
+
+POWER: Final = gates.POWER.threshold
+WHITE_LAGS = 20  # of the test that innovations are white
+ALONE = 0.9  # share of the information on a parameter, from which the block that holds it is not asked to agree with the others
+
+
+def estimates(effect: Effect, fitted: Fit, noise: Noise) -> list[f.Estimate]:
+    """All parameters of an effect with their intervals."""
+    return [estimate(p, fitted, noise) for p in effect.parameters]
+
+
+def estimate(parameter: Parameter, fitted: Fit, noise: Noise | None = None) -> f.Estimate:
+    """Value and 95 % interval within the bounds, wider where scores are correlated over time or blocks of time disagree."""
+    value, sd = fitted.values.shared[parameter.name], fitted.sd(parameter.name)
+    reach = 1.96 * sd
+    if noise is not None:
+        blocks = time_blocks_of(noise)
+        variance = jackknife(fitted, blocks, ALONE)[fitted.names.index(parameter.name)]
+        if variance > 0.0:
+            reach = max(reach, float(student.ppf(0.975, int(blocks.max())) * np.sqrt(variance)))
+    close = gates.AT_BOUND.threshold * abs(parameter.typical)
+    at = "lower" if value - parameter.lower < close else "upper" if parameter.upper - value < close else None
+    return f.Estimate(
+        name=parameter.name,
+        value=value,
+        low=max(value - reach, parameter.lower),
+        high=min(value + reach, parameter.upper),
+        unit=parameter.unit,
+        at_bound=at,
+        baseline=None if parameter.shape else parameter.value,
+    )
+
+
+def candidates(
+    problem: Problem, state: State, baseline: State, found: Sequence[f.Finding], settings: Settings
+) -> list[f.Candidate]:
+    """Every effect of the library with its score on the baseline and what became of it, likeliest first."""
+    final = {s.effect: s for s in state.scores}
+    small = _negligible(problem, (*baseline.trials, *state.trials))
+    temporary = {s.effect for s, _ in baseline.temporary}
+    rows = []
+    for score in baseline.scores:
+        effect, last = problem.model.effect(score.effect), final.get(score.effect, score)
+        freedom = len(effect.amplitude_names)
+        critical = penalty(freedom, len(problem.model.effects), settings.alpha)
+        seen = _typical_seen(state, effect, last)
+        known = _of_found(effect, found)
+        if known is None and _power(critical, freedom, seen) >= POWER and in_a_valley(effect, last):
+            seen = min(seen, left_by_refit(problem, state, effect, last))
+        power = _power(critical, freedom, seen)
+        verdict, reason = (
+            known
+            or _undetectable(problem, effect, score, power)
+            or (("negligible", small[effect.name]) if effect.name in small else None)
+            or _refuted(score.statistic > critical or effect.name in temporary, bool(found))
+        )
+        rows.append(
+            f.Candidate(
+                effect=effect.name,
+                kind=effect.kind,
+                verdict=verdict,
+                statistic=score.statistic,
+                p_value=score.p_value,
+                expected=_expected(effect, score),
+                power=power,
+                confounded_share=score.confounded_share,
+                smallest_detectable=_smallest_detectable(effect, seen, critical, problem.model.negligible),
+                reason=reason,
+            )
+        )
+    return sorted(rows, key=lambda c: (c.p_value, -c.statistic))
+
+
+def _power(critical: float, freedom: int, seen: float) -> float:
+    """Chance that a noncentral chi-square exceeds what would count; none of what leaves no trace."""
+    return float(ncx2.sf(critical, freedom, seen)) if seen > 0.0 else 0.0
+
+
+Judged = tuple[f.Verdict, str]
+"""A verdict on a candidate and its reason."""
+
+
+def _of_found(effect: Effect, found: Sequence[f.Finding]) -> Judged | None:
+    if effect.name in {x.effect for x in found}:
+        return "found", "see findings"
+    if effect.name in {m.effect for x in found for m in x.group}:
+        return "confusable with a finding", "explains the recordings as well as a finding"
+    return None
+
+
+def _undetectable(problem: Problem, effect: Effect, score: Score, power: float) -> Judged | None:
+    """Why nothing can be said of it; None where something can. power: at the end; score: of the baseline."""
+    verdict: f.Verdict = "could not be judged"
+    if score.power == 0.0:
+        return verdict, _why_invisible(problem, effect)
+    if power >= POWER:
+        return None
+    half = score.confounded_share > gates.CONFOUNDED.threshold and score.power >= POWER
+    if score.confounded_share > gates.COLLINEAR_NUISANCE.threshold or half:
+        return verdict, "the baseline's own parameters can do the same; needs another channel"
+    needs = effect.excited_by or "more data"
+    return verdict, f"one of typical size would hardly be found here; needs {needs}"
+
+
+def _refuted(likely: bool, beside_findings: bool) -> Judged:
+    """An effect that is not needed, though it seemed `likely` by itself, or that is ruled out."""
+    if not likely:
+        return "ruled out", "one of typical size would have been found"
+    if beside_findings:
+        return "not needed", "its evidence is explained better by a finding"
+    return (
+        "not needed",
+        "its evidence does not hold in a refit, or differs between blocks of time",
+    )
+
+
+def _negligible(problem: Problem, trials: Sequence[CandidateFit]) -> dict[str, str]:
+    """Why effects that are significant are too small to matter, with their sizes."""
+    least, found = problem.model.negligible, {}
+    for t in [t for t in trials if t.passes and t.negligible(problem)]:
+        seen = [
+            f"{p.name} = {quantity(t.fit.values.shared[p.name], p.unit)}"
+            for p in problem.model.effect(t.effect).amplitude_parameters
+        ]
+        why = (
+            f"not surely above {least:.0%} of a change that matters"
+            if t.size < least
+            else "improves no channel by much"
+        )
+        found[t.effect] = f"{why}: {', '.join(seen)}"
+    return found
+
+
+def _why_invisible(problem: Problem, effect: Effect) -> str:
+    gone = [name for name in problem.missing if name in effect.place or name in effect.excited_by]
+    if gone:
+        return f"there is no usable {', '.join(gone)}"
+    return f"these recordings show nothing of it that the nuisances could not do; needs {effect.excited_by or 'another channel'}"
+
+
+def _expected(effect: Effect, score: Score) -> list[f.Estimate]:
+    if score.power == 0.0:
+        return []
+    return [
+        f.Estimate(name=p.name, value=float(p.value + c), low=None, high=None, unit=p.unit)
+        for p, c in zip(effect.amplitude_parameters, score.change, strict=True)
+    ]
+
+
+def _typical_seen(state: State, effect: Effect, score: Score) -> float:
+    """Noncentrality that its typical changes make of its chi-square: of one that was accepted by the final fit, else by the screen."""
+    own = effect.amplitude_parameters
+    typical = np.array([p.typical for p in own])
+    if effect.name in state.accepted:
+        at = [state.fit.names.index(p.name) for p in own]
+        information = inverse(state.fit.covariance[np.ix_(at, at)])
+        return max(float(np.linalg.eigvalsh(typical[:, None] * information * typical)[0]), 0.0)
+    if score.power == 0.0:
+        return 0.0
+    return (
+        least_seen(score.direction, typical / changes_at(effect, score.trial_step)) / score.variance_inflation
+    )
+
+
+def _smallest_detectable(effect: Effect, seen: float, critical: float, negligible: float) -> list[f.Estimate]:
+    """Smallest values of its amplitude parameters that would be found with a chance of POWER, all the same share of their typical changes."""
+    own = effect.amplitude_parameters
+    if seen == 0.0:
+        return []
+    share = max(float(np.sqrt(_noncentrality(len(own), critical) / seen)), negligible)
+    if any(p.discrete for p in own):  # there is no share of a wrong sign
+        share = 1.0 if share <= 1.0 else np.inf
+    sizes = [p.value + share * p.typical for p in own]
+    if any(not p.lower <= size <= p.upper for p, size in zip(own, sizes, strict=True)):
+        return []
+    return [
+        f.Estimate(name=p.name, value=size, low=None, high=None, unit=p.unit, baseline=p.value)
+        for p, size in zip(own, sizes, strict=True)
+    ]
+
+
+@cache
+def _noncentrality(freedom: int, critical: float) -> float:
+    """Noncentrality that brings a chi-square beyond `critical` with POWER."""
+
+    def lacking(x: float) -> float:
+        return float(ncx2.sf(critical, freedom, x)) - POWER
+
+    return float(brentq(lacking, 1e-6, 4.0 * critical + 100.0))
+
+
+def open_equation(found: OpenEnded) -> f.OpenEquation | None:
+    """The open-ended result, if there is one."""
+    if not found.terms:
+        return None
+    return f.OpenEquation(
+        equation=found.equation(),
+        depends_on=list(dict.fromkeys(n for t in found.terms for n in t.function.signals)),
+        terms=[t.reported for t in found.terms],
+        sse_reduction=found.sse_reduction,
+        threshold=found.threshold,
+        held_out_sse_reduction=found.held_out_sse_reduction,
+    )
+
+
+def nuisances(problem: Problem, state: State) -> list[f.Nuisance]:
+    """Baseline parameters before and after."""
+    return [
+        f.Nuisance(
+            name=p.name,
+            unit=p.unit,
+            before=p.value,
+            after=state.fit.values.shared[p.name],
+            sd=state.fit.sd(p.name),
+            prior_sd=p.prior_sd,
+        )
+        for p in problem.model.nuisances
+        if p.scope == "all"
+    ]
+
+
+def channel_noise(problem: Problem, state: State) -> list[f.ChannelNoise]:
+    """One-step errors at the end, and whether they are white."""
+    spread = state.noise.innovation_sd(problem)
+    orders = {name: state.noise.whiteners[run.group].order for run in problem.runs for name in run.channels}
+    return [
+        f.ChannelNoise(
+            channel=name,
+            unit=problem.model.outputs[name],
+            one_step_error=spread[name],
+            order=orders[name],
+            whiteness_p=whiteness(state.fit.residual[state.noise.row_channel == i], orders[name]),
+        )
+        for i, name in enumerate(problem.channels)
+    ]
+
+
+def whiteness(innovations: Array, order: int) -> float:
+    """p-value of Ljung and Box (1978) over 20 lags; 1 when there are too few rows to ask."""
+    n = innovations.size
+    lags = min(WHITE_LAGS, n // 5)
+    if lags <= order + 1:
+        return 1.0
+    e = innovations - np.mean(innovations)
+    power = float(e @ e)
+    q = sum((float(e[k:] @ e[:-k]) / power) ** 2 / (n - k) for k in range(1, lags + 1))
+    return float(chi2.sf(n * (n + 2) * q, lags - order))

@@ -1,0 +1,108 @@
+"""The verdict in one word and its reasons: explained, unknown, nothing missing, or inconclusive."""
+
+from collections.abc import Sequence
+
+from discrepancy import gates
+from discrepancy.decision.agreement import disagreements
+from discrepancy.decision.caveats import prior_conflicts
+from discrepancy.estimation.problem import Problem
+from discrepancy.selection.candidate_fits import confirm
+from discrepancy.selection.open_ended import OpenEnded
+from discrepancy.selection.state import CandidateFit, Settings, State
+from discrepancy.signals import findings as f
+from discrepancy.signals.recording import Complaint
+
+SHOWN = 6  # effects in a reason; all candidates with their verdicts stand beside it
+
+
+def verdict(
+    problem: Problem,
+    state: State,
+    left_over: Sequence[CandidateFit],
+    found: Sequence[f.Finding],
+    equation: OpenEnded,
+    candidates: Sequence[f.Candidate],
+    complaints: Sequence[Complaint],
+    settings: Settings,
+    accepted: int,
+) -> tuple[f.Status, list[str]]:
+    """Status and reasons; left_over: candidates that passed when the search ended at its limit; accepted: effects, when it ended."""
+    silent = not found and not equation.terms
+    inconsistent = _inconsistent(problem, state, settings) if silent and not left_over else None
+    status, reasons = _status(problem, found, equation, candidates, complaints, inconsistent)
+    if status == "nothing missing":
+        reasons += [f"{text}: the baseline is wrong there" for text in prior_conflicts(problem, state.fit)]
+        status = "inconclusive" if left_over else status
+    if accepted >= settings.most_effects:
+        reasons.append(
+            f"the search ended at its limit of {settings.most_effects} effects: no further ones were looked for"
+        )
+    reasons += disagreements(problem, state, [x.effect for x in found if x.named])
+    return status, reasons + [
+        f"the search ended at {settings.most_simulations} simulations though {t.effect} would help: the model is wrong by far, or in many ways"
+        for t in left_over
+    ]
+
+
+def _inconsistent(problem: Problem, state: State, settings: Settings) -> CandidateFit | None:
+    """The effect that helps held-out data far beyond chance though blocks of time disagree about its size, if there is one."""
+    likely = max(state.trials, key=lambda t: t.margin, default=None)
+    if likely is None or likely.raw_sse_reduction < max(gates.CLEAR.threshold, likely.threshold):
+        return None
+    tried = confirm(problem, likely.reference or state, likely, settings)
+    held_out = tried.held_out_sse_reduction or 0.0
+    confirmed = held_out > settings.confirmed * likely.raw_sse_reduction
+    return tried if confirmed and not tried.negligible(problem) else None
+
+
+def _status(
+    problem: Problem,
+    found: Sequence[f.Finding],
+    equation: OpenEnded,
+    candidates: Sequence[f.Candidate],
+    complaints: Sequence[Complaint],
+    inconsistent: CandidateFit | None,
+) -> tuple[f.Status, list[str]]:
+    reasons: list[str] = []
+    if inconsistent is not None:
+        evidence, least = inconsistent.raw_sse_reduction, inconsistent.threshold
+        return "unknown", [
+            f"{inconsistent.effect} would help much (evidence {evidence:.0f}, threshold {least:.0f}), but blocks of time disagree about its size"
+        ]
+    if equation.terms:
+        reasons.append(f"the library leaves something that depends on known signals: {equation.equation()}")
+    reasons += [
+        f"{x.effect} is the best proxy, cause unknown: {'; '.join(x.caveats)}" for x in found if not x.named
+    ]
+    wrong = [c.described for c in complaints if c.fatal and c.signal in problem.missing]
+    if any(x.named for x in found):
+        enough = (
+            "with it, no other effect and no known signal predicts the data that was not fitted any better"
+        )
+        return "explained", [*(reasons or [enough]), *wrong]
+    if found or equation.terms:
+        return "unknown", [*reasons, *wrong]
+    return _nothing_found(problem, candidates, complaints, wrong)
+
+
+def _nothing_found(
+    problem: Problem, candidates: Sequence[f.Candidate], complaints: Sequence[Complaint], wrong: list[str]
+) -> tuple[f.Status, list[str]]:
+    """Nothing missing, or inconclusive; wrong: fatal complaints on channels that are out of use."""
+    if problem.measured.size < gates.SAMPLES_TO_JUDGE.threshold:
+        return "inconclusive", [f"{problem.measured.size} samples are too few to judge anything"]
+    undetectable = [c for c in candidates if c.verdict == "could not be judged"]
+    if candidates and len(undetectable) == len(candidates):
+        return "inconclusive", ["none of the library's effects would have been found at a typical size"]
+    reasons = ["no effect and no function of the known signals improves the prediction of held-out data"]
+    if undetectable:
+        more = len(undetectable) - SHOWN
+        ending = f" and {more} more of {len(candidates)}" if more > 0 else ""
+        reasons.append(
+            f"could not be judged here: {', '.join(c.effect for c in undetectable[:SHOWN])}{ending}"
+        )
+    if wrong:
+        channels = ", ".join(problem.channels)
+        return "inconclusive", [*wrong, f"in {channels} alone {reasons[0]}", *reasons[1:]]
+    dead = [c.described for c in complaints if c.signal in problem.missing]
+    return "nothing missing", [*reasons, *dead]

@@ -1,0 +1,1 @@
+"""Parameter estimation: simulated windows, noise model, fit, normal equations."""

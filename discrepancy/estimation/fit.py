@@ -1,0 +1,297 @@
+"""Generalised least squares with bounds and priors, initial states of every window projected out (Gauss-Newton).
+
+All in whitened units: an SSE difference is twice a difference of log-likelihoods.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from discrepancy.estimation.effort import FULL, Effort
+from discrepancy.estimation.noise import Noise
+from discrepancy.estimation.normal_equations import inverse
+from discrepancy.estimation.problem import Problem, Values
+from discrepancy.model.description import Parameter
+from discrepancy.signals.recording import Array
+
+Mask = NDArray[np.bool_]
+STEP = 1e-3  # finite differences, in typical changes
+FORECAST = 0.02  # share of a step's reduction in SSE by which a linear forecast may be wrong and the step still count as linear
+KEPT_PROMISE = 0.5  # share of a forecast reduction in SSE that shows cached columns to be good enough
+BEND = 3.0  # of whitened SSE, by which a window may become worse before its own step is shortened
+SHRINKS = (1.0, 0.4, 0.1)  # of a step, in turn; with cached columns the first only
+CONVERGED = 1e-2  # in whitened SSE: a hundredth of what matters statistically
+STATES_ONLY = Effort(iterations=2)  # initial states are nearly linear
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A fitted problem; residual and columns are whitened, with initial states projected out."""
+
+    names: tuple[str, ...]  # fitted shared parameters
+    values: Values
+    sse: float  # with priors
+    data_sse: float  # without
+    residual: Array  # (n,)
+    columns: Array  # derivative by each of `names` (n, k)
+    information: Array  # normal matrix of `names` with priors (k, k)
+
+    def sd(self, name: str) -> float:
+        """Standard deviation of a fitted parameter; 0 where the data say nothing about it."""
+        return float(np.sqrt(self.covariance[self.names.index(name), self.names.index(name)]))
+
+    @property
+    def covariance(self) -> Array:
+        return inverse(self.information)
+
+
+class WindowStates:
+    """Projection off the initial states of every window, for the rows of a mask."""
+
+    def __init__(self, local: Array, row_window: NDArray[np.intp], rows: Mask) -> None:
+        self._local, self.used = local, 0
+        self._parts: list[tuple[NDArray[np.intp], Array, Array]] = []
+        if local.shape[1] == 0:
+            return
+        chosen = np.flatnonzero(rows)
+        edges = np.flatnonzero(np.diff(row_window[chosen])) + 1
+        for part in np.split(chosen, edges):
+            if part.size:
+                U, s, Vt = np.linalg.svd(local[part], full_matrices=False)
+                sound = s > 1e-8 * max(float(s[0]), 1e-300)
+                self._parts.append((part, U[:, sound], (Vt[sound].T / s[sound])))
+                self.used += int(np.count_nonzero(sound))
+
+    def off(self, rows: Array) -> Array:
+        """rows minus what initial states can explain; rows outside the mask are left."""
+        out = rows.copy()
+        for part, U, _ in self._parts:
+            out[part] -= U @ (U.T @ rows[part])
+        return out
+
+    def solve(self, rows: Array, count: int, row_window: NDArray[np.intp]) -> Array:
+        """Changes of the initial states (windows, states) that explain rows best."""
+        change = np.zeros((count, self._local.shape[1]))
+        for part, U, back in self._parts:
+            change[row_window[part[0]]] = back @ (U.T @ rows[part])
+        return change
+
+
+def differences(
+    problem: Problem, values: Values, base: Array, names: Sequence[str], *, cached: bool = False
+) -> Array:
+    """Derivative of the raw rows by parameters (N, k); for local ones in all windows at once. cached: columns kept of any other point serve."""
+    found = {name: problem.jacobian.column(name, None, values.shared, anywhere=cached) for name in names}
+    new = [name for name, column in found.items() if column is None]
+    steps = {name: _difference(problem, values, name) for name in new}
+    rows = problem.predict_each([_stepped(problem, values, name, step) for name, step in steps.items()])
+    for (name, step), moved in zip(steps.items(), rows, strict=True):
+        found[name] = column = (moved - base) / step
+        problem.jacobian.keep(name, None, values.shared, column)
+    columns = [column for column in found.values() if column is not None]
+    return np.stack(columns, axis=1) if columns else np.zeros((base.size, 0))
+
+
+def initial_uncertainty(problem: Problem, values: Values, base: Array, *, cached: bool = False) -> Array:
+    """Raw rows (N, k) of one standard deviation of each initial state that is nearly known; cached: as in `differences`."""
+    names = problem.initial_uncertainty_names
+    sds = [problem.model.parameter(name).prior_sd or 0.0 for name in names]
+    return np.asarray(differences(problem, values, base, names, cached=cached) * np.array(sds), float)
+
+
+def _difference(problem: Problem, values: Values, name: str) -> float:
+    """Step of a finite difference that stays within the bounds; that of a parameter with a negative typical value is negative."""
+    parameter = problem.model.parameter(name)
+    step = STEP * parameter.typical
+    if parameter.unit == "s":  # a change of time below the step of the grid is interpolation only
+        step = max(step, problem.model.step_s)
+    if parameter.scope == "all" and not parameter.lower <= values.shared[name] + step <= parameter.upper:
+        return -step
+    return step
+
+
+def _stepped(problem: Problem, values: Values, name: str, step: float) -> Values:
+    if problem.model.parameter(name).scope == "window":
+        return replace(values, local={**values.local, name: values.local[name] + step})
+    return values.with_shared({name: values.shared[name] + step})
+
+
+def fit(
+    problem: Problem,
+    noise: Noise,
+    names: Sequence[str],
+    start: Values,
+    *,
+    rows: Mask | None = None,
+    effort: Effort = FULL,
+) -> Fit:
+    """Fit shared parameters `names` and all initial states to the whitened rows of a mask (all, if None)."""
+    rows = np.ones(noise.keep.size, bool) if rows is None else rows
+    parameters = [problem.model.parameter(name) for name in names]
+    scale = np.array([p.typical for p in parameters])
+    prior = np.array([p.typical / p.prior_sd if p.prior_sd else 0.0 for p in parameters])
+    borrowed = cached = effort.cached and problem.model.costly
+    chord = effort.chord and borrowed
+    point = _Point.at(problem, noise, parameters, start, rows, cached)
+    for later in reversed(range(effort.iterations)):
+        A = np.concatenate([point.columns[rows] * scale, np.diag(prior)])
+        b = np.concatenate([point.residual[rows], -prior * point.deviation])
+        step = _bounded(A, b, parameters, point.values)
+        left = point.white - point.white_columns @ (step * scale)
+        local_step = point.states.solve(left, len(problem.windows), noise.row_window)
+        before, promised = point.sse, float(np.sum((b - A @ step) ** 2))
+        if effort.least_reduction > 0.0 and before - promised < effort.least_reduction:
+            break
+        worth = before - promised > CONVERGED
+        tried = (
+            _with_local_steps(problem, noise, point, shrink * step * scale, local_step, shrink, rows)
+            for shrink in (SHRINKS[:1] if cached else SHRINKS)
+        )
+        better = next(((v, sse) for v, sse in tried if sse < before), None) if worth else None
+        if better is None and cached and later and not chord:
+            # columns of another point point the wrong way here: take those of this point
+            cached, point = False, _Point.at(problem, noise, parameters, point.values, rows)
+            continue
+        if better is None:
+            break
+        moved, sse = better
+        # where the linear forecast held, the sensitivities still do (chord method)
+        linear = abs(sse - promised) < FORECAST * (before - sse) + CONVERGED
+        cached = cached and (chord or before - sse > KEPT_PROMISE * (before - promised))
+        last = before - sse < CONVERGED or (borrowed and not later)
+        point = (
+            point.renewed(problem, noise, moved, rows)
+            if linear or last or chord
+            else _Point.at(problem, noise, parameters, moved, rows, cached)
+        )
+        if before - point.sse < CONVERGED:
+            break
+    information = point.columns[rows].T @ point.columns[rows] + np.diag((prior / scale) ** 2)
+    data_sse = float(np.sum(point.residual[rows] ** 2))
+    total = data_sse + float(np.sum((prior * point.deviation) ** 2))
+    return Fit(tuple(names), point.values, total, data_sse, point.residual, point.columns, information)
+
+
+def _with_local_steps(
+    problem: Problem,
+    noise: Noise,
+    point: "_Point",
+    step: Array,
+    local_step: Array,
+    shrink: float,
+    rows: Mask,
+) -> tuple[Values, float]:
+    """The shared step, with the share of the local step in each window that fits it best, and the SSE there.
+
+    A window with a stop or a contact, where the model is not linear, would otherwise hold back all others.
+    """
+    count = len(problem.windows)
+    old = _per_window(point.white, noise, rows, count)
+    best, least = np.zeros_like(local_step), np.full(count, np.inf)
+    for part in (shrink, 0.3 * shrink, 0.0):
+        values = _moved(problem, point.values, point.parameters, step, part * local_step)
+        e = noise.whiten(problem.measured - problem.predict(values))
+        now = _per_window(e, noise, rows, count)
+        if not problem.local_names or np.all(now <= old + BEND):
+            return values, _sse(e, point.parameters, values, rows)
+        better = now < least
+        best[better], least[better] = part * local_step[better], now[better]
+    values = _moved(problem, point.values, point.parameters, step, best)
+    return values, _misfit(problem, noise, point.parameters, values, rows)
+
+
+def _per_window(e: Array, noise: Noise, rows: Mask, count: int) -> Array:
+    return np.asarray(np.bincount(noise.row_window[rows], e[rows] ** 2, count), float)
+
+
+@dataclass(frozen=True, slots=True)
+class _Point:
+    """The problem linearised at some values; white is the residual before, residual after projection."""
+
+    parameters: tuple[Parameter, ...]
+    values: Values
+    sse: float
+    white: Array
+    white_columns: Array
+    states: WindowStates
+    residual: Array
+    columns: Array
+
+    @classmethod
+    def at(
+        cls,
+        problem: Problem,
+        noise: Noise,
+        parameters: Sequence[Parameter],
+        values: Values,
+        rows: Mask,
+        cached: bool = False,
+    ) -> "_Point":
+        base = problem.predict(values)
+        names = [p.name for p in parameters]
+        raw = differences(problem, values, base, [*names, *problem.local_names], cached=cached)
+        moved = noise.whiten(raw)
+        J, L = moved[:, : len(names)], moved[:, len(names) :]
+        e = noise.whiten(problem.measured - base)
+        states = WindowStates(L, noise.row_window, rows)
+        sse = _sse(e, parameters, values, rows)
+        return cls(tuple(parameters), values, sse, e, J, states, states.off(e), states.off(J))
+
+    def renewed(self, problem: Problem, noise: Noise, values: Values, rows: Mask) -> "_Point":
+        """The residual at new values, with the sensitivities of the old."""
+        e = noise.whiten(problem.measured - problem.predict(values))
+        sse = _sse(e, self.parameters, values, rows)
+        return replace(self, values=values, sse=sse, white=e, residual=self.states.off(e))
+
+    @property
+    def deviation(self) -> Array:
+        """Distance of each parameter from its prior mean, in typical changes."""
+        return np.array([(self.values.shared[p.name] - p.value) / p.typical for p in self.parameters])
+
+
+def _sse(e: Array, parameters: Sequence[Parameter], values: Values, rows: Mask) -> float:
+    prior = sum(((values.shared[p.name] - p.value) / p.prior_sd) ** 2 for p in parameters if p.prior_sd)
+    return float(np.sum(e[rows] ** 2)) + prior
+
+
+def _misfit(
+    problem: Problem, noise: Noise, parameters: Sequence[Parameter], values: Values, rows: Mask
+) -> float:
+    return _sse(noise.whiten(problem.measured - problem.predict(values)), parameters, values, rows)
+
+
+def held_out(problem: Problem, noise: Noise, values: Values, rows: Mask) -> Fit:
+    """Shared parameters as given; only the initial states are refitted, to `rows`."""
+    return fit(problem, noise, (), values, rows=rows, effort=STATES_ONLY)
+
+
+def _bounded(A: Array, b: Array, parameters: Sequence[Parameter], values: Values) -> Array:
+    if not parameters:
+        return np.zeros(0)
+    now = np.array([values.shared[p.name] for p in parameters])
+    scale = np.array([p.typical for p in parameters])
+    edges = np.array([[p.lower, p.upper] for p in parameters])
+    low, high = np.sort((edges - now[:, None]) / scale[:, None], axis=1).T
+    size = np.sqrt(np.sum(A**2, axis=0)) + 1e-12
+    tiny = 1e-9 * np.diag(size)  # a parameter without influence stays where it is
+    solved = lsq_linear(
+        np.concatenate([A, tiny]),
+        np.concatenate([b, np.zeros(len(parameters))]),
+        bounds=(np.minimum(low, -1e-12), np.maximum(high, 1e-12)),
+        tol=1e-8,
+    )
+    return np.asarray(solved.x, float)
+
+
+def _moved(
+    problem: Problem, values: Values, parameters: Sequence[Parameter], step: Array, local_step: Array
+) -> Values:
+    shared = {
+        p.name: float(np.clip(values.shared[p.name] + change, p.lower, p.upper))
+        for p, change in zip(parameters, step, strict=True)
+    }
+    local = {name: values.local[name] + local_step[:, i] for i, name in enumerate(problem.local_names)}
+    return replace(values, shared={**values.shared, **shared}, local=local)

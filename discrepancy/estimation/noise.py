@@ -1,0 +1,247 @@
+"""What the model is not expected to predict: a vector autoregression per group of channels, and its whitening.
+
+With its own past projected out, the residual is the error of a one-step predictor, so feedback through a driver or
+controller does not make noise look like physics (Ljung, System Identification, 2nd ed., section 8.4). The order is
+chosen by BIC. Holds for evenly spaced samples; jitter is neglected, gaps restart the filter.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discrepancy.estimation.problem import Problem
+from discrepancy.model.windows import Run
+from discrepancy.signals.recording import Array
+
+HIGHEST_ORDER = 10
+ROWS_PER_TERM = 15  # least rows for a coefficient of the autoregression
+
+
+@dataclass(frozen=True, slots=True)
+class Whitener:
+    """e_t = r_t - sum_i A_i r_(t-i), whitened by the inverse Cholesky factor of its covariance."""
+
+    past: Array  # A_i, shape (order, c, c)
+    inverse_factor: Array  # (c, c)
+
+    @property
+    def order(self) -> int:
+        return len(self.past)
+
+    @property
+    def innovation_sd(self) -> Array:
+        """Standard deviation of the one-step error per channel, in its unit."""
+        factor = np.linalg.inv(self.inverse_factor)
+        return np.asarray(np.sqrt(np.sum(factor**2, axis=1)), float)
+
+    def apply(self, rows: Array) -> Array:
+        """rows (n, c, k) -> whitened (n - order, c, k)."""
+        n, c, k = rows.shape
+        flat = np.ascontiguousarray(rows.transpose(1, 0, 2)).reshape(c, n * k)
+        e = flat[:, self.order * k :].copy()
+        for i, A in enumerate(self.past, start=1):
+            e -= A @ flat[:, (self.order - i) * k : (n - i) * k]
+        return np.asarray((self.inverse_factor @ e).reshape(c, n - self.order, k).transpose(1, 0, 2), float)
+
+
+class Noise:
+    """Whitening of all rows of a problem; `keep` are the raw rows that remain (the first `order` of a run do not).
+
+    initial_uncertainty: raw rows (N, k) of one standard deviation of each initial state that is nearly known (Parameter.scope); what those
+    states may do in each window is part of the noise.
+    """
+
+    def __init__(
+        self, problem: Problem, whiteners: Sequence[Whitener], initial_uncertainty: Array | None = None
+    ) -> None:
+        self.whiteners = tuple(whiteners)
+        self.initial_uncertainty = (
+            np.zeros((problem.measured.size, 0)) if initial_uncertainty is None else initial_uncertainty
+        )
+        self._runs = problem.runs
+        kept = [
+            np.arange(run.start + self.whiteners[run.group].order * run.shape[1], max(run.stop, run.start))
+            for run in self._runs
+        ]
+        self.keep: NDArray[np.intp] = np.concatenate(kept)
+        self.row_window = problem.row_window[self.keep]
+        self.row_channel = problem.row_channel[self.keep]
+        self.row_time = problem.row_time[self.keep]
+        self._windows = problem.row_window
+        self._unsure = [*self._decomposed()]
+
+    def having(self, problem: Problem, initial_uncertainty: Array) -> "Noise":
+        """The same noise with another initial-state uncertainty."""
+        return Noise(problem, self.whiteners, initial_uncertainty)
+
+    def _decomposed(self) -> Iterator[tuple[slice, Array, Array, Array]]:
+        """For each window: its whitened rows, and the singular vectors and values of what its initial states may do there."""
+        if not self.initial_uncertainty.size:
+            return
+        white = self._predicted(self.initial_uncertainty)
+        edges = np.flatnonzero(np.diff(self.row_window, prepend=-1, append=-1))
+        for first, last in pairwise(edges.tolist()):
+            U, size, V = np.linalg.svd(white[first:last], full_matrices=False)
+            yield slice(first, last), U, size, V
+
+    def whiten(self, rows: Array) -> Array:
+        """Raw rows (N,) or (N, k) -> whitened rows (n,) or (n, k)."""
+        white = self._predicted(rows)
+        for part, U, size, _ in self._unsure:
+            shrunk = 1.0 - 1.0 / np.hypot(1.0, size)
+            white[part] -= (U * shrunk) @ (U.T @ white[part])
+        return white
+
+    def initial_part(self, rows: Array) -> tuple[Array, float]:
+        """Of raw rows (N,): the part that most likely stems from initial states, and how many parameters that part is worth."""
+        white, found, used = self._predicted(rows), np.zeros(rows.size), 0.0
+        for part, U, size, V in self._unsure:
+            likely = V.T @ (size / (1.0 + size**2) * (U.T @ white[part]))
+            own = self._windows == self.row_window[part.start]
+            found[own] = self.initial_uncertainty[own] @ likely
+            used += float(np.sum(size**2 / (1.0 + size**2)))
+        return found, used
+
+    def log_density(self) -> float:
+        """Logarithm of the density of raw rows that are whitened to nothing, but for a constant."""
+        known = sum(
+            run.shape[0] * float(np.linalg.slogdet(self.whiteners[run.group].inverse_factor)[1])
+            for run in self._runs
+        )
+        return known - 0.5 * sum(float(np.sum(np.log1p(size**2))) for _, _, size, _ in self._unsure)
+
+    def _predicted(self, rows: Array) -> Array:
+        """Errors of one-step predictions, white but for what initial states do."""
+        columns = rows[:, None] if rows.ndim == 1 else rows
+        parts = []
+        for run in self._runs:
+            whitener, (n, c), k = self.whiteners[run.group], run.shape, columns.shape[1]
+            white = whitener.apply(columns[run.start : run.stop].reshape(n, c, k))
+            parts.append(white.reshape((n - whitener.order) * c, k))
+        white = np.concatenate(parts)
+        return white[:, 0] if rows.ndim == 1 else white
+
+    def innovation_sd(self, problem: Problem) -> dict[str, float]:
+        """One-step error per channel, in the channel's unit."""
+        return {
+            name: float(sd)
+            for run in problem.runs
+            for name, sd in zip(run.channels, self.whiteners[run.group].innovation_sd, strict=True)
+        }
+
+
+def white_noise(problem: Problem, residual: Array, initial_uncertainty: Array | None = None) -> Noise:
+    """No memory yet: each channel scaled by the spread of its residual; initial_uncertainty: of `Noise`."""
+    whiteners = []
+    for runs in by_group(problem.runs):
+        spread = np.std(_stack(runs, residual), axis=0)
+        size = np.maximum(spread, 1e-9 * (1.0 + np.abs(np.mean(_stack(runs, problem.measured), axis=0))))
+        size = np.maximum(size, _floors(problem, runs))
+        c = runs[0].shape[1]
+        whiteners.append(Whitener(np.zeros((0, c, c)), np.diag(1.0 / size)))
+    return Noise(problem, whiteners, initial_uncertainty)
+
+
+def estimate_noise(problem: Problem, residual: Array, used: float, known: Noise | None = None) -> Noise:
+    """Autoregression of the residual rows; `used` parameters were fitted to them (their share of freedom is given back).
+
+    known: the noise as it was taken to be, by which the part of the rows that is due to initial states is taken out.
+    """
+    if known is not None:
+        initial, also = known.initial_part(residual)
+        residual, used = residual - initial, used + also
+    freedom_correction = residual.size / max(residual.size - used, 0.25 * residual.size)
+    return Noise(
+        problem,
+        [
+            autoregression(runs, residual, freedom_correction, _floors(problem, runs))
+            for runs in by_group(problem.runs)
+        ],
+        known.initial_uncertainty if known is not None else None,
+    )
+
+
+def _floors(problem: Problem, runs: Sequence[Run]) -> Array:
+    """What the model says its one-step errors are at least, for the channels of a group."""
+    return np.array([problem.model.floors.get(name, 0.0) for name in runs[0].channels])
+
+
+def by_group(runs: Sequence[Run]) -> list[list[Run]]:
+    count = 1 + max(run.group for run in runs)
+    return [[run for run in runs if run.group == g] for g in range(count)]
+
+
+def _stack(runs: Sequence[Run], rows: Array) -> Array:
+    return np.concatenate([rows[run.start : run.stop].reshape(run.shape) for run in runs])
+
+
+def autoregression(
+    runs: Sequence[Run], residual: Array, freedom_correction: float, floors: Array
+) -> Whitener:
+    """The order by BIC; memory of every channel for itself where there are too few rows for one that couples them."""
+    c = runs[0].shape[1]
+    shortest = min(run.shape[0] for run in runs)
+    total = sum(run.shape[0] for run in runs)
+    longest = max(0, min(HIGHEST_ORDER, shortest // 4, total // ROWS_PER_TERM))
+    coupled = min(longest, total // (ROWS_PER_TERM * c))
+    parts = [residual[run.start : run.stop].reshape(run.shape) for run in runs]
+    # the same rows for every order, or BIC would compare different data
+    target = np.concatenate([part[longest:] for part in parts])
+    lags = [
+        np.concatenate([part[longest - i : len(part) - i] for part in parts]) for i in range(1, longest + 1)
+    ]
+    found = [(order * c * c, past) for order, past in enumerate(_coupled(lags[:coupled], target))]
+    if coupled < longest:
+        found += [(order * c, past) for order, past in enumerate(_alone(lags, target)) if order > 0]
+    best: tuple[float, Array, Array] | None = None
+    for size, past in found:
+        matrices = memory_limited(past, shortest)
+        error = target - sum((x @ A.T for x, A in zip(lags, matrices, strict=False)), np.zeros_like(target))
+        covariance = error.T @ error / max(len(target) - size // c, 1)
+        covariance += np.diag(1e-18 + 1e-12 * np.var(target, axis=0))
+        score = len(target) * float(np.linalg.slogdet(covariance)[1]) + np.log(len(target)) * size
+        if best is None or score < best[0]:
+            best = (score, matrices, covariance)
+    assert best is not None
+    _, matrices, covariance = best
+    return Whitener(
+        matrices, np.linalg.inv(np.linalg.cholesky(covariance * freedom_correction + np.diag(floors**2)))
+    )
+
+
+def _coupled(lags: Sequence[Array], target: Array) -> Iterator[Array]:
+    """Least squares for every order from 0, each (order, c, c); orders are nested: one triangular factor serves all."""
+    c, highest = target.shape[1], len(lags)
+    factor: Array = np.asarray(np.linalg.qr(np.concatenate([*lags, target], axis=1), mode="r"))
+    for order in range(highest + 1):
+        solved = np.linalg.lstsq(factor[:, : order * c], factor[:, highest * c :], rcond=None)[0]
+        yield np.asarray(solved.reshape(order, c, c).transpose(0, 2, 1), float)
+
+
+def _alone(lags: Sequence[Array], target: Array) -> Iterator[Array]:
+    """The same with every channel predicted from its own past only."""
+    each = [_coupled([x[:, i : i + 1] for x in lags], target[:, i : i + 1]) for i in range(target.shape[1])]
+    for pasts in zip(*each, strict=True):
+        own = np.stack([past[:, 0, 0] for past in pasts], axis=1)
+        yield np.stack([np.diag(row) for row in own]) if len(own) else np.zeros((0, len(pasts), len(pasts)))
+
+
+def memory_limited(past: Array, samples: int) -> Array:
+    """The autoregression with its memory limited to a quarter of a run of so many samples.
+
+    An autoregression that integrates, or grows, would call any slow mismatch noise.
+    """
+    order, c = past.shape[:2]
+    if order == 0:
+        return past
+    companion = np.zeros((order * c, order * c))
+    companion[:c] = np.concatenate(list(past), axis=1)
+    companion[c:, :-c] = np.eye((order - 1) * c)
+    radius = float(np.max(np.abs(np.linalg.eigvals(companion))))
+    allowed = 1.0 - 4.0 / max(samples, 8)
+    if radius <= allowed:
+        return past
+    return past * ((allowed / radius) ** np.arange(1, order + 1))[:, None, None]

@@ -1,0 +1,269 @@
+"""Recordings cut into windows for one model, and all predictions as one column of rows.
+
+Rows are ordered by window, then by group of channels that share their stamps, then by run of samples without gaps, then by time. The
+rows of a window are therefore contiguous, and its initial states can be projected out by themselves.
+"""
+
+import os
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from copy import copy
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discrepancy.estimation.effort import Costs
+from discrepancy.estimation.jacobian_cache import JacobianCache
+from discrepancy.model.description import Model, Parameter, Window
+from discrepancy.model.sensors import through_sensors
+from discrepancy.model.windows import (
+    FEWEST_SAMPLES,
+    OUTPUTS,
+    Place,
+    Run,
+    cut,
+    odd_stamps,
+    sample_runs,
+    usable,
+)
+from discrepancy.signals.recording import Array, Complaint, Recording, cleaned
+
+RECENT = 4  # predictions kept: the next fit begins at a point that the last one tried
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """Everything that a prediction depends on beside the windows themselves."""
+
+    shared: Mapping[str, float]  # parameters of all windows
+    local: Mapping[str, Array]  # parameters of single windows, one value each (windows,)
+    active_intervals: Mapping[str, range] = field(
+        default_factory=dict
+    )  # windows outside which a shared one is `off`
+    off: Mapping[str, float] = field(default_factory=dict)  # values of those parameters in all other windows
+    warm_up: Mapping[str, float] = field(default_factory=dict)  # of Window, for models that warm up
+
+    def having(self, **changes: float) -> "Values":
+        """A copy with some shared values changed."""
+        return self.with_shared(changes)
+
+    def with_shared(self, changes: Mapping[str, float]) -> "Values":
+        """The same, by mapping: names of parameters may hold dots."""
+        return replace(self, shared={**self.shared, **changes})
+
+    def active_in(self, parameters: Iterable[Parameter], windows: range) -> "Values":
+        """A copy in which these parameters have their values in some windows only."""
+        names = {p.name: p.value for p in parameters}
+        return replace(
+            self,
+            active_intervals={**self.active_intervals, **dict.fromkeys(names, windows)},
+            off={**self.off, **names},
+        )
+
+    def warmed_up_as(self, other: "Values") -> "Values":
+        """A copy that begins its windows as another does."""
+        return replace(self, warm_up=other.warm_up)
+
+    def same(self, other: "Values") -> bool:
+        """Whether every model predicts the same for both."""
+        mine = (self.shared, self.active_intervals, self.off, self.warm_up)
+        theirs = (other.shared, other.active_intervals, other.off, other.warm_up)
+        return mine == theirs and all(
+            np.array_equal(values, other.local[name]) for name, values in self.local.items()
+        )
+
+    def in_window(self, index: int) -> dict[str, float]:
+        """All parameters by name as one window has them."""
+        resting = {
+            name: self.off[name] for name, windows in self.active_intervals.items() if index not in windows
+        }
+        local = {name: float(values[index]) for name, values in self.local.items()}
+        return {**self.shared, **resting, **local}
+
+
+class Unusable(ValueError):
+    """Nothing can be concluded from these recordings with this model; the fatal complaints say why."""
+
+    def __init__(self, complaints: Sequence[Complaint]) -> None:
+        self.reasons = [c.described for c in complaints if c.fatal] or ["no recordings were given"]
+        super().__init__("; ".join(self.reasons))
+        self.complaints = tuple(complaints)
+
+
+@dataclass(slots=True)
+class _Count:
+    """Simulations so far, of a problem and all its copies."""
+
+    simulations: int = 0
+
+
+class Problem:
+    """One model on some recordings.
+
+    A prediction depends on its arguments alone. What is kept (recent predictions, Jacobian columns of expensive models) saves
+    simulations; a column that is reused from a nearby point changes how a fit proceeds, never what is predicted.
+    """
+
+    def __init__(self, model: Model, recordings: Sequence[Recording]) -> None:
+        self.model = model
+        self.costs = Costs(model.costly)
+        self.windows: list[Window] = []
+        self.runs: list[Run] = []
+        complaints: list[Complaint] = []
+        self._groups: dict[tuple[str, ...], int] = {}
+        measured: list[Array] = []
+        rows = 0
+        for recording in recordings:
+            clean, damage = cleaned(recording)
+            complaints += damage
+            found = usable(model, clean, complaints)
+            if found is None:
+                continue
+            outputs, interval = found
+            before = len(self.windows)
+            for window in cut(model, clean, interval):
+                index = len(self.windows)
+                parts = list(sample_runs(window, {name: clean.signals[name] for name in outputs}))
+                if not parts:
+                    continue
+                self.windows.append(window)
+                for channels, time_s, values in parts:
+                    group = self._groups.setdefault(channels, len(self._groups))
+                    self.runs.append(Run(index, group, channels, time_s, rows))
+                    measured.append(values.ravel())
+                    rows += values.size
+            if len(self.windows) == before:
+                low, high = interval
+                text = (
+                    f"have no {FEWEST_SAMPLES} samples in a row from {low:.6g} to {high:.6g} s, where all inputs exist"
+                    f"{odd_stamps(model, clean.signals[outputs[0]])}"
+                )
+                complaints.append(Complaint(recording.name, OUTPUTS, text, fatal=True))
+        if not self.windows:
+            raise Unusable(complaints)
+        self.complaints = tuple(complaints)
+        self.measured = np.concatenate(measured)
+        self.channels = tuple(dict.fromkeys(name for run in self.runs for name in run.channels))
+        self.missing = tuple(name for name in model.outputs if name not in self.channels)
+        self.row_window, self.row_channel, self.row_time = self._labels()
+        self.local_names = tuple(p.name for p in model.nuisances if p.scope == "window")
+        self.initial_uncertainty_names = tuple(
+            p.name for p in model.nuisances if p.scope == "initial_uncertainty"
+        )
+        self.nuisance_names = tuple(p.name for p in model.nuisances if p.scope == "all")
+        self.jacobian = JacobianCache(
+            [p for p in model.parameters if p.scope != "window"], model.jacobian_reach
+        )
+        self._count = _Count()
+        self._recent: deque[tuple[Values, Array]] = deque(maxlen=RECENT)
+        self._places = [Place.on(self.windows[run.window].time_s, run.time_s) for run in self.runs]
+
+    @property
+    def simulations(self) -> int:
+        """Calls of predict so far, the unit of cost; those of copies count too."""
+        return self._count.simulations
+
+    def measuring(self, values: Values) -> "Problem":
+        """A copy whose recordings hold exactly what the model predicts of values; it shares what was learned of sensitivities."""
+        other = copy(self)
+        other.measured = self.predict(values)
+        return other
+
+    def _labels(self) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+        window = np.empty(self.measured.size, np.intp)
+        channel, time_s = np.empty_like(window), np.empty(self.measured.size)
+        number = {name: i for i, name in enumerate(self.channels)}
+        for run in self.runs:
+            rows, (n, c) = slice(run.start, run.stop), run.shape
+            window[rows] = run.window
+            channel[rows] = np.tile([number[name] for name in run.channels], n)
+            time_s[rows] = np.repeat(run.time_s, c)
+        return window, channel, time_s
+
+    def start(self) -> Values:
+        """The baseline: every effect off, initial states at their guess."""
+        shared = {p.name: p.value for p in self.model.parameters if p.scope != "window"}
+        local = {
+            p.name: np.array([p.guess(w) if p.guess else p.value for w in self.windows])
+            for p in self.model.nuisances
+            if p.scope == "window"
+        }
+        return Values(shared, local)
+
+    def warmed_up(self, values: Values, by: Values) -> Values:
+        """The values, with windows that begin behind a warm-up run with the shared values of another; temporary effects are off in that run.
+
+        Models that do not warm up are left as they are.
+        """
+        return replace(values, warm_up={**by.shared, **by.off}) if self.model.warms_up else values
+
+    def outputs(
+        self, index: int, values: Values, extra: Mapping[str, Array] | None = None
+    ) -> dict[str, Array]:
+        """Sensor outputs on the grid of one window."""
+        parameters = values.in_window(index)
+        window = _warmed(self.windows[index], values)
+        return self._sensed(index, self.model.simulate(window, parameters, extra or {}), parameters)
+
+    def _sensed(
+        self, index: int, true: Mapping[str, Array], parameters: dict[str, float]
+    ) -> dict[str, Array]:
+        window = self.windows[index]
+        for clock in [c for c in self.model.clocks if c.recording == window.recording]:
+            for name in clock.channels:
+                late = parameters.get(f"{name}.delay", 0.0) + parameters[clock.parameter]
+                parameters[f"{name}.delay"] = late
+        since_s, lags = self.windows[0].start_s, self.model.lags
+        return through_sensors(true, parameters, window.time_s, window.step_s, since_s, lags)
+
+    def predict(self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None) -> Array:
+        """Rows of the predicted outputs, kept for a while and read-only; extra: per window, what is added at the model's ports."""
+        if extra is not None:
+            self._count.simulations += 1
+            return self._predicted(values, extra)
+        for known, rows in self._recent:
+            if known.same(values):
+                return rows
+        self._count.simulations += 1
+        rows = self._predicted(values)
+        rows.flags.writeable = False
+        self._recent.appendleft((values, rows))
+        return rows
+
+    def predict_each(self, points: Sequence[Values]) -> list[Array]:
+        """Rows at many points, in threads where the model may run in several."""
+        self._count.simulations += len(points)
+        if not self.model.threads or len(points) < 2:
+            return [self._predicted(values) for values in points]
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            return list(pool.map(self._predicted, points))
+
+    def _predicted(self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None) -> Array:
+        rows = np.empty(self.measured.size)
+        seen = self._all_outputs(values, extra)
+        for run, place in zip(self.runs, self._places, strict=True):
+            outputs = np.stack([seen[run.window][name] for name in run.channels])
+            rows[run.start : run.stop] = place.of(outputs).T.ravel()
+        return rows
+
+    def motions(self, windows: Sequence[Window], values: Values) -> Sequence[Mapping[str, Array]]:
+        """What the model says of every window, no sensor being faulty; windows: those of the problem, maybe with fewer signals."""
+        together = getattr(self.model.simulate, "together", None)
+        warmed = [_warmed(window, values) for window in windows]
+        if self.local_names or values.active_intervals or together is None:
+            return [self.model.simulate(w, values.in_window(i), {}) for i, w in enumerate(warmed)]
+        return list(together(warmed, values.shared))
+
+    def _all_outputs(
+        self, values: Values, extra: Sequence[Mapping[str, Array]] | None
+    ) -> list[dict[str, Array]]:
+        if extra:
+            return [self.outputs(i, values, extra[i]) for i in range(len(self.windows))]
+        motions = self.motions(self.windows, values)
+        return [self._sensed(i, true, values.in_window(i)) for i, true in enumerate(motions)]
+
+
+def _warmed(window: Window, values: Values) -> Window:
+    return replace(window, warm_up=values.warm_up) if values.warm_up else window

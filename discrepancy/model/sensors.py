@@ -1,0 +1,191 @@
+"""What sensors do to any output of any model: a delayed gyro is not missing dynamics.
+
+Order of action: misalignment (turns two axes), lag, delay, scale and sign, bias and drift. All on the model's grid,
+from simulated (noise-free) outputs, so delays need not be multiples of the sample time.
+"""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from scipy.signal import lfilter
+
+from discrepancy.model.description import Effect, Parameter
+from discrepancy.signals.recording import Array
+from discrepancy.signals.units import parse_unit
+
+KINDS = ("bias", "scale", "delay", "lag", "sign", "drift")
+LINEAR = ("bias", "scale", "sign", "drift")  # for which one size tells of all
+LONGEST_DELAY_S = 0.5
+SLOWEST_LAG_S = 2.0
+
+
+def sensor_effects(
+    output: str, unit: str, *, bias: float, kinds: Iterable[str] = KINDS, delay_s: float = 0.05
+) -> tuple[Effect, ...]:
+    """Library of faults of one output channel. bias: an offset that matters [unit]; delay_s: a delay that does [s]."""
+
+    def parameter(
+        kind: str,
+        of: str,
+        value_range: tuple[float, float],
+        size: float,
+        *trial_steps: float,
+        discrete: bool = False,
+    ) -> Parameter:
+        low, high = value_range
+        small = kind not in LINEAR
+        return Parameter(
+            name=f"{output}.{kind}",
+            unit=of,
+            lower=low,
+            upper=high,
+            typical=size,
+            trial_steps=trial_steps,
+            small=small,
+            discrete=discrete,
+        )
+
+    # trial steps reach to four times delay_s and have to lie within the bounds, also where a slow sensor has delays of seconds
+    longest, slowest = max(LONGEST_DELAY_S, 5.0 * delay_s), max(SLOWEST_LAG_S, 10.0 * delay_s)
+    library = {
+        "bias": (
+            f"{output} reads too much by a constant",
+            "y = y_true + b",
+            parameter("bias", unit, (-20 * bias, 20 * bias), bias),
+            "standstill",
+        ),
+        "scale": (
+            f"{output} reads too much in proportion",
+            "y = (1 + s) y_true",
+            parameter("scale", "1", (-0.3, 0.3), 0.03),
+            "a wide range of the quantity",
+        ),
+        "delay": (
+            f"{output} comes late by a constant time (transport, processing, clock)",
+            "y(t) = y_true(t - T)",
+            parameter("delay", "s", (-longest, longest), delay_s, delay_s, 4 * delay_s, -delay_s),
+            "fast changes",
+        ),
+        "lag": (
+            f"{output} is low-pass filtered",
+            "tau dy/dt + y = y_true",
+            parameter("lag", "s", (0.0, slowest), delay_s, delay_s, 4 * delay_s),
+            "changes at several speeds",
+        ),
+        "sign": (
+            f"{output} has the wrong sign",
+            "y = (1 - 2 f) y_true, f = 1",
+            parameter("sign", "1", (0.0, 1.05), 1.0, discrete=True),
+            "any change",
+        ),
+        "drift": (
+            f"{output} drifts in proportion to time",
+            "y = y_true + d (t - t0)",
+            parameter("drift", str(parse_unit(unit) / parse_unit("s")), (-bias, bias), bias / 60.0),
+            "a long recording",
+        ),
+    }
+    if unknown := set(kinds) - set(library):
+        raise ValueError(
+            f"sensor effects of {output}: unknown kinds {sorted(unknown)}; known are {', '.join(KINDS)}"
+        )
+    return tuple(
+        Effect(
+            name=f"{output} {kind}",
+            sentence=sentence,
+            equation=equation,
+            parameters=(p,),
+            kind="sensor",
+            place=f"sensor of {output}",
+            excited_by=excited,
+            confusable=_confusable(output, kind),
+        )
+        for kind, (sentence, equation, p, excited) in library.items()
+        if kind in kinds
+    )
+
+
+def _confusable(output: str, kind: str) -> Mapping[str, str]:
+    if kind in ("delay", "lag"):
+        other = "lag" if kind == "delay" else "delay"
+        return {f"{output} {other}": "a step or fast sweep: a lag rounds it, a delay shifts it unchanged"}
+    if kind == "bias":
+        return {f"{output} drift": "a longer recording, standstill at both ends"}
+    return {}
+
+
+def misalignment(first: str, second: str) -> Effect:
+    """The sensor's two axes are turned by an angle about the third [rad]."""
+    return Effect(
+        name=f"{first}/{second} misalignment",
+        sentence=f"the axes of {first} and {second} are turned",
+        equation="y1 = c x1 + s x2, y2 = c x2 - s x1",
+        parameters=(
+            Parameter(name=f"{first}.turn.{second}", unit="rad", lower=-0.5, upper=0.5, typical=0.03),
+        ),
+        kind="sensor",
+        place=f"mounting of the sensor of {first} and {second}",
+        excited_by="one axis excited while the other is not",
+    )
+
+
+def lagged(values: Array, time_constant_s: float, step_s: float) -> Array:
+    """First-order lag, exact for inputs that are linear between grid points; starts settled."""
+    if time_constant_s < 1e-9:
+        return values
+    a = np.exp(-step_s / time_constant_s)
+    gain = (1.0 - a) * time_constant_s / step_s
+    # y+ = a y + (gain - a) u + (1 - gain) u+
+    b = np.array([1.0 - gain, gain - a])
+    start = np.array([values[0] * (1.0 - b[0])])
+    return np.asarray(lfilter(b, np.array([1.0, -a]), values, zi=start)[0], float)
+
+
+def lagged_more(values: Array, more_s: float, before_s: float, step_s: float) -> Array:
+    """What a sampled sensor of time constant `before_s` reports, as it would be with `more_s` added to it; starts settled.
+
+    One low-pass, exact for samples that are held, as in plant.unit.sensors; two in a row would be another sensor.
+    """
+    if more_s < 1e-9:
+        return values
+    before, after = np.exp(-step_s / before_s), np.exp(-step_s / (before_s + more_s))
+    gain = (1.0 - after) / (1.0 - before)
+    b = np.array([gain, -before * gain])
+    start = np.array([values[0] * (1.0 - gain)])
+    return np.asarray(lfilter(b, np.array([1.0, -after]), values, zi=start)[0], float)
+
+
+def delayed(values: Array, delay_s: float, time_s: Array) -> Array:
+    """y(t - T), linear between grid points; the ends stand still."""
+    return values if delay_s == 0.0 else np.interp(time_s - delay_s, time_s, values)
+
+
+def through_sensors(
+    outputs: Mapping[str, Array],
+    values: Mapping[str, float],
+    time_s: Array,
+    step_s: float,
+    since_s: float,
+    lags: Mapping[str, float],
+) -> dict[str, Array]:
+    """What the sensors would report of the true outputs; since_s: start of the drift; lags: time constants that outputs have already [s]."""
+    seen = dict(outputs)
+    for name, angle in values.items():
+        if ".turn." in name and angle != 0.0:
+            one, _, two = name.partition(".turn.")
+            if one in seen and two in seen:
+                c, s = np.cos(angle), np.sin(angle)
+                seen[one], seen[two] = c * seen[one] + s * seen[two], c * seen[two] - s * seen[one]
+    # most sensors have no fault, and then nothing is to be done
+    faulty = {name.rpartition(".")[0] for name, value in values.items() if value != 0.0}
+    for name, true in seen.items():
+        if name not in faulty:
+            continue
+        lag = values.get(f"{name}.lag", 0.0)
+        y = lagged_more(true, lag, lags[name], step_s) if name in lags else lagged(true, lag, step_s)
+        y = delayed(y, values.get(f"{name}.delay", 0.0), time_s)
+        y = y * (1.0 + values.get(f"{name}.scale", 0.0)) * (1.0 - 2.0 * values.get(f"{name}.sign", 0.0))
+        seen[name] = (
+            y + values.get(f"{name}.bias", 0.0) + values.get(f"{name}.drift", 0.0) * (time_s - since_s)
+        )
+    return seen

@@ -1,0 +1,213 @@
+"""A recording cut into windows for one model: its usable part, the grid, and runs of samples without gaps."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discrepancy import gates
+from discrepancy.model.description import Model, Window
+from discrepancy.signals.recording import Array, Complaint, Recording, Signal
+from discrepancy.signals.units import parse_unit
+
+GAP = 3.5  # in median sample times: a longer pause starts a new run of the whitening filter
+OUTPUTS = "outputs"  # in place of a channel's name, in complaints about all of them
+MILLI = 3e-3  # of the model's step or its inverse, beyond which stamps are likely in ms or in s by mistake
+HOLD_TOLERANCE = 1e-3  # of a grid step, by which a held value may be stamped late and still be of this point
+FEWEST_SAMPLES: Final = int(gates.SAMPLES_IN_A_RUN.threshold)  # of a channel in a window
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A run of n samples of c channels with common stamps: rows[start:stop], shape (n, c) in C order."""
+
+    window: int
+    group: int
+    channels: tuple[str, ...]
+    time_s: Array
+    start: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.time_s.size, len(self.channels)
+
+    @property
+    def stop(self) -> int:
+        return self.start + self.time_s.size * len(self.channels)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where on a grid stamps lie: linear between `before` and the point after it."""
+
+    before: NDArray[np.intp]
+    part: Array | None
+
+    @classmethod
+    def on(cls, grid: Array, time_s: Array) -> "Place":
+        at = np.clip(np.searchsorted(grid, time_s, side="right") - 1, 0, max(grid.size - 2, 0))
+        part = (time_s - grid[at]) / (grid[at + 1] - grid[at]) if grid.size > 1 else np.zeros(time_s.size)
+        whole: Array = np.round(part)
+        if np.all(np.abs(part - whole) < 1e-6):
+            return cls(at + whole.astype(np.intp), None)
+        return cls(at, np.clip(part, 0.0, 1.0))
+
+    def of(self, values: Array) -> Array:
+        """Values (..., grid) at the stamps (..., n)."""
+        before = np.take(values, self.before, axis=-1)
+        if self.part is None:
+            return np.asarray(before, float)
+        return np.asarray(before + self.part * (np.take(values, self.before + 1, axis=-1) - before), float)
+
+
+def usable(
+    model: Model, recording: Recording, complaints: list[Complaint]
+) -> tuple[list[str], tuple[float, float]] | None:
+    """Channels to score and the interval in which all inputs exist; `complaints` gets what is wrong."""
+
+    def complain(name: str, text: str, *, fatal: bool) -> None:
+        complaints.append(Complaint(recording.name, name, text, fatal))
+
+    fine = True
+    wanted = {**model.inputs, **model.optional, **model.outputs}
+    for name in [name for name in wanted if name in recording.signals]:
+        found, expected = recording.signals[name].unit, wanted[name]
+        if not parse_unit(found).same_quantity(parse_unit(expected)):
+            complain(name, f"is in {found}, the model {model.name} needs {expected}", fatal=True)
+            fine = False
+    for name, unit in model.constants.items():
+        if name not in recording.constants:
+            complain(name, f"is missing, a constant of each recording [{unit}]", fatal=True)
+            fine = False
+    for name in model.inputs:
+        if name not in recording.signals:
+            complain(
+                name,
+                f"is missing; the model {model.name} cannot be driven without this input",
+                fatal=True,
+            )
+            fine = False
+        elif recording.signals[name].time_s.size < 2:
+            complain(name, "has fewer than 2 usable samples", fatal=True)
+            fine = False
+    there = [name for name in model.outputs if name in recording.signals]
+    useless = {name: text for name in there if (text := _useless(recording.signals[name]))}
+    outputs = [name for name in there if name not in useless]
+    for name, text in useless.items():
+        complain(name, text, fatal=not outputs)
+    if not there:
+        complain(OUTPUTS, f"none of {', '.join(model.outputs)} is there", fatal=True)
+    fine = fine and bool(outputs)
+    if not fine:
+        return None
+    driving = [recording.signals[name] for name in model.inputs] or [
+        recording.signals[name] for name in outputs
+    ]
+    start = max(s.time_s[0] for s in driving) if model.inputs else min(s.time_s[0] for s in driving)
+    end = min(s.time_s[-1] for s in driving) if model.inputs else max(s.time_s[-1] for s in driving)
+    if end - start < FEWEST_SAMPLES * model.step_s:
+        text = _apart(recording, driving, start, end) + odd_stamps(model, driving[0])
+        complain("inputs", text, fatal=True)
+        return None
+    return outputs, (float(start), float(end))
+
+
+def _apart(recording: Recording, driving: Sequence[Signal], start: float, end: float) -> str:
+    if end >= start:
+        return f"exist together for only {end - start:.3g} s"
+    names = {id(s): name for name, s in recording.signals.items()}
+    spans = ", ".join(f"{names[id(s)]} {s.time_s[0]:.6g} to {s.time_s[-1]:.6g} s" for s in driving)
+    return f"have no time in common ({spans}): recorded with different clocks?"
+
+
+def _useless(output: Signal) -> str:
+    """Why an output is of no use, as a sentence; empty where it is."""
+    if output.time_s.size < FEWEST_SAMPLES:
+        return f"has {output.time_s.size} usable samples, {FEWEST_SAMPLES} needed"
+    if np.ptp(output.value) == 0.0:
+        return f"is constant at {output.value[0] + 0.0:g} {output.unit}: a dead sensor or an unused column"
+    return ""
+
+
+def odd_stamps(model: Model, of: Signal) -> str:
+    """A word on stamps whose distance is far from the model's step: the likely cause is their unit."""
+    apart = float(np.median(np.diff(of.time_s)))
+    if MILLI < apart / model.step_s < 1.0 / MILLI:
+        return ""
+    return f"; samples are {apart:.3g} s apart, the model steps by {model.step_s:g} s: is the time in another unit than its heading says?"
+
+
+def cut(model: Model, recording: Recording, interval: tuple[float, float]) -> Iterable[Window]:
+    """Windows of equal length near model.window_s, each with its lead-in as far as the recording has one."""
+    start = interval[0]
+    names = {**model.inputs, **model.optional, **model.outputs}
+    for low, high in _spans(model, recording, interval):
+        lead = max(low - model.step_s * round(model.lead_s / model.step_s), start)
+        count = int(np.ceil((high - lead) / model.step_s - 1e-9)) + 1
+        grid: Array = lead + model.step_s * np.arange(count, dtype=np.float64)
+        known = {
+            name: resampled(s, grid)
+            for name, s in recording.signals.items()
+            if name in names and s.time_s.size > 1
+        }
+        yield Window(
+            recording=recording.name,
+            start_s=float(low),
+            end_s=float(high),
+            time_s=grid,
+            step_s=model.step_s,
+            known=known,
+            constants=recording.constants,
+        )
+
+
+def _spans(model: Model, recording: Recording, interval: tuple[float, float]) -> list[tuple[float, float]]:
+    """From when to when each window is scored, on one grid through the recording: even sampling then meets even steps."""
+    start, end = interval
+
+    def on_grid(time_s: Array) -> Array:
+        return np.asarray(start + model.step_s * np.round((time_s - start) / model.step_s), float)
+
+    if model.segments is not None:
+        chosen = np.array(model.segments(recording, interval))
+        return [(low, high) for low, high in np.clip(on_grid(chosen), start, end).tolist()]
+    count = max(1, round((end - start) / model.window_s)) if model.window_s else 1
+    edges = np.linspace(start, end, count + 1)
+    edges[1:-1] = on_grid(edges[1:-1])
+    return list(pairwise(edges.tolist()))
+
+
+def resampled(source: Signal, grid: Array) -> Array:
+    """Values on the grid: linear between samples, or the last value for held signals."""
+    if not source.held:
+        return np.interp(grid, source.time_s, source.value)
+    # stamps that count from 1970 are rounded to 0.24 µs, and no value may stand a step too long for that
+    until = grid + HOLD_TOLERANCE * (grid[1] - grid[0]) if grid.size > 1 else grid
+    return source.value[np.clip(np.searchsorted(source.time_s, until, side="right") - 1, 0, None)]
+
+
+def sample_runs(
+    window: Window, outputs: Mapping[str, Signal]
+) -> Iterable[tuple[tuple[str, ...], Array, Array]]:
+    """Channels grouped by identical stamps, split at gaps: (names, stamps (n,), values (n, c))."""
+    groups: dict[bytes, list[str]] = {}
+    for name, output in outputs.items():
+        groups.setdefault(output.time_s.tobytes(), []).append(name)
+    last = outputs and max(s.time_s[-1] for s in outputs.values())
+    for names in groups.values():
+        stamps = outputs[names[0]].time_s
+        upto = stamps <= window.end_s if window.end_s >= float(last or 0.0) else stamps < window.end_s
+        inside = np.flatnonzero((stamps >= window.start_s) & upto)
+        if inside.size < FEWEST_SAMPLES:
+            continue
+        pauses = np.diff(stamps[inside])
+        for run in np.split(inside, np.flatnonzero(pauses > GAP * np.median(pauses)) + 1):
+            if run.size >= FEWEST_SAMPLES:
+                yield (
+                    tuple(names),
+                    stamps[run],
+                    np.stack([outputs[name].value[run] for name in names], axis=1),
+                )

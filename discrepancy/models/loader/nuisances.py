@@ -1,0 +1,64 @@
+"""Nuisances of the loader's model: what the machine's sheet, its sensors and a segment's initial state leave uncertain."""
+
+from typing import Final
+
+from discrepancy.model.description import Parameter
+from discrepancy.models.loader.channels import CHANNELS
+
+BOUNCE: Final = 12.0  # natural frequency of the loader on its tyres [rad/s]
+HEAVE_M: Final = 2e-3  # some 1 kN a wheel
+TILT_RAD: Final = 2e-3
+SPEED_M_S: Final = 0.05  # the replay's feedback leaves a quarter of it where scoring begins
+
+
+def zero(channel: str) -> str:
+    """Name of the nuisance that is a channel's zero point."""
+    return f"zero.{channel}"
+
+
+def scale(channel: str) -> str:
+    """Name of the nuisance that is a channel's scale error."""
+    return f"scale.{channel}"
+
+
+def _initial(name: str, unit: str, sd: float) -> Parameter:
+    return Parameter(name=f"initial.{name}", unit=unit, typical=sd, prior_sd=sd, scope="initial_uncertainty")
+
+
+# After a hard stop the machine swings on its soft tyres for seconds, and the warm-up run reproduces that swing only about.
+# Lateral motion and the joints' motion are damped within the lead-in, so that their initial errors need no parameter.
+INITIAL_STATES = (
+    _initial("height", "m", HEAVE_M),
+    _initial("height_rate", "m/s", HEAVE_M * BOUNCE),
+    _initial("roll", "rad", TILT_RAD),
+    _initial("pitch", "rad", TILT_RAD),
+    _initial("roll_rate", "rad/s", TILT_RAD * BOUNCE),
+    _initial("pitch_rate", "rad/s", TILT_RAD * BOUNCE),
+    _initial("speed", "m/s", SPEED_M_S),
+)
+"""Initial-state uncertainty of a segment: differences from the warm-up run that no sensor measures exactly."""
+
+NUISANCES = (
+    Parameter(name="rear_mass", unit="kg", lower=-1500.0, upper=1500.0, typical=100.0, prior_sd=120.0),
+    Parameter(name="front_mass", unit="kg", lower=-800.0, upper=800.0, typical=50.0, prior_sd=60.0),
+    Parameter(name="rear_height", unit="m", lower=-0.4, upper=0.4, typical=0.03, prior_sd=0.05),
+    Parameter(name="tyre_stiffness", unit="1", lower=-0.5, upper=1.0, typical=0.05, prior_sd=0.05),
+    Parameter(name="torque_scale", unit="1", lower=-0.2, upper=0.2, typical=0.02, prior_sd=0.02),
+    Parameter(name="articulation_zero", unit="rad", lower=-0.05, upper=0.05, typical=0.003, prior_sd=0.004),
+    Parameter(name="lift_zero", unit="rad", lower=-0.05, upper=0.05, typical=0.004, prior_sd=0.005),
+    Parameter(name="tilt_zero", unit="rad", lower=-0.05, upper=0.05, typical=0.004, prior_sd=0.005),
+    Parameter(name="wheel_radius", unit="m", lower=-0.03, upper=0.03, typical=0.002, prior_sd=0.002),
+    *(
+        Parameter(name=zero(name), unit=channel.unit, typical=channel.zero, prior_sd=channel.zero)
+        for name, channel in CHANNELS.items()
+        if channel.zero > 0.0
+    ),
+    *(
+        Parameter(
+            name=scale(name), unit="1", lower=-0.05, upper=0.05, typical=channel.scale, prior_sd=channel.scale
+        )
+        for name, channel in CHANNELS.items()
+        if channel.scale > 0.0
+    ),
+    *INITIAL_STATES,
+)

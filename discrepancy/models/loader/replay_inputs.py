@@ -1,0 +1,278 @@
+"""Inputs of the measurement-driven replay: recorded inputs without the errors of their sensors and with little of their noise.
+
+Where the driver's demand was recorded, the demand through the lags of the sheet carries the fast part of a signal, which no filter
+could separate from noise. The smoothed difference to the sensor adds what limits or the machine changed of it.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from discrepancy.model.description import Window
+from discrepancy.model.sensors import delayed
+from discrepancy.models.loader.channels import SPEEDS, TORQUES
+from discrepancy.signals.recording import Array
+from plant.compiled import compiled
+from plant.replay import (
+    M_ARTICULATION,
+    M_BRAKING,
+    M_LIFT,
+    M_SPEED,
+    M_TILT,
+    M_TORQUE,
+    M_TURNING,
+    MEASURED,
+    Demanded,
+)
+from plant.sheets.machine import Lift, Machine, Tilt
+from plant.unit.actuators import Abilities
+from plant.unit.sensor_parameters import ChannelParameters, SensorParameters
+
+SMOOTHED: Final = 11  # grid points (10 ms each) of the quadratic filter for articulation and wheel speed
+LEVELLED: Final = 51  # the same for the linkage's angles, and for differences to the driver's demand
+ROLLS: Final = 0.1  # wheel speed from which on a brake's friction is that of a rolling wheel [rad/s]
+DEMANDS: Final = ("articulation_rate_demand", "lift_demand", "tilt_demand")
+"""In the order of plant.replay.JOINTS."""
+SPEED_FAULTS: Final = ("scale", "delay")
+"""Faults of a wheel speed sensor. They also disturb the replay, since its feedback follows the measured speed."""
+LINKAGE: Final = ((M_LIFT, "lift_arm_angle", "lift_zero"), (M_TILT, "tilt_angle", "tilt_zero"))
+"""Joints of the linkage: column of the replay's input, channel, nuisance that is its zero point."""
+
+Speeds = Mapping[str, Array]
+"""Wheel speeds [rad/s] by channel."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayInputs:
+    """Measured inputs of the segments of one recording, one segment after the other."""
+
+    measured: Array  # (n, MEASURED), columns of plant.replay
+    speeds: Speeds  # measured wheel speeds (n,) by channel [rad/s]
+    edges: NDArray[np.intp]  # first row of each segment, and the end of the last one
+    demanded: Demanded  # by joint of plant.replay.JOINTS: whether its rate is the demanded one, else it is the measured one
+    payload: float  # [kg]
+    step_s: float  # between rows
+
+
+def replay_inputs(
+    windows: Sequence[Window], machine: Machine, sensors: SensorParameters, abilities: Abilities
+) -> ReplayInputs:
+    """Inputs of the windows of one recording; at least one window."""
+    speeds, demanded = [wheel_speeds(window, sensors) for window in windows], demanded_joints(windows[0])
+    parts = [
+        measured_rows(window, own, sensors, machine, abilities, demanded=demanded)
+        for window, own in zip(windows, speeds, strict=True)
+    ]
+    return ReplayInputs(
+        measured=np.concatenate(parts),
+        speeds={name: np.concatenate([own[name] for own in speeds]) for name in speeds[0]},
+        edges=np.cumsum([0, *(len(part) for part in parts)]).astype(np.intp),
+        demanded=demanded,
+        payload=windows[0].constants.get("payload", 0.0),
+        step_s=windows[0].step_s,
+    )
+
+
+def demanded_joints(window: Window) -> Demanded:
+    """Whether the driver's demand was recorded, for each of plant.replay.JOINTS."""
+    steering, lift, tilt = (window.has(name) for name in DEMANDS)
+    return steering, lift, tilt
+
+
+def wheel_speeds(window: Window, sensors: SensorParameters) -> Speeds:
+    """Measured wheel speeds [rad/s], smoothed, with the sensors' lag and delay removed."""
+    return {
+        name: _smooth(delayed(window[name], -_lateness_s(sensors.of(name), window.step_s), window.time_s))
+        for name in SPEEDS
+        if window.has(name)
+    }
+
+
+def measured_rows(
+    window: Window,
+    speeds: Speeds,
+    sensors: SensorParameters,
+    machine: Machine,
+    abilities: Abilities,
+    *,
+    demanded: Demanded,
+) -> Array:
+    """Input rows of plant.replay (n, MEASURED) for one window.
+
+    Lags and delays of the sheet are removed by reading a signal as much later as they delay slow motions.
+    speeds: from `wheel_speeds`; demanded: joints whose rate is the driver's demand.
+    """
+
+    def read(name: str) -> Array:
+        return delayed(window[name], -_lateness_s(sensors.of(name), window.step_s), window.time_s)
+
+    rows = np.zeros((window.time_s.size, MEASURED))
+    torque = _demanded_torque(window, machine, abilities)
+    for i, name in enumerate(TORQUES):
+        rows[:, M_TORQUE + i] = torque[:, i] + _smooth(read(name) - torque[:, i], LEVELLED)
+    if window.has("brake_demand"):
+        rows[:, M_BRAKING] = window["brake_demand"] > 0.0
+    rows[:, M_SPEED] = np.mean(list(speeds.values()), axis=0) if speeds else 0.0
+    for i, name in enumerate(SPEEDS):
+        rows[:, M_TURNING + i] = speeds.get(name, rows[:, M_SPEED])
+    angle, rate = read("articulation_angle"), read("articulation_rate")
+    rows[:, M_ARTICULATION : M_ARTICULATION + 2] = np.stack(
+        _steering(window, machine, angle, rate, demanded=demanded[0]), axis=1
+    )
+    lift, tilt = machine.lift, machine.tilt
+    servos: tuple[Lift | Tilt, ...] = (lift, tilt)
+    demands = (
+        _lever_rate(window, DEMANDS[1], lift.lower_rate_limit, lift.raise_rate_limit)
+        if demanded[1]
+        else None,
+        _lever_rate(window, DEMANDS[2], tilt.rate_limit, tilt.rate_limit) if demanded[2] else None,
+    )
+    for (column, name, _), servo, demand in zip(LINKAGE, servos, demands, strict=True):
+        rows[:, column : column + 2] = np.stack(_servo(read(name), servo, demand, window.step_s), axis=1)
+    return rows
+
+
+def without_sensor_errors(inputs: ReplayInputs, values: Mapping[str, float]) -> Array:
+    """Input rows (n, MEASURED) corrected for sensor errors of given size: nuisances of torque and angles, faults of wheel speeds.
+
+    values: of the model's parameters by name; a missing one counts as 0.
+    """
+    rows = inputs.measured.copy()
+    rows[:, M_TORQUE : M_TORQUE + 4] /= 1.0 + values.get("torque_scale", 0.0)
+    rows[:, M_ARTICULATION] -= values.get("articulation_zero", 0.0)
+    for column, _, name in LINKAGE:
+        rows[:, column] -= values.get(name, 0.0)
+    for name, speed in inputs.speeds.items():
+        scale, delay_s = (values.get(f"{name}.{fault}", 0.0) for fault in SPEED_FAULTS)
+        if scale or delay_s:
+            true = _undelayed(speed, inputs, delay_s) / (1.0 + scale)
+            rows[:, M_SPEED] -= (speed - true) / len(inputs.speeds)
+    return rows
+
+
+def _undelayed(values: Array, inputs: ReplayInputs, delay_s: float) -> Array:
+    """A signal before a delay, each segment by itself; its last value is held."""
+    parts = [values[a:b] for a, b in pairwise(inputs.edges)]
+    return np.concatenate(
+        [delayed(part, -delay_s, inputs.step_s * np.arange(part.size, dtype=np.float64)) for part in parts]
+    )
+
+
+def _lever_rate(window: Window, lever: str, falling: float, rising: float) -> Array:
+    """The rate [rad/s] that a lever demands; its signal is a share of the fastest rate down (negative) or up."""
+    share = window[lever]
+    return np.asarray(share * np.where(share > 0.0, rising, falling), float)
+
+
+class _Cylinder(NamedTuple):
+    """The limits and lags between a demanded and an achieved rate."""
+
+    lower: float  # stops [rad]
+    upper: float
+    lag_s: float
+    cushion_s: float  # time constant of the end cushions
+
+
+def _steering(
+    window: Window, machine: Machine, angle: Array, rate: Array, *, demanded: bool
+) -> tuple[Array, Array]:
+    """Articulation angle [rad] and rate [rad/s]: from the driver's demand where that was recorded, else smoothed."""
+    if not demanded:
+        return _smooth(angle), _smooth(rate)
+    demand, steering = window[DEMANDS[0]], machine.steering
+    cylinder = _Cylinder(
+        -steering.limit, steering.limit, steering.time_constant, steering.cushion_time_constant
+    )
+    return (
+        _driven_angle(angle, demand, cylinder, window.step_s),
+        _executed_rate(demand, rate, cylinder.lag_s, window.step_s),
+    )
+
+
+def _servo(angle: Array, servo: Lift | Tilt, demand: Array | None, step_s: float) -> tuple[Array, Array]:
+    """Angle [rad] and rate [rad/s] of a joint of the linkage: from the lever's demand where that was recorded, else smoothed."""
+    if demand is None:
+        return _smooth(angle, LEVELLED), _smooth(angle, LEVELLED, rate_of=step_s)
+    cylinder = _Cylinder(
+        servo.lower_limit, servo.upper_limit, servo.time_constant, servo.cushion_time_constant
+    )
+    return _driven_angle(angle, demand, cylinder, step_s), demand
+
+
+def _driven_angle(angle: Array, demand: Array, cylinder: _Cylinder, step_s: float) -> Array:
+    """Angle of a joint whose cylinder executes a demanded rate; the smoothed difference to the sensor is added."""
+    room = _smooth(angle)
+    braked = np.clip(
+        demand, (cylinder.lower - room) / cylinder.cushion_s, (cylinder.upper - room) / cylinder.cushion_s
+    )
+    rate = first_order_lag(braked[:, None], cylinder.lag_s, math.inf, step_s)[:, 0]
+    nominal = step_s * (np.cumsum(rate) - 0.5 * rate)
+    return np.asarray(nominal + _smooth(angle - nominal, LEVELLED), float)
+
+
+def _executed_rate(demand: Array, rate: Array, lag_s: float, step_s: float) -> Array:
+    """The rate that a cylinder of this lag executed: the driver's demand, corrected slowly for what limits took off.
+
+    rate: as measured. A lag's input is its output plus lag times slope, here with the noise of the sensor, hence the smoothing. A row's
+    demand has acted since the row before, so that the mean of two neighbours acts at a row.
+    """
+    acting = 0.5 * (demand + np.append(demand[1:], demand[-1]))
+    executed = rate + lag_s * np.gradient(rate, step_s)
+    return np.asarray(demand + _smooth(executed - acting, LEVELLED), float)
+
+
+def _demanded_torque(window: Window, machine: Machine, abilities: Abilities) -> Array:
+    """Wheel torque (n, 4) [N m] that the pedals demand, through the lags of motors and brakes; 0 where no pedal was recorded.
+
+    A row's pedals have acted since the row before. Torque limits beyond the drive's power are not modelled here.
+    """
+    torque = np.zeros((window.time_s.size, 4))
+    speed = np.stack([window[name] if window.has(name) else torque[:, 0] for name in SPEEDS], axis=1)
+    if window.has("torque_demand"):
+        most = np.minimum(
+            1.0, abilities.drive_power / np.maximum(np.abs(speed) * abilities.drive_torque, 1.0)
+        )
+        demand = np.clip(window["torque_demand"][:, None], -most, most) * abilities.drive_torque
+        drive = machine.drive
+        torque += first_order_lag(demand, drive.time_constant, drive.rate_limit, window.step_s)
+    if window.has("brake_demand"):
+        demand = window["brake_demand"][:, None] * np.array(abilities.brake_torque)
+        friction = first_order_lag(demand, machine.brake.time_constant, math.inf, window.step_s)
+        torque -= friction * np.tanh(speed / ROLLS)
+    return torque
+
+
+@compiled
+def first_order_lag(demand: Array, lag_s: float, rate: float, step_s: float) -> Array:
+    """Output (n, k) of a first-order lag with a limited rate [1/s]; a row's demand (n, k) has acted since the row before."""
+    output = demand.copy()
+    gained, most = 1.0 - math.exp(-step_s / lag_s), rate * step_s
+    for row in range(1, len(demand)):
+        for k in range(demand.shape[1]):
+            change = gained * (demand[row, k] - output[row - 1, k])
+            output[row, k] = output[row - 1, k] + min(max(change, -most), most)
+    return output
+
+
+def _smooth(values: Array, points: int = SMOOTHED, *, rate_of: float | None = None) -> Array:
+    """Centred quadratic filter over `points`; its slope per second where rate_of gives the step [s]."""
+    odd = min(points, values.size // 2 * 2 - 1)
+    order, delta = (0, 1.0) if rate_of is None else (1, rate_of)
+    return np.asarray(savgol_filter(values, odd, 2, deriv=order, delta=delta, mode="nearest"), np.float64)
+
+
+def kept_share(lag_s: float, step_s: float) -> float:
+    """Share of its last value that a sampled sensor of this lag keeps; samples count as held (plant.unit.sensors)."""
+    return math.exp(-step_s / lag_s) if lag_s > 0.0 else 0.0
+
+
+def _lateness_s(sheet: ChannelParameters, step_s: float) -> float:
+    """Delay of slow motions through a sensor's lag and delay [s]."""
+    kept = kept_share(sheet.lag, step_s)
+    return step_s * kept / (1.0 - kept) + sheet.delay

@@ -1,0 +1,136 @@
+"""Where a search stands with some effects accepted: noise, fit, and the scores of all others."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from discrepancy import gates
+from discrepancy.estimation.effort import AS_IT_IS, CACHED, FULL, Effort
+from discrepancy.estimation.fit import Fit, fit, initial_uncertainty
+from discrepancy.estimation.noise import Noise, estimate_noise, white_noise
+from discrepancy.estimation.problem import Problem, Values
+from discrepancy.model.description import Effect
+from discrepancy.selection.active_intervals import temporary_effects, window_ranges
+from discrepancy.selection.screen import (
+    Columns,
+    Projector,
+    Score,
+    by_statistic,
+    penalty,
+    projected,
+    score,
+    sensitivities,
+    time_blocks_of,
+)
+from discrepancy.selection.state import Settings, State, free_names
+from discrepancy.selection.unexplained import unexplained, unexplained_by_window
+
+
+def assess(problem: Problem, accepted: tuple[str, ...], values: Values, settings: Settings) -> State:
+    """Noise with all candidates projected out, the fit under it, and the screen of what is not accepted."""
+    names = free_names(problem, accepted)
+    candidates = [e for e in problem.model.effects if e.name not in accepted]
+    base = problem.predict(values)
+    noise = white_noise(
+        problem, problem.measured - base, initial_uncertainty(problem, values, base, cached=True)
+    )
+    least = problem.costs.rough_reduction(noise.keep.size)
+    fitted = fit(problem, noise, names, values, effort=replace(CACHED, least_reduction=least))
+    at = values if problem.costs.costly else fitted.values
+    for last in (False, True):
+        home = _at_prior(problem, fitted)
+        fitted = replace(fitted, values=problem.warmed_up(fitted.values, home or fitted.values))
+        at = at.warmed_up_as(fitted.values)
+        if home is not None and accepted:
+            fitted = from_prior(problem, noise, fitted, home.warmed_up_as(fitted.values))
+        base = problem.predict(fitted.values)
+        columns = sensitivities(problem, at, problem.predict(at), candidates)
+        left = unexplained(problem, noise, fitted, problem.measured - base, columns)
+        known = noise.having(problem, initial_uncertainty(problem, fitted.values, base, cached=not last))
+        noise = estimate_noise(problem, *left, known)
+        effort = FULL if last else Effort(least_reduction=least)
+        fitted = fit(problem, noise, names, fitted.values, effort=effort)
+        at = fitted.values
+    scores = screen(problem, noise, fitted, columns, settings)
+    temporary, basis = _temporary_effects(problem, noise, fitted, columns, settings)
+    at_prior = _at_prior(problem, fitted)
+    if at_prior is not None:
+        scores = _better(scores, _screen_at(problem, noise, names, at_prior, candidates, settings))
+    return State(
+        noise,
+        fitted,
+        accepted,
+        tuple(scores),
+        columns=tuple(columns),
+        temporary=tuple(temporary),
+        temporary_basis=basis,
+        at_prior=at_prior,
+    )
+
+
+def _temporary_effects(
+    problem: Problem, noise: Noise, fitted: Fit, columns: Sequence[Columns], settings: Settings
+) -> tuple[list[tuple[Score, range]], tuple[Noise, Fit] | None]:
+    """Effects that may act in one interval only, and the noise and fit by which they score.
+
+    Noise from which candidates are projected out as they act always would hold what acts in one interval: here they are projected out
+    window by window.
+    """
+    if not window_ranges(problem):
+        return [], None
+    raw = problem.measured - problem.predict(fitted.values)
+    noise = estimate_noise(problem, *unexplained_by_window(problem, noise, fitted, raw, columns), noise)
+    fitted = fit(problem, noise, fitted.names, fitted.values)
+    scores = screen(problem, noise, fitted, columns, settings)
+    return temporary_effects(problem, noise, fitted, scores, columns, settings.alpha), (noise, fitted)
+
+
+def from_prior(problem: Problem, noise: Noise, fitted: Fit, at_prior: Values) -> Fit:
+    """The fit, or a better one that begins with nuisances at their priors: what they stood in for is among the effects now."""
+    here = fit(problem, noise, fitted.names, fitted.values, effort=replace(AS_IT_IS, cached=True))
+    other = fit(problem, noise, fitted.names, at_prior)
+    return min(here, other, key=lambda f: f.sse)
+
+
+def _at_prior(problem: Problem, fitted: Fit) -> Values | None:
+    """Nuisances back at their priors if one of them is in conflict with its own; else None.
+
+    Such a nuisance may stand in for an effect that shows only where the nuisance is at its prior.
+    """
+    known = [p for p in problem.model.nuisances if p.scope == "all" and p.prior_sd is not None]
+    shared, most = fitted.values.shared, gates.PRIOR_CONFLICT.threshold
+    if all(abs(shared[p.name] - p.value) <= most * (p.prior_sd or float("inf")) for p in known):
+        return None
+    return fitted.values.with_shared({p.name: p.value for p in known})
+
+
+def _screen_at(
+    problem: Problem,
+    noise: Noise,
+    names: Sequence[str],
+    values: Values,
+    candidates: Sequence[Effect],
+    settings: Settings,
+) -> list[Score]:
+    point, base = fit(problem, noise, names, values, effort=AS_IT_IS), problem.predict(values)
+    columns = sensitivities(problem, values, base, candidates)
+    return screen(problem, noise, point, columns, settings)
+
+
+def _better(one: Sequence[Score], other: Sequence[Score]) -> list[Score]:
+    """Each effect's higher score, best first."""
+    by_name = {s.effect: s for s in other}
+    return by_statistic([max(s, by_name[s.effect], key=lambda x: x.statistic) for s in one])
+
+
+def screen(
+    problem: Problem, noise: Noise, fitted: Fit, columns: Sequence[Columns], settings: Settings
+) -> list[Score]:
+    """Scores of all candidates, best first."""
+    projector, blocks = Projector(problem, noise, fitted), time_blocks_of(noise)
+    needed = [penalty(len(c.effect.amplitude_names), len(columns), settings.alpha) for c in columns]
+    return by_statistic(
+        [
+            score(c, seen, fitted.residual, critical, blocks)
+            for c, seen, critical in zip(columns, projected(noise, projector, columns), needed, strict=True)
+        ]
+    )

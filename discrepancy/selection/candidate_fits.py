@@ -1,0 +1,326 @@
+"""Candidate fits: each effect of the shortlist fitted beside what is accepted, and confirmed on data that were not fitted."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discrepancy import gates
+from discrepancy.estimation.effort import BEHIND, BRIEF, FIRST_STEPS, TRAINING, Effort
+from discrepancy.estimation.fit import Fit, Mask, fit, held_out
+from discrepancy.estimation.noise import Noise
+from discrepancy.estimation.normal_equations import inverse
+from discrepancy.estimation.problem import Problem, Values
+from discrepancy.model.description import Effect
+from discrepancy.selection.active_intervals import (
+    active_interval_of,
+    refine_interval,
+    restricted_to,
+    sse_threshold,
+)
+from discrepancy.selection.assess import screen
+from discrepancy.selection.screen import Score, penalty, spread, time_blocks, time_blocks_of
+from discrepancy.selection.starts import Start, Starts
+from discrepancy.selection.state import CandidateFit, Settings, State, free_names
+from discrepancy.signals.recording import Array
+
+CLEAR: Final = gates.CLEAR.threshold
+SURE: Final = 1.96  # standard deviations, 95 %
+LONGER: Final = Effort(iterations=6)
+
+
+def try_shortlist(problem: Problem, state: State, settings: Settings) -> list[CandidateFit]:
+    """Fit the shortlist, and confirm what passes on held-out data; where nothing is confirmed, the next best by score as well."""
+    listed = shortlisted(problem.model.effects, state.scores, settings)
+    trials = _fits(problem, state, listed, state.temporary[: settings.shortlist // 2], settings)
+    if any(t.accepted(settings) for t in trials):
+        return trials
+    known = {t.effect for t in trials} | {s.effect for s in listed}
+    count = len(problem.model.effects)
+    rest = [
+        s
+        for s in state.scores
+        if s.effect not in known and s.statistic > penalty(s.freedom, count, settings.alpha)
+    ]
+    return trials + _fits(problem, state, rest[: settings.shortlist], (), settings)
+
+
+def _fits(
+    problem: Problem,
+    state: State,
+    listed: Sequence[Score],
+    temporary: Sequence[tuple[Score, range]],
+    settings: Settings,
+) -> list[CandidateFit]:
+    """Each of these effects in a fit beside what is accepted; temporary: effects that may act in some windows only."""
+    # an effect that scores best in one interval may act always
+    named = {s.effect for s in listed}
+    listed = [*listed, *(s for s, _ in temporary if s.effect not in named)]
+    points = Starts(problem, state.noise, state.fit, state.columns, state.at_prior)
+    started = [(s, points.of(s, None)) for s in listed]
+    most = max((begin[0].sse_reduction for _, begin in started), default=0.0)
+    # expensive models: candidates far behind are tried after clear ones are accepted
+    least = problem.costs.worth_starting(most, CLEAR)
+    started = [b for b in started if max(b[0].raw_statistic, b[1][0].sse_reduction) > least]
+    begun = [first_steps(problem, state, s, begin) for s, begin in started]
+    most = max((state.fit.sse - b[0].sse for b in begun), default=0.0)
+    least = BEHIND * most if most > CLEAR else -np.inf
+    trials = [
+        finished(problem, state, s, b, settings, least) for (s, _), b in zip(started, begun, strict=True)
+    ]
+    trials += _temporary_fits(problem, state, temporary, settings)
+    return _confirmed(problem, state, trials, settings)
+
+
+def _confirmed(
+    problem: Problem, state: State, trials: Sequence[CandidateFit], settings: Settings
+) -> list[CandidateFit]:
+    """The fits, those that pass and come near the best of them with their reduction on held-out data."""
+    sure = [t.passes and t.size >= problem.model.negligible for t in trials]
+    best = max(
+        (t.margin for t, fine in zip(trials, sure, strict=True) if fine and not t.reference), default=0.0
+    )
+    tested = [
+        fine and (t.reference is not None or t.margin > best - 3.0 * settings.same)
+        for t, fine in zip(trials, sure, strict=True)
+    ]
+    reductions = [
+        t.sse_reduction for t, test in zip(trials, tested, strict=True) if test and t.reference is None
+    ]
+    before = (
+        held_out_residual(
+            problem,
+            state.noise,
+            state.accepted,
+            state.fit.values,
+            settings,
+            least_reduction=problem.costs.least_reduction(min(reductions)),
+        )
+        if reductions
+        else None
+    )
+    return [
+        confirm(problem, t.reference or state, t, settings, None if t.reference else before) if test else t
+        for t, test in zip(trials, tested, strict=True)
+    ]
+
+
+def shortlisted(model_effects: Sequence[Effect], scores: Sequence[Score], settings: Settings) -> list[Score]:
+    """The best by score, and the partner of every lag or delay among them: their first-order scores are the same."""
+    half, least = settings.shortlist // 2, gates.WORTH_A_FIT.threshold
+    sure = list(scores[:half])
+    # a doubtful noise estimate must not keep an effect from being tried: the best before the variance inflation come too
+    loud = sorted((s for s in scores[half:]), key=lambda s: -s.raw_statistic)[: settings.shortlist - half]
+    best = [s for s in sure + loud if s.raw_statistic > least]
+    named = {s.effect for s in best}
+    partners = {
+        swapped
+        for name in named
+        for swapped in (name.replace(" lag", " delay"), name.replace(" delay", " lag"))
+        if swapped not in named
+    }
+    return best + [s for s in scores if s.effect in partners]
+
+
+def _temporary_fits(
+    problem: Problem, state: State, temporary: Sequence[tuple[Score, range]], settings: Settings
+) -> list[CandidateFit]:
+    """Temporary effects, and their rivals in the same windows, begun under the noise by which they score."""
+    if not temporary or state.temporary_basis is None:
+        return []
+    noise, fitted = state.temporary_basis
+    seen = replace(state, noise=noise, fit=fitted)
+    points = Starts(problem, noise, fitted, state.columns, state.at_prior)
+    trials = [_temporary_fit(problem, seen, s, points, windows, settings) for s, windows in temporary]
+    return trials + _in_the_same_windows(problem, seen, trials, points, settings)
+
+
+def _in_the_same_windows(
+    problem: Problem, state: State, trials: Sequence[CandidateFit], points: Starts, settings: Settings
+) -> list[CandidateFit]:
+    """Rivals of the best temporary effect: the likeliest others in its windows, under the noise left beside it."""
+    brief = [t for t in trials if t.reference and t.passes]
+    if not brief:
+        return []
+    best = max(brief, key=lambda t: t.sse_reduction)
+    windows = active_interval_of(problem.model.effect(best.effect), best.fit.values)
+    assert windows is not None
+    assert best.reference is not None
+    tried = {t.effect for t in trials if t.reference}
+    others = [c for c in state.columns if c.effect.size == 1 and c.effect.name not in tried]
+    columns = restricted_to(problem, others, windows)
+    scores = screen(problem, best.reference.noise, best.reference.fit, columns, settings)
+    likely = [s for s in scores if s.statistic > best.threshold][: settings.shortlist // 2]
+    return [_temporary_fit(problem, state, s, points, windows, settings) for s in likely]
+
+
+def _temporary_fit(
+    problem: Problem, state: State, found: Score, points: Starts, windows: range, settings: Settings
+) -> CandidateFit:
+    """An effect in some windows, beginning with these; windows, size and noise are then estimated together."""
+    begun = first_steps(problem, state, found, points.of(found, windows))
+    effect, names = problem.model.effect(found.effect), free_names(problem, state.accepted)
+    best = _carried_on(problem, state, effect, begun, settings, -np.inf)
+    own = refine_interval(problem, state.noise, effect, names, best.values, windows, state.columns)
+    even = own.even(settings.alpha / len(problem.model.effects))
+    return CandidateFit(
+        effect.name,
+        own.with_it,
+        sse_reduction=own.sure_sse_reduction
+        if even
+        else 0.0,  # an effect that comes and goes in between is another one
+        raw_sse_reduction=own.sse_reduction,
+        threshold=sse_threshold(problem, effect, best.values, settings.alpha),
+        variance_inflation=own.variance_inflation,
+        size=size_of(effect, own.with_it),
+        reference=replace(state, noise=own.noise, fit=own.without),
+    )
+
+
+def first_steps(problem: Problem, state: State, found: Score, begin: Sequence[Start]) -> list[Fit]:
+    """The first steps of a fit with one more effect from each of its starts, best first.
+
+    Steps that lead to a worse fit though the screen is beyond doubt were taken with cached Jacobian columns, and are taken again.
+    """
+    names = free_names(problem, (*state.accepted, found.effect))
+    fits = [fit(problem, state.noise, names, start.values, effort=FIRST_STEPS) for start in begin]
+    if all(f.sse > state.fit.sse for f in fits) and found.raw_statistic > CLEAR:
+        fits = [fit(problem, state.noise, names, begin[0].values, effort=LONGER)]
+    return sorted(fits, key=lambda f: f.sse)
+
+
+def finished(
+    problem: Problem, state: State, found: Score, begun: Sequence[Fit], settings: Settings, least: float
+) -> CandidateFit:
+    """The non-linear fit with one more effect, brought to its end if its first steps gained at least `least`."""
+    effect = problem.model.effect(found.effect)
+    best = _carried_on(problem, state, effect, begun, settings, least)
+    trial = candidate_fit(problem, state, effect, best, settings)
+    if not trial.passes or trial.size >= problem.model.negligible:
+        return trial
+    # significant, yet not surely of a size that matters: beside a nuisance that can do nearly the same, derivatives of
+    # another point do not lead to the end of the valley
+    problem.jacobian.forget_derivatives()
+    return candidate_fit(problem, state, effect, fit(problem, state.noise, best.names, best.values), settings)
+
+
+def _carried_on(
+    problem: Problem, state: State, effect: Effect, begun: Sequence[Fit], settings: Settings, least: float
+) -> Fit:
+    """The best end of the begun fits; the best of them as it is, if they are not worth finishing."""
+    best = begun[0]
+    threshold = sse_threshold(problem, effect, best.values, settings.alpha)
+    if state.fit.sse - best.sse <= max(least, problem.costs.worth_finishing(threshold)):
+        return best
+    fits: list[Fit] = []
+    for b in begun:
+        if not any(_one_place(problem, b, ended) for ended in fits):
+            fits.append(fit(problem, state.noise, best.names, b.values, effort=BRIEF))
+    return min(fits, key=lambda f: f.sse)
+
+
+def _one_place(problem: Problem, one: Fit, other: Fit) -> bool:
+    """Whether two fits of the same parameters stand within a typical change of each other, and so lead to the same end."""
+    apart = [one.values.shared[name] - other.values.shared[name] for name in one.names]
+    typical = [problem.model.parameter(name).typical for name in one.names]
+    return bool(np.max(np.abs(apart) / np.abs(typical)) < 1.0)
+
+
+def candidate_fit(
+    problem: Problem, state: State, effect: Effect, fitted: Fit, settings: Settings
+) -> CandidateFit:
+    """A fit with one effect more than the state's, with its reduction in SSE and the threshold of that."""
+    raw = state.fit.sse - fitted.sse
+    inflation = spread(fitted, effect.amplitude_names, time_blocks_of(state.noise))
+    return CandidateFit(
+        effect.name,
+        fitted,
+        sse_reduction=raw / inflation,
+        raw_sse_reduction=raw,
+        threshold=sse_threshold(problem, effect, fitted.values, settings.alpha),
+        variance_inflation=inflation,
+        size=size_of(effect, fitted),
+    )
+
+
+def size_of(effect: Effect, fitted: Fit) -> float:
+    """Least size of an effect, 95 %, by its largest amplitude parameter in typical changes: all are moved back together to that limit."""
+    own = effect.amplitude_parameters
+    away = np.array([fitted.values.shared[p.name] - p.value for p in own])
+    at = [fitted.names.index(p.name) for p in own]
+    sure = float(away @ inverse(fitted.covariance[np.ix_(at, at)]) @ away)
+    left = max(1.0 - SURE / np.sqrt(sure), 0.0) if sure > 0.0 else 0.0
+    return left * float(np.max(np.abs(away) / np.abs([p.typical for p in own])))
+
+
+def confirm(
+    problem: Problem, state: State, trial: CandidateFit, settings: Settings, without: Array | None = None
+) -> CandidateFit:
+    """The candidate with its reduction in SSE on held-out rows, summed over the folds: everything shared is fitted on the other rows.
+
+    without: the state's own held-out residual, where it is known.
+    """
+    noise, count = state.noise, len(problem.channels)
+    if without is None:
+        least = problem.costs.least_reduction(trial.sse_reduction)
+        without = held_out_residual(
+            problem, noise, state.accepted, state.fit.values, settings, least_reduction=least
+        )
+    with_it = held_out_residual(problem, noise, (*state.accepted, trial.effect), trial.fit.values, settings)
+    gained, whole = without**2 - with_it**2, np.bincount(noise.row_channel, without**2, count)
+    taken = np.bincount(noise.row_channel, gained, count) / np.maximum(whole, 1e-300)
+    return replace(trial, held_out_sse_reduction=float(np.sum(gained)), explained=float(np.max(taken)))
+
+
+def held_out_residual(
+    problem: Problem,
+    noise: Noise,
+    effects: Sequence[str],
+    start: Values,
+    settings: Settings,
+    *,
+    least_reduction: float = 0.0,
+) -> Array:
+    """Whitened residual (n,), every row from a fit of the shared parameters that has not seen it; least_reduction: of Effort."""
+    residual = np.empty(noise.keep.size)
+    folds_of = cross_validated(problem, noise, effects, start, settings, least_reduction=least_reduction)
+    for test, judged in folds_of:
+        residual[test] = judged.residual[test]
+    return residual
+
+
+def cross_validated(
+    problem: Problem,
+    noise: Noise,
+    effects: Sequence[str],
+    start: Values,
+    settings: Settings,
+    *,
+    least_reduction: float = 0.0,
+) -> Iterator[tuple[Mask, Fit]]:
+    """Rows held out in turn, with a fit in which shared parameters are those of the other rows; least_reduction: of Effort."""
+    names, effort = free_names(problem, effects), replace(TRAINING, least_reduction=least_reduction)
+    for test in folds(problem, noise, settings.folds):
+        trained = fit(problem, noise, names, start, rows=~test, effort=effort)
+        yield test, held_out(problem, noise, trained.values, test)
+
+
+def folds(problem: Problem, noise: Noise, count: int) -> list[Mask]:
+    """Rows held out in turn: every count-th window, or blocks of time where windows are few."""
+    number: NDArray[np.intp] = noise.row_window
+    if problem.model.held_out_s is not None:
+        number = (noise.row_time // problem.model.held_out_s).astype(np.intp)
+    elif len(problem.windows) < 2 * count:
+        number = time_blocks(noise, 4 * count) if len(problem.windows) < count else number
+    return [number % count == i for i in range(count)]
+
+
+def project_out(fitted: Fit, kept: Sequence[int]) -> Array:
+    """Columns `kept` of a fit, orthogonal to its other columns."""
+    others = [i for i in range(len(fitted.names)) if i not in kept]
+    X, J = fitted.columns[:, list(kept)], fitted.columns[:, others]
+    if not others:
+        return X
+    return X - J @ np.linalg.lstsq(J, X, rcond=None)[0]

@@ -1,0 +1,125 @@
+"""Functions of the known signals as they would act: at the ports of a model, through its dynamics, or on its readings."""
+
+import heapq
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from discrepancy.estimation.problem import Problem
+from discrepancy.model.equations import READING, driven
+from discrepancy.selection.functions import Function, functions
+from discrepancy.selection.state import State
+from discrepancy.signals.recording import Array
+
+MOST_READINGS = 200  # functions added to readings that are looked at closely
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    place: str
+    unit: str
+    function: Function
+    amplitude: float  # of the coefficient for which `raw` was simulated
+    raw: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A function on the grid of every window, and its root mean square over all."""
+
+    function: Function
+    series: Sequence[Array]
+    rms: float
+
+
+class Simulated:
+    """Functions of the known signals as they act at the ports of a model and on its readings, beside one fit."""
+
+    def __init__(self, problem: Problem, state: State) -> None:
+        model, values = problem.model, state.fit.values
+        self._problem, self._values = problem, values
+        self._base = problem.predict(values)
+        self._known = driven(model, problem.windows, lambda blind: problem.motions(blind, values))
+        units = {**model.inputs, **model.optional, **model.outputs}
+        common = [n for n in units if all(n in k for k in self._known)]
+        self.spread = {n: float(np.std(np.concatenate([k[n] for k in self._known]))) for n in common}
+        self.units = {n: units[n] for n in common if self.spread[n] > 0.0}
+
+    def shape(self, function: Function) -> "Shape | None":
+        """The function on the grid of every window; None where it is nothing, or not finite."""
+        windows = self._problem.windows
+        series = [function.of(k, w.step_s) for k, w in zip(self._known, windows, strict=True)]
+        rms = float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
+        return Shape(function, series, rms) if rms >= 1e-12 and np.isfinite(rms) else None
+
+    def at(self, place: str, shape: "Shape") -> Candidate:
+        """A function at a port, or on a reading."""
+        model = self._problem.model
+        port = next((p for p in model.ports if p.name == place), None)
+        if port is not None:
+            amplitude = port.typical / shape.rms
+            moved = self._problem.predict(self._values, [{place: amplitude * s} for s in shape.series])
+            return Candidate(place, port.unit, shape.function, amplitude, moved - self._base)
+        channel = place.removeprefix(READING)
+        amplitude = self.spread[channel] / shape.rms
+        raw = amplitude * self._on_reading(channel, shape.series)
+        return Candidate(place, model.outputs[channel], shape.function, amplitude, raw)
+
+    def _on_reading(self, channel: str, series: Sequence[Array]) -> Array:
+        """Rows (N,) of a function added to one channel, as it was just before each reading.
+
+        A driver or controller answers to a reading with its error, so that later commands would explain that error.
+        """
+        problem = self._problem
+        raw = np.zeros(problem.measured.size)
+        for block in problem.runs:
+            if channel in block.channels:
+                i, c = block.channels.index(channel), len(block.channels)
+                window = problem.windows[block.window]
+                before = block.time_s - window.step_s
+                raw[block.start + i : block.stop : c] = np.interp(before, window.time_s, series[block.window])
+        return raw
+
+
+def candidates(problem: Problem, state: State, simulated: Simulated) -> list[Candidate]:
+    model, readings, found = problem.model, _Readings(problem, state), list[Candidate]()
+    for function in functions(simulated.units, simulated.spread, {*model.inputs, *model.optional}):
+        shape = simulated.shape(function)
+        if shape is None:
+            continue
+        found += [simulated.at(port.name, shape) for port in model.ports]
+        for channel in problem.channels:
+            if channel in simulated.units and function.text != channel:
+                readings.consider(channel, simulated.at(READING + channel, shape))
+    return found + readings.best()
+
+
+class _Readings:
+    """Functions that may be added to the readings of outputs, the most promising of them where there are many.
+
+    Promising are functions that correlate with the innovations of the channel itself; only those are whitened with all other channels.
+    """
+
+    def __init__(self, problem: Problem, state: State) -> None:
+        self._kept: list[tuple[float, int, Candidate]] = []
+        self._seen = 0
+        self._own = {
+            name: np.flatnonzero(state.noise.row_channel == i) for i, name in enumerate(problem.channels)
+        }
+        self._noise, self._residual = state.noise, state.fit.residual
+
+    def consider(self, channel: str, candidate: Candidate) -> None:
+        """Keep the candidate for this channel if it is among the most promising so far."""
+        rows = self._own[channel]
+        seen, left = candidate.raw[self._noise.keep[rows]], self._residual[rows]
+        power = float(seen @ seen)
+        promise = float(seen @ left) ** 2 / power if power > 0.0 else 0.0
+        self._seen += 1
+        heapq.heappush(self._kept, (promise, self._seen, candidate))
+        if len(self._kept) > MOST_READINGS:
+            heapq.heappop(self._kept)
+
+    def best(self) -> list[Candidate]:
+        """Those kept, most promising first."""
+        return [candidate for _, _, candidate in sorted(self._kept, key=lambda entry: -entry[0])]

@@ -1,0 +1,116 @@
+"""Unit-consistent functions of known signals: powers, products, signs, derivatives, low-passes, and plays for hysteresis."""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from discrepancy.model.operators import play
+from discrepancy.model.sensors import lagged
+from discrepancy.signals.quantities import quantity
+from discrepancy.signals.recording import Array
+from discrepancy.signals.units import Unit, parse_unit
+
+MOST_SIGNALS = 6
+LAG_S = (0.2, 1.0)
+PLAY = 0.3  # width of the hysteresis operator, in standard deviations of its signal
+PLAYS = (0.1, PLAY)  # the same for commands that act on another signal
+
+Signals = Mapping[str, Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """f(signals) with its text, unit and complexity (1: plain); series per window come from `of`."""
+
+    text: str
+    unit: Unit
+    complexity: int
+    signals: tuple[str, ...]
+    of: Callable[[Signals, float], Array]
+    wide: "_Wide | None" = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Wide:
+    """The width of a play in a function, and the same function with another."""
+
+    width: float
+    having: Callable[[float], Function]
+
+
+def functions(
+    units: Mapping[str, str], spread: Mapping[str, float], commands: Collection[str] = ()
+) -> list[Function]:
+    """Unit-consistent functions of named signals; spread: standard deviation of each, for the operators with a width; commands: signals that
+    may reach what they command through a play, times another signal.
+    """
+    one = parse_unit("1")
+    found = [Function("1", one, 0, (), lambda s, _: np.ones_like(next(iter(s.values()))))]
+    for name in list(units)[:MOST_SIGNALS]:
+        found += _of_one(name, units[name], max(spread[name], 1e-12))
+    names = list(units)[:MOST_SIGNALS]
+    for i, a in enumerate(names):
+        found += [
+            Function(f"{a}·{b}", parse_unit(units[a]) * parse_unit(units[b]), 3, (a, b), _product(a, b))
+            for b in names[i + 1 :]
+        ]
+        if a in commands:
+            found += [
+                _played(a, units[a], b, units[b], width * spread[a])
+                for width in PLAYS
+                for b in names
+                if b != a
+            ]
+    return found
+
+
+def _played(command: str, its_unit: str, factor: str, unit: str, width: float) -> Function:
+    """Play of a command times another signal: steering with play turns a car in proportion to its speed."""
+    return Function(
+        f"play({command}, {quantity(width, its_unit)})·{factor}",
+        parse_unit(its_unit) * parse_unit(unit),
+        5,
+        (command, factor),
+        lambda s, _: play(s[command], width) * s[factor],
+        _Wide(width, partial(_played, command, its_unit, factor, unit)),
+    )
+
+
+def _with_play(name: str, unit: str, width: float) -> Function:
+    return Function(
+        f"play({name}, {quantity(width, unit)})",
+        parse_unit(unit),
+        4,
+        (name,),
+        lambda s, _: play(s[name], width),
+        _Wide(width, partial(_with_play, name, unit)),
+    )
+
+
+def _of_one(name: str, unit_text: str, sd: float) -> list[Function]:
+    unit, one = parse_unit(unit_text), parse_unit("1")
+
+    def make(text: str, of_unit: Unit, complexity: int, of: Callable[[Array, float], Array]) -> Function:
+        return Function(text, of_unit, complexity, (name,), lambda signals, step: of(signals[name], step))
+
+    return [
+        make(name, unit, 1, lambda x, _: x),
+        make(f"{name}·|{name}|", unit**2, 2, lambda x, _: x * np.abs(x)),
+        make(f"{name}²", unit**2, 2, lambda x, _: x**2),
+        make(f"sign({name})", one, 2, lambda x, _: np.tanh(x / (0.05 * sd))),
+        make(f"|{name}|", unit, 2, lambda x, _: np.abs(x)),
+        make(f"d/dt {name}", unit / parse_unit("s"), 2, lambda x, step: np.diff(x, prepend=x[:1]) / step),
+        make(f"{name}³", unit**3, 3, lambda x, _: x**3),
+        _with_play(name, unit_text, PLAY * sd),
+        *(make(f"lowpass({name}, {T:g} s)", unit, 3, partial(_low_pass, time_constant_s=T)) for T in LAG_S),
+    ]
+
+
+def _low_pass(x: Array, step_s: float, time_constant_s: float) -> Array:
+    return lagged(x, time_constant_s, step_s)
+
+
+def _product(a: str, b: str) -> Callable[[Signals, float], Array]:
+    return lambda s, _: s[a] * s[b]

@@ -1,0 +1,124 @@
+"""Forward selection: screen, shortlist, candidate fits, threshold, held-out gate; noise is estimated anew in every round.
+
+Nothing here decides on names: gates that need the open-ended equation and the groups come after (discrepancy.decision.judge).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from discrepancy import gates
+from discrepancy.estimation.fit import Fit, fit
+from discrepancy.estimation.noise import Noise, estimate_noise
+from discrepancy.estimation.problem import Problem
+from discrepancy.selection.assess import assess
+from discrepancy.selection.candidate_fits import candidate_fit, confirm, project_out, try_shortlist
+from discrepancy.selection.screen import spread, time_blocks_of
+from discrepancy.selection.state import CandidateFit, Progress, Settings, State, free_names, switched_off
+
+
+def search(
+    problem: Problem, settings: Settings, progress: Progress = lambda _: None
+) -> tuple[State, list[State]]:
+    """The final state, and the states on the way (the first is the baseline)."""
+    history: list[State] = []
+    accepted: tuple[str, ...] = ()
+    values = problem.start()
+    while True:
+        state = assess(problem, accepted, values, settings)
+        if len(accepted) < settings.most_effects:
+            progress(f"{len(state.scores)} effects screened, {problem.simulations} simulations")
+            state = replace(state, trials=tuple(try_shortlist(problem, state, settings)))
+        history.append(state)
+        if over_budget(problem, settings):
+            return state, history
+        found = best_confirmed(problem, state, settings) or confirmed_pair(problem, state, settings)
+        if not found:
+            return state, history
+        progress(
+            " and ".join(
+                f"{t.effect}: evidence {t.sse_reduction:.0f} (threshold {t.threshold:.0f})" for t in found
+            )
+        )
+        accepted, values = (*accepted, *(t.effect for t in found)), found[-1].fit.values
+
+
+def over_budget(problem: Problem, settings: Settings) -> bool:
+    """Whether the search has cost as much as it may: a model that is wrong by far is fitted again and again."""
+    return problem.costs.costly and problem.simulations > settings.most_simulations
+
+
+def best_confirmed(problem: Problem, state: State, settings: Settings) -> list[CandidateFit]:
+    """The best candidate that held-out data confirm, if any."""
+    good = [t for t in state.trials if t.accepted(settings) and not t.negligible(problem)]
+    return [_best(problem, state.noise, good)] if good else []
+
+
+def confirmed_pair(problem: Problem, state: State, settings: Settings) -> list[CandidateFit]:
+    """Two effects of which each passes beside the other, though neither by itself; or the one of them that makes the other needless.
+
+    An effect that is still missing makes the blocks of time disagree about every other one; with both, they have to agree. Only an effect
+    that reduces the SSE beyond doubt is taken up again, and only together with one that then passes.
+    """
+    doubted = [
+        t
+        for t in state.trials
+        if t.raw_sse_reduction > max(t.threshold, gates.CLEAR.threshold) and not t.reference
+    ]
+    if not doubted or len(state.accepted) + 2 > settings.most_effects:
+        return []
+    one = max(doubted, key=lambda t: t.margin)
+    given = assess(problem, (*state.accepted, one.effect), one.fit.values, settings)
+    given = replace(given, trials=tuple(try_shortlist(problem, given, settings)))
+    other = next(iter(best_confirmed(problem, given, settings)), None)
+    if other is None:
+        return []
+    effect = problem.model.effect(one.effect)
+    noise = (other.reference or given).noise
+    accepted = (*state.accepted, other.effect)
+    off = other.fit.values.with_shared(switched_off(effect))
+    without = fit(problem, noise, free_names(problem, accepted), off)
+    alone = replace(given, noise=noise, fit=without, accepted=accepted)
+    again = candidate_fit(problem, alone, effect, other.fit, settings)
+    if not again.passes:
+        last = problem.model.effect(other.effect)
+        seen = fit(problem, state.noise, without.names, without.values)
+        solo = candidate_fit(problem, state, last, seen, settings)
+        return _confirmed(problem, state, solo, settings) if solo.passes else []
+    if not all(
+        _blocks_agree(problem, noise, other.fit, name, settings) for name in (one.effect, other.effect)
+    ):
+        return []
+    stands = _confirmed(problem, alone, again, settings)
+    return [*stands, other] if stands else []
+
+
+def _confirmed(problem: Problem, state: State, trial: CandidateFit, settings: Settings) -> list[CandidateFit]:
+    """The candidate with its reduction on held-out rows if they confirm it, else nothing."""
+    tried = confirm(problem, state, trial, settings)
+    return [tried] if tried.accepted(settings) and not tried.negligible(problem) else []
+
+
+def _blocks_agree(problem: Problem, noise: Noise, fitted: Fit, name: str, settings: Settings) -> bool:
+    """Whether the blocks of time in which an effect shows agree on its size, but for chance."""
+    names, blocks = problem.model.effect(name).amplitude_names, time_blocks_of(noise)
+    direction = project_out(fitted, [fitted.names.index(n) for n in names])
+    power = np.bincount(blocks, np.sum(direction**2, axis=1))
+    freedom = max(float(np.sum(power)) ** 2 / float(np.sum(power**2)) - 1.0, 1.0)
+    beyond = float(chi2.sf(spread(fitted, names, blocks) * freedom, freedom))
+    return beyond > settings.alpha / len(problem.model.effects)
+
+
+def _best(problem: Problem, noise: Noise, good: list[CandidateFit]) -> CandidateFit:
+    """The effect that explains best: by margin, or by likelihood where some were judged under the noise that they leave."""
+    if not any(t.reference for t in good):
+        return max(good, key=lambda t: t.margin)
+    return max(good, key=lambda t: _log_likelihood(problem, noise, t) - t.threshold)
+
+
+def _log_likelihood(problem: Problem, noise: Noise, trial: CandidateFit) -> float:
+    """Twice the logarithm of the likelihood of a candidate under the noise that it leaves, but for a constant; noise: that of the search."""
+    raw = problem.measured - problem.predict(trial.fit.values)
+    noise = estimate_noise(problem, raw, len(trial.fit.names), noise)
+    return 2.0 * noise.log_density() - float(np.sum(noise.whiten(raw) ** 2))

@@ -1,0 +1,95 @@
+"""Where fits with one more effect begin: at the size that its score expects and at its trial steps, with all else moved along."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from discrepancy.estimation.fit import Fit
+from discrepancy.estimation.noise import Noise
+from discrepancy.estimation.problem import Problem, Values
+from discrepancy.model.description import Effect
+from discrepancy.selection.screen import Columns, Projector, Score
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """A point to begin a fit from."""
+
+    values: Values
+    sse_reduction: float  # there, with initial states free
+
+
+class Starts:
+    """Starts beside one fit; columns: of all candidates at that fit; at_prior: of the state."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        noise: Noise,
+        fitted: Fit,
+        columns: Sequence[Columns],
+        at_prior: Values | None = None,
+    ) -> None:
+        self._problem, self._noise, self._fit, self._at_prior = problem, noise, fitted, at_prior
+        self._columns = {c.effect.name: c for c in columns}
+        self._states = Projector(problem, noise, fitted).states
+
+    def of(self, found: Score, windows: range | None) -> list[Start]:
+        """Best first. Starts that are worse than the fit without the effect only if all are, and then one.
+
+        windows: in which the effect acts; None: in all.
+        """
+        effect = self._problem.model.effect(found.effect)
+
+        def begun(point: Values) -> Start:
+            acting = point if windows is None else point.active_in(effect.amplitude_parameters, windows)
+            return Start(acting, self._sse_reduction(acting))
+
+        points = []
+        for point in starts(self._fit.values, effect, found):
+            alone, along = begun(point), begun(self._along(found, point, windows))
+            points.append(max(alone, along, key=lambda start: start.sse_reduction))
+        if self._at_prior is not None:
+            points.append(begun(starts(self._at_prior, effect, found)[0]))
+        points.sort(key=lambda start: -start.sse_reduction)
+        return [points[0], *(start for start in points[1:] if start.sse_reduction > 0.0)]
+
+    def _along(self, found: Score, point: Values, windows: range | None) -> Values:
+        """The point, with all other fitted parameters where they fit best beside the effect at its size there, to first order."""
+        problem, fitted, columns = self._problem, self._fit, self._columns[found.effect]
+        sizes = np.array([point.shared[p.name] - p.value for p in columns.effect.amplitude_parameters])
+        nearest = int(np.argmin([np.sum((sizes - changes) ** 2) for changes in columns.changes]))
+        raw = columns.raw[nearest] @ (sizes / columns.changes[nearest])
+        if windows is not None:
+            raw = np.where(np.isin(problem.row_window, windows), raw, 0.0)
+        white = self._states.off(self._noise.whiten(raw[:, None]))[:, 0]
+        moved = -fitted.covariance @ (fitted.columns.T @ white)
+        known = [problem.model.parameter(name) for name in fitted.names]
+        return point.with_shared(
+            {
+                p.name: float(np.clip(point.shared[p.name] + change, p.lower, p.upper))
+                for p, change in zip(known, moved, strict=True)
+            }
+        )
+
+    def _sse_reduction(self, point: Values) -> float:
+        problem = self._problem
+        left = self._states.off(self._noise.whiten(problem.measured - problem.predict(point))[:, None])
+        known = [problem.model.parameter(name) for name in self._fit.names]
+        prior = sum(((point.shared[p.name] - p.value) / p.prior_sd) ** 2 for p in known if p.prior_sd)
+        return self._fit.sse - float(np.sum(left**2)) - prior
+
+
+def starts(at: Values, effect: Effect, found: Score) -> list[Values]:
+    """The expected change, within bounds, and the best trial step, which may lie in another minimum; shapes at their typical value."""
+    shapes, own = effect.shapes_at_typical, effect.amplitude_parameters
+    expected = {
+        p.name: float(np.clip(p.value + change, p.lower, p.upper))
+        for p, change in zip(own, found.change, strict=True)
+    }
+    points = [at.with_shared({**shapes, **expected})]
+    if any(p.trial_steps for p in own):
+        step = {p.name: p.trial_values[min(found.nearest, len(p.trial_values) - 1)] for p in own}
+        points.append(at.with_shared({**shapes, **step}))
+    return points

@@ -1,0 +1,78 @@
+"""Which estimates contradict a law they have to obey, so that they must not be called valid.
+
+An estimate can be wrong although every input it needs is usable: after a lift-off, with a wrong but plausible sensor,
+or beyond the range of its signal. Rules: a tyre pushes and never pulls; a load-transfer ratio lies within -1 and 1; a
+tyre gives no more than friction times its load; a value outside the range of its signal would arrive changed.
+Warnings and limits do not ask for this: that a wheel has lifted is known also when its load is not.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from dbc.binding import Binding
+from dbc.database import Database
+from ecu.bus_signals import Sent, rows
+from ecu.estimators.parameters import Wheel
+from ecu.estimators.signals import Estimates
+from ecu.validity import NEEDS, WHEELS
+
+PULL: Final = 0.05
+"""Share of the tyre's nominal load by which an estimated load may be negative: the noise of the sensors."""
+FRICTION: Final = 1.5
+"""Times the friction of a dry road, plus PULL of the nominal load: beyond any tyre; 0.8 of it is reached in the drive cases."""
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Values that a signal can carry, SI."""
+
+    validity: str  # entry of the validity table
+    index: int  # of the estimate
+    least: float
+    most: float
+
+
+class Consistency:
+    """The rules for one machine."""
+
+    def __init__(self, wheel: Wheel, database: Database) -> None:
+        self._pull = PULL * wheel.nominal_load
+        self._friction = FRICTION * max(wheel.friction, wheel.lateral_peak)
+        self._ranges = tuple(_ranges(database))
+
+    def contradicted(self, e: Estimates) -> frozenset[str]:
+        """Entries of the validity table whose estimates break a rule."""
+        normal, along = e[0:4], e[4:8]
+        across = (e.lateral_1, e.lateral_2, e.lateral_3, e.lateral_4)
+        found = {r.validity for r in self._ranges if not r.least <= e[r.index] <= r.most}
+        if min(normal) < -self._pull:
+            found |= {"normal", "roll_over"}
+        if max(abs(e.load_transfer_ratio), abs(e.predicted_load_transfer_ratio)) > 1.0:
+            found.add("roll_over")
+        for n, load, x, y in zip(WHEELS, normal, along, across, strict=True):
+            if math.hypot(x, y) > self._friction * max(load, 0.0) + self._pull:
+                found.add(f"force_{n}")
+        return frozenset(found)
+
+    def valid(self, e: Estimates, known: Mapping[str, bool]) -> Mapping[str, bool]:
+        """What may be called valid: the inputs are usable (`known`), and no rule is broken."""
+        contradicted = self.contradicted(e)
+        if not contradicted:
+            return known
+        return {name: flag and name not in contradicted for name, flag in known.items()}
+
+
+def _ranges(database: Database) -> list[Range]:
+    """Ranges of the sent estimates that have a validity."""
+    found = []
+    for name, row in rows(Estimates, Sent):
+        if row.validity:
+            binding = Binding(database.by_name[row.message], {row.signal: row.unit})
+            signal, factor = binding.codec.by_signal[row.signal], binding.factors[0]
+            least = -math.inf if signal.minimum is None else signal.minimum * factor
+            most = math.inf if signal.maximum is None else signal.maximum * factor
+            found.append(Range(row.validity, Estimates._fields.index(name), least, most))
+    assert {r.validity for r in found} <= set(NEEDS)
+    return found

@@ -1,0 +1,1 @@
+"""Where the weight stands: centre of gravity, payload, linkage, wheel normal forces."""

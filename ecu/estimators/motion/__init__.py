@@ -1,0 +1,1 @@
+"""How the machine moves: accelerations, speed, planar motion, tilt."""

@@ -1,0 +1,30 @@
+"""The state that the corrected estimators carry to the next cycle, made from what this cycle found."""
+
+from ecu.estimators.compiled import compiled
+from ecu.estimators.loads.payload import BucketLoad
+from ecu.estimators.motion.arm import Turning
+from ecu.estimators.motion.motion import Motion
+from ecu.estimators.quantities import NormalForces, WheelForces
+from ecu.estimators.signals import Inputs
+from ecu.estimators.state import State
+from ecu.estimators.tyres.contact import Tilt
+
+
+@compiled
+def next_state(
+    i: Inputs, s: State, m: Motion, load: BucketLoad, fused: float, axle_speed: float, axle_acceleration: float,
+    n: NormalForces, f: WheelForces, u: WheelForces, drift: float, tilt: Tilt, bias: Tilt, arm: Turning, bucket: Turning,
+) -> State:  # fmt: skip
+    """The state for the next cycle."""
+    return State(
+        s.cycles + 1.0, load.payload, fused, i.articulation_rate, m.articulation_acceleration,
+        i.roll_rate, m.change.x, i.pitch_rate, m.change.y, i.yaw_rate, m.change.z,
+        i.wheel_speed_1, i.wheel_speed_2, i.wheel_speed_3, i.wheel_speed_4,
+        m.wheel_acceleration_1, m.wheel_acceleration_2, m.wheel_acceleration_3, m.wheel_acceleration_4,
+        n.front_left, n.front_right, n.rear_left, n.rear_right,
+        f.x1, f.x2, f.x3, f.x4, u.x1, u.x2, u.x3, u.x4, drift, axle_speed, axle_acceleration,
+        tilt.roll, tilt.pitch, bias.roll, bias.pitch,
+        arm.angle, arm.rate, arm.acceleration, arm.sample,
+        bucket.angle, bucket.rate, bucket.acceleration, bucket.sample,
+        load.couple, load.calm_payload, load.calm_couple, load.digging, load.x, load.z, load.traction,
+    )  # fmt: skip

@@ -1,0 +1,134 @@
+"""One cycle of the estimators as the thesis prints them: inputs and state in, estimates and new state out."""
+
+import math
+
+from ecu.estimators.compiled import compiled
+from ecu.estimators.parameters import GRAVITY, Parameters
+from ecu.estimators.printed import normal_force, turning, tyre
+from ecu.estimators.printed.centre import front_unit_printed, machine_centre_repaired
+from ecu.estimators.printed.motion import printed_acceleration, wheel_acceleration, yaw_rate_of_angle
+from ecu.estimators.printed.payload import standing_payload
+from ecu.estimators.printed.rollover import four_wheel_load_transfer, printed_margin
+from ecu.estimators.printed.state import PrintedState
+from ecu.estimators.printed.wheels import force_of_slip, slips_of_rolling
+from ecu.estimators.quantities import Centre, NormalForces, WheelForces
+from ecu.estimators.signals import NEVER, Estimates, Inputs
+
+
+@compiled
+def followed_payload(i: Inputs, s: PrintedState, p: Parameters) -> float:
+    """Payload [kg] through a first-order filter; the last one while the pressures are not usable."""
+    if i.pressure_usable == 0.0:
+        return s.payload
+    share = i.dt / (p.cylinders.settling_time + i.dt) if s.cycles != 0.0 else 1.0
+    return s.payload + (standing_payload(i, p) - s.payload) * share
+
+
+@compiled
+def wheel_accelerations(i: Inputs, s: PrintedState, time: float) -> tuple[float, float, float, float]:
+    """Angular accelerations of the wheels [rad/s2]; 0 in the first cycle."""
+    if s.cycles == 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    return (
+        wheel_acceleration(s.wheel_speed_1, i.wheel_speed_1, s.wheel_acceleration_1, i.dt, time),
+        wheel_acceleration(s.wheel_speed_2, i.wheel_speed_2, s.wheel_acceleration_2, i.dt, time),
+        wheel_acceleration(s.wheel_speed_3, i.wheel_speed_3, s.wheel_acceleration_3, i.dt, time),
+        wheel_acceleration(s.wheel_speed_4, i.wheel_speed_4, s.wheel_acceleration_4, i.dt, time),
+    )
+
+
+@compiled
+def loads(
+    centre: Centre, angle: float, ax: float, ay_right: float, pitch: float, roll: float, p: Parameters
+) -> NormalForces:
+    """Normal forces by the printed balances, on wheels at this articulation angle [rad]."""
+    g = p.geometry
+    return normal_force.printed_normal_forces(
+        centre.mass, centre.z, normal_force.printed_arms(centre, angle, g), ax, ay_right, pitch, roll, GRAVITY,
+        p.axle.mass, p.axle.height, g.rear_track / 2.0, g.pivot_height,
+    )  # fmt: skip
+
+
+@compiled
+def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, PrintedState]:
+    """One cycle.
+
+    Centre of gravity by (36)-(42) (its sign clash and its y balance repaired, E-09, E-10), acceleration
+    as in 2.5, normal forces by the printed balances (71)-(87), tyre forces from slip, turning moment by
+    (93), (94). There is no prediction: lift-off is reported when the estimate has got there, and nothing is limited.
+    """
+    g, w, d = p.geometry, p.wheel, i.articulation_angle
+    load = followed_payload(i, s, p)
+    w1, w2, w3, w4 = wheel_accelerations(i, s, p.sensors.wheel_time)
+    rolling = tyre.radius(w.nominal_load, 1.0, w)
+    v = (i.wheel_speed_1 + i.wheel_speed_2 + i.wheel_speed_3 + i.wheel_speed_4) / 4.0 * rolling
+    ax, ay_right = printed_acceleration((w1 + w2 + w3 + w4) / 4.0 * rolling, -d)
+
+    front_unit = front_unit_printed(i.lift_arm_angle, load, p.front, p.arm, p.bucket)
+    centre = machine_centre_repaired(d, front_unit, p.rear)
+    n = loads(centre, d, ax, ay_right, -i.pitch, -i.roll, p)
+    # the reference: straight wheels, but the centre of gravity of the present articulation
+    standing = loads(centre, 0.0, 0.0, 0.0, 0.0, 0.0, p)
+    margin = printed_margin(n, standing)
+    lift_off = 0.0 if margin.ratio <= 0.0 else NEVER
+    transfer = four_wheel_load_transfer(n)
+
+    yaw = yaw_rate_of_angle(v, d, g)
+    slips = slips_of_rolling(i, yaw, v, n, w, g)
+    front, rear, m = w.front_pressure, w.rear_pressure, p.magic_formula
+    u1, x1 = force_of_slip(s.deflection_1, slips.x1, v, n.front_left, front, i.dt, w, m)
+    u2, x2 = force_of_slip(s.deflection_2, slips.x2, v, n.front_right, front, i.dt, w, m)
+    u3, x3 = force_of_slip(s.deflection_3, slips.x3, v, n.rear_left, rear, i.dt, w, m)
+    u4, x4 = force_of_slip(s.deflection_4, slips.x4, v, n.rear_right, rear, i.dt, w, m)
+    y1 = tyre.sideways(slips.y1, n.front_left, w)
+    y2 = tyre.sideways(slips.y2, n.front_right, w)
+    y3 = tyre.sideways(slips.y3, n.rear_left, w)
+    y4 = tyre.sideways(slips.y4, n.rear_right, w)
+    forces = WheelForces(x1, x2, x3, x4, y1, y2, y3, y4)
+    turn = turning.yaw_moment_printed(forces, centre.x, centre.y, d, g)
+
+    estimates = Estimates(
+        normal_1=n.front_left,
+        normal_2=n.front_right,
+        normal_3=n.rear_left,
+        normal_4=n.rear_right,
+        longitudinal_1=x1,
+        longitudinal_2=x2,
+        longitudinal_3=x3,
+        longitudinal_4=x4,
+        lateral_1=y1,
+        lateral_2=y2,
+        lateral_3=y3,
+        lateral_4=y4,
+        slip_1=slips.x1,
+        slip_2=slips.x2,
+        slip_3=slips.x3,
+        slip_4=slips.x4,
+        tyre_model_1=x1,
+        tyre_model_2=x2,
+        tyre_model_3=x3,
+        tyre_model_4=x4,
+        load_transfer_ratio=transfer,
+        predicted_load_transfer_ratio=transfer,
+        lift_off_margin=margin.ratio,
+        lift_off_wheel=margin.wheel,
+        predicted_margin=margin.ratio,
+        time_to_lift_off=lift_off,
+        lifting_wheel=margin.wheel,
+        yaw_moment=turn,
+        joint_torque=turn,  # the thesis compares one with the other
+        yaw_rate=yaw,
+        speed=v,
+        specific_force_x=ax - GRAVITY * math.sin(i.pitch),
+        specific_force_y=-ay_right + GRAVITY * math.sin(i.roll),
+        specific_force_z=GRAVITY * math.cos(i.pitch) * math.cos(i.roll),
+        payload=load,
+        permitted_rate=p.prediction.largest_rate,
+        permitted_direction=0.0,
+        permitted_speed=p.prediction.largest_speed,
+    )
+    state = PrintedState(
+        s.cycles + 1.0, load, i.wheel_speed_1, i.wheel_speed_2, i.wheel_speed_3, i.wheel_speed_4,
+        w1, w2, w3, w4, u1, u2, u3, u4,
+    )  # fmt: skip
+    return estimates, state

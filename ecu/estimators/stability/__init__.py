@@ -1,0 +1,1 @@
+"""Roll-over margin and its prediction, permitted articulation rate and speed, turning torque."""

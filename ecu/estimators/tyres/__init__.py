@@ -1,0 +1,1 @@
+"""Tyre laws, contact points and the slip of each wheel."""

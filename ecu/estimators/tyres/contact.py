@@ -1,0 +1,183 @@
+"""Tilt of the machine on its tyres: wheel loads that follow the gyro between two balances of forces.
+
+The balance of forces needs angular accelerations, which the gyro gives only late and noisily. The tyres
+are springs: their loads change with the tilt of the machine, and the tilt's rate is the gyro's
+own reading. So loads follow the gyro in the short run and the balance in the long run (a complementary
+filter with the gyro's bias as a state), and are carried ahead by the time that sensor and bus need.
+
+Tilt is that of the rear frame against the road: roll left up, pitch nose down [rad]; 0 where all tyres
+are deflected alike. Front wheels and the oscillation pivot are the three points that it moves.
+"""
+
+import math
+from typing import NamedTuple
+
+from ecu.estimators.compiled import compiled
+from ecu.estimators.parameters import Contact, Geometry, Wheel
+from ecu.estimators.quantities import NormalForces
+from ecu.estimators.tyres import tyre
+
+FORESEEN = 15.0
+"""The prior of the gyro's bias, zero, weighs as much as this many cycles of measurement."""
+
+
+class Tilt(NamedTuple):
+    """Angles of the rear frame against the road, their rates, or the gyro's biases, about x and y."""
+
+    roll: float
+    pitch: float
+
+
+class Springs(NamedTuple):
+    """Tangent stiffness of the front left, front right and of one rear tyre [N/m]."""
+
+    left: float
+    right: float
+    rear: float
+
+
+@compiled
+def springs(forces: NormalForces, wheel: Wheel) -> Springs:
+    """Stiffness of the tyres under their loads; that of a lifted one is what it begins with."""
+    rear = (forces.rear_left + forces.rear_right) / 2.0
+    return Springs(
+        tyre.radial_stiffness(forces.front_left, wheel.front_stiffening, wheel),
+        tyre.radial_stiffness(forces.front_right, wheel.front_stiffening, wheel),
+        tyre.radial_stiffness(rear, wheel.rear_stiffening, wheel),
+    )
+
+
+@compiled
+def tilt_of(forces: NormalForces, articulation_angle: float, wheel: Wheel, geometry: Geometry) -> Tilt:
+    """The tilt at which the tyres carry these loads."""
+    c, s = math.cos(articulation_angle), math.sin(articulation_angle)
+    lf, lr = geometry.front_length, geometry.rear_length
+    left = tyre.deflection(forces.front_left, wheel.front_stiffening, wheel)
+    right = tyre.deflection(forces.front_right, wheel.front_stiffening, wheel)
+    mean = (forces.rear_left + forces.rear_right) / 2.0
+    across = (right - left) / geometry.front_track
+    along = (left + right) / 2.0 - tyre.deflection(mean, wheel.rear_stiffening, wheel)
+    base = lf + lr * c
+    roll = ((lr + lf * c) * across - s * along) / base
+    return Tilt(roll, (lf * s * across + c * along) / base)
+
+
+@compiled
+def shifted(
+    forces: NormalForces, change: Tilt, articulation_angle: float, stiffness: Springs, geometry: Geometry
+) -> NormalForces:
+    """Forces after a small change of tilt at the same total load."""
+    c, s = math.cos(articulation_angle), math.sin(articulation_angle)
+    lf, lr = geometry.front_length, geometry.rear_length
+    across = geometry.front_track * (change.roll * c + change.pitch * s)
+    along = change.pitch * (lr + lf * c) - change.roll * lf * s
+    left, right, rear = stiffness
+    # the rear pair comes down by so much less than the middle of the front pair, one side by so much more
+    # than the other, and the total load stays
+    middle = ((left - right) * across / 2.0 + 2.0 * rear * along) / (left + right + 2.0 * rear)
+    behind = rear * (middle - along)
+    return NormalForces(
+        forces.front_left + left * (middle - across / 2.0),
+        forces.front_right + right * (middle + across / 2.0),
+        forces.pivot + 2.0 * behind,
+        forces.rear_left + behind,
+        forces.rear_right + behind,
+    )
+
+
+@compiled
+def stands(forces: NormalForces) -> bool:
+    """Whether every tyre is loaded, so that its deflection follows from its load."""
+    return min(forces.front_left, forces.front_right, forces.rear_left, forces.rear_right) > 0.0
+
+
+class Followed(NamedTuple):
+    """Tilt, the gyro's biases, and the tilt's rate after them."""
+
+    tilt: Tilt
+    bias: Tilt
+    rate: Tilt
+
+
+@compiled
+def carried_on(tilt: Tilt, bias: Tilt, gyro: Tilt, yaw_rate: float, dt: float) -> Followed:
+    """The tilt `dt` [s] later by the gyro alone; the biases stay. Arguments as in `followed`."""
+    roll_rate = gyro.roll - bias.roll + yaw_rate * tilt.pitch
+    pitch_rate = gyro.pitch - bias.pitch - yaw_rate * tilt.roll
+    return Followed(
+        Tilt(tilt.roll + roll_rate * dt, tilt.pitch + pitch_rate * dt), bias, Tilt(roll_rate, pitch_rate)
+    )
+
+
+@compiled
+def followed(
+    tilt: Tilt,
+    bias: Tilt,
+    gyro: Tilt,
+    yaw_rate: float,
+    balanced: Tilt,
+    cycles: float,
+    dt: float,
+    contact: Contact,
+) -> Followed:
+    """One cycle of the filter.
+
+    gyro: roll and pitch rate as read [rad/s]; balanced: tilt by the balance of forces; cycles: how many
+    there were before. The first cycles weigh all they have seen alike (the least-squares line through
+    them), so that the gyro's bias is known after a second.
+    """
+    on = carried_on(tilt, bias, gyro, yaw_rate, dt)
+    roll, pitch = on.tilt.roll, on.tilt.pitch
+    roll_error, pitch_error = balanced.roll - roll, balanced.pitch - pitch
+    seen = cycles + FORESEEN
+    share = max(dt / (contact.settling_time + dt), 2.0 * (2.0 * seen - 1.0) / (seen * (seen + 1.0)))
+    learnt = max(share / (contact.bias_time + dt), 6.0 / (seen * (seen + 1.0) * dt))
+    return Followed(
+        Tilt(roll + share * roll_error, pitch + share * pitch_error),
+        Tilt(bias.roll - learnt * roll_error, bias.pitch - learnt * pitch_error),
+        on.rate,
+    )
+
+
+@compiled
+def carried(
+    forces: NormalForces,
+    tilt: Tilt,
+    rate: Tilt,
+    articulation_angle: float,
+    dt: float,
+    wheel: Wheel,
+    geometry: Geometry,
+    contact: Contact,
+) -> NormalForces:
+    """Forces of the tyres at the followed tilt, carried ahead by the latency, damping included.
+
+    The sum over samples is half a cycle ahead of them already.
+    """
+    stiffness = springs(forces, wheel)
+    known = tilt_of(forces, articulation_angle, wheel, geometry)
+    lead = contact.latency - dt / 2.0 + contact.damping / ((stiffness.left + stiffness.right) / 2.0)
+    change = Tilt(
+        tilt.roll + rate.roll * lead - known.roll,
+        tilt.pitch + rate.pitch * lead - known.pitch,
+    )
+    return shifted(forces, change, articulation_angle, stiffness, geometry)
+
+
+@compiled
+def support_rate(
+    forces: NormalForces,
+    rate: Tilt,
+    articulation_angle: float,
+    articulation_rate: float,
+    wheel: Wheel,
+    geometry: Geometry,
+) -> float:
+    """How fast the support point moves to the left [m/s] as the machine tilts and bends."""
+    c, s = math.cos(articulation_angle), math.sin(articulation_angle)
+    lf, half = geometry.front_length, geometry.front_track / 2.0
+    n1, n2 = forces.front_left, forces.front_right
+    then = shifted(forces, rate, articulation_angle, springs(forces, wheel), geometry)
+    moved = (then.front_left - n1) * (lf * s + half * c) + (then.front_right - n2) * (lf * s - half * c)
+    bent = articulation_rate * (n1 * (lf * c - half * s) + n2 * (lf * c + half * s))
+    return (moved + bent) / (n1 + n2 + forces.pivot)

@@ -1,0 +1,77 @@
+"""An ECU for the bench that has nothing of loaderhil: python-can and cantools alone. It estimates nothing; it shows what a bus asks of an ECU.
+
+python foreign_ecu.py INTERFACE CHANNEL loader.dbc      # socketcan can0, or loaderhil /tmp/loaderhil.hub
+"""
+
+import sys
+import time
+
+import can
+import cantools
+
+PERIOD_S, STALE_S = 0.01, 0.05
+RUNNING, DEGRADED, SAFE_VALUES = 1, 2, 3  # EcuStatus.State, Limits.Cause
+
+
+def crc8(data: bytes) -> int:
+    """CRC-8 of SAE J1850 (0x1D) with start value 0 and no final XOR, as AUTOSAR E2E profile 1 uses it."""
+    crc = 0
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x1D if crc & 0x80 else crc << 1) & 0xFF
+    return crc
+
+
+def protect(message, data: bytes, counter: int) -> bytes:
+    """Counter 0..14 into the low nibble of byte 1; CRC over data id (low, high byte) and payload into byte 0."""
+    attributes = message.dbc.attributes
+    if "E2EDataId" not in attributes:
+        return data
+    data_id = int(attributes["E2EDataId"].value)
+    frame = bytes([data[1] & 0xF0 | counter]) + data[2:]
+    return bytes([crc8(data_id.to_bytes(2, "little") + frame)]) + frame
+
+
+def values(message, echo: int, stale: bool) -> dict[str, float]:
+    """The signals of one message: nothing is valid, no limit but a speed that any loader may drive."""
+    sent = {signal.name: max(0, signal.minimum or 0) for signal in message.signals}
+    special = {
+        "EcuStatus": {"EchoSequence": echo, "State": DEGRADED if stale else RUNNING, "StaleInputs": stale},
+        "Limits": {"FrontLeftTorque": 50, "FrontRightTorque": 50, "RearLeftTorque": 50, "RearRightTorque": 50}
+        | (
+            {"Speed": 8, "ArticulationRate": 10, "Cause": SAFE_VALUES}
+            if stale
+            else {"Speed": 50, "ArticulationRate": 50}
+        ),
+        "RollOver": {"State": 7, "LiftingWheel": 7},  # not available
+        "Warnings": {"InputStale": stale},
+    }
+    return sent | special.get(message.name, {})
+
+
+def main(interface: str, channel: str, dbc: str) -> None:
+    """Answer until the bus is gone or Ctrl-C."""
+    database = cantools.database.load_file(dbc)
+    mine = [message for message in database.messages if "EstimatorEcu" in message.senders]
+    sample = database.get_message_by_name("Articulation")
+    echo, heard_s, tick, started_s = 0, -STALE_S, 0, time.monotonic()
+    with can.Bus(interface=interface, channel=channel) as bus:
+        while True:
+            due_s = started_s + tick * PERIOD_S
+            while (frame := bus.recv(max(0.0, due_s - time.monotonic()))) is not None:
+                if frame.arbitration_id == sample.frame_id:
+                    heard_s = time.monotonic()
+                    echo = sample.decode(frame.data, decode_choices=False)["SampleSequence"]
+            stale = time.monotonic() - heard_s > STALE_S
+            for message in mine:
+                every, number = message.cycle_time // 10, tick // (message.cycle_time // 10)
+                if tick % every == 0:
+                    data = message.encode(values(message, echo, stale), strict=True)
+                    data = protect(message, data, number % 15)
+                    bus.send(can.Message(arbitration_id=message.frame_id, is_extended_id=True, data=data))
+            tick += 1
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,172 @@
+"""`loaderhil check`: deadline verdicts on a recording, or on the run directory of a real-time run."""
+
+import json
+import sys
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from dbc import FOLDER
+from dbc.database import Database
+from dbc.errors import LogError
+from hil.check.check import Check, Rules, check
+from hil.check.observed import read_observed
+from hil.check.tables import COLOUR, several_channels, table_of
+from hil.ending import Ending
+from hil.results import Case, Suite, write_junit
+from hil.timing.deadlines import STALE_AFTER, TOLERANCE, Observer
+from hil.verdict import Result
+
+DEFAULT_DBCS = ("loader.dbc", "reference.dbc", "j1939.dbc")
+WIDTH = 120
+"""Columns that the table needs: what a pipe gets."""
+
+
+def windowed(observer: Observer, from_s: float | None, to_s: float | None) -> Observer:
+    """The window narrowed to seconds after its start; LogError if nothing is left of it."""
+    start_ns, end_ns = observer.start_ns, observer.end_ns
+    begin_ns = start_ns + round(from_s * 1e9) if from_s is not None else start_ns
+    stop_ns = min(start_ns + round(to_s * 1e9), end_ns) if to_s is not None else end_ns
+    if begin_ns >= stop_ns:
+        length_s = (end_ns - start_ns) * 1e-9
+        raise LogError(
+            f"--from-s {from_s} to --to-s {to_s}: nothing to judge there; there are {length_s:.3f} s"
+        )
+    return replace(observer, start_ns=begin_ns, end_ns=stop_ns)
+
+
+def print_summary(console: Console, recording: Path, done: Check) -> None:
+    """The verdicts as a table, and what was not judged."""
+    seconds = (done.observer.end_ns - done.observer.start_ns) * 1e-9
+    console.print(f"{recording}: {seconds:.3f} s judged")
+    console.print(table_of(done.messages, channels=several_channels(done.messages)))
+    if done.aperiodic:
+        console.print(f"without a cycle time, not judged: {', '.join(done.aperiodic)}")
+    if done.unknown:
+        console.print(f"in no DBC, not judged: {done.unknown} frames")
+    for note in done.notes:
+        console.print(escape(note))
+    for verdict in (done.overall, done.intact):
+        colour = COLOUR[verdict.result]
+        console.print(
+            f"[{colour}]{verdict.result.value}[/]  {escape(verdict.question)}: {escape(verdict.reason)}"
+        )
+
+
+def as_json(recording: Path, done: Check) -> str:
+    """Everything of the check, results by their names."""
+    content: dict[str, Any] = {"recording": str(recording)} | asdict(done)
+    return json.dumps(content, indent=2, ensure_ascii=False, default=_name_of_result)
+
+
+def suite_of(recording: Path, done: Check) -> Suite:
+    """The verdict on each message, then the one on all of them, which alone decides."""
+    several = several_channels(done.messages)
+    messages = [
+        Case(
+            name=f"{one.channel}: {one.verdict.name}" if several else one.verdict.name,
+            result=one.verdict.result,
+            reason=one.verdict.reason,
+            decides=False,
+        )
+        for one in done.messages
+    ]
+    seconds = (done.observer.end_ns - done.observer.start_ns) * 1e-9
+    return Suite(
+        name=str(recording),
+        cases=(*messages, Case.of(done.overall), Case.of(done.intact)),
+        time_s=seconds,
+        remarks=done.notes,
+    )
+
+
+def _name_of_result(value: object) -> str:
+    assert isinstance(value, Result)
+    return str(value.value)
+
+
+def check_recording(
+    recording: Annotated[
+        Path, typer.Argument(metavar="RECORDING", help="Recording or run directory to check.")
+    ],
+    dbc: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--dbc",
+            metavar="FILE",
+            help="DBC file with the cycle times; by default the bench's own. Repeatable.",
+        ),
+    ] = None,
+    node: Annotated[
+        list[str] | None,
+        typer.Option("--node", metavar="NAME", help="Check only messages that this node sends. Repeatable."),
+    ] = None,
+    channel: Annotated[
+        str | None,
+        typer.Option("--channel", metavar="NAME", help="Check only this channel of the recording."),
+    ] = None,
+    from_s: Annotated[
+        float | None, typer.Option("--from-s", help="Check from this time on [s after the first frame].")
+    ] = None,
+    to_s: Annotated[
+        float | None, typer.Option("--to-s", help="Check up to this time [s after the first frame].")
+    ] = None,
+    tolerance: Annotated[
+        float,
+        typer.Option(
+            "--tolerance",
+            min=0.01,
+            max=0.99,
+            help="Permitted deviation of an interval, as a share of the cycle time.",
+        ),
+    ] = TOLERANCE,
+    stale_after: Annotated[
+        float,
+        typer.Option(
+            "--stale-after", min=1, help="Number of cycle times without a frame after which a value is stale."
+        ),
+    ] = STALE_AFTER,
+    json_output: Annotated[bool, typer.Option("--json", help="Print the verdicts as JSON.")] = False,
+    junit: Annotated[
+        Path | None, typer.Option("--junit", metavar="FILE", help="The verdicts also as JUnit XML.")
+    ] = None,
+) -> None:
+    """Check the timing of every message in a recording against its cycle time.
+
+    Reports late, early, missing and repeated frames, jumps of counters, stale values, and frames of wrong length or CRC.
+    Exit code 0: every message was judged, in time and intact; 1: one was not, or could not be judged. Example:
+    `loaderhil check drive.blf --dbc car.dbc --from-s 10`
+    """
+    databases = [Database.from_file(file, strict=False) for file in dbc or [FOLDER / d for d in DEFAULT_DBCS]]
+    known = sorted({name for db in databases for codec in db.by_name.values() for name in codec.senders})
+    for name in node or []:
+        if name not in known:
+            raise LogError(
+                f"--node {name}: the DBC has no sender of that name; its senders are {', '.join(known)}"
+            )
+    try:
+        table, observer = read_observed(recording)
+    except LogError as error:
+        Console(stderr=True, highlight=False, soft_wrap=True).print(f"loaderhil: {escape(str(error))}")
+        raise typer.Exit(Ending.FAILED) from None
+    if channel is not None:
+        table = table.on_channel(channel, recording)
+    rules = Rules(tolerance=tolerance, stale_after=stale_after, nodes=tuple(node or ()))
+    done = check(table, databases, rules, observer=windowed(observer, from_s, to_s))
+    if junit is not None:
+        write_junit(junit, "check", [suite_of(recording, done)])
+    if json_output:
+        print(as_json(recording, done))
+    else:
+        width = None if sys.stdout.isatty() else WIDTH
+        print_summary(Console(highlight=False, soft_wrap=True, width=width), recording, done)
+    raise typer.Exit(Ending.PASSED if done.passed else Ending.FAILED)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command("check")(check_recording)

@@ -1,1 +1,0 @@
-"""`loaderhil diagnose`: recordings and a model in, findings on the terminal, in findings.json and as one HTML page out."""

@@ -1,5 +1,0 @@
-"""The report of a diagnosis: one self-contained HTML page of the same family as the bench report."""
-
-from hil.diagnose.page.page import page
-
-__all__ = ["page"]

@@ -1,0 +1,56 @@
+"""When a node was silent: from the stamps of its frames. Pure, for the process that waits for a node and for the verdict after the run."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dbc.database import Database
+from hil.verdict import Result, Verdict
+
+SILENT_NS: Final = 100_000_000
+"""A node without any frame for so long is silent: ten cycles of the fastest messages of loader.dbc."""
+
+
+@dataclass(frozen=True, slots=True)
+class Silence:
+    """From the last frame before it to the first one after it [s on the clock of the run]; until None: to the end."""
+
+    from_s: float
+    until_s: float | None
+
+    def __str__(self) -> str:
+        return f"{self.from_s:.2f} s " + ("on" if self.until_s is None else f"to {self.until_s:.2f} s")
+
+
+def silences(time_s: ArrayLike, *, end_s: float, silent_s: float = SILENT_NS * 1e-9) -> list[Silence]:
+    """The silences of a node between time zero and `end_s`, from the times of all its frames [s]."""
+    times = np.asarray(time_s, float)
+    inside = np.concatenate(([0.0], np.sort(times[(times >= 0) & (times <= end_s)]), [end_s]))
+    gaps = np.flatnonzero(np.diff(inside) > silent_s)
+    return [
+        Silence(float(inside[gap]), None if gap == inside.size - 2 else float(inside[gap + 1]))
+        for gap in gaps.tolist()
+    ]
+
+
+def judge_presence(node: str, time_s: ArrayLike, *, end_s: float) -> Verdict:
+    """Whether a foreign node was there throughout the run."""
+    question = f"{node} is there throughout"
+    times = np.asarray(time_s, float)
+    if end_s <= 0:
+        return Verdict(question=question, result=Result.INCONCLUSIVE, reason="nothing was recorded")
+    found = silences(times, end_s=end_s)
+    if not found:
+        count = int(np.count_nonzero((times >= 0) & (times <= end_s)))
+        return Verdict(
+            question=question, result=Result.PASSED, reason=f"{count} frames, never silent for 100 ms"
+        )
+    told = ", ".join(map(str, found[:3])) + (f" and {len(found) - 3} times more" if len(found) > 3 else "")
+    return Verdict(question=question, result=Result.FAILED, reason=f"silent from {told}")
+
+
+def identifiers_of(node: str, database: Database) -> frozenset[int]:
+    """The `can_id` words of the messages that a node sends."""
+    return frozenset(codec.can_id for codec in database.by_name.values() if node in codec.senders)

@@ -1,0 +1,263 @@
+"""One run as processes: hubs, recorders, gateway, ECU and plant, each its own `loaderhil` command, in real time.
+
+The supervisor starts them, waits until all are ready (compiled, connected), says go, and
+ends all of them with the first that ends. What is left is a run directory, complete or
+with the reason why not.
+"""
+
+import shutil
+import signal
+import tempfile
+import time
+from array import array
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from hil import rundir
+from hil.check.observed import punctuality_of
+from hil.compose import Choice, ChoiceError, calibration_of, record_of
+from hil.ending import Ending
+from hil.gateway import latency
+from hil.gateway.buses import ONE_BUS, Buses
+from hil.gateway.routes import Side
+from hil.processes.supervisor import Child, Event, StartFailed, Supervisor, loaderhil
+from hil.rundir import RunDirectory, RunRecord
+from hil.runs import RunResult
+from hil.shell.realtime_options import ORDINARY, RealtimeOptions
+from hil.timing.vitals import SAMPLE_S, Watch, with_children
+from hil.timing.waits import Rows
+
+HUB_READY_S = 20.0
+READY_S = 180.0
+"""Compilation of plant and estimators included, which is slow the first time on a small machine."""
+STUCK_S = 20.0
+"""How long the plant's time may stand still; on a starved machine it runs slower than the clock, but it runs."""
+NODE_OF: dict[Side, str] = {"plant": "Machine", "ecu": "EstimatorEcu"}
+LOST = (-signal.SIGKILL, -signal.SIGTERM, Ending.HUB_LOST, Ending.PEER_DIED)
+"""Exit codes of a process that others ended, or that waited for a node in vain, before it was ready as well as after."""
+LAST_WORDS_S = 1.0
+"""How long to look for the real cause when processes fall like dominoes."""
+
+
+@contextmanager
+def _sigterm_interrupts() -> Iterator[None]:
+    """SIGTERM ends a run as Ctrl-C does: with its processes stopped and its files written."""
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def socket_folder() -> Iterator[Path]:
+    """A folder for the sockets of a run; the paths of Unix sockets have to be short."""
+    folder = Path(tempfile.mkdtemp(prefix="loaderhil-"))
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def run_realtime(
+    choice: Choice,
+    out: Path,
+    on_event: Callable[[str, Event], None] | None = None,
+    buses: Buses = ONE_BUS,
+    options: RealtimeOptions = ORDINARY,
+) -> RunResult:
+    """Run `choice` as processes and leave the run directory `out`; options: of all but the recorders."""
+    scenario = choice.load()
+    if not buses.gateway and choice.injector() is not None:
+        raise ChoiceError(
+            f"{choice.scenario}: has faults to inject; add --gateway to do so in real time, or run in lockstep"
+        )
+    record = record_of(
+        scenario, form=choice.form, limits=choice.limits, mode="realtime", calibration=choice.calibration
+    )
+    record = replace(record, foreign={str(side): address for side, address in buses.foreign.items()})
+    rundir.begin(out, record)
+    with _sigterm_interrupts(), socket_folder() as folder, Supervisor(on_event) as supervisor:
+        bench = _Bench(supervisor, choice, buses, options, folder, out)
+        try:
+            ending, reason = bench.drive()
+        except StartFailed as error:
+            ending, reason = Ending.FAILED, str(error)
+            if error.ended is not None and error.ended.process.returncode in LOST:
+                ending, reason = _cause(supervisor, bench.hubs, error.ended)
+        except KeyboardInterrupt:
+            ending, reason = Ending.INTERRUPTED, "interrupted"
+        figures = _stop_in_order(supervisor)
+        waits = _waits(supervisor)
+    record = replace(_ended(record, ending, reason, figures), vitals=bench.watch.vitals())
+    rundir.keep_truth(out)
+    latency.conclude(out, record)
+    if waits:
+        rundir.write_table(rundir.part_of_timing(out, "waits"), waits)
+    rundir.merge_timing(out)
+    rundir.write_record(out, record)
+    record = replace(record, punctuality=punctuality_of(RunDirectory.read(out)))
+    rundir.write_record(out, record)
+    return RunResult(ending, reason, record)
+
+
+class _Bench:
+    """The processes of one run."""
+
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        choice: Choice,
+        buses: Buses,
+        options: RealtimeOptions,
+        folder: Path,
+        out: Path,
+    ) -> None:
+        self._supervisor = supervisor
+        self._choice, self._buses, self._options = choice, buses, options
+        self._folder, self._out = folder, out
+        self.watch = Watch()
+        self.hubs: list[Child] = []
+
+    def drive(self) -> tuple[Ending, str]:
+        """Start everything, let the plant run, say how it ended."""
+        supervisor = self._supervisor
+        self.hubs = hubs = self._start_hubs()
+        others = self._start_others()
+        plant = self._start_plant()
+        supervisor.wait_ready([*others, plant] if plant else others, READY_S)
+        attendants = self._start_attendants()
+        supervisor.wait_ready(attendants, READY_S + self._buses.wait_s)
+        plant = plant or attendants[0]
+        self._look()
+        for child in {id(child): child for child in (plant, *attendants)}.values():
+            supervisor.go(child)
+        reached_s, moved_s = plant.reached_s, time.monotonic()
+        while (first := supervisor.wait_first_end(SAMPLE_S)) is None:
+            self._look()
+            if plant.reached_s != reached_s:
+                reached_s, moved_s = plant.reached_s, time.monotonic()
+            elif time.monotonic() - moved_s > STUCK_S:
+                return Ending.FAILED, (
+                    f"the plant's time has stood still at {reached_s:.1f} s for {STUCK_S:.0f} s"
+                )
+        if first is plant and plant.finished:
+            return Ending.PASSED, ""
+        return _cause(supervisor, hubs, first)
+
+    def _start_plant(self) -> Child | None:
+        """Our machine; None where a foreign one stands in for it."""
+        if "plant" in self._buses.foreign:
+            return None
+        options = [*self._choice.arguments(), *self._options.words(), "--out", str(self._out)]
+        bus = self._buses.addresses(self._folder)["plant"]
+        return self._supervisor.start("plant", loaderhil("plant", *options, "--bus", bus), vital=True)
+
+    def _start_attendants(self) -> list[Child]:
+        """A process that waits for the foreign node, if there is one; against a foreign machine it also ends the run."""
+        children = []
+        for side, address in self._buses.foreign.items():
+            words = [address, "--node", NODE_OF[side], "--wait-s", repr(self._buses.wait_s)]
+            if side == "plant":
+                words += ["--for-s", repr(float(self._choice.load().duration_s))]
+            children.append(self._supervisor.start("attend", loaderhil("attend", *words), vital=True))
+        return children
+
+    def _look(self) -> None:
+        """How the processes fare."""
+        running = [c for c in self._supervisor.children if c.ready and not c.ended]
+        processes = with_children((child.name, child.process.pid) for child in running)
+        self.watch.sample(processes, time.monotonic_ns())
+
+    def _start_hubs(self) -> list[Child]:
+        words = self._options.words(above=1)  # than what talks on them
+        hubs = [
+            self._supervisor.start(name, loaderhil("hub", "--bus", address, *words))
+            for name, address in self._buses.own_hubs(self._folder).items()
+        ]
+        self._supervisor.wait_ready(hubs, HUB_READY_S)
+        return hubs
+
+    def _start_others(self) -> list[Child]:
+        """All but hubs and plant."""
+        choice, out, start = self._choice, self._out, self._supervisor.start
+        on = self._buses.addresses(self._folder)
+        words = [*self._options.words(), "--out", str(out)]
+        others = [start("recorder", _record(f"loader={on['plant']}", out / rundir.BUS))]
+        if self._buses.gateway:
+            others.append(start("ecu-recorder", _record(f"loader={on['ecu']}", out / rundir.ECU_BUS)))
+            others.append(start("gateway", loaderhil("gateway", *_between(on, self._buses, choice), *words)))
+        form = [
+            "--form",
+            choice.form,
+            "--calibration",
+            calibration_of(choice.load(), choice.calibration),
+            *([] if choice.limits else ["--no-limits"]),
+        ]
+        if "ecu" not in self._buses.foreign:
+            others.append(start("ecu", loaderhil("ecu", "--bus", on["ecu"], *form, *words)))
+        return others
+
+
+def _record(bus: str, log: Path) -> list[str]:
+    return loaderhil("record", bus, "--out", str(log), "--monotonic")
+
+
+def _between(on: dict[Side, str], buses: Buses, choice: Choice) -> list[str]:
+    """The options of the gateway."""
+    words = ["--plant-bus", on["plant"], "--ecu-bus", on["ecu"]]
+    if buses.routes is not None:
+        words += ["--routes", str(buses.routes)]
+    if buses.control is not None:
+        words += ["--control", str(buses.control)]
+    if choice.injector() is not None:
+        words += [word for file in choice.fault_files() for word in ("--inject", str(file))]
+        words += ["--seed", str(choice.load().seed)]
+    return words
+
+
+def _cause(supervisor: Supervisor, hubs: list[Child], first: Child) -> tuple[Ending, str]:
+    """Which process began it: one that only reports the loss of a hub is not the cause."""
+    if first not in hubs and first.process.returncode == Ending.HUB_LOST:
+        for hub in hubs:
+            supervisor.wait_end(hub, LAST_WORDS_S / len(hubs))
+        first = next((hub for hub in hubs if hub.ended), first)
+    lost_hub = first in hubs or first.process.returncode == Ending.HUB_LOST
+    return (Ending.HUB_LOST if lost_hub else Ending.PEER_DIED), first.how_it_ended()
+
+
+def _stop_in_order(supervisor: Supervisor) -> dict[str, Event]:
+    """Plant and ECU first, so that the recorder hears their last frames and the hub outlives them all."""
+    supervisor.stop_all()
+    return {child.name: child.figures for child in supervisor.children}
+
+
+def _waits(supervisor: Supervisor) -> dict[str, Rows]:
+    """Waits for a processor, by process; a process that was started again has the waits of all its lives."""
+    waits: dict[str, array[int]] = {}
+    for child in supervisor.children:
+        waits.setdefault(child.name, array("q")).extend(child.waits)
+    return {name: np.array(of, np.int64).reshape(-1, 3) for name, of in waits.items() if of}
+
+
+OUTCOMES: dict[Ending, rundir.Outcome] = {Ending.PASSED: "finished", Ending.INTERRUPTED: "interrupted"}
+
+
+def _ended(record: RunRecord, ending: Ending, reason: str, figures: dict[str, Event]) -> RunRecord:
+    """The record of a run that is over, with the figures of its processes as PROCESS_FIGURE."""
+    named = {f"{name}_{key}": value for name, event in figures.items() for key, value in event.items()}
+    return replace(
+        record,
+        outcome=OUTCOMES.get(ending, "failed"),
+        reason=reason,
+        duration_s=float(named.get("plant_duration_s", named.get("attend_duration_s", 0.0))),
+        statistics=named,
+    )

@@ -1,0 +1,294 @@
+"""`loaderhil decode`: recordings through DBC files into one table per message.
+
+Values are the DBC's physical values, equal to cantools' bit for bit. Frames that no DBC knows are
+counted and named; damaged lines are reported with their number and skipped; of a frame shorter than its
+message the signals that lie within it are decoded.
+"""
+
+import csv
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from bus.frame import ERROR, EXTENDED, EXTENDED_MASK, REMOTE
+from bus.user_error import UserError
+from dbc import FOLDER
+from dbc.columns import ColumnDecoder, Columns
+from dbc.database import Database
+from dbc.errors import DatabaseError, LogError
+from dbc.j1939 import pgn, source_address
+from dbc.recordings.logfile import FrameTable
+from dbc.recordings.reading import read_frames
+from hil.ending import Ending
+
+DEFAULT_DBCS = ("loader.dbc", "reference.dbc", "j1939.dbc")
+SHOWN = 12
+
+# Acronyms of common parameter groups, SAE J1939-71 and -73 and -21.
+PGN_NAMES = {
+    0: "TSC1", 1024: "XBR", 59392: "ACKM", 59904: "RQST", 60160: "TP.DT", 60416: "TP.CM", 60928: "AC",
+    61184: "PropA", 61440: "ERC1", 61441: "EBC1", 61442: "ETC1", 61443: "EEC2", 61444: "EEC1",
+    61445: "ETC2", 61449: "VDC2", 65132: "TCO1", 65134: "HRW", 65215: "EBC2", 65226: "DM1", 65227: "DM2",
+    65247: "EEC3", 65253: "HOURS", 65254: "TD", 65257: "LFC", 65258: "VW", 65260: "VI", 65262: "ET1",
+    65263: "EFL/P1", 65264: "PTO", 65265: "CCVS", 65266: "LFE", 65269: "AMB", 65270: "IC1", 65271: "VEP1",
+    65276: "DD",
+}  # fmt: skip
+
+
+class Format(StrEnum):
+    """What the tables are written as."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decoded:
+    """One recording, decoded."""
+
+    path: Path
+    frames: FrameTable
+    columns: dict[str, Columns]
+    undecodable: dict[int, int]
+    short: dict[str, int]
+
+
+def identifier_text(can_id: int) -> str:
+    """An identifier as people write it, with the J1939 parameter group where it has one."""
+    if can_id & ERROR:
+        return f"error frame 0x{can_id & EXTENDED_MASK:08X}"
+    kind = " (remote)" if can_id & REMOTE else ""
+    if not can_id & EXTENDED:
+        return f"0x{can_id & 0x7FF:03X}{kind}"
+    group = pgn(can_id)
+    name = PGN_NAMES.get(group) or ("PropB" if 65280 <= group <= 65535 else "")
+    return f"0x{can_id & EXTENDED_MASK:08X} (PGN {group}{f' {name}' if name else ''}){kind}"
+
+
+def decode_log(
+    path: Path, decoder: ColumnDecoder, progress: Any = None, channel: str | None = None
+) -> Decoded:
+    """Read and decode one recording, or one channel of it; LogError when it cannot be read, or has no such channel."""
+    table = read_frames(path, progress)
+    table = table.on_channel(channel, path) if channel is not None else table
+    return Decoded(
+        path=path,
+        frames=table,
+        columns=decoder.decode(table, truncated=True),
+        undecodable=decoder.undecodable(table),
+        short=decoder.short(table),
+    )
+
+
+def origins(columns: Columns, table: FrameTable, *, j1939: bool) -> dict[str, Any]:
+    """Where each frame of a message came from: its channel if there are several, its source address in J1939."""
+    found: dict[str, Any] = {}
+    if len(table.channels) > 1:
+        found["channel"] = np.array(table.channels)[table.channel[columns.rows]]
+    if j1939:
+        found["source_address"] = np.array(
+            [source_address(word) for word in table.can_id[columns.rows].tolist()]
+        )
+    return found
+
+
+class TableError(UserError, OSError):
+    """A table cannot be written; the message names the file and the cause."""
+
+
+@contextmanager
+def naming_the_file(target: Path) -> Iterator[None]:
+    """Turn what the system refuses while `target` is written into a TableError that names it.
+
+    A full disk is found by write(2), whose error names no file.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise TableError(f"{target}: cannot be written: {error.strerror or error}") from error
+
+
+def write_columns(columns: Columns, target: Path, form: Format, origin: dict[str, Any] | None = None) -> None:
+    """One message as a table: time_s, `origin`, then each signal named `Signal [unit]`; all of it or nothing."""
+    origin = origin or {}
+    units = {name: columns.codec.by_signal[name].unit for name in columns.signals}
+    headers = ["time_s", *origin, *(f"{name} [{unit}]" if unit else name for name, unit in units.items())]
+    values = [columns.time_s, *origin.values(), *columns.signals.values()]
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=target.parent, prefix=f".{target.name}.", delete=False) as handle:
+        part = Path(handle.name)
+    try:
+        if form is Format.CSV:
+            _write_csv(part, headers, values)
+        else:
+            _write_parquet(part, columns, units, origin)
+        part.chmod(0o644)
+        part.replace(target)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _write_csv(path: Path, headers: Sequence[str], values: Sequence[Any]) -> None:
+    """Numbers in their shortest form that reads back to the same value."""
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        out = csv.writer(stream, lineterminator="\n")
+        out.writerow(headers)
+        out.writerows(zip(*(column.tolist() for column in values), strict=True))
+
+
+def _write_parquet(path: Path, columns: Columns, units: dict[str, str], origin: dict[str, Any]) -> None:
+    """Columns under their plain names; units and the message's comment as field and table metadata."""
+    fields = [pa.field("time_s", pa.float64(), metadata={"unit": "s"})]
+    arrays: list[Any] = [pa.array(columns.time_s)]
+    for name, values in origin.items():
+        arrays.append(pa.array(values))
+        fields.append(pa.field(name, arrays[-1].type))
+    for name, values in columns.signals.items():
+        plain = np.array([float(v) for v in values]) if values.dtype == object else values
+        arrays.append(pa.array(plain))
+        fields.append(pa.field(name, arrays[-1].type, metadata={"unit": units[name]}))
+    schema = pa.schema(fields, metadata={"message": columns.codec.name, "comment": columns.codec.comment})
+    pq.write_table(pa.Table.from_arrays(arrays, schema=schema), path)
+
+
+def load_databases(files: Iterable[Path], *, j1939: bool = False) -> list[Database]:
+    """The DBC files in the order given; without any, our own and a few J1939 groups.
+
+    j1939: every message with a 29-bit identifier stands for its parameter group, marked so or not.
+    """
+    named = list(files) or [FOLDER / name for name in DEFAULT_DBCS]
+    databases = [Database.from_file(file, strict=False) for file in named]
+    for database in databases if j1939 else ():
+        extended = [codec for codec in database.by_id.values() if codec.can_id & EXTENDED]
+        database.by_pgn = {pgn(codec.can_id): codec for codec in reversed(extended)}
+    return databases
+
+
+def print_summary(console: Console, done: Decoded) -> None:
+    """What was found in one recording."""
+    table = Table(
+        "message", "frames", "mean period \\[ms]", box=None, header_style="bold", title_justify="left"
+    )
+    for name, columns in sorted(done.columns.items()):
+        count = columns.time_s.size
+        span = float(columns.time_s[-1] - columns.time_s[0])
+        table.add_row(name, str(count), f"{span / (count - 1) * 1e3:.1f}" if count > 1 else "–")
+    decoded = sum(columns.time_s.size for columns in done.columns.values())
+    console.print(f"{done.path}: {len(done.frames)} frames, {decoded} decoded, {len(done.columns)} messages")
+    console.print(table)
+    if done.undecodable:
+        total = sum(done.undecodable.values())
+        console.print(f"in no DBC: {total} frames of {len(done.undecodable)} identifiers")
+        ranked = sorted(done.undecodable.items(), key=lambda item: -item[1])
+        for can_id, count in ranked[:SHOWN]:
+            console.print(f"  {identifier_text(can_id)}, {count} frames")
+        if len(ranked) > SHOWN:
+            console.print(f"  and {len(ranked) - SHOWN} more")
+    for name, count in done.short.items():
+        decoded_too = name in done.columns and not done.columns[name].codec.is_multiplexed
+        what = "signals outside them left empty" if decoded_too else "skipped"
+        console.print(f"{name}: {count} frames shorter than the DBC says; {what}")
+    for damage in done.frames.damaged[:SHOWN]:
+        console.print(f"{done.path}: {escape(str(damage))}")
+    if done.frames.damaged_count > SHOWN:
+        console.print(f"{done.path}: {done.frames.damaged_count} damaged lines in all")
+
+
+def target_of(out: Path, log: Path, message: str, form: Format, *, several: bool) -> Path:
+    """Where a message's table goes: in a folder per recording when there are several."""
+    stem = log.name.removesuffix(".gz")
+    for suffix in (".log", ".candump", ".blf", ".asc", ".mf4"):
+        stem = stem.removesuffix(suffix)
+    return (out / stem if several else out) / f"{message}.{form}"
+
+
+def decode(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(metavar="LOG...", help="Recordings: candump log, .gz of one, BLF, ASC, MF4."),
+    ],
+    dbc: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--dbc",
+            metavar="FILE",
+            help="DBC file, may be repeated. Default: our own and a few J1939 groups.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for one table per message; by default only a summary is shown.",
+        ),
+    ] = None,
+    form: Annotated[Format, typer.Option("--format", help="Format of the tables.")] = Format.CSV,
+    channel: Annotated[
+        str | None,
+        typer.Option("--channel", metavar="NAME", help="Decode only this channel of the recordings."),
+    ] = None,
+    j1939: Annotated[
+        bool,
+        typer.Option(
+            "--j1939",
+            help="Match every 29-bit identifier by its J1939 parameter group; tables have a column for the source address.",
+        ),
+    ] = False,
+) -> None:
+    """Decode recordings into one table per message.
+
+    J1939 messages are matched by their parameter group, from any source address. Example:
+    `loaderhil decode drive.log --dbc car.dbc --out tables --format parquet`
+    """
+    console = Console(highlight=False, soft_wrap=True)
+    errors = Console(stderr=True, highlight=False, soft_wrap=True)
+    try:
+        decoder = ColumnDecoder(*load_databases(dbc or [], j1939=j1939))
+    except DatabaseError as error:
+        errors.print(f"loaderhil: {escape(str(error))}")
+        raise typer.Exit(Ending.MISUSED) from None
+    failed = False
+    for log in logs:
+        try:
+            done = _with_progress(log, decoder, errors, channel)
+            if out is not None:
+                for name, columns in done.columns.items():
+                    target = target_of(out, log, name, form, several=len(logs) > 1)
+                    with naming_the_file(target):
+                        write_columns(columns, target, form, origins(columns, done.frames, j1939=j1939))
+        except (LogError, TableError) as error:
+            errors.print(f"loaderhil: {escape(str(error))}")
+            failed = True
+            continue
+        print_summary(console, done)
+    if out is not None and not failed:
+        console.print(f"tables: {out}")
+    raise typer.Exit(Ending.FAILED if failed else Ending.PASSED)
+
+
+def _with_progress(log: Path, decoder: ColumnDecoder, errors: Console, channel: str | None) -> Decoded:
+    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=errors, transient=True) as progress:
+        task = progress.add_task(log.name, total=None)
+        return decode_log(
+            log, decoder, lambda read, total: progress.update(task, completed=read, total=total), channel
+        )
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command()(decode)

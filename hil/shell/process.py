@@ -1,0 +1,127 @@
+"""What all processes of the bench share: how signals end them, and how they report their end.
+
+By hand they run until Ctrl-C and speak on standard error; under a supervisor they speak
+through their lifeline.
+"""
+
+import asyncio
+import errno
+import logging
+import os
+import selectors
+import signal
+from collections.abc import Callable, Coroutine, Iterator
+from pathlib import Path
+from typing import Any, Self
+
+from bus.address import open_transport
+from bus.transport import BusClosed, BusUnavailable, Transport
+from bus.user_error import UserError
+from hil.ending import Ending
+from hil.shell.lifeline import Lifeline, SupervisorGone
+from hil.timing.host import Sleeps
+
+STORAGE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""Errors of a write, which names no file: no space left, quota, limit of file size, a broken disk."""
+
+
+def ending_of(body: Callable[[Lifeline], Ending]) -> Ending:
+    """Run a body; what the bus or the supervisor did to it becomes one line and an exit code."""
+    line = Lifeline.from_environment()
+    try:
+        return body(line)
+    except BusUnavailable as error:
+        line.error(str(error))
+    except BusClosed as error:
+        line.error(f"lost the bus: {error}")
+    except SupervisorGone as error:
+        line.error(str(error))
+        return Ending.PEER_DIED
+    except UserError as error:
+        line.error(str(error))
+        return Ending.MISUSED
+    except OSError as error:
+        if error.errno not in STORAGE:
+            raise
+        where = f"{error.filename}: " if error.filename is not None else ""
+        line.error(f"{where}{error.strerror}; what was being written is incomplete")
+        return Ending.FAILED
+    return Ending.HUB_LOST
+
+
+def reach(address: str) -> None:
+    """Open a bus and close it again, so that a missing bus is an error now and not after a minute of compiling."""
+    open_transport(address).close()
+
+
+def log_to(file: Path | None) -> None:
+    """Findings into `file`, whose folder is made if need be, or onto standard error."""
+    if file is not None:
+        file.parent.mkdir(parents=True, exist_ok=True)
+    logging.basicConfig(
+        filename=file, level=logging.INFO, format="%(asctime)s %(name)s %(levelname)s %(message)s", force=True
+    )
+
+
+def run_until_signal(work: Coroutine[Any, Any, None], sleeps: Sleeps | None = None) -> bool:
+    """Run `work`; SIGTERM and Ctrl-C cancel it. Whether that happened. sleeps: the selector of its event loop."""
+
+    async def guarded() -> bool:
+        task = asyncio.ensure_future(work)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            asyncio.get_running_loop().add_signal_handler(number, task.cancel)
+        try:
+            await task
+        except asyncio.CancelledError:
+            return True
+        return False
+
+    with asyncio.Runner(loop_factory=lambda: asyncio.SelectorEventLoop(sleeps)) as runner:
+        return runner.run(guarded())
+
+
+class Stop:
+    """SIGTERM and Ctrl-C as a file descriptor, for a loop that waits on a bus."""
+
+    def __init__(self) -> None:
+        self._reader, self._writer = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+
+    def __enter__(self) -> Self:
+        self._before = {
+            number: signal.signal(number, lambda *_: None) for number in (signal.SIGINT, signal.SIGTERM)
+        }
+        self._wakeup = signal.set_wakeup_fd(self._writer)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        signal.set_wakeup_fd(self._wakeup)
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        os.close(self._reader)
+        os.close(self._writer)
+
+    def fileno(self) -> int:
+        """Readable once the signal has come."""
+        return self._reader
+
+    def readable(self, *descriptors: int) -> Iterator[None]:
+        """Yield whenever one of `descriptors` is readable, and once more after the signal."""
+        with selectors.DefaultSelector() as selector:
+            for descriptor in descriptors:
+                selector.register(descriptor, selectors.EVENT_READ)
+            selector.register(self._reader, selectors.EVENT_READ)
+            while True:
+                ready = {key.fd for key, _ in selector.select()}
+                yield
+                if self._reader in ready:
+                    return
+
+
+def counters(bus: Transport) -> dict[str, int]:
+    """Frames of a transport, as figures of the process."""
+    counts = bus.statistics()
+    return {
+        "sent": counts.sent,
+        "received": counts.received,
+        "dropped": counts.dropped_in + counts.dropped_out,
+    }

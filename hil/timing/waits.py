@@ -1,0 +1,60 @@
+"""Waits of processes for a processor, and whether one of them explains that something was late. Pure.
+
+Each process looks at its own clock of waiting once per tick or round (`hil.timing.host.OwnWaits`). A row is one look: when the look
+before was, when this one, and how long the process waited in between [ns]. Where in between is not known, so a
+wait counts for a stretch of time only as far as it may lie in it.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Rows = NDArray[np.int64]
+"""(n, 3) in the order of time: from, until, waited [ns]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wait:
+    """One process that waited so long for a processor [ns], as it saw at `until_ns`."""
+
+    process: str
+    waited_ns: int
+    until_ns: int
+
+    def describe(self, zero_ns: int) -> str:
+        """In words; zero_ns: where the run's time begins."""
+        at_s = (self.until_ns - zero_ns) * 1e-9
+        return f"{self.process} was kept waiting {self.waited_ns * 1e-6:.1f} ms at {at_s:.2f} s"
+
+
+def explaining(
+    waits: Mapping[str, Rows], from_ns: int, until_ns: int, needed_ns: int, *, beyond_ns: int | None = None
+) -> Wait | None:
+    """The longest wait of which at least `needed_ns` may lie between the two times; None if there is none.
+
+    waits: by process. beyond_ns: it may not be over before. One wait has to be long enough by itself: those of several looks or processes are not added up.
+    """
+    found = []
+    for process, rows in waits.items():
+        first = int(np.searchsorted(rows[:, 1], from_ns if beyond_ns is None else beyond_ns, side="right"))
+        last = int(np.searchsorted(rows[:, 0], until_ns, side="left"))
+        near = rows[first:last]
+        within = np.minimum(near[:, 1], until_ns) - np.maximum(near[:, 0], from_ns)
+        enough = near[np.minimum(near[:, 2], within) >= needed_ns]
+        if enough.size:
+            _, seen_ns, waited_ns = enough[np.argmax(enough[:, 2])].tolist()
+            found.append(Wait(process, waited_ns, seen_ns))
+    return longest(found)
+
+
+def longest_of(waits: Mapping[str, Rows]) -> Wait | None:
+    """The longest of all; None if nobody waited."""
+    rows = [(name, of[np.argmax(of[:, 2])].tolist()) for name, of in waits.items() if of.size]
+    return longest([Wait(name, row[2], row[1]) for name, row in rows])
+
+
+def longest(waits: Iterable[Wait]) -> Wait | None:
+    """The longest of some; None of none."""
+    return max(waits, key=lambda wait: wait.waited_ns, default=None)

@@ -1,0 +1,411 @@
+"""`loaderhil identify`: tyre and machine parameters from raw measurements, and raw measurements made from the plant."""
+
+import subprocess
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the results go.")]
+SeedOption = Annotated[
+    int, typer.Option("--seed", min=0, max=2**32 - 1, help="Of all that is left to chance.")
+]
+WithoutOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--without",
+        metavar="DEFECT",
+        help="A defect that is switched off; repeatable. 'all' for a clean recording.",
+    ),
+]
+FormatOption = Annotated[str, typer.Option("--format", metavar="KIND", help="parquet, csv or mat.")]
+MachineOption = Annotated[
+    str,
+    typer.Option(
+        "--machine", metavar="NAME|FILE", help="The machine whose tyre is measured, or that gets the result."
+    ),
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    group = typer.Typer(
+        no_args_is_help=True,
+        help="Find tyre and machine parameters in raw measurements, or make such measurements.",
+    )
+    group.command("rig")(rig)
+    group.command("field")(field)
+    group.command("machine")(machine_command)
+    group.command("make-rig")(make_rig_command)
+    group.command("make-field")(make_field_command)
+    app.add_typer(group, name="identify")
+
+
+def rig(
+    description: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RIG.toml",
+            help="What was recorded: runs, loads, calibration; or the folder that holds it.",
+        ),
+    ],
+    out: OutOption = Path("out/identify"),
+    machine: MachineOption = "l60",
+    dbc: Annotated[
+        list[Path] | None, typer.Option("--dbc", metavar="FILE", help="For recordings of CAN frames.")
+    ] = None,
+    search: Annotated[
+        bool,
+        typer.Option(
+            "--search/--no-search",
+            help="Whether differential evolution checks the trust region (half a minute).",
+        ),
+    ] = True,
+) -> None:
+    """A tyre from the raw log of a chassis dynamometer: report.html, identification.json, tyre.tir, machine.toml.
+
+    Example: `loaderhil identify make-rig out/rig --seed 1`, then `loaderhil identify rig out/rig/rig.toml --out out/tyre`
+    """
+    from diagnosis.command import write
+    from hil.companions import CALIBRATION
+    from hil.ending import Ending
+    from identify.page.rig_page import rig_page
+    from identify.results import as_json, machine_files, tyre_file
+    from identify.rig.chain import (
+        BASE,
+        OF_BRAKING,
+        OF_LOAD,
+        OF_LOADS,
+        OF_PRESSURE,
+        OF_PRESSURES,
+        doubts,
+        fitted,
+        prepare,
+        problem_of,
+    )
+    from identify.rig.files import read_rig
+    from identify.rig.models import compared
+    from identify.rig.preparing import Unusable
+    from identify.rig.relaxation import step_lengths
+    from identify.tyre.advice import not_fitted, undetermined
+    from identify.tyre.search import searched
+
+    file = description / "rig.toml" if description.is_dir() else description
+    log = read_rig(file, dbc or [])
+    try:
+        ready = prepare(log)
+    except Unusable as error:
+        print(f"nothing can be identified: {error}")
+        raise typer.Exit(Ending.INCONCLUSIVE) from error
+    origin = _origin(f"loaderhil identify rig {description}")
+    problem = problem_of(ready)
+    found = fitted(ready)
+    nominal = [
+        t
+        for t in ready.fitted
+        if t.kind in ("drive", "brake")
+        and _near(t.inflation, log.nominal.pressure)
+        and t.piston_pressure == min(x.piston_pressure for x in ready.fitted)
+    ]
+    base = tuple(n for n in BASE if n in problem.tyre)
+    check = searched(problem_of(ready, base, traces=nominal[:4])) if search and nominal else None
+    steps = [
+        s
+        for t in ready.fitted
+        if t.kind == "steps"
+        for s in step_lengths(t, ready.loads.load(t.piston_pressure))
+    ]
+    wanted = (*BASE, *OF_BRAKING, *OF_LOAD, *OF_LOADS, *OF_PRESSURE, *OF_PRESSURES, "PHX1", "PVX1")
+    opened = [*undetermined(found, problem), *not_fitted(problem.tyre, wanted)]
+    page = rig_page(
+        ready, problem, found, steps=steps, models=compared(ready), search=check, opened=opened, origin=origin
+    )
+    files = machine_files(ready, found, machine, out / "machine.toml", origin)
+    texts = {
+        "report.html": page,
+        "identification.json": as_json(ready, found, opened, origin),
+        "tyre.tir": tyre_file(ready, found, origin),
+        "machine.toml": files[out / "machine.toml"],
+        f"machine{CALIBRATION}": files[out / f"machine{CALIBRATION}"],
+    }
+    for name in found.names:
+        if not name.startswith(("tare ", "scale ", "load ")):
+            i = found.interval(name)
+            print(f"{name:20} {i.value:12.5g}   95 % {i.lower:.5g} to {i.upper:.5g}")
+    for o in opened:
+        print(f"not determined: {o.name}: {o.reason}; {o.step}")
+    for text in [*ready.unusable, *ready.warnings, *doubts(ready, found)]:
+        print(f"warning: {text}")
+    for path in write("--out", out, texts):
+        print(f"written: {path}")
+    if check is not None and not check.agree:
+        print("the trust region and differential evolution disagree: the tyre is doubtful")
+        raise typer.Exit(Ending.INCONCLUSIVE)
+
+
+def make_rig_command(
+    out: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder for rig.toml, its runs and truth.sealed.")
+    ],
+    seed: SeedOption = 0,
+    machine: MachineOption = "l60",
+    without: WithoutOption = None,
+    kind: FormatOption = "parquet",
+) -> None:
+    """The raw log of a rig, made from the plant's tyre with the protocol and the defects of the thesis; the truth is sealed apart.
+
+    Defects: spikes, oscillation (15 Hz), dropouts, gain, tare, noise, calibration. Example: `loaderhil identify make-rig out/rig --seed 1 --without spikes`
+    """
+    from dataclasses import asdict
+
+    from diagnosis.blind.hidden import Truth
+    from diagnosis.blind.seal import seal
+    from diagnosis.command import write
+    from identify.make.defects import RIG
+    from identify.make.rig import make_rig
+    from identify.rig.files import write_rig
+    from identify.writing import FORMATS
+    from plant.sheets.machine import load_machine
+
+    _check_format(kind, FORMATS)
+    defects = _defects(RIG, without)
+    log, truth = make_rig(load_machine(machine), seed, defects)
+    files = write_rig(log, out, kind)
+    hidden = asdict(truth)
+    effects = {
+        "tyre": truth.tyre,
+        "rig": {k: v for k, v in hidden.items() if isinstance(v, float)},
+        "loads": truth.loads,
+        "tares": truth.tares,
+    }
+    [sealed] = write(
+        "DIR", out, {"truth.sealed": seal(Truth(model="identify rig", seed=seed, effects=effects), files)}
+    )
+    print(f"written: {files[0]} and {len(files) - 1} runs\nwritten: {sealed}")
+
+
+def field(
+    description: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FIELD.toml", help="Both recordings and the ground; or the folder that holds it."
+        ),
+    ],
+    out: OutOption = Path("out/identify"),
+    friction: Annotated[
+        float,
+        typer.Option(
+            "--friction",
+            min=0.05,
+            max=2.0,
+            help="Of the surface, where slips are too small to tell of it: asphalt 0.75, gravel 0.6.",
+        ),
+    ] = 0.75,
+    dbc: Annotated[
+        list[Path] | None, typer.Option("--dbc", metavar="FILE", help="For recordings of CAN frames.")
+    ] = None,
+) -> None:
+    """A tyre from motion capture and a wheel transducer that share no clock: report.html, identification.json, tyre.tir.
+
+    Example: `loaderhil identify make-field out/field --seed 1`, then `loaderhil identify field out/field/field.toml --out out/tyre`
+    """
+    import json
+
+    from diagnosis.command import write
+    from hil.ending import Ending
+    from identify.field.chain import Unusable, processed
+    from identify.field.files import read_field
+    from identify.field.fit import fit_points
+    from identify.page.field_page import field_page
+    from identify.results import spoken
+    from identify.tyre.advice import not_fitted, undetermined
+    from identify.tyre.parameters import INDEX
+    from identify.tyre.tir_file import tir_text
+
+    file = description / "field.toml" if description.is_dir() else description
+    log = read_field(file, dbc or [])
+    try:
+        result = processed(log)
+    except Unusable as error:
+        print(f"nothing can be identified: {error}")
+        raise typer.Exit(Ending.INCONCLUSIVE) from error
+    problem, found = fit_points(result, friction=friction)
+    opened = [
+        *undetermined(found, problem),
+        *not_fitted(problem.tyre, ("PCX1", "PDX1", "PEX1", "PKX1", "PDX2", "PKX3", "PPX1", "PPX3")),
+    ]
+    origin = _origin(f"loaderhil identify field {description}")
+    intervals = {n: found.interval(n) for n in found.names}
+    s = result.sync
+    content = {
+        "origin": origin,
+        "parameters": {
+            n: {"value": i.value, "sd": i.sd, "lower": i.lower, "upper": i.upper}
+            for n, i in intervals.items()
+        },
+        "clock": {
+            "offset_s": s.offset,
+            "offset_sd_s": s.offset_sd,
+            "drift": s.drift,
+            "drift_sd": s.drift_sd,
+            "pulse_s": s.by_pulse,
+            "lost_events": [i + 1 for i in s.lost],
+        },
+        "undetermined": {o.name: {"reason": o.reason, "step": o.step} for o in opened},
+        "rejected": dict(result.rejected),
+        "warnings": list(result.warnings),
+    }
+    names = [n for n in found.names if n in INDEX]
+    stiffness = (
+        20.0 * log.nominal.load / log.nominal.radius
+    )  # not measured; readers of the file demand a number
+    tir = tir_text(
+        {n: found.values[n] for n in names},
+        log.nominal,
+        vertical_stiffness=stiffness,
+        told={n: spoken(found, n) for n in names},
+        comments=(origin, "VERTICAL_STIFFNESS is not identified"),
+    )
+    for name, i in intervals.items():
+        print(f"{name:20} {i.value:12.5g}   95 % {i.lower:.5g} to {i.upper:.5g}")
+    for o in opened:
+        print(f"not determined: {o.name}: {o.reason}; {o.step}")
+    for text in result.warnings:
+        print(f"warning: {text}")
+    texts = {
+        "report.html": field_page(result, problem, found, opened=opened, origin=origin),
+        "identification.json": json.dumps(content, indent=1) + "\n",
+        "tyre.tir": tir,
+    }
+    for path in write("--out", out, texts):
+        print(f"written: {path}")
+
+
+def machine_command(
+    weighings: Annotated[
+        Path,
+        typer.Argument(
+            metavar="WEIGHINGS.csv",
+            help="articulation, grade, bank and the four wheel loads, one row per weighing.",
+        ),
+    ],
+    machine: MachineOption = "l60",
+    load_sd: Annotated[
+        float, typer.Option("--load-sd-N", min=0.1, max=1e5, help="Standard deviation of one scale.")
+    ] = 100.0,
+) -> None:
+    """Mass, first moments of both frames and height of the centre of gravity, from weighings at several articulation angles and slopes.
+
+    Example: `loaderhil identify machine weighings.csv --load-sd-N 50`
+    """
+    from hil.ending import Ending
+    from identify.machine.files import read_weighings
+    from identify.machine.weighing import NAMES, UNITS, Geometry, weighed
+    from plant.sheets.machine import load_machine
+
+    g = load_machine(machine).geometry
+    try:
+        found = weighed(
+            read_weighings(weighings),
+            Geometry(front=g.front_axle_x, rear=-g.rear_axle_x, track=g.track),
+            load_sd,
+        )
+    except ValueError as error:
+        print(f"nothing can be identified: {error}")
+        raise typer.Exit(Ending.INCONCLUSIVE) from error
+    opened = dict(found.undetermined)
+    for name, unit, value, sd in zip(NAMES[:5], UNITS, found.value, found.sd, strict=False):
+        if name not in opened:
+            print(
+                f"{name:16} {value:12.5g} {unit:5}  95 % {value - 1.96 * sd:.5g} to {value + 1.96 * sd:.5g}"
+            )
+    if "height moment" not in opened:
+        print(f"{'height':16} {found.height:12.4g} m")
+    for name, step in opened.items():
+        print(f"not determined: {name}: {step}")
+    print(
+        "not determined: mass of each frame by itself, inertias: weighings at rest tell first moments only; weigh one frame, or drive turns with yaw rate and forces recorded"
+    )
+    for number in found.odd:
+        print(f"warning: weighing {number} does not fit the others: is its angle or a load wrong?")
+
+
+def make_field_command(
+    out: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder for field.toml, its recordings and truth.sealed.")
+    ],
+    seed: SeedOption = 0,
+    machine: MachineOption = "l60",
+    without: WithoutOption = None,
+    kind: FormatOption = "parquet",
+) -> None:
+    """Raw recordings of a field test, made from the plant's tyre with every defect of the thesis; the truth is sealed apart.
+
+    Defects: no_pulse, drift, delay, duplicates, uneven, wrap, spikes, oscillation (15 Hz), dropouts, lost_event, gain, tare, radius, noise.
+    Example: `loaderhil identify make-field out/field --seed 1 --without no_pulse`
+    """
+    from diagnosis.blind.hidden import Truth
+    from diagnosis.blind.seal import seal
+    from diagnosis.command import write
+    from identify.field.files import write_field
+    from identify.make.defects import FIELD
+    from identify.make.field import make_field
+    from identify.writing import FORMATS
+    from plant.sheets.machine import load_machine
+
+    _check_format(kind, FORMATS)
+    log, truth = make_field(load_machine(machine), seed, _defects(FIELD, without))
+    files = write_field(log, out, kind)
+    clock = {
+        "offset": truth.offset,
+        "drift": truth.drift,
+        "lost_event": float(truth.lost_event),
+        "gain": truth.gain,
+        "tare": truth.tare,
+    }
+    [sealed] = write(
+        "DIR",
+        out,
+        {
+            "truth.sealed": seal(
+                Truth(model="identify field", seed=seed, effects={"tyre": truth.tyre, "measurement": clock}),
+                files,
+            )
+        },
+    )
+    print(f"written: {files[0]}, {files[1].name}, {files[2].name}\nwritten: {sealed}")
+
+
+def _near(a: float, b: float) -> bool:
+    return abs(a - b) < 0.02 * b
+
+
+def _check_format(kind: str, known: tuple[str, ...]) -> None:
+    if kind not in known:
+        raise typer.BadParameter(f"'{kind}' is none of {', '.join(known)}", param_hint="--format")
+
+
+def _defects(known: tuple[str, ...], without: list[str] | None) -> "Defects":
+    """All defects but those that are switched off; a name that is none is a misuse of the command line."""
+    from identify.make.defects import chosen
+
+    try:
+        return chosen(known, [*known] if without == ["all"] else without or [])
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--without") from error
+
+
+def _origin(command: str) -> str:
+    """The command, and the commit of the sources where they are a checkout."""
+    folder = Path(__file__).resolve().parent
+    try:
+        commit = subprocess.run(
+            ["git", "rev-parse", "--short", "HEAD"], cwd=folder, capture_output=True, text=True, check=False
+        ).stdout.strip()
+    except OSError:
+        commit = ""
+    return f"{command}{f' (commit {commit})' if commit else ''}"
+
+
+if TYPE_CHECKING:
+    from identify.make.defects import Defects

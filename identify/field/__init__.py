@@ -1,0 +1,1 @@
+"""From motion capture and wheel transducers to a tyre."""

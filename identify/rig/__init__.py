@@ -1,0 +1,1 @@
+"""From logs of a chassis dynamometer to a tyre."""

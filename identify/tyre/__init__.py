@@ -1,0 +1,1 @@
+"""Tyre models, their derivatives and their fits."""

@@ -1,0 +1,125 @@
+"""Global search by differential evolution beside the trust region: both must find the same tyre, or the result is said to be doubtful.
+
+Population 100, at most 100 generations, bounds of the thesis (125). Both optimise the same cost: nominal load and pressure, zeros and scale factors
+of the runs solved for at every point, since the force is linear in them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import Bounds, differential_evolution
+
+from discrepancy.estimation.noise import Whitener
+from identify.rig.preparing import Trace
+from identify.tyre.estimate import Noise, estimate
+from identify.tyre.rig_problem import RigProblem, Unknown
+
+Array = NDArray[np.float64]
+
+POPULATION, GENERATIONS = 100, 100
+AGREED = 0.02  # of a parameter's typical change, by which both may differ
+SLOWER = 5  # times fewer samples than the fit: a search that asks for 10 000 costs needs no more
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Search:
+    """What both optimisers found: parameters by name, costs, and whether they agree."""
+
+    names: tuple[str, ...]
+    trust_region: Array
+    evolution: Array
+    costs: tuple[float, float]
+    evaluations: tuple[int, int]
+    agree: bool
+
+
+def searched(problem: RigProblem, seed: int = 0) -> Search:
+    """Both optimisers on a nominal problem: unknown are its tyre's parameters and its law of relaxation."""
+    slow = replace(
+        problem, traces=[_slower(t, SLOWER) for t in problem.traces], gain_sd=0.0, carcass_pressure=False
+    )
+    main = [u for u in slow.unknowns if not u.name.startswith(("tare ", "scale "))]
+    cost = _Profiled(slow, main)
+    low, high = np.array([u.lower for u in main]), np.array([u.upper for u in main])
+    size = np.array([u.typical for u in main])
+    noise = Noise(
+        [Whitener(np.zeros((0, 1, 1)), np.array([[1.0 / max(t.force_sd, 1.0)]])) for t in slow.traces],
+        [t.kept.astype(float) for t in slow.traces],
+    )
+    local = estimate(slow, noise=noise)
+    near_x = np.array([local.values[u.name] for u in main])
+
+    def total(x: Array) -> float:
+        return float(np.sum(cost.residual(x) ** 2))
+
+    found = differential_evolution(
+        total,
+        Bounds(low, high),
+        popsize=max(1, POPULATION // len(main)),
+        maxiter=GENERATIONS,
+        tol=1e-8,
+        rng=seed,
+        polish=False,
+    )
+    near = np.abs(near_x - found.x) <= AGREED * size
+    return Search(
+        names=tuple(u.name for u in main),
+        trust_region=near_x,
+        evolution=found.x,
+        costs=(float(np.sum(cost.residual(near_x) ** 2)), float(found.fun)),
+        evaluations=(local.evaluations, int(found.nfev)),
+        agree=bool(near.all()),
+    )
+
+
+class _Profiled:
+    """Compressed residuals of all runs at the best zeros and scale factors."""
+
+    def __init__(self, problem: RigProblem, main: Sequence[Unknown]) -> None:
+        self._problem, self._main = problem, [u.name for u in main]
+        self._rest = {u.name: u for u in problem.unknowns if u.name not in self._main}
+        self._sizes = [max(t.force_sd, 1.0) for t in problem.traces]
+
+    def residual(self, x: Array) -> Array:
+        """(runs,) roots of each run's cost, priors of its nuisances included."""
+        values = dict(zip(self._main, np.asarray(x, float).tolist(), strict=True)) | {
+            name: u.start for name, u in self._rest.items()
+        }
+        names, out = list(values), []
+        for part, size in zip(self._problem.parts(values), self._sizes, strict=True):
+            own = [i for i, c in enumerate(part.columns) if names[c] in self._rest]
+            unknowns = [self._rest[names[part.columns[i]]] for i in own]
+            J = (part.by[part.kept] @ part.to[:, own]) / size
+            e = part.residual[part.kept] / size
+            prior = np.diag([1.0 / (u.prior_sd or np.inf) for u in unknowns])
+            left = np.array([(u.start - u.prior) / (u.prior_sd or np.inf) for u in unknowns])
+            normal = J.T @ J + prior @ prior
+            step = np.linalg.solve(normal, -(J.T @ e + prior @ left))
+            out.append(
+                np.sqrt(max(0.0, float(np.sum((e + J @ step) ** 2) + np.sum((left + prior @ step) ** 2))))
+            )
+        return np.array(out)
+
+
+def _slower(trace: Trace, by: int) -> Trace:
+    """The trace with means of `by` samples; a mean counts where all of them do."""
+    n = trace.speed.size // by * by
+
+    def mean(x: Array) -> Array:
+        return np.asarray(x[:n].reshape(-1, by).mean(axis=1), float)
+
+    kept = np.asarray(np.all(trace.kept[:n].reshape(-1, by), axis=1), bool)
+    return replace(
+        trace,
+        step=trace.step * by,
+        time=mean(trace.time),
+        speed=mean(trace.speed),
+        wheel=mean(trace.wheel),
+        slip=mean(trace.slip),
+        force=np.where(kept, mean(np.where(trace.kept, trace.force, 0.0)), np.nan),
+        kept=kept,
+        sliding_sd=mean(trace.sliding_sd) / np.sqrt(by),
+        force_sd=trace.force_sd / float(np.sqrt(by)),
+    )

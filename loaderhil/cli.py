@@ -1,0 +1,97 @@
+"""The command line: finds the command that was asked for, imports its module, and turns its errors into one line.
+
+Exit codes: 0 passed, 1 failed, 2 misused, 3 a process of the bench died, 4 the bus was lost, 5 inconclusive,
+130 interrupted. The commands stand in `loaderhil.commands`. Their modules are imported on use, so that the help page is
+quick and a hub or a recorder does not load a plant.
+"""
+
+import errno
+import importlib
+import sys
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_group
+
+from bus.user_error import UserError
+from hil.ending import Ending
+from hil.shell.interruption import report_interruption
+from loaderhil.commands import COMMANDS, PANELS
+
+STORAGE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""Errors of a write, which names no file: no space left, quota, limit of file size, a broken disk."""
+EPILOG = "Exit codes: 0 passed, 1 failed, 2 misused, 3 a process died, 4 bus lost, 5 inconclusive, 130 interrupted."
+
+
+class CommandTable(TyperGroup):
+    """The commands of the table. Until one is used, a command of the same name and summary stands for it."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        for panel, commands in PANELS.items():
+            for name, command in commands.items():
+                self.add_command(TyperCommand(name, help=command.summary, rich_help_panel=panel))
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that the first word names, imported; also Typer's error with a suggestion for a wrong word."""
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, load_command(name) if name is not None else command, rest
+
+
+def load_command(name: str) -> Any:
+    """The command with its options, from the module that holds it."""
+    app = typer.Typer(rich_markup_mode="markdown")
+    importlib.import_module(COMMANDS[name].module).register(app)
+    return get_group(app).commands[name]
+
+
+app = typer.Typer(
+    name="loaderhil",
+    cls=CommandTable,
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog=EPILOG,
+    help="Hardware-in-the-loop CAN bench for articulated wheel loaders.",
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        import importlib.metadata
+
+        print(f"loaderhil {importlib.metadata.version('loaderhil')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and end.")
+    ] = False,
+) -> None:
+    """Hardware-in-the-loop CAN bench for articulated wheel loaders."""
+
+
+def main() -> None:
+    """Entry point: every error of the user's input ends in one line, not in a traceback."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        report_interruption()
+        sys.exit(Ending.INTERRUPTED)
+    except SystemExit as ended:
+        if ended.__context__ is not None and isinstance(ended.__context__.__cause__, KeyboardInterrupt):
+            report_interruption()  # Typer ends an interrupted command without a message
+        raise
+    except UserError as error:
+        print(f"loaderhil: {error}", file=sys.stderr)
+        sys.exit(Ending.MISUSED)
+    except OSError as error:
+        if error.filename is None and error.errno not in STORAGE:  # not about a file that the user named
+            raise
+        where = f"{error.filename}: " if error.filename is not None else ""
+        print(f"loaderhil: {where}{error.strerror}", file=sys.stderr)
+        sys.exit(Ending.FAILED)

@@ -1,0 +1,91 @@
+"""Options that several commands of the bench share, so that each has one help text."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from hil.ecu_side import Form
+
+DEFAULT_BUS = "hub:/tmp/loaderhil.hub"  # a Unix socket; every user can name another
+
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Replace a value of the scenario file; with the prefix `machine.` or `equipment.`, a value of those files. Repeatable.",
+    ),
+]
+BusOption = Annotated[
+    str,
+    typer.Option(
+        "--bus", metavar="ADDRESS", help="Address of the bus: hub:PATH, socketcan:INTERFACE or virtual:NAME."
+    ),
+]
+PayloadOption = Annotated[
+    float | None,
+    typer.Option(
+        "--payload-kg", min=0, max=20_000, help="Payload in the bucket in kg; by default the scenario's."
+    ),
+]
+SeedOption = Annotated[
+    int | None,
+    typer.Option("--seed", min=0, max=2**32 - 1, help="Seed of the sensor noise; by default the scenario's."),
+]
+FormOption = Annotated[
+    str,
+    typer.Option(
+        "--form",
+        metavar="FORM",
+        help="Equations of the estimators: `corrected`, or `printed` as in the thesis.",
+    ),
+]
+ForeignEcuOption = Annotated[
+    str | None,
+    typer.Option(
+        "--ecu",
+        metavar="BUS",
+        help="An ECU that is not ours takes part, on this bus (hub:PATH, socketcan:INTERFACE); in real time.",
+    ),
+]
+ForeignPlantOption = Annotated[
+    str | None,
+    typer.Option(
+        "--plant", metavar="BUS", help="A machine that is not ours takes part, on this bus; in real time."
+    ),
+]
+WaitOption = Annotated[
+    float,
+    typer.Option(
+        "--wait-s", min=0.0, help="With --ecu or --plant: how long to wait for its first frame, in s."
+    ),
+]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print the results as one JSON object, and nothing else.")
+]
+JunitOption = Annotated[
+    Path | None,
+    typer.Option("--junit", metavar="FILE", help="Also write the results as JUnit XML, for a build server."),
+]
+LimitsOption = Annotated[
+    bool,
+    typer.Option(
+        "--limits/--no-limits", help="Whether the ECU limits speed and articulation rate, or only warns."
+    ),
+]
+
+
+class FormError(typer.BadParameter):
+    """The estimator form does not exist; the message lists those that do."""
+
+
+def checked_form(form: str) -> "Form":
+    """The form of that name. Raises FormError."""
+    from hil.ecu_side import FORMS  # loads the ECU, which hub and plant go without
+
+    for known in FORMS:
+        if known == form:
+            return known
+    raise FormError(f"{form!r} is not one of {', '.join(FORMS)}", param_hint="--form")

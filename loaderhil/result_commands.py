@@ -1,0 +1,76 @@
+"""`loaderhil scenarios`, `report` and `campaign`: their options."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+JobsOption = Annotated[
+    int | None, typer.Option("--jobs", min=1, help="Number of processes; by default one per processor.")
+]
+ResultsOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the table.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    app.command()(scenarios)
+    app.command()(report)
+    campaign = typer.Typer(
+        no_args_is_help=True, help="Run many simulations and write their results as one table."
+    )
+    campaign.command("normal-force")(campaign_normal_force)
+    campaign.command("roll-over")(campaign_roll_over)
+    app.add_typer(campaign, name="campaign")
+
+
+def scenarios(
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[FILE]...", help="Scenario files to check instead of listing."),
+    ] = None,
+) -> None:
+    """List the scenarios that come with loaderhil, or check scenario files.
+
+    A check reads the files without running them. Example: `loaderhil scenarios wet_bend.toml`
+    """
+    from loaderhil.tables import show_scenarios
+
+    show_scenarios(files or [])
+
+
+def report(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run directories.")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="HTML file to write.")] = Path(
+        "out/report.html"
+    ),
+) -> None:
+    """Write one self-contained HTML page about one or more runs.
+
+    Example: `loaderhil report out/loaded out/unloaded --out both.html`
+    """
+    from report.run import write_report
+
+    print(write_report(runs, out))
+
+
+def campaign_normal_force(out: ResultsOption = Path("docs/results"), jobs: JobsOption = None) -> None:
+    """Compare estimated and true normal forces in every scenario, for both forms of the estimators."""
+    from studies.campaigns.normal_force import run_campaign
+
+    print(run_campaign(out, jobs))
+
+
+def campaign_roll_over(
+    out: ResultsOption = Path("docs/results"),
+    jobs: JobsOption = None,
+    extended: Annotated[
+        bool,
+        typer.Option(
+            "--extended", help="Drive on grades, banks and slippery ground instead of level ground."
+        ),
+    ] = False,
+) -> None:
+    """Measure warnings before lift-off, and prevented roll-overs, over a grid of speed, payload and articulation rate."""
+    from studies.campaigns import roll_over, roll_over_extended
+
+    print((roll_over_extended if extended else roll_over).run_campaign(out, jobs))

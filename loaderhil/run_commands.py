@@ -1,0 +1,191 @@
+"""`loaderhil run` and `loaderhil demo`: their options. The work is done by `loaderhil.console`, `several` and `comparison`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hil.shell.realtime_options import CpuOption, FifoOption, FreezeOption, LockOption, RealtimeOptions
+from loaderhil.options import (
+    ForeignEcuOption,
+    ForeignPlantOption,
+    FormOption,
+    JsonOption,
+    JunitOption,
+    LimitsOption,
+    PayloadOption,
+    SeedOption,
+    SetOption,
+    WaitOption,
+    checked_form,
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    app.command()(demo)
+    app.command()(run)
+
+
+def demo(
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for the two run directories and report.html.")
+    ] = Path("out/demo"),
+    fast: Annotated[
+        bool,
+        typer.Option(
+            "--fast", help="Run on a virtual clock instead of real time. Takes seconds; shows no timing."
+        ),
+    ] = False,
+) -> None:
+    """Run one roll-over twice, without and with the ECU's limits, and compare.
+
+    Was the roll-over announced in time, and did the limits prevent it? The simulated machine and the ECU run as processes
+    on a CAN hub, in real time. Example: `loaderhil demo --out out/demo`
+    """
+    from loaderhil.comparison import run_demo
+
+    raise typer.Exit(run_demo(out, fast=fast))
+
+
+def run(
+    scenarios: Annotated[
+        list[str],
+        typer.Argument(metavar="SCENARIO...", help="Names from `loaderhil scenarios`, or TOML files."),
+    ],
+    realtime: Annotated[
+        bool,
+        typer.Option(
+            "--realtime/--lockstep",
+            help="Run plant and ECU as processes in real time, or in one process on a virtual clock.",
+        ),
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Run directory; by default out/SCENARIO. With several scenarios: the folder that holds their run directories.",
+        ),
+    ] = None,
+    limits: LimitsOption = True,
+    form: FormOption = "corrected",
+    payload_kg: PayloadOption = None,
+    seed: SeedOption = None,
+    changes: SetOption = None,
+    machine: Annotated[
+        str | None,
+        typer.Option(
+            "--machine",
+            metavar="NAME|FILE",
+            help="Machine to use instead of the scenario's. Equipment and calibration files beside the machine file, as `diagnose --apply` writes them, are used too.",
+        ),
+    ] = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Count an inconclusive verdict as failed.")
+    ] = False,
+    expect: Annotated[
+        Path | None,
+        typer.Option("--expect", metavar="FILE", help="TOML file with pass criteria, as [[expect]] tables."),
+    ] = None,
+    json_output: JsonOption = False,
+    junit: JunitOption = None,
+    inject: Annotated[
+        Path | None,
+        typer.Option(
+            "--inject", metavar="FILE", help="TOML file with faults to inject, as [[fault]] tables."
+        ),
+    ] = None,
+    gateway: Annotated[
+        bool,
+        typer.Option(
+            "--gateway", help="Run in real time, with plant and ECU on two buses and a gateway between them."
+        ),
+    ] = False,
+    plant_bus: Annotated[
+        str | None,
+        typer.Option(
+            "--plant-bus", metavar="ADDRESS", help="With --gateway: the plant's bus; by default a hub."
+        ),
+    ] = None,
+    ecu_bus: Annotated[
+        str | None,
+        typer.Option("--ecu-bus", metavar="ADDRESS", help="With --gateway: the ECU's bus; by default a hub."),
+    ] = None,
+    foreign_ecu: ForeignEcuOption = None,
+    foreign_plant: ForeignPlantOption = None,
+    wait_s: WaitOption = 60.0,
+    routes: Annotated[
+        Path | None,
+        typer.Option("--routes", metavar="FILE", help="With --gateway: TOML file with rules for its routes."),
+    ] = None,
+    control: Annotated[
+        Path | None,
+        typer.Option(
+            "--control",
+            metavar="PATH",
+            help="With --gateway: path of its control socket, for `loaderhil inject`.",
+        ),
+    ] = None,
+    fifo: FifoOption = None,
+    lock_memory: LockOption = False,
+    cpu: CpuOption = None,
+    gc_freeze: FreezeOption = True,
+) -> None:
+    """Run one or several scenarios and show the results.
+
+    Examples: `loaderhil run loaded unloaded hard_braking` or `loaderhil run abrupt_articulation --no-limits --realtime` or
+    `loaderhil run loaded --set surface.friction=0.4 --set machine.steering.time_constant_s=0.05` or
+    `loaderhil run loaded unloaded --expect criteria.toml --junit results.xml` or
+    `loaderhil run loaded --gateway --ecu socketcan:can0` (a real ECU on can0) or `loaderhil run loaded --realtime --fifo 50 --lock-memory`
+    """
+    from hil.compose import Choice
+    from hil.gateway.buses import Buses
+    from loaderhil.single import Output, report_run
+
+    choices = [
+        Choice(
+            scenario=scenario,
+            form=checked_form(form),
+            limits=limits,
+            payload_kg=payload_kg,
+            seed=seed,
+            inject=inject,
+            expect=expect,
+            changes=tuple(changes or ()),
+        )
+        for scenario in scenarios
+    ]
+    if machine is not None:
+        choices = [choice.on(machine) for choice in choices]
+    buses = Buses(
+        gateway=gateway,
+        plant=plant_bus,
+        ecu=ecu_bus,
+        routes=routes,
+        control=control,
+        foreign_ecu=foreign_ecu,
+        foreign_plant=foreign_plant,
+        wait_s=wait_s,
+    )
+    realtime = realtime or gateway or bool(buses.foreign)
+    options = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
+    if not realtime and options.words():
+        raise typer.BadParameter(
+            "applies to processes in real time only; add --realtime or --gateway",
+            param_hint=options.words()[0],
+        )
+    output = Output(json=json_output, junit=junit)
+    timed = options if realtime else None
+    if len(choices) > 1:
+        from loaderhil.several import report_runs
+
+        raise typer.Exit(
+            report_runs(
+                choices, out or Path("out"), realtime=timed, strict=strict, buses=buses, output=output
+            )
+        )
+    folder = out or Path("out") / Path(scenarios[0]).stem
+    raise typer.Exit(
+        report_run(choices[0], folder, realtime=timed, strict=strict, buses=buses, output=output)
+    )

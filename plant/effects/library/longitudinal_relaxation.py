@@ -1,0 +1,33 @@
+"""Longitudinal relaxation length of the tyres."""
+
+from collections.abc import Mapping
+
+from plant.effects.blocks import wheel_blocks
+from plant.effects.effect import Array, Confusable, Effect, Parameter
+from plant.physics.parameters import W_LONGITUDINAL_STIFFNESS
+from plant.sheets.machine import Machine
+
+
+def prepare(q: Mapping[str, float], p: Array, machine: Machine) -> None:
+    """A softer carcass needs a longer way to build up its force."""
+    for block in wheel_blocks(p):
+        block[W_LONGITUDINAL_STIFFNESS] /= q["factor"]
+
+
+EFFECT = Effect(
+    name="longitudinal_relaxation",
+    sentence="The tyres need a longer or shorter way to build up their longitudinal force.",
+    equation="sigma dF/ds + F = F_steady, sigma = k C_F/c",
+    parameters=(
+        Parameter(
+            "factor", "1", 2.0, 0.2, 5.0, "k: relaxation length over that of the machine file", off=1.0
+        ),
+    ),
+    acts_on="longitudinal force, slip",
+    signature="The force lags by a way, not by a time: the lag falls with speed.",
+    excited_by="torque steps at several speeds",
+    confusable=(
+        Confusable("motor_lag", "vary the speed three to one: a lag in time stays, a lag in way shrinks"),
+    ),
+    source="Pacejka, Tire and Vehicle Dynamics, 3rd ed., chapter 7",
+)

@@ -1,0 +1,192 @@
+"""Fills the record of what is true (`plant.truth`) from the plant's state, for plant and measurement-driven replay."""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plant.compiled import compiled
+from plant.physics import state as s
+from plant.physics.dynamics import derivative, drive_torque
+from plant.physics.linkage import LINKAGE, pressures
+from plant.physics.parameters import (
+    P_CYLINDERS,
+    P_GRAVITY,
+    P_LIFT,
+    P_LINKAGE,
+    P_STEERING,
+    P_TILT,
+    SERVO_RELIEF,
+)
+from plant.physics.steering import STEERING, steering_pressures
+from plant.physics.workspace import Workspace
+from plant.sheets.machine import Machine
+from plant.truth import Truth
+
+Array = NDArray[np.float64]
+Triple = tuple[float, float, float]
+
+# Places in the row, for compiled code. An angle of a joint is followed by its rate.
+TIME: Final = Truth.time_s.at
+POSITION: Final = Truth.position.at
+ATTITUDE: Final = Truth.attitude.at
+ROLL: Final = Truth.roll.at
+PITCH: Final = Truth.pitch.at
+YAW: Final = Truth.yaw.at
+VELOCITY: Final = Truth.velocity.at
+ANGULAR_VELOCITY: Final = Truth.angular_velocity.at
+ACCELERATION: Final = Truth.acceleration.at
+IMU_FORCE: Final = Truth.imu_specific_force.at
+COG_FORCE: Final = Truth.cog_specific_force.at
+SPEED: Final = Truth.speed.at
+ARTICULATION: Final = Truth.articulation_angle.at
+OSCILLATION: Final = Truth.oscillation_angle.at
+LIFT_ARM: Final = Truth.lift_arm_angle.at
+TILT: Final = Truth.tilt_angle.at
+WHEEL_SPEED: Final = Truth.wheel_speed.at
+WHEEL_TORQUE: Final = Truth.wheel_torque.at
+NORMAL: Final = Truth.normal_force.at
+LONGITUDINAL: Final = Truth.longitudinal_force.at
+LATERAL: Final = Truth.lateral_force.at
+ALIGNING: Final = Truth.aligning_moment.at
+SLIP: Final = Truth.slip.at
+SLIP_ANGLE: Final = Truth.slip_angle.at
+DEFLECTION: Final = Truth.tyre_deflection.at
+JOINT_TORQUE: Final = Truth.joint_torque.at
+LIFT_PRESSURE: Final = Truth.lift_pressure.at
+TILT_PRESSURE: Final = Truth.tilt_pressure.at
+STEERING_PRESSURE: Final = Truth.steering_pressure.at
+YAW_MOMENT: Final = Truth.yaw_moment.at
+PAYLOAD: Final = Truth.payload_mass.at
+LOAD_TRANSFER: Final = Truth.load_transfer_ratio.at
+
+# What only the record needs of a machine: places from the joint.
+O_IMU_X: Final = 0
+O_IMU_Z: Final = 1
+O_AXLE_Z: Final = 2
+
+
+class Observer:
+    """Writes down what is true of one machine."""
+
+    def __init__(self, machine: Machine, payload_mass: float) -> None:
+        geometry = machine.geometry
+        joint = geometry.joint_height
+        self._payload_mass = payload_mass
+        self.measures = np.array(
+            (*(geometry.imu_x, geometry.imu_z - joint, geometry.wheel_centre_height - joint),)
+        )
+
+    def truth(
+        self, time_s: float, state: Array, command: Array, p: Array, work: Workspace, active: Array | None
+    ) -> Truth:
+        """The record of a state under a command; arguments as of `dynamics.derivative`, `work` left as it leaves it."""
+        row = np.empty(Truth.size)
+        row[TIME], row[PAYLOAD] = time_s, self._payload_mass
+        observe(row, state, command, p, work, active, self.measures)
+        slip_angle = row[SLIP_ANGLE : SLIP_ANGLE + 4]
+        np.arctan(slip_angle, out=slip_angle)
+        row.flags.writeable = False
+        return Truth(row)
+
+
+@compiled
+def observe(
+    row: Array,
+    state: Array,
+    command: Array,
+    p: Array,
+    work: Workspace,
+    active: Array | None,
+    measures: Array,
+) -> None:
+    """Evaluate the state and fill the row, but for time and payload; slip angles as their tangents."""
+    derivative(state, command, p, 0.0, work, active)
+    _observe_frame(row, state, p, work, measures)
+    _observe_joints(row, state, p, work)
+    _observe_tyres(row, work)
+    linkage, effort = p[P_LINKAGE : P_LINKAGE + LINKAGE], work.tree.effort
+    lift, tilt = pressures(linkage, row[LIFT_ARM], row[TILT], effort[s.LIFT_ARM], effort[s.BUCKET])
+    left, right = steering_pressures(
+        p[P_CYLINDERS : P_CYLINDERS + STEERING], row[ARTICULATION], row[JOINT_TORQUE]
+    )
+    # a stroke end bears what the relief valves do not let the oil bear
+    row[LIFT_PRESSURE] = min(lift, p[P_LIFT + SERVO_RELIEF])
+    row[TILT_PRESSURE] = min(tilt, p[P_TILT + SERVO_RELIEF])
+    row[STEERING_PRESSURE] = min(left, p[P_STEERING + SERVO_RELIEF])
+    row[STEERING_PRESSURE + 1] = min(right, p[P_STEERING + SERVO_RELIEF])
+
+
+@compiled
+def _observe_frame(row: Array, state: Array, p: Array, work: Workspace, measures: Array) -> None:
+    """Where the rear frame is and how it moves."""
+    world, motion = work.places.world, work.tree.motion[s.REAR_FRAME]
+    rise = work.tree.acceleration[s.REAR_FRAME]
+    turning, velocity = motion[:3], motion[3:]
+    row[POSITION : POSITION + 3] = state[s.POSITION : s.POSITION + 3]
+    row[ATTITUDE : ATTITUDE + 4] = state[s.ATTITUDE : s.ATTITUDE + 4]
+    row[ROLL] = math.atan2(world[2, 1], world[2, 2])
+    row[PITCH] = -math.asin(min(max(world[2, 0], -1.0), 1.0))
+    row[YAW] = math.atan2(world[1, 0], world[0, 0])
+    row[VELOCITY : VELOCITY + 3] = velocity
+    row[ANGULAR_VELOCITY : ANGULAR_VELOCITY + 3] = turning
+    row[SPEED] = velocity[0] + turning[1] * measures[O_AXLE_Z]
+    imu = (measures[O_IMU_X], 0.0, measures[O_IMU_Z])
+    coriolis = _cross(turning, velocity)
+    tangential, centripetal = _cross(rise[:3], imu), _cross(turning, _cross(turning, imu))
+    for i in range(3):
+        at_joint = rise[3 + i] + coriolis[i]  # specific force
+        row[ACCELERATION + i] = at_joint - p[P_GRAVITY] * world[2, i]
+        row[IMU_FORCE + i] = at_joint + tangential[i] + centripetal[i]
+
+
+@compiled
+def _observe_joints(row: Array, state: Array, p: Array, work: Workspace) -> None:
+    """Angles, rates and torques of the joints."""
+    effort = work.tree.effort
+    for at, body in (
+        (ARTICULATION, s.FRONT_FRAME),
+        (OSCILLATION, s.REAR_AXLE),
+        (LIFT_ARM, s.LIFT_ARM),
+        (TILT, s.BUCKET),
+    ):
+        row[at] = state[s.JOINT + body]
+        row[at + 1] = state[s.JOINT_RATE + body]
+    row[JOINT_TORQUE] = effort[s.FRONT_FRAME]
+    for wheel in range(4):
+        row[WHEEL_SPEED + wheel] = state[s.JOINT_RATE + s.WHEEL + wheel]
+        stick = state[s.STICK + wheel]
+        rolling = drive_torque(state, p, wheel) - stick * state[s.BRAKE + wheel]
+        row[WHEEL_TORQUE + wheel] = effort[s.WHEEL + wheel] if stick == 0.0 else rolling
+
+
+@compiled
+def _observe_tyres(row: Array, work: Workspace) -> None:
+    """Forces of the road, wheel by wheel and together."""
+    tyres, whole = work.tyres, work.whole
+    wrench = np.zeros(6)
+    for wheel in range(4):
+        tyre = tyres[wheel]
+        row[NORMAL + wheel] = tyre[s.T_NORMAL]
+        row[LONGITUDINAL + wheel] = tyre[s.T_LONGITUDINAL]
+        row[LATERAL + wheel] = tyre[s.T_LATERAL]
+        row[ALIGNING + wheel] = tyre[s.T_ALIGNING]
+        row[SLIP + wheel] = tyre[s.T_SLIP]
+        row[SLIP_ANGLE + wheel] = tyre[s.T_SIDE_SLIP]
+        row[DEFLECTION + wheel] = tyre[s.T_DEFLECTION]
+        wrench += tyre[s.T_WRENCH : s.T_WRENCH + 6]
+    moment, force, centre = wrench[:3], wrench[3:], whole[1:]
+    row[COG_FORCE : COG_FORCE + 3] = force / whole[0]
+    row[YAW_MOMENT] = moment[2] - _cross(centre, force)[2]
+    front_left, front_right = row[NORMAL], row[NORMAL + 1]
+    rear_left, rear_right = row[NORMAL + 2], row[NORMAL + 3]
+    total = front_left + front_right + rear_left + rear_right
+    balance = front_right + rear_right - front_left - rear_left
+    row[LOAD_TRANSFER] = balance / total if total > 0.0 else 0.0
+
+
+@compiled
+def _cross(a: Array | Triple, b: Array | Triple) -> Triple:
+    """a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -1,0 +1,1 @@
+"""Machine sheets: TOML files read and checked, and single keys laid over them."""

@@ -1,0 +1,1 @@
+"""The machine on the bus: driver, script, actuators, limits, sensors and the frames they travel in."""

@@ -1,0 +1,105 @@
+"""From the driver's demand to what is asked of the actuators.
+
+The dynamics own the lags and rate limits of motors, brakes and cylinders; here is what a full
+pedal or joystick means, and the power limit of the motors: peak torque up to the speed at which
+the power is used up, then torque = power / speed, driving and retarding alike.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from configuration import CheckedTable
+from plant.plant import Commands
+from plant.sheets.machine import Machine
+from plant.unit.driver import Demand
+
+Four = tuple[float, float, float, float]  # FL, FR, RL, RR
+
+
+def four(values: Iterable[float]) -> Four:
+    """The four values, one per wheel."""
+    front_left, front_right, rear_left, rear_right = values
+    return front_left, front_right, rear_left, rear_right
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ActuatorParameters:
+    """What the equipment adds to the machine's own actuators, SI."""
+
+    peak_power: float  # of one motor [W]
+    service_brake: Four  # friction torque of full service braking [N m]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Abilities:
+    """What full demand means, SI."""
+
+    drive_torque: Four
+    drive_power: float
+    brake_torque: Four
+    articulation_rate: float
+    lift_up: float
+    lift_down: float
+    tilt: float
+
+
+def abilities_of(machine: Machine, parameters: ActuatorParameters) -> Abilities:
+    """The machine's abilities with its equipment."""
+    front, rear = machine.drive.front_peak_torque, machine.drive.rear_peak_torque
+    return Abilities(
+        drive_torque=(front, front, rear, rear),
+        drive_power=parameters.peak_power,
+        brake_torque=four(min(torque, machine.brake.capacity) for torque in parameters.service_brake),
+        articulation_rate=machine.steering.rate_limit,
+        lift_up=machine.lift.raise_rate_limit,
+        lift_down=machine.lift.lower_rate_limit,
+        tilt=machine.tilt.rate_limit,
+    )
+
+
+class Request(NamedTuple):
+    """What is asked of the actuators on its way through the limits, SI; in the end, the plant's Commands."""
+
+    wheel_torque: Four  # drive torque [N m]
+    brake_torque: Four  # available friction torque, >= 0 [N m]
+    articulation_rate: float = 0.0
+    lift_rate: float = 0.0
+    tilt_rate: float = 0.0
+
+    def commands(self) -> Commands:
+        """The same for the plant."""
+        return Commands(**self._asdict())
+
+
+def request_of(demand: Demand, abilities: Abilities) -> Request:
+    """The driver's demand as torques and rates, before any limit."""
+    a = abilities
+    return Request(
+        wheel_torque=four(demand.torque * peak for peak in a.drive_torque),
+        brake_torque=four(demand.brake * full for full in a.brake_torque),
+        articulation_rate=min(max(demand.articulation_rate, -a.articulation_rate), a.articulation_rate),
+        lift_rate=demand.lift * (a.lift_up if demand.lift > 0 else a.lift_down),
+        tilt_rate=demand.tilt * a.tilt,
+    )
+
+
+def within_power(request: Request, wheel_speed: Four, power: float) -> Request:
+    """The request with drive torques cut to |torque speed| <= power [W], wheel by wheel."""
+    torque = four(
+        math.copysign(power / speed, t) if abs(t) * speed > power else t
+        for t, speed in zip(request.wheel_torque, map(abs, wheel_speed), strict=True)
+    )
+    return request._replace(wheel_torque=torque)
+
+
+def read_actuators(table: CheckedTable) -> ActuatorParameters:
+    """The [actuators] table of an equipment file."""
+    front, rear = table.numbers("service_brake_front_rear_kn_m", unit="kN m", count=2, low=0.0, high=50.0)
+    parameters = ActuatorParameters(
+        peak_power=table.number("peak_power_kw", unit="kW", low=1.0, high=500.0) * 1e3,
+        service_brake=(front * 1e3, front * 1e3, rear * 1e3, rear * 1e3),
+    )
+    table.finish()
+    return parameters

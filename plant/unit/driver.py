@@ -1,0 +1,135 @@
+"""The driver: follows the script with pedals and joystick, as fast as hands and feet go.
+
+Speed is held by a PI law on the measured speed; what opposes the motion goes to retardation first and to the
+brake beyond it. Articulation follows the script's angle by its slope plus a proportional correction.
+Pedals and joystick move at bounded rates. A driver whom the machine holds back presses on but does not press more and more: the integral
+rests while limits act against it. While the script itself brakes, the accelerator is up.
+
+Pure: state in, state out.
+"""
+
+from dataclasses import dataclass
+
+from configuration import CheckedTable
+from plant.unit.script import DEGREE, Wish
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriverParameters:
+    """SI; demands are shares of full demand."""
+
+    speed_gain: float  # torque share per m/s of error
+    speed_integral: float  # torque share per m/s of error and s
+    retardation: float  # largest torque share against the motion; beyond it the brake
+    accelerator_rate: float  # 1/s
+    brake_rate: float  # 1/s
+    articulation_gain: float  # 1/s
+    articulation_rate: float  # full joystick [rad/s]
+    articulation_acceleration: float  # joystick movement [rad/s2]
+    standstill_speed: float = 0.15  # below it, with no speed wanted, the brake holds [m/s]
+    holding_brake: float = 0.3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Demand:
+    """What the driver asks for, before any limit."""
+
+    torque: float = 0.0  # share of full drive torque, -1..1; negative asks for reverse
+    brake: float = 0.0  # share of full service braking, 0..1
+    articulation_rate: float = 0.0  # rad/s, left +
+    lift: float = 0.0  # share of full speed, -1..1, up +
+    tilt: float = 0.0  # share of full speed, -1..1, roll back +
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriverState:
+    """Where pedals and joystick are, and the integral of the speed law."""
+
+    demand: Demand = Demand()
+    integral: float = 0.0  # torque share
+
+
+def drive(
+    state: DriverState,
+    parameters: DriverParameters,
+    wish: Wish,
+    *,
+    speed: float,
+    articulation_angle: float,
+    dt: float,
+    held_back: bool = False,
+) -> DriverState:
+    """The driver `dt` seconds later; `speed` [m/s] and `articulation_angle` [rad] as measured.
+
+    held_back: whether limits kept the machine from doing what the pedals asked for.
+    """
+    torque, brake, integral = _pedals(state, parameters, wish, speed, dt, held_back)
+    rate = _joystick(parameters, wish, articulation_angle)
+    before = state.demand
+    demand = Demand(
+        torque=_towards(before.torque, torque, parameters.accelerator_rate * dt),
+        brake=_towards(before.brake, max(brake, wish.brake), parameters.brake_rate * dt),
+        articulation_rate=_towards(before.articulation_rate, rate, parameters.articulation_acceleration * dt),
+        lift=wish.lift,
+        tilt=wish.tilt,
+    )
+    return DriverState(demand=demand, integral=integral)
+
+
+def _pedals(
+    state: DriverState, p: DriverParameters, wish: Wish, speed: float, dt: float, held_back: bool
+) -> tuple[float, float, float]:
+    """Accelerator share, brake share and the new integral."""
+    if wish.brake > 0:
+        return 0.0, 0.0, 0.0
+    if wish.speed is None:
+        return wish.torque or 0.0, 0.0, 0.0
+    if wish.speed == 0 and abs(speed) < p.standstill_speed:
+        return 0.0, p.holding_brake, 0.0
+    error = wish.speed - speed
+    wanted = p.speed_gain * error + state.integral
+    # no more pedal where it has no effect: at its stop, or under a limit (anti-windup)
+    saturated = (abs(wanted) > 1 or held_back) and wanted * error > 0
+    integral = state.integral if saturated else state.integral + p.speed_integral * error * dt
+    if wanted * speed >= 0:
+        return _within(wanted, 1.0), 0.0, integral
+    return _within(wanted, p.retardation), min(max(abs(wanted) - p.retardation, 0.0), 1.0), integral
+
+
+def _joystick(p: DriverParameters, wish: Wish, angle: float) -> float:
+    """Wanted articulation rate [rad/s]."""
+    if wish.articulation_angle is None:
+        return _within(wish.articulation_rate or 0.0, p.articulation_rate)
+    correction = p.articulation_gain * (wish.articulation_angle - angle)
+    return _within(wish.articulation_angle_rate + correction, p.articulation_rate)
+
+
+def _within(value: float, bound: float) -> float:
+    return min(max(value, -bound), bound)
+
+
+def _towards(value: float, target: float, step: float) -> float:
+    return value + _within(target - value, step)
+
+
+def read_driver(table: CheckedTable) -> DriverParameters:
+    """The [driver] table of an equipment file."""
+
+    def percent(key: str, high: float) -> float:
+        return table.number(key, unit="%", low=0.0, high=high) / 100
+
+    parameters = DriverParameters(
+        speed_gain=percent("speed_gain_percent_per_m_s", 1000.0),
+        speed_integral=percent("speed_integral_percent_per_m", 1000.0),
+        retardation=percent("retardation_percent", 100.0),
+        accelerator_rate=percent("accelerator_rate_percent_s", 10_000.0),
+        brake_rate=percent("brake_rate_percent_s", 10_000.0),
+        articulation_gain=table.number("articulation_gain_per_s", unit="1/s", low=0.0, high=20.0),
+        articulation_rate=table.number("articulation_rate_deg_s", unit="deg/s", low=1.0, high=80.0) * DEGREE,
+        articulation_acceleration=table.number(
+            "articulation_acceleration_deg_s2", unit="deg/s2", low=1.0, high=2000.0
+        )
+        * DEGREE,
+    )
+    table.finish()
+    return parameters

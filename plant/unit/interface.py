@@ -1,0 +1,35 @@
+"""Vectors of what is sent at one tick, in the order of the rows of `plant.unit.signals`, for the machine as a unit on the bus."""
+
+import numpy as np
+
+from plant.truth import Truth
+from plant.unit.sensors import Floats, Readings
+from plant.unit.signals import CHANNELS, COMPUTED, INDEX, INTERNALS, REFERENCES, STATES, Moment
+
+MACHINE_SOURCES = (*CHANNELS, *STATES, *(row.name for row in INTERNALS))
+"""Names of the machine's values: readings, states, and what it knows without a sensor."""
+
+REFERENCE_SOURCES = tuple(row.name for row in (*REFERENCES, *COMPUTED))
+"""Names of the test instrumentation's values."""
+
+_STATES = slice(len(CHANNELS), len(CHANNELS) + len(STATES))
+_STATE_CHANNELS = tuple([INDEX[name] for name in names] for names in STATES.values())
+_REFERENCE_PLACES = np.array([row.part.at + row.component for row in REFERENCES])
+
+
+def machine_values(readings: Readings, moment: Moment) -> Floats:
+    """Everything the machine sends, SI, in the order of MACHINE_SOURCES."""
+    values = np.zeros(len(MACHINE_SOURCES))
+    values[: _STATES.start] = readings.values
+    if readings.health.any():
+        values[_STATES] = [readings.health[channels].max() for channels in _STATE_CHANNELS]
+    values[_STATES.stop :] = [row.value(moment) for row in INTERNALS]
+    return values
+
+
+def reference_values(truth: Truth) -> Floats:
+    """Everything the test instrumentation sends, SI, in the order of REFERENCE_SOURCES."""
+    values = np.empty(len(REFERENCE_SOURCES))
+    values[: len(REFERENCES)] = truth.row[_REFERENCE_PLACES]
+    values[len(REFERENCES) :] = [row.value(truth) for row in COMPUTED]
+    return values

@@ -1,0 +1,172 @@
+"""How the machine obeys the ECU's limits.
+
+Drive torque is clamped wheel by wheel, articulation rate as a whole, the rates of lift arm and bucket by direction. Towards the speed limit the drive torque
+fades out; above it the motors retard, and further above the service brake helps. When the Limits
+or LinkageLimits frames stop, the machine falls back on safe values of its own: slow, weak and with gentle steering, so that
+an ECU that dies cannot leave the machine unlimited.
+"""
+
+import math
+from dataclasses import dataclass
+
+from configuration import CheckedTable
+from plant.unit.actuators import Abilities, Four, Request, four
+from plant.unit.script import DEGREE, KMH
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkageLimits:
+    """Largest rates of lift arm and bucket, each as a positive number [rad/s]."""
+
+    lift_up: float = math.inf
+    lift_down: float = math.inf
+    tilt_back: float = math.inf
+    tilt_forward: float = math.inf
+
+
+FREE = LinkageLimits()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """Largest magnitudes, SI."""
+
+    wheel_torque: Four  # drive torque per wheel [N m]
+    speed: float  # over ground, forward or reverse [m/s]
+    articulation_rate: float  # [rad/s]
+    linkage: LinkageLimits = FREE
+
+
+UNLIMITED = Limits(wheel_torque=(math.inf,) * 4, speed=math.inf, articulation_rate=math.inf)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Obedience:
+    """The machine's own rules."""
+
+    safe: Limits  # in force while the Limits frame is stale
+    stale_after: float  # age of the last good Limits frame, or of the start, beyond which it is stale [s]
+    fade: float  # width below the speed limit over which drive torque fades out [m/s]
+    retard: float  # width above it over which the motors come to full retardation [m/s]
+    brake: float  # width above that over which the brake comes to `brake_share` [m/s]
+    retard_share: float
+    brake_share: float
+
+
+def in_force(last: Limits | None, *, age: float, obedience: Obedience) -> Limits:
+    """The limits that hold: the last ones received, or the safe values when they are older than allowed.
+
+    last: None before the first frame, which leaves the machine without limits until the start is
+    `stale_after` ago. A value that the frame marks as not available (NaN) is replaced by its safe value.
+    """
+    safe = obedience.safe
+    if age > obedience.stale_after:
+        return safe
+    if last is None:
+        return UNLIMITED
+    return Limits(
+        wheel_torque=four(_or(value, safe.wheel_torque[i]) for i, value in enumerate(last.wheel_torque)),
+        speed=_or(last.speed, safe.speed),
+        articulation_rate=_or(last.articulation_rate, safe.articulation_rate),
+    )
+
+
+def linkage_in_force(last: LinkageLimits | None, *, age: float, obedience: Obedience) -> LinkageLimits:
+    """The limits of the linkage that hold: the last ones received, or the safe values when they are older than allowed.
+
+    last: None before the first frame; an ECU that never sends one does not limit the linkage. NaN: as in `in_force`.
+    """
+    safe = obedience.safe.linkage
+    if last is None:
+        return FREE
+    if age > obedience.stale_after:
+        return safe
+    return LinkageLimits(
+        lift_up=_or(last.lift_up, safe.lift_up),
+        lift_down=_or(last.lift_down, safe.lift_down),
+        tilt_back=_or(last.tilt_back, safe.tilt_back),
+        tilt_forward=_or(last.tilt_forward, safe.tilt_forward),
+    )
+
+
+def obey(
+    request: Request, limits: Limits, obedience: Obedience, abilities: Abilities, *, speed: float
+) -> Request:
+    """The request as far as the limits permit.
+
+    speed: as the machine measures it [m/s].
+    """
+    request = _govern(request, limits.speed, obedience, abilities, speed)
+    rate, linkage = limits.articulation_rate, limits.linkage
+    return request._replace(
+        wheel_torque=four(
+            min(max(torque, -limit), limit)
+            for torque, limit in zip(request.wheel_torque, limits.wheel_torque, strict=True)
+        ),
+        articulation_rate=min(max(request.articulation_rate, -rate), rate),
+        lift_rate=min(max(request.lift_rate, -linkage.lift_down), linkage.lift_up),
+        tilt_rate=min(max(request.tilt_rate, -linkage.tilt_forward), linkage.tilt_back),
+    )
+
+
+def holds_back(asked: Request, done: Request) -> bool:
+    """Whether limits leave a wheel less drive torque than the driver asks for, or brake against it."""
+    less = any(abs(d) < abs(a) for a, d in zip(asked.wheel_torque, done.wheel_torque, strict=True))
+    return less or any(d > a for a, d in zip(asked.brake_torque, done.brake_torque, strict=True))
+
+
+def _govern(
+    request: Request, limit: float, obedience: Obedience, abilities: Abilities, speed: float
+) -> Request:
+    """Keep |speed| below `limit`: fade the torque that drives on, then retard, then brake."""
+    over = abs(speed) - limit
+    if over <= -obedience.fade:
+        return request
+    direction = math.copysign(1.0, speed)
+    driving = min(max(-over / obedience.fade, 0.0), 1.0)
+    retarding = obedience.retard_share * min(max(over / obedience.retard, 0.0), 1.0)
+    braking = obedience.brake_share * min(max((over - obedience.retard) / obedience.brake, 0.0), 1.0)
+
+    def permitted(torque: float, peak: float) -> float:
+        forward = torque * direction
+        return direction * min(forward * driving if forward > 0 else forward, -retarding * peak)
+
+    def braked(torque: float, full: float) -> float:
+        return max(torque, braking * full)
+
+    return request._replace(
+        wheel_torque=four(map(permitted, request.wheel_torque, abilities.drive_torque)),
+        brake_torque=four(map(braked, request.brake_torque, abilities.brake_torque)),
+    )
+
+
+def _or(value: float, safe: float) -> float:
+    return safe if math.isnan(value) else value
+
+
+def read_obedience(table: CheckedTable) -> Obedience:
+    """The [limits] table of an equipment file."""
+    safe = table.table("safe_values")
+    torque = safe.number("wheel_torque_kn_m", unit="kN m", low=0.0, high=50.0) * 1e3
+    lift, tilt = (
+        safe.number(f"{what}_rate_deg_s", unit="deg/s", low=0.0, high=90.0, default=90.0) * DEGREE
+        for what in ("lift", "tilt")
+    )
+    limits = Limits(
+        linkage=LinkageLimits(lift_up=lift, lift_down=lift, tilt_back=tilt, tilt_forward=tilt),
+        wheel_torque=(torque,) * 4,
+        speed=safe.number("speed_kmh", unit="km/h", low=0.0, high=50.0) * KMH,
+        articulation_rate=safe.number("articulation_rate_deg_s", unit="deg/s", low=0.0, high=50.0) * DEGREE,
+    )
+    safe.finish()
+    obedience = Obedience(
+        safe=limits,
+        stale_after=table.number("stale_after_ms", unit="ms", low=10.0, high=1000.0) / 1e3,
+        fade=table.number("fade_kmh", unit="km/h", low=0.1, high=10.0) * KMH,
+        retard=table.number("retard_kmh", unit="km/h", low=0.1, high=20.0) * KMH,
+        brake=table.number("brake_kmh", unit="km/h", low=0.1, high=20.0) * KMH,
+        retard_share=table.number("retard_percent", unit="%", low=0.0, high=100.0) / 100,
+        brake_share=table.number("brake_percent", unit="%", low=0.0, high=100.0) / 100,
+    )
+    table.finish()
+    return obedience

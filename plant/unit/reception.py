@@ -1,0 +1,71 @@
+"""What the machine hears from the ECU: limits to obey, and whether its frames are sound.
+
+A frame that fails its end-to-end check is a finding and is not used. Frames lost before a good one are a
+finding, and the good one is used.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+from bus.frame import Frame
+from dbc.binding import Binding
+from dbc.database import Database
+from dbc.protection import Checker
+from dbc.protection import Finding as Check
+from plant.unit.actuators import four
+from plant.unit.limits import Limits, LinkageLimits
+
+_LIMITS: Final = {
+    "FrontLeftTorque": "N.m",
+    "FrontRightTorque": "N.m",
+    "RearLeftTorque": "N.m",
+    "RearRightTorque": "N.m",
+    "Speed": "m/s",
+    "ArticulationRate": "rad/s",
+}
+_LINKAGE: Final = dict.fromkeys(("LiftUpRate", "LiftDownRate", "TiltBackRate", "TiltForwardRate"), "rad/s")
+_QUIET: Final = (Check.OK, Check.INITIAL)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something wrong with a frame from the ECU."""
+
+    message: str
+    what: Check
+    at_ns: int
+
+
+class Reception:
+    """The frames of the ECU that the machine looks at; it obeys the limits, of the status it only checks whether it is sound."""
+
+    def __init__(self, database: Database) -> None:
+        self.limits: Limits | None = None  # the last good ones
+        self.limits_ns = 0  # when they came
+        self.linkage: LinkageLimits | None = None  # the last good ones
+        self.linkage_ns = 0  # when they came
+        limits, linkage = database.by_name["Limits"], database.by_name["LinkageLimits"]
+        self._binding, self._linkage_binding = Binding(limits, _LIMITS), Binding(linkage, _LINKAGE)
+        self._limits_id, self._linkage_id = limits.can_id, linkage.can_id
+        self._codecs = {codec.can_id: codec for codec in (limits, linkage, database.by_name["EcuStatus"])}
+        self._checkers = {can_id: Checker(codec) for can_id, codec in self._codecs.items()}
+
+    def receive(self, frame: Frame, now_ns: int) -> list[Finding]:
+        """Use one frame, if it is one the machine uses and it is sound."""
+        checker = self._checkers.get(frame.can_id)
+        if checker is None:
+            return []
+        check = checker.check(frame.data, now_ns)
+        if check.usable and frame.can_id == self._limits_id:
+            values = self._binding.decode(frame.data)
+            self.limits = Limits(
+                wheel_torque=four(values[:4]),
+                speed=values[4],
+                articulation_rate=values[5],
+            )
+            self.limits_ns = now_ns
+        elif check.usable and frame.can_id == self._linkage_id:
+            up, down, back, forward = self._linkage_binding.decode(frame.data)
+            self.linkage = LinkageLimits(lift_up=up, lift_down=down, tilt_back=back, tilt_forward=forward)
+            self.linkage_ns = now_ns
+        return [] if check in _QUIET else [Finding(self._codecs[frame.can_id].name, check, now_ns)]

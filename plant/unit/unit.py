@@ -1,0 +1,214 @@
+"""The machine as a unit on the bus: frames and stamps in, frames out. No clock, socket or log in here.
+
+One tick is 10 ms of the machine's own time:
+
+    driver looks at the last readings and moves pedals and joystick
+    the request is cut to the limits in force
+    the dynamics advance with the commands held
+    sensors sample; the frames that are due are made
+
+Equal machine, scenario, seed and received frames give equal bytes.
+"""
+
+import math
+from dataclasses import replace
+from typing import Final, Protocol
+
+import numpy as np
+
+from bus.frame import Frame
+from dbc import loader_database, reference_database
+from dbc.schedule import FrameSchedule
+from plant.plant import Commands, Plant
+from plant.sheets.machine import Machine
+from plant.truth import Truth
+from plant.unit import interface
+from plant.unit.actuators import Four, abilities_of, four, request_of, within_power
+from plant.unit.driver import Demand, DriverState, drive
+from plant.unit.limits import UNLIMITED, Limits, holds_back, in_force, linkage_in_force, obey
+from plant.unit.reception import Finding, Reception
+from plant.unit.scenario import Scenario
+from plant.unit.sensors import Readings, SensorBank, faulty, measured_values
+from plant.unit.signals import (
+    MACHINE,
+    MACHINE_MESSAGES,
+    REFERENCE_MESSAGES,
+    TEST_RIG,
+    WHEEL_SPEED,
+    Moment,
+    family_slice,
+)
+
+TICK_NS: Final = 10_000_000
+TICK_S: Final = TICK_NS * 1e-9
+SEQUENCES: Final = 1 << 16
+ROLLED_OVER: Final = math.radians(60.0)
+"""Roll beyond any recovery; the frames would touch the ground, and that contact is not modelled."""
+
+_WHEEL_SPEEDS: Final = family_slice(WHEEL_SPEED)
+
+
+class Motion(Protocol):
+    """What the unit needs of its dynamics."""
+
+    def advance(self, commands: Commands, duration_s: float) -> None: ...
+
+    def truth(self) -> Truth: ...
+
+
+class PlantUnit:
+    """Plant, driver, actuators, sensors and bus interface of one run.
+
+    obey_limits: False makes the machine ignore what the ECU permits (and its own safe values).
+    motion: what moves in place of the plant of machine and scenario.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        scenario: Scenario,
+        *,
+        seed: int,
+        obey_limits: bool = True,
+        motion: Motion | None = None,
+    ) -> None:
+        equipment, start = scenario.equipment, scenario.start
+        self.scenario = scenario
+        self._equipment = equipment
+        self._obey_limits = obey_limits
+        self._plant: Motion = motion or Plant(
+            machine,
+            surface=scenario.surface,
+            payload_mass=scenario.payload_mass,
+            speed=start.speed,
+            articulation_angle=start.articulation_angle,
+            lift_arm_angle=start.lift_arm_angle,
+            tilt_angle=start.tilt_angle,
+            heading=start.heading,
+        )
+        self._truth = self._plant.truth()
+        self._abilities = abilities_of(machine, equipment.actuators)
+        self._sensors = SensorBank(
+            faulty(equipment.sensors, machine.effects), step=TICK_S, generator=np.random.default_rng(seed)
+        )
+        self._readings: Readings | None = None
+        self._driver = DriverState()
+        self._held_back = False  # whether limits kept the driver from driving on at the last tick
+        self._reception = Reception(loader_database())
+        self._schedule = FrameSchedule(
+            loader_database(),
+            MACHINE,
+            MACHINE_MESSAGES,
+            tick_ns=TICK_NS,
+            sources=interface.MACHINE_SOURCES,
+        )
+        self._reference = FrameSchedule(
+            reference_database(),
+            TEST_RIG,
+            REFERENCE_MESSAGES,
+            tick_ns=TICK_NS,
+            sources=interface.REFERENCE_SOURCES,
+        )
+        self._ticks = 0
+        self._started_ns = self._now_ns = 0  # of the first and of the last tick
+
+    @property
+    def truth(self) -> Truth:
+        """The true motion at the last tick."""
+        return self._truth
+
+    @property
+    def readings(self) -> Readings | None:
+        """What the sensors read at the last tick; None before the first."""
+        return self._readings
+
+    @property
+    def demand(self) -> Demand:
+        """What the driver asks for."""
+        return self._driver.demand
+
+    @property
+    def sequence(self) -> int:
+        """Sequence number of the last sample."""
+        return (self._ticks - 1) % SEQUENCES
+
+    @property
+    def rolled_over(self) -> bool:
+        """Whether the machine lies so far on its side that the run ends."""
+        return abs(self._truth.roll) > ROLLED_OVER
+
+    @property
+    def finished(self) -> bool:
+        """Whether the scenario is over: its time is up, or the machine lies on its side."""
+        return self.rolled_over or self._ticks * TICK_S >= self.scenario.duration_s + 0.5 * TICK_S
+
+    @property
+    def reception(self) -> Reception:
+        """What came from the ECU."""
+        return self._reception
+
+    def receive(self, frame: Frame, now_ns: int) -> list[Finding]:
+        """Take one frame from the bus; findings if it is not as the DBC and its protection say."""
+        return self._reception.receive(frame, now_ns)
+
+    def limits_in_force(self, now_ns: int) -> Limits:
+        """The limits the machine obeys at `now_ns`."""
+        if not self._obey_limits:
+            return UNLIMITED
+        since_ns = max(self._reception.limits_ns, self._started_ns)
+        obedience, reception = self._equipment.obedience, self._reception
+        limits = in_force(reception.limits, age=(now_ns - since_ns) * 1e-9, obedience=obedience)
+        age = (now_ns - reception.linkage_ns) * 1e-9
+        return replace(limits, linkage=linkage_in_force(reception.linkage, age=age, obedience=obedience))
+
+    def tick(self, now_ns: int) -> list[Frame]:
+        """Advance 10 ms and return the sensor frames that are due. The first tick samples the start."""
+        self._now_ns = now_ns
+        if self._readings is None:
+            self._started_ns = now_ns
+        else:
+            self._advance(self._readings, now_ns)
+        self._readings = self._sensors.sample(measured_values(self._truth))
+        self._ticks += 1
+        moment = Moment(self.demand, self.sequence, self._ground_speed(self._readings))
+        values = interface.machine_values(self._readings, moment)
+        return self._schedule.pack(self._ticks - 1, values)
+
+    def reference_frames(self) -> list[Frame]:
+        """The test instrumentation's frames that are due at the last tick, with its stamp."""
+        values = interface.reference_values(self._truth)
+        return self._reference.pack(self._ticks - 1, values, self._now_ns)
+
+    def _advance(self, readings: Readings, now_ns: int) -> None:
+        """Driver, limits and dynamics, from the last sample to now."""
+        equipment = self._equipment
+        speed = self._ground_speed(readings)
+        self._driver = drive(
+            self._driver,
+            equipment.driver,
+            self.scenario.script.at((self._ticks - 1) * TICK_S, step=TICK_S),
+            speed=speed,
+            articulation_angle=readings.value("articulation_angle"),
+            dt=TICK_S,
+            held_back=self._held_back,
+        )
+        asked = request_of(self.demand, self._abilities)
+        request = obey(
+            asked,
+            self.limits_in_force(now_ns),
+            equipment.obedience,
+            self._abilities,
+            speed=speed,
+        )
+        self._held_back = holds_back(asked, request)
+        request = within_power(request, _wheel_speed(readings), self._abilities.drive_power)
+        self._plant.advance(request.commands(), TICK_S)
+        self._truth = self._plant.truth()
+
+    def _ground_speed(self, readings: Readings) -> float:
+        """Ground speed as the machine knows it: from the mean of its wheels [m/s]."""
+        return sum(_wheel_speed(readings)) / 4 * self._equipment.rolling_radius
+
+
+def _wheel_speed(readings: Readings) -> Four:
+    return four(readings.values[_WHEEL_SPEEDS].tolist())

@@ -1,0 +1,90 @@
+"""States over time as coloured bars with words."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from report.kit.axis import Axis
+from report.kit.plot import Timeline, canvas, events, marked, time_labels
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Unbroken time of one state. severity: 0 (quiet) to 3."""
+
+    start_s: float
+    end_s: float
+    word: str
+    severity: int
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """A state over time. meaning: what it says in a sentence, where the name does not."""
+
+    name: str
+    stretches: tuple[Stretch, ...]
+    meaning: str = ""
+
+
+def stretches(
+    time_s: ArrayLike,
+    value: ArrayLike,
+    words: Mapping[int, tuple[str, int]],
+    window: tuple[float, float] = (-math.inf, math.inf),
+) -> tuple[Stretch, ...]:
+    """Unbroken stretches of one value; words: its name and severity. What has no word is not available.
+
+    window: samples outside of it [s] do not count. The last sample ends the last stretch.
+    """
+    time, values = np.asarray(time_s, float), np.asarray(value, float)
+    within = (time >= window[0]) & (time <= window[1])
+    time, values = time[within], values[within]
+    if time.size == 0:
+        return ()
+    starts = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1))
+    ends = np.concatenate((time[starts[1:]], time[-1:]))
+    return tuple(
+        Stretch(float(time[i]), float(end), *words.get(int(values[i]), ("not available", 0)))
+        for i, end in zip(starts, ends, strict=True)
+    )
+
+
+def markup(bands: Sequence[Band], timeline: Timeline) -> str:
+    """All bands of a run over one time axis."""
+    across = timeline.axis
+    rows = "".join(_row(band, across) for band in bands)
+    return (
+        f'<div class="bands" data-t="{across.start:.6g} {across.end:.6g}">'
+        f'<div class="overlay">{canvas("", marked(timeline), across)}{events(timeline)}</div>'
+        f'{rows}<div class="band ends"><span></span>{time_labels(across)}</div></div>'
+    )
+
+
+def _row(band: Band, across: Axis) -> str:
+    title = f' title="{escape(band.meaning)}"' if band.meaning else ""
+    bars = "".join(_bar(stretch, across) for stretch in band.stretches)
+    return (
+        f'<div class="band"><span class="name"{title}>{escape(band.name)}<output></output></span>'
+        f'<div class="track" role="img" aria-label="{escape(described(band))}"><div class="moving">{bars}</div></div></div>'
+    )
+
+
+def _bar(stretch: Stretch, across: Axis) -> str:
+    start, end = (min(max(t, across.start), across.end) for t in (stretch.start_s, stretch.end_s))
+    left, width = 100 * float(across.share(start)), 100 * (end - start) / (across.end - across.start)
+    return (
+        f'<i class="s{stretch.severity}" style="left:{left:.3f}%;width:{width:.3f}%" '
+        f'title="{escape(stretch.word)}: {stretch.start_s:.2f} to {stretch.end_s:.2f} s"><b>{escape(stretch.word)}</b></i>'
+    )
+
+
+def described(band: Band, most: int = 6) -> str:
+    """The band in words."""
+    told = [f"{s.word} {s.start_s:.2f} to {s.end_s:.2f} s" for s in band.stretches if s.severity]
+    more = f" and {len(told) - most} more" if len(told) > most else ""
+    return f"{band.name}: {', '.join(told[:most]) or 'quiet throughout'}{more}"

@@ -1,0 +1,46 @@
+"""Where the camera stands: the views that a picture or a video can have."""
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import Any
+
+from report.render.loader import Dimensions
+from report.render.pictures import VIEW_METRES, VIEWS, flat_scene, scene_of
+from report.render.scene import Scene
+
+
+class View(StrEnum):
+    """From where the machine is seen."""
+
+    FRONT_LEFT = "front-left"
+    FRONT_RIGHT = "front-right"
+    BEHIND = "behind"
+    LEFT = "left"
+    ABOVE = "above"
+
+
+ROOM = 1.15  # a frame needs room for what is written on it
+_FLAT = dict(zip((View.BEHIND, View.LEFT, View.ABOVE), zip(VIEWS, VIEW_METRES, strict=True), strict=True))
+
+
+def scene_in(
+    view: View, instant: Mapping[str, Any], dimensions: Dimensions, heading: float, size: tuple[int, int]
+) -> Scene:
+    """One instant in a view.
+
+    heading: of the machine when the camera was set up [rad]; from behind and from the left the camera
+    turns with the machine, otherwise it goes along without turning. size: width and height [pixels].
+    """
+    if view in _FLAT:
+        turning = view is not View.ABOVE
+        looking, metres = _FLAT[view]
+        return flat_scene(
+            instant,
+            dimensions,
+            looking,
+            ROOM * metres,
+            heading=float(instant["yaw"]) if turning else heading,
+            size=size,
+        )
+    side = 1 if view is View.FRONT_LEFT else -1
+    return scene_of(instant, dimensions, side=side, heading=heading, size=size)

@@ -1,0 +1,185 @@
+"""How well the ECU estimates the normal forces: against plant truth, in every drive case, in both forms.
+
+Each case runs once per form with the limits off, so that both forms see the very same drive.
+The error of a frame is its value minus the true force at the moment the frame arrived: age of
+the sample, computation and wire count. Frames marked invalid and everything after the first
+lift-off are left out; there the estimate is the pull that would hold the wheel down.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecu.calibration import load_calibration
+from hil.compose import Choice, calibration_of, lockstep
+from hil.ecu_side import FORMS, Form
+from hil.lockstep import Recording
+from hil.verdict import WHEELS, first_lift_off
+from plant.unit.scenario import list_scenarios
+from studies.campaigns.ablation import VARIANTS, estimated, inputs_of
+from studies.campaigns.batch import Result, header, markdown_table, results_of
+from studies.campaigns.memory import columns_of
+
+COMMAND = "loaderhil campaign normal-force"
+FILE = "normal_force.md"
+WHEEL_SIGNALS = ("FrontLeft", "FrontRight", "RearLeft", "RearRight")
+KN = 1e3
+CACHE = Path("out/campaign/normal-force")
+PILE_AND_LOCK = frozenset({"pile_entry", "wheel_lock"})
+INSIDE, OUTSIDE = 0.08, 0.03
+"""Targets: RMS of every wheel over its standing load, in the drive cases of pile and wheel lock, and in all others."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One drive case with one form of the estimators."""
+
+    scenario: str
+    form: Form
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """The estimates of a run: arrival (n,) [s], normal force (n, 4) [N], valid (n, 4)."""
+
+    time_s: NDArray[np.float64]
+    force: NDArray[np.float64]
+    valid: NDArray[np.bool_]
+
+
+def run_case(case: Case) -> Result:
+    """RMS error per wheel [N], standing load per wheel [N], share of frames that were valid, frames used."""
+    scenario = Choice(scenario=case.scenario).load()
+    recording = lockstep(scenario, form=case.form, limits=False, reference=False).run()
+    time = np.array([truth.time_s for truth in recording.truth])
+    force = np.array([truth.normal_force for truth in recording.truth])
+    result = errors_of(estimates_of(recording), time, force) | {"seed": scenario.seed}
+    if case.form == "corrected":
+        result["ablation"] = ablation(recording, time, force, calibration_of(scenario))
+    return result
+
+
+def ablation(
+    recording: Recording, time_s: NDArray[np.float64], force: NDArray[np.float64], name: str
+) -> dict[str, float]:
+    """Per variant of the estimate: RMS error of the worst wheel over what it carries standing."""
+    calibration = load_calibration(name)
+    times, inputs = inputs_of(recording.bus, calibration)
+    worst = {}
+    for variant, (arrival, estimate) in estimated(inputs, calibration.parameters, times).items():
+        series = Series(arrival, estimate, np.ones(estimate.shape, bool))
+        result = errors_of(series, time_s, force)
+        worst[variant] = float(np.max(np.array(result["rms"]) / result["standing"]))
+    return worst
+
+
+def estimates_of(recording: Recording) -> Series:
+    """The NormalForces frames of a run."""
+    columns = columns_of(recording.bus)["NormalForces"]
+    force = np.stack([columns.signals[name] for name in WHEEL_SIGNALS], axis=-1) * KN
+    valid = np.stack([columns.signals[f"{name}Valid"] for name in WHEEL_SIGNALS], axis=-1)
+    return Series(columns.time_s, force, valid > 0)
+
+
+def errors_of(series: Series, time_s: NDArray[np.float64], force: NDArray[np.float64]) -> Result:
+    """Errors of the estimates against the truth (time_s (n,), force (n, 4) [N])."""
+    lift = first_lift_off(time_s, force)
+    end = lift[0] if lift else float(time_s[-1])
+    judged = series.time_s <= end
+    rms = []
+    for wheel in range(4):
+        used = judged & series.valid[:, wheel]
+        true = np.interp(series.time_s[used], time_s, force[:, wheel])
+        error = series.force[used, wheel] - true
+        rms.append(float(np.sqrt(np.mean(error**2))) if used.any() else float("nan"))
+    return {
+        "rms": rms,
+        "standing": force[0].tolist(),
+        "valid": float(np.mean(series.valid[judged])) if judged.any() else 0.0,
+        "until": end,
+        "lifts": lift is not None,
+    }
+
+
+def run_campaign(out: Path, jobs: int | None = None) -> Path:
+    """Run every case and write the table."""
+    cases = [Case(summary.name, form) for summary in list_scenarios() for form in FORMS]
+    results = results_of(cases, run_case, cache=CACHE, jobs=jobs, title="drive cases")
+    file = out / FILE
+    out.mkdir(parents=True, exist_ok=True)
+    file.write_text(table(cases, results))
+    return file
+
+
+def table(cases: Sequence[Case], results: Sequence[Result]) -> str:
+    """The document."""
+    rows = [_row(case, result) for case, result in zip(cases, results, strict=True)]
+    text = header("Normal force: estimate against plant truth", COMMAND, "seeds of the scenarios")
+    return (
+        text
+        + INTRODUCTION
+        + markdown_table(("drive case", "form", *WHEELS, "valid", "target", "met"), rows)
+        + _note(cases, results)
+        + ABLATION
+        + ablation_table(cases, results)
+    )
+
+
+INTRODUCTION = """
+RMS of estimate minus truth, per wheel, in N and in % of the load that the wheel carries standing in the same
+case. *Corrected*: the estimators' equations with their errata repaired; *printed*: as the thesis prints them.
+Both forms see the same drive (limits off) and the same noisy, quantised, delayed sensors; an estimate is compared
+with the truth of the moment its frame arrives. *valid*: share of frames that the ECU marks valid; others do not count.
+*target*: for every wheel, in % of its standing load.
+
+"""
+
+
+ABLATION = """
+## What brings how much
+
+RMS of the worst wheel in % of its standing load, corrected form, on the same recorded drives with one source taken away.
+
+"""
+
+
+def ablation_table(cases: Sequence[Case], results: Sequence[Result]) -> str:
+    """One row per variant, one column per drive case."""
+    shown = [
+        (case.scenario.replace("_", " "), result["ablation"])
+        for case, result in zip(cases, results, strict=True)
+        if "ablation" in result
+    ]
+    rows = [[name, *(f"{100 * worst[name]:.1f}" for _, worst in shown)] for name in VARIANTS]
+    return markdown_table(("", *(name for name, _ in shown)), rows)
+
+
+def _row(case: Case, result: dict[str, Any]) -> list[str]:
+    cells = [
+        f"{rms:.0f} ({100 * rms / standing:.1f} %)"
+        for rms, standing in zip(result["rms"], result["standing"], strict=True)
+    ]
+    name = case.scenario.replace("_", " ") + (" ¹" if result["lifts"] else "")
+    target = target_of(case)
+    met = max(np.array(result["rms"]) / result["standing"]) <= target
+    said = [f"{100 * result['valid']:.1f} %", f"{100 * target:.0f} %", "yes" if met else "no"]
+    return [name, case.form, *cells, *said]
+
+
+def target_of(case: Case) -> float:
+    """Largest RMS over the standing load that is aimed at."""
+    return INSIDE if case.scenario in PILE_AND_LOCK else OUTSIDE
+
+
+def _note(cases: Sequence[Case], results: Sequence[Result]) -> str:
+    ends = {
+        case.scenario: result["until"] for case, result in zip(cases, results, strict=True) if result["lifts"]
+    }
+    if not ends:
+        return ""
+    named = ", ".join(f"{name.replace('_', ' ')} {end:.2f} s" for name, end in ends.items())
+    return f"\n¹ up to the first lift-off: {named}.\n"

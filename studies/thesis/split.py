@@ -1,0 +1,65 @@
+"""Mass splits to try: the thesis prints neither the split nor the height of its machine's centre of gravity.
+
+Machine and estimators are changed alike: in the thesis, too, both had the same numbers (5.3.1).
+"""
+
+from dataclasses import dataclass, replace
+
+from ecu.calibration import load_calibration
+from ecu.estimators.parameters import Body, Parameters
+from hil.ecu_side import CALIBRATION
+from plant.sheets.machine import Machine, load_machine
+
+MACHINE = "l60"
+
+
+@dataclass(frozen=True, slots=True)
+class Split:
+    """Mass moved from the rear to the front frame [kg], and how much higher the rear frame's centre is [m]."""
+
+    forward: float = 0.0
+    higher: float = 0.0
+
+
+SHEET = Split()
+SPLITS = tuple(Split(forward, higher) for forward in (0.0, -885.0, 885.0) for higher in (0.0, -0.18, 0.12))
+"""885 kg: 30 % of front frame, arm and bucket, whose masses are estimates. Height of the rear frame's
+centre: 1.10 to 1.40 m (docs/explanation/machine-sheet.md). The sheet's own machine is the first."""
+
+
+def machine_of(split: Split) -> Machine:
+    """The plant's machine."""
+    machine = load_machine(MACHINE)
+    front, rear = machine.front_frame, machine.rear_frame
+    return replace(
+        machine,
+        front_frame=replace(front, mass=front.mass + split.forward),
+        rear_frame=replace(rear, mass=rear.mass - split.forward, z=rear.z + split.higher),
+    )
+
+
+def parameters_of(split: Split) -> Parameters:
+    """What the estimators know of that machine; of its sensors, that signals of a simulation are not late."""
+    known = load_calibration(CALIBRATION).parameters
+    frame = load_machine(MACHINE).front_frame
+    rear = known.rear
+    return known._replace(
+        front=_added(known.front, split.forward, frame.x, frame.z),
+        rear=rear._replace(mass=rear.mass - split.forward, z=rear.z + split.higher),
+        contact=known.contact._replace(latency=0.0),
+    )
+
+
+def _added(body: Body, mass: float, x: float, z: float) -> Body:
+    """A lump with a point mass more (or less); inertias by the parallel axis theorem."""
+    total = body.mass + mass
+    reduced = body.mass * mass / total
+    dx, dz = x - body.x, z - body.z
+    return Body(
+        total,
+        body.x + mass * dx / total,
+        body.z + mass * dz / total,
+        body.roll_inertia + reduced * dz * dz,
+        body.pitch_inertia + reduced * (dx * dx + dz * dz),
+        body.yaw_inertia + reduced * dx * dx,
+    )

@@ -1,0 +1,171 @@
+"""What one run showed, judged from its folder: roll-over, timing, the expectations of its scenario, and what a reader must not overlook."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from dbc import loader_database
+from hil import rundir
+from hil.compose import Choice
+from hil.ending import Ending
+from hil.foreign.duplicates import judge_senders
+from hil.foreign.silence import judge_presence
+from hil.judgement import NODES, PROCESSES, judge_run
+from hil.results import Case, Suite
+from hil.rundir import RunDirectory, RunError
+from hil.runs import RunResult
+from hil.verdict import Result, RunVerdict, Verdict, judge_warning
+from testbench.expect.evidence import Evidence
+from testbench.expect.expectations import Expectation, judge_all
+from testbench.expect.table import expectations_of
+
+NODE_OF = {process: node for node, process in NODES.items()}
+"""The node of the DBC that stands on each side."""
+REMARKABLE_SHARE = 0.01
+"""Share of a run in a state that is not *running*, from which on the summary says so."""
+_REMARKABLE = ("init", "degraded", "fault", "not_available")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conclusion:
+    """One run with all that is concluded from it.
+
+    ending, reason: how the run itself ended. seen: roll-over, None where there is no truth to judge it by. verdicts: of the bench
+    on the run; expectations: of the scenario. remarks: facts that are no verdict. duration_s: simulated time.
+    """
+
+    name: str
+    folder: Path
+    ending: Ending
+    reason: str = ""
+    seen: RunVerdict | None = None
+    verdicts: tuple[Verdict, ...] = ()
+    expectations: tuple[Verdict, ...] = ()
+    remarks: tuple[str, ...] = ()
+    duration_s: float = 0.0
+
+    @property
+    def everything(self) -> tuple[Verdict, ...]:
+        """All verdicts."""
+        return self.verdicts + self.expectations
+
+
+def conclude(name: str, choice: Choice, folder: Path, result: RunResult) -> Conclusion:
+    """Judge the run in `folder`, and note the verdicts on the expectations in its run.json."""
+    if result.ending is not Ending.PASSED:
+        return Conclusion(name=name, folder=folder, ending=result.ending, reason=result.reason)
+    run = RunDirectory.read(folder)
+    seen = roll_over_of(run)
+    judged = judge_expectations(run, choice)
+    if judged:
+        rundir.write_record(folder, replace(run.record, expectations=judged))
+    return Conclusion(
+        name=name,
+        folder=folder,
+        ending=result.ending,
+        seen=seen,
+        verdicts=tuple(_verdicts(run, seen)),
+        expectations=judged,
+        remarks=tuple(remarks(run, seen)),
+        duration_s=run.record.duration_s,
+    )
+
+
+def _verdicts(run: RunDirectory, seen: RunVerdict | None) -> Iterator[Verdict]:
+    """The bench's own verdicts on a run."""
+    if seen is not None and seen.lifted:
+        yield judge_warning(seen)
+    for side in run.record.foreign:
+        node = NODE_OF[side]
+        times = [columns.time_s for columns in run.messages.values() if node in columns.codec.senders]
+        yield judge_presence(node, np.concatenate(times) if times else [], end_s=run.record.duration_s)
+    yield from judge_senders(run.record.statistics, PROCESSES)
+    yield from timing_verdicts(run)
+
+
+def roll_over_of(run: RunDirectory) -> RunVerdict | None:
+    """The verdict on roll-over; None for a run without truth."""
+    try:
+        return judge_run(run)
+    except RunError:
+        return None
+
+
+def expectations_for(choice: Choice) -> tuple[Expectation, ...]:
+    """The [[expect]] tables of the scenario, then those of the file beside it."""
+    database = loader_database()
+    return tuple(
+        expectation
+        for file in choice.expectation_files()
+        for expectation in expectations_of(file, database, alone=file == choice.expect)
+    )
+
+
+def judge_expectations(run: RunDirectory, choice: Choice) -> tuple[Verdict, ...]:
+    """The verdicts on all expectations of a choice."""
+    stale_s = choice.load().equipment.obedience.stale_after
+    return judge_all(expectations_for(choice), Evidence.of(run, stale_s))
+
+
+def timing_verdicts(run: RunDirectory) -> list[Verdict]:
+    """The verdicts on timing of a real-time run: messages and ticks. Empty in lockstep."""
+    kept = run.record.punctuality
+    return [] if kept is None else [kept.frames, kept.ticks]
+
+
+def remarks(run: RunDirectory, seen: RunVerdict | None) -> Iterable[str]:
+    """What a reader must not overlook: the machine rolled over, the ECU did not run."""
+    if seen is not None and seen.rolled_over_s is not None:
+        yield f"the machine rolled over at {seen.rolled_over_s:.2f} s"
+    status = run.messages.get("EcuStatus")
+    if status is None or not (during := status.time_s >= 0).any():
+        yield "no EcuStatus on the bus: the state of the ECU is not known"
+        return
+    states, times = status.signals["State"][during], status.time_s[during]
+    names = status.codec.by_signal["State"].choices
+    for value in np.unique(states).tolist():
+        share = float(np.mean(states == value))
+        if names.get(value) in _REMARKABLE and share >= REMARKABLE_SHARE:
+            first_s = float(times[np.argmax(states == value)])
+            yield f"the ECU was in state {names[value]} for {100 * share:.0f} % of the run, first at {first_s:.2f} s"
+
+
+def ending_of(conclusions: Sequence[Conclusion], *, strict: bool) -> Ending:
+    """INTERRUPTED if one was, else how the first that did not end well ended, else what the verdicts say."""
+    endings = [each.ending for each in conclusions if each.ending is not Ending.PASSED]
+    if endings:
+        return Ending.INTERRUPTED if Ending.INTERRUPTED in endings else endings[0]
+    verdicts = [verdict for each in conclusions for verdict in each.verdicts]
+    expectations = [verdict for each in conclusions for verdict in each.expectations]
+    return exit_code(verdicts, expectations, strict=strict)
+
+
+def exit_code(verdicts: Iterable[Verdict], expectations: Iterable[Verdict] = (), *, strict: bool) -> Ending:
+    """FAILED if any verdict failed; INCONCLUSIVE if an expectation could not be judged.
+
+    strict: a verdict of the bench that could not be reached fails too.
+    """
+    expected = {verdict.result for verdict in expectations}
+    bad = {Result.FAILED, Result.INCONCLUSIVE} if strict else {Result.FAILED}
+    if Result.FAILED in expected or any(verdict.result in bad for verdict in verdicts):
+        return Ending.FAILED
+    return Ending.INCONCLUSIVE if Result.INCONCLUSIVE in expected else Ending.PASSED
+
+
+def suite_of(conclusion: Conclusion, *, strict: bool = False) -> Suite:
+    """A run as a suite; one that did not end well has that as its first case."""
+    ended = Case(
+        name="the run ends by itself",
+        result=Result.PASSED if conclusion.ending is Ending.PASSED else Result.FAILED,
+        reason=conclusion.reason or f"{conclusion.duration_s:.2f} s recorded",
+    )
+    judged = [Case.of(verdict, decides=strict) for verdict in conclusion.verdicts]
+    expected = [Case.of(verdict) for verdict in conclusion.expectations]
+    return Suite(
+        name=conclusion.name,
+        cases=(ended, *judged, *expected),
+        time_s=conclusion.duration_s,
+        remarks=conclusion.remarks,
+    )

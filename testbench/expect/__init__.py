@@ -1,0 +1,1 @@
+"""Pass criteria of a run: the [[expect]] tables of a scenario, judged on its run directory."""

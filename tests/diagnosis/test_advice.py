@@ -1,0 +1,90 @@
+"""What the tool says to do next: the commands work as printed, and nothing is advised that the findings do not ask for."""
+
+import re
+import shlex
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from diagnosis.advice import advice
+from discrepancy.signals.findings import Candidate, Findings, Separation
+from discrepancy.signals.recording import Complaint
+from loaderhil import cli
+from tests.diagnosis.cases import Call, columns, finding, loaderhil, model_file, write_csv
+from tests.discrepancy.toys import record
+
+__all__ = ["loaderhil"]
+NOTHING = Findings(model="tank", recordings=["a.csv"], status="nothing missing", reasons=[])
+BLIND = Candidate(
+    effect="leak",
+    kind="physics",
+    verdict="could not be judged",
+    statistic=0.0,
+    p_value=1.0,
+    expected=[],
+    power=0.0,
+    confounded_share=0.0,
+    reason="a typical one would hardly be noticed here; needs a high level",
+)
+
+
+def test_nothing_is_advised_where_nothing_is_left_to_do() -> None:
+    assert advice(NOTHING, "tank.py", Path("out")) == []
+
+
+def test_each_thing_to_do_has_its_step_and_what_is_wrong_comes_first() -> None:
+    way = Separation(effect="slope", manoeuvre="stand on level ground", expected_difference=None)
+    late = replace(
+        finding("level delay", "sensor", {"level.delay": 0.2}, group=["slope"]),
+        place="sensor of level",
+        sentence="level comes late",
+        separate_by=[way],
+    )
+    result = replace(
+        NOTHING,
+        status="explained",
+        findings=[late, finding("drag", "physics", {"drag": 1.0}, named=False)],
+        candidates=[BLIND],
+        complaints=[Complaint("b.csv", "", "is empty", fatal=True), Complaint("a.csv", "level", "2 of 9 are no numbers")],
+    )  # fmt: skip
+    steps = advice(result, "tank.py", Path("out"))
+    for step, words in zip(
+        steps,
+        (
+            "diagnose again: b.csv.",
+            "Check the sensor of level: level comes late, level.delay = 0.2",
+            "Do not take drag as the cause",
+            "stand on level ground",
+            "--apply FILE.toml",
+            "record a high level (leak)",
+        ),
+        strict=True,
+    ):
+        assert words in step
+    assert not any("--apply" in step for step in advice(result, "tank.py", Path("out"), applied=True))
+
+
+def test_recordings_that_do_not_fit_together_may_be_judged_each_by_itself() -> None:
+    unknown = replace(NOTHING, status="unknown", recordings=["a.csv", "b.csv"])
+    assert "`--each`" in advice(unknown, "tank.py", None)[0]
+    assert advice(replace(unknown, recordings=["a.csv"]), "tank.py", None) == []
+
+
+def test_the_command_that_is_advised_for_an_equation_works_as_printed(
+    loaderhil: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    odd = write_csv(tmp_path / "odd.csv", columns(record(5, square=0.02, noise=0.005)))
+    model, folder = model_file(tmp_path, "level scale", "level bias"), tmp_path / "first result"
+    first = loaderhil("diagnose", odd, "--model", model, folder=folder)
+    [command] = re.findall("`(loaderhil effects add [^`]*)`", first.out)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", shlex.split(command.replace("NAME", "drain")))
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert not ended.value.code
+    again = loaderhil("diagnose", odd, "--model", "drain.py")
+    assert again.result is not None
+    assert again.result.named == ["drain"]
+    assert again.code == 0

@@ -1,0 +1,99 @@
+"""Rivals that nothing can tell apart are one group, whatever nuisances stand beside them."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from discrepancy.decision.caveats import caveats_of
+from discrepancy.decision.drop_one import drop_one_tests
+from discrepancy.estimation.problem import Problem
+from discrepancy.examine import examine
+from discrepancy.model import Array, Effect, Model, Parameter, Recording, Window, sensor_effects, signal
+from discrepancy.selection.assess import assess
+from discrepancy.selection.open_ended import OpenEnded
+from discrepancy.selection.state import Settings
+from tests.discrepancy.toys import record, tank
+
+SETTINGS = Settings(open_ended=False)
+
+
+def share(name: str) -> Effect:
+    """A wrong size, in shares of itself."""
+    return Effect(
+        name=name,
+        sentence=f"{name} is not that of the sheet",
+        equation="",
+        parameters=(Parameter(name=name, unit="1", lower=-0.8, upper=0.8, typical=0.1),),
+        kind="physics",
+        place="axle",
+    )
+
+
+def robot() -> Model:
+    """Yaw rate of two wheels, from the difference of their speeds: track, radius and gyro only show as one factor."""
+
+    def simulate(window: Window, values: Mapping[str, float], _: Mapping[str, Array]) -> dict[str, Array]:
+        factor = (1.0 + values.get("radius", 0.0)) / (1.0 + values.get("track", 0.0))
+        return {"yaw_rate": factor * (1.0 + values["known_track"]) * window["difference"] / 0.5}
+
+    return Model(
+        name="robot",
+        sentence="two driven wheels",
+        inputs={"difference": "m/s"},
+        outputs={"yaw_rate": "rad/s"},
+        nuisances=(
+            Parameter(name="known_track", unit="1", lower=-0.5, upper=0.5, typical=0.01, prior_sd=0.01),
+        ),
+        effects=(share("track"), share("radius"), *sensor_effects("yaw_rate", "rad/s", bias=0.05)),
+        simulate=simulate,
+        step_s=0.05,
+        window_s=10.0,
+    )
+
+
+def turning(seed: int, factor: float, noise: float = 0.05) -> Recording:
+    rng = np.random.default_rng(seed)
+    time_s = 0.05 * np.arange(2400)
+    difference = np.repeat(rng.uniform(-0.4, 0.4, 120), 20)
+    yaw_rate = factor * difference / 0.5 + rng.normal(0.0, noise, time_s.size)
+    signals = {"difference": signal(time_s, difference, "m/s"), "yaw_rate": signal(time_s, yaw_rate, "rad/s")}
+    return Recording("day", signals)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_track_radius_and_gyro_scale_are_one_group_by_yaw_rate_alone(seed: int) -> None:
+    """The track is a nuisance known to 1 % as well, which does nearly the same as each of them."""
+    (found,) = examine(robot(), [turning(seed, 0.7)], SETTINGS).findings
+    assert {found.effect, *(m.effect for m in found.group)} == {"track", "radius", "yaw_rate scale"}
+
+
+def test_exact_twins_are_a_group_beside_a_nuisance_that_does_the_same() -> None:
+    model = tank("offset", "level bias")
+    datum = Parameter(name="datum", unit="m", typical=0.01, prior_sd=0.02)
+
+    def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Array]) -> dict[str, Array]:
+        return {"level": model.simulate(window, values, extra)["level"] + values["datum"]}
+
+    beside = replace(model, nuisances=(*model.nuisances, datum), simulate=simulate)
+    (found,) = examine(beside, [record(4, bias=0.5)], SETTINGS).findings
+    assert {found.effect, *(m.effect for m in found.group)} == {"offset", "level bias"}
+    assert found.group[0].likelihood_difference == pytest.approx(0.0, abs=0.1)
+
+
+def test_effects_of_which_both_are_there_are_no_group() -> None:
+    result = examine(tank("leak", "level delay"), [record(3, leak=0.05, delay_s=0.35)], SETTINGS)
+    assert sorted(result.named) == ["leak", "level delay"]
+    assert [f.group for f in result.findings] == [[], []]
+
+
+def test_a_lag_and_a_delay_that_cancel_are_no_names() -> None:
+    problem = Problem(tank("level delay", "level lag"), [record(3)])
+    apart = problem.start().with_shared({"level.delay": -0.28, "level.lag": 0.28})
+    state = assess(problem, ("level delay", "level lag"), problem.start(), SETTINGS)
+    state = replace(state, fit=replace(state.fit, values=apart))
+    for test in drop_one_tests(problem, state, {}, OpenEnded(), SETTINGS):
+        effect = problem.model.effect(test.effect)
+        caveats = caveats_of(problem, state, test, effect, state.fit, OpenEnded(), SETTINGS)
+        assert any("cancel" in caveat for caveat in caveats)

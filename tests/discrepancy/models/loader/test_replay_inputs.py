@@ -1,0 +1,184 @@
+"""Replay inputs: fast changes from the driver's demands, the rest from the sensors."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.loader_truth import Arm, record
+from discrepancy.model.description import Window
+from discrepancy.model.windows import resampled
+from discrepancy.models.loader.channels import INPUTS, OPTIONAL, SPEEDS, TORQUES
+from discrepancy.models.loader.recorded_run import load_run
+from discrepancy.models.loader.replay_inputs import (
+    LINKAGE,
+    demanded_joints,
+    first_order_lag,
+    measured_rows,
+    replay_inputs,
+    wheel_speeds,
+    without_sensor_errors,
+)
+from hil.rundir import RunDirectory
+from plant.replay import M_LIFT, M_SPEED, M_TORQUE
+from plant.sheets.machine import load_machine
+from plant.unit.actuators import abilities_of
+from plant.unit.equipment import load_equipment
+
+L60 = load_machine("l60")
+EQUIPMENT = load_equipment("l60")
+ABILITIES = abilities_of(L60, EQUIPMENT.actuators)
+STEP_S = 0.01
+TIME_S = STEP_S * np.arange(800)
+INNER = slice(60, -60)
+
+
+def window(**known) -> Window:
+    """Eight seconds of rolling at 2 rad/s, every other signal 0 unless given."""
+    signals = {**dict.fromkeys(INPUTS, 0.0 * TIME_S), **dict.fromkeys(SPEEDS, 2.0 + 0.0 * TIME_S), **known}
+    return Window(
+        recording="drive",
+        start_s=0.0,
+        end_s=float(TIME_S[-1]),
+        time_s=TIME_S,
+        step_s=STEP_S,
+        known=signals,
+        constants={},
+    )
+
+
+def rows_of(seen: Window) -> np.ndarray:
+    return replay_inputs([seen], L60, EQUIPMENT.sensors, ABILITIES).measured
+
+
+def late(values: np.ndarray, name: str) -> np.ndarray:
+    """As the sensor reports it: later by its sheet's delay (torque has no lag)."""
+    return np.interp(TIME_S - EQUIPMENT.sensors.of(name).delay, TIME_S, values)
+
+
+def test_a_first_order_lag_reaches_its_demand_exponentially():
+    asked = np.where(TIME_S >= 1.0, 1.0, 0.0)[:, None]
+    given = first_order_lag(asked, 0.05, np.inf, STEP_S)[:, 0]
+    np.testing.assert_allclose(
+        given[100:], 1.0 - np.exp(-(TIME_S[100:] - 0.99) / 0.05), atol=1e-9
+    )  # held since the row before
+    assert np.max(np.diff(first_order_lag(asked, 0.05, 4.0, STEP_S)[:, 0])) <= 4.0 * STEP_S + 1e-12
+
+
+@pytest.mark.parametrize("noise", [0.0, 60.0])
+def test_the_pedal_keeps_a_torque_step_sharp_and_free_of_noise(noise):
+    """A tenth of full torque at once: with the pedal known, neither its edge nor the sensor's noise reaches the model."""
+    rng = np.random.default_rng(2)
+    pedal = np.where((TIME_S > 2.0) & (TIME_S < 5.0), 0.1, 0.0)
+    drive = L60.drive
+    true = first_order_lag(
+        pedal[:, None] * np.array(ABILITIES.drive_torque), drive.time_constant, drive.rate_limit, STEP_S
+    )
+    seen = {
+        name: late(true[:, i], name) + noise * rng.normal(size=TIME_S.size) for i, name in enumerate(TORQUES)
+    }
+    known = rows_of(window(**seen, torque_demand=pedal))[:, M_TORQUE : M_TORQUE + 4]
+    unknown = rows_of(window(**seen))[:, M_TORQUE : M_TORQUE + 4]
+    assert np.max(np.abs(known - true)[INNER]) < 0.02 * np.max(true) + noise
+    assert np.std((known - true)[INNER]) < 10.0 + 0.35 * noise
+    assert np.max(np.abs(unknown - true)[INNER]) > 0.2 * np.max(true)
+
+
+def test_a_torque_below_the_demand_is_followed():
+    pedal = np.full(TIME_S.size, 0.1)
+    true = np.full(TIME_S.size, 0.04) * ABILITIES.drive_torque[0]
+    known = rows_of(window(**dict.fromkeys(TORQUES, true), torque_demand=pedal))
+    np.testing.assert_allclose(known[INNER, M_TORQUE], true[INNER], atol=1e-6)
+
+
+def test_brake_torque_opposes_the_rolling():
+    pedal = np.where(TIME_S > 3.0, 0.2, 0.0)
+    friction = first_order_lag(
+        pedal[:, None] * np.array(ABILITIES.brake_torque), L60.brake.time_constant, np.inf, STEP_S
+    )
+    for sign in (1.0, -1.0):
+        speeds = {name: np.full(TIME_S.size, sign * 2.0) for name in SPEEDS}
+        seen = {name: late(-sign * friction[:, i], name) for i, name in enumerate(TORQUES)}
+        known = rows_of(window(**seen, **speeds, brake_demand=pedal))[:, M_TORQUE : M_TORQUE + 4]
+        np.testing.assert_allclose(known[INNER], -sign * friction[INNER], atol=0.02 * np.max(friction))
+
+
+@pytest.mark.parametrize(("joint", "demand", "rate"), [(0, "lift_demand", L60.lift.raise_rate_limit)])
+def test_a_lever_keeps_the_sharp_start_of_an_arm(joint, demand, rate):
+    at, name, _ = LINKAGE[joint]
+    assert at == M_LIFT
+    lever = np.where((TIME_S > 2.0) & (TIME_S < 3.0), 0.7, 0.0)
+    turning = first_order_lag(rate * lever[:, None], L60.lift.time_constant, np.inf, STEP_S)[:, 0]
+    angle = STEP_S * (np.cumsum(turning) - 0.5 * turning)
+    seen = {name: angle, demand: lever}
+    silent = replace(EQUIPMENT.sensors.of(name), lag=0.0, delay=0.0)
+    sensors = replace(EQUIPMENT.sensors, channels={**EQUIPMENT.sensors.channels, name: silent})
+    known, unknown = (
+        measured_rows(w, wheel_speeds(w, sensors), sensors, L60, ABILITIES, demanded=demanded_joints(w))[
+            INNER, at
+        ]
+        - angle[INNER]
+        for w in (window(**seen), window(**{name: angle}))
+    )
+    assert np.max(np.abs(known)) < 0.05 * np.max(np.abs(unknown))
+
+
+FAULT = SPEEDS[0]
+FAULTS = {
+    "scale": lambda true: 1.03 * true,
+    "delay": lambda true: np.interp(TIME_S - 0.03, TIME_S, true),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("recorded", [SPEEDS, SPEEDS[:2]])
+def test_a_known_fault_of_a_wheel_speed_is_corrected(fault, recorded):
+    true = 2.0 + np.sin(TIME_S)
+    speeds = dict.fromkeys(recorded, true)
+    sound = window(**speeds)
+    faulty = replace(sound, known={**sound.known, FAULT: FAULTS[fault](true)})
+    lost = {name: sound.known[name] for name in INPUTS}
+    sound, faulty = (replace(w, known={**lost, **{n: w.known[n] for n in recorded}}) for w in (sound, faulty))
+    ends = np.array([0, 400, TIME_S.size])
+
+    def speed(seen: Window, **values: float) -> np.ndarray:
+        errors = {f"{FAULT}.{name}": value for name, value in values.items()}
+        inputs = replace(replay_inputs([seen], L60, EQUIPMENT.sensors, ABILITIES), edges=ends)
+        return without_sensor_errors(inputs, errors)[:, M_SPEED]
+
+    known = speed(faulty, **{fault: 0.03})
+    edges = np.r_[0:60, 340:460, 740:800]  # segments are read as if nothing came before or after
+    np.testing.assert_allclose(np.delete(known - speed(sound), edges), 0.0, atol=2e-4)
+    assert np.max(np.abs(speed(faulty) - speed(sound))) > 0.0299 / len(recorded)
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """A random drive through driver, limits, sensors and CAN: replay inputs and true values at the same times."""
+    folder = tmp_path_factory.mktemp("runs") / "drive"
+    record(Arm(seed=2, duration_s=30.0), folder)
+    seen, true = load_run(folder).signals, RunDirectory.read(folder).truth
+    time_s = STEP_S * np.arange(3000)
+    known = {name: resampled(s, time_s) for name, s in seen.items() if name in (*INPUTS, *OPTIONAL, *SPEEDS)}
+    whole = replace(window(), time_s=time_s, end_s=float(time_s[-1]), known=known)
+    return rows_of(whole)[INNER], {
+        name: np.asarray(values)[: len(time_s)][INNER] for name, values in true.items()
+    }
+
+
+def test_bench_torque_is_known_to_half_its_sensors_noise(driven):
+    """But for the sensor's gain of 2 %, which a nuisance takes: with brakes, turns and limits in it."""
+    known, true = driven
+    torque = known[:, M_TORQUE : M_TORQUE + 4]
+    gain = np.sum(torque * true["wheel_torque"]) / np.sum(true["wheel_torque"] ** 2)
+    assert gain == pytest.approx(1.0 + EQUIPMENT.sensors.of(TORQUES[0]).scale_error, abs=3e-3)
+    assert np.std(torque / gain - true["wheel_torque"]) < 0.5 * EQUIPMENT.sensors.of(TORQUES[0]).noise
+
+
+def test_bench_arm_angle_is_known_to_half_its_sensors_noise(driven):
+    known, true = driven
+    sheet = EQUIPMENT.sensors.of("lift_arm_angle")
+    error = known[:, M_LIFT] - true["lift_arm_angle"] - sheet.bias
+    assert np.ptp(true["lift_arm_angle"]) > 0.1, "the drive does not lift"
+    assert np.std(error) < 0.5 * sheet.noise
+    assert abs(np.mean(error)) < 0.5 * sheet.noise

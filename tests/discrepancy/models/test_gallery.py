@@ -1,0 +1,34 @@
+"""Models of the gallery: sound descriptions, and the pneumatic cylinder's friction found with its published size."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.exhibits import EXHIBITS, model_and_recordings, model_file
+from diagnosis.models import find_model
+from discrepancy.examine import examine
+from discrepancy.selection.state import Settings
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+@pytest.mark.parametrize("exhibit", EXHIBITS, ids=lambda exhibit: exhibit.name)
+def test_every_exhibit_has_a_model_and_a_page(exhibit) -> None:  # type: ignore[no-untyped-def]
+    model = find_model(str(ROOT / model_file(exhibit))).channels
+    assert model.effects
+    assert (ROOT / "docs" / "gallery" / f"{exhibit.name}.md").is_file()
+    assert f"({exhibit.name}.md)" in (ROOT / "docs" / "gallery" / "README.md").read_text()
+
+
+@pytest.mark.data
+def test_seal_friction_of_the_cylinder_has_its_known_size(recordings: Path) -> None:
+    """Half the difference of both stroke directions, by the data's own check: 3.9, 5.4, 6.9, 7.8 N at 1, 3, 5, 7 bar."""
+    (exhibit,) = [e for e in EXHIBITS if e.name == "pneumatic_cylinder"]
+    if not (recordings / exhibit.name).is_dir():
+        pytest.skip(f"no {exhibit.name} in {recordings}")
+    found = examine(*model_and_recordings(exhibit, recordings), Settings())
+    size = {f.effect: f.parameters[0].value for f in found.findings if f.named}
+    bar = np.array([1.0, 3.0, 5.0, 7.0])
+    friction = size["seal friction"] + size["seal friction with pressure"] * 1e5 * bar
+    np.testing.assert_allclose(friction, [3.9, 5.4, 6.9, 7.8], rtol=0.12)

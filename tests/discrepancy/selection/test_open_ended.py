@@ -1,0 +1,67 @@
+"""Equations outside the library: a play of what is commanded, with the width that it has."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from discrepancy.estimation.problem import Problem
+from discrepancy.selection.functions import functions, play
+from discrepancy.selection.open_ended import explore
+from discrepancy.selection.search import search
+from discrepancy.selection.state import Settings
+from discrepancy.signals.recording import Recording, signal
+from discrepancy.signals.units import parse_unit
+from tests.discrepancy.toys import STEP_S, tank
+
+
+def through_a_loose_valve(width: float, *, noise: float = 0.005) -> Recording:
+    """A tank whose inflow follows its command with a play; the command wanders, the level is exact but for noise."""
+    rng = np.random.default_rng(4)
+    n = 1800
+    command = 0.3 + 0.3 * np.convolve(rng.normal(size=n + 40), np.hanning(41) / 6.0, mode="valid")
+    inflow, level, now = play(command, width), np.empty(n), 0.5
+    a = np.exp(-0.2 * STEP_S)
+    for i, u in enumerate(inflow.tolist()):
+        level[i] = now
+        now = a * now + (1.0 - a) / 0.2 * u
+    time_s = STEP_S * np.arange(n)
+    signals = {
+        "inflow": signal(time_s, command, "m/s", held=True),
+        "level": signal(time_s, level + noise * rng.normal(size=n), "m"),
+    }
+    return Recording("tank", signals)
+
+
+@pytest.mark.parametrize("width", [0.03, 0.09])
+def test_the_width_of_a_play_is_found_with_it(width: float) -> None:
+    """dx/dt = play(u) / area, and nothing is known of the area: what the model has, dx/dt = u / area, gives way. Widths are begun at one."""
+    model = tank("level bias")
+    area, level = model.nuisances
+    free = replace(area, upper=np.inf, prior_sd=None)
+    problem = Problem(replace(model, nuisances=(free, level)), [through_a_loose_valve(width)])
+    state, _ = search(problem, Settings())
+    found = explore(problem, state, Settings())
+    played = [t for t in found.terms if t.function.wide is not None]
+    assert played
+    assert played[0].reported.place == "inflow"
+    assert played[0].function.wide is not None
+    assert played[0].function.wide.width == pytest.approx(width, rel=0.05)
+
+
+def test_a_command_acts_through_its_play_times_another_signal_and_what_is_read_does_not() -> None:
+    """Steering with play turns a car in proportion to its speed: a product with the units of both."""
+    found = functions({"steering": "rad", "speed": "m/s"}, {"steering": 0.5, "speed": 1.0}, {"steering"})
+    products = [f for f in found if f.text.startswith("play(") and f.text.endswith("·speed")]
+    assert products
+    assert not [f for f in found if f.text.startswith("play(speed") and "·" in f.text]
+    steering, speed = np.array([0.0, 1.0, 0.5, -1.0]), np.array([1.0, 2.0, 3.0, 4.0])
+    for f in products:
+        assert f.unit == parse_unit("rad") * parse_unit("m/s")
+        assert f.wide is not None
+        w = f.wide.width
+        expected = np.array([0.0, 1.0 - w, max(min(1.0 - w, 0.5 + w), 0.5 - w), -1.0 + w]) * speed
+        np.testing.assert_allclose(f.of({"steering": steering, "speed": speed}, 0.01), expected)
+        other = f.wide.having(0.2)
+        assert replace(other, of=f.of, wide=None) == replace(f, text=other.text, wide=None)
+        assert "0.2 rad" in other.text

@@ -1,0 +1,134 @@
+"""Where candidate fits begin, and fits with cached Jacobian columns."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from discrepancy.estimation.effort import AS_IT_IS, Effort
+from discrepancy.estimation.fit import CONVERGED, fit
+from discrepancy.estimation.noise import white_noise
+from discrepancy.estimation.problem import Problem
+from discrepancy.selection import candidate_fits as trials
+from discrepancy.selection.assess import assess
+from discrepancy.selection.starts import Starts
+from discrepancy.selection.state import Settings
+from tests.discrepancy.toys import record, tank
+
+LEAK = ("leak",)
+
+
+def assessed(*names: str, **truth: float):
+    problem = Problem(tank(*names), [record(5, **truth)])
+    return problem, assess(problem, (), problem.start(), Settings())
+
+
+def test_a_refit_begins_with_the_gain_that_the_score_promises() -> None:
+    """A bias is linear in the readings: with everything moved along, its start is its end."""
+    problem, state = assessed("level bias", bias=0.03)
+    (found,) = state.scores
+    start, *_ = Starts(problem, state.noise, state.fit, state.columns).of(found, None)
+    assert start.sse_reduction == pytest.approx(found.raw_statistic, rel=0.01)
+    ended = fit(problem, state.noise, ("area", "level.bias"), start.values)
+    assert state.fit.sse - ended.sse == pytest.approx(start.sse_reduction, rel=0.01)
+
+
+def test_starts_worse_than_nothing_are_left_out_where_another_is_better() -> None:
+    problem, state = assessed("level delay", delay_s=0.2)
+    (found,) = state.scores
+    begun = Starts(problem, state.noise, state.fit, state.columns).of(found, None)
+    reductions = [start.sse_reduction for start in begun]
+    assert reductions == sorted(reductions, reverse=True)
+    assert all(reduction > 0.0 for reduction in reductions[1:])
+
+
+def test_cached_columns_lead_to_the_same_fit_with_fewer_simulations() -> None:
+    model = replace(tank(*LEAK), jacobian_reach=1e-6)  # keeps columns, trusts them nowhere else
+    problem = Problem(model, [record(5, leak=0.02)])
+    noise = white_noise(problem, problem.measured - problem.predict(problem.start()))
+    names = ("area", "leak")
+    exact = fit(problem, noise, names, problem.start())
+    far = exact.values.having(area=1.2, leak=0.1)
+    spent = []
+    for cached in (False, True):
+        before = problem.simulations
+        again = fit(problem, noise, names, far, effort=Effort(iterations=20, cached=cached))
+        spent.append(problem.simulations - before)
+        assert again.sse == pytest.approx(exact.sse, abs=20.0 * CONVERGED)
+    assert spent[1] < spent[0]
+
+
+def test_forgotten_derivatives_are_computed_again_where_they_are_asked_for() -> None:
+    problem = Problem(replace(tank(*LEAK), jacobian_reach=6.0), [record(5, leak=0.02)])
+    state = assess(problem, (), problem.start(), Settings())
+    values, shape = state.fit.values, (problem.measured.size,)
+    shared = values.shared
+    trial_step = state.columns[0].changes[0][0]
+    problem.jacobian.forget_derivatives()
+    assert problem.jacobian.column("area", None, shared, anywhere=True) is None
+    assert problem.jacobian.column("leak", trial_step, shared, anywhere=True).shape == shape
+    fit(problem, state.noise, ("area",), values, effort=AS_IT_IS)
+    assert problem.jacobian.column("area", None, shared).shape == shape
+
+
+def test_a_prediction_is_not_simulated_twice() -> None:
+    problem = Problem(tank(*LEAK), [record(5)])
+    first = problem.predict(problem.start())
+    again = problem.predict(problem.start())
+    assert problem.simulations == 1
+    np.testing.assert_array_equal(first, again)
+    other = problem.start()
+    other.local["level"][0] += 0.1
+    assert not np.array_equal(problem.predict(other), first)
+
+
+@pytest.mark.parametrize(("leak", "again"), [(0.05, True), (0.0005, False)])
+def test_steps_that_cached_columns_led_astray_are_taken_again_where_there_is_no_doubt(
+    leak, again, monkeypatch
+) -> None:
+    problem, state = assessed("leak", leak=leak)
+    (found,) = state.scores
+    points = Starts(problem, state.noise, state.fit, state.columns).of(found, None)
+    astray = replace(state.fit, names=("area", "leak"), sse=2.0 * state.fit.sse)
+    monkeypatch.setattr(
+        trials, "fit", lambda *given, effort: astray if effort.cached else fit(*given, effort=effort)
+    )
+    (best, *_) = trials.first_steps(problem, state, found, points)
+    assert (best.sse < 0.5 * state.fit.sse) == again
+    assert (best is astray) != again
+
+
+def test_an_effect_that_is_sure_only_as_a_whole_has_a_size() -> None:
+    """Two amplitude parameters of which data tell the sum well and the difference hardly: as a whole it is far from nothing, not each by itself."""
+    problem, state = assessed("leak", "offset", leak=0.05)
+    first, second = problem.model.effects
+    both = replace(first, parameters=(*first.parameters, *second.parameters))
+    known = {"leak": 0.05, "offset": 0.1}
+    told = np.array([[1.0 / 0.05**2, 1.0 / (0.05 * 0.1)], [1.0 / (0.05 * 0.1), 1.0 / 0.1**2]])
+    apart = 1e-4 * np.diag(np.diag(told))
+    fitted = replace(
+        state.fit,
+        names=("leak", "offset"),
+        values=state.fit.values.with_shared(known),
+        information=25.0 * told + apart,
+    )
+    assert fitted.sd("leak") > known["leak"]
+    # (1 + 1)^2 x 25 = 10 sd from nothing
+    assert trials.size_of(both, fitted) == pytest.approx(1.0 - trials.SURE / 10.0, rel=1e-3)
+
+
+def test_what_scores_enough_is_tried_even_if_it_is_not_among_the_first() -> None:
+    problem, state = assessed("level bias", "level sign", "level delay", bias=0.01)
+    narrow = Settings(shortlist=2)
+    first = max(state.scores, key=lambda s: s.statistic)
+    masked = replace(first, statistic=20.0, variance_inflation=1.0)
+    loud = [
+        replace(s, statistic=1e3, variance_inflation=1e3, change=0.0 * s.change)
+        for s in state.scores
+        if s is not first
+    ]
+    tried = trials.try_shortlist(problem, replace(state, scores=(*loud, masked)), narrow)
+    assert first.effect in [t.effect for t in tried if t.accepted(narrow)]
+    ignored = replace(masked, statistic=1.0)
+    tried = trials.try_shortlist(problem, replace(state, scores=(*loud, ignored)), narrow)
+    assert first.effect not in [t.effect for t in tried]

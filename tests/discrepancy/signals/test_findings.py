@@ -1,0 +1,67 @@
+"""findings.json and its schema."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from pydantic import ValidationError
+
+from discrepancy.examine import examine
+from discrepancy.selection.state import Settings
+from discrepancy.signals.findings import (
+    OLD_NAMES,
+    SCHEMA,
+    from_json,
+    schema_text,
+    to_json,
+)
+from tests.discrepancy.toys import record, tank
+
+
+def test_the_schema_in_the_repository_is_that_of_the_classes() -> None:
+    assert SCHEMA.read_text() == schema_text()
+
+
+def test_findings_survive_json_and_say_what_was_found() -> None:
+    result = examine(tank(), [record(2, leak=0.08)], Settings())
+    text = to_json(result)
+    assert "NaN" not in text
+    assert "Infinity" not in text
+    back = from_json(text)
+    assert back.findings[0].effect == "leak"
+    assert to_json(back) == text
+
+
+def test_a_damaged_file_is_refused_with_the_place() -> None:
+    whole = json.loads(to_json(examine(tank(), [record(2)], Settings())))
+    whole["status"] = "perhaps"
+    with pytest.raises(ValidationError, match="status"):
+        from_json(json.dumps(whole))
+
+
+def test_what_is_smaller_than_noticed_from_is_not_found_and_what_is_larger_is() -> None:
+    """The size comes from one recording without the effect, and holds for others with it."""
+    model, settings = tank("level delay"), Settings(open_ended=False)
+    [limit] = examine(model, [record(1)], settings).candidates[0].smallest_detectable
+    assert limit.name == "level.delay"
+    for share, found in ((0.4, []), (1.6, ["level delay"])):
+        for seed in range(2, 8):
+            late = record(seed, delay_s=share * limit.value)
+            assert examine(model, [late], settings).named == found
+
+
+def test_no_size_is_noticed_of_what_nuisances_can_do_as_well() -> None:
+    [sign] = [c for c in examine(tank(), [record(1)], Settings()).candidates if c.effect == "level sign"]
+    assert (sign.verdict, sign.smallest_detectable) == ("could not be judged", [])
+
+
+def test_files_of_version_1_are_read_by_the_names_of_their_time() -> None:
+    """Channels may have the name of a field."""
+    found = examine(tank(), [record(2, leak=0.08)], Settings())
+    first = replace(found.findings[0], held_out_error={"gain": 0.5, **found.findings[0].held_out_error})
+    whole = replace(found, findings=[first, *found.findings[1:]])
+    text = to_json(whole).replace('"schema_version": 2', '"schema_version": 1')
+    for old, new in OLD_NAMES.items():
+        text = text.replace(f'"{new}":', f'"{old}":')
+    assert '"doubts"' in text
+    assert from_json(text) == whole

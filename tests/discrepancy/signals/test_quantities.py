@@ -1,0 +1,47 @@
+"""Numbers as people read them say what they are: read back they are the same to so many digits, and no unit is lost."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from discrepancy.signals.quantities import figures, quantity, readable
+
+
+@given(st.floats(-1e12, 1e12, allow_nan=False).filter(lambda x: abs(x) > 1e-12), st.integers(2, 5))
+def test_what_is_written_is_the_value_to_so_many_digits(value: float, digits: int) -> None:
+    assert float(figures(value, digits)) == pytest.approx(value, rel=0.5001 * 10.0 ** (1 - digits))
+
+
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [(1510.0, "1510"), (27_812.0, "27800"), (0.05, "0.05"), (-0.0, "0"), (4.84e-7, "4.84e-07"), (2.5e7, "2.5e+07")],
+)  # fmt: skip
+def test_a_power_of_ten_stands_only_where_zeros_would_be_many(value: float, told: str) -> None:
+    assert figures(value) == told
+
+
+@pytest.mark.parametrize(
+    ("unit", "told"),
+    [
+        ("1", "3"),
+        ("kg m2", "3 kg·m²"),
+        ("N m/rad", "3 N·m/rad"),
+        ("kg.m^2/s^3", "3 kg·m²/s³"),
+        ("1/s", "3 1/s"),
+    ],
+)
+def test_units_of_sheets_and_of_models_are_shown_alike(unit: str, told: str) -> None:
+    assert quantity(3.0, unit) == told
+
+
+@pytest.mark.parametrize(
+    ("unit", "size", "factor", "told"),
+    [
+        ("Pa", 1.2e7, 1e6, "MPa"),
+        ("N", 6.5e4, 1e3, "kN"),
+        ("N.m", 9e3, 1.0, "N·m"),
+        ("rad/s", 1e5, 1.0, "rad/s"),
+    ],
+)
+def test_large_values_have_prefixed_units(unit: str, size: float, factor: float, told: str) -> None:
+    assert readable(unit, size) == (factor, told)

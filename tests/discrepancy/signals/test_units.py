@@ -1,0 +1,52 @@
+"""Units of quantities and of headings."""
+
+import numpy as np
+import pytest
+
+from discrepancy.signals.units import confusions, parse_scaled, parse_unit
+
+
+@pytest.mark.parametrize(
+    ("text", "same"), [("N", "kg.m/s^2"), ("N.m", "J"), ("Pa", "N/m^2"), ("m/s²", "m/s^2"), ("rad/s", "1/s")]
+)
+def test_units_that_are_the_same_quantity(text: str, same: str) -> None:
+    assert parse_unit(text).same_quantity(parse_unit(same))
+
+
+def test_a_force_per_speed_squared_is_mass_per_length() -> None:
+    assert str(parse_unit("N") / parse_unit("m/s") ** 2) == "kg/m"
+
+
+def test_an_unknown_unit_is_named() -> None:
+    with pytest.raises(ValueError, match="furlong"):
+        parse_unit("furlong/s")
+
+
+@pytest.mark.parametrize(
+    ("text", "si", "factor"),
+    [
+        ("km/h", "m/s", 1.0 / 3.6),
+        ("deg/s", "rad/s", np.pi / 180.0),
+        ("°", "rad", np.pi / 180.0),
+        ("kN", "N", 1e3),
+        ("kNm", "N.m", 1e3),
+        ("bar", "Pa", 1e5),
+        ("rpm", "rad/s", 2.0 * np.pi / 60.0),
+        ("mm/s²", "m/s^2", 1e-3),
+        ("1/min", "1/s", 1.0 / 60.0),
+        ("%", "1", 0.01),
+        ("", "1", 1.0),
+        ("g", "m/s^2", 9.80665),
+    ],
+)
+def test_headings_are_converted_to_si(text: str, si: str, factor: float) -> None:
+    scaled = parse_scaled(text)
+    assert scaled.unit.same_quantity(parse_unit(si))
+    assert scaled.factor == pytest.approx(factor, rel=1e-12)
+
+
+def test_confusions_are_factors_between_units_of_the_same_quantity_both_ways() -> None:
+    speeds = confusions("m/s")
+    assert speeds["km/h under a heading of m/s"] == pytest.approx(3.6)
+    assert speeds["m/s under a heading of km/h"] == pytest.approx(1.0 / 3.6)
+    assert not any("deg" in text for text in speeds)

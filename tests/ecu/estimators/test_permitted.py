@@ -1,0 +1,247 @@
+"""Permitted rate and speed: what they lead to, on the level and on slopes, and what the machine leans on."""
+
+import math
+
+import pytest
+
+from ecu.calibration import load_calibration
+from ecu.estimators.loads.cog import front_unit
+from ecu.estimators.loads.normal_force import normal_forces
+from ecu.estimators.quantities import Vector
+from ecu.estimators.stability.permitted import (
+    LEANING,
+    helps,
+    keeps_margins,
+    leaned,
+    least_margin,
+    limit_for,
+    permitted_rate,
+    permitted_speed,
+    stays_above,
+    steady_forces,
+    turned_gravity,
+)
+from ecu.estimators.stability.rollover import (
+    PredictionState,
+    loaded_machine,
+    margin,
+    steady_loads,
+    steady_rate,
+    support_of,
+)
+from ecu.estimators.tyres.contact import Tilt
+
+P = load_calibration().parameters
+G, LOCK = 9.81, 0.66
+LEVEL = Vector(0.0, 0.0, G)
+
+
+def machine(wheel=P.wheel, **prediction):
+    """The empty machine with the bucket carried, other numbers of its prediction."""
+    given = P._replace(wheel=wheel, prediction=P.prediction._replace(**prediction))
+    return loaded_machine(front_unit(-0.65, 0.82, 0.0, P.front, P.arm, P.bucket), given)
+
+
+MACHINE = machine()
+
+
+def uphill(angle):
+    """What an accelerometer reads on a machine that stands nose up by `angle`."""
+    return Vector(G * math.sin(angle), 0.0, G * math.cos(angle))
+
+
+def test_turning_on_the_spot_turns_gravity_the_other_way():
+    """Nose up, a quarter turn to the left brings the right side up: the reading points to the right."""
+    turned = turned_gravity(uphill(0.15), math.pi / 2)
+    assert turned == pytest.approx((0.0, -G * math.sin(0.15), G * math.cos(0.15)), abs=1e-12)
+    assert turned_gravity(turned, -math.pi / 2) == pytest.approx(uphill(0.15), abs=1e-12)
+
+
+def test_leaning_with_the_slope_is_standing_on_it():
+    """A body nose down and left side up by small angles reads what it would on a slope of these angles."""
+    assert leaned(LEVEL, Tilt(0.01, 0.02)) == pytest.approx((-0.02 * G, 0.01 * G, G))
+
+
+@pytest.mark.parametrize("braking", [0.0, 1.0, 5.0])
+def test_on_the_level_only_the_beginning_of_a_turn_counts(braking):
+    now = permitted_speed(LOCK, LEVEL, 1.0, machine(braking=braking, turn_ahead=0.0))
+    assert permitted_speed(LOCK, LEVEL, 1.0, machine(braking=braking, turn_ahead=4.0)) == now
+
+
+def test_driving_straight_only_the_present_heading_counts():
+    slope = turned_gravity(uphill(0.15), 0.7)
+    now = permitted_speed(0.0, slope, 1.0, machine(turn_ahead=0.0))
+    assert permitted_speed(0.0, slope, 1.0, MACHINE) == now
+
+
+def test_at_the_permitted_speed_the_floor_is_just_kept():
+    slope = turned_gravity(uphill(0.15), 1.0)
+    speed, floor = permitted_speed(LOCK, slope, 1.0, MACHINE), P.prediction.speed_floor
+    assert stays_above(floor, 0.99 * speed, LOCK, slope, MACHINE)
+    assert not stays_above(floor, 1.02 * speed, LOCK, slope, MACHINE)
+
+
+def test_a_turn_that_will_point_its_outer_side_downhill_has_to_be_begun_slower():
+    """A left turn with the right side up: half a turn later its outer, right side is the lower one."""
+    right_up = turned_gravity(uphill(0.15), math.pi / 2)
+    far, near = (permitted_speed(LOCK, right_up, 1.0, machine(turn_ahead=t)) for t in (6.0, 0.0))
+    worst = permitted_speed(LOCK, turned_gravity(right_up, math.pi), 1.0, machine(turn_ahead=0.0))
+    assert worst < 0.9 * near
+    assert far < 0.9 * near
+
+
+def test_brakes_let_a_turn_on_a_slope_begin_faster():
+    """Right side up: by the time the outer side is the lower one, the machine has slowed down."""
+    right_up = turned_gravity(uphill(0.15), math.pi / 2)
+    found = [permitted_speed(LOCK, right_up, 1.0, machine(braking=a)) for a in (0.0, 1.0, 3.0)]
+    assert found == sorted(found)
+    assert found[0] < 0.95 * found[2]
+
+
+def test_what_pushes_downhill_comes_off_the_brakes():
+    """Nose down the slope pushes with 1.4 m/s²: brakes of 0.5 m/s² are as none, those of 3 m/s² slow the machine down."""
+    found = [
+        permitted_speed(0.3, uphill(-0.15), 1.0, machine(braking=a, turn_ahead=1.5)) for a in (0.0, 0.5, 3.0)
+    ]
+    assert found[0] == found[1] < found[2]
+
+
+def test_forward_to_the_left_and_mirrored_to_the_right_are_alike():
+    right_up = turned_gravity(uphill(0.15), 1.1)
+    mirrored = Vector(right_up.x, -right_up.y, right_up.z)
+    assert permitted_speed(LOCK, right_up, 1.0, MACHINE) == permitted_speed(-LOCK, mirrored, 1.0, MACHINE)
+
+
+def rigid_margin(speed, angle, ground, m):
+    """Margin of the turn on tyres that do not give way."""
+    loads = steady_loads(speed, angle, ground, m.wheel.lateral_peak, m.front, m.rear, m.axle, m.geometry)
+    forces = normal_forces(loads.support, angle, loads.axle_load, loads.axle_moment, m.geometry)
+    return margin(forces, m.standing).ratio
+
+
+@pytest.mark.parametrize("hardness", [1e3, 1.0])
+def test_a_machine_leans_to_its_outer_side_as_its_tyres_are_soft(hardness):
+    """Hard tyres: the rigid machine. Soft ones take more from the inner wheel, by weight times height over stiffness.
+
+    The lean is the roll moment M over the front tyres' stiffness K; it moves the weight that leans, W at the height h
+    above the roll axis, and so adds W h / K of M, and that of this: M / (1 - W h / K).
+    """
+    tyre = P.wheel
+    wheel = tyre._replace(
+        radial_linear=hardness * tyre.radial_linear, radial_quadratic=hardness * tyre.radial_quadratic
+    )
+    m = machine(wheel)
+    speed, angle = 4.5, 0.3
+    lost = 1.0 - rigid_margin(speed, angle, LEVEL, m)
+    leaning = 1.0 - margin(steady_forces(speed, angle, LEVEL, m), m.standing).ratio
+    standing = 1.0 - rigid_margin(0.0, angle, LEVEL, m)
+    gain = (leaning - standing) / (lost - standing)
+    if hardness > 1.0:
+        assert gain == pytest.approx(1.0, abs=2e-3)
+        return
+    k = (
+        P.wheel.nominal_load
+        * (tyre.radial_linear + 2.0 * tyre.radial_quadratic * 0.05)
+        / tyre.unloaded_radius
+    )
+    half = P.geometry.front_track / 2.0
+    height = (m.front.mass * m.front.z + m.rear.mass * m.rear.z) - (m.front.mass + m.rear.mass) * 0.4
+    ratio = G * height / (2.0 * k * half**2)
+    expected = sum(ratio**n for n in range(LEANING + 1))
+    assert gain == pytest.approx(expected, abs=0.1)
+    assert gain > 1.05
+
+
+def start(speed, angle, demanded, ground, m=MACHINE):
+    """A steady turn on this ground in which another articulation rate is demanded."""
+    forces = steady_forces(speed, angle, ground, m)
+    turn = steady_rate(speed, angle, m.wheel.lateral_peak, m.geometry)
+    front, rear = forces.front_left + forces.front_right, forces.rear_left + forces.rear_right
+    support = support_of(forces, angle, m.geometry).y
+    return PredictionState(
+        angle, 0.0, demanded, speed, 0.0, *ground, ground, 0.0, turn, front, rear, support, 0.0
+    )
+
+
+@pytest.mark.parametrize("ground", [LEVEL, turned_gravity(uphill(0.15), math.pi / 2)])
+def test_at_the_permitted_rate_both_margins_are_just_kept(ground):
+    now = start(6.0, 0.2, 0.5, ground)
+    rate, step = permitted_rate(now, MACHINE), P.prediction.largest_rate / 64.0
+    assert 0.0 < rate < P.prediction.largest_rate
+    assert keeps_margins(now, rate, MACHINE)
+    assert not keeps_margins(now, rate + step, MACHINE)
+    angle = 0.2 + rate * P.prediction.limit_hold
+    assert stays_above(P.prediction.turn_floor, 6.0, angle, ground, MACHINE)
+
+
+def test_the_turn_that_follows_binds_the_rate_before_the_horizon_does():
+    """Right side up in a left turn: what lies beyond the horizon is the worse heading."""
+    right_up = turned_gravity(uphill(0.15), math.pi / 2)
+    rates = [
+        permitted_rate(start(6.0, 0.1, 0.5, right_up), machine(turn_floor=floor))
+        for floor in (-9.0, P.prediction.turn_floor)
+    ]
+    assert 0.0 < rates[1] < 0.8 * rates[0]
+
+
+def test_rates_to_either_side_are_mirrored():
+    slope = turned_gravity(uphill(0.12), 1.2)
+    mirrored = Vector(slope.x, -slope.y, slope.z)
+    left = permitted_rate(start(6.0, 0.2, 0.5, slope), MACHINE)
+    assert 0.0 < left < P.prediction.largest_rate
+    assert permitted_rate(start(6.0, -0.2, -0.5, mirrored), MACHINE) == left
+
+
+def test_the_limit_is_lowered_by_what_pushes_downhill_and_by_nothing_else():
+    slack = P.prediction.braking_slack
+    assert limit_for(5.0, uphill(-0.15), 1.0, MACHINE) == pytest.approx(5.0 - slack * G * math.sin(0.15))
+    assert limit_for(5.0, uphill(0.15), -1.0, MACHINE) == pytest.approx(5.0 - slack * G * math.sin(0.15))
+    assert limit_for(5.0, uphill(0.15), 1.0, MACHINE) == 5.0
+    assert limit_for(5.0, LEVEL, 1.0, MACHINE) == 5.0
+    assert limit_for(0.1, uphill(-0.15), 1.0, MACHINE) == 0.0
+    most = P.prediction.largest_speed
+    assert limit_for(most, uphill(-0.15), 1.0, MACHINE) == most
+
+
+def raised(payload, **prediction):
+    """The machine with its arm up."""
+    given = P._replace(prediction=P.prediction._replace(**prediction))
+    return loaded_machine(front_unit(0.7, 0.0, payload, P.front, P.arm, P.bucket), given)
+
+
+def on_bank(angle):
+    """What an accelerometer reads on a bank, right side up by `angle`."""
+    return Vector(0.0, -G * math.sin(angle), G * math.cos(angle))
+
+
+ABOUT_TO_TIP = [
+    (3.0, -0.52, on_bank(0.26)),  # a right turn on a bank of 15 deg: the outer, left side is the lower one
+    (7.0, -0.4, LEVEL),
+    (-5.5, -0.52, LEVEL),  # reverse
+]
+
+
+@pytest.mark.parametrize(("speed", "angle", "ground"), ABOUT_TO_TIP)
+def test_where_holding_the_angle_is_too_much_turning_back_is_permitted_and_turning_on_is_not(
+    speed, angle, ground
+):
+    m = raised(1600.0)
+    back, on = (start(speed, angle, demand, ground, m) for demand in (0.5, -0.5))
+    assert not keeps_margins(back, 0.0, m)
+    assert permitted_rate(back, m) >= P.prediction.largest_rate / 8.0
+    assert permitted_rate(on, m) == 0.0
+
+
+@pytest.mark.parametrize(("speed", "angle", "ground"), ABOUT_TO_TIP)
+def test_the_rate_that_is_permitted_for_recovery_is_mirrored(speed, angle, ground):
+    m, mirrored = raised(1600.0), Vector(ground.x, -ground.y, ground.z)
+    right, left = start(speed, angle, 0.5, ground, m), start(speed, -angle, -0.5, mirrored, m)
+    assert permitted_rate(left, m) == permitted_rate(right, m)
+
+
+def test_a_rate_that_helps_leaves_a_better_turn_behind():
+    m, now = raised(1600.0), start(7.0, -0.4, 0.5, LEVEL, raised(1600.0))
+    assert helps(now, 0.4, m)
+    assert not helps(now, -0.4, m)
+    assert not helps(now, 0.0, m)
+    assert least_margin(-9.0, 7.0, -0.3, LEVEL, m) > least_margin(-9.0, 7.0, -0.4, LEVEL, m)

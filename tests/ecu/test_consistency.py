@@ -1,0 +1,65 @@
+"""An estimate that breaks a law is not valid, whatever its inputs say; one that obeys them all is."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dbc import loader_database
+from ecu.calibration import load_calibration
+from ecu.consistency import Consistency
+from ecu.estimators.signals import NEVER, Estimates
+from ecu.validity import NEEDS, WHEELS
+
+WHEEL = load_calibration().parameters.wheel
+RULES = Consistency(WHEEL, loader_database())
+KNOWN = dict.fromkeys(NEEDS, True)
+STANDING = Estimates(*([0.0] * len(Estimates._fields)))._replace(
+    **{f"normal_{n}": 28e3 for n in WHEELS}, lift_off_margin=1.0, predicted_margin=1.0, time_to_lift_off=NEVER
+)
+
+
+def invalid(**changes):
+    return {name for name, flag in RULES.valid(STANDING._replace(**changes), KNOWN).items() if not flag}
+
+
+def test_a_standing_machine_breaks_no_rule():
+    assert invalid() == set()
+
+
+def test_a_tyre_that_would_have_to_pull_makes_all_loads_invalid():
+    """The balance of forces beyond a lift-off is one of a machine held down."""
+    assert invalid(normal_1=-20e3) == {"normal", "roll_over"}
+
+
+@pytest.mark.parametrize("name", ["load_transfer_ratio", "predicted_load_transfer_ratio"])
+@pytest.mark.parametrize("value", [-2.046, 1.01])
+def test_a_ratio_beyond_one_is_invalid(name, value):
+    assert invalid(**{name: value}) == {"roll_over"}
+
+
+@pytest.mark.parametrize("n", WHEELS)
+def test_a_force_beyond_friction_is_invalid_for_that_wheel_alone(n):
+    assert invalid(**{f"lateral_{n}": 40e3}) == {f"force_{n}"}
+    assert invalid(**{f"longitudinal_{n}": -40e3}) == {f"force_{n}"}
+
+
+@pytest.mark.parametrize("n", WHEELS)
+def test_a_slip_beyond_its_signal_is_invalid(n):
+    """The frame would carry 5.05, the largest it can."""
+    assert invalid(**{f"slip_{n}": 6.0}) == {f"slip_{n}"}
+
+
+@given(
+    st.lists(st.floats(0.0, 8e4), min_size=4, max_size=4),
+    st.lists(st.floats(-0.7, 0.7), min_size=8, max_size=8),
+)
+def test_forces_within_the_friction_of_a_dry_road_are_valid(loads, shares):
+    found = STANDING._replace(**{f"normal_{n}": load for n, load in zip(WHEELS, loads, strict=True)})
+    for n in WHEELS:
+        load, along, across = loads[n - 1], shares[n - 1], shares[n + 3]
+        found = found._replace(**{f"longitudinal_{n}": along * load, f"lateral_{n}": across * load})
+    assert RULES.contradicted(found) == frozenset()
+
+
+def test_what_its_inputs_make_invalid_stays_so():
+    assert RULES.valid(STANDING, KNOWN | {"payload": False})["payload"] is False

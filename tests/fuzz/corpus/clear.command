@@ -1,0 +1,1 @@
+{"command": "clear", "number": 1}

@@ -1,0 +1,1 @@
+{"command": "inject", "fault": {"kind": "delay", "message": "WheelSpeeds", "delay_ms": 5.0, "for_s": 2}}

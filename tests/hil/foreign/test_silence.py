@@ -1,0 +1,42 @@
+"""When a foreign node was silent: gaps at the beginning, in the middle and at the end count alike."""
+
+import numpy as np
+import pytest
+
+from hil.foreign.silence import judge_presence, silences
+from hil.verdict import Result
+
+END_S = 2.0
+ALWAYS = np.arange(0.0, END_S, 0.01)
+
+
+def between(from_s, until_s):
+    """A node that is silent from one time to another."""
+    return ALWAYS[(from_s >= ALWAYS) | (until_s <= ALWAYS)]
+
+
+@pytest.mark.parametrize(
+    ("times", "found"),
+    [
+        (ALWAYS, []),
+        (between(0.5, 0.59), []),
+        (between(0.5, 0.7), [(0.5, 0.7)]),
+        (between(-1.0, 0.3), [(0.0, 0.3)]),
+        (between(1.5, 9.0), [(1.5, None)]),
+        ([], [(0.0, None)]),
+        (ALWAYS - 5.0, [(0.0, None)]),
+    ],
+)
+def test_gaps_beyond_100_ms_are_silences(times, found):
+    seen = [
+        (round(s.from_s, 3), s.until_s if s.until_s is None else round(s.until_s, 3))
+        for s in silences(times, end_s=END_S)
+    ]
+    assert seen == found
+
+
+def test_a_silent_node_fails_and_the_times_are_named():
+    assert judge_presence("EstimatorEcu", ALWAYS, end_s=END_S).result is Result.PASSED
+    verdict = judge_presence("EstimatorEcu", between(0.5, 0.7), end_s=END_S)
+    assert (verdict.result, verdict.reason) == (Result.FAILED, "silent from 0.50 s to 0.70 s")
+    assert judge_presence("EstimatorEcu", ALWAYS, end_s=0.0).result is Result.INCONCLUSIVE

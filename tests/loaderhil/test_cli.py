@@ -1,0 +1,164 @@
+"""What a user gets wrong ends in one line and exit code 2; what is right says what it did."""
+
+import subprocess
+import sys
+import threading
+from importlib.metadata import version
+
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+import loaderhil.__main__
+from hil.ending import Ending
+from loaderhil.__main__ import main
+from loaderhil.cli import app, load_command
+from loaderhil.commands import COMMANDS, PANELS
+
+
+@pytest.fixture(scope="module")
+def invoke():
+    runner = CliRunner()
+    return lambda *words: runner.invoke(app, [str(word) for word in words])
+
+
+def loaderhil(*words):
+    """The installed program, as a user calls it."""
+    return subprocess.run(
+        [sys.executable, "-m", "loaderhil", *map(str, words)],
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+
+
+def test_the_version(invoke):
+    result = invoke("--version")
+    assert result.exit_code == 0
+    assert result.output == f"loaderhil {version('loaderhil')}\n"
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_help_page_has_the_summary_of_the_command(command):
+    summary = load_command(command).help.partition("\n\n")[0]
+    assert COMMANDS[command].summary == " ".join(summary.split())
+
+
+def test_the_help_page_loads_no_command():
+    """The page is shown at once only if no command's libraries are loaded for it."""
+    code = "import atexit, sys; atexit.register(lambda: print(*sys.modules)); from loaderhil.cli import main; main()"
+    shown = subprocess.run(
+        [sys.executable, "-c", code, "--help"], capture_output=True, text=True, check=True
+    ).stdout
+    modules = shown.splitlines()[-1].split()
+    assert "typer" in modules
+    assert not {"numpy", "pydantic", "pandas", "can", "plant", "ecu"} & set(modules)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_explains_itself(invoke, command):
+    assert command in invoke("--help").output
+    result = invoke(command, "--help")
+    assert result.exit_code == 0
+    assert "Usage" in result.output
+
+
+def test_the_help_shows_every_command_under_its_title():
+    page = loaderhil("--help").stdout
+    places = [page.index(title) for title in PANELS]
+    assert places == sorted(places)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run",),
+        ("run", "loaded", "--form", "guessed"),
+        ("run", "loaded", "--payload-kg", "-1"),
+        ("fly",),
+    ],
+)
+def test_misuse_is_exit_code_2(invoke, words):
+    assert invoke(*words).exit_code == Ending.MISUSED
+
+
+def test_scenarios_are_listed_with_their_sentence_in_80_columns(invoke, monkeypatch):
+    monkeypatch.setattr("loaderhil.tables.console", Console(width=80, highlight=False))
+    lines = invoke("scenarios").output.splitlines()
+    at = next(i for i, line in enumerate(lines) if line.startswith("abrupt_articulation"))
+    assert lines[at].split(maxsplit=1)[1].startswith("Full joystick to the left at 22 km/h")
+    assert lines[at + 1].startswith("10 s, l60 ")
+    assert any(line.startswith("9 s, l60, 1600 kg") for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("run", "no_such_case"), "no_such_case"),
+        (("run", "broken.toml"), "duration_s"),
+        (("report", "nowhere"), "nowhere: no such run directory"),
+        (("hub", "--bus", "socketcan:can0"), "hub:PATH"),
+    ],
+)
+def test_a_users_error_is_one_line_without_a_traceback(tmp_path, monkeypatch, words, named):
+    (tmp_path / "broken.toml").write_text(
+        'name = "broken"\nsentence = "x"\nduration_s = -3.0\nmachine = "l60"\n'
+    )
+    monkeypatch.chdir(tmp_path)
+    result = loaderhil(*words)
+    assert result.returncode in (Ending.MISUSED, Ending.HUB_LOST)
+    assert result.stderr.startswith("loaderhil: ")
+    assert len(result.stderr.splitlines()) == 1
+    assert named in result.stderr
+
+
+def test_a_folder_with_other_things_in_it_is_refused(tmp_path):
+    (tmp_path / "thesis.txt").write_text("mine")
+    result = loaderhil("run", "standstill", "--out", tmp_path)
+    assert result.returncode == Ending.MISUSED
+    assert "not empty" in result.stderr
+
+
+def test_a_lockstep_run_says_what_happened(tmp_path):
+    result = loaderhil("run", "standstill", "--out", tmp_path / "run")
+    assert result.returncode == Ending.PASSED, result.stderr
+    assert "true lift-off" in result.stdout
+    assert (tmp_path / "run" / "run.json").exists()
+
+
+def test_blas_gets_one_thread_before_numpy_is_loaded():
+    """What is loaded before `main` says so must not have loaded it."""
+    code = "import loaderhil.__main__, sys; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+class _Interrupting:
+    """Ctrl-C comes while the command line is being imported."""
+
+    def find_spec(self, name, *_):
+        if name == "loaderhil.cli":
+            raise KeyboardInterrupt
+
+
+def test_ctrl_c_while_the_command_line_is_loaded_is_no_traceback(monkeypatch):
+    monkeypatch.delitem(sys.modules, "loaderhil.cli")
+    monkeypatch.setattr(sys, "meta_path", [_Interrupting(), *sys.meta_path])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == Ending.INTERRUPTED
+
+
+def test_ctrl_c_inside_a_command_is_reported_once(monkeypatch, capsys):
+    """Typer makes an exit without a word of it."""
+
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("loaderhil.tables.show_scenarios", interrupted)
+    monkeypatch.setattr("hil.shell.interruption._reported", threading.Event())
+    monkeypatch.setattr(sys, "argv", ["loaderhil", "scenarios"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == Ending.INTERRUPTED
+    assert capsys.readouterr() == ("", "loaderhil: interrupted\n")
