@@ -16,6 +16,7 @@ from ecu import limits, reasons
 from ecu.alarms import Alarm, advanced
 from ecu.calibration import Calibration
 from ecu.consistency import Consistency
+from ecu.detection.troubles import Troubles
 from ecu.estimators.live import LiveEstimator
 from ecu.estimators.signals import Estimates
 from ecu.findings import EstimatorFailed, Finding, ProtectionFailed, Stale, StateChanged
@@ -64,6 +65,8 @@ class EcuCycle:
         self._receiver = InputReceiver(calibration, database)
         self._consistency = Consistency(self._parameters.wheel, database)
         self._outputs = Outputs(database)
+        self._troubles = Troubles(calibration.inputs, database)
+        self._heard: list[Finding] = []  # findings on frames since the last tick
         self._state = State.INIT
         self._unlimited = limits.unlimited(calibration.limits, self._parameters.prediction)
         self._limits = limits.safe(calibration.limits)
@@ -94,6 +97,7 @@ class EcuCycle:
         if self._started_ns is None:
             self._started_ns = now_ns
         found = self._receiver.receive(frame, now_ns)
+        self._heard += found
         if found and any(isinstance(finding, ProtectionFailed) for finding in found):
             self._protection_failed = True
         return found
@@ -117,6 +121,8 @@ class EcuCycle:
         findings += self._move(self._input_event(received, now_ns), now_ns)
         estimates, flags, failed = self._estimates(received, now_ns)
         findings += failed
+        self._troubles.step((*self._heard, *failed), received, estimates.speed, now_ns)
+        self._heard.clear()
         self._limits = self._next_limits(estimates, flags, now_ns)
         valid = self._consistency.valid(estimates, flags)
         self._alarms = self._next_alarms(estimates, flags, valid, received, now_ns)
@@ -224,6 +230,9 @@ class EcuCycle:
             "limit rate": acting.rate,
             "limit cause": float(acting.cause),
             **LINKAGE_UNLIMITED,
+            **self._troubles.codes.values(
+                self._ticks, invalid=not all(valid.values()), stopped=self._state is State.FAULT
+            ),
             "prevention limits torque": float(prevents and acting.front_torque < now.front_torque),
             "prevention limits speed": float(prevents and acting.speed < now.speed),
             "echo": received.values["sequence"],

@@ -28,6 +28,8 @@ from ecu.findings import Finding, Implausible, ProtectionFailed
 
 FROZEN: Final = "stands still to the bit while others move"
 EXCHANGED: Final = "left and right are exchanged, by the yaw rate"
+OUTSIDE: Final = "outside"
+MOVED: Final = "moved"
 WEIGHTLESS: Final = "a machine on the ground feels its weight"
 FAULTY: Final = 2
 """Sensor states from here on (error, not available) make a signal unusable."""
@@ -194,8 +196,8 @@ def _doubt(field: Field, value: float, before: float) -> str:
     if math.isnan(value):
         return "not available"
     if abs(value) > field.limit:
-        return f"outside +-{field.limit:.4g} {field.row.unit}"
-    return f"moved {value - before:.4g} {field.row.unit} in one frame, at most {field.step:.4g} is possible"
+        return f"{OUTSIDE} +-{field.limit:.4g} {field.row.unit}"
+    return f"{MOVED} {value - before:.4g} {field.row.unit} in one frame, at most {field.step:.4g} is possible"
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,6 +208,9 @@ class CycleInputs:
     unusable: frozenset[str]  # inputs that must not be relied on
     stale: frozenset[Group]  # groups without a fresh frame
     implausible: frozenset[Group]  # groups with an implausible signal
+    silent: frozenset[str] = (
+        frozenset()
+    )  # suspect parameters "message_NAME" of messages that have fallen silent
 
     def all_usable(self, *names: str) -> bool:
         """Whether every one of these inputs can be relied on."""
@@ -273,14 +278,23 @@ class InputReceiver:
         unusable: set[str] = set()
         stale: set[Group] = set()
         implausible: set[Group] = set()
+        silent: set[str] = set()
         for listener in self._listeners:
             if not listener.fresh(now_ns, self._rules.stale_cycles):
                 stale.add(listener.source.group)
                 unusable |= listener.names
+                if listener.heard_ns is not None:
+                    silent.add(f"message_{listener.source.message}")
             elif listener.unusable:
                 implausible.add(listener.source.group)
                 unusable |= listener.unusable
-        return CycleInputs(dict(self._values), frozenset(unusable), frozenset(stale), frozenset(implausible))
+        return CycleInputs(
+            dict(self._values),
+            frozenset(unusable),
+            frozenset(stale),
+            frozenset(implausible),
+            frozenset(silent),
+        )
 
 
 FLAGS: Final = tuple((name, flag.inputs) for name, flag in rows(Inputs, Usable))

@@ -11,6 +11,7 @@ from dbc.database import Database
 from dbc.packing import Signals
 from dbc.schedule import FrameSchedule
 from ecu.bus_signals import Sent, rows
+from ecu.detection.codes import CODE_VALUES
 from ecu.estimators.signals import Estimates
 
 ECU = "EstimatorEcu"
@@ -52,6 +53,7 @@ CYCLE_VALUES: Final[Mapping[str, Signals]] = {
         "RopEngineControlActive": ("1", "prevention limits torque"),
         "RopBrakeControlActive": ("1", "prevention limits speed"),
     },
+    **CODE_VALUES,
 }
 """What the cycle itself sends: message -> signal -> (SI unit, name of the value)."""
 
