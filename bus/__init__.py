@@ -1,1 +1,1 @@
-"""Moving CAN frames: the frame, the transport interface, transports, absolute ticks."""
+"""CAN buses for every other package: the frame, the transport interface, its implementations, and periodic ticks."""

@@ -27,7 +27,7 @@ def open_transport(address: str, *, name: str = "") -> Transport:
 
 
 def _meant(address: str) -> str:
-    """What somebody who left out the kind of bus will have meant; nothing if that cannot be said."""
+    """The likely full address where the scheme is missing ("can0", "/tmp/hub"); empty if it cannot be guessed."""
     if address.startswith(("can", "vcan", "slcan", "vxcan")):
         return f"socketcan:{address}"
     if address.startswith(("/", "./", "@")):

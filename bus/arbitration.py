@@ -1,4 +1,4 @@
-"""Who may send when: the wire of a CAN bus as a model without clock or input and output.
+"""CSMA/CR arbitration of one CAN wire, for the hub with a bit rate. A pure model: no clock, no input or output.
 
 Stations queue frames; while the wire is free the first frame of each competes, the lowest
 identifier wins, and nothing interrupts it. A station sends its own frames in the order
@@ -21,10 +21,12 @@ def priority(can_id: int) -> int:
     frame beats an extended one with the same base, and data beat a remote request.
     """
     if can_id & ERROR:
-        return -1  # an error flag asks nobody
+        # an error flag violates bit stuffing, so it overrides every frame: before all of them
+        return -1
     remote = int(bool(can_id & REMOTE))
     if can_id & EXTENDED:
         identifier = can_id & EXTENDED_MASK
+        # 0b11: SRR and IDE are recessive in an extended frame; both are sent after the eleven base bits
         return (identifier >> 18) << 21 | 0b11 << 19 | (identifier & 0x3FFFF) << 1 | remote
     return (can_id & STANDARD_MASK) << 21 | remote << 20
 
@@ -36,11 +38,11 @@ Station = TypeVar("Station", bound=Hashable)
 class _Transmission(Generic[Station]):
     station: Station
     frame: Frame
-    end_ns: int
+    end_ns: int  # when the last bit of the frame has been sent
 
 
 class Arbiter(Generic[Station]):
-    """Offers in, in the order of time; (station, frame stamped with its last bit) out."""
+    """Takes frames in the order of time; returns (station, frame stamped with the time of its last bit)."""
 
     def __init__(self, bit_rate: int, data_bit_rate: int | None = None) -> None:
         """Rates in bit/s; the data rate is that of CAN FD frames with a bit-rate switch."""
@@ -49,7 +51,9 @@ class Arbiter(Generic[Station]):
                 raise ValueError(
                     f"{name}={rate} bit/s is outside 5000 to 20000000: CAN usually runs at 250000 or 500000"
                 )
+        # wide limits that only catch a wrong unit (500 for 500 kbit/s); 20 Mbit/s is CAN XL's fastest data phase
         self.bit_rate = bit_rate
+        # total time [ns] that frames have occupied the wire; the hub's status derives the bus load from it
         self.busy_ns = 0
         self._data_bit_rate = data_bit_rate
         self._queues: dict[Station, deque[Frame]] = {}
@@ -78,6 +82,7 @@ class Arbiter(Generic[Station]):
         while self._sending and self._sending.end_ns <= now_ns:
             done = self._sending
             arrived.append((done.station, done.frame._replace(at_ns=done.end_ns)))
+            # the next frame starts where this one ended, not at now_ns: a caller that looks late loses no bus time
             self._start(done.end_ns)
         return arrived
 
@@ -86,6 +91,7 @@ class Arbiter(Generic[Station]):
         self._sending = None
         if not self._queues:
             return
+        # equal identifiers from two stations are an error on a real bus; here the station that queued first wins
         station = min(self._queues, key=lambda station: priority(self._queues[station][0].can_id))
         queue = self._queues[station]
         frame = queue.popleft()

@@ -1,4 +1,4 @@
-"""How long a frame occupies the wire: its very bits, stuff bits included.
+"""Duration of a frame on the wire, for the arbitration model: the exact bits are built, stuff bits included.
 
 ISO 11898-1. A classic frame is stuffed from start of frame to the end of its CRC, so
 the CRC has to be computed. A CAN FD frame is stuffed up to the end of its data; its CRC
@@ -27,6 +27,7 @@ def duration_ns(frame: Frame, bit_rate: int, data_bit_rate: int | None = None) -
     if not frame.flags & FD:
         return round((len(stuffed(classic_bits(frame))) + CLASSIC_TAIL) * SECOND / bit_rate)
     arbitration, data = fd_lengths(frame)
+    # without the bit-rate switch a CAN FD frame stays at the nominal rate to its end
     fast = data_bit_rate if data_bit_rate and frame.flags & BRS else bit_rate
     return round(arbitration * SECOND / bit_rate + data * SECOND / fast)
 
@@ -53,6 +54,7 @@ def crc15(bits: str) -> int:
     """Remainder of the bits, followed by fifteen zeros, on division by the generator polynomial."""
     remainder = 0
     for bit in bits:
+        # the shift register of ISO 11898-1, a bit at a time: the input is a text of bits anyway
         remainder = remainder << 1 ^ (CRC15 if (remainder >> 14 & 1) ^ (bit == "1") else 0)
     return remainder & 0x7FFF
 
@@ -68,6 +70,7 @@ def stuffed(bits: str) -> str:
         if run == 5:
             previous = "1" if bit == "0" else "0"
             sent.append(previous)
+            # the stuff bit itself starts the next run of equal bits
             run = 1
     return "".join(sent)
 
@@ -75,6 +78,7 @@ def stuffed(bits: str) -> str:
 def fd_lengths(frame: Frame) -> tuple[int, int]:
     """Bits of a CAN FD frame at the nominal rate and at the data rate."""
     length = len(frame.data)
+    # DLC 0 to 8 is the length itself; 9 to 15 stand for the seven longer lengths
     code = _FD_CODES.get(length, length)
     reserved = "10" + ("1" if frame.flags & BRS else "0")  # FDF, res, BRS
     before = "0" + _identifier_bits(frame.can_id, "0") + reserved
@@ -82,6 +86,7 @@ def fd_lengths(frame: Frame) -> tuple[int, int]:
     slow = len(stuffed(before))
     # A run of five that ends with the data is broken by the fixed stuff bit that follows anyway.
     fast = len(stuffed((before + after)[:-1])) + 1 - slow
+    # CRC-17 covers up to 16 data bytes, CRC-21 the longer frames; the 4 bits are the stuff count
     crc = 17 if length <= 16 else 21
     fixed = 1 + (4 + crc) // 4  # one before the stuff count, then one after every fourth bit
     return slow + FD_TAIL, fast + 4 + crc + fixed + 1

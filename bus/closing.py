@@ -1,4 +1,4 @@
-"""What is closed at the end of a `with` block."""
+"""`Closing`: base class of transports, sockets and writers that are used in a `with` block."""
 
 from abc import ABC, abstractmethod
 from typing import Self

@@ -1,4 +1,4 @@
-"""What a CAN controller reports, in words: error frames of Linux decoded to findings.
+"""Decodes the error frames of Linux (what a CAN controller reports) to findings in plain text.
 
 Layout and constants: include/uapi/linux/can/error.h. The class is a bit mask in the
 identifier; up to eight data bytes hold the details.
@@ -39,11 +39,11 @@ class Fault(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class BusFinding:
-    """Trouble on a bus, or its end; at_ns: monotonic stamp; detail: what is known beyond the kind."""
+    """Trouble on a bus, or its end."""
 
     fault: Fault
-    at_ns: int
-    detail: str = ""
+    at_ns: int  # CLOCK_MONOTONIC [ns]
+    detail: str = ""  # what is known beyond the kind, such as the place in the frame
 
     def __str__(self) -> str:
         return f"{self.fault} ({self.detail})" if self.detail else str(self.fault)

@@ -16,24 +16,19 @@ STANDARD_MASK = 0x7FF
 FD = 0x04  # CANFD_FDF: the frame is CAN FD
 BRS = 0x01  # CANFD_BRS: bit rate switched
 ESI = 0x02  # CANFD_ESI: the sender is error passive
-LOCAL = (
-    0x80  # ours, not the kernel's: sent from this machine; only from a transport that was asked to mark them
-)
+# Our own mark in a bit that the kernel's flags leave free: the frame was sent from this machine. Set only by a
+# transport that was opened with `origins`.
+LOCAL = 0x80
 
 
 class Frame(NamedTuple):
-    """A frame on the bus.
+    """A frame on the bus."""
 
-    can_id: Linux `can_id` word, flags included.
-    data: 0..8 bytes, or 0..64 for CAN FD.
-    at_ns: when the transport saw it, integer nanoseconds of a monotonic clock; 0 if not yet sent.
-    flags: CAN FD flags (FD, BRS, ESI), 0 for a classic frame.
-    """
-
-    can_id: int
-    data: bytes
-    at_ns: int = 0
-    flags: int = 0
+    # A NamedTuple, not a dataclass: cheap to make, and unpacked in one statement in the inner loops.
+    can_id: int  # Linux `can_id` word, flags included
+    data: bytes  # 0 to 8 bytes, or up to 64 for CAN FD
+    at_ns: int = 0  # when the transport saw it, CLOCK_MONOTONIC [ns]; 0 if not yet sent
+    flags: int = 0  # CAN FD flags (FD, BRS, ESI); 0 for a classic frame
 
     @property
     def extended(self) -> bool:

@@ -1,4 +1,4 @@
-"""A folder for numba's machine code that a changed source cannot leave stale.
+"""Keeps numba's machine code, for plant and ECU, in a folder that a changed source cannot leave stale.
 
 numba recompiles a cached function when the function's own file changes, but not when a function it calls
 in another file does, wherever the code is kept. A folder per state of all sources together cannot be stale.
@@ -32,6 +32,7 @@ def digest_of(sources: Iterable[Path]) -> str:
     fingerprint = hashlib.sha256()
     for source in sources:
         content = source.read_bytes()
+        # name and length separate the files: moving a line from one file to the next changes the digest
         fingerprint.update(f"{source}\0{len(content)}\0".encode())
         fingerprint.update(content)
     return fingerprint.hexdigest()[:16]
@@ -47,6 +48,7 @@ def code_folder(package: Path, name: str, digest: str) -> Path:
     config: Any = numba.config  # its settings are made at run time
     if config.CACHE_DIR:
         places.insert(0, Path(config.CACHE_DIR))
+    # an installed package may belong to another user; mkdir also succeeds on an existing folder without write access
     for place in places:
         folder = place / f"{name}-{digest}"
         try:
@@ -68,9 +70,10 @@ def _of_user() -> Path:
 
 
 def _forget_others(folder: Path, name: str) -> None:
-    """Remove the code that was made long before this from other sources of the same package."""
+    """Remove the code of other states of the same package's sources that is KEPT_S older than this one."""
     made = folder.stat().st_mtime
     for other in folder.parent.glob(f"{name}-*"):
+        # another checkout or an older process may still load it: only code that is a day older goes
         if other != folder and made - other.stat().st_mtime > KEPT_S:
             shutil.rmtree(other, ignore_errors=True)
 
@@ -79,6 +82,7 @@ def _forget_others(folder: Path, name: str) -> None:
 def _kept_in(folder: Path) -> Iterator[None]:
     """Functions that are given to numba meanwhile keep their machine code in `folder`."""
     config: Any = numba.config
+    # numba reads CACHE_DIR when a function is decorated, so it is set only around that
     before = config.CACHE_DIR
     config.CACHE_DIR = str(folder)
     try:

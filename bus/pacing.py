@@ -1,4 +1,4 @@
-"""What every process that ticks on a bus needs: waiting for a descriptor, and its own timing kept."""
+"""For every process that ticks on a bus: waiting for a descriptor, and recording the times of its own ticks."""
 
 import asyncio
 from array import array
@@ -12,7 +12,7 @@ Error = TypeVar("Error", bound=BaseException)
 
 
 class TickTiming:
-    """Told every tick of a process, and the ticks it missed; keeps the latter only, however long it runs."""
+    """Receives every tick of a process; keeps only the count of missed ticks, so memory does not grow with the run."""
 
     def __init__(self) -> None:
         self.missed = 0
@@ -26,6 +26,7 @@ class KeptTiming(TickTiming):
 
     def __init__(self) -> None:
         super().__init__()
+        # an array of 64-bit integers: 24 bytes a tick, where a list of tuples takes more than 150
         self._rows = array("q")
 
     def add(self, due_ns: int, started_ns: int, ended_ns: int) -> None:

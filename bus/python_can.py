@@ -1,4 +1,4 @@
-"""The hub as a python-can interface, so that python-can's and cantools' tools work on it.
+"""The hub as an interface of python-can, for the tools of python-can and cantools.
 
     can.Bus(interface="loaderhil", channel="/path/to/socket")
     python -m can.viewer -i loaderhil -c /path/to/socket
@@ -35,17 +35,19 @@ class HubBus(can.BusABC):
             self._transport = HubTransport(path, name=name, own_messages=receive_own_messages)
         except BusUnavailable as error:
             raise can.CanInitializationError(str(error)) from error
+        # measured once: stamps of one bus must not jump when somebody sets the wall clock
         self._wall_ns = time.time_ns() - time.monotonic_ns()
         self._poll = select.poll()
         self._poll.register(self._transport.fileno(), select.POLLIN)
         self.channel_info = f"loaderhil hub {path}"
+        # the hub carries both kinds; CAN_FD is the one that refuses neither
         self._can_protocol = can.CanProtocol.CAN_FD
         super().__init__(channel=path, can_filters=can_filters)
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         """One message, or None after `timeout` seconds.
 
-        Frames are taken one at a time: what we held back would not make the descriptor readable.
+        Frames are taken one at a time: frames kept here would not make the descriptor readable for a Notifier.
         """
         try:
             frame, own = self._take()
@@ -58,7 +60,7 @@ class HubBus(can.BusABC):
         return to_message(frame, self._wall_ns, self._transport.path, own=own), False
 
     def _take(self) -> tuple[Frame | None, bool]:
-        """The next frame, and whether it is one of ours coming back."""
+        """The next frame, and whether it is a confirmation of one of our own."""
         frames = self._transport.drain(1)
         if frames:
             return frames[0], False
@@ -98,6 +100,7 @@ def to_message(frame: Frame, wall_ns: int, channel: str, *, own: bool = False) -
     error = bool(frame.can_id & ERROR)
     return can.Message(
         timestamp=(frame.at_ns + wall_ns) * 1e-9,
+        # error frames carry their class bits beyond the eleven of a standard identifier
         arbitration_id=frame.can_id & (EXTENDED_MASK if extended or error else STANDARD_MASK),
         is_extended_id=extended,
         is_remote_frame=remote,

@@ -15,6 +15,7 @@ from bus.closing import Closing
 
 NS = 1_000_000_000
 TFD_TIMER_ABSTIME = 1  # include/uapi/linux/timerfd.h
+# None: the C library that is already loaded; get_errno needs use_errno
 _LIBC = ctypes.CDLL(None, use_errno=True)
 
 
@@ -38,7 +39,7 @@ def _create() -> int:
 
 
 def _set(descriptor: int, first_ns: int, period_ns: int) -> None:
-    """Fire at `first_ns`, then every `period_ns` (0: never again); a first time of 0 disarms."""
+    """Fire at `first_ns` [ns], then every `period_ns` (0: once); a first time of 0 disarms."""
     schedule = _Itimerspec(interval=_timespec(period_ns), value=_timespec(first_ns))
     if _LIBC.timerfd_settime(descriptor, TFD_TIMER_ABSTIME, ctypes.byref(schedule), None) < 0:
         raise OSError(
@@ -59,6 +60,7 @@ class Alarm:
 
     def set(self, at_ns: int | None) -> None:
         """Fire at `at_ns` of CLOCK_MONOTONIC, at once if that is past; None: do not fire."""
+        # spares a system call: the hub sets its alarm once per batch, mostly to the same time
         if at_ns != self._at_ns:
             _set(self._fd, at_ns or 0, 0)
             self._at_ns = at_ns
@@ -104,6 +106,7 @@ class Ticks(Closing):
             count = int.from_bytes(os.read(self._fd, 8), sys.byteorder)
         except BlockingIOError:
             return 0
+        # from the count, not from the clock: a late reading does not shift the times of the ticks
         self._due_ns += count * self.period_ns
         return count
 

@@ -1,4 +1,4 @@
-"""The interface behind which every bus stands: SocketCAN, the hub, a virtual bus in one process."""
+"""The interface of every bus: SocketCAN, the hub, and the virtual bus inside one process."""
 
 from dataclasses import dataclass
 from types import TracebackType
@@ -21,15 +21,15 @@ class BusUnavailable(UserError, ConnectionError):
 class Statistics:
     """Counters since the transport was opened; frames unless said otherwise."""
 
-    received: int = 0
-    sent: int = 0
+    received: int = 0  # given out by `drain`
+    sent: int = 0  # accepted by the bus; says nothing about other nodes having received them
     dropped_in: int = 0  # lost before we could read them (receive buffer full)
     dropped_out: int = 0  # not accepted for sending (send buffer full)
     errors: int = 0  # error frames
 
 
 class Transport(Protocol):
-    """Six methods; none of them blocks."""
+    """A connection to one bus; none of its methods blocks."""
 
     def send(self, frame: Frame) -> bool:
         """Hand one frame to the bus. False: not accepted, and counted in `dropped_out`.

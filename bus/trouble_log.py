@@ -1,4 +1,4 @@
-"""Logs the findings of a bus for a process: a new finding at once, a repeated one as a count."""
+"""Logs the findings of a bus for a process: a new finding at once, repetitions as a count."""
 
 import logging
 from collections.abc import Iterable
@@ -11,10 +11,7 @@ log = logging.getLogger(__name__)
 
 
 class TroubleLog:
-    """One line per finding; the same finding within a second is counted and its count goes into the next line.
-
-    Error counters alone are not logged: they come with every change of state, and are in the recording.
-    """
+    """One line per finding; the same finding within a second is counted, and the next line says the count."""
 
     def __init__(self) -> None:
         self._logged: dict[tuple[Fault, str], tuple[int, int]] = {}
@@ -22,11 +19,13 @@ class TroubleLog:
     def log(self, findings: Iterable[BusFinding]) -> None:
         """Log what is new."""
         for finding in findings:
+            # error counters accompany every change of state and are in the recording; a line each would be noise
             if finding.fault is not Fault.COUNTERS:
                 self._log(finding)
 
     def _log(self, finding: BusFinding) -> None:
         key = finding.fault, finding.detail
+        # as if logged one interval ago, so that a first finding is logged at once
         logged_ns, since = self._logged.get(key, (finding.at_ns - AGAIN_NS, 0))
         if finding.at_ns - logged_ns < AGAIN_NS:
             self._logged[key] = logged_ns, since + 1

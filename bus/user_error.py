@@ -1,4 +1,4 @@
-"""UserError: the base class of every error that the user can mend, for all packages and for the command line."""
+"""UserError: base class of every error that the user can correct, for all packages and the command line."""
 
 
 class UserError(Exception):

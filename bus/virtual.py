@@ -1,4 +1,4 @@
-"""A bus inside one process: deterministic, on whatever clock it is given."""
+"""A bus inside one process, for lockstep and tests: deterministic, on the clock that it is given."""
 
 import os
 import time
@@ -18,7 +18,7 @@ QUEUE_LIMIT = 16384
 
 
 class VirtualBus:
-    """What is sent on one connection is at once waiting at all the others, in the order of sending."""
+    """A frame sent on one connection waits at once at all the others, in the order of sending."""
 
     def __init__(self, clock: Callable[[], int] = time.monotonic_ns) -> None:
         """clock: the time now [ns]; frames get its reading, raised so that stamps strictly increase."""
@@ -39,7 +39,7 @@ class VirtualBus:
         self._connections = []
 
     def carry(self, sender: "VirtualTransport", frame: Frame) -> None:
-        """Stamp a frame and put it before every connection but the sender's."""
+        """Stamp a frame and queue it at every connection but the sender's."""
         self._stamp_ns = max(self._clock(), self._stamp_ns + 1)
         stamped = frame._replace(at_ns=self._stamp_ns)
         for connection in self._connections:
@@ -64,7 +64,7 @@ class VirtualTransport(Closing):
         self._ready = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
 
     def send(self, frame: Frame) -> bool:
-        """Put one frame before all the others; always accepted."""
+        """Queue one frame at all other connections; always accepted."""
         if self._bus is None:
             raise BusClosed("the virtual bus is closed")
         packet.check(frame)
@@ -77,6 +77,7 @@ class VirtualTransport(Closing):
         if len(self._queue) >= self._queue_limit:
             self._dropped_in += 1
             return
+        # the descriptor is readable while the queue is not empty; written once, not per frame
         if not self._queue:
             os.eventfd_write(self._ready, 1)
         self._queue.append(frame)

@@ -28,6 +28,7 @@ class CheckedTable:
         self._values = values
         self._file = file
         self._section = section
+        # keys that a reader has asked for; `finish` refuses the rest
         self._asked: set[str] = set()
 
     @classmethod
@@ -38,6 +39,7 @@ class CheckedTable:
         """
         values = read_toml(path)
         if bases is not None and "base" in values:
+            # a base is merged before --set, so that --set has the last word
             values = _merged(read_toml(_base(path, values.pop("base"), bases)), values)
         file = f"{path} with --set" if changes else str(path)
         for key, value in changes:
@@ -74,6 +76,7 @@ class CheckedTable:
         bounded = math.isfinite(low) and math.isfinite(high)
         permitted = f"{low:g}..{high:g} {unit}" if bounded else f"a number of {unit}"
         value = self._value(key, default, permitted)
+        # bool is a subclass of int in Python: `mass = true` must not read as 1 kg
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.error(key, f"= {value!r} is not a number of {unit}")
         if not low <= value <= high:
@@ -152,6 +155,7 @@ class CheckedTable:
             item = CheckedTable(
                 {"time": pair[0], "value": pair[1]}, file=self._file, section=f"{self._path(key)}[{i}]"
             )
+            # equal times are allowed: two points at one time are a step
             time = item.number("time", unit="s", low=pairs[-1][0] if pairs else 0.0)
             pairs.append((time, item.number("value", unit=unit, low=low, high=high)))
         return tuple(pairs)
@@ -180,8 +184,9 @@ class CheckedTable:
                 raise self.unknown(key, self._asked)
 
     def unknown(self, key: str, known: Iterable[str]) -> ConfigurationError:
-        """The error for a key that means nothing here, with the nearest one that does."""
+        """The error for an unknown key, with the most similar known one."""
         names = sorted(known)
+        # most unknown keys are misspelt ones
         near = difflib.get_close_matches(key, names, n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(names)}"
         return self.error(key, f"is not a known key; {hint}")
@@ -233,7 +238,7 @@ def _merged(base: Mapping[str, object], over: Mapping[str, object]) -> dict[str,
 
 
 def _lay_over(values: dict[str, object], key: tuple[str, ...], value: object, file: str) -> None:
-    """Set one key of the tables; those it leads through are made where they are missing."""
+    """Set the value at a dotted key; missing tables on the way are created."""
     for depth, part in enumerate(key[:-1], 1):
         inner = values.setdefault(part, {})
         if not isinstance(inner, dict):

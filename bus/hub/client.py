@@ -1,4 +1,4 @@
-"""A client of the embedded hub."""
+"""Client of the embedded hub: the Transport that `--bus hub:PATH` opens, and the query of the hub's counters."""
 
 import errno
 import os
@@ -34,7 +34,7 @@ class HubTransport(Closing):
         self._received = self._sent = self._dropped_in = self._dropped_out = self._errors = 0
         self._confirmed: list[Frame] = []
         self._findings: deque[BusFinding] = deque(maxlen=FINDINGS_LIMIT)
-        self._begun = b""
+        self._partial = b""
         self._end = ""
         self._socket = _connect(path)
         hello = {"hello": name or f"pid {os.getpid()}", "protocol": packet.PROTOCOL, "own": own_messages}
@@ -55,7 +55,8 @@ class HubTransport(Closing):
             return False
         except OSError as error:
             raise BusClosed(f"{self.path}: the hub is gone; frames can no longer be sent") from error
-        if taken < packet.SIZE:  # Linux takes what fits one page whole, or nothing
+        # a partial record would shift every following one; the stream could not be read again
+        if taken < packet.SIZE:  # Linux takes less than a page whole, or not at all
             raise BusClosed(f"{self.path}: the socket took {taken} bytes of a frame's {packet.SIZE}")
         self._sent += 1
         return True
@@ -66,8 +67,10 @@ class HubTransport(Closing):
         records, make = self._receive(limit), Frame._make
         for can_id, length, flags, kind, data, at_ns, dropped in packet.LAYOUT.iter_unpack(records):
             frame = make((can_id, data[:length], at_ns, flags))
+            # the hub's running total, not an increment; 0 means "not reported in this record"
             if dropped:
                 self._dropped_in = dropped
+            # kind is 0 for frames of others: one test keeps the common path short
             if kind:
                 if kind == packet.CONTROL:
                     self._note_refusal(records)
@@ -86,7 +89,7 @@ class HubTransport(Closing):
         if self._end:
             raise BusClosed(self._end)
         try:
-            records = self._socket.recv(limit * packet.SIZE - len(self._begun))
+            records = self._socket.recv(limit * packet.SIZE - len(self._partial))
         except BlockingIOError:
             return b""
         except ConnectionResetError:  # the hub closed with records of ours unread
@@ -96,26 +99,29 @@ class HubTransport(Closing):
         if not records:
             self._end = f"{self.path}: the hub is gone"
             raise BusClosed(self._end)
-        if not self._begun and len(records) % packet.SIZE == 0:
+        # nearly always whole records: returned without a copy
+        if not self._partial and len(records) % packet.SIZE == 0:
             return records
-        records = self._begun + records
+        records = self._partial + records
+        # a stream socket may cut anywhere: the beginning of a record waits for its end
         whole = len(records) // packet.SIZE * packet.SIZE
-        self._begun = records[whole:]
+        self._partial = records[whole:]
         return records[:whole]
 
     def _note_refusal(self, records: bytes) -> None:
-        """The hub ends the connection, and says why; what it gave before is still good."""
+        """Keep the hub's reason for ending the connection; frames received before it remain valid."""
+        # `drain` met a control record, so one exists
         at = next(at for at in range(0, len(records), packet.SIZE) if packet.control_size(records, at))
-        message = records[at:] + self._begun
+        message = records[at:] + self._partial
         try:
             message += self._socket.recv(max(packet.control_size(message) - len(message), 0))
-            reason = packet.read_control(message).get("refused", "spoke out of turn")
+            reason = packet.read_control(message).get("refused", "unexpected control message")
         except (OSError, ValueError) as error:
             reason = f"for a reason that was lost ({error})"
         self._end = f"{self.path}: the hub ended the connection: {reason}"
 
     def confirmations(self) -> list[Frame]:
-        """Own frames that the bus has carried, with its stamps, as far as `drain` has met them."""
+        """Own frames that the bus has carried, with its stamps, as far as `drain` has read."""
         confirmed, self._confirmed = self._confirmed, []
         return confirmed
 
@@ -163,6 +169,7 @@ def wait_for_hub(path: str, timeout_s: float = 5.0) -> None:
         except BusUnavailable:
             if time.monotonic() > deadline:
                 raise
+            # polled: the kernel reports no event when somebody starts to listen at an address
             time.sleep(0.01)
         else:
             return
@@ -189,6 +196,7 @@ def _why_not(error: OSError, path: str) -> str:
             return f"no hub listens there (it ended, or was killed); start one ({start})"
         case PermissionError():
             return "no permission; the hub belongs to another user, who would have to share it (chmod)"
+        # a socket of another type than SOCK_STREAM listens there
         case OSError(errno=errno.EPROTOTYPE):
             return "what listens there is no hub, or one of an older loaderhil"
         case _:
@@ -196,7 +204,7 @@ def _why_not(error: OSError, path: str) -> str:
 
 
 def _ask(connection: socket.socket, path: str, question: dict[str, Any], answer: str) -> dict[str, Any]:
-    """Put a control message and wait for its answer."""
+    """Send a control message and return its answer. BusUnavailable if none comes, or another one."""
     try:
         connection.send(packet.control(question))
         head = _receive_exactly(connection, packet.SIZE)
@@ -216,7 +224,7 @@ def _ask(connection: socket.socket, path: str, question: dict[str, Any], answer:
 
 
 def _receive_exactly(connection: socket.socket, size: int) -> bytes:
-    """So many bytes; what follows them stays in the socket."""
+    """Exactly `size` bytes; the bytes that follow stay in the socket."""
     data = b""
     while len(data) < size:
         chunk = connection.recv(size - len(data))

@@ -1,4 +1,4 @@
-"""The address of a hub: a Unix socket in a file, or without one (`@name`, Linux' abstract names)."""
+"""The listening socket of a hub: in a file, or without one (`@name`, an abstract name of Linux)."""
 
 import contextlib
 import errno
@@ -42,10 +42,13 @@ class Listener:
             if path.startswith("@"):
                 self._bind(name)
             else:
+                # "look for a stale socket, remove it, bind" is not atomic: without the lock two hubs that start
+                # together could remove each other's file
                 with _locked(Path(path).parent):
                     _remove_stale(Path(path))
                     self._bind(name)
                 found = Path(path).lstat()
+                # device and inode identify our file: a path alone could be another hub's by the time we close
                 self._file = found.st_dev, found.st_ino
             self.socket.listen(BACKLOG)
         except BaseException:
@@ -82,6 +85,7 @@ def _locked(folder: Path) -> Iterator[None]:
             f"{folder}: the hub's socket cannot be made there: {error.strerror}; {remedy}"
         ) from error
     try:
+        # the folder itself is locked: a lock file would have to be cleaned up after a kill
         fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
     finally:
@@ -99,7 +103,9 @@ def _remove_stale(path: Path) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) as probe:
         answer = probe.connect_ex(os.fspath(path))
     if answer == errno.ECONNREFUSED:
+        # a file whose process is gone refuses; the kernel does not remove it
         path.unlink()
+    # EAGAIN: somebody listens, and its backlog is full
     elif answer in (0, errno.EAGAIN):
         raise BusUnavailable(_in_use(os.fspath(path), os.fspath(path)))
     else:

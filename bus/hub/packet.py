@@ -1,4 +1,4 @@
-"""What travels between the hub and its clients: a stream of records of one size, one per frame.
+"""The wire format between the hub and its clients: a stream of records of one size, one per frame.
 
     offset  size  field
          0    72  struct canfd_frame of Linux (include/uapi/linux/can.h), native byte order:
@@ -24,6 +24,7 @@ DROPPED = struct.Struct("=I")
 LENGTH_AT = 4
 KIND_AT = 6
 TAIL_AT = 72
+# Fixed size: a reader finds every record by multiplication, and passes on many without looking inside.
 SIZE = LAYOUT.size
 OWN, CONTROL = 1, 2
 PROTOCOL = 2
@@ -34,6 +35,7 @@ FD_LENGTHS = frozenset((*range(9), 12, 16, 20, 24, 32, 48, 64))
 """Data lengths that a CAN FD frame can have."""
 CONTROL_LIMIT = 1 << 20
 """Longest control message that is read at all [bytes]; the status of a full hub takes some 20 000."""
+# 255 is no length of CAN or CAN FD, so a control head cannot be taken for a frame.
 _NO_LENGTH = 255
 _HEAD = struct.Struct("=IBBB")
 
@@ -74,17 +76,19 @@ def frames_until(records: bytearray, start: int, end: int) -> int:
 
 
 def stamp(records: memoryview, stamp_ns: int) -> int:
-    """Stamp the frames in `records`, a nanosecond apart, as frames of somebody else; how many they are."""
+    """Stamp the frames in `records`, a nanosecond apart, and clear `kind`; returns how many frames they are."""
     count = 0
     for at in range(0, len(records), SIZE):
         records[at + KIND_AT] = 0
+        # set by the hub alone: a client cannot send a frame that looks like another's confirmation
+        # one nanosecond apart: stamps strictly increase, so all clients sort the frames alike
         TAIL.pack_into(records, at + TAIL_AT, stamp_ns + count, 0)
         count += 1
     return count
 
 
 def mark_own(records: memoryview) -> None:
-    """Make the frames in `records` ones that return to their sender."""
+    """Mark the frames in `records` as OWN: copies that return to their sender."""
     for at in range(KIND_AT, len(records), SIZE):
         records[at] = OWN
 
@@ -92,6 +96,7 @@ def mark_own(records: memoryview) -> None:
 def control(message: dict[str, Any]) -> bytes:
     """A control message as records."""
     text = json.dumps(message).encode()
+    # padded to whole records, so that the following record still begins at a multiple of SIZE
     head = LAYOUT.pack(len(text), _NO_LENGTH, 0, CONTROL, b"", 0, 0)
     return head + text.ljust(-(-len(text) // SIZE) * SIZE, b"\0")
 

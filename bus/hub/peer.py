@@ -1,4 +1,4 @@
-"""One client as the hub holds it: its socket, its counters, and what either side has not taken yet."""
+"""One client as the hub holds it: its socket, its counters, and the data that either side has not taken yet."""
 
 import contextlib
 import socket
@@ -20,23 +20,21 @@ _DROPPED = packet.DROPPED
 
 
 class Peer:
-    """A connection; a client once it has said hello. Nothing here blocks.
-
-    unread: the beginning of a record, or of a control message, whose end has not come yet.
-    """
+    """A connection; a client once it has said hello. Nothing here blocks."""
 
     def __init__(self, connection: socket.socket) -> None:
         connection.setblocking(False)
         enlarge_send_buffer(connection)
         self.connection = connection
         self.number = connection.fileno()
-        self.name = ""
-        self.wants_own = False
-        self.gone = False
-        self.unread = b""
+        self.name = ""  # empty until it has said hello
+        self.wants_own = False  # whether its own frames return to it as confirmations
+        self.gone = False  # to be removed at the end of the current round
+        self.unread = b""  # beginning of a record, or of a control message, whose end has not arrived
         self.pid = peer_pid(connection)
         self.sent = self.delivered = self.dropped = self.malformed = 0
         self._backlog: deque[bytes] = deque()
+        # bound once: called for every batch
         self.receive = connection.recv_into
         self._send = connection.send
 
@@ -48,6 +46,7 @@ class Peer:
     def give(self, records: memoryview, count: int) -> bool:
         """Pass on `count` frames; False if the hub now has to wait for the socket."""
         if self._backlog:
+            # order matters more than speed: nothing may overtake the frames that already wait
             self._hold(records)
             return True
         if self.dropped:
@@ -68,6 +67,7 @@ class Peer:
 
     def _with_drops(self, records: bytearray) -> memoryview:
         """The records, the last of them with the count of frames lost."""
+        # the count wraps at 32 bits, as the kernel's does
         _DROPPED.pack_into(records, len(records) - _DROPPED.size, self.dropped & 0xFFFF_FFFF)
         return memoryview(records)
 
@@ -93,6 +93,7 @@ class Peer:
         """Give what waits, as far as the socket takes it."""
         try:
             while self._backlog:
+                # a copy, because the drop count is written into it; only taken bytes leave the backlog
                 records = bytearray().join(islice(self._backlog, FLUSH))
                 self._forget(self._send(self._with_drops(records)))
         except BlockingIOError:
@@ -101,9 +102,10 @@ class Peer:
             self.gone = True
 
     def say(self, message: bytes) -> None:
-        """Send a control message; lost if the client is not reading."""
+        """Send a control message; it is lost if the client does not read."""
         if not self._backlog:
             with contextlib.suppress(OSError):
+                # half a control message would break the stream for good, so the client is removed instead
                 self.gone |= self._send(message) < len(message)
 
     def status(self, waiting: int) -> ClientStatus:
@@ -123,6 +125,7 @@ class Peer:
 def enlarge_send_buffer(connection: socket.socket) -> None:
     """Ask for room for several thousand frames; less is granted silently."""
     try:
+        # the forced form ignores net.core.wmem_max, but needs CAP_NET_ADMIN
         connection.setsockopt(socket.SOL_SOCKET, SO_SNDBUFFORCE, SOCKET_BUFFER)
     except PermissionError:
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SOCKET_BUFFER)

@@ -2,11 +2,11 @@
 
 Each frame goes to every other client. The hub stamps it on arrival, strictly increasing,
 so all clients agree on the time and the order of the frames. A client that does not keep
-up loses frames, which are counted for it; nobody else notices. With a bit rate, the hub
+up loses frames, which are counted for it; the other clients are not affected. With a bit rate, the hub
 also takes the time that a real bus would take (see bus.arbitration).
 
-The loop is plain epoll with one buffer: what a client has sent meanwhile is one read, and one
-write to every other client.
+The loop is plain epoll with one buffer: all frames that a client has sent since the last round
+are one read, and one write to every other client.
 """
 
 import os
@@ -53,12 +53,14 @@ class Hub(Closing):
         self._peers: dict[int, Peer] = {}
         self._clients: tuple[Peer, ...] = ()
         self._paused: set[Peer] = set()
+        # one buffer for all: the start of an unfinished control message, then one batch
         self._buffer = bytearray(CONTROL_LIMIT + BATCH_SIZE)
         self._view = memoryview(self._buffer)
         self._stamp_ns = self._started_ns = time.monotonic_ns()
         self._frames = 0
         self._stopping = False
         self._alarm = Alarm()
+        # an eventfd may be written from a signal handler or another thread; a Python event could not wake epoll
         self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._epoll = select.epoll()
         for source in (self._listener.socket.fileno(), self._alarm.fileno(), self._wake):
@@ -70,14 +72,16 @@ class Hub(Closing):
         return self._listener.path
 
     def run(self, after_round: Callable[[], None] | None = None) -> None:
-        """Relay until `stop`; after_round: called whenever what had come is served."""
+        """Relay until `stop`; after_round: called after each round, when all arrived frames are served."""
         listening, alarm, writable = self._listener.socket.fileno(), self._alarm.fileno(), select.EPOLLOUT
         while not self._stopping:
             for number, events in self._epoll.poll(maxevents=CLIENT_LIMIT):
                 peer = self._peers.get(number)
                 if peer is not None:
+                    # first give, then take: a client that is behind gets room before it causes more traffic
                     if events & writable:
                         self._flush(peer)
+                    # EPOLLHUP and EPOLLERR also lead to a read, which then reports the end
                     if events != writable:
                         self._read(peer)
                     if peer.gone:
@@ -129,7 +133,8 @@ class Hub(Closing):
         self._epoll.register(peer.number, select.EPOLLIN)
 
     def _make_room(self) -> None:
-        """Close the oldest connection that never said hello, if there are too many: descriptors are finite."""
+        """Close the oldest connection that never said hello, if there are too many: descriptors are a limited resource."""
+        # dicts keep their order, so the first silent peer is the oldest
         silent = [peer for peer in self._peers.values() if not peer.name]
         if len(silent) >= SILENT_LIMIT:
             self._remove(silent[0])
@@ -140,22 +145,24 @@ class Hub(Closing):
         self._watch(peer)
 
     def _read(self, peer: Peer) -> None:
-        """Take over at most BATCH records of one client, after what it had begun before."""
-        begun, into = 0, self._view
+        """Take over at most BATCH records of one client, behind the unfinished part that was kept from before."""
+        kept, into = 0, self._view
         if peer.unread:
-            begun = len(peer.unread)
-            into[:begun] = peer.unread
-            into, peer.unread = into[begun:], b""
+            kept = len(peer.unread)
+            into[:kept] = peer.unread
+            into, peer.unread = into[kept:], b""
         try:
+            # with a bit rate no more is read than may wait: the client's own socket then fills and slows it down
             size = peer.receive(into, BATCH_SIZE if self._arbiter is None else self._room(peer))
         except BlockingIOError:
             return
         except OSError:
+            # reset by a client that was killed: the same as an orderly end, a read of 0 bytes
             size = 0
         if size == 0:
             peer.gone = True
             return
-        end = begun + size
+        end = kept + size
         at = packet.frames_until(self._buffer, 0, end)
         if at:
             self._take(peer, self._view[:at])
@@ -163,11 +170,11 @@ class Hub(Closing):
             self._serve_others(peer, at, end)
 
     def _room(self, peer: Peer) -> int:
-        """Bytes that may be taken from a client while its frames wait; one record of what one left that hung up."""
+        """Bytes that may be read from a client while its frames wait; at least one record, so that a hang-up is seen."""
         return packet.SIZE * max(1, min(BATCH, WAITING_LIMIT - self._waiting(peer)))
 
     def _serve_others(self, peer: Peer, at: int, end: int) -> None:
-        """Serve what is in that part of the buffer, where no frame begins; what is not whole is kept."""
+        """Serve the control messages in [at, end) of the buffer, where no frame begins; an unfinished one is kept."""
         while at + packet.SIZE <= end and not peer.gone:
             message = packet.control_size(self._buffer, at)
             if message > CONTROL_LIMIT:
@@ -177,6 +184,7 @@ class Hub(Closing):
             elif message:
                 self._answer(peer, self._view[at : at + message])
             elif peer.name:
+                # a frame with a length that no bus carries: counted and skipped, the client stays
                 peer.malformed += 1
             else:
                 self._refuse(peer, NO_HELLO)
@@ -197,6 +205,7 @@ class Hub(Closing):
 
     def _relay(self, sender: Peer, records: memoryview, stamp_ns: int) -> None:
         """Stamp frames and give them to every other client."""
+        # two batches within one reading of the clock still get increasing stamps
         if stamp_ns <= self._stamp_ns:
             stamp_ns = self._stamp_ns + 1
         count = packet.stamp(records, stamp_ns)
@@ -207,12 +216,13 @@ class Hub(Closing):
             if client is not sender and not client.give(records, count):
                 self._watch(client)
         if sender.wants_own and not sender.gone:
+            # last, because it changes the records that the others were given
             packet.mark_own(records)
             if not sender.give(records, count):
                 self._watch(sender)
 
     def _offer(self, peer: Peer, arbiter: Arbiter[Peer], records: memoryview) -> None:
-        """Put frames on the modelled wire; a client whose frames wait for it has to wait too."""
+        """Put frames on the modelled wire; a client with too many waiting frames is no longer read."""
         now_ns = time.monotonic_ns()
         arrived = []
         for can_id, length, flags, _, data, _, _ in packet.LAYOUT.iter_unpack(records):
@@ -224,14 +234,14 @@ class Hub(Closing):
             self._watch(peer)
 
     def _advance(self) -> None:
-        """Deliver what the modelled wire has carried by now."""
+        """Deliver the frames whose last bit the modelled wire has sent by now."""
         if self._arbiter is None:
             return
         self._deliver(self._arbiter.advance(time.monotonic_ns()))
         self._alarm.set(self._arbiter.due_ns)
 
     def _deliver(self, arrived: list[tuple[Peer, Frame]]) -> None:
-        """Relay what the wire has carried; a sender that left meanwhile has still sent it."""
+        """Relay frames that the wire has carried, also those of a sender that has left since."""
         for sender, frame in arrived:
             self._relay(sender, memoryview(bytearray(packet.pack(frame))), frame.at_ns)
             if sender in self._paused and self._waiting(sender) < WAITING_LIMIT:
@@ -254,6 +264,7 @@ class Hub(Closing):
 
     def _welcome(self, peer: Peer, message: dict[str, Any]) -> None:
         if message.get("protocol") != packet.PROTOCOL:
+            # compared exactly: a mixed installation would misread records silently
             spoken = printable(str(message.get("protocol")))
             self._refuse(peer, f"protocol {spoken} spoken, {packet.PROTOCOL} wanted: mixed versions?")
             return
@@ -262,6 +273,7 @@ class Hub(Closing):
             return
         peer.name = printable(str(message["hello"])) or "unnamed"
         peer.wants_own = bool(message.get("own"))
+        # a second hello changes the name and the wish for own frames, but adds no client
         if peer not in self._clients:
             self._clients = (*self._clients, peer)
         peer.say(packet.control({"welcome": packet.PROTOCOL}))
@@ -271,7 +283,7 @@ class Hub(Closing):
         peer.gone = True
 
     def _watch(self, peer: Peer) -> None:
-        """Wait for exactly what this client's state calls for."""
+        """Register for the events that this client's state needs: no write event while nothing waits, or epoll spins."""
         reading = 0 if peer in self._paused else select.EPOLLIN
         writing = select.EPOLLOUT if peer.behind else 0
         self._epoll.modify(peer.number, reading | writing)
@@ -292,7 +304,7 @@ def serve(
     on_ready: Callable[[], None] | None = None,
     after_round: Callable[[], None] | None = None,
 ) -> HubStatus:
-    """Run a hub until SIGINT or SIGTERM; its last counters. Call it from the main thread.
+    """Run a hub until SIGINT or SIGTERM; returns its last counters. Call it from the main thread.
 
     on_ready: called once it listens; after_round: as of `Hub.run`.
     """

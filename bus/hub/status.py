@@ -1,4 +1,4 @@
-"""What the hub says about itself and its clients when asked."""
+"""Counters of the hub and of its clients, as `loaderhil hub --status` prints them."""
 
 from dataclasses import asdict, dataclass
 from typing import Any, Self
@@ -6,31 +6,26 @@ from typing import Any, Self
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClientStatus:
-    """One client as the hub sees it; counts are frames.
-
-    sent: taken from it; delivered: given to it; dropped: lost for it, because it read too slowly;
-    backlog: held by the hub for it now; waiting: taken from it, not yet carried by the modelled wire;
-    malformed: refused from it.
-    """
+    """One client as the hub sees it; counts are frames."""
 
     name: str
-    pid: int
-    sent: int
-    delivered: int
-    dropped: int
-    backlog: int
-    waiting: int
-    malformed: int
+    pid: int  # 0 if it lives in another namespace
+    sent: int  # taken from the client
+    delivered: int  # given to the client
+    dropped: int  # lost for the client, because it read too slowly
+    backlog: int  # held by the hub for the client now
+    waiting: int  # taken from the client, not yet carried by the modelled wire
+    malformed: int  # refused from the client
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HubStatus:
-    """The hub since it was started; busy_s: how long the modelled wire carried frames."""
+    """The hub since it was started."""
 
-    frames: int
-    uptime_s: float
-    bit_rate: int | None
-    busy_s: float
+    frames: int  # relayed
+    uptime_s: float  # [s]
+    bit_rate: int | None  # of the modelled wire [bit/s]; None: frames are relayed at once
+    busy_s: float  # how long the modelled wire carried frames [s]
     clients: tuple[ClientStatus, ...]
 
     def to_message(self) -> dict[str, Any]:

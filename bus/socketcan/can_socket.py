@@ -1,4 +1,4 @@
-"""Opens a raw CAN socket on an interface, with one clear error for each reason why that can fail."""
+"""Opens a raw CAN socket on an interface; one clear error for each reason why that can fail."""
 
 import errno
 import socket
@@ -36,8 +36,9 @@ def kernel_has_can() -> bool:
 
 
 def bind(can: socket.socket, interface: str) -> None:
-    """Attach to the interface; BusUnavailable if it is none of CAN."""
+    """Attach to the interface; BusUnavailable if there is no CAN interface of that name."""
     try:
+        # ENODEV covers both "no such interface" and "not a CAN interface"; the list shows which it is
         can.bind((interface,))
     except OSError as error:
         there = ", ".join(can_interfaces()) or "none"
@@ -55,7 +56,7 @@ def require_up(interface: str) -> Link:
 
 
 def longer_queue(interface: str) -> str:
-    """What helps when frames come faster than the controller sends them."""
+    """The interface, and advice for frames that come faster than the controller sends them."""
     try:
         length = queue_length(interface)
     except OSError:  # it has just been removed

@@ -1,7 +1,7 @@
-"""CAN network interfaces: which there are, in what state, and waiting for a change.
+"""CAN network interfaces for the SocketCAN transport: their names, their state, and waiting for a change.
 
-The kernel is asked by rtnetlink(7), which answers for the network namespace of the process;
-/sys/class/net answers for the namespace in which it was mounted.
+Read through rtnetlink(7), which answers for the network namespace of this process. /sys/class/net would
+answer for the namespace in which it was mounted, which differs inside a container.
 """
 
 import errno
@@ -23,14 +23,11 @@ _LINK = struct.Struct("=BxHiII")  # struct ifinfomsg: family, type, index, flags
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """State of a network interface.
+    """State of a network interface."""
 
-    up: switched on; carrier: also able to send, which a controller that is bus off is not.
-    """
-
-    can: bool
-    up: bool
-    carrier: bool
+    can: bool  # whether it is a CAN interface
+    up: bool  # administratively up (ip link set up)
+    carrier: bool  # also able to send; a controller that is bus off is up without carrier
 
     @classmethod
     def read(cls, name: str) -> Self | None:
@@ -51,6 +48,7 @@ def _index(name: str) -> int:
     try:
         return socket.if_nametoindex(name)
     except OSError:
+        # the kernel then answers with an error message, the same path as for an interface that vanishes in between
         return 2**31 - 1
 
 
@@ -64,6 +62,7 @@ def queue_length(name: str) -> int:
     """Frames that the interface takes before its controller has sent one (txqueuelen)."""
     request = struct.pack("16si12x", name.encode(), 0)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
+        # interface ioctls work on any socket; by netlink the length would have to be searched among the attributes
         answer = fcntl.ioctl(any_socket, _SIOCGIFTXQLEN, request)
     return int(struct.unpack_from("i", answer, 16)[0])
 
@@ -75,6 +74,7 @@ class LinkWatch:
         self._socket = socket.socket(
             socket.AF_NETLINK, socket.SOCK_RAW | socket.SOCK_NONBLOCK, socket.NETLINK_ROUTE
         )
+        # the kernel multicasts every change of an interface to this group, without privilege
         self._socket.bind((0, _RTMGRP_LINK))
 
     def fileno(self) -> int:
@@ -89,7 +89,8 @@ class LinkWatch:
             except BlockingIOError:
                 return
             except OSError as error:
-                if error.errno != errno.ENOBUFS:  # more changes than it could hold
+                # ENOBUFS: more changes than its buffer holds; harmless, because the state is read anew
+                if error.errno != errno.ENOBUFS:
                     raise
 
     def close(self) -> None:

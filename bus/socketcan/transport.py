@@ -1,10 +1,10 @@
 """A bus of the Linux kernel: raw AF_CAN, classic and FD, with the kernel's stamps and drop counts.
 
-Error frames come as frames (ERROR in the identifier), and in words as findings. An
+Error frames come as frames (ERROR in the identifier), and as findings in plain text. An
 interface that goes down, or away, or bus off, and comes back is a finding, not an end:
-meanwhile nothing is received, and what is sent is counted as dropped. `fileno` stays the
+meanwhile nothing is received, and frames to send are counted as dropped. `fileno` stays the
 same throughout; it is an epoll of the socket and, while the interface is down, of the
-kernel's notices about interfaces.
+kernel's messages about interfaces.
 
 A frame's stamp is the kernel's, taken when its controller's driver handed it over. That of
 an own frame (`confirmations`) is taken when the driver confirms its sending.
@@ -42,6 +42,7 @@ _CLASSIC = struct.Struct("=IB3x8s")
 _FD = struct.Struct("=IBBxx64s")
 _TIMESPEC = struct.Struct("=qq")
 _COUNT = struct.Struct("=I")
+# room for exactly the two control messages asked for below; more would be cut off silently
 _ANCILLARY = socket.CMSG_SPACE(_TIMESPEC.size) + socket.CMSG_SPACE(_COUNT.size)
 _LINK_ERRORS = {errno.ENETDOWN: Fault.LINK_DOWN, errno.ENODEV: Fault.LINK_GONE, errno.ENXIO: Fault.LINK_GONE}
 _FULL = (errno.ENOBUFS, errno.EAGAIN)
@@ -68,6 +69,7 @@ class SocketCanTransport(Closing):
         self.interface = interface
         self._local = LOCAL if origins else 0
         self._received = self._sent = self._dropped_in = self._dropped_out = self._errors = 0
+        # last value of the kernel's own drop counter; kept apart from `dropped_in`, because it wraps
         self._overflows = 0
         self._confirmed: list[Frame] = []
         self._findings: deque[BusFinding] = deque(maxlen=FINDINGS_LIMIT)
@@ -83,6 +85,8 @@ class SocketCanTransport(Closing):
         except BaseException:
             self._socket.close()
             raise
+        # an epoll instead of the socket itself, so that the descriptor given out stays valid while
+        # the set of things to wait for changes
         self._epoll = select.epoll()
         self._epoll.register(self._socket.fileno(), select.EPOLLIN)
         if not link.carrier:
@@ -92,11 +96,14 @@ class SocketCanTransport(Closing):
     def _set_options(self, own_messages: bool, receive_buffer: int) -> None:
         raw, option = socket.SOL_CAN_RAW, self._socket.setsockopt
         option(raw, socket.CAN_RAW_FD_FRAMES, 1)
+        # returned when the driver confirms the sending, so their stamp is that of the wire
         option(raw, socket.CAN_RAW_RECV_OWN_MSGS, int(own_messages))
         option(raw, _CAN_RAW_ERR_FILTER, socket.CAN_ERR_MASK)
         option(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+        # each frame then carries the count of frames that the full receive buffer has cost so far
         option(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
         try:
+            # ignores net.core.rmem_max, but needs CAP_NET_ADMIN
             option(socket.SOL_SOCKET, _SO_RCVBUFFORCE, receive_buffer)
         except PermissionError:
             option(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
@@ -135,8 +142,10 @@ class SocketCanTransport(Closing):
         """At most `limit` frames that have arrived, with the kernel's stamps; [] if there are none."""
         if self._trouble is not None:
             self._look_for_recovery()
+        # once per call, not per frame: somebody sets the clock rarely
         SHARED.check()
         frames: list[Frame] = []
+        # locals: this loop runs once per frame of a saturated bus
         receive, fd_size, ahead_ns = self._socket.recvmsg, _FD.size, SHARED.ahead_ns
         try:
             for _ in range(limit):
@@ -148,14 +157,17 @@ class SocketCanTransport(Closing):
                         at_ns = seconds * 1_000_000_000 + nanoseconds - ahead_ns
                     elif kind == _SO_RXQ_OVFL:
                         self._note_drops(_COUNT.unpack(value)[0])
+                # the kernel sets MSG_DONTROUTE on frames that a socket of this host sent (can.rst)
                 origin = self._local if message_flags & socket.MSG_DONTROUTE else 0
                 if len(data) == fd_size:
+                    # with CAN_RAW_FD_FRAMES the size of the structure says which kind of frame it is
                     can_id, length, flags, content = _FD.unpack(data)
                     frame = Frame(can_id, content[:length], at_ns, flags | FD | origin)
                 else:
                     can_id, length, content = _CLASSIC.unpack(data)
                     frame = Frame(can_id, content[:length], at_ns, origin)
                 if message_flags & socket.MSG_CONFIRM:
+                    # our own frame, returned by CAN_RAW_RECV_OWN_MSGS
                     self._confirmed.append(frame)
                     continue
                 frames.append(frame)
@@ -169,21 +181,23 @@ class SocketCanTransport(Closing):
         return frames
 
     def _note_drops(self, count: int) -> None:
-        """Take over the kernel's count of lost frames, which wraps at 32 bits; a frame may bring an older one than is known."""
+        """Take over the kernel's count of lost frames."""
+        # It wraps at 32 bits. A queued frame may carry an older count than SO_MEMINFO has given: that looks like
+        # a step of almost 2**32 and is ignored.
         more = (count - self._overflows) & 0xFFFF_FFFF
         if more < 1 << 31:
             self._dropped_in += more
             self._overflows = count
 
     def _ask_for_drops(self) -> None:
-        """Frames lost after the last one that was received: no frame reports them."""
+        """Read the drop count from the socket: frames lost after the last received one are in no frame's control message."""
         if self._socket.fileno() >= 0:
             with suppress(OSError):  # a kernel before 4.12 does not say
                 info = self._socket.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO_DROPS.size)
                 self._note_drops(_MEMINFO_DROPS.unpack(info)[0])
 
     def _note_error(self, frame: Frame) -> None:
-        """An error frame; a bus-off that the interface confirms is trouble until its carrier is back."""
+        """Count an error frame; a bus-off that the interface confirms stops sending until its carrier is back."""
         self._errors += 1
         found = errors.findings(frame)
         self._findings += found
@@ -247,18 +261,18 @@ class SocketCanTransport(Closing):
         return self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
 
     def findings(self) -> list[BusFinding]:
-        """What went wrong, or right again, since the last call: error frames in words, the interface's state."""
+        """Findings since the last call: error frames in plain text, and changes of the interface's state."""
         found = list(self._findings)
         self._findings.clear()
         return found
 
     def confirmations(self) -> list[Frame]:
-        """Own frames that the controller has sent, with its stamps, as far as `drain` has met them."""
+        """Own frames that the controller has sent, with its stamps, as far as `drain` has read."""
         confirmed, self._confirmed = self._confirmed, []
         return confirmed
 
     def fileno(self) -> int:
-        """Readable when `drain` has something to give, or something to see to."""
+        """Readable when `drain` has frames to give, or has to look at the interface."""
         return self._epoll.fileno() if not self._epoll.closed else -1
 
     def statistics(self) -> Statistics:

@@ -6,6 +6,7 @@ both alike. It is measured once and again after a jump.
 
 import time
 
+# Below a millisecond a set clock and an interrupted reading cannot be distinguished.
 JUMP_NS = 1_000_000
 _READINGS = 32
 
@@ -22,8 +23,9 @@ class WallClock:
 
     def check(self) -> None:
         """Measure again if the clock has been set by more than a millisecond."""
-        if self._off(time.time_ns() - time.monotonic_ns()):  # or we were interrupted between the readings
+        if self._off(time.time_ns() - time.monotonic_ns()):
             measured = measure()
+            # the quick look may have been interrupted between its two readings; the careful one decides
             if self._off(measured):
                 self.ahead_ns = measured
 
@@ -32,7 +34,7 @@ class WallClock:
 
 
 def measure() -> int:
-    """The difference, from the tightest of some readings of one clock between two of the other."""
+    """The difference [ns]: of 32 readings of one clock between two of the other, the one with the least time between."""
     best_ns, ahead_ns = 1 << 62, 0
     for _ in range(_READINGS):
         before = time.monotonic_ns()
