@@ -18,7 +18,7 @@ from bench.shape import (
 LONGEST_BODY = 80  # without docstring and signature, in which a command declares each option with its help
 LONGEST_MODULE = 500
 FULLEST_FOLDER = 20
-LARGEST_BENCH = 13_000  # lines of hil/, which once held five products in 25 800
+LARGEST_BENCH = 13_000  # lines of hil/, comments not counted; it once held five products in 25 800
 REGISTRY = "plant.effects.library"  # one file per effect, found by name: as many as there are effects
 
 
@@ -45,7 +45,8 @@ def test_no_folder_holds_more_modules_than_the_limit(modules):
 
 
 def test_the_bench_stays_small(modules):
-    assert by_package(modules)["hil"].lines <= LARGEST_BENCH
+    bench = by_package(modules)["hil"]
+    assert bench.lines - sum(m.comment_lines for m in bench.modules) <= LARGEST_BENCH
 
 
 SOURCES = {

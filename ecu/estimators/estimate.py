@@ -7,9 +7,9 @@ first carries state, so that a study of a recording can leave out the prediction
 import math
 from typing import NamedTuple
 
+from ecu.estimators.balance import balance, longitudinal_forces
 from ecu.estimators.compiled import compiled
 from ecu.estimators.loads.arm_forces import arm_forces
-from ecu.estimators.loads.balance import balance, longitudinal_forces
 from ecu.estimators.loads.cog import front_unit, machine_centre
 from ecu.estimators.loads.payload import BucketLoad, followed_load, lift_acceleration, push_of
 from ecu.estimators.motion.acceleration import gravity_reaction, yaw_rate
