@@ -61,6 +61,10 @@ class PointProblem:
         out.append(Unknown(name="tare", start=0.0, lower=-5e3, upper=5e3, typical=50.0, prior_sd=50.0))
         return out
 
+    def held_at(self, values: Mapping[str, float]) -> "PointProblem":
+        """Itself: settled slip needs no predictor."""
+        return self
+
     def parts(self, values: Mapping[str, float]) -> list[Part]:
         index = {name: i for i, name in enumerate(values)}
         p = vector(

@@ -111,17 +111,40 @@ def problem_of(ready: Prepared, tyre: Sequence[str] | None = None, **choices: ob
     return RigProblem(**{**given, **choices})  # type: ignore[arg-type]
 
 
-def first_stage(ready: Prepared) -> dict[str, float]:
-    """Where the joint fit begins: four parameters and the carcass from the runs at nominal load and pressure alone, simulated.
-
-    From a fixed start the joint fit of a third of the tyres ended beside the optimum; its coloured noise forgave slow errors.
-    """
+def stages(ready: Prepared) -> list[tuple[tuple[str, ...], list[Trace]]]:
+    """Parameters and runs of each stage of the thesis' fit: nominal; all loads at nominal pressure; all pressures."""
     main = [t for t in ready.fitted if t.kind in ("drive", "brake")] or ready.fitted
     pressure = min((t.inflation for t in main), key=lambda p: abs(p - ready.log.nominal.pressure))
-    piston = min(t.piston_pressure for t in main if t.inflation == pressure)
-    traces = [t for t in main if t.inflation == pressure and t.piston_pressure == piston]
-    found = estimate(problem_of(ready, BASE, traces=traces, predictor=False), rounds=1)
-    return {name: value for name, value in found.values.items() if name not in ("gain", "load 0", "load 1")}
+    at_pressure = [t for t in main if t.inflation == pressure]
+    piston = min(t.piston_pressure for t in at_pressure)
+    sets = [[t for t in at_pressure if t.piston_pressure == piston], at_pressure, main]
+    found: list[tuple[tuple[str, ...], list[Trace]]] = []
+    for traces in sets:
+        tyre = parameters_for(traces) if found else BASE
+        if not found or tyre != found[-1][0]:
+            found.append((tyre, traces))
+    return found
+
+
+def staged(ready: Prepared) -> list[Estimate]:
+    """The estimates of all stages, simulated, each from the one before; the last is where the joint fit begins.
+
+    From a fixed start, or from the nominal runs alone, the joint fit of a third of the tyres ended beside the optimum: its coloured noise
+    is that of the residuals at its start, and a start that misses the other loads calls a wrong curve noise.
+    """
+    start: dict[str, float] = {}
+    out = []
+    for tyre, traces in stages(ready):
+        out.append(
+            estimate(problem_of(ready, tyre, traces=traces, predictor=False), start, rounds=2, white=True)
+        )
+        start |= out[-1].values
+    return out
+
+
+def first_stage(ready: Prepared) -> dict[str, float]:
+    """Where the joint fit begins: the last of `staged`, by name."""
+    return {**staged(ready)[-1].values}
 
 
 def fitted(ready: Prepared) -> Estimate:

@@ -104,13 +104,17 @@ def _transient(
     kappa, out, by = np.empty(n), np.empty(n), np.empty((n, COLUMNS))
     measured = np.where(kept, force, np.nan)
     size = np.array([1e-1, 1e4, 1e2, 1e-3])
+    gains = np.zeros(n)
 
-    def evaluate(x: Array) -> None:
+    def evaluate(x: Array, held: bool = True) -> None:
         curve = np.array([x[1] * size[1], 1.0, 1e12, 0.0, 0.0, 0.0, x[2] * size[2]])
         response(
             CONSTANT, float(x[0] * size[0]), 0.0, curve, speed, wheel, trace.step, float(x[3] * size[3]), measured, 1.0, 0.0,
-            trace.sliding_sd[part], trace.force_sd, kappa, out, by,
+            trace.sliding_sd[part], trace.force_sd, held, gains, kappa, out, by,
         )  # fmt: skip
+
+    start = np.array([0.4, stiffness, zero, before]) / size
+    evaluate(start, held=False)  # the predictor's gains, which the fit then holds
 
     def residual(x: Array) -> Array:
         evaluate(x)
@@ -121,7 +125,7 @@ def _transient(
         return np.where(kept[:, None], by[:, [LAW, 0, 6, START]] * size, 0.0) / trace.force_sd
 
     found = least_squares(
-        residual, np.array([0.4, stiffness, zero, before]) / size, jacobian,
+        residual, start, jacobian,
         bounds=(np.array([0.005, 1.0, -np.inf, -np.inf]) / size, np.array([20.0, 1e8, np.inf, np.inf]) / size), loss="soft_l1",
     )  # fmt: skip
     variance = max(1.0, 2.0 * found.cost / max(int(kept.sum()) - 4, 1))

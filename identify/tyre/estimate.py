@@ -35,6 +35,10 @@ class Problem(Protocol):
 
     def parts(self, values: Mapping[str, float]) -> Sequence[Part]: ...
 
+    def held_at(self, values: Mapping[str, float]) -> "Problem":
+        """The problem with all that a fit must not move (gains of a predictor) as it is at these values."""
+        ...
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interval:
@@ -102,8 +106,9 @@ def estimate(
     *,
     rounds: int = ROUNDS,
     noise: Noise | None = None,
+    white: bool = False,
 ) -> Estimate:
-    """Fit all unknowns. start: where to begin, by name; noise: that of another fit, then kept."""
+    """Fit all unknowns. start: where to begin, by name; noise: that of another fit, then kept; white: never coloured."""
     unknowns = problem.unknowns
     x = np.array([(start or {}).get(u.name, u.start) for u in unknowns])
     low, high = np.array([u.lower for u in unknowns]), np.array([u.upper for u in unknowns])
@@ -111,7 +116,9 @@ def estimate(
     names, calls = [u.name for u in unknowns], 0
     known = noise
     for _ in range(rounds if noise is None else 1):
-        known = noise or _noise(problem.parts(dict(zip(names, x.tolist(), strict=True))), known, len(names))
+        values = dict(zip(names, x.tolist(), strict=True))
+        problem = problem.held_at(values)
+        known = noise or _noise(problem.parts(values), None if white else known, len(names))
         fun = _Compressed(problem, unknowns, known)
         found = least_squares(
             fun.residual,
@@ -193,6 +200,9 @@ def _noise(parts: Sequence[Part], before: Noise | None, used: int) -> Noise:
         whitener = autoregression(blocks, rows, rows.size / max(rows.size - used, 1), np.zeros(1))
     weights = []
     for part, values in zip(parts, series, strict=True):
+        if before is None:  # weights of a wrong curve would keep it where it begins
+            weights.append(part.kept.astype(float))
+            continue
         e = np.abs(whitener.apply(values[:, None, None])[:, 0, 0])
         touched = ~part.kept
         clean = np.ones(e.size, bool)

@@ -5,7 +5,7 @@ its scale factor and its tare. What a certificate or a calibration says of them 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,7 @@ class RigProblem:
     carcass_pressure: bool = False
     scales: bool = True  # whether scale factors are unknown
     predictor: bool = True  # whether the measured force corrects the transient slip; without, it is simulated
+    gains: Mapping[str, Array] | None = None  # of the predictor, by run; None: those of the values themselves
 
     @property
     def unknowns(self) -> list[Unknown]:
@@ -146,18 +147,35 @@ class RigProblem:
 
     def parts(self, values: Mapping[str, float]) -> list[Part]:
         """Residual (model minus measurement) and derivatives of every run. values: by unknown, those of `unknowns`."""
+        return self._parts(values, self.gains)
+
+    def _parts(self, values: Mapping[str, float], gains: Mapping[str, Array] | None) -> list[Part]:
         index = {name: i for i, name in enumerate(values)}
         p = vector({**self.fixed, **{name: values[name] for name in self.tyre}})
-        return [self._part(trace, p, values, index) for trace in self.traces]
+        return [
+            self._part(t, p, values, index, np.zeros(t.speed.size) if gains is None else gains[t.name])
+            for t in self.traces
+        ]
+
+    def held_at(self, values: Mapping[str, float]) -> "RigProblem":
+        """The same problem with the predictor's gains of these values, which then no longer move with the unknowns."""
+        gains = {trace.name: np.zeros(trace.speed.size) for trace in self.traces}
+        replace(self, gains=None)._parts(values, gains)
+        return replace(self, gains=gains)
 
     def predicted(self, trace: Trace, values: Mapping[str, float]) -> Array:
         """Force that the rig would have measured (n,) [N]."""
-        index = {name: i for i, name in enumerate(values)}
-        p = vector({**self.fixed, **{name: values[name] for name in self.tyre}})
-        part = self._part(trace, p, values, index)
+        [part] = replace(self, traces=[trace])._parts(values, self.gains)
         return part.residual + np.where(trace.kept, trace.force, 0.0)
 
-    def _part(self, trace: Trace, p: Array, values: Mapping[str, float], index: Mapping[str, int]) -> Part:
+    def _part(
+        self,
+        trace: Trace,
+        p: Array,
+        values: Mapping[str, float],
+        index: Mapping[str, int],
+        gains: Array,
+    ) -> Part:
         shift = np.array([values.get("load 0", 0.0), values.get("load 1", 0.0)])
         row = self.loads.row(trace.piston_pressure)
         load = float(row @ (self.loads.line + self.loads.root @ shift))
@@ -172,7 +190,7 @@ class RigProblem:
         noise = trace.sliding_sd if self.predictor else np.zeros(n)
         response(
             self.law, law * softer, self.shortest, curve_, trace.speed, trace.wheel * (1.0 + scale), trace.step, 0.0,
-            trace.force, gain, tare, noise, trace.force_sd, kappa, force, by,
+            trace.force, gain, tare, noise, trace.force_sd, self.gains is not None, gains, kappa, force, by,
         )  # fmt: skip
         columns: dict[int, Array] = {}
 

@@ -8,6 +8,8 @@ Steps much longer than sigma/V stay stable.
 Noise of the measured speeds adds up in the transient slip as a random walk with a memory of sigma/|V|: seconds at walking speed. A
 simulation would charge it to the tyre. So the measured force corrects the transient slip by a Kalman gain, and the residuals are errors of
 one-step predictions (Ljung, System Identification, section 7.4). Without noise of the speeds the gain is 0 and this is a simulation.
+A fit holds the gains of its start: a predictor with given gains is as consistent, and its derivatives are then exact. With gains that follow
+the curve, a fit buys smaller errors with a wrong slope.
 """
 
 import math
@@ -87,6 +89,8 @@ def response(
     tare: float,
     sliding_sd: Array,
     force_sd: float,
+    held: bool,
+    gains: Array,
     kappa: Array,
     force: Array,
     by: Array,
@@ -96,6 +100,7 @@ def response(
     speed: of the road under the wheel (n,) [m/s]; wheel: rolling speed of the wheel (n,) [m/s]; start: transient slip at the first sample.
     measured: reading of the force (n,) [N], NaN where there is none; gain, tare: a reading is gain times force plus tare.
     sliding_sd: standard deviation of the difference of both speeds (n,) [m/s]; force_sd: of a reading [N].
+    gains: Kalman gains (n,) [1/N], used as they are if `held`, else computed and written. Derivatives hold them.
     """
     moved = np.zeros(COLUMNS)
     moved[START] = 1.0
@@ -111,11 +116,16 @@ def response(
         by[k, TARE] += 1.0
         if k + 1 == speed.size:
             break
-        if variance > 0.0 and not np.isnan(measured[k]):
+        if not held:
+            gains[k] = 0.0
             slope = gain * rise
-            correction = variance * slope / (slope * slope * variance + force_sd * force_sd)
+            # behind the peak two slips have one force, and a correction may settle on the wrong one; errors are short there
+            if variance > 0.0 and slope > 0.0 and not np.isnan(measured[k]):
+                gains[k] = variance * slope / (slope * slope * variance + force_sd * force_sd)
+                variance *= 1.0 - gains[k] * slope
+        correction = gains[k]
+        if correction != 0.0:
             state += correction * (measured[k] - force[k])
-            variance *= 1.0 - correction * slope
             for j in range(COLUMNS):
                 moved[j] -= correction * by[k, j]
         v = 0.5 * (abs(speed[k]) + abs(speed[k + 1]))

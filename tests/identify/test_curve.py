@@ -72,7 +72,18 @@ def test_curve_moves_with_load_as_derived():
     assert by_load == pytest.approx(wanted, rel=1e-4, abs=1e-9)
 
 
-def run(curve_=CURVE, law=CARCASS, number=0.75e6, scale=0.0, start=0.0, gain=1.0, tare=0.0, noise=0.0):
+def run(
+    curve_=CURVE,
+    law=CARCASS,
+    number=0.75e6,
+    scale=0.0,
+    start=0.0,
+    gain=1.0,
+    tare=0.0,
+    noise=0.0,
+    gains=None,
+    held=False,
+):
     t = np.arange(0.0, 6.0, 0.01)
     speed = 0.6 + 0.2 * np.sin(t)
     wheel = speed * (1.0 + 0.3 * np.sin(0.7 * t) ** 3 + 0.02) * (1.0 + scale)
@@ -93,6 +104,8 @@ def run(curve_=CURVE, law=CARCASS, number=0.75e6, scale=0.0, start=0.0, gain=1.0
         tare,
         np.full(n, noise),
         50.0,
+        held,
+        np.zeros(n) if gains is None else gains,
         kappa,
         out,
         by,
@@ -100,13 +113,21 @@ def run(curve_=CURVE, law=CARCASS, number=0.75e6, scale=0.0, start=0.0, gain=1.0
     return out, by
 
 
+@pytest.mark.parametrize("noise", [0.0, 2e-3])
 @pytest.mark.parametrize("law", [CARCASS, CONSTANT])
-def test_derivatives_of_the_transient_are_those_of_differences(law):
+def test_derivatives_of_the_transient_are_those_of_differences(law, noise):
     number = {CARCASS: 0.75e6, CONSTANT: 0.4}[law]
-    _, by = run(law=law, number=number)
+    gains = np.zeros(600)
+    free, _ = run(law=law, number=number, noise=noise, gains=gains, held=False)
+    held = {"gains": gains, "held": True}
+    out, by = run(law=law, number=number, **held)
+    assert np.array_equal(out, free)
+    assert gains.any() == (noise > 0.0)
     changes = {LAW: ("number", number, 1e-4 * number), SCALE: ("scale", 0.0, 1e-6), START: ("start", 0.0, 1e-6), GAIN: ("gain", 1.0, 1e-4), TARE: ("tare", 0.0, 0.1)}  # fmt: skip
     for column, (name, at, step) in changes.items():
-        up, down = (run(**{"law": law, "number": number, name: at + s * step})[0] for s in (1.0, -1.0))
+        up, down = (
+            run(**{**held, "law": law, "number": number, name: at + s * step})[0] for s in (1.0, -1.0)
+        )
         wanted = (up - down) / (2.0 * step)
         assert by[:, column] == pytest.approx(wanted, rel=2e-3, abs=2e-4 * float(np.max(np.abs(wanted))))
     for i in range(7):
@@ -114,7 +135,7 @@ def test_derivatives_of_the_transient_are_those_of_differences(law):
         up, down = CURVE.copy(), CURVE.copy()
         up[i] += step
         down[i] -= step
-        wanted = (run(up, law, number)[0] - run(down, law, number)[0]) / (2.0 * step)
+        wanted = (run(up, law, number, **held)[0] - run(down, law, number, **held)[0]) / (2.0 * step)
         assert by[:, i] == pytest.approx(wanted, rel=5e-3, abs=1e-3 * float(np.max(np.abs(wanted))))
 
 
@@ -137,6 +158,8 @@ def test_slip_settles_over_the_relaxation_length():
         0.0,
         still,
         1.0,
+        False,
+        np.zeros(n),
         kappa,
         out,
         by,
@@ -168,6 +191,8 @@ def test_transient_follows_the_plants_tyre():
         0.0,
         still,
         1.0,
+        False,
+        np.zeros(n),
         kappa,
         out,
         by,
