@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from diagnosis.models import find_model
-from diagnosis.reading.reading import Ask, read_all
+from diagnosis.reading.reading import ReadOptions, read_all
 from discrepancy.model.description import Model
 from discrepancy.signals.recording import Recording
 
@@ -59,7 +59,9 @@ def model_file(exhibit: Exhibit) -> Path:
 def model_and_recordings(exhibit: Exhibit, data: Path) -> tuple[Model, list[Recording]]:
     """As the command line reads them; data: the folder of all recordings. Raises ValueError for a file that cannot be used."""
     choice = find_model(str(Path(__file__).resolve().parents[1] / model_file(exhibit)))
-    read = read_all(choice, Ask(paths=[data / exhibit.name / file for file in exhibit.files]), lambda _: None)
+    read = read_all(
+        choice, ReadOptions(paths=[data / exhibit.name / file for file in exhibit.files]), lambda _: None
+    )
     if fatal := [c.described for c in read.complaints if c.fatal]:
         raise ValueError("; ".join(fatal))
     return choice.build(read.recordings), list(read.recordings)

@@ -8,8 +8,10 @@ from diagnosis.describe import estimate
 from discrepancy.signals.findings import Finding, Findings
 
 SHOWN = 4  # members of a list in one sentence
+# The reason of a candidate reads "REASON; needs MANOEUVRE" (discrepancy.decision); where only an additional channel helps, the
+# manoeuvre is this text.
+NEEDS = "; needs "
 OTHER_CHANNEL = "another channel"
-NEEDS = "; needs "  # separates a reason of discrepancy.decision from the manoeuvre that would show the effect
 
 
 def advice(result: Findings, model: str, out: Path | None, *, applied: bool = False) -> list[str]:
@@ -20,6 +22,7 @@ def advice(result: Findings, model: str, out: Path | None, *, applied: bool = Fa
             "Keep the findings: the same command with `--apply FILE.toml` writes the model extended by them; "
             "with `--with FILE.toml` the next diagnosis reports only what is still missing."
         )
+    # Two machine states in one set of recordings are a common cause of "unknown": no single value fits both.
     if result.status == "unknown" and len(result.recordings) > 1:
         steps.append(
             "If the recordings are not of one machine in one state, diagnose each of them alone with `--each`."
@@ -35,6 +38,7 @@ def _mended(result: Findings) -> Iterator[str]:
 
 
 def _checked(result: Findings) -> Iterator[str]:
+    """Sensors to check, and best proxies that must not be taken as causes."""
     for f in [f for f in result.findings if f.named and f.kind == "sensor"]:
         rivals = f" (or instead: {_some([m.effect for m in f.group])})" if f.group else ""
         yield f"Check the {f.place}: {f.sentence}{_size(f)}{rivals}."
@@ -46,14 +50,16 @@ def _checked(result: Findings) -> Iterator[str]:
 
 
 def _separated(result: Findings) -> Iterator[str]:
+    """Manoeuvres that distinguish the members of a group."""
     for f in result.findings:
-        for way in f.separate_by:
+        for separation in f.separate_by:
             yield (
-                f"To distinguish {f.effect} from {way.effect}, record this and diagnose it together with the present recordings: {way.manoeuvre}."
+                f"To distinguish {f.effect} from {separation.effect}, record this and diagnose it together with the present recordings: {separation.manoeuvre}."
             )
 
 
 def _named(result: Findings, model: str, out: Path | None) -> Iterator[str]:
+    """How to make an effect of an open-ended equation."""
     if result.open_ended is None:
         return
     if out is None:

@@ -1,4 +1,4 @@
-"""`loaderhil diagnose`: the physics that a simulation leaves out, found in recordings.
+"""`loaderhil diagnose`: finds in recordings the physics that a simulation leaves out.
 
 Exit codes: 0 explained, or nothing missing; 1 unknown: the model misses something that is not in the library;
 2 wrong use; 5 inconclusive: these recordings allow no verdict.
@@ -37,7 +37,7 @@ EXIT = {
 
 COMPUTING_ENDS_S = 1.0
 CLUSTER_ENDS_S = 20.0
-"""How long Ctrl-C may take; workers on a cluster need a message first."""
+"""Longest time after Ctrl-C until the process ends; workers on a cluster are stopped by a message first."""
 
 EPILOG = (
     "Exit codes: 0 explained, or nothing missing; 1 unknown: the model misses something that is not in the library; "
@@ -126,10 +126,10 @@ def diagnose(
     """
     with ended_at_once(CLUSTER_ENDS_S if each else COMPUTING_ENDS_S):
         from diagnosis.question import Question
-        from diagnosis.reading.reading import Ask, Misuse, assigned, measured, numbers
+        from diagnosis.reading.reading import Misuse, ReadOptions, assigned, measured, numbers
 
         given_channels = assigned(channel or [])
-        ask = Ask(
+        options = ReadOptions(
             paths=recordings,
             part=part,
             renamed=given_channels.columns,
@@ -140,7 +140,7 @@ def diagnose(
             dbcs=dbc or [],
             bus=bus,
         )
-        question = Question(model=model, given=given, ask=ask)
+        question = Question(model=model, given=given, options=options)
         # an unwritable folder is reported now, not after minutes of computing
         if out is not None:
             write("--out", out, {})
@@ -175,7 +175,7 @@ def _one(question: "Question", out: Path | None, apply: Path | None, *, everythi
             progress("predicting held-out segments for the report")
             shown = evidence(found.judged, settings)
     console, steps = Console(soft_wrap=True), advice(result, question.model, out, applied=apply is not None)
-    files, said = list[Path](), list[str]()
+    files, messages = list[Path](), list[str]()
     if out is not None:  # before anything is printed: a closed pipe then loses no result
         text = page(result, shown, steps, conditions(time.monotonic() - start, result.baseline))
         files += write("--out", out, {"findings.json": to_json(result), "report.html": text})
@@ -187,10 +187,10 @@ def _one(question: "Question", out: Path | None, apply: Path | None, *, everythi
     finally:  # for the same reason; and if --apply fails, the verdict has been printed
         if apply is not None:
             outcome = application(found.choice, found.model, result, found.base.given, apply)
-            said += outcome.said
+            messages += outcome.messages
             for path, text in outcome.files.items():
                 files += write("--apply", path.parent, {path.name: text})
-    for line in said:
+    for line in messages:
         print(line)
     print_written(files)
     return EXIT[result.status]

@@ -7,7 +7,7 @@ from discrepancy.signals.findings import Candidate, Estimate, Finding, Findings,
 from discrepancy.signals.quantities import figures, quantity
 from discrepancy.signals.units import shown
 
-SURE = 1000  # evidence above which the number says nothing more
+SURE = 1000  # evidence above which its exact number is meaningless: the noise model is never that exact
 UNCHANGED = 0.005  # relative change of an error that is not worth a line
 SMALLEST_RATIO = 0.01  # of two errors; a smaller one is given as a bound
 MOST_DECIMALS = 7  # with more, a power of ten reads better
@@ -30,9 +30,11 @@ def rounded(value: float, uncertainty: float) -> str:
     """A value to two digits of its uncertainty: 0.09619 ± 0.0027 is '0.0962'."""
     if not uncertainty > 0.0:
         return figures(value, 4)
+    # two digits of the uncertainty: the last digit shown is then about a tenth of it or less
     decimals = 1 - math.floor(math.log10(uncertainty))
     if decimals > MOST_DECIMALS:
         return f"{value:.4g}"
+    # adding 0.0 turns -0.0 into 0.0
     return f"{round(value, decimals) + 0.0:.{max(decimals, 0)}f}"
 
 
@@ -41,9 +43,9 @@ def counted(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def evidence(gain: float) -> str:
+def evidence(sse_reduction: float) -> str:
     """Evidence (twice the log-likelihood ratio) as text: '37'; 'over 1000' where the number says nothing more."""
-    return f"over {SURE}" if gain >= SURE else f"{gain:.0f}"
+    return f"over {SURE}" if sse_reduction >= SURE else f"{sse_reduction:.0f}"
 
 
 def expected_evidence(separation: Separation) -> str:

@@ -1,4 +1,4 @@
-"""findings.json read back."""
+"""Reads findings.json, of this and earlier versions, for the commands that work on a finished diagnosis."""
 
 import re
 from pathlib import Path
@@ -10,11 +10,11 @@ from discrepancy.signals.findings import Findings, from_json
 
 
 class NoFindings(UserError, ValueError):
-    """The file is no findings.json that can be read."""
+    """The file is not a readable findings.json."""
 
 
 OLD_CHANNEL = re.compile(r"\bacceleration_([xyz])\b")
-"""What the loader's specific_force_x, y, z were called before version 0.2."""
+"""Names of the loader's channels specific_force_x, y, z before version 0.2."""
 
 
 def with_present_names(text: str, model: str) -> str:
@@ -32,4 +32,4 @@ def read_findings(path: Path) -> Findings:
             f"{path}: {error.strerror or error}; `loaderhil diagnose --out DIR` writes it"
         ) from error
     except (ValidationError, UnicodeDecodeError) as error:
-        raise NoFindings(f"{path}: is no findings.json of this version") from error
+        raise NoFindings(f"{path}: is not a findings.json that this version can read") from error

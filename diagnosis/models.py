@@ -1,4 +1,4 @@
-"""Which model is meant: one that comes with loaderhil by name, or the user's own in a Python file."""
+"""Finds the model of a diagnosis: one of loaderhil's by its name, or the user's own in a Python file."""
 
 import importlib.util
 import sys
@@ -26,7 +26,7 @@ MOVED = {
     "discrepancy.search": "discrepancy.selection.state",
     "discrepancy.state": "discrepancy.selection.state",
 }
-"""Modules from which users' files may import, and where the same names are now."""
+"""Former modules that users' model files may still import, and where their names are now; for the error message."""
 
 T = TypeVar("T")
 Build = Callable[[Sequence[Recording]], Model]
@@ -35,23 +35,22 @@ ReadNative = Callable[[Path, str | None], Native | None]
 
 
 class NoModel(UserError, ValueError):
-    """The model that was asked for is not there, or not a model."""
+    """There is no such model, or the file does not define one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """A model for recordings, made once these are read; `native` reads its own published data sets, None if it is none.
-
-    build_from: makes it from a file of its own kind, which `diagnose --apply` writes; None: from a plain list of effects.
-    own_machine: the machine that it is of where nobody names another; None: it is of no machine of the bench.
-    """
+    """A model, not yet built: some models depend on the channels of the recordings."""
 
     name: str
-    build: Build
-    native: ReadNative
-    data: str = ""
+    build: Build  # the model for these recordings
+    native: ReadNative  # reads a published data set of the model; returns None for any other path
+    data: str = ""  # the data set in a few words, for error messages
+    # builds it from a file of its own kind, which `diagnose --apply` writes; None: --apply writes a list of effects
     build_from: BuildFrom | None = None
-    own_machine: str | None = None
+    own_machine: str | None = (
+        None  # machine that the model describes by default; None: no machine of the bench
+    )
 
     @property
     def channels(self) -> Model:
@@ -88,7 +87,9 @@ def _run(path: Path, _: str | None) -> Native | None:
     if not is_run(path):
         return None
     damage = damage_of_run(path)
-    from discrepancy.models.loader import model as loader  # with it comes the plant, compiled
+    from discrepancy.models.loader import (
+        model as loader,
+    )  # late: importing it loads the compiled plant, some seconds
 
     return Native([loader.load_run(path)], damage, machine_of_run(path))
 
@@ -128,8 +129,8 @@ NAMED = {
     choice.name: choice
     for choice in (
         Choice("ball", lambda _: ball.model(), _drops, "folder with ball_drops.csv and balls.txt, with --part BALL"),
-        Choice("car", _build_car, _dart, "DART csv.gz or a folder of them; --part on-board leaves motion capture out"),
-        Choice("road", road.model, _comma, "folder of the comma2k19 minute with its DBC"),
+        Choice("car", _build_car, _dart, "DART csv.gz file or a folder of them; --part on-board reads it without motion capture"),
+        Choice("road", road.model, _comma, "folder with one minute of comma2k19 and its DBC"),
         Choice("loader", _build_loader, _run, "run directory of the bench, with or without reference.log", _build_loader_from, "l60"),
         Choice("printed-estimator", _build_printed, _slow_run, "run directory of the bench, with reference.log", own_machine="l60"),
         Choice("straight", lambda _: straight.model(), _no_data_set),
@@ -138,9 +139,9 @@ NAMED = {
 
 
 def find_model(text: str) -> Choice:
-    """By name, or from a file that defines `model`: a Model, or a function of the recordings that returns one.
+    """The model of a name, or of a file that defines `model`: a Model, or a function of the recordings that returns one.
 
-    `native`, where the file defines it, reads published data sets.
+    If the file also defines `native(path, part)`, that function reads its data sets. Raises NoModel.
     """
     if text in NAMED:
         return NAMED[text]
@@ -158,7 +159,7 @@ def find_model(text: str) -> Choice:
         raise NoModel(f"{path}: {what}; it must be a discrepancy.model.Model or a function that makes one")
 
     def build(recordings: Sequence[Recording]) -> Model:
-        model = _told(path, lambda: made(recordings))
+        model = _as_one_line(path, lambda: made(recordings))
         if not isinstance(model, Model):
             raise NoModel(f"{path}: model(recordings) returned {type(model).__name__}, not a Model")
         return model
@@ -167,20 +168,22 @@ def find_model(text: str) -> Choice:
 
 
 def _defined(path: Path) -> ModuleType:
+    """The module of a user's file, run. Raises NoModel for an exception in it."""
     spec = importlib.util.spec_from_file_location(f"loaderhil_model_{path.stem}", path)
     assert spec is not None
     assert spec.loader is not None
     module, loader = importlib.util.module_from_spec(spec), spec.loader
     sys.modules[spec.name] = module  # dataclasses look their module up
-    _told(path, lambda: loader.exec_module(module))
+    _as_one_line(path, lambda: loader.exec_module(module))
     return module
 
 
-def _told(path: Path, run: Callable[[], T]) -> T:
-    """Run the user's code; its mistakes become one line with the file's own line number."""
+def _as_one_line(path: Path, run: Callable[[], T]) -> T:
+    """The result of the user's code. An exception in it becomes a NoModel of one line, with the line number in the user's file."""
     try:
         return run()
     except Exception as error:
+        # the last frame in the user's file: deeper ones are in libraries, shallower ones call it
         frames = [f for f in traceback.extract_tb(error.__traceback__) if Path(f.filename) == path]
         line = frames[-1].lineno if frames else getattr(error, "lineno", None)
         at = f", line {line}" if line else ""

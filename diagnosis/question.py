@@ -1,4 +1,4 @@
-"""One diagnosis, from what was asked to the verdict; the same for one call and for each of a fleet."""
+"""One diagnosis, from the user's request to the verdict. `diagnose` calls it once, `diagnose --each` once per recording."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 from diagnosis.apply.applying import baseline
 from diagnosis.models import Choice, find_model
 from diagnosis.reading.origin import Base, base_of
-from diagnosis.reading.reading import Ask, read_all
+from diagnosis.reading.reading import ReadOptions, read_all
 from discrepancy.checks.clocks import with_clocks
 from discrepancy.decision.judge import Judgement
 from discrepancy.examine import investigate
@@ -17,32 +17,34 @@ from discrepancy.signals.findings import Findings
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Question:
-    """A model by name or file, the file of its baseline if there is one, and what is to be read how."""
+    """A diagnosis that a user requests. It is sent to workers of a cluster, so it holds names and paths only."""
 
-    model: str
-    given: Path | None
-    ask: Ask
+    model: str  # name or FILE.py
+    given: Path | None  # file of --with
+    options: ReadOptions  # the recordings, and how to read them
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The verdict with the model it is of, and the baseline of that; judged: what it rests on, None where nothing was usable."""
+    """The result of a diagnosis."""
 
     choice: Choice
-    model: Model
-    base: Base
+    model: Model  # with its baseline
+    base: Base  # where the baseline comes from
     findings: Findings
-    judged: Judgement | None
+    judged: (
+        Judgement | None
+    )  # fits and screens behind the findings, for the page; None without a usable recording
 
 
 def answer(question: Question, settings: Settings, progress: Progress) -> Answer:
-    """Read, compare, judge. Raises a UserError about what was asked, never about what recordings contain."""
+    """The result of a diagnosis. Raises a UserError for a wrong request, never for the content of a recording."""
     choice = find_model(question.model)
-    read = read_all(choice, question.ask, progress)
+    read = read_all(choice, question.options, progress)
     base = base_of(choice, question.given, read.machines)
     model = baseline(choice, base.given, read.recordings)
     progress(f"simulating {model.name} and each of its {len(model.effects)} effects")
     found = investigate(with_clocks(model, read.clocks), read.recordings, settings, progress, read.complaints)
     judged = found if isinstance(found, Judgement) else None
     findings = found.findings if isinstance(found, Judgement) else found
-    return Answer(choice, model, base, replace(findings, baseline=base.told), judged)
+    return Answer(choice, model, base, replace(findings, baseline=base.description), judged)

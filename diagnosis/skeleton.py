@@ -1,4 +1,4 @@
-"""`loaderhil model new`: a commented model file from the columns of a table, which runs at once and is then edited by its author."""
+"""`loaderhil model new`: writes a commented model file from the columns of a table. It runs at once, and its author edits it."""
 
 import re
 from dataclasses import dataclass
@@ -37,13 +37,13 @@ CAUSES: Final = [
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """A column as a channel of the model."""
+    """A column of the table as a channel of the model."""
 
     name: str  # a Python name
     column: str  # heading in the table, without its unit
     unit: str  # SI
     typical: float  # a tenth of the spread [unit]
-    known_unit: bool
+    known_unit: bool  # whether the heading states the unit
 
 
 def register(app: typer.Typer) -> None:
@@ -81,6 +81,7 @@ def skeleton(table: Path) -> str:
         raise Unreadable(f"{table.name}: has no column of numbers beside the time")
     channels = _channels(columns)
     inputs = [c for c in channels if any(word in c.column.lower() for word in CAUSES)]
+    # A model without inputs would predict a constant: take the first column, and let the author correct it.
     if not inputs and len(channels) > 1:
         inputs = channels[:1]
     outputs = [c for c in channels if c not in inputs] or [inputs.pop()]
@@ -109,7 +110,7 @@ def _channels(columns: list[Column]) -> list[Channel]:
 
 
 def _si(text: str, scaled: Scaled) -> str:
-    """The SI unit of a heading, in its own words where these are SI: 'V', not 'kg.m^2/(s^3.A)'."""
+    """The SI unit of a heading, as it is written there where that is SI already: 'V', not 'kg.m^2/(s^3.A)'."""
     try:
         return text if parse_unit(text) == scaled.unit and scaled.factor == 1.0 else str(scaled.unit)
     except ValueError:
@@ -161,7 +162,7 @@ def _text(table: str, inputs: list[Channel], outputs: list[Channel], step_s: flo
         if inputs
         else ""
     )
-    return f'''"""A model of {table}. Written by `loaderhil model new`; edit it until it says what you believe of the system.
+    return f'''"""A model of {table}. Written by `loaderhil model new`; edit it until it is your model of the system.
 
     loaderhil diagnose {table} --model THIS_FILE --out out/first
 
@@ -177,24 +178,24 @@ def simulate(window, values, extra):
     # value: give it as a Parameter with scope="window" and guess=lambda window: window.at_start("name").
     found = {{
 {simulated}    }}
-    # What an effect adds. values.get(..., 0.0) keeps it off where the effect is not in the library.
+    # The term of an effect. values.get(..., 0.0) keeps it off where the effect is not in the library.
 {added}    return found
 
 
 model = Model(
     name="{re.sub(chr(92) + "W+", " ", table.split(".")[0]).strip() or "model"}",
-    sentence="one sentence on what the model is",
+    sentence="one sentence that describes the model",
     inputs={{
 {_units(inputs)}    }},
     outputs={{
 {_units(outputs)}    }},
-    # What the channels are called in recordings, where not by their own names.
+    # Column names in recordings, where they differ from the channel names.
     columns={{
 {columns}    }},
-    # Values that the baseline does not know exactly; they are refitted in every comparison. prior_sd=... says how well one is known.
+    # Parameters whose values are not exactly known; every comparison refits them. prior_sd=... states how well one is known.
     nuisances=(
 {nuisances}    ),
-    # What might be missing: physics, each off at its parameter's value, and faults of sensors.
+    # Effects that may be missing: physics (off while its parameter has its default value) and sensor faults.
     effects=(
 {effect}{faults}    ),
     simulate=simulate,

@@ -25,7 +25,7 @@ from discrepancy.signals.quantities import figures, quantity
 
 MOST_ROWS = 12  # of candidates, without --all
 MOST_NAMES = 6  # of effects with the same reason, without --all
-MOST_VALUES = 4  # of an effect's parameters; a profile has hundreds
+MOST_VALUES = 4  # of an effect's parameters; a road profile has hundreds
 SHOWN_CHANNELS = 6  # of those that a finding improves
 SHARE_SHOWN = 0.05  # of the evidence, below which a channel is not listed
 MOVED = 2.0  # standard deviations of its prior, beyond which a baseline parameter is worth a line
@@ -78,13 +78,13 @@ def _finding(number: int, f: Finding, result: Findings) -> Iterator[str]:
         ends = f"{figures(min(sizes))} to {quantity(max(sizes), f.parameters[0].unit)}"
         yield f"   ... {len(sizes)} values from {ends}"
     yield f"   held-out data: {_improvement(f)}"
-    yield from (f"   doubt: {doubt}" for doubt in f.caveats)
+    yield from (f"   not the cause because: {caveat}" for caveat in f.caveats)
     yield f"   evidence: {evidence(f.sse_reduction)} (threshold {f.threshold:.0f}), from {_where(f, several=len(result.recordings) > 1)}"
     for member in f.group:
         values = ", ".join(estimate(e) for e in member.parameters[:2])
         yield f"   or {member.effect}: {values}; evidence between the two only {member.likelihood_difference:.1f}"
-    for way in f.separate_by:
-        yield f"   to distinguish it from {way.effect}, record: {way.manoeuvre}{expected_evidence(way)}"
+    for s in f.separate_by:
+        yield f"   to distinguish it from {s.effect}, record: {s.manoeuvre}{expected_evidence(s)}"
 
 
 def _improvement(f: Finding) -> str:
@@ -132,10 +132,10 @@ def _moved_parameters(result: Findings) -> Iterator[str]:
     """Parameters of the baseline that the data move far from their assumed values."""
     for n in result.nuisances:
         if n.prior_sd and abs(n.after - n.before) > MOVED * n.prior_sd:
-            away = abs(n.after - n.before) / n.prior_sd
+            distance = abs(n.after - n.before) / n.prior_sd
             yield (
-                f"The baseline's {n.name} is {quantity(n.after, n.unit, 4)} by these recordings, assumed was {figures(n.before, 4)}: "
-                f"{away:.1f} standard deviations of its prior"
+                f"The baseline's {n.name} is {quantity(n.after, n.unit, 4)} by these recordings; the assumed value is {figures(n.before, 4)}: "
+                f"{distance:.1f} standard deviations of its prior"
             )
 
 

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from diagnosis.apply.toml_text import Line, laid_over
+from diagnosis.apply.toml_text import Line, with_values
 from ecu.calibration import CALIBRATIONS
 from hil.companions import CALIBRATION, named
 from identify.rig.chain import Prepared
@@ -123,4 +123,7 @@ def machine_files(ready: Prepared, found: Estimate, base: str, out: Path, origin
             )
         )
     head = f"# Tyre: {origin}\n"
-    return {out: head + laid_over(text, lines), named(out, CALIBRATION): head + laid_over(calibration, ecu)}
+    return {
+        out: head + with_values(text, lines),
+        named(out, CALIBRATION): head + with_values(calibration, ecu),
+    }

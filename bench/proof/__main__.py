@@ -42,9 +42,9 @@ def main() -> None:
     store = Store(args.work, {"commit": version})
     failures: dict[str, str] = {}
     if not args.report_only:
-        with bar(Console(stderr=True)) as told:
+        with bar(Console(stderr=True)) as progress:
             failures = carry_out(
-                carried_out, chosen, store, scheduler=args.scheduler, workers=args.workers, told=told
+                carried_out, chosen, store, scheduler=args.scheduler, workers=args.workers, report=progress
             ).failures
     store.collect(chosen, failures)
     note = (

@@ -1,1 +1,1 @@
-"""A finding put to work: machine file, calibration, model extension and effect file written from findings.json."""
+"""Writes the files in which findings are used: machine file, calibration, extended model, effect file."""

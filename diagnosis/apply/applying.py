@@ -1,4 +1,4 @@
-"""`diagnose --with FILE` and `--apply FILE`: a model's baseline from a file, and what was found into one."""
+"""`diagnose --with FILE` reads the baseline of a model from a file; `--apply FILE` writes the findings into one."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +11,7 @@ from diagnosis.apply.extension import (
     not_applied,
     plain,
     read,
-    with_stories,
+    with_summaries,
 )
 from diagnosis.models import Choice
 from discrepancy.model.description import Model
@@ -20,7 +20,7 @@ from discrepancy.signals.recording import Recording
 
 
 def baseline(choice: Choice, given: Path | None, recordings: Sequence[Recording]) -> Model:
-    """The model, with what the given file holds as its baseline. Raises a UserError that names file and key."""
+    """The model with the effects of the given file as its baseline. Raises a UserError that names file and key."""
     if given is None:
         return choice.build(recordings)
     if choice.build_from is not None:
@@ -30,11 +30,11 @@ def baseline(choice: Choice, given: Path | None, recordings: Sequence[Recording]
 
 
 def application(choice: Choice, model: Model, result: Findings, given: Path | None, out: Path) -> Outcome:
-    """The files of the extended model."""
+    """The files of the model extended by the named effects; given: file of the baseline, out: file to write."""
     if choice.build_from is not None:
         from diagnosis.apply.machine_files import extended_files
 
         return extended_files(result, given, out)
-    found, said = applied(result), not_applied(result)
+    found, messages = applied(result), not_applied(result)
     base = given.read_text(encoding="utf-8") if given is not None else plain(model.name)
-    return Outcome({out: with_stories(extended_text(base, found), found, said)}, said)
+    return Outcome({out: with_summaries(extended_text(base, found), found, messages)}, messages)

@@ -1,7 +1,7 @@
-"""The ECU's calibration for a machine with effects: what its estimators have a number for, and what not.
+"""The ECU's calibration for a machine with effects, as far as the ECU's estimators have a parameter for them.
 
-The ECU knows lumped bodies; where an effect moves mass or inertia of one of the plant's, the share of that body comes from the
-machine file.
+The ECU's model lumps several bodies of the plant into two (front and rear). An effect that moves mass or inertia of one of the plant's
+bodies changes a lumped body by that body's share, which comes from the machine file.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,28 +16,28 @@ Values = Mapping[str, float]
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """Parameters of an effect, in their own units: as they are now, and as they were when the calibration was made."""
+    """Parameters of an effect, now and when the calibration was made. The calibration already contains `before`."""
 
-    now: Values
+    now: Values  # by name, in the parameter's own unit
     before: Values
 
     def by(self, name: str) -> float:
-        """What was added."""
+        """The change of a parameter that adds to a value."""
         return self.now[name] - self.before[name]
 
     def times(self, name: str) -> float:
-        """What was multiplied by. Raises BadExtension where the calibration was made for nothing of it."""
+        """The change of a parameter that is a factor on a value. Raises BadExtension where the old factor is 0."""
         if self.before[name] == 0.0:
             raise BadExtension(
-                f"{name} is 0 in the baseline, and the calibration beside its file cannot be scaled from there; "
-                "move that file away to begin with the family's"
+                f"{name} is 0 in the baseline, so the calibration beside that file cannot be scaled to the new value; "
+                "move the calibration file away, then the calibration of the machine's family is used"
             )
         return self.now[name] / self.before[name]
 
 
 Number = Callable[[str], float]
-"""A number of the calibration by 'table.key', in the key's unit."""
-Changes = dict[str, float]
+"""The value of 'table.key' in the calibration, in the unit of the key."""
+Changes = dict[str, float]  # new values by 'table.key'
 
 
 def _rolling(v: Moved, old: Number, _: Machine) -> Changes:
@@ -45,7 +45,7 @@ def _rolling(v: Moved, old: Number, _: Machine) -> Changes:
 
 
 def _wear(v: Moved, old: Number, _: Machine) -> Changes:
-    """One radius for all wheels: the mean of both axles."""
+    """The ECU has one radius for all wheels: it loses the mean wear of both axles."""
     worn = 0.5e-3 * (v.by("front_mm") + v.by("rear_mm"))
     return {"wheel.unloaded_radius_m": old("wheel.unloaded_radius_m") - worn}
 
@@ -58,23 +58,25 @@ def _pressure(v: Moved, old: Number, _: Machine) -> Changes:
 
 
 def _split(v: Moved, old: Number, machine: Machine) -> Changes:
-    """Mass from the rear frame to the front frame, which is part of the ECU's lumped front body."""
+    """Mass moved from the rear frame to the front frame, which is part of the ECU's lumped front body."""
     moved, mass, frame = v.by("forward_kg"), old("front.mass_kg"), machine.front_frame
 
     def lumped(key: str, place: float) -> float:
+        # centre of gravity of the old lumped body and of the mass that is added at the frame's own centre
         return (mass * old(key) + moved * place) / (mass + moved)
 
     return {
         "front.mass_kg": mass + moved,
         "front.x_m": lumped("front.x_m", frame.x),
         "front.z_m": lumped("front.z_m", frame.z),
+        # the rear's mass is taken at its own centre of gravity, so its x_m stays
         "rear.mass_kg": old("rear.mass_kg") - moved,
         "rear.z_m": old("rear.z_m") + 1e-3 * v.by("higher_mm"),
     }
 
 
 def _inertia(axis: str, plant_field: str) -> "Rule":
-    """A factor on a frame's own inertia."""
+    """The rule of an effect that scales the inertia of a frame: the lumped body gains the frame's part only."""
 
     def rule(v: Moved, old: Number, machine: Machine) -> Changes:
         frames = {"front": machine.front_frame, "rear": machine.rear_frame}
@@ -131,37 +133,39 @@ RULES: Mapping[str, Rule] = {
     "longitudinal_relaxation": _relaxation,
     "vertical_damping": _spring,
 }
-"""What an effect of the plant changes of the calibration."""
+"""By effect of the plant: the rule for its parameters in the calibration. Other effects have none in the ECU."""
 
+# measured by the ECU itself, so a calibrated value would count the effect twice
 NO_NEED: Mapping[str, str] = {
-    "payload_mass": "the ECU weighs the payload by the lift pressure",
+    "payload_mass": "the ECU measures the payload through the lift pressure",
     "grade": "the ECU measures the slope",
 }
 
 
 @dataclass(frozen=True, slots=True)
 class Calibrated:
-    """Lines for the calibration's file, and one sentence per effect that makes none."""
+    """Changes of a calibration file."""
 
     lines: Sequence[Line]
-    said: Sequence[str]
+    messages: Sequence[str]  # one sentence per effect that changes nothing
 
 
 def calibrated(
     found: Sequence[Applied], old: Number, before: Mapping[str, Values], machine: Machine
 ) -> Calibrated:
-    """Calibration of a machine that has these effects, with all their parameters.
+    """The calibration of a machine that has these effects, with all their parameters.
 
-    old: numbers of the calibration so far, in the file's units; before: the parameters that it was made for, by effect.
+    old: values of the calibration so far, in the file's units; before: by effect, the parameters that it was made for.
     """
     lines: dict[str, Line] = {}
-    said = []
+    messages = []
     for item in found:
         rule = RULES.get(item.effect) if item.kind == "physics" else None
         if rule is None:
-            said.append(_unchanged(item))
+            messages.append(_unchanged(item))
             continue
 
+        # two effects may change one key; the second then starts from the value that the first has made
         def now(key: str) -> float:
             return lines[key].value if key in lines else old(key)
 
@@ -169,15 +173,18 @@ def calibrated(
             if value == now(key):
                 continue
             table, _, name = key.partition(".")
-            told = f"was {old(key):g}; {item.effect}"
+            comment = f"was {old(key):g}; {item.effect}"
             lines[key] = Line(
-                (table,), name, value, told if key not in lines else f"{lines[key].told}, {item.effect}"
+                (table,),
+                name,
+                value,
+                comment if key not in lines else f"{lines[key].comment}, {item.effect}",
             )
-    return Calibrated(list(lines.values()), said)
+    return Calibrated(list(lines.values()), messages)
 
 
 def _unchanged(item: Applied) -> str:
-    """Why an effect makes no difference to the calibration."""
+    """A sentence on why an effect does not change the calibration."""
     if item.effect in NO_NEED:
         return f"the ECU's calibration need not follow {item.effect}: {NO_NEED[item.effect]}"
     why = (

@@ -1,4 +1,4 @@
-"""What a diagnosis found outside the library, as a file of the user's: a model with one more effect, or an effect of the plant."""
+"""`loaderhil effects add`: writes an open-ended equation of findings.json as a Python file, for a model or for the plant."""
 
 import json
 import os
@@ -14,16 +14,20 @@ from discrepancy.model.equations import READING
 from discrepancy.signals.findings import Findings, OpenTerm
 from plant.effects.files import VARIABLE
 
-NAME = re.compile(r"[\w ()-]+")  # of an effect, which stands in the text of its file
+NAME = re.compile(
+    r"[\w ()-]+"
+)  # an effect's name; it is written into Python code, so quotes and line ends are refused
 
 
 def terms_of(result: Findings, path: Path) -> list[OpenTerm]:
     """The terms of the open-ended equation. Raises NoEffect where there is none."""
     if result.open_ended is None:
         named = (
-            f" It names {', '.join(result.named)}: `diagnose --apply` builds that in." if result.named else ""
+            f" It names {', '.join(result.named)}: `diagnose --apply` adds named effects to a model."
+            if result.named
+            else ""
         )
-        raise NoEffect(f"{path}: holds no equation outside the library of {result.model}.{named}")
+        raise NoEffect(f"{path}: has no open-ended equation beside the library of {result.model}.{named}")
     return result.open_ended.terms
 
 
@@ -43,6 +47,7 @@ def model_file(result: Findings, terms: Sequence[OpenTerm], name: str, base: str
     ]
     file = Path(base)
     here = file.suffix == ".py"
+    # relative to the new file: both may move together, and no path of this machine stands in the file
     base_text = (
         f"str(Path(__file__).parent / {json.dumps(os.path.relpath(file, out.parent))})"
         if here
@@ -78,7 +83,7 @@ def model_file(result: Findings, terms: Sequence[OpenTerm], name: str, base: str
 
 
 def written(findings: Path, name: str, base: str | None, out: Path) -> tuple[str, str]:
-    """Text of the effect's file, and how to use it. Raises NoEffect."""
+    """Text of the effect's file, and a sentence on how to use it. Raises NoEffect."""
     if out.suffix != ".py":
         raise NoEffect(f"--out {out}: must end in .py")
     if not NAME.fullmatch(name):
@@ -86,20 +91,23 @@ def written(findings: Path, name: str, base: str | None, out: Path) -> tuple[str
     file = findings / "findings.json" if findings.is_dir() else findings
     result = read_findings(file)
     terms = terms_of(result, file)
+    # A force of the plant is of more use than a term of the diagnosis: the bench can then run with it.
     if result.model == "loader" and base is None and forces(terms):
-        use = f"loaderhil effects {name}, with {VARIABLE}={out.parent.resolve()}: known to machine files, run and diagnose"
+        use = f"loaderhil effects {name}, with {VARIABLE}={out.parent.resolve()}: makes it available to machine files, run and diagnose"
         return plant_file(result, terms, name), use
     diagnosed = base or result.model
     if diagnosed not in NAMED and not Path(diagnosed).is_file():
-        raise NoEffect(f"{file}: is of the model {result.model}; --model FILE.py says where that is")
-    use = f"known to the diagnosis: loaderhil diagnose RECORDING --model {out}"
+        raise NoEffect(
+            f"{file}: belongs to the model {result.model}, which is not one of loaderhil's; name its file by --model FILE.py"
+        )
+    use = f"available to the diagnosis: loaderhil diagnose RECORDING --model {out}"
     return model_file(result, terms, name, diagnosed, out), use
 
 
 def _effect(
     result: Findings, terms: Sequence[OpenTerm], name: str, kind: str, places: Iterable[str]
 ) -> list[str]:
-    """The description: one parameter per coefficient, of which the found value is a typical change."""
+    """Lines of the Effect: one parameter per coefficient; the found value is its typical change, so that the screen tries that size."""
     assert result.open_ended is not None
     depends = ", ".join(result.open_ended.depends_on) or "nothing that is known"
     equation = "; ".join(f"{t.place} += c{i} {t.function}" for i, t in enumerate(terms, 1))

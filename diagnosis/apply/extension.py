@@ -1,7 +1,7 @@
-"""A model with what a diagnosis found built in: as a TOML file, and as the baseline of the next diagnosis.
+"""A model extended by the effects that a diagnosis named: written as a TOML file, read as the baseline of the next diagnosis.
 
-Only effects that were named are applied: a best proxy is not the cause, and of a group whose members cannot be told
-apart the best is taken and the others are said. Parameters of the baseline are refitted by every diagnosis and stay.
+Only named effects are applied, because a best proxy is not the cause. Of a group that the recordings cannot distinguish, the best member is
+applied and the others are listed in a comment. Baseline parameters keep their values, because every diagnosis refits them.
 """
 
 import json
@@ -12,48 +12,50 @@ from pathlib import Path
 from typing import Final
 
 from bus.user_error import UserError
-from diagnosis.apply.toml_text import Line, laid_over
+from diagnosis.apply.toml_text import Line, with_values
 from diagnosis.describe import evidence, rounded
 from discrepancy.model.description import Effect, Model, Parameter
 from discrepancy.signals.findings import Estimate, Finding, Findings
 
 Values = Mapping[str, Mapping[str, float]]
 """Parameters by effect, in the units of the model."""
-FOUND: Final = "# With what `loaderhil diagnose` found:"
-BEFORE: Final = "# and what it had found before:"
+# The first line of the comment of this diagnosis; in a file that is extended again, the older one becomes BEFORE.
+FOUND: Final = "# Effects found by `loaderhil diagnose`:"
+FORMER_FOUND: Final = "# With what `loaderhil diagnose` found:"  # FOUND in files of version 0.1
+BEFORE: Final = "# Effects found by an earlier diagnosis:"
 
 
 class BadExtension(UserError, ValueError):
-    """The file of an extended model cannot be used; the message says where and why."""
+    """The file of an extended model cannot be used; the message names file, key and reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class Applied:
-    """A named effect with its values, and what is told of it: the effect in sentences, each value in a few words."""
+    """A named effect that goes into a file."""
 
     effect: str
-    kind: str
-    values: Mapping[str, float]
-    story: Sequence[str]
-    told: Mapping[str, str] = field(default_factory=dict)
+    kind: str  # physics or sensor
+    values: Mapping[str, float]  # by parameter, in the parameter's unit
+    summary: Sequence[str]  # comment lines on the effect and its evidence
+    comments: Mapping[str, str] = field(default_factory=dict)  # by parameter: its unit and interval
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The files of an extended model, by path, and what is to be said of them."""
+    """The result of --apply."""
 
-    files: Mapping[Path, str]
-    said: Sequence[str]
+    files: Mapping[Path, str]  # texts by path
+    messages: Sequence[str]  # for the terminal: findings that are not in the files, and why
 
 
 def applied(result: Findings) -> list[Applied]:
-    """What of a diagnosis goes into the model."""
+    """The effects of a diagnosis that go into the model."""
     return [
         Applied(
             f.effect,
             f.kind,
             {e.name: e.value for e in f.parameters},
-            _story(f, result.recordings),
+            _summary(f, result.recordings),
             {e.name: _interval(e) for e in f.parameters},
         )
         for f in result.findings
@@ -62,32 +64,33 @@ def applied(result: Findings) -> list[Applied]:
 
 
 def not_applied(result: Findings) -> list[str]:
-    """What of a diagnosis does not go into the model, and why; one line each."""
+    """The findings that do not go into the model, and why; one line each."""
     lines = [
-        f"{f.effect} is not applied: the best proxy, its cause is unknown ({'; '.join(f.caveats)})"
+        f"{f.effect} is not applied: it is only the best proxy, the cause is unknown ({'; '.join(f.caveats)})"
         for f in result.findings
         if not f.named
     ]
     if result.open_ended is not None:
         lines.append(
-            f"not applied: {result.open_ended.equation}; `loaderhil effects add` makes an effect of it"
+            f"not applied: {result.open_ended.equation}; `loaderhil effects add` writes it as an effect"
         )
     return lines
 
 
-def _story(f: Finding, recordings: Sequence[str]) -> list[str]:
-    """Where it was found and on what evidence, as comment lines."""
+def _summary(f: Finding, recordings: Sequence[str]) -> list[str]:
+    """Comment lines: the effect, where its evidence lies, and how strong it is."""
+    # channels below 5 % of the evidence would only make the line long
     where = ", ".join(f"{channel} {share:.0%}" for channel, share in f.where.channels.items() if share > 0.05)
     spans = "; ".join(f"{i.recording} {i.start_s:.1f} to {i.end_s:.1f} s" for i in f.where.intervals[:3])
     lines = [
         f"{f.sentence.rstrip('.')}: {f.equation}".rstrip(": "),
         f"found in {', '.join(recordings)}; seen in {where}, "
         + ("throughout" if f.where.throughout or not spans else f"mostly at {spans}"),
-        f"evidence {evidence(f.sse_reduction)} ({f.threshold:.0f} needed), {evidence(f.held_out_sse_reduction)} on held-out data; closes {f.gap_closed:.0%} of the gap",
+        f"evidence {evidence(f.sse_reduction)} (threshold {f.threshold:.0f}), {evidence(f.held_out_sse_reduction)} on held-out data; closes {f.gap_closed:.0%} of the gap",
     ]
     if f.group:
         lines.append(
-            f"cannot be told on these recordings from: {', '.join(member.effect for member in f.group)}"
+            f"these recordings cannot distinguish it from: {', '.join(member.effect for member in f.group)}"
         )
     return lines
 
@@ -96,40 +99,42 @@ def _interval(e: Estimate) -> str:
     unit = "" if e.unit == "1" else f"{e.unit}, "
     if e.low is None or e.high is None:
         return f"{unit}no interval"
+    # a baseline of 0 is the usual "off" and needs no mention
     was = f"; was {e.baseline:.4g}" if e.baseline else ""
     low, high = (rounded(v, 0.5 * (e.high - e.low)) for v in (e.low, e.high))
     return f"{unit}95 %: {low} to {high}{was}"
 
 
-def with_stories(text: str, found: Sequence[Applied], said: Sequence[str]) -> str:
-    """The text under comments that say what was found, on what evidence, and what was left out; those of an earlier diagnosis stay."""
-    if not found and not said:
+def with_summaries(text: str, found: Sequence[Applied], messages: Sequence[str]) -> str:
+    """The text below comments on the effects found, their evidence, and the findings left out; comments of an earlier diagnosis stay."""
+    if not found and not messages:
         return text
+    earlier = text.replace(FOUND, BEFORE).replace(FORMER_FOUND, BEFORE)
     rows = [FOUND]
     for item in found:
-        rows += [f"# {item.effect}:", *(f"#   {line}" for line in item.story)]
-    return "\n".join([*rows, *(f"# {line}" for line in said), "#", text.replace(FOUND, BEFORE)])
+        rows += [f"# {item.effect}:", *(f"#   {line}" for line in item.summary)]
+    return "\n".join([*rows, *(f"# {line}" for line in messages), "#", earlier])
 
 
 def extended_text(base: str, found: Sequence[Applied]) -> str:
-    """The text of a file with [effects.NAME] tables, with what was found laid over it."""
+    """The text of a file with the found effects written into its [effects.NAME] tables."""
     lines = [
-        Line(("effects", item.effect), name, value, item.told[name])
+        Line(("effects", item.effect), name, value, item.comments[name])
         for item in found
         for name, value in item.values.items()
     ]
-    return laid_over(base, lines)
+    return with_values(base, lines)
 
 
 def plain(model: str) -> str:
-    """The text of a file that extends a model by nothing."""
+    """The text of a file that extends a model by no effect."""
     return (
         f"# Baseline of a diagnosis: loaderhil diagnose RECORDING --with THIS\nmodel = {json.dumps(model)}\n"
     )
 
 
 def read(path: Path, model: Model) -> Values:
-    """The effects of a written file, checked against the model. Raises BadExtension."""
+    """The effects in a file that --apply wrote, checked against the model. Raises BadExtension."""
     try:
         tables = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
@@ -148,7 +153,7 @@ def read(path: Path, model: Model) -> Values:
 
 
 def _checked(path: Path, model: Model, name: str, values: object) -> dict[str, float]:
-    """The values of one effect, all of them there, none beyond its bounds."""
+    """The values of one effect: every parameter must be given, within its bounds. Raises BadExtension."""
     known = {effect.name: effect for effect in model.effects}
     if name not in known:
         raise BadExtension(
@@ -167,6 +172,7 @@ def _checked(path: Path, model: Model, name: str, values: object) -> dict[str, f
 
 
 def _number(where: str, value: object, p: Parameter) -> float:
+    # bool is a subclass of int in Python, and `true` is not a size
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise BadExtension(f"{where} = {value!r} is not a number of {p.unit}")
     if not p.lower <= value <= p.upper:
@@ -175,7 +181,7 @@ def _number(where: str, value: object, p: Parameter) -> float:
 
 
 def extended(model: Model, values: Values) -> Model:
-    """The model whose baseline has these effects; they stay in its library, so that a change of them can be found."""
+    """The model whose baseline has these effects. They stay in its library, so that the next diagnosis can find a change of them."""
     return replace(
         model,
         effects=tuple(
@@ -191,7 +197,7 @@ def _moved(effect: Effect, values: Mapping[str, float]) -> Effect:
 
 
 def _at(p: Parameter, value: float) -> Parameter:
-    """The parameter with another baseline; changes that would leave its bounds are tried the other way."""
+    """The parameter with another baseline; trial steps that would leave its bounds change their sign."""
 
     def inside(change: float) -> float:
         return change if p.lower <= value + change <= p.upper else -change

@@ -1,6 +1,6 @@
-"""Functions of an open-ended equation as code: of arrays for a model's file, of numbers for an effect of the plant.
+"""Functions of an open-ended equation as Python code: over arrays for a model file, over numbers for an effect of the plant.
 
-Their texts are those that discrepancy.selection.functions gives them.
+The texts are those that discrepancy.selection.functions writes.
 """
 
 import re
@@ -10,21 +10,22 @@ from bus.user_error import UserError
 
 
 class NoEffect(UserError, ValueError):
-    """The findings hold nothing that an effect could be made of."""
+    """The findings contain no equation from which an effect can be written."""
 
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A function read: its signals, its code over arrays s["name"], and over numbers by name; "" where it has a memory
-
-    or, as a sign does, a width that only a whole recording tells.
-    """
+    """A function of signals, read from its text."""
 
     signals: tuple[str, ...]
-    arrays: str
+    arrays: str  # code over arrays s["name"]
+    # Code over numbers by name, for one step of the plant; "" where a single step is not enough: a function with a memory
+    # (play, low-pass, derivative), or a sign, whose smoothing width is the spread of a whole recording.
     numbers: str
 
 
+# Order matters, since the first form that matches the whole text is taken: \w also matches 1, ² and ³, so the constant and
+# the powers stand before the bare name of a signal.
 _Forms = tuple[tuple[str, str, str], ...]
 _FORMS: _Forms = (
     (r"1", "np.ones_like(next(iter(s.values())))", "1.0"),
@@ -40,11 +41,11 @@ _FORMS: _Forms = (
     (r"(?P<a>\w+)·(?P<b>\w+)", "{a} * {b}", "{a} * {b}"),
     (r"(?P<a>\w+)", "{a}", "{a}"),
 )
-"""Text with the signals a and b and the number n, and its code over arrays and over numbers."""
+"""Pattern of the text with signals a and b and number n; code over arrays; code over numbers."""
 
 
 def read_function(text: str) -> Function:
-    """Read the text of a function. Raises NoEffect for one that is not known."""
+    """The function of a text. Raises NoEffect for an unknown one."""
     for pattern, arrays, numbers in _FORMS:
         match = re.fullmatch(pattern, text)
         if match is None:
@@ -54,4 +55,4 @@ def read_function(text: str) -> Function:
         width = {"n": found["n"]} if "n" in found else {}
         held = {key: f's["{name}"]' for key, name in signals.items()}
         return Function(tuple(signals.values()), arrays.format(**held, **width), numbers.format(**signals))
-    raise NoEffect(f"cannot make code of the function '{text}'")
+    raise NoEffect(f"the function '{text}' cannot be written as code")

@@ -1,7 +1,7 @@
-"""An equation found in the loader's accelerations, as an effect of the plant in one file (docs/howto/add-an-effect.md).
+"""Writes an equation found in the loader's accelerations as an effect of the plant in one file (docs/howto/add-an-effect.md).
 
-A specific force that the plant does not have is a force on the machine, its mass times as large. What the plant has no place for,
-other readings and functions with a memory, stays an effect of the diagnosis.
+A missing term of specific force is a missing force on the machine, divided by its mass. The plant has no port for other readings and for
+functions with a memory; an equation with these stays an effect of the diagnosis.
 """
 
 import json
@@ -13,6 +13,7 @@ from discrepancy.model.equations import READING
 from discrepancy.signals.findings import Findings, OpenTerm
 from plant.unit.signals import WHEELS
 
+# index of the axis for each place where an equation may act
 PLACES = {f"{READING}specific_force_{axis}": i for i, axis in enumerate("xyz")}
 SIGNALS = {
     **{f"wheel_torque_{wheel}": f"work.tree.effort[WHEEL + {i}]" for i, wheel in enumerate(WHEELS)},
@@ -25,11 +26,11 @@ SIGNALS = {
     "pitch_rate": "state[ANGULAR + 1]",
     "yaw_rate": "state[ANGULAR + 2]",
 }
-"""Where the plant has the signals of the loader's model when it asks for forces on bodies."""
+"""The plant's variable for each signal of the loader's model, as available in the port `bodies`."""
 
 
 def forces(terms: Sequence[OpenTerm]) -> bool:
-    """Whether all of it is a force on the machine that the plant can have."""
+    """Whether every term is a force on the machine that the plant can compute."""
     return all(term.place in PLACES and _has_numbers(term) for term in terms)
 
 
@@ -39,10 +40,10 @@ def _has_numbers(term: OpenTerm) -> bool:
 
 
 def plant_file(result: Findings, terms: Sequence[OpenTerm], name: str) -> str:
-    """Text of the effect's file. Raises NoEffect for a name that machine files cannot have."""
+    """Text of the effect's file. Raises NoEffect for a name that cannot be a key of a machine file."""
     if not name.isidentifier():
         raise NoEffect(
-            f"--name '{name}': machine files need letters, digits and _, such as {_identifier(name)}"
+            f"--name '{name}': a name in machine files may have only letters, digits and _, such as {_identifier(name)}"
         )
     functions = [read_function(term.function) for term in terms]
     signals = dict.fromkeys(signal for function in functions for signal in function.signals)
@@ -59,6 +60,7 @@ def plant_file(result: Findings, terms: Sequence[OpenTerm], name: str) -> str:
     depends = ", ".join(result.open_ended.depends_on) if result.open_ended else ""
     equation = "; ".join(f"a_{'xyz'[PLACES[t.place]]} += c{i} {t.function}" for i, t in enumerate(terms, 1))
     rows = [
+        # bounds of ten times the found coefficient, either sign: room for what another recording may show
         f'        Parameter("c{i}", "{term.unit}", {term.coefficient!r}, {-most!r}, {most!r}, "c{i}"),'
         for i, term in enumerate(terms, 1)
         for most in (10.0 * abs(term.coefficient),)

@@ -1,4 +1,4 @@
-"""Values laid over the text of a TOML file: comments and order stay, each change says where it is from."""
+"""Writes values into the text of a TOML file. Comments and order stay, which no TOML writer of the standard library can do."""
 
 import json
 import re
@@ -10,12 +10,12 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+$")
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One value of a table and what is told of it, behind it or, where it is long, above it."""
+    """One value of a table, with a comment behind it."""
 
-    table: tuple[str, ...]
+    table: tuple[str, ...]  # ("effects", "grade") is [effects.grade]
     key: str
-    value: float
-    told: str
+    value: float  # in the unit that the key states
+    comment: str
 
 
 def quoted(name: str) -> str:
@@ -24,20 +24,20 @@ def quoted(name: str) -> str:
 
 
 def header(table: Sequence[str]) -> str:
-    """'[effects."road grade"]'."""
+    """The heading of a table: '[effects."road grade"]'."""
     return f"[{'.'.join(quoted(part) for part in table)}]"
 
 
 def number(value: float) -> str:
-    """A float as TOML reads it, to the last bit."""
+    """A float that TOML reads back to the last bit."""
     return repr(float(value))
 
 
-def laid_over(text: str, lines: Sequence[Line]) -> str:
-    """The text with every value in its table; a table or key that is not there is added."""
+def with_values(text: str, lines: Sequence[Line]) -> str:
+    """The text with every value set in its table; missing tables and keys are added."""
     rows = text.rstrip("\n").split("\n")
     for line in lines:
-        row = f"{quoted(line.key)} = {number(line.value)}  # {line.told}"
+        row = f"{quoted(line.key)} = {number(line.value)}  # {line.comment}"
         start = _table_at(rows, line.table)
         if start is None:
             rows += ["", header(line.table), row]
@@ -57,14 +57,14 @@ def _table_at(rows: Sequence[str], table: Sequence[str]) -> int | None:
 
 
 def _begins(row: str, wanted: str, then: str) -> bool:
-    """Whether a row is `wanted`, and behind it nothing or what begins with `then`."""
+    """Whether a row starts with `wanted`, followed by nothing or by `then`. A plain prefix test would take [a.bc] for [a.b]."""
     row = row.strip()
     rest = row.removeprefix(wanted).lstrip()
     return row.startswith(wanted) and (rest.startswith(then) or (not rest and then == "#"))
 
 
 def _end_of(rows: Sequence[str], start: int) -> int:
-    """The row behind the last one of a table that is not empty."""
+    """Index of the row behind the last value of a table: comments before the next heading belong to the next table."""
     following = (i for i in range(start + 1, len(rows)) if rows[i].lstrip().startswith("["))
     end = next(following, len(rows))
     while not rows[end - 1].strip() or rows[end - 1].lstrip().startswith("#"):

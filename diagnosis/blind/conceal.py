@@ -1,4 +1,4 @@
-"""`loaderhil conceal`: a recording with hidden effects, and their truth sealed beside it, so that anybody can test the diagnosis."""
+"""`loaderhil conceal`: writes a recording with hidden effects and seals the truth beside it, for a blind test of the diagnosis."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 def conceal(
     out: Annotated[
         Path,
-        typer.Argument(metavar="DIR", help="Where recording.csv (for the loader: run) and truth.sealed go."),
+        typer.Argument(
+            metavar="DIR", help="Folder for recording.csv (for the loader: run) and truth.sealed."
+        ),
     ],
     model: ModelOption,
     effect: Annotated[
@@ -28,7 +30,7 @@ def conceal(
         ),
     ] = None,
     random: Annotated[
-        int, typer.Option("--random", min=0, help="Hide so many effects, chosen by chance.")
+        int, typer.Option("--random", min=0, help="Hide this number of effects, chosen at random.")
     ] = 0,
     parameter: Annotated[
         list[str] | None,
@@ -39,12 +41,19 @@ def conceal(
     noise: Annotated[
         list[str] | None,
         typer.Option(
-            "--noise", metavar="CHANNEL=SD", help="Noise in the channel's unit; else 1 % of its spread."
+            "--noise",
+            metavar="CHANNEL=SD",
+            help="Standard deviation of the noise in the channel's unit; default: 1 % of its spread.",
         ),
     ] = None,
     memory: Annotated[
         float,
-        typer.Option("--memory", min=0.0, max=0.999, help="Of the noise from sample to sample; 0 is white."),
+        typer.Option(
+            "--memory",
+            min=0.0,
+            max=0.999,
+            help="Correlation of the noise from one sample to the next; 0 is white.",
+        ),
     ] = 0.0,
     fault: Annotated[
         list[str] | None,
@@ -56,23 +65,23 @@ def conceal(
     ] = None,
     like: Annotated[
         Path | None,
-        typer.Option("--like", metavar="RECORDING", help="Take inputs and stamps from this recording."),
+        typer.Option("--like", metavar="RECORDING", help="Take inputs and time stamps from this recording."),
     ] = None,
     manoeuvre: Annotated[
         str | None,
         typer.Option(
             "--manoeuvre",
             metavar="NAME",
-            help="Or from this manoeuvre of the model (default: its first); for the loader a scenario.",
+            help="Take them from this manoeuvre of the model (default: its first); for the loader a scenario.",
         ),
     ] = None,
     constant: ConstantOption = None,
     part: PartOption = None,
     seed: Annotated[
-        int, typer.Option("--seed", min=0, max=2**32 - 1, help="Of noise, faults and chance.")
+        int, typer.Option("--seed", min=0, max=2**32 - 1, help="Seed of noise, faults and random choices.")
     ] = 0,
 ) -> None:
-    """Make a recording with hidden effects, parameter errors, noise and faults; the truth is sealed in a file of its own.
+    """Write a recording with hidden effects, parameter errors, noise and faults, and seal the truth in a separate file.
 
     Example: `loaderhil conceal out/blind --model straight --random 1 --seed 7`, then
     `loaderhil diagnose out/blind/recording.csv --model straight --out out/blind`, then `loaderhil score out/blind`
@@ -87,6 +96,8 @@ def conceal(
     from diagnosis.reading.reading import measured, numbers
 
     choice = find_model(model)
+    # The loader is not simulated by its model here: the bench runs it with driver, sensors, CAN coding and ECU,
+    # so that the blind test does not use the simulation that the diagnosis fits.
     runs = choice.build_from is not None
     if runs:
         _refuse(like=like, constant=constant, part=part, parameter=parameter, noise=noise, fault=fault)
@@ -98,6 +109,7 @@ def conceal(
     truth = Truth(
         model=built.name,
         seed=seed,
+        # a stream of its own: the choice of effects stays the same when noise or faults change
         effects=effects | drawn(built, random, np.random.default_rng([seed, 1])),
         nuisances=numbers("--parameter", parameter or []),
         noise=numbers("--noise", noise or []),
@@ -118,14 +130,14 @@ def conceal(
 
 
 def _effects(model: "Model", texts: Sequence[str]) -> dict[str, dict[str, float]]:
-    """What --effect names, by name, with its parameters. Raises NotHidden."""
+    """Parameters by effect, from the texts of --effect. Raises NotHidden."""
     from diagnosis.blind.hidden import NotHidden, chosen
 
     found = {}
     for text in texts:
         name, _, sizes = (part.strip() for part in text.partition("="))
         if name in found:
-            raise NotHidden(f"--effect '{text}': {name} is hidden already")
+            raise NotHidden(f"--effect '{text}': {name} is given twice")
         try:
             found[name] = chosen(model, name, [_size(s) for s in sizes.split(",")] if sizes else [])
         except ValueError as error:
@@ -134,23 +146,23 @@ def _effects(model: "Model", texts: Sequence[str]) -> dict[str, dict[str, float]
 
 
 def _size(text: str) -> float:
-    """A number. Raises NotHidden."""
+    """The number that a text gives. Raises NotHidden."""
     from diagnosis.blind.hidden import NotHidden
 
     try:
         return float(text)
     except ValueError:
-        raise NotHidden(f"'{text.strip()}' is no number") from None
+        raise NotHidden(f"'{text.strip()}' is not a number") from None
 
 
 def _refuse(**options: object) -> None:
-    """Say which option the bench has no use for. Raises NotHidden."""
+    """Reject options that a run of the bench cannot use. Raises NotHidden."""
     from diagnosis.blind.hidden import NotHidden
 
     if given := [name for name, value in options.items() if value]:
         raise NotHidden(
-            f"--{given[0]}: the loader's runs come from the bench, with its sensors, drivers and noise; "
-            "--manoeuvre SCENARIO, --effect, --random and --seed choose"
+            f"--{given[0]}: not available for the loader, whose runs come from the bench with its sensors, driver and noise; "
+            "use --manoeuvre SCENARIO, --effect, --random and --seed"
         )
 
 
@@ -161,19 +173,21 @@ def _basis(
     part: str | None,
     given: dict[str, tuple[float, str | None]],
 ) -> "tuple[Recording, dict[str, float]]":
-    """Inputs and stamps, and initial states where a manoeuvre gives them."""
+    """A recording with inputs and time stamps, and the initial states by name where a manoeuvre gives them."""
     from diagnosis.blind.hidden import NotHidden, staged
-    from diagnosis.reading.reading import Ask, constants_of, read_all
+    from diagnosis.reading.reading import ReadOptions, constants_of, read_all
 
     channels = choice.channels
     if like is not None:
-        read = read_all(choice, Ask(paths=[like], part=part, constants=given), lambda _: None)
+        read = read_all(choice, ReadOptions(paths=[like], part=part, constants=given), lambda _: None)
         if not read.recordings:
             raise NotHidden(f"--like {like}: {read.complaints[0].text}")
         return read.recordings[0], {}
     named = {m.name: m for m in channels.manoeuvres}
     if not named:
-        raise NotHidden(f"{channels.name} has no manoeuvres; --like RECORDING gives inputs and stamps")
+        raise NotHidden(
+            f"{channels.name} has no manoeuvres; give --like RECORDING for inputs and time stamps"
+        )
     if manoeuvre is not None and manoeuvre not in named:
         raise NotHidden(f"--manoeuvre '{manoeuvre}': {channels.name} has {', '.join(named)}")
     constants = constants_of(channels, given)
@@ -183,6 +197,7 @@ def _basis(
 
 
 def _check_constants(model: "Model", constants: dict[str, float]) -> None:
+    """Raises NotHidden where a constant of the model is missing."""
     from diagnosis.blind.hidden import NotHidden
 
     if gone := [f"'{name} [{unit}]=...'" for name, unit in model.constants.items() if name not in constants]:

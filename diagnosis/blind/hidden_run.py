@@ -1,6 +1,6 @@
-"""Runs of the bench with hidden effects: what `conceal` makes for the loader, through driver, sensors, CAN encoding and ECU.
+"""Runs of the bench with hidden effects, for `conceal` with the loader: with driver, sensors, CAN encoding and ECU.
 
-The run directory then says nothing of what is hidden: without truth.npz, and without the changes in run.json.
+The run directory does not reveal the hidden effects: truth.npz and the changes in run.json are removed.
 """
 
 import shutil
@@ -23,24 +23,26 @@ SCENARIO = "loaded"
 
 
 def concealed_run(scenario: str, truth: Truth, folder: Path) -> None:
-    """Run a scenario with the truth's effects. Raises NotHidden where the machine cannot have them; a run cut short is removed."""
+    """Run a scenario with the truth's effects. Raises NotHidden where the machine cannot have them; an incomplete run is removed."""
     choice = Choice(scenario=scenario, seed=truth.seed)
-    words = tuple(_words(truth, choice.load().equipment.sensors))
+    changes = tuple(_changes(truth, choice.load().equipment.sensors))
     try:
-        result = run_lockstep(replace(choice, changes=words), folder)
+        result = run_lockstep(replace(choice, changes=changes), folder)
     except (ConfigurationError, DivergedError, NoEquilibriumError) as error:
         raise NotHidden(f"cannot run: {error}") from error
     if result.ending is not Ending.PASSED:
         shutil.rmtree(folder)
-        if result.ending is Ending.INTERRUPTED:
+        if (
+            result.ending is Ending.INTERRUPTED
+        ):  # the run caught Ctrl-C to end cleanly; the command must end as well
             raise KeyboardInterrupt
         raise NotHidden(f"cannot keep the run: {result.reason}")
     (folder / TRUTH).unlink()
     write_record(folder, replace(read_record(folder), changes=()))
 
 
-def _words(truth: Truth, sheet: SensorParameters) -> Iterator[str]:
-    """The effects as changes of the machine and its equipment; a sensor's fault comes on top of what its sheet says."""
+def _changes(truth: Truth, sheet: SensorParameters) -> Iterator[str]:
+    """The effects as `--set` changes of the machine and its equipment; a sensor fault is added to the errors in its sheet."""
     for values in truth.effects.values():
         for name, value in values.items():
             effect, _, parameter = name.partition(".")
@@ -48,8 +50,11 @@ def _words(truth: Truth, sheet: SensorParameters) -> Iterator[str]:
                 yield f"machine.effects.{effect}.{parameter}={value!r}"
                 continue
             own = sheet.of(effect)
+            # scale errors multiply: (1 + old)(1 + new) - 1; the sheet's bias, lag and delay simply add
             more = {"bias": own.bias + value, "scale": (1.0 + own.scale_error) * (1.0 + value) - 1.0}
             key, number = entry(effect, parameter, more.get(parameter, value), own)
             if parameter in ("lag", "delay") and number < 0.0:
-                raise NotHidden(f"{name}={value:g} s: the sensor would know the future")
+                raise NotHidden(
+                    f"{name}={value:g} s: the total delay would be negative, so the sensor would report the future"
+                )
             yield f"equipment.sensors.{effect}.{key}={number!r}"

@@ -1,9 +1,9 @@
-"""`loaderhil score`: findings against the sealed truth of a concealed recording.
+"""`loaderhil score`: compares findings with the sealed truth of a concealed recording.
 
-An effect that was not found counts as not visible where the findings say so: that it could not be judged, or is noticed only from a
-larger size on than the hidden one.
-Exit codes: 0 every hidden effect is in a named group and no other name was given; 5 the others were not visible in the recording, and no
-other name was given; 1 otherwise; 2 misused.
+A hidden effect that was not found counts as "not visible" in two cases: the findings say that it could not be judged, or its size is
+below the smallest size that they call detectable. The two cases are the diagnosis' own statements before the truth was opened.
+Exit codes: 0 every hidden effect is in a named group and no other effect was named; 5 no other effect was named, and the hidden effects
+that were not found were not visible; 1 otherwise; 2 wrong use.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,31 +21,31 @@ if TYPE_CHECKING:
     from discrepancy.signals.findings import Candidate, Estimate, Findings
 
 
-WIDTH = 120  # where there is no terminal
+WIDTH = 120  # columns of text where the output is not a terminal
 
 
 class NotScored(UserError, ValueError):
-    """Findings and truth that do not belong together, or cannot be read."""
+    """Findings and truth do not belong together."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """One hidden effect, and its place in the findings."""
+    """One hidden effect, and its place in the findings. Numbers are of its first parameter, in `unit`."""
 
     effect: str
-    place: str  # named, in group (of `found`), proxy, not visible, missed
+    place: str  # named, in group (of `found`), proxy (an unnamed finding), not visible, missed
     found: str  # effect of the finding, empty without one
     parameter: str
     true: float
-    value: float | None
-    low: float | None
+    value: float | None  # the estimate; None where the effect was not found
+    low: float | None  # 95 % interval of the estimate
     high: float | None
     unit: str = ""
     why: str = ""  # the findings' reason, for "not visible" and "missed"
 
     @property
     def within(self) -> bool | None:
-        """Whether the interval holds the truth; None where there is none."""
+        """Whether the interval contains the true value; None without an interval."""
         if self.low is None or self.high is None:
             return None
         return self.low <= self.true <= self.high
@@ -53,14 +53,14 @@ class Row:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """All hidden effects, and the names of findings that were not hidden."""
+    """All hidden effects, and the effects that were named but not hidden."""
 
     rows: Sequence[Row]
     false_names: Sequence[str]
 
     @property
     def ending(self) -> Ending:
-        """PASSED, FAILED, or INCONCLUSIVE where the recording could not show what was hidden."""
+        """PASSED, FAILED, or INCONCLUSIVE where the recording could not show the hidden effects."""
         places = {row.place for row in self.rows}
         if self.false_names or places & {"proxy", "missed"}:
             return Ending.FAILED
@@ -70,6 +70,7 @@ class Score:
 def compared(result: "Findings", truth: "Truth") -> Score:
     """Every hidden effect with its place in the findings."""
     rows = [_row(result, effect, dict(parameters)) for effect, parameters in truth.effects.items()]
+    # A named group counts as one name: it is false only if no member of it was hidden.
     false = [
         f.effect
         for f in result.findings
@@ -107,10 +108,7 @@ def _row(result: "Findings", effect: str, parameters: dict[str, float]) -> Row:
 
 
 def _unfound(candidate: "Candidate | None", parameters: Mapping[str, float]) -> tuple[str, str]:
-    """ "Not visible" or "missed" for an effect that was not found, and the reason.
-
-    It is not visible where it is smaller than the size that the findings call detectable.
-    """
+    """ "Not visible" or "missed" for an effect that was not found, and the reason."""
     from diagnosis.describe import estimate
 
     if candidate is None:
@@ -118,8 +116,12 @@ def _unfound(candidate: "Candidate | None", parameters: Mapping[str, float]) -> 
     verdict = f"the findings say: {candidate.verdict}, {candidate.reason}"
     if not candidate.smallest_detectable:
         return ("not visible" if candidate.verdict == "could not be judged" else "missed"), verdict
+    # The parameter furthest above its limit decides: an effect is visible as soon as one of its parameters is.
     share, limit = max(
-        ((_away(parameters[e.name], e) / _away(e.value, e), e) for e in candidate.smallest_detectable),
+        (
+            (_distance(parameters[e.name], e) / _distance(e.value, e), e)
+            for e in candidate.smallest_detectable
+        ),
         key=lambda pair: pair[0],
     )
     if share >= 1.0:
@@ -127,8 +129,8 @@ def _unfound(candidate: "Candidate | None", parameters: Mapping[str, float]) -> 
     return "not visible", f"these recordings show it only from {estimate(limit)}"
 
 
-def _away(value: float, limit: "Estimate") -> float:
-    """From where the effect is off."""
+def _distance(value: float, limit: "Estimate") -> float:
+    """Distance of a value from the value at which the effect is off."""
     return abs(value - (limit.baseline or 0.0))
 
 
@@ -136,15 +138,18 @@ def score(
     folder: Annotated[
         Path,
         typer.Argument(
-            metavar="DIR|findings.json", help="Folder of both, or the findings with the truth named."
+            metavar="DIR|findings.json",
+            help="Folder of findings.json and truth.sealed, or the findings alone.",
         ),
     ],
     truth: Annotated[
         Path | None,
-        typer.Argument(metavar="[truth.sealed]", help="By default truth.sealed beside the findings."),
+        typer.Argument(
+            metavar="[truth.sealed]", help="The sealed truth; default: truth.sealed beside the findings."
+        ),
     ] = None,
 ) -> None:
-    """Open the sealed truth and compare: what was hidden, what was found, with which value.
+    """Open the sealed truth and compare it with the findings: hidden effects, found effects, and their values.
 
     Example: `loaderhil score out/blind`
     """
@@ -155,15 +160,17 @@ def score(
     sealed_file = truth if truth is not None else findings.parent / "truth.sealed"
     result, sealed = read_findings(findings), unseal(sealed_file)
     if result.model != sealed.truth.model:
-        raise NotScored(f"{findings}: is of model {result.model}, the truth of {sealed.truth.model}")
+        raise NotScored(
+            f"{findings}: belongs to model {result.model}, the sealed truth to model {sealed.truth.model}"
+        )
     _check_files(sealed.files, sealed_file.parent, result.recordings)
     compared_with = compared(result, sealed.truth)
-    _tell(compared_with, result.status, sealed.truth, _console())
+    _print_score(compared_with, result.status, sealed.truth, _console())
     raise typer.Exit(int(compared_with.ending))
 
 
 def _console() -> "Console":
-    """As wide as the terminal; lines in a pipe are not broken at 80."""
+    """A console as wide as the terminal; without one, rich would break lines at 80 columns, and scripts that read them would fail."""
     import sys
 
     from rich.console import Console
@@ -171,17 +178,21 @@ def _console() -> "Console":
     return Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else WIDTH)
 
 
-def _check_files(files: dict[str, str], folder: Path, told: Sequence[str]) -> None:
+def _check_files(files: dict[str, str], folder: Path, recordings: Sequence[str]) -> None:
+    """Raises NotScored for findings of other recordings, and for a recording that was changed after the truth was sealed."""
     from diagnosis.blind.seal import digest
 
-    if not set(files) & set(told):
-        raise NotScored(f"the findings are of {', '.join(told)}, the truth is of {', '.join(files)}")
+    if not set(files) & set(recordings):
+        raise NotScored(
+            f"the findings belong to {', '.join(recordings)}, the sealed truth to {', '.join(files)}"
+        )
     for name, expected in files.items():
+        # a recording that is not there any more cannot have been changed; the score needs only the findings
         if (folder / name).exists() and digest(folder / name) != expected:
             raise NotScored(f"{folder / name}: was changed after it was sealed")
 
 
-def _tell(score: Score, status: str, truth: "Truth", console: "Console") -> None:
+def _print_score(score: Score, status: str, truth: "Truth", console: "Console") -> None:
     from rich.markup import escape
     from rich.table import Table
 
@@ -190,7 +201,7 @@ def _tell(score: Score, status: str, truth: "Truth", console: "Console") -> None
     from discrepancy.signals.units import shown
 
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for head in ("hidden effect", "found", "parameter", "true", "estimated", "95 %", "holds it"):
+    for head in ("hidden effect", "found", "parameter", "true", "estimated", "95 %", "interval contains it"):
         table.add_column(head, overflow="fold")
     for row in score.rows:
         between = (
@@ -215,7 +226,7 @@ def _tell(score: Score, status: str, truth: "Truth", console: "Console") -> None
 
 
 def _why(score: Score) -> str:
-    """What makes a score inconclusive."""
+    """The reason of an inconclusive score, as the end of its line; empty otherwise."""
     if score.ending != Ending.INCONCLUSIVE:
         return ""
     unseen = [row.effect for row in score.rows if row.place == "not visible"]

@@ -1,7 +1,7 @@
-"""Arms carried out by the workers of dask.distributed: a cluster of this machine, or an existing one by its address.
+"""Runs many arms (independent jobs) on dask.distributed: on processes of this machine, or on an existing cluster by its address.
 
-The client keeps each result as it arrives. A worker that dies loses the arm it was at, which another does again; a run that
-dies is taken up where it was, by running it again.
+The client stores each result as it arrives. If a worker dies, another repeats its arm. If the run itself dies, starting it again continues
+where it ended.
 """
 
 import os
@@ -20,22 +20,22 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 LOOPBACK = "127.0.0.1"
-PATIENCE_S = 10.0
-TRIES = 3  # workers that an arm may take down with it before it counts as failed
+PATIENCE_S = 10.0  # to connect to a scheduler
+TRIES = 3  # workers that may die at one arm before it counts as failed; less would blame an arm for another's crash
 
 
 class NoCluster(UserError, ValueError):
-    """There is nothing to carry the arms out on."""
+    """There is no cluster to run the arms on."""
 
 
 @dataclass(slots=True)
 class Tally:
-    """How far the work is: arms in all, done before this run, done now, and the reasons of those that failed."""
+    """Progress of the work, in arms."""
 
     total: int
-    before: int = 0
-    done: int = 0
-    failures: dict[str, str] = field(default_factory=dict)
+    before: int = 0  # finished by an earlier run
+    done: int = 0  # finished by this run
+    failures: dict[str, str] = field(default_factory=dict)  # reason by key
 
     @property
     def left(self) -> int:
@@ -49,18 +49,18 @@ def carry_out(
     *,
     scheduler: str | None = None,
     workers: int | None = None,
-    told: Callable[[Tally], None] = lambda _: None,
+    report: Callable[[Tally], None] = lambda _: None,
 ) -> Tally:
-    """Do the arms that the store does not hold yet. work: importable where the workers are.
+    """Run the arms that the store does not contain yet. work: importable by the workers; report: called after each arm.
 
-    An arm that raises, or takes workers down with it, is a failure of its own and is tried again by the next run.
+    An arm that raises, or at which workers die, fails alone; the next run tries it again.
     """
     waiting = {key: arm for key, arm in arms.items() if key not in store}
     tally = Tally(len(arms), before=len(arms) - len(waiting))
-    told(tally)
+    report(tally)
     if waiting:
         with client_of(scheduler, min(workers or os.cpu_count() or 1, len(waiting))) as client:
-            _drain(client, work, waiting, store, tally, told)
+            _drain(client, work, waiting, store, tally, report)
     return tally
 
 
@@ -70,10 +70,11 @@ def _drain(
     waiting: Mapping[str, T],
     store: Store,
     tally: Tally,
-    told: Callable[[Tally], None],
+    report: Callable[[Tally], None],
 ) -> None:
-    """One arm for each thread there is, and another for each that ends: an arm that waits behind one which kills its worker
-    would be blamed with it.
+    """Run all waiting arms, never more than one per thread.
+
+    Dask counts a dead worker against every arm that waits at it. Arms that wait here instead, at the client, are not blamed.
     """
     from distributed import as_completed
 
@@ -96,9 +97,11 @@ def _drain(
         except Exception as error:
             tally.failures[key] = f"{type(error).__name__}: {error}".splitlines()[0]
         else:
-            store.keep(key, row)  # a disk that is full ends the work: no other arm will find it better
+            store.keep(
+                key, row
+            )  # an error here, such as a full disk, ends the run: it would meet every other arm too
             tally.done += 1
-        told(tally)
+        report(tally)
         fill()
 
 
@@ -125,8 +128,8 @@ def client_of(scheduler: str | None, workers: int) -> Iterator["Client"]:
                 threads_per_worker=1,
                 host=LOOPBACK,
                 dashboard_address=f"{LOOPBACK}:0",  # any free port: several clusters may run
-                memory_limit=None,
-                silence_logs=50,
+                memory_limit=None,  # dask would pause or kill workers by its own guess of their memory
+                silence_logs=50,  # CRITICAL: failures are reported by the table
             ) as cluster,
             Client(cluster) as client,
         ):

@@ -1,4 +1,4 @@
-"""`diagnose --each`: every recording by itself, on the processors of this machine or of a cluster, into one table.
+"""`diagnose --each`: diagnoses each recording alone, on the processors of this machine or of a cluster, and writes one table.
 
 DIR/results.parquet             a row per recording: verdict, names, first finding with its interval, all findings as JSON
 DIR/findings/RECORDING.json     findings.json of each
@@ -25,7 +25,7 @@ from discrepancy.signals.findings import Findings, to_json
 if TYPE_CHECKING:
     from rich.console import Console
 
-SHOWN = 10  # recordings without a name, in the words
+SHOWN = 10  # recordings without a named effect, in the summary
 EVERY_S = 10.0  # between lines of progress where there is no terminal
 
 
@@ -34,12 +34,12 @@ def diagnose_each(
 ) -> Tally:
     """Diagnose each recording of the question by itself and keep the results in the folder."""
     arms = {
-        key: replace(question, ask=replace(question.ask, paths=[path]))
-        for path, key in zip(question.ask.paths, keys(question.ask.paths), strict=True)
+        key: replace(question, options=replace(question.options, paths=[path]))
+        for path, key in zip(question.options.paths, keys(question.options.paths), strict=True)
     }
-    store = Store(folder, _told(question))
-    with bar(console) as told:
-        tally = carry_out(diagnosed, arms, store, scheduler=scheduler, workers=workers, told=told)
+    store = Store(folder, _work(question))
+    with bar(console) as report:
+        tally = carry_out(diagnosed, arms, store, scheduler=scheduler, workers=workers, report=report)
     table = store.collect(arms, tally.failures)
     texts = folder / "findings"
     texts.mkdir(exist_ok=True)
@@ -53,16 +53,16 @@ def diagnose_each(
 
 
 def keys(paths: Sequence[Path]) -> list[str]:
-    """A name per recording that changes with its content: what was diagnosed before is not again, what was changed is."""
+    """A key per recording: its name and a digest of its content, so that a changed recording is diagnosed again and others are not."""
     return [f"{path.name} {_digest(path)[:12]}" for path in paths]
 
 
 def diagnosed(question: Question) -> Row:
-    """One recording as a row; findings: findings.json."""
+    """The result of one recording as a row of the table; `findings` is the text of findings.json."""
     start = time.monotonic()
     found = answer(question, Settings(), lambda _: None).findings
     return {
-        "recording": question.ask.paths[0].name,
+        "recording": question.options.paths[0].name,
         "baseline": found.baseline,
         "status": found.status,
         "named": ", ".join(found.named),
@@ -75,7 +75,7 @@ def diagnosed(question: Question) -> Row:
 
 
 def _first(found: Findings) -> dict[str, str | float | None]:
-    """The first parameter of the first finding that is named, with its interval."""
+    """The first parameter of the first named finding with its interval; None for each without a name."""
     names = ("effect", "parameter", "value", "low", "high", "unit")
     named = [f for f in found.findings if f.named]
     if not named:
@@ -85,7 +85,7 @@ def _first(found: Findings) -> dict[str, str | float | None]:
 
 
 def summary(rows: Sequence[Row], failures: Mapping[str, str]) -> Iterator[str]:
-    """How often each verdict and each name was given, and compared with what."""
+    """Lines for the terminal: how often each verdict, machine and name occurs, and the recordings without a name."""
     verdicts = Counter(str(row["status"]) for row in rows)
     yield f"{counted(len(rows), 'recording')}: {', '.join(f'{n} {status}' for status, n in verdicts.most_common())}"
     machines = Counter(str(row["baseline"]).partition(", ")[0] for row in rows if row["baseline"])
@@ -106,29 +106,31 @@ def _duration(seconds: float) -> str:
     return "under a minute" if seconds < 60.0 else f"about {seconds / 60.0:.0f} min"
 
 
-def _told(question: Question) -> dict[str, str]:
-    """What, besides the recording, decides its result."""
+def _work(question: Question) -> dict[str, str]:
+    """Everything besides the recording that its result depends on: options, version, and the content of model, baseline and DBC files."""
     import importlib.metadata
 
     files = [
-        path for path in (Path(question.model), question.given, *question.ask.dbcs) if path and path.is_file()
+        path
+        for path in (Path(question.model), question.given, *question.options.dbcs)
+        if path and path.is_file()
     ]
     return {
-        "question": repr(replace(question, ask=replace(question.ask, paths=[]))),
+        "question": repr(replace(question, options=replace(question.options, paths=[]))),
         "version": importlib.metadata.version("loaderhil"),
         **{f"content of {path}": _digest(path) for path in files},
     }
 
 
 def _digest(path: Path) -> str:
-    """Of a recording; of all files of a run joined by '+'."""
+    """SHA-256 of a recording, or of all files of a run joined by '+'."""
     parts = [path] if path.exists() else [Path(part) for part in str(path).split("+")]
     return hashlib.sha256("".join(digest(part) for part in parts).encode()).hexdigest()
 
 
 @contextmanager
-def bar(console: "Console") -> "Iterator[Told]":
-    """Progress: a bar on a terminal, a line now and then elsewhere."""
+def bar(console: "Console") -> "Iterator[Report]":
+    """A function that shows progress: a bar on a terminal, elsewhere one line in EVERY_S on standard error."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     if console.is_terminal:
@@ -167,4 +169,4 @@ def bar(console: "Console") -> "Iterator[Told]":
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    Told = Callable[[Tally], None]
+    Report = Callable[[Tally], None]

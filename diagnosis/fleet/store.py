@@ -1,6 +1,6 @@
-"""Results of arms in a folder: one small Parquet file per arm, whole or absent, and all of them as one table.
+"""Keeps the results of arms in a folder: one small Parquet file per arm, complete or absent, and all of them as one table.
 
-DIR/work.json             what the work is; another work does not go into the same folder
+DIR/work.json             what determines the results; results of other work are refused in this folder
 DIR/arms/KEY.parquet      the row of a finished arm
 DIR/results.parquet       all rows, arms that failed included
 """
@@ -19,11 +19,11 @@ Value = str | float | int | bool | None
 Row = Mapping[str, Value]
 
 KEY, FAILED = "key", "failed"
-SHORT = 40  # letters of a value that can be read in a message
+SHORT = 40  # characters of a value that is quoted in a message
 
 
 class NotOurs(UserError, ValueError):
-    """The folder holds the results of other work, or cannot be written."""
+    """The folder contains results of other work, or cannot be written."""
 
 
 class Store:
@@ -31,14 +31,14 @@ class Store:
 
     def __init__(self, folder: Path, work: Mapping[str, Value]) -> None:
         self._arms, self._table = folder / "arms", folder / "results.parquet"
-        told = json.dumps(work, indent=2, sort_keys=True) + "\n"
+        text = json.dumps(work, indent=2, sort_keys=True) + "\n"
         file = folder / "work.json"
         try:
             self._arms.mkdir(parents=True, exist_ok=True)
             if file.exists():
                 _check_same(folder, json.loads(file.read_text(encoding="utf-8")), work)
             else:
-                _whole(file, told.encode())
+                _whole(file, text.encode())
         except OSError as error:
             raise NotOurs(f"{folder}: {error.strerror or error}") from error
         except json.JSONDecodeError as error:
@@ -48,7 +48,7 @@ class Store:
         return self._file(key).is_file()
 
     def keep(self, key: str, row: Row) -> None:
-        """Keep the row of a finished arm, whole or not at all."""
+        """Write the row of a finished arm, completely or not at all."""
         sink = pa.BufferOutputStream()
         pq.write_table(pa.Table.from_pylist([{KEY: key, **row}]), sink)
         _whole(self._file(key), sink.getvalue().to_pybytes())
@@ -58,7 +58,7 @@ class Store:
         return [pq.read_table(self._file(key)).to_pylist()[0] for key in keys if key in self]
 
     def collect(self, keys: Iterable[str], failures: Mapping[str, str]) -> Path:
-        """All of them in one table, with the reason in `failed` for those that failed."""
+        """Write all rows as one table, with the reason in the column `failed` where an arm failed; returns its path."""
         rows: list[dict[str, Value]] = [{**row, FAILED: None} for row in self.rows(keys)]
         rows += [{KEY: key, FAILED: reason} for key, reason in failures.items()]
         columns = dict.fromkeys(name for row in rows for name in row)
@@ -72,7 +72,7 @@ class Store:
 
 
 def _whole(file: Path, data: bytes) -> None:
-    """Write a file so that it is whole or absent."""
+    """Write a file so that it is complete or absent: a rename is atomic, also when the process is killed."""
     part = file.with_name(f".{file.name}.part")
     part.write_bytes(data)
     part.replace(file)

@@ -1,4 +1,4 @@
-"""Chapters of the diagnosis page that are drawn: maps of the mismatch, traces, spectra."""
+"""Chapters of the diagnosis page with drawings: maps of the mismatch, traces, spectra."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,23 +21,24 @@ from report.kit.plot import Curve, Plot, Timeline
 MOST_RECORDINGS = 8
 MOST_CHANNELS, MOST_SIGNALS = 4, 8  # of the table by regime, which can be read
 MOST_PAIRS = 8  # of plots that are open from the start
-WHITE = 0.01  # p below which residuals are not
-LEAST_P = 0.001  # that is written out
-APART = (
-    2.0  # recordings whose clocks lie further apart than this many lengths are drawn from their own starts
-)
+WHITE = 0.01  # p-value below which residuals are called not white
+LEAST_P = 0.001  # smallest p-value that is printed as a number
+# Recordings may have clocks of their own (one per logger, or per day). Where their stamps lie further apart than this many lengths
+# of the longest, a common axis would be mostly empty; each is then drawn from its own start.
+APART = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """One time axis for all recordings; origin: what is subtracted from the stamps of each."""
+    """One time axis for all recordings."""
 
     axis: Axis
-    origin: Mapping[str, float]
-    end: Mapping[str, float]
+    origin: Mapping[str, float]  # by recording: the time [s] that is subtracted from its stamps
+    end: Mapping[str, float]  # by recording: its end on the axis [s]
 
     @classmethod
     def of(cls, shown: Evidence) -> "Clock":
+        """The axis that all recordings fit on."""
         spans = {t.recording: (np.inf, -np.inf) for t in shown.traces}
         for t in shown.traces:
             low, high = spans[t.recording]
@@ -52,6 +53,7 @@ class Clock:
         return cls(Axis(start, max([*ends.values(), start + 1e-3])), origin, ends)
 
     def line(self, recording: str) -> Timeline:
+        """The time line of one recording."""
         return Timeline(self.axis, self.end[recording])
 
 
@@ -97,7 +99,7 @@ def _largest(row: MapRow) -> float:
 
 
 def _regimes(cells: Sequence[RegimeCell]) -> str:
-    """A table of the channels that differ most by the signals over whose range they differ most unevenly."""
+    """A table of residuals by regime: the channels with the largest, by the signals over whose range the residuals vary most."""
     if not cells:
         return ""
     channels = _ranked(cells, lambda c: c.channel, max)[:MOST_CHANNELS]
@@ -122,7 +124,7 @@ def _regimes(cells: Sequence[RegimeCell]) -> str:
 
 
 def traces(shown: Evidence, clock: Clock) -> str:
-    """Recorded, and predicted before and after, on held-out segments; a pair of plots per channel, the largest residuals first."""
+    """Two plots per channel, largest residuals first: recorded and predicted values on held-out segments, and their difference."""
     recordings = list(dict.fromkeys(t.recording for t in shown.traces))[:MOST_RECORDINGS]
     size = {(r.recording, r.channel): _largest(r) for r in shown.time_map}
     parts = []
@@ -174,7 +176,7 @@ def _ranked(
 
 
 def recordings(shown: Evidence) -> str:
-    """What was judged of each recording: from when to when, and how often each channel was sampled."""
+    """A table of the data that were judged: time, number of samples, step and range of each channel."""
     rows: list[list[Cell]] = []
     above = ""
     for t in shown.traces:
@@ -194,7 +196,7 @@ def recordings(shown: Evidence) -> str:
             ]
         )
         above = t.recording
-    head = ("recording", "channel", "judged", "samples", "apart", "from, to")
+    head = ("recording", "channel", "judged", "samples", "step", "range")
     return table(head, rows, numbers=(2, 3, 4, 5))
 
 
@@ -233,13 +235,15 @@ def residuals(shown: Evidence, noise: Sequence[ChannelNoise]) -> str:
 
 
 def _whiteness(n: ChannelNoise, left: float) -> str:
+    """Whether residuals are white; left: their root mean square [one-step errors]."""
+    # Long recordings reject whiteness for structure far below the noise, which has no weight in the verdict: say so.
     if n.whiteness_p > WHITE:
         return "yes"
     return "no, but no larger than noise" if left < heat_map.LEVELS[0] else "no: the model misses something"
 
 
 def remaining(rows: Sequence[MapRow]) -> dict[str, float]:
-    """Root mean square of the residual of each channel at the end [one-step errors], over all recordings."""
+    """Root mean square residual of each channel with the effects found [one-step errors], over all recordings."""
     squares: dict[str, list[Array]] = {}
     for row in rows:
         values = row.before if row.after is None else row.after

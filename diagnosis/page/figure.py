@@ -18,7 +18,7 @@ def figure(
     described: str,
     level: float,
 ) -> str:
-    """Curves over two axes, with a line at `level`; labels: of either axis, where and what; described: for who cannot see it."""
+    """Curves over two axes, with a line at `level`; labels: place and text, for either axis; described: text for a screen reader."""
     x_labels, y_labels = labels
     upright = "".join(f"M{round(UNITS * float(across.share(at)))} 0v{UNITS}" for at, _ in x_labels)
     flat = "".join(f"M0 {UNITS - round(UNITS * float(upward.share(at)))}h{UNITS}" for at, _ in y_labels)

@@ -11,26 +11,28 @@ from discrepancy.signals.recording import Array
 from report.kit.axis import Axis
 from report.kit.plot import Timeline, canvas, events, marked, time_labels
 
-LEVELS = (1.2, 1.5, 2.0, 3.0, 5.0, 8.0)  # sd at which a colour begins; a floor of 1 is all that noise leaves
+# Residuals [one-step errors] at which a colour begins. Noise alone gives about 1, so the first colour begins somewhat above it;
+# the steps are about geometric, because residuals of a wrong model spread over a decade.
+LEVELS = (1.2, 1.5, 2.0, 3.0, 5.0, 8.0)
 
 
 @dataclass(frozen=True, slots=True)
 class HeatRow:
-    """Values [sd] between edges [s] of the page's time axis; NaN is not drawn. after: with what was found, under the row without."""
+    """One channel of the map."""
 
     name: str
-    edges_s: Array
-    value: Array
-    after: bool = False
+    edges_s: Array  # (n + 1,) on the page's time axis
+    value: Array  # (n,) between the edges [one-step errors]; NaN is not drawn
+    after: bool = False  # with the effects found; drawn below the row of the baseline
 
 
 def level(value: float) -> int:
-    """Number of the colour, 0 to len(LEVELS)."""
+    """Number of the colour of a residual [one-step errors], 0 to len(LEVELS)."""
     return int(np.searchsorted(LEVELS, value, side="right"))
 
 
 def markup(rows: Sequence[HeatRow], timeline: Timeline) -> str:
-    """All rows over one time axis, in the structure of the bench report's bands, so that its cursor reads them."""
+    """Markup of all rows over one time axis. It has the structure of the bench report's bands, so that the same script moves the cursor."""
     across = timeline.axis
     body = "".join(_row(row, across) for row in rows)
     return (
@@ -41,7 +43,7 @@ def markup(rows: Sequence[HeatRow], timeline: Timeline) -> str:
 
 
 def breakable(text: str) -> str:
-    """Markup of a text whose long names are broken where their words end."""
+    """Markup of a text in which a browser may break long names after an underscore."""
     return escape(text).replace("_", "_<wbr>")
 
 
@@ -58,7 +60,7 @@ def key() -> str:
 def _row(row: HeatRow, across: Axis) -> str:
     known = row.value[np.isfinite(row.value)]
     largest = f"{known.max():.1f}" if known.size else "–"
-    label = f"{row.name}{', with what was found' if row.after else ''}: up to {largest} one-step errors"
+    label = f"{row.name}{', with the effects found' if row.after else ''}: up to {largest} one-step errors"
     cells = "".join(
         _cell(low, high, value, across)
         for low, high, value in zip(

@@ -1,4 +1,4 @@
-"""Mismatch on a drawing of the loader: side and top view, each place coloured by what is left of it, findings numbered where they act.
+"""Draws the mismatch on the loader: side and top view, each place coloured by its residuals, findings numbered where they act.
 
 Drawn to scale in metres from the machine sheet: x forward of the articulation joint, up or to the left.
 """
@@ -17,7 +17,7 @@ from discrepancy.decision.evidence import Evidence
 from discrepancy.signals.findings import Finding, Findings
 
 MODELS = ("loader", "straight", "printed-estimator")
-"""Models whose channels are of this machine."""
+"""Models whose channels are measured on this machine."""
 
 SCALE = 100.0  # units of the drawing in a metre
 WHEELS = {
@@ -55,24 +55,21 @@ def _bar(a: Point, b: Point, width: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A place of the machine. channels: what is measured there; effects: what acts there, by its name.
-
-    side, top: its shape in either view, "" where it is not seen; mark: where a finding's number stands in the side view, and in the top view.
-    """
+    """A place of the machine. A missing effect belongs to a place if its name matches `effects`: user-defined effects have no other tie."""
 
     title: str
-    channels: str
-    effects: str
-    side: str
-    top: str
-    mark: tuple[Point, Point]
+    channels: str  # regular expression of the channels measured there; "" for none
+    effects: str  # regular expression of the names of effects that act there
+    side: str  # markup in the side view, "" where it is not visible
+    top: str  # markup in the top view
+    mark: tuple[Point, Point]  # place of a finding's number in the side view and in the top view [m]
 
 
 def _wheel(name: str) -> Part:
-    (x, y), words = WHEELS[name], name.replace("_", " ")
+    (x, y), title = WHEELS[name], name.replace("_", " ")
     near = y < 0.0  # seen from the right
     return Part(
-        title=f"wheel {words}",
+        title=f"wheel {title}",
         channels=rf".*_{name}|speed|encoder",
         effects=r"tyre|wheel|rolling|slip|relax|camber|inflation|washboard|lug|soil|sink|kerb|ditch|brake|drive|motor|damping|deflection|"
         r"torque (error|scale)|reverse drag|transducer|(?<!steering )(?<!pivot )friction",
@@ -103,10 +100,10 @@ PARTS: Mapping[str, Part] = {
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What was measured at a part: mismatch by channel [one-step errors], before and after."""
+    """Residuals of the channels at a part, by channel [one-step errors]."""
 
-    before: Mapping[str, float]
-    after: Mapping[str, float]
+    before: Mapping[str, float]  # of the baseline
+    after: Mapping[str, float]  # with the effects found
 
 
 def chapter(result: Findings, shown: Evidence) -> str:
@@ -116,20 +113,20 @@ def chapter(result: Findings, shown: Evidence) -> str:
     seen = {key: _seen(part, shown) for key, part in PARTS.items()}
     marked = {key: [n for n, f in enumerate(result.findings, 1) if key in places(f)] for key in PARTS}
     several = any(s.after for s in seen.values())
-    views = [_views("the model as it was", seen, marked, result, after=False)]
-    views += [_views("with what was found", seen, marked, result, after=True)] if several else []
-    numbers = " Numbers are the findings, where they act." if any(marked.values()) else ""
-    note = f"Largest mismatch of what is measured at each place, in one-step errors.{numbers} Point at a place for its channels."
+    views = [_views("baseline", seen, marked, result, after=False)]
+    views += [_views("with the effects found", seen, marked, result, after=True)] if several else []
+    numbers = " Numbers show where the findings act." if any(marked.values()) else ""
+    note = f"Largest residual of the channels measured at each place, in one-step errors.{numbers} Point at a place to see its channels."
     return f'<p class="soft">{note}</p><div class="machines">{"".join(views)}</div>{_table(seen, marked, several)}'
 
 
 def places(f: Finding) -> list[str]:
-    """Parts at which a finding acts: a sensor where it measures, an effect where its name or its place says."""
+    """Keys of the parts at which a finding acts: a sensor fault where it measures, an effect by its name, else by its place."""
     if f.kind == "sensor":
         channel = f.parameters[0].name.rpartition(".")[0] if f.parameters else ""
         return [key for key, part in PARTS.items() if part.channels and re.fullmatch(part.channels, channel)]
-    for words in (f.effect.replace("_", " "), f.place):
-        found = [key for key, part in PARTS.items() if part.effects and re.search(part.effects, words)]
+    for text in (f.effect.replace("_", " "), f.place):
+        found = [key for key, part in PARTS.items() if part.effects and re.search(part.effects, text)]
         if found:
             return found
     return []
@@ -147,7 +144,7 @@ def _seen(part: Part, shown: Evidence) -> Seen:
 
 
 def _size(values: np.ndarray) -> float:
-    """Root mean square of the stretches that there are."""
+    """Root mean square over the intervals that were judged."""
     known = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(known**2))) if known.size else 0.0
 
@@ -164,9 +161,9 @@ def _views(
         for key, part in PARTS.items():
             shape = part.side if side else part.top
             if shape:
-                told = seen[key].after if after else seen[key].before
-                kind = f"h{level(max(told.values()))}" if told else "blank"
-                yield f'<g class="part {kind}"><title>{escape(_told(part, told, marked[key], result))}</title>{shape}</g>'
+                shown = seen[key].after if after else seen[key].before
+                kind = f"h{level(max(shown.values()))}" if shown else "blank"
+                yield f'<g class="part {kind}"><title>{escape(_tooltip(part, shown, marked[key], result))}</title>{shape}</g>'
         numbers: dict[Point, list[int]] = {}
         for key, part in PARTS.items():
             if marked[key] and (part.side if side else part.top):
@@ -185,15 +182,17 @@ def _number(at: Point, number: int, place: int) -> str:
     return f'<g class="mark"><circle cx="{x:.0f}" cy="{y:.0f}" r="14"/><text x="{x:.0f}" y="{y:.0f}">{number}</text></g>'
 
 
-def _told(part: Part, seen: Mapping[str, float], marked: Sequence[int], result: Findings) -> str:
+def _tooltip(part: Part, seen: Mapping[str, float], marked: Sequence[int], result: Findings) -> str:
     """The text of a tooltip."""
     channels = [f"{c.replace('_', ' ')}: {v:.1f} one-step errors" for c, v in seen.items()]
     found = [f"{n}. {result.findings[n - 1].effect}: {result.findings[n - 1].sentence}" for n in marked]
-    return "\n".join([part.title.capitalize(), *(channels or ["nothing recorded is measured here"]), *found])
+    return "\n".join(
+        [part.title.capitalize(), *(channels or ["no recorded channel is measured here"]), *found]
+    )
 
 
 def _table(seen: Mapping[str, Seen], marked: Mapping[str, Sequence[int]], several: bool) -> str:
-    """The same for who cannot see or point at the drawing."""
+    """The same values as a table, for readers who cannot see or point at the drawing."""
     rows: list[list[Cell]] = []
     found = any(marked.values())
     for key, part in PARTS.items():

@@ -10,8 +10,8 @@ from diagnosis.page import machine
 from diagnosis.page.profile import profile
 from diagnosis.page.sentences import (
     better,
+    headline,
     kind_and_place,
-    lead,
     open_cards,
     percent,
     sentence,
@@ -27,18 +27,19 @@ from report.kit.document import bar, document, resource
 from report.kit.mathml import mathml
 
 CARD = {"explained": "good", "nothing missing": "good", "unknown": "warned", "inconclusive": "unknown"}
-SHOWN_CARDS = 4
+SHOWN_CARDS = 4  # findings with a card of their own; all of them follow below
 COMMAND = re.compile("`([^`]*)`")
 OPTION = re.compile(r"(?<!\S)(--\S+)")
 CHANNELS_ON_A_CARD = 4
+MOST_VALUES = 4  # of an effect's parameters in its facts; a profile is drawn instead
 
 
 def page(
     result: Findings, shown: Evidence | None, steps: Sequence[str], conditions: Mapping[str, str]
 ) -> str:
-    """The whole document.
+    """The text of the HTML document.
 
-    shown: predictions and residuals, None without a usable recording; steps: what to do next; conditions: command, time and versions by name.
+    shown: predictions and residuals, None without a usable recording; steps: next steps; conditions: command, time and versions by name.
     """
     clock = drawn.Clock.of(shown) if shown else None
     chapters = [
@@ -58,7 +59,7 @@ def page(
     head = (
         f'<h1>{escape(_heading(result))}</h1><p class="soft">model {escape(result.model)} · '
         f"{escape(', '.join(result.recordings))}</p>"
-        f'<p class="lead">{escape(lead(result))}</p>{_cards(result)}'
+        f'<p class="lead">{escape(headline(result))}</p>{_cards(result)}'
     )
     return document(
         title=f"{result.model}: {result.status}",
@@ -88,13 +89,15 @@ def _cards(result: Findings) -> str:
         what = kind_and_place(finding)
         name = describe.alternatives(finding) if finding.named else f"Best proxy: {finding.effect}"
         best, others = describe.most_improved(
-            {c: r for c, r in finding.held_out_error.items() if r < 0.995}, CHANNELS_ON_A_CARD
+            # an improvement below half a percent would be shown as 0 %
+            {c: r for c, r in finding.held_out_error.items() if r < 0.995},
+            CHANNELS_ON_A_CARD,
         )
         lower = ", ".join(f"{c} {percent(1 - r)}" for c, r in best.items())
         size = describe.estimate(finding.parameters[0]) if len(finding.parameters) <= 3 else ""
         more = f", and in {others} more channels" if others else ""
-        gain = f"Error on held-out data lower by: {lower}{more}." if lower else ""
-        cards.append(_card(kind, what, name, f"{size}{'. ' if size else ''}{gain}"))
+        improvement = f"Error on held-out data lower by: {lower}{more}." if lower else ""
+        cards.append(_card(kind, what, name, f"{size}{'. ' if size else ''}{improvement}"))
     return f'<div class="cards">{"".join(cards)}</div>'
 
 
@@ -117,8 +120,8 @@ def _findings(result: Findings) -> Iterator[str]:
 def _finding(number: int, f: Finding) -> str:
     name = f.effect if f.named else f"best proxy: {f.effect}; the cause is unknown"
     facts = {
-        "size": "; ".join(describe.estimate(e) for e in f.parameters[:4])
-        + (f"; and {len(f.parameters) - 4} more" if len(f.parameters) > 4 else ""),
+        "size": "; ".join(describe.estimate(e) for e in f.parameters[:MOST_VALUES])
+        + (f"; and {len(f.parameters) - MOST_VALUES} more" if len(f.parameters) > MOST_VALUES else ""),
         "where": where_text(f.where),
         "on held-out data": f"{better(f.held_out_error)}; closes {percent(f.gap_closed)} of the gap to the best prediction",
         "evidence": f"{describe.evidence(f.sse_reduction)} (threshold {f.threshold:.0f}); on held-out data {describe.evidence(f.held_out_sse_reduction)}; "
@@ -141,11 +144,11 @@ def _finding(number: int, f: Finding) -> str:
 
 
 def _steps(steps: Sequence[str]) -> str:
-    """A list; what stands between backticks is a command."""
+    """A list; text between backticks is a command, and its options do not break across lines."""
 
     def code(found: re.Match[str]) -> str:
-        words = OPTION.sub(r"<span>\1</span>", found[1])
-        return f"<code>{words}</code>"
+        command = OPTION.sub(r"<span>\1</span>", found[1])
+        return f"<code>{command}</code>"
 
     items = "".join(f"<li>{COMMAND.sub(code, escape(step))}</li>" for step in steps)
     return f'<ol class="steps">{items}</ol>' if items else ""

@@ -1,4 +1,4 @@
-"""An effect of many parameters, such as a road's profile: its values drawn in their order, with their intervals."""
+"""Draws an effect of many parameters, such as a road's profile: its values in their order, with their intervals."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from discrepancy.signals.units import shown
 from report.kit.axis import Axis, around, number
 from report.kit.plot import Curve
 
-FEWEST = 5  # values; fewer are told in words
+FEWEST = 5  # values; fewer are listed as text
 
 
 def profile(values: Sequence[Estimate]) -> str:

@@ -14,8 +14,8 @@ MOST_CHANNELS = 6  # of those that a finding improves; all of them are in findin
 SHARE_SHOWN = 0.05  # of the evidence, below which a channel is not listed
 
 
-def lead(result: Findings) -> str:
-    """The one paragraph a reader takes away."""
+def headline(result: Findings) -> str:
+    """The first paragraph of the page: the result in one or two sentences."""
     named = [f for f in result.findings if f.named]
     if named:
         return f"The model leaves out {'; '.join(map(_left_out, named))}.{_error_falls(named)}"

@@ -1,4 +1,4 @@
-"""Residuals over frequency and lag: what is left must be flat and uncorrelated, else the model is still at fault."""
+"""Draws residuals over frequency and lag. Residuals of a complete model are white: a flat spectrum and no autocorrelation."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from discrepancy.signals.recording import Array
 from report.kit.axis import Axis, around, number
 from report.kit.plot import Curve
 
-FLOOR = 1e-3  # of the power of white noise, below which nothing is drawn
+FLOOR = 1e-3  # of the power of white noise; lower values are drawn there, so that one deep notch does not set the scale
 
 
 def power(spectrum: Spectrum) -> str:

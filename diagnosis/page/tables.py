@@ -1,4 +1,4 @@
-"""Tables and lists of definitions as markup."""
+"""Markup of tables and definition lists, for the diagnosis page."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,10 +9,10 @@ from diagnosis.page.heat import breakable, level
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Markup of one cell and its class."""
+    """One cell of a table."""
 
     markup: str
-    style: str = ""
+    style: str = ""  # class of the style sheet
 
 
 def plain(text: str, style: str = "") -> Cell:
@@ -28,13 +28,13 @@ def meter(share: float) -> Cell:
 
 
 def heat(*values: float | None) -> Cell:
-    """Residuals in one-step errors with their colours: one, or before and after."""
-    told = [f'{value:.2f}<i class="h{level(value)}"></i>' for value in values if value is not None]
-    return Cell(" → ".join(told) or "–", "heatcell")
+    """A cell with residuals in one-step errors and their colours: one value, or before and after."""
+    parts = [f'{value:.2f}<i class="h{level(value)}"></i>' for value in values if value is not None]
+    return Cell(" → ".join(parts) or "–", "heatcell")
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Cell]], numbers: Sequence[int] = ()) -> str:
-    """A table that scrolls by itself where the page is narrow; numbers: columns whose heading stands right."""
+    """Markup of a table that scrolls on a narrow page; numbers: indices of columns that are aligned right."""
     header = "".join(
         f'<th scope="col"{" class=n" if i in numbers else ""}>{breakable(name)}</th>'
         for i, name in enumerate(head)
@@ -49,5 +49,5 @@ def _cell(cell: Cell) -> str:
 
 
 def definitions(facts: Mapping[str, str]) -> str:
-    """Terms with what they are."""
+    """A definition list of terms and their texts."""
     return f"<dl>{''.join(f'<dt>{escape(k)}</dt><dd>{escape(v)}</dd>' for k, v in facts.items())}</dl>"

@@ -1,7 +1,7 @@
 """Recordings of CAN frames through DBC files as columns: `Message.Signal`, and `Signal` where only one message has it.
 
-One or two codes outside the DBC's range are how a sender says "error" or "not available" (SAE J1939-71): no samples, and counted.
-Many different values outside of it mean that the range is wrong, as it often is: they are kept, and told.
+Values outside the DBC's range have two causes. One or two different codes mean "error" or "not available" (SAE J1939-71): they are counted
+and dropped. Many different values mean that the range in the DBC is wrong, which is common: they are kept, with a complaint.
 """
 
 from collections import Counter
@@ -16,18 +16,18 @@ from dbc.errors import LogError
 from dbc.recordings.reading import read_frames
 from diagnosis.reading.tables import Column, Table, Unreadable
 
-SHOWN = 3
-CODES = 2  # error and not available
-MARGIN = 1e-6  # of the range, for values on its edge
+SHOWN = 3  # messages about damaged places, per file
+CODES = 2  # different values outside the range: error, and not available
+MARGIN = 1e-6  # share of the range: a value on its edge may decode to slightly more
 
 
 def decoder(files: Sequence[Path]) -> ColumnDecoder:
-    """All DBC files together. Raises DatabaseError."""
+    """A decoder with the messages of all DBC files. Raises DatabaseError."""
     return ColumnDecoder(*(Database.from_file(file, strict=False) for file in files))
 
 
 def read_can(path: Path, through: ColumnDecoder, bus: str | None = None) -> Table:
-    """Every signal of every known message; bus: only frames of this channel of the log. Raises Unreadable."""
+    """A table with a column for every signal of every known message; bus: only frames of this bus of the log. Raises Unreadable."""
     try:
         frames = read_frames(path)
     except LogError as error:
@@ -40,6 +40,7 @@ def read_can(path: Path, through: ColumnDecoder, bus: str | None = None) -> Tabl
     if not decoded:
         raise Unreadable(f"{path.name}: none of its {len(frames)} frames is in the DBC files given")
     columns = [column for name, message in decoded.items() for column in _columns(name, message)]
+    # "Speed" for "Vehicle.Speed", unless another message has a Speed as well: the short name must never be ambiguous
     plain = Counter(c.name.partition(".")[2] for c in columns)
     columns += [
         Column(short, c.unit, c.time_s, c.value, c.damage)
@@ -53,9 +54,11 @@ def read_can(path: Path, through: ColumnDecoder, bus: str | None = None) -> Tabl
 
 
 def _columns(name: str, message: Columns) -> list[Column]:
+    """The signals of one message, without samples that are codes."""
     found = []
     for signal, raw in message.signals.items():
         described = message.codec.by_signal[signal]
+        # integers wider than 64 bits arrive as objects, which astype cannot convert
         value = np.array([float(v) for v in raw]) if raw.dtype == object else raw.astype(float)
         low, high = described.minimum, described.maximum
         damage, there = "", np.ones(value.size, bool)
@@ -64,7 +67,11 @@ def _columns(name: str, message: Columns) -> list[Column]:
             outside = (value < low - room) | (value > high + room)
             codes = np.unique(value[outside]).size
             if codes:
-                what = "not available" if codes <= CODES else "kept, the range in the DBC seems wrong"
+                what = (
+                    "not available"
+                    if codes <= CODES
+                    else "kept, because the range in the DBC seems to be wrong"
+                )
                 damage = f"{np.count_nonzero(outside)} of {value.size} values outside {low:g} to {high:g} {described.unit}: {what}"
             if codes and codes <= CODES:
                 there = ~outside

@@ -1,4 +1,4 @@
-"""Columns of a file as the channels of a model, in the model's units."""
+"""Finds the channels of a model among the columns of a file and converts them to the model's units."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -10,8 +10,8 @@ from discrepancy.model.description import Model
 from discrepancy.signals.recording import Array, Complaint, Recording, Signal
 from discrepancy.signals.units import parse_scaled, parse_unit
 
-SHOWN = 8
-LARGEST = 1e30  # in any unit of a heading
+SHOWN = 8  # messages about damaged lines, per file
+LARGEST = 1e30  # in any unit: no measured quantity is so large, while random bytes read as floats often are
 
 
 def to_recording(
@@ -21,9 +21,9 @@ def to_recording(
     renamed: Mapping[str, str],
     units: Mapping[str, str] | None = None,
 ) -> tuple[Recording, list[Complaint]]:
-    """The model's channels among the columns of a table, in the model's units.
+    """The model's channels among the columns of a table, in the model's units, and complaints about them.
 
-    renamed: channel -> column, or several by comma, which are averaged; units: channel -> unit in place of that of the heading.
+    renamed: channel -> column, or several columns by comma, which are averaged; units: channel -> unit instead of that in the heading.
     """
     complaints = [Complaint(name, "", text) for text in table.skipped[:SHOWN]]
     if len(table.skipped) > SHOWN:
@@ -36,8 +36,9 @@ def to_recording(
         columns = [by_name[w.strip()] for w in wanted if w.strip() in by_name]
         if len(columns) < len(wanted):
             continue
+        # no guess: the first of two equal headings may be the wrong one
         if repeated := [c.name for c in columns if names.count(c.name) > 1]:
-            text = f"{names.count(repeated[0])} columns are called {repeated[0]}; rename those that are not meant"
+            text = f"{names.count(repeated[0])} columns are called {repeated[0]}; rename all but one of them"
             complaints.append(Complaint(name, channel, text, fatal=True))
             continue
         if units and channel in units:
@@ -51,10 +52,10 @@ def to_recording(
 
 
 def unknown_columns(columns: Sequence[Column], renamed: Mapping[str, str]) -> list[str]:
-    """Columns that were asked for by name and are not among those of a run."""
+    """Columns named by --channel that the files of a run do not have."""
     there = {c.name for c in columns}
-    asked = [part.strip() for column in renamed.values() for part in column.split(",")]
-    return [column for column in asked if column not in there]
+    wanted = [part.strip() for column in renamed.values() for part in column.split(",")]
+    return [column for column in wanted if column not in there]
 
 
 def _parts(
@@ -63,26 +64,26 @@ def _parts(
     parts, complaints = [], []
     for column in columns:
         column, wild = _measurable(column, channel, name)
-        values, told_unit, said = _converted(column, channel, unit, name)
+        values, own_unit, said = _converted(column, channel, unit, name)
         complaints += wild
         complaints += said
         if any(c.fatal for c in said):
             return [], complaints
-        parts.append(Signal(column.time_s, values, told_unit, held))
+        parts.append(Signal(column.time_s, values, own_unit, held))
     return parts, complaints
 
 
 def _measurable(column: Column, channel: str, name: str) -> tuple[Column, list[Complaint]]:
-    """Without values beyond anything that is measured: bytes read as numbers."""
+    """The column with impossibly large values as NaN (damage), and a complaint about them."""
     wild = np.abs(column.value) > LARGEST
     if not wild.any():
         return column, []
-    text = f"{np.count_nonzero(wild)} of {wild.size} values are beyond {LARGEST:g}, as damaged bytes read as numbers are; dropped"
+    text = f"{np.count_nonzero(wild)} of {wild.size} values are larger than {LARGEST:g}, probably damaged bytes read as numbers; dropped"
     return replace(column, value=np.where(wild, np.nan, column.value)), [Complaint(name, channel, text)]
 
 
 def _mean(parts: Sequence[Signal]) -> Signal:
-    """The average at the stamps of the first."""
+    """The average at the stamps of the first column; the others are interpolated linearly."""
     if len(parts) == 1:
         return parts[0]
     first = parts[0]
@@ -93,13 +94,14 @@ def _mean(parts: Sequence[Signal]) -> Signal:
 def _converted(column: Column, channel: str, unit: str, name: str) -> tuple[Array, str, list[Complaint]]:
     complaints = [Complaint(name, channel, column.damage)] if column.damage else []
     if column.unit is None:
-        complaints.append(Complaint(name, channel, f"has no unit in its heading; taken as {unit}"))
+        complaints.append(Complaint(name, channel, f"has no unit in its heading; {unit} is assumed"))
         return column.value, unit, complaints
     try:
         scaled = parse_scaled(column.unit, unit)
     except ValueError as error:
         complaints.append(Complaint(name, channel, str(error), fatal=True))
         return column.value, unit, complaints
+    # Another quantity keeps its own unit; the engine's check of units then rejects it and names both units.
     if not scaled.unit.same_quantity(parse_unit(unit)):
         return column.value, str(scaled.unit), complaints
     return column.value * scaled.factor + scaled.offset, unit, complaints

@@ -1,4 +1,7 @@
-"""Channels computed from columns of a table: `--channel "power=voltage * current"`, with the unit that the formula gives."""
+"""Computes channels from columns of a table, with units: `--channel "power=voltage * current"`.
+
+The formula is parsed, never evaluated as Python: it comes from a command line, and only arithmetic is allowed.
+"""
 
 import ast
 import re
@@ -18,14 +21,14 @@ ONE = parse_unit("1")
 
 @dataclass(frozen=True, slots=True)
 class _Value:
-    """A part of a formula: values in SI, and their unit; None: a column without a unit is in it."""
+    """The value of a part of a formula."""
 
-    value: Array
-    unit: Unit | None
+    value: Array  # SI
+    unit: Unit | None  # None where a column without a unit is involved
 
 
 def is_formula(text: str, columns: Sequence[Column]) -> bool:
-    """Whether a text computes a channel. Names of columns, several by comma, are no formula, whatever signs they contain."""
+    """Whether a text is a formula. Names of columns, also several by comma, are not, whatever signs they contain ('oil-temp')."""
     return (
         "," not in text
         and text.strip() not in {c.name for c in columns}
@@ -65,6 +68,7 @@ def computed(text: str, columns: Sequence[Column]) -> Column:
 def _with_placeholders(text: str, columns: Sequence[Column]) -> tuple[str, dict[str, str]]:
     """The formula with Python names in place of columns, whose names may have spaces and dots; columns by placeholder."""
     by_placeholder = {}
+    # longest first: "speed ref" must be replaced before "speed"
     for i, name in enumerate(sorted({c.name for c in columns}, key=len, reverse=True)):
         pattern = rf"(?<![\w.]){re.escape(name)}(?![\w.])"
         text, count = re.subn(pattern, f"column_{i}_", text)
@@ -94,6 +98,7 @@ def _value(column: Column, time_s: Array) -> _Value:
 
 
 def _evaluated(node: ast.expr, known: Mapping[str, _Value], text: str) -> _Value:
+    """The value of a node. Raises Unreadable for anything but arithmetic of columns and numbers."""
     match node:
         case ast.Constant(value=int() | float() as number):
             return _Value(np.array(float(number)), ONE)
@@ -104,6 +109,7 @@ def _evaluated(node: ast.expr, known: Mapping[str, _Value], text: str) -> _Value
         case ast.UnaryOp(op=ast.USub(), operand=operand):
             inner = _evaluated(operand, known, text)
             return _Value(-inner.value, inner.unit)
+        # only a constant whole power: with any other exponent the unit would be unknown
         case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int() as power)):
             base = _evaluated(left, known, text)
             return _Value(base.value**power, None if base.unit is None else base.unit ** Fraction(power))
@@ -118,6 +124,7 @@ def _combined(a: _Value, operator: ast.operator, b: _Value, text: str) -> _Value
         case ast.Mult():
             return _Value(a.value * b.value, a.unit * b.unit if a.unit and b.unit else None)
         case ast.Div():
+            # division by zero gives inf or NaN, which later counts as damage of single samples
             with np.errstate(divide="ignore", invalid="ignore"):
                 return _Value(a.value / b.value, a.unit / b.unit if a.unit and b.unit else None)
         case ast.Add() | ast.Sub():

@@ -1,4 +1,4 @@
-"""Which machine the recordings are of, as their run.json say, and the baseline that this makes of a model of machines."""
+"""Chooses the baseline of a diagnosis: --with, else the machine that the run.json of the recordings names."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,19 +9,19 @@ from diagnosis.models import Choice
 
 
 class OtherMachine(UserError, ValueError):
-    """Recordings of machines that do not go together, or not with the model."""
+    """The recordings are of different machines, or of a machine that the model does not describe."""
 
 
 @dataclass(frozen=True, slots=True)
 class Base:
-    """Name or file of a baseline, None for the model's own; told: what it is and who says so, empty where there is nothing to choose."""
+    """The baseline of a diagnosis."""
 
-    given: Path | None
-    told: str = ""
+    given: Path | None  # its name or file; None: the model's own
+    description: str = ""  # the baseline and its source, for the reader; empty for models without a choice
 
 
 def base_of(choice: Choice, given: Path | None, machines: Mapping[str, str]) -> Base:
-    """What --with gives, else the machine that the recordings say they are of. machines: by recording; raises OtherMachine."""
+    """The baseline of --with, else of the machine that the recordings name. machines: by recording. Raises OtherMachine."""
     if choice.own_machine is None:
         return Base(given, f"{given}, as --with says" if given is not None else "")
     if choice.build_from is None:
@@ -33,17 +33,17 @@ def base_of(choice: Choice, given: Path | None, machines: Mapping[str, str]) -> 
     if not machines:
         return Base(
             None,
-            f"machine {choice.own_machine}, the model's own; the recordings do not say which they are of, --with MACHINE does",
+            f"machine {choice.own_machine}, the model's own; the recordings do not name their machine (--with MACHINE names it)",
         )
     (recording, machine), *others = machines.items()
     for other, another in others:
         if another != machine:
             raise OtherMachine(
-                f"run.json of {recording} says machine {machine}, that of {other} {another}: diagnose them apart, or by --each"
+                f"run.json of {recording} says machine {machine}, that of {other} {another}: diagnose them separately, or with --each"
             )
     if machine != choice.own_machine and _family(machine) is None:
         raise OtherMachine(
-            f"run.json of {recording} says machine {machine}, which is not here; --with MACHINE says what it was"
+            f"run.json of {recording} says machine {machine}, for which there is no machine file; --with MACHINE names one"
         )
     also = f" and of {len(others)} more" if others else ""
     own = machine == choice.own_machine
@@ -51,7 +51,7 @@ def base_of(choice: Choice, given: Path | None, machines: Mapping[str, str]) -> 
 
 
 def _refuse_others(choice: Choice, machine: Path, machines: Mapping[str, str]) -> None:
-    """Recordings of another family than a machine's say nothing about it. A file that has moved is of no known family."""
+    """Raises OtherMachine for recordings of another family than the baseline's. A machine whose file has moved is let pass, as its family is unknown."""
     wanted = _family(machine)
     for recording, other in machines.items():
         family = _family(other)

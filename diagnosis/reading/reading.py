@@ -1,4 +1,4 @@
-"""Reads all recordings of one diagnosis, of any kind; one that cannot be read becomes a complaint."""
+"""Reads all recordings of one diagnosis, of any kind. A recording that cannot be read becomes a complaint."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -21,11 +21,11 @@ from discrepancy.signals.units import parse_scaled
 
 
 class Misuse(UserError, ValueError):
-    """The command line asks for something impossible."""
+    """The options of the command line contradict each other or the model."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ask:
+class ReadOptions:
     """The recordings to read, and how."""
 
     paths: Sequence[Path]
@@ -40,7 +40,7 @@ class Ask:
         default_factory=dict
     )  # name -> value and unit; None: the model's unit
     dbcs: Sequence[Path] = ()  # for recordings of CAN frames
-    bus: str | None = None  # the one bus to read of a log of several
+    bus: str | None = None  # the only bus to read, of a log of several
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,19 +50,21 @@ class Read:
     recordings: Sequence[Recording]
     complaints: Sequence[Complaint]  # errors of the files
     clocks: Sequence[Clock]  # offsets between the clocks of joined files
-    machines: Mapping[str, str] = field(default_factory=dict)  # by recording, the machine that it names
+    machines: Mapping[str, str] = field(
+        default_factory=dict
+    )  # machine by recording, where run.json names one
 
 
-def read_all(choice: Choice, ask: Ask, progress: Progress) -> Read:
-    """Every run as a recording; a file that cannot be read is a complaint, so that the others are judged all the same.
+def read_all(choice: Choice, options: ReadOptions, progress: Progress) -> Read:
+    """Every run as a recording. A file that cannot be read becomes a complaint, so that the others are still judged.
 
     A path is a run, or several files of one run joined by '+'.
     """
     channels = choice.channels
-    _check_names(channels, ask)
-    constants = constants_of(channels, ask.constants)
-    runs = _named(_different([_files(path) for path in ask.paths]))
-    through = decoder(ask.dbcs)
+    _check_names(channels, options)
+    constants = constants_of(channels, options.constants)
+    runs = _named(_different([_files(path) for path in options.paths]))
+    through = decoder(options.dbcs)
     recordings: list[Recording] = []
     complaints: list[Complaint] = []
     clocks: list[Clock] = []
@@ -70,8 +72,8 @@ def read_all(choice: Choice, ask: Ask, progress: Progress) -> Read:
     for name, files in runs.items():
         progress(f"reading {name}")
         try:
-            joined = _run(files, name, choice, channels, ask, through)
-        except NoModel:
+            joined = _run(files, name, choice, channels, options, through)
+        except NoModel:  # the user's error (a missing --part, a fault in the model file), not the recording's
             raise
         except (OSError, EOFError, ValueError, KeyError) as error:
             complaints.append(Complaint(name, "", str(error).removeprefix(f"{name}: "), fatal=True))
@@ -80,10 +82,12 @@ def read_all(choice: Choice, ask: Ask, progress: Progress) -> Read:
         complaints += joined.complaints
         clocks += joined.clocks
         machines |= joined.machines
-    return Read([_mended(r, ask, constants) for r in recordings], complaints, clocks, machines)
+    return Read([_with_options(r, options, constants) for r in recordings], complaints, clocks, machines)
 
 
 def _files(path: Path) -> list[Path]:
+    """The files of a run. Raises Misuse for a missing one."""
+    # a file whose own name has a '+' comes first
     files = [path] if path.exists() else [Path(part) for part in str(path).split("+")]
     for file in files:
         if not file.exists():
@@ -92,22 +96,27 @@ def _files(path: Path) -> list[Path]:
 
 
 def _run(
-    files: Sequence[Path], name: str, choice: Choice, channels: Model, ask: Ask, through: ColumnDecoder
+    files: Sequence[Path],
+    name: str,
+    choice: Choice,
+    channels: Model,
+    options: ReadOptions,
+    through: ColumnDecoder,
 ) -> Read:
-    native = choice.native(files[0], ask.part) if len(files) == 1 else None
+    native = choice.native(files[0], options.part) if len(files) == 1 else None
     if native is not None:
         machines = {name: native.machine} if native.machine is not None else {}
         return Read(native.recordings, native.complaints, (), machines)
-    tables, complaints = _tables(files, name, choice, ask, through)
+    tables, complaints = _tables(files, name, choice, options, through)
     known = [c for table in tables.values() for c in table.columns]
-    formulas = [text for text in ask.renamed.values() if is_formula(text, known)]
+    formulas = [text for text in options.renamed.values() if is_formula(text, known)]
     tables = {file: _with_computed(table, formulas) for file, table in tables.items()}
     columns = [c for table in tables.values() for c in table.columns]
-    if unknown := unknown_columns(columns, ask.renamed):
+    if unknown := unknown_columns(columns, options.renamed):
         raise Unreadable(f"{name}: has no column {', '.join(unknown)}; it has {named(columns)}")
     parts = []
     for file, table in tables.items():
-        part, said = to_recording(table, file, channels, ask.renamed, ask.units)
+        part, said = to_recording(table, file, channels, options.renamed, options.units)
         parts.append(part)
         complaints += said
     joined = join(channels, parts, name)
@@ -119,13 +128,13 @@ def _run(
 
 
 def _tables(
-    files: Sequence[Path], name: str, choice: Choice, ask: Ask, through: ColumnDecoder
+    files: Sequence[Path], name: str, choice: Choice, options: ReadOptions, through: ColumnDecoder
 ) -> tuple[dict[str, Table], list[Complaint]]:
     """The files of a run by name; of several, one that cannot be read is a complaint, and the others are judged. Raises Unreadable if none can."""
     tables, failed = dict[str, Table](), list[str]()
     for file in files:
         try:
-            tables[file.name] = _table(file, choice, ask, through)
+            tables[file.name] = _table(file, choice, options, through)
         except Unreadable as error:
             failed.append(str(error))
     if not tables:
@@ -145,26 +154,26 @@ def _dead_inputs(recording: Recording, channels: Model) -> list[Complaint]:
     known = {n: recording.signals[n] for n in channels.inputs if n in recording.signals}
     if not known or any(np.unique(s.value[np.isfinite(s.value)]).size > 1 for s in known.values()):
         return []
-    text = f"no input changes ({', '.join(known)}). Are they dead channels? Effects that only changes of inputs show cannot be judged"
+    text = f"no input changes ({', '.join(known)}). Are these channels dead? Effects that only show when inputs change cannot be judged"
     return [Complaint(recording.name, "", text)]
 
 
-def _table(path: Path, choice: Choice, ask: Ask, through: ColumnDecoder) -> Table:
+def _table(path: Path, choice: Choice, options: ReadOptions, through: ColumnDecoder) -> Table:
     if path.is_dir():
         example = f"; {choice.name} reads a {choice.data}" if choice.data else ""
         raise Unreadable(f"{path.name}: is a folder without recordings of a known kind{example}")
     if is_table(path):
-        return read_table(path, ask.time)
-    if not ask.dbcs:
+        return read_table(path, options.time)
+    if not options.dbcs:
         raise Unreadable(
-            f"{path.name}: is no table (.csv, .csv.gz, .parquet); a recording of CAN frames needs --dbc FILE"
+            f"{path.name}: is not a table (.csv, .csv.gz, .parquet); a recording of CAN frames needs --dbc FILE"
         )
-    return read_can(path, through, ask.bus)
+    return read_can(path, through, options.bus)
 
 
-def _check_names(model: Model, ask: Ask) -> None:
+def _check_names(model: Model, options: ReadOptions) -> None:
     known = {**model.inputs, **model.optional, **model.outputs}
-    for option, names in (("--channel", ask.renamed), ("--shift", ask.shifts)):
+    for option, names in (("--channel", options.renamed), ("--shift", options.shifts)):
         if unknown := [name for name in names if name not in known]:
             raise Misuse(
                 f"{option} {unknown[0]}=...: {model.name} has no such channel; it has {', '.join(known)}"
@@ -172,7 +181,7 @@ def _check_names(model: Model, ask: Ask) -> None:
 
 
 def _different(runs: Sequence[Sequence[Path]]) -> list[Sequence[Path]]:
-    """Raises Misuse for a run that is given twice, since its evidence would count twice."""
+    """The runs, if all are different. Raises Misuse for a run that is given twice, also through a link."""
     known: list[list[Path]] = []
     for files in runs:
         resolved = [file.resolve() for file in files]
@@ -183,7 +192,7 @@ def _different(runs: Sequence[Sequence[Path]]) -> list[Sequence[Path]]:
 
 
 def _named(runs: Sequence[Sequence[Path]]) -> dict[str, Sequence[Path]]:
-    """Names are how results refer to runs, so no two may share one."""
+    """The runs by name. Results refer to runs by name, so equal file names get a number."""
     found: dict[str, Sequence[Path]] = {}
     for files in runs:
         name = " + ".join(file.name for file in files)
@@ -192,9 +201,10 @@ def _named(runs: Sequence[Sequence[Path]]) -> dict[str, Sequence[Path]]:
     return found
 
 
-def _mended(recording: Recording, ask: Ask, constants: Mapping[str, float]) -> Recording:
+def _with_options(recording: Recording, options: ReadOptions, constants: Mapping[str, float]) -> Recording:
+    """The recording with the shifts [s] and constants of the command line, which replace its own."""
     signals = {
-        name: Signal(s.time_s + ask.shifts.get(name, 0.0), s.value, s.unit, s.held)
+        name: Signal(s.time_s + options.shifts.get(name, 0.0), s.value, s.unit, s.held)
         for name, s in recording.signals.items()
     }
     return replace(recording, signals=signals, constants={**recording.constants, **constants})
@@ -215,7 +225,7 @@ def constants_of(model: Model, given: Mapping[str, tuple[float, str | None]]) ->
 
 
 def pairs(option: str, texts: Sequence[str]) -> dict[str, str]:
-    """'NAME=VALUE' of a repeated option."""
+    """Values by name, of a repeated option 'NAME=VALUE'. Raises Misuse."""
     found = {}
     for text in texts:
         name, equals, value = text.partition("=")
@@ -226,7 +236,7 @@ def pairs(option: str, texts: Sequence[str]) -> dict[str, str]:
 
 
 def numbers(option: str, texts: Sequence[str]) -> dict[str, float]:
-    """The same with numbers in SI; a name may carry a unit: 'speed [km/h]=0.5'."""
+    """'NAME=VALUE' with numbers in SI; a name may have a unit: 'speed [km/h]=0.5'. Raises Misuse."""
     found = {}
     for name, (value, unit) in measured(option, texts).items():
         try:
@@ -237,20 +247,20 @@ def numbers(option: str, texts: Sequence[str]) -> dict[str, float]:
 
 
 def measured(option: str, texts: Sequence[str]) -> dict[str, tuple[float, str | None]]:
-    """The same with numbers and units: 'diameter [cm]=6.7'; None where none is said."""
+    """'NAME=VALUE' with numbers and their units, None without a unit: 'diameter [cm]=6.7'. Raises Misuse."""
     found = {}
     for key, value in pairs(option, texts).items():
         name, unit = heading(key)
         try:
             found[name] = (float(value), unit)
         except ValueError:
-            raise Misuse(f"{option} '{key}={value}': '{value}' is no number") from None
+            raise Misuse(f"{option} '{key}={value}': '{value}' is not a number") from None
     return found
 
 
 @dataclass(frozen=True, slots=True)
 class Assigned:
-    """What `--channel` says."""
+    """The columns and units that `--channel` assigns."""
 
     columns: Mapping[str, str]  # channel -> column, columns by comma, or formula
     units: Mapping[str, str]  # channel -> unit in place of that of the heading

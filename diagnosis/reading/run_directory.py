@@ -1,4 +1,4 @@
-"""Data sets that a model reads by itself, and what is to be complained of in the run directories of the bench."""
+"""Data sets that a model reads itself, and complaints about run directories of the bench."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,11 +17,11 @@ from hil.rundir import RECORD, read_record
 
 @dataclass(frozen=True, slots=True)
 class Native:
-    """Recordings of a data set, what was wrong with its files, and the machine (name or file) that it says it is of."""
+    """A data set that a model has read."""
 
     recordings: Sequence[Recording]
-    complaints: Sequence[Complaint] = ()
-    machine: str | None = None
+    complaints: Sequence[Complaint] = ()  # errors of its files
+    machine: str | None = None  # name or file of the machine, where the data set states it
 
 
 def is_run(folder: Path) -> bool:
@@ -30,14 +30,14 @@ def is_run(folder: Path) -> bool:
 
 
 def machine_of_run(folder: Path) -> str | None:
-    """The machine that a run directory was made with; None where it has no record. Raises RunError for one that is damaged."""
+    """Name or file of the machine of a run; None without run.json. Raises RunError for a damaged one."""
     return read_record(folder).machine if (folder / RECORD).is_file() else None
 
 
 def damage_of_run(folder: Path) -> list[Complaint]:
-    """Damaged places in the logs of a run directory, and a reference.log that is of no use.
+    """Complaints about damaged places in the logs of a run directory, and about an unusable reference.log.
 
-    Raises LogError or Unreadable for a bus.log that is of none.
+    Raises LogError or Unreadable for an unusable bus.log: without it there is nothing to judge.
     """
     found = _damage(folder / "bus.log", loader_database())
     try:
@@ -49,17 +49,18 @@ def damage_of_run(folder: Path) -> list[Complaint]:
             .removeprefix(f"{folder / 'reference.log'}: ")
             .removeprefix(f"{folder.name}: reference.log: ")
         )
-        text = f"reference.log: {why}; left out, the machine's own bus is judged"
+        text = f"reference.log: {why}; left out; the machine's own bus is still judged"
         found.append(Complaint(folder.name, "", text))
     return found
 
 
 def _damage(file: Path, database: Database) -> list[Complaint]:
+    """A complaint if a log has damaged places. Raises LogError, or Unreadable for the log of another bus."""
     frames = read_frames(file)
     run = file.parent.name
     if not np.isin(frames.can_id, list(database.by_id)).any():
         raise Unreadable(
-            f"{run}: {file.name}: none of its {len(frames)} frames is of this bus; is it the log of another?"
+            f"{run}: {file.name}: none of its {len(frames)} frames belongs to this bus; is it the log of another bus?"
         )
     if not frames.damaged_count:
         return []

@@ -1,6 +1,7 @@
-"""Recordings as tables: CSV or Parquet with one column per channel, headed `name [unit]`, and one of time.
+"""Reads tables: CSV or Parquet with one column per channel, headed `name [unit]`, and one column of time.
 
-An Unreadable is raised only where no column can be trusted. An empty cell is no sample; a cell that is no number counts as damage.
+An Unreadable is raised only where no column can be trusted. An empty cell means that there is no sample; a cell that is not a number counts
+as damage.
 """
 
 import codecs
@@ -39,9 +40,9 @@ TIME = frozenset(
     }
     | {"elapsed time", "time since start", "time stamp", "rel time", "relative time", "log time"}
 )
-"""Usual names of the column of time, without the unit that may follow: 'time_ms', 'Time Stamp', 't (s)'."""
-BEGINNING = 1024  # bytes that hold a heading and the first rows
-GZIP = 16 + zlib.MAX_WBITS  # for zlib: with the header of gzip
+"""Usual names of the time column in lower case, without the unit that may follow ('time_ms', 'Time Stamp', 't (s)')."""
+BEGINNING = 1024  # bytes at the start of a file: a zero byte among them means that it is not text
+GZIP = 16 + zlib.MAX_WBITS  # window size plus 16: zlib then expects the header of gzip
 TIME_UNITS = {
     "s": 1.0,
     "sec": 1.0,
@@ -56,37 +57,37 @@ TIME_UNITS = {
 
 
 class Unreadable(UserError, ValueError):
-    """Nothing in the file can be used; the message says why and what would be right."""
+    """Nothing in the file can be used; the message gives the reason and the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One column with its stamps [s]; NaN is damage; unit: None if nothing was said; damage: what was lost, in words."""
+    """One column of a file, at the rows where it has a sample."""
 
     name: str
-    unit: str | None
+    unit: str | None  # of the heading; None where it has none
     time_s: Array
-    value: Array
-    damage: str = ""
+    value: Array  # in `unit`; NaN where a cell is damaged
+    damage: str = ""  # a sentence on damaged samples
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Columns of one file, constants from its head, and what was skipped."""
+    """The content of one file."""
 
     columns: Sequence[Column]
-    constants: Mapping[str, tuple[float, str | None]]
-    skipped: Sequence[str] = ()
+    constants: Mapping[str, tuple[float, str | None]]  # value and unit by name, from '#' lines at the head
+    skipped: Sequence[str] = ()  # one sentence per damaged place
 
 
 @dataclass(frozen=True, slots=True)
 class _Raw:
-    """A column before the one of time is known; there: rows with a sample."""
+    """A column before the time column is known."""
 
     name: str
     unit: str | None
     value: Array
-    there: NDArray[np.bool_]
+    there: NDArray[np.bool_]  # rows with a sample
     damage: str = ""
 
 
@@ -102,12 +103,12 @@ def heading(text: str) -> tuple[str, str | None]:
 
 
 def is_table(path: Path) -> bool:
-    """Whether the name is that of a table."""
+    """Whether the file name ends like that of a table."""
     return path.name.lower().removesuffix(".gz").endswith((".csv", ".tsv", ".txt", ".parquet"))
 
 
 def read_table(path: Path, time: tuple[str, str | None] | None = None) -> Table:
-    """A file as columns. time: name and unit of the column of time, None to find it by its name. Raises Unreadable."""
+    """The columns of a file. time: name and unit of the time column, None to find it by its usual names. Raises Unreadable."""
     try:
         if path.stat().st_size == 0:
             raise Unreadable(f"{path.name}: is empty (0 bytes)")
@@ -133,12 +134,13 @@ def _first_line(error: Exception) -> str:
 
 
 def _read_parquet(path: Path) -> _Found:
+    # checksums: a damaged page would otherwise decode to wrong numbers without any error
     table = pq.read_table(path, page_checksum_verification=True)
     columns = []
     for field, data in zip(table.schema, table.columns, strict=True):
         name, unit = heading(field.name)
-        told = (field.metadata or {}).get(b"unit")
-        unit = unit if unit is not None else told.decode() if told is not None else None
+        stored = (field.metadata or {}).get(b"unit")
+        unit = unit if unit is not None else stored.decode() if stored is not None else None
         if pa.types.is_timestamp(field.type):
             value, unit = np.asarray(data.cast(pa.timestamp("ns")).cast(pa.int64())).astype(float), "ns"
         elif (
@@ -154,9 +156,9 @@ def _read_parquet(path: Path) -> _Found:
 
 
 def _read_csv(path: Path) -> _Found:
-    raw, told = path.read_bytes(), list[str]()
+    raw, cut = path.read_bytes(), list[str]()
     if path.suffix.lower() == ".gz":
-        raw, told = _unpacked(raw)
+        raw, cut = _unpacked(raw)
     text, doubtful = _text(raw, path.name)
     lines = io.StringIO(text, newline="")
     constants: dict[str, tuple[float, str | None]] = {}
@@ -170,11 +172,12 @@ def _read_csv(path: Path) -> _Found:
     else:
         return [], constants, []
     separator = max(",;\t", key=line.count)
+    # spreadsheets in countries with a decimal comma separate cells by semicolons
     decimal = "," if separator == ";" else "."
     names = next(csv.reader([line], delimiter=separator))
     if all(_is_number(name, decimal) for name in names):
         raise Unreadable(
-            f"{path.name}: has no heading, line {number} holds numbers; it must read like 'time [s],speed [m/s]'"
+            f"{path.name}: has no heading, line {number} contains numbers; a heading looks like 'time [s],speed [m/s]'"
         )
     cells, skipped = _rows(csv.reader(lines, delimiter=separator), len(names), number)
     if cells and _are_units(cells[0][1], names, decimal):
@@ -188,11 +191,11 @@ def _read_csv(path: Path) -> _Found:
         for i, name in enumerate(names)
         if name.strip()
     ]
-    return columns, constants, [*told, *doubtful, *skipped]
+    return columns, constants, [*cut, *doubtful, *skipped]
 
 
 def _unpacked(raw: bytes) -> tuple[bytes, list[str]]:
-    """What a compressed file holds, up to its last whole line where it is cut off. Raises OSError, zlib.error for one that is damaged."""
+    """The content of a gzip file; of one that is cut off, up to its last complete line. Raises OSError or zlib.error for other damage."""
     try:
         return gzip.decompress(raw), []
     except EOFError:
@@ -205,10 +208,10 @@ def _unpacked(raw: bytes) -> tuple[bytes, list[str]]:
 
 
 def _text(raw: bytes, name: str) -> tuple[str, list[str]]:
-    """What the bytes say, in the encodings that loggers and spreadsheets write, and a word on any but UTF-8."""
+    """The text of the bytes in an encoding that loggers and spreadsheets use, and a message if it is not UTF-8. Raises Unreadable."""
     if raw and not raw.strip(b"\0"):
         raise Unreadable(
-            f"{name}: holds {len(raw)} zero bytes and nothing else; was power lost while it was written?"
+            f"{name}: contains only zero bytes ({len(raw)}); was power lost while it was written?"
         )
     if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return raw.decode("utf-16"), []
@@ -216,22 +219,23 @@ def _text(raw: bytes, name: str) -> tuple[str, list[str]]:
         return raw.decode("utf-8-sig"), []
     except UnicodeDecodeError:
         if b"\0" in raw[:BEGINNING]:
-            raise Unreadable(f"{name}: is no text; is it a recording of another kind?") from None
+            raise Unreadable(f"{name}: is not a text file; is it a recording of another kind?") from None
+        # Windows-1252 decodes nearly every byte: a wrong guess only spoils the µ or ° of a heading
         return raw.decode("cp1252", "replace"), ["is not UTF-8; read as Windows-1252"]
 
 
 def _are_units(row: Sequence[str], names: Sequence[str], decimal: str) -> bool:
-    """Whether a row under a heading without units holds them, as many exports have it."""
-    told = [cell.strip() for cell in row if cell.strip()]
-    if not told or any(heading(name)[1] is not None for name in names):
+    """Whether the row below a heading without units contains the units, as many exports have it."""
+    texts = [cell.strip() for cell in row if cell.strip()]
+    if not texts or any(heading(name)[1] is not None for name in names):
         return False
     try:
-        for unit in told:
+        for unit in texts:
             if unit not in TIME_UNITS:
                 parse_scaled(unit)
     except ValueError:
         return False
-    return not any(_is_number(unit, decimal) for unit in told)
+    return not any(_is_number(unit, decimal) for unit in texts)
 
 
 def _is_number(cell: str, decimal: str) -> bool:
@@ -243,7 +247,7 @@ def _is_number(cell: str, decimal: str) -> bool:
 
 
 def _constant(line: str) -> dict[str, tuple[float, str | None]]:
-    """'# mass [kg] = 0.058' is a constant of the recording; any other comment is none."""
+    """'# mass [kg] = 0.058' is a constant of the recording; other comments are not."""
     left, equals, right = line.lstrip("#").partition("=")
     try:
         value = float(right)
@@ -256,6 +260,7 @@ def _constant(line: str) -> dict[str, tuple[float, str | None]]:
 def _rows(
     reader: Iterator[list[str]], width: int, before: int
 ) -> tuple[list[tuple[int, list[str]]], list[str]]:
+    """Rows with their line numbers, and a message for each row of another width; before: lines read so far."""
     kept: list[tuple[int, list[str]]] = []
     skipped: list[str] = []
     for number, row in enumerate(reader, start=before + 1):
@@ -279,23 +284,23 @@ def _column(title: str, cells: Sequence[str], decimal: str, lines: Sequence[int]
             if there[i]:
                 damaged += 1
                 first = first or lines[i]
-    damage = f"{damaged} of {value.size} cells are no numbers, the first in line {first}" if damaged else ""
+    damage = f"{damaged} of {value.size} cells are not numbers, the first in line {first}" if damaged else ""
     return _Raw(name, unit, value, there, damage)
 
 
 def _clock(columns: Sequence[_Raw], name: str, time: tuple[str, str | None] | None) -> _Raw:
-    """The column of time, by the name that was given or by a usual one. Raises Unreadable."""
+    """The time column, by its given or a usual name. Raises Unreadable."""
     if time is not None:
         given = [c for c in columns if c.name == time[0]]
         if not given:
-            raise Unreadable(f"{name}: has no column {time[0]} for the time; it has {named(columns)}")
+            raise Unreadable(f"{name}: has no column {time[0]} for the time; the file has {named(columns)}")
         return replace(given[0], unit=time[1] or given[0].unit or _time_unit(given[0].name))
     for column in columns:
         if _is_time(column.name):
             return replace(column, unit=column.unit or _time_unit(column.name))
     raise Unreadable(
-        f"{name}: no column of time; its heading must read like 'time [s]', 'time_s' or 't [ms]', or --channel time=COLUMN names it; "
-        f"it has {named(columns)}"
+        f"{name}: no time column found; its heading must look like 'time [s]', 'time_s' or 't [ms]', or --channel time=COLUMN names it; "
+        f"the file has {named(columns)}"
     )
 
 
@@ -317,15 +322,15 @@ def _stamps(clock: _Raw, name: str) -> Array:
     """Times [s] of every row. Raises Unreadable."""
     unit = clock.unit or "s"
     if unit not in TIME_UNITS:
-        raise Unreadable(f"{name}: time is in '{unit}'; known are {', '.join(TIME_UNITS)}")
+        raise Unreadable(f"{name}: the unit of time is '{unit}'; known are {', '.join(TIME_UNITS)}")
     if clock.value.size == 0:
         raise Unreadable(f"{name}: has a heading but no rows")
     if np.isnan(clock.value).all():
-        raise Unreadable(f"{name}: the column {clock.name} holds no numbers")
+        raise Unreadable(f"{name}: the column {clock.name} contains no numbers")
     return clock.value * TIME_UNITS[unit]
 
 
 def named(columns: Sequence[Column | _Raw], most: int = 30) -> str:
-    """Names of columns, not all of very many."""
+    """'the columns a, b, c' for a message, at most `most` of them."""
     names = [c.name for c in columns]
     return f"the columns {', '.join(names[:most])}{' ...' if len(names) > most else ''}"

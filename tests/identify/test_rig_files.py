@@ -59,7 +59,7 @@ def test_a_log_reads_back_as_it_was_written(tmp_path, made, kind):
         ("V_cyl [m/s]", "V_cyl [N]", BadRecording, "needs m/s"),
         ("V_cyl [m/s]", "speed [m/s]", BadRecording, "has no column 'V_cyl'"),
         ("V_cyl [m/s]", "V_cyl", BadRecording, "has no unit"),
-        ("time [s]", "stamp", BadRecording, "no column of time"),
+        ("time [s]", "stamp", BadRecording, "no time column"),
     ],
 )
 def test_a_wrong_heading_is_named(tmp_path, made, old, new, error, words):

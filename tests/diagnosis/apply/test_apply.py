@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from diagnosis.apply.calibration import RULES, calibrated
 from diagnosis.apply.extension import Applied, BadExtension
 from diagnosis.apply.machine_files import baseline, extended_files
-from diagnosis.apply.toml_text import Line, laid_over
+from diagnosis.apply.toml_text import Line, with_values
 from discrepancy.estimation.problem import Problem
 from discrepancy.signals.findings import Findings
 from ecu.calibration import CALIBRATIONS, load_calibration
@@ -97,7 +97,7 @@ def test_more_of_the_same_is_found_beside_what_was_applied(loaderhil: Call, tmp_
         assert held["level delay"]["level.delay"] == pytest.approx(delay, rel=0.05)
     assert f"; was {before['leak']['leak']:.4g}" in file.read_text()
     assert f"baseline {before['leak']['leak']:.4g}" in found.out
-    assert file.read_text().count("# With what") == 1
+    assert file.read_text().count("# Effects found by `loaderhil diagnose`") == 1
     again = loaderhil("diagnose", drive, "--model", model, "--with", file)
     assert again.result is not None
     assert again.result.status == "nothing missing"
@@ -141,12 +141,12 @@ values = st.floats(allow_nan=False, allow_infinity=False)
 
 
 @given(st.dictionaries(names, st.dictionaries(names, values, min_size=1, max_size=3), max_size=3))
-def test_what_is_laid_over_reads_back_and_the_rest_stays(tables: dict[str, dict[str, float]]) -> None:
+def test_written_values_read_back_and_other_values_stay(tables: dict[str, dict[str, float]]) -> None:
     base = "# head\nmodel = 'x'\n\n[first]  # a table\na = 1.0  # one\nb = 2.0\n\n# end of file\n"
     lines = [
         Line(("first", table), key, v, "told") for table, keys in tables.items() for key, v in keys.items()
     ]
-    text = laid_over(base, [*lines, Line(("first",), "a", 3.0, "changed")])
+    text = with_values(base, [*lines, Line(("first",), "a", 3.0, "changed")])
     assert tomllib.loads(text) == {"model": "x", "first": {"a": 3.0, "b": 2.0, **tables}}
     assert "# head" in text
     assert "# end of file" in text
@@ -214,7 +214,7 @@ def test_the_baseline_of_the_files_predicts_what_the_effects_do(machine: Path) -
 def test_a_sensor_that_would_know_the_future_is_not_applied(tmp_path: Path) -> None:
     result = replace(RESULT, findings=[finding("yaw_rate delay", "sensor", {"yaw_rate.delay": -0.02})])
     outcome = extended_files(result, None, tmp_path / "mine.toml")
-    assert any("would know the future" in line for line in outcome.said)
+    assert any("would be negative" in line for line in outcome.messages)
     assert not any(file.name.endswith(".equipment.toml") for file in outcome.files)
 
 
@@ -344,7 +344,7 @@ def test_run_takes_what_lies_beside_the_machine(machine: Path) -> None:
     assert Choice(scenario="standstill").on("compact").calibration is None, "that of the machine's family"
 
 
-def test_a_calibration_that_was_made_for_nothing_of_a_factor_is_refused_in_words(tmp_path: Path) -> None:
+def test_a_calibration_made_for_factor_zero_is_refused(tmp_path: Path) -> None:
     """Tyres without damping, by hand, beside a calibration: no factor leads from there to some damping."""
     machine = tmp_path / "hand.toml"
     machine.write_text('base = "l60"\nname = "hand"\n[effects.vertical_damping]\ndamping = 0.0\n')
@@ -398,6 +398,6 @@ def test_every_rule_gives_a_calibration_that_loads(name: str, tmp_path: Path) ->
         file.write_text(text)
     before, after = load_calibration("l60"), load_calibration(tmp_path / "mine.calibration.toml")
     assert before.parameters != after.parameters
-    assert not any(name in line for line in outcome.said)
+    assert not any(name in line for line in outcome.messages)
     again = applied_in_steps(tmp_path, result, result)
     assert calibration_of(again) == pytest.approx(calibration_of(tmp_path / "mine.toml")), "and twice is once"

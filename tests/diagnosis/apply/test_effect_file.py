@@ -232,14 +232,14 @@ def test_the_effect_of_the_how_to_works(own_effects: list[Any]) -> None:
 @pytest.mark.parametrize(
     ("result", "words", "said"),
     [
-        (replace(PUSHED, open_ended=None), ("--name", "x"), "holds no equation outside the library"),
+        (replace(PUSHED, open_ended=None), ("--name", "x"), "has no open-ended equation beside the library"),
         (PUSHED, ("--name", 'a"b'), "must be of letters, digits, spaces"),
         (PUSHED, ("--name", "two words"), "machine files need letters, digits and _, such as two_words"),
-        (equation("tank", term("inflow", "level")), ("--name", "x"), "--model FILE.py says where that is"),
+        (equation("tank", term("inflow", "level")), ("--name", "x"), "name its file by --model FILE.py"),
         (
             equation("straight", term("force", "sinh(speed)")),
             ("--name", "x"),
-            "cannot make code of the function",
+            "cannot be written as code",
         ),
     ],
 )

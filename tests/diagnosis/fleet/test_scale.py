@@ -99,7 +99,9 @@ def test_a_run_taken_up_again_does_only_what_is_left(tmp_path: Path) -> None:
         log, "good", "bad", "gone", "deadly", bad={"do": "raise"}, gone={"do": "miss"}, deadly={"do": "die"}
     )
     heard: list[tuple[int, int]] = []
-    first = carry_out(note, wanted, store, workers=1, told=lambda t: heard.append((t.left, len(t.failures))))
+    first = carry_out(
+        note, wanted, store, workers=1, report=lambda t: heard.append((t.left, len(t.failures)))
+    )
     assert first.failures["bad"] == "ValueError: no such arm"
     assert first.failures["gone"].startswith("FileNotFoundError")
     assert first.failures["deadly"].startswith("KilledWorker")

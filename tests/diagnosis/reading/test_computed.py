@@ -7,7 +7,7 @@ import pytest
 
 from diagnosis.models import find_model
 from diagnosis.reading.computed import computed
-from diagnosis.reading.reading import Ask, assigned, read_all
+from diagnosis.reading.reading import ReadOptions, assigned, read_all
 from diagnosis.reading.tables import Column, Unreadable, read_table
 from discrepancy.signals.recording import Recording
 from discrepancy.signals.units import parse_scaled
@@ -63,7 +63,7 @@ def read(tmp_path: Path, text: str, *channels: str) -> tuple[Recording, list[str
     said = assigned(channels)
     found = read_all(
         find_model(str(model_file(tmp_path))),
-        Ask(paths=[file], renamed=said.columns, units=said.units, time=said.time),
+        ReadOptions(paths=[file], renamed=said.columns, units=said.units, time=said.time),
         lambda _: None,
     )
     return found.recordings[0], [c.text for c in found.complaints]

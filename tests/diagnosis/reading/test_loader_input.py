@@ -83,7 +83,7 @@ RUNS: dict[str, tuple[Callable[[Path], object], int, str]] = {
     "no log": (lambda d: (d / "bus.log").unlink(), 5, "loader reads a run directory"),
     "empty log": (lambda d: (d / "bus.log").write_text(""), 5, "the recording is empty"),
     "junk": (lambda d: (d / "bus.log").write_bytes(bytes(range(256)) * 40), 5, "not a candump log"),
-    "another bus": (lambda d: shutil.copy(d / "reference.log", d / "bus.log"), 5, "is of this bus; is it the log of another?"),
+    "another bus": (lambda d: shutil.copy(d / "reference.log", d / "bus.log"), 5, "belongs to this bus; is it the log of another bus?"),
     "record cut off": (lambda d: (d / "run.json").write_text('{"payl'), 5, "cannot be read as the record of a run"),
     "record without a machine": (lambda d: _without(d, "machine"), 5, "run.json: machine: Field required"),
     "empty reference": (lambda d: (d / "reference.log").write_text(""), 0, "reference.log: the recording is empty"),

@@ -8,7 +8,7 @@ from diagnosis.fleet.fleet import diagnosed, summary
 from diagnosis.models import NAMED
 from diagnosis.question import Question
 from diagnosis.reading.origin import Base, OtherMachine, base_of
-from diagnosis.reading.reading import Ask
+from diagnosis.reading.reading import ReadOptions
 from discrepancy.signals.findings import from_json
 from tests.diagnosis.cases import columns, model_file, write_csv
 from tests.discrepancy.toys import record
@@ -19,8 +19,8 @@ LOADER = NAMED["loader"]
 def test_without_a_record_the_baseline_is_the_models_own_and_that_is_said() -> None:
     base = base_of(LOADER, None, {})
     assert base.given is None
-    assert "machine l60, the model's own" in base.told
-    assert "--with" in base.told
+    assert "machine l60, the model's own" in base.description
+    assert "--with" in base.description
 
 
 def test_what_the_user_names_is_taken_for_a_machine_of_the_same_family(tmp_path: Path) -> None:
@@ -54,7 +54,7 @@ def test_a_model_without_machines_has_nothing_to_say() -> None:
 def test_a_row_of_each_says_what_its_recording_was_compared_with(tmp_path: Path) -> None:
     file, given = write_csv(tmp_path / "a.csv", columns(record(1))), tmp_path / "given.toml"
     given.write_text('model = "tank"\n')
-    row = diagnosed(Question(model=str(model_file(tmp_path)), given=given, ask=Ask(paths=[file])))
+    row = diagnosed(Question(model=str(model_file(tmp_path)), given=given, options=ReadOptions(paths=[file])))
     assert row["baseline"] == f"{given}, as --with says"
     assert from_json(str(row["findings"])).baseline == row["baseline"]
     assert f"  1 of 1 compared with {given}" in summary([row], {})
