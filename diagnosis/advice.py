@@ -5,6 +5,7 @@ from pathlib import Path
 from shlex import quote
 
 from diagnosis.describe import estimate
+from discrepancy.signals.adequacy import inadequate
 from discrepancy.signals.findings import Finding, Findings
 
 SHOWN = 4  # members of a list in one sentence
@@ -23,11 +24,25 @@ def advice(result: Findings, model: str, out: Path | None, *, applied: bool = Fa
             "with `--with FILE.toml` the next diagnosis reports only what is still missing."
         )
     # Two machine states in one set of recordings are a common cause of "unknown": no single value fits both.
-    if result.status == "unknown" and len(result.recordings) > 1:
+    if result.status in ("unknown", "explained in part") and len(result.recordings) > 1:
         steps.append(
             "If the recordings are not of one machine in one state, diagnose each of them alone with `--each`."
         )
-    return [*steps, *_recorded(result)]
+    return [*steps, *_left(result), *_recorded(result)]
+
+
+def _left(result: Findings) -> Iterator[str]:
+    """What to do about an error that has no name."""
+    beyond = inadequate(result.adequacy)
+    if not beyond:
+        return
+    measured = [c.channel for c in beyond if not c.firm]
+    yield f"Look at {_some([c.channel for c in beyond])} where the error is beyond its budget, and give the library an effect for it."
+    if measured:
+        yield (
+            f"If the sensors or disturbances of {_some(measured)} are known to be larger, state them in the model "
+            "(`sensor_noise`, `disturbances`): their budgets are measured on the recording."
+        )
 
 
 def _mended(result: Findings) -> Iterator[str]:

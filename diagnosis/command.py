@@ -1,6 +1,6 @@
 """`loaderhil diagnose`: finds in recordings the physics that a simulation leaves out.
 
-Exit codes: 0 explained, or nothing missing; 1 unknown: the model misses something that is not in the library;
+Exit codes: 0 explained, or nothing missing; 1 unknown, or explained in part: the model misses something that has no name;
 2 wrong use; 5 inconclusive: these recordings allow no verdict.
 """
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 EXIT = {
     "explained": int(Ending.PASSED),
     "nothing missing": int(Ending.PASSED),
+    "explained in part": int(Ending.FAILED),
     "unknown": int(Ending.FAILED),
     "inconclusive": int(Ending.INCONCLUSIVE),
 }
@@ -40,7 +41,7 @@ CLUSTER_ENDS_S = 20.0
 """Longest time after Ctrl-C until the process ends; workers on a cluster are stopped by a message first."""
 
 EPILOG = (
-    "Exit codes: 0 explained, or nothing missing; 1 unknown: the model misses something that is not in the library; "
+    "Exit codes: 0 explained, or nothing missing; 1 unknown, or explained in part: the model misses something that has no name; "
     "2 wrong use; 5 inconclusive: these recordings allow no verdict; 130 interrupted."
 )
 

@@ -3,8 +3,9 @@
 import math
 from collections.abc import Mapping
 
+from discrepancy.signals.adequacy import STILL_WRONG, ChannelAdequacy, inadequate, left
 from discrepancy.signals.findings import Candidate, Estimate, Finding, Findings, MissingChannel, Separation
-from discrepancy.signals.quantities import figures, quantity
+from discrepancy.signals.quantities import figures, quantity, readable
 from discrepancy.signals.units import shown
 
 SURE = 1000  # evidence above which its exact number is meaningless: the noise model is never that exact
@@ -44,7 +45,9 @@ def counted(number: int, what: str) -> str:
 
 
 def evidence(sse_reduction: float) -> str:
-    """Evidence (twice the log-likelihood ratio) as text: '37'; 'over 1000' where the number says nothing more."""
+    """Evidence (twice the log-likelihood ratio) as text: '37'; 'over 1000' where the number says nothing more; 'none' for a loss."""
+    if sse_reduction < 0.0:
+        return "none"
     return f"over {SURE}" if sse_reduction >= SURE else f"{sse_reduction:.0f}"
 
 
@@ -83,6 +86,37 @@ def _change(e: Estimate) -> str:
         return quantity(e.value, e.unit, 2)
     sign = "+" if e.value > e.baseline else ""
     return f"{sign}{quantity(e.value - e.baseline, e.unit, 2)} from {figures(e.baseline)}"
+
+
+def remaining(result: Findings) -> list[str]:
+    """How much is still wrong, and where: sentences that the reasons do not have already."""
+    if not result.adequacy:
+        return (
+            ["How much is still wrong is not known: the file is of an earlier version"]
+            if result.samples
+            else []
+        )
+    several, rest = len(result.recordings) > 1, len(result.adequacy) - 1
+    if not inadequate(result.adequacy):
+        nearest = max(result.adequacy, key=lambda c: c.over)
+        others = f"; {counted(rest, 'more channel')} further within" if rest else ""
+        return [f"within the error budgets: {left(nearest, several=several)}{others}"]
+    if any(reason.startswith(STILL_WRONG) for reason in result.reasons):
+        return []
+    return [f"{STILL_WRONG}{left(c, several=several)}" for c in inadequate(result.adequacy)]
+
+
+def budget(c: ChannelAdequacy) -> str:
+    """'0.0103 m (differences)': what the sensor may be off by, and where that figure comes from."""
+    factor, unit = readable(c.unit, c.budget)
+    return f"{figures(c.budget / factor, 2)} {unit}".rstrip() + f" ({c.source})"
+
+
+def errors(before: float, after: float, unit: str) -> str:
+    """'0.61 → 0.02 m', '0.61 m' where nothing changed."""
+    factor, name = readable(unit, max(before, after))
+    sizes = [figures(value / factor, 2) for value in (before, after)]
+    return f"{' → '.join(dict.fromkeys(sizes))} {name}".rstrip()
 
 
 def missing_channel(missing: MissingChannel) -> str:

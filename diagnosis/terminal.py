@@ -10,13 +10,16 @@ from rich.table import Table
 from diagnosis.describe import (
     UNCHANGED,
     alternatives,
+    budget,
     by_reason,
     error_ratio,
+    errors,
     estimate,
     evidence,
     expected_evidence,
     missing_channel,
     most_improved,
+    remaining,
     smallest_detectable,
     verdict,
 )
@@ -29,7 +32,13 @@ MOST_VALUES = 4  # of an effect's parameters; a road profile has hundreds
 SHOWN_CHANNELS = 6  # of those that a finding improves
 SHARE_SHOWN = 0.05  # of the evidence, below which a channel is not listed
 MOVED = 2.0  # standard deviations of its prior, beyond which a baseline parameter is worth a line
-COLOUR = {"explained": "green", "unknown": "yellow", "nothing missing": "green", "inconclusive": "red"}
+COLOUR = {
+    "explained": "green",
+    "explained in part": "yellow",
+    "unknown": "yellow",
+    "nothing missing": "green",
+    "inconclusive": "red",
+}
 
 
 def render(result: Findings, console: Console, *, all_candidates: bool = False) -> None:
@@ -44,6 +53,9 @@ def render(result: Findings, console: Console, *, all_candidates: bool = False) 
         console.print(f"{colour}{escape(complaint.described)}[/]", highlight=False)
     for line in _moved_parameters(result):
         console.print(escape(line), highlight=False)
+    if result.adequacy:
+        console.print()
+        console.print(_adequacy(result, all_candidates))
     if result.candidates:
         console.print()
         console.print(_candidates(result, all_candidates))
@@ -55,13 +67,15 @@ def render(result: Findings, console: Console, *, all_candidates: bool = False) 
 
 
 def _headline(result: Findings) -> Panel:
-    """The verdict with every named effect and its indistinguishable alternatives, and the reasons."""
+    """The verdict with every named effect and its indistinguishable alternatives, the reasons, and how much is still wrong."""
     colour = COLOUR[result.status]
     named = "; ".join(alternatives(f) for f in result.findings if f.named)
     head = f"[bold {colour}]{result.status}{': ' if named else ''}{escape(named)}[/]\n"
     title = f"{result.model}: {', '.join(result.recordings)}"
     return Panel(
-        head + "\n".join(escape(reason) for reason in result.reasons), title=escape(title), title_align="left"
+        head + "\n".join(escape(line) for line in [*result.reasons, *remaining(result)]),
+        title=escape(title),
+        title_align="left",
     )
 
 
@@ -137,6 +151,35 @@ def _moved_parameters(result: Findings) -> Iterator[str]:
                 f"The baseline's {n.name} is {quantity(n.after, n.unit, 4)} by these recordings; the assumed value is {figures(n.before, 4)}: "
                 f"{distance:.1f} standard deviations of its prior"
             )
+
+
+def _adequacy(result: Findings, everything: bool) -> Table:
+    """Errors of every channel beside their budgets, the furthest beyond first."""
+    table = Table(
+        title="Errors and budgets", title_justify="left", box=None, padding=(0, 2, 0, 1), pad_edge=False
+    )
+    table.add_column("channel", no_wrap=True)
+    for column in ("one step", "sensor", "simulated", "budget"):
+        table.add_column(column, justify="right")
+    table.add_column("")
+    ranked = sorted(result.adequacy, key=lambda c: (c.adequate, -c.over))
+    rows = ranked if everything else ranked[:MOST_ROWS]
+    for c in rows:
+        table.add_row(
+            escape(c.channel),
+            errors(c.one_step_before, c.one_step, c.unit),
+            budget(c),
+            errors(c.simulated_before, c.simulated, c.unit),
+            quantity(c.simulated_budget, c.unit, 2),
+            "" if c.adequate else "[yellow]over[/]",
+        )
+    cut = f"{len(ranked) - len(rows)} more: --all lists them. " if len(rows) < len(ranked) else ""
+    table.caption = (
+        f"{cut}One step: error of a prediction one sample ahead, before and after the findings. Sensor: what it may be off by, and from where "
+        "that is known. Simulated: error over a window from its initial state. Budget: sensor, and what unmeasured disturbances may add."
+    )
+    table.caption_justify = "left"
+    return table
 
 
 def _candidates(result: Findings, everything: bool) -> Table:

@@ -415,7 +415,61 @@ EQUATION_HELD_OUT: Final = _gate(
     module="selection.open_ended",
 )
 
-# 8 verdict
+# 8 adequacy: is the model good enough, whatever is named
+
+ONE_STEP_OVER: Final = _gate(
+    name="one-step error within budget",
+    of="channel",
+    statistic="one-step error at the end over the error budget, where that is from the sensor's sheet",
+    threshold=1.2,
+    passes="below",
+    source="on 33 recordings with known sensors: above it lay every missed strong effect and no right name; few samples: 2 % of Fisher's F over all channels",
+    otherwise="the channel is not adequate: *explained* becomes *explained in part*, *nothing missing* becomes *unknown*",
+    module="decision.adequacy",
+)
+DISTURBANCE_SHARE: Final = _gate(
+    name="share of the movement for disturbances",
+    of="channel",
+    statistic="what unmeasured disturbances may add to the error of a simulation, over the movement of the channel beyond its initial states",
+    threshold=0.1,
+    unit="or `Model.disturbances`",
+    passes="below",
+    source="an engineer's simulation follows nine tenths of a movement; coloured disturbances in the nulls of the benchmark add 0.04 at most",
+    otherwise="as for the next test",
+    module="decision.adequacy",
+)
+SIMULATED_OVER: Final = _gate(
+    name="error of the simulation within budget",
+    of="channel",
+    statistic="error of the simulation, initial states free in every window, over the root of the squared sensor budget and the squared share for disturbances",
+    threshold=1.2,
+    passes="below",
+    source="as for one-step errors; the samples count as far as their errors are independent",
+    otherwise="the channel is not adequate: *explained* becomes *explained in part*, *nothing missing* becomes *unknown*",
+    module="decision.adequacy",
+)
+PART_OVER: Final = _gate(
+    name="no part of the time beyond budget",
+    of="channel",
+    statistic="either error in a twentieth of a recording's time, or in a third of the range of a known signal, over its budget",
+    threshold=2.0,
+    passes="below",
+    source="errors are uneven in time: nulls with coloured disturbances reach 0.7 of a budget; few samples: 2 % of Fisher's F over all parts",
+    otherwise="the channel is not adequate, and the part is said",
+    module="decision.adequacy",
+)
+
+# 9 verdict
+
+NAMED_SHARE: Final = _gate(
+    name="nine tenths have a name",
+    of="verdict",
+    statistic="held-out reduction by named effects over that by all findings and the open-ended equation together",
+    threshold=0.9,
+    source="the gap that a named effect has to close in the benchmark, median; a tenth is what an equation of first order leaves of a strong effect",
+    otherwise="*explained* becomes *explained in part*",
+    module="decision.verdict",
+)
 
 SAMPLES_TO_JUDGE: Final = _gate(
     name="samples to judge",

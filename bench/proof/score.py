@@ -7,6 +7,7 @@ import numpy as np
 from scipy.stats import beta, norm
 
 from bench.proof.arm import EXACT, LAMBDAS, LOADERS, STRONG, Done
+from discrepancy.signals.adequacy import inadequate
 
 COIN = 1.0  # likelihood difference below which a coin may as well decide
 NEARLY = 0.8  # of the largest true share, from which a channel counts as the main one
@@ -99,6 +100,11 @@ def falsely(run: Done) -> bool:
     )
 
 
+def over_budget(run: Done) -> bool:
+    """Whether the errors of some channel are beyond their budget."""
+    return bool(inadequate(run.findings.adequacy))
+
+
 def right(run: Done) -> bool:
     """Whether an arm ended as it should; weak effects may be missed but not misnamed."""
     if run.arm.kind in ("null", "outside"):
@@ -131,6 +137,9 @@ def table(done: Sequence[Done]) -> Iterator[Line]:
         rest = [d for d in strong if not first(d)]
         yield Line("of the others tied with the first", "", str(share(rest, tied)))
         yield Line("a further, false name beside the truth", "", str(share(strong, falsely)))
+        named = [d for d in strong if d.named]
+        part = share(named, lambda d: d.findings.status == "explained in part")
+        yield Line("of those with a name explained in part only", "", str(part))
     yield from _outside(of["outside"])
     yield from _sizes(strong, exact)
     yield from _places(strong, of["stretch"])
@@ -178,6 +187,8 @@ def _nulls(nulls: Sequence[Done]) -> Iterator[Line]:
         "",
         str(share(nulls, lambda d: d.findings.status == "unknown")),
     )
+    judged = [d for d in nulls if d.findings.adequacy]
+    yield Line("nulls of which some channel is called inadequate", "", str(share(judged, over_budget)))
 
 
 def _outside(outside: Sequence[Done]) -> Iterator[Line]:

@@ -15,6 +15,7 @@ from bus.user_error import UserError
 from diagnosis.apply.toml_text import Line, with_values
 from diagnosis.describe import evidence, rounded
 from discrepancy.model.description import Effect, Model, Parameter
+from discrepancy.signals.adequacy import STILL_WRONG
 from discrepancy.signals.findings import Estimate, Finding, Findings
 
 Values = Mapping[str, Mapping[str, float]]
@@ -74,7 +75,9 @@ def not_applied(result: Findings) -> list[str]:
         lines.append(
             f"not applied: {result.open_ended.equation}; `loaderhil effects add` writes it as an effect"
         )
-    return lines
+    # who reads the file later must know that the extended model is not good enough yet
+    beyond = [reason for reason in result.reasons if reason.startswith(STILL_WRONG)]
+    return [*lines, *(f"with what is applied, {reason}" for reason in beyond)]
 
 
 def _summary(f: Finding, recordings: Sequence[str]) -> list[str]:

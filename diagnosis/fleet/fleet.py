@@ -20,6 +20,7 @@ from diagnosis.fleet.cluster import Tally, carry_out
 from diagnosis.fleet.store import Row, Store
 from diagnosis.question import Question, answer
 from discrepancy.selection.state import Settings
+from discrepancy.signals.adequacy import STILL_WRONG
 from discrepancy.signals.findings import Findings, to_json
 
 if TYPE_CHECKING:
@@ -67,6 +68,7 @@ def diagnosed(question: Question) -> Row:
         "status": found.status,
         "named": ", ".join(found.named),
         "reason": "; ".join(found.reasons),
+        "left": "; ".join(reason for reason in found.reasons if reason.startswith(STILL_WRONG)),
         **_first(found),
         "samples": found.samples,
         "seconds": time.monotonic() - start,
@@ -96,6 +98,10 @@ def summary(rows: Sequence[Row], failures: Mapping[str, str]) -> Iterator[str]:
     for row in without[:SHOWN]:
         reason = str(row["reason"]).removeprefix(f"{row['recording']}: ")
         yield f"  {row['recording']}: {row['status']}: {reason}"
+    part = [row for row in rows if row["named"] and row["left"]]
+    yield from (f"  {row['recording']}: {row['status']}: {row['left']}" for row in part[:SHOWN])
+    if len(part) > SHOWN:
+        yield f"  and {len(part) - SHOWN} more with an error beyond its budget; the table has them all"
     if len(without) > SHOWN:
         yield f"  and {len(without) - SHOWN} more without a name; the table has them all"
     yield from (f"  failed: {key}: {reason}" for key, reason in failures.items())

@@ -15,18 +15,27 @@ from diagnosis.page.sentences import (
     open_cards,
     percent,
     sentence,
+    still_wrong,
     summary,
+    where_over,
     where_text,
 )
 from diagnosis.page.tables import Cell, definitions, meter, plain, table
 from discrepancy.decision.evidence import Evidence
+from discrepancy.signals.adequacy import inadequate
 from discrepancy.signals.findings import Estimate, Finding, Findings
 from discrepancy.signals.quantities import figures, quantity
 from discrepancy.signals.units import shown as shown_unit
 from report.kit.document import bar, document, resource
 from report.kit.mathml import mathml
 
-CARD = {"explained": "good", "nothing missing": "good", "unknown": "warned", "inconclusive": "unknown"}
+CARD = {
+    "explained": "good",
+    "nothing missing": "good",
+    "explained in part": "warned",
+    "unknown": "warned",
+    "inconclusive": "unknown",
+}
 SHOWN_CARDS = 4  # findings with a card of their own; all of them follow below
 COMMAND = re.compile("`([^`]*)`")
 OPTION = re.compile(r"(?<!\S)(--\S+)")
@@ -44,6 +53,7 @@ def page(
     clock = drawn.Clock.of(shown) if shown else None
     chapters = [
         ("next", "What to do next", _steps(steps)),
+        ("adequacy", "How much is still wrong", _adequacy(result)),
         ("found", "What was found", "".join(_findings(result))),
         ("machine", "On the machine", machine.chapter(result, shown) if shown else ""),
         ("map", "Where model and recordings differ", drawn.mismatch(shown, clock) if shown and clock else ""),
@@ -74,7 +84,8 @@ def page(
 
 def _heading(result: Findings) -> str:
     if result.named:
-        return f"Left out: {'; '.join(describe.alternatives(f) for f in result.findings if f.named)}"
+        part = "; not all of it" if result.status == "explained in part" else ""
+        return f"Left out: {'; '.join(describe.alternatives(f) for f in result.findings if f.named)}{part}"
     return {
         "unknown": "The model misses something; the cause is unknown",
         "nothing missing": "Nothing is missing",
@@ -84,6 +95,9 @@ def _heading(result: Findings) -> str:
 
 def _cards(result: Findings) -> str:
     cards = [_card(CARD[result.status], "verdict", result.status.capitalize(), summary(result))]
+    if result.adequacy:
+        kind = "warned" if inadequate(result.adequacy) else "good"
+        cards.append(_card(kind, "what is left", *still_wrong(result)))
     for finding in result.findings[:SHOWN_CARDS]:
         kind = "good" if finding.named else "warned"
         what = kind_and_place(finding)
@@ -141,6 +155,35 @@ def _finding(number: int, f: Finding) -> str:
         f"{mathml(f.equation) if f.equation else ''}{profile(f.parameters)}"
         f"{definitions({k: v for k, v in facts.items() if v})}</article>"
     )
+
+
+def _adequacy(result: Findings) -> str:
+    """Errors of every channel beside their budgets, and the parts of time and the regimes that are beyond them."""
+    if not result.adequacy:
+        return ""
+    head = ("channel", "one step", "sensor", "source", "simulated", "budget", "of budget", "beyond it")
+    rows: list[Sequence[Cell]] = []
+    several = len(result.recordings) > 1
+    for c in sorted(result.adequacy, key=lambda c: (c.adequate, -c.over)):
+        over = [where_over(p, several=several) for p in (*c.parts, *c.regimes) if p.over]
+        rows.append(
+            (
+                plain(c.channel),
+                plain(describe.errors(c.one_step_before, c.one_step, c.unit), "n"),
+                plain(quantity(c.budget, c.unit, 2), "n"),
+                plain(c.source),
+                plain(describe.errors(c.simulated_before, c.simulated, c.unit), "n"),
+                plain(quantity(c.simulated_budget, c.unit, 2), "n"),
+                plain(f"{figures(c.over, 2)} times", "n"),
+                plain("; ".join(over) or ("" if c.adequate else "throughout")),
+            )
+        )
+    note = (
+        f"Root mean square errors{', before and after the findings' if result.findings else ''}. One step: a prediction one sample ahead. Simulated: a whole window from its initial "
+        "state. Sensor: what the sensor may be off by; from its sheet, or measured on the recording as a lower bound. Budget of a simulation: the "
+        "sensor, and a tenth of the channel's movement for disturbances that nobody measured, unless the model states them."
+    )
+    return f'<p class="soft">{note}</p>{table(head, rows, numbers=(1, 2, 4, 5, 6))}'
 
 
 def _steps(steps: Sequence[str]) -> str:
@@ -247,9 +290,11 @@ def _recordings(result: Findings, shown: Evidence | None) -> str:
 
 _TERMS = definitions(
     {
-        "explained": "at least one effect passed every test; a remaining difference is stated",
+        "explained": "at least one effect passed every test, and the errors of all channels are within their budgets",
+        "explained in part": "at least one effect passed every test, and something is left that has no name: how much and where is stated",
         "unknown": "model and recordings differ, and no effect of the library passed the tests of a cause",
-        "nothing missing": "no effect of the library and no function of the known signals improves the prediction of held-out data",
+        "nothing missing": "no effect of the library and no function of the known signals improves the prediction of held-out data, and the errors of all channels are within their budgets",
+        "error budget": "what the sensor of a channel may be off by (its sheet, its resolution, its scatter at standstill, or the first differences of the error), and for a simulation what unmeasured disturbances may add",
         "inconclusive": "the recordings are unusable or too short, or no effect of the library would show in them",
         "before, after": "the baseline alone, and with all effects found; parameters are fitted to the other segments of the recordings",
         "one-step error": "standard deviation of the error of a prediction one sample ahead, given all earlier errors; the unit in which residuals are shown",

@@ -7,9 +7,11 @@ from html import escape
 
 from diagnosis import describe
 from diagnosis.page.tables import definitions
+from discrepancy.signals.adequacy import ErrorPart, inadequate, left
 from discrepancy.signals.findings import Estimate, Finding, Findings, OpenEquation, Where
 from report.kit.mathml import added
 
+MOST_LEFT = 2  # channels beyond their budget on the card; all of them are in the table below
 MOST_CHANNELS = 6  # of those that a finding improves; all of them are in findings.json
 SHARE_SHOWN = 0.05  # of the evidence, below which a channel is not listed
 
@@ -18,7 +20,8 @@ def headline(result: Findings) -> str:
     """The first paragraph of the page: the result in one or two sentences."""
     named = [f for f in result.findings if f.named]
     if named:
-        return f"The model leaves out {'; '.join(map(_left_out, named))}.{_error_falls(named)}"
+        rest = " That does not explain all of the difference." if result.status == "explained in part" else ""
+        return f"The model leaves out {'; '.join(map(_left_out, named))}.{_error_falls(named)}{rest}"
     if result.status == "unknown":
         signals = result.open_ended.depends_on if result.open_ended else []
         depends = f" The difference depends on {', '.join(signals)}." if signals else ""
@@ -44,7 +47,7 @@ def _left_out(f: Finding) -> str:
 def _error_falls(named: Sequence[Finding]) -> str:
     """By how much the first finding lowers the error of the channel that gains most."""
     lowest = min(named[0].held_out_error.items(), key=lambda item: item[1], default=None)
-    if lowest is None:
+    if lowest is None or lowest[1] >= 1.0:
         return ""
     which = named[0].effect if len(named) > 1 else "this effect"
     return f" With {which} in the model, the error of {lowest[0]} on held-out data falls to {percent(lowest[1])} of its value before."
@@ -65,6 +68,26 @@ def summary(result: Findings) -> str:
     parts += [f"{verdicts[v]} {v}" for v in ("ruled out", "could not be judged") if verdicts[v]]
     text = "; ".join(parts)
     return text[:1].upper() + text[1:]
+
+
+def still_wrong(result: Findings) -> tuple[str, str]:
+    """How much is still wrong, and where: outcome and story of its card."""
+    beyond, several = inadequate(result.adequacy), len(result.recordings) > 1
+    count = len(result.adequacy)
+    if not beyond:
+        return "Within the error budgets", f"{sentence(describe.remaining(result)[0])}"
+    story = "; ".join(left(c, several=several) for c in beyond[:MOST_LEFT])
+    more = f"; and {len(beyond) - MOST_LEFT} more channels" if len(beyond) > MOST_LEFT else ""
+    return f"Beyond the error budget: {len(beyond)} of {describe.counted(count, 'channel')}", sentence(
+        f"{story}{more}"
+    )
+
+
+def where_over(part: ErrorPart, *, several: bool) -> str:
+    """'1200 to 1500 s', 'level above 8.2 V'; several: times name their recording."""
+    if part.start_s is None or part.end_s is None:
+        return part.regime
+    return f"{f'{part.recording} ' if several else ''}{part.start_s:.4g} to {part.end_s:.4g} s"
 
 
 def percent(share: float) -> str:

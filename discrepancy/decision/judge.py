@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from discrepancy.decision import summary
+from discrepancy.decision.adequacy import adequacy
 from discrepancy.decision.caveats import caveats_of
 from discrepancy.decision.drop_one import DropOneTest, backward, drop_one_tests
 from discrepancy.decision.groups import Alternative, alternatives, separation
@@ -61,6 +62,8 @@ def judge(
     # the fits of the search are forward; report in order of evidence
     found.sort(key=lambda finding: -finding.sse_reduction)
     candidates = summary.candidates(problem, state, history[0], found, settings)
+    progress("comparing errors with their budgets")
+    channels = adequacy(problem, history[0], state)
     status, reasons = verdict(
         problem,
         state,
@@ -69,6 +72,7 @@ def judge(
         equation,
         candidates,
         complaints,
+        channels,
         settings,
         len(history[-1].accepted),
     )
@@ -78,6 +82,7 @@ def judge(
         status=status,
         reasons=reasons,
         findings=found,
+        adequacy=channels,
         open_ended=summary.open_equation(equation),
         candidates=candidates,
         nuisances=summary.nuisances(problem, state),
@@ -123,7 +128,7 @@ def _finding(
         caveats=caveats,
         kind=effect.kind,
         place=effect.place,
-        sentence=effect.sentence,
+        sentence=effect.said(best.fit.values.shared[effect.parameters[0].name]),
         equation=effect.equation,
         parameters=summary.estimates(effect, best.fit, state.noise),
         sse_reduction=test.sse_reduction,
@@ -132,7 +137,7 @@ def _finding(
         gap_closed=test.gap_closed,
         confounded_share=confounded,
         held_out_error=test.error_ratio,
-        group=[_member(problem, state, other) for other in rest],
+        group=[_member(problem, state, best, other) for other in rest],
         separate_by=[s for s in separations if s is not None],
         where=locate(
             problem, state.noise, test.without, best.fit, active_interval_of(effect, best.fit.values)
@@ -140,10 +145,11 @@ def _finding(
     )
 
 
-def _member(problem: Problem, state: State, other: Alternative) -> f.GroupMember:
+def _member(problem: Problem, state: State, best: Alternative, other: Alternative) -> f.GroupMember:
+    """An alternative beside the best one, from which its likelihood differs by 0 or more."""
     return f.GroupMember(
         effect=other.effect,
-        likelihood_difference=other.difference,
+        likelihood_difference=other.difference - best.difference,
         collinearity=other.collinearity,
         parameters=summary.estimates(problem.model.effect(other.effect), other.fit, state.noise),
     )

@@ -44,8 +44,9 @@ def locate(
 
 def _densest_intervals(problem: Problem, noise: Noise, share: Array) -> list[f.Interval]:
     """Per recording, the interval in which the evidence outruns half its own average the most (maximum subarray)."""
-    found = []
-    for bins in time_bins(problem, noise):
+    found, each = [], [*time_bins(problem, noise)]
+    everywhere = np.concatenate([bins.summed(share) for bins in each])
+    for bins in each:
         own = share[bins.rows]
         if float(np.sum(own)) < BACKGROUND * bins.rows.mean():
             continue
@@ -56,7 +57,7 @@ def _densest_intervals(problem: Problem, noise: Noise, share: Array) -> list[f.I
                 recording=bins.recording,
                 start_s=float(bins.edges_s[low]),
                 end_s=float(bins.edges_s[high]),
-                share=float(np.sum(per_bin[low:high])),
+                share=fraction(per_bin[low:high], everywhere),
             )
         )
     return found
@@ -64,13 +65,19 @@ def _densest_intervals(problem: Problem, noise: Noise, share: Array) -> list[f.I
 
 def _active_interval(problem: Problem, noise: Noise, share: Array, active: range) -> f.Interval:
     first, last = problem.windows[active.start], problem.windows[active.stop - 1]
-    rows = (noise.row_window >= active.start) & (noise.row_window < active.stop)
+    per_window = np.bincount(noise.row_window, share, len(problem.windows))
     return f.Interval(
         recording=first.recording,
         start_s=first.start_s,
         end_s=last.end_s,
-        share=float(np.sum(share[rows])),
+        share=fraction(per_window[active.start : active.stop], per_window),
     )
+
+
+def fraction(part: Array, whole: Array) -> float:
+    """Share of the gains of the whole that is in a part of it, from 0 to 1; losses by noise elsewhere would make it more than all."""
+    total = float(np.sum(np.maximum(whole, 0.0)))
+    return min(float(np.sum(np.maximum(part, 0.0))) / total, 1.0) if total > 0.0 else 0.0
 
 
 def densest(values: Array) -> tuple[int, int]:
@@ -91,8 +98,10 @@ def _regimes(problem: Problem, noise: Noise, share: Array) -> list[f.Regime]:
     units = {**problem.model.inputs, **problem.model.outputs}
     for name in names:
         unit, ranges = regimes_of(problem, noise, name, units[name])
+        sums = {text: float(np.sum(share[rows])) for text, rows in ranges.items()}
         for text, rows in ranges.items():
-            own, size = float(np.sum(share[rows])), float(rows.mean())
+            size = float(rows.mean())
+            own = fraction(np.array([sums[text]]), np.array([*sums.values()]))
             if size > SMALLEST_REGIME and own / size > DENSER:
                 found.append(f.Regime(text=f"{name} {text} {unit}".rstrip(), share=own, density=own / size))
     return sorted(found, key=lambda r: -r.density)[:MOST_REGIMES]

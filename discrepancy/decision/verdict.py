@@ -1,4 +1,7 @@
-"""The verdict in one word and its reasons: explained, unknown, nothing missing, or inconclusive."""
+"""The verdict in one word and its reasons: explained, explained in part, unknown, nothing missing, or inconclusive.
+
+*Explained* and *nothing missing* need a model that is adequate: every channel within its error budget (discrepancy.decision.adequacy).
+"""
 
 from collections.abc import Sequence
 
@@ -10,9 +13,11 @@ from discrepancy.selection.candidate_fits import confirm
 from discrepancy.selection.open_ended import OpenEnded
 from discrepancy.selection.state import CandidateFit, Settings, State
 from discrepancy.signals import findings as f
+from discrepancy.signals.adequacy import STILL_WRONG, ChannelAdequacy, inadequate, left
 from discrepancy.signals.recording import Complaint
 
 SHOWN = 6  # effects in a reason; all candidates with their verdicts stand beside it
+SHOWN_CHANNELS = 3  # whose errors are in the reasons; all of them are in the findings
 
 
 def verdict(
@@ -23,16 +28,29 @@ def verdict(
     equation: OpenEnded,
     candidates: Sequence[f.Candidate],
     complaints: Sequence[Complaint],
+    channels: Sequence[ChannelAdequacy],
     settings: Settings,
     accepted: int,
 ) -> tuple[f.Status, list[str]]:
-    """Status and reasons; left_over: candidates that passed when the search ended at its limit; accepted: effects, when it ended."""
+    """Status and reasons; channels: their errors beside their budgets; left_over: candidates that passed when the search ended at its limit; accepted: effects, when it ended."""
     silent = not found and not equation.terms
     inconsistent = _inconsistent(problem, state, settings) if silent and not left_over else None
     status, reasons = _status(problem, found, equation, candidates, complaints, inconsistent)
     if status == "nothing missing":
         reasons += [f"{text}: the baseline is wrong there" for text in prior_conflicts(problem, state.fit)]
         status = "inconclusive" if left_over else status
+    wrong = still_wrong(channels, several=len({w.recording for w in problem.windows}) > 1)
+    if status == "nothing missing" and wrong:
+        status = "unknown"
+        reasons = [
+            "the model misses something that no effect of the library and no known signal explains",
+            *reasons,
+        ]
+    if status == "explained" and (
+        wrong or left_over or _named_share(found, equation) < gates.NAMED_SHARE.threshold
+    ):
+        status = "explained in part"
+    reasons += wrong
     if accepted >= settings.most_effects:
         reasons.append(
             f"the search ended at its limit of {settings.most_effects} effects: no further ones were looked for"
@@ -42,6 +60,23 @@ def verdict(
         f"the search ended at {settings.most_simulations} simulations though {t.effect} would help: the model is wrong by far, or in many ways"
         for t in left_over
     ]
+
+
+def _named_share(found: Sequence[f.Finding], equation: OpenEnded) -> float:
+    """Of what is known to be missing, the share that has a name, from 0 to 1."""
+    named, rest = (
+        [max(x.held_out_sse_reduction, 0.0) for x in found if x.named is wanted] for wanted in (True, False)
+    )
+    unnamed = sum(rest) + max(equation.held_out_sse_reduction, 0.0)
+    return sum(named) / (sum(named) + unnamed) if unnamed else 1.0
+
+
+def still_wrong(channels: Sequence[ChannelAdequacy], *, several: bool) -> list[str]:
+    """Sentences on the channels beyond their error budgets, the furthest first; several: times name their recording."""
+    beyond = inadequate([*channels])
+    more = len(beyond) - SHOWN_CHANNELS
+    said = [f"{STILL_WRONG}{left(c, several=several)}" for c in beyond[:SHOWN_CHANNELS]]
+    return [*said, f"{STILL_WRONG}{more} more channels"] if more > 0 else said
 
 
 def _inconsistent(problem: Problem, state: State, settings: Settings) -> CandidateFit | None:
@@ -76,9 +111,7 @@ def _status(
     ]
     wrong = [c.described for c in complaints if c.fatal and c.signal in problem.missing]
     if any(x.named for x in found):
-        enough = (
-            "with it, no other effect and no known signal predicts the data that was not fitted any better"
-        )
+        enough = "beside it, no other effect and no known signal improves the prediction of held-out data"
         return "explained", [*(reasons or [enough]), *wrong]
     if found or equation.terms:
         return "unknown", [*reasons, *wrong]

@@ -77,10 +77,15 @@ class Effect:
     parameters: tuple[Parameter, ...]
     kind: Literal["physics", "sensor"]
     place: str  # where it acts on the machine
+    reverse: str = ""  # the sentence where its first parameter is below its baseline: early instead of late
     excited_by: str = ""  # what a recording must contain to show it
     confusable: Mapping[str, str] = field(
         default_factory=dict
     )  # other effects, and what would tell them apart
+
+    def said(self, value: float) -> str:
+        """The sentence for a value of the first parameter."""
+        return self.reverse if self.reverse and value < self.parameters[0].value else self.sentence
 
     @property
     def size(self) -> int:
@@ -217,6 +222,12 @@ class Model:
     floors: Mapping[str, float] = field(
         default_factory=dict
     )  # least standard deviation of the one-step error by output
+    sensor_noise: Mapping[str, float] = field(
+        default_factory=dict
+    )  # standard deviation of what the sensor adds, by output, from its sheet; where there is none, it is measured on the recording
+    disturbances: Mapping[str, float] = field(
+        default_factory=dict
+    )  # what disturbances that nobody measured move an output by within a window, standard deviation; else a tenth of its movement
     lags: Mapping[str, float] = field(
         default_factory=dict
     )  # low-passes that `simulate` has in it already, by output [s]

@@ -85,6 +85,11 @@ def sensor_effects(
             "a long recording",
         ),
     }
+    reverse = {
+        "bias": f"{output} reads too little by a constant",
+        "scale": f"{output} reads too little in proportion",
+        "delay": f"{output} comes early by a constant time (stamps of another clock)",
+    }
     if unknown := set(kinds) - set(library):
         raise ValueError(
             f"sensor effects of {output}: unknown kinds {sorted(unknown)}; known are {', '.join(KINDS)}"
@@ -97,6 +102,7 @@ def sensor_effects(
             parameters=(p,),
             kind="sensor",
             place=f"sensor of {output}",
+            reverse=reverse.get(kind, ""),
             excited_by=excited,
             confusable=_confusable(output, kind),
         )

@@ -12,9 +12,11 @@ from typing import Any, Final, Literal
 
 from pydantic import TypeAdapter
 
+from discrepancy.signals.adequacy import ChannelAdequacy
 from discrepancy.signals.recording import Complaint
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
+READABLE: Final = (1, 2)  # versions that are still read
 SCHEMA = Path(__file__).with_name("schema.json")
 OLD_NAMES: Final[Mapping[str, str]] = {
     "gain": "sse_reduction",
@@ -27,7 +29,7 @@ OLD_NAMES: Final[Mapping[str, str]] = {
 """Fields by their names in version 1, which can still be read."""
 BY_CHANNEL: Final = ("channels", "held_out_error")  # mappings whose keys are no fields
 
-Status = Literal["explained", "unknown", "nothing missing", "inconclusive"]
+Status = Literal["explained", "explained in part", "unknown", "nothing missing", "inconclusive"]
 Verdict = Literal[
     "found", "confusable with a finding", "ruled out", "negligible", "not needed", "could not be judged"
 ]
@@ -214,6 +216,7 @@ class Findings:
     status: Status
     reasons: list[str]
     findings: list[Finding] = field(default_factory=list)
+    adequacy: list[ChannelAdequacy] = field(default_factory=list)  # by channel; empty in files of version 2
     open_ended: OpenEquation | None = None
     candidates: list[Candidate] = field(default_factory=list)
     nuisances: list[Nuisance] = field(default_factory=list)
@@ -246,7 +249,7 @@ def to_json(result: Findings) -> str:
 
 
 def from_json(text: str) -> Findings:
-    """Read and check against the schema; files of version 1 are read by the names of their time.
+    """Read and check against the schema; files of version 1 are read by the names of their time, those of version 2 know no adequacy.
 
     Raises pydantic.ValidationError with the place of the fault.
     """
@@ -254,8 +257,8 @@ def from_json(text: str) -> Findings:
         raw = json.loads(text)
     except ValueError:
         return _ADAPTER.validate_json(text)  # says where
-    if isinstance(raw, dict) and raw.get("schema_version") == 1:
-        raw = _renamed(raw) | {"schema_version": SCHEMA_VERSION}
+    if isinstance(raw, dict) and raw.get("schema_version") in READABLE:
+        raw = (_renamed(raw) if raw["schema_version"] == 1 else raw) | {"schema_version": SCHEMA_VERSION}
     return _ADAPTER.validate_json(json.dumps(raw))
 
 

@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from diagnosis.reading.reading import Misuse, constants_of, measured
 from discrepancy.models import ball
 from discrepancy.signals.units import parse_scaled
 from tests.diagnosis.cases import Call, columns, loaderhil, model_file, write_csv
-from tests.discrepancy.toys import record
+from tests.discrepancy.toys import record, struck
 
 __all__ = ["loaderhil"]
 
@@ -88,6 +89,23 @@ def test_nothing_missing_and_unknown_have_their_exit_codes(loaderhil: Call, tmp_
     ended = loaderhil("diagnose", odd, "--model", model_file(tmp_path, "level scale", "level bias"))
     assert ended.result is not None
     assert (ended.code, ended.result.status) == (1, "unknown")
+
+
+def test_what_is_explained_in_part_ends_with_1_and_says_how_much_is_left(
+    loaderhil: Call, tmp_path: Path
+) -> None:
+    """The leak is sure and applied; the swing for ten seconds has no name."""
+    hit = struck(record(14, leak=0.05), 90.0, 100.0, 0.8)
+    file, model = write_csv(tmp_path / "hit.csv", columns(hit)), model_file(tmp_path, "leak")
+    ended = loaderhil("diagnose", file, "--model", model, "--apply", tmp_path / "leaky.toml")
+    assert ended.result is not None
+    assert (ended.code, ended.result.status) == (1, "explained in part")
+    applied = (tmp_path / "leaky.toml").read_text()
+    assert tomllib.loads(applied)["effects"]["leak"]["leak"] == pytest.approx(0.05, rel=0.1)
+    assert "still wrong: level is simulated to 0." in applied
+    first_screen = ended.out[: ended.out.index("1. leak")]
+    assert "still wrong: level is simulated to 0." in first_screen
+    assert "times its budget" in first_screen
 
 
 def test_channels_constants_and_shifts_can_be_said_on_the_command_line(

@@ -8,17 +8,50 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diagnosis.describe import (
+    errors,
     estimate,
+    evidence,
     expected_evidence,
     most_improved,
+    remaining,
     rounded,
     smallest_detectable,
     verdict,
 )
 from discrepancy.examine import examine
 from discrepancy.selection.state import Settings
-from discrepancy.signals.findings import Estimate, Separation
+from discrepancy.signals.adequacy import ChannelAdequacy
+from discrepancy.signals.findings import Estimate, Findings, Separation
 from tests.discrepancy.toys import record, tank
+
+LEVEL = ChannelAdequacy(
+    channel="level", unit="m", budget=0.01, source="differences", movement=1.0, simulated_budget=0.1, one_step_before=0.05,
+    one_step=0.01, simulated_before=0.8, simulated=0.04, adequate=True,
+)  # fmt: skip
+
+
+def test_every_result_says_how_much_is_still_wrong() -> None:
+    good = Findings(
+        model="tank", recordings=["r"], status="explained", reasons=[], samples=9, adequacy=[LEVEL]
+    )
+    assert remaining(good) == [
+        "within the error budgets: level is simulated to 0.04 m, within its budget of 0.1 m"
+    ]
+    beyond = [replace(LEVEL, simulated=0.3, adequate=False)]
+    (said,) = remaining(replace(good, adequacy=beyond))
+    assert said == "still wrong: level is simulated to 0.3 m, 3 times its budget of 0.1 m"
+    assert remaining(replace(good, adequacy=beyond, reasons=[said])) == []
+    assert "earlier version" in remaining(replace(good, adequacy=[]))[0]
+
+
+def test_errors_are_shown_before_and_after_in_readable_units() -> None:
+    assert errors(0.8, 0.04, "m") == "0.8 → 0.04 m"
+    assert errors(0.04, 0.04, "m") == "0.04 m"
+    assert errors(250e3, 30e3, "Pa") == "250 → 30 kPa"
+
+
+def test_a_loss_is_no_evidence() -> None:
+    assert [evidence(gain) for gain in (-26.0, 37.4, 5000.0)] == ["none", "37", "over 1000"]
 
 
 def test_many_channels_are_the_best_and_a_number() -> None:

@@ -1,6 +1,7 @@
 """A tank that fills: the smallest model for laws of the engine. dx/dt = u / area - leak x, measured with noise."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy.signal import lfilter
@@ -94,4 +95,14 @@ def record(
             "inflow": signal(time_s[::fine], inflow[::fine], "m/s", held=True),
             "level": signal(time_s[::fine], seen + colour, "m"),
         },
+    )
+
+
+def struck(recording: Recording, start_s: float, end_s: float, size: float) -> Recording:
+    """The level reads too much by a slow swing for some time, which no effect of the library is."""
+    level = recording.signals["level"]
+    inside = (level.time_s >= start_s) & (level.time_s < end_s)
+    swing = size * np.sin(2.0 * np.pi * (level.time_s - start_s) / (end_s - start_s)) * inside
+    return replace(
+        recording, signals={**recording.signals, "level": replace(level, value=level.value + swing)}
     )

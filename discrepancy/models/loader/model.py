@@ -46,6 +46,7 @@ def model(
     sheet = load_machine(machine) if isinstance(machine, str) else machine
     equipment = load_equipment(sheet.family)
     lags = {name: equipment.sensors.of(name).lag for name in CHANNELS}
+    noise = {name: equipment.sensors.of(name).noise for name in CHANNELS}
     simulate = Loader(sheet, equipment, recordings)
     return Model(
         name="loader",
@@ -63,6 +64,7 @@ def model(
         jacobian_reach=JACOBIAN_REACH,
         negligible=NEGLIGIBLE,
         floors={name: FLOOR * channel.typical for name, channel in CHANNELS.items()},
+        sensor_noise={name: sd for name, sd in noise.items() if sd > 0.0},
         lags={name: lag for name, lag in lags.items() if lag > 0.0},
         least_explained=LEAST_EXPLAINED,
         threads=True,

@@ -19,7 +19,7 @@ from discrepancy.selection.state import Settings
 from discrepancy.signals.findings import Estimate, Findings
 from discrepancy.signals.recording import Array
 from tests.diagnosis.cases import Call, columns, loaderhil, model_file, write_csv
-from tests.discrepancy.toys import record, tank
+from tests.discrepancy.toys import record, struck, tank
 
 __all__ = ["loaderhil"]
 VOID = {"meta", "br", "img", "input", "link", "hr", "mspace", "path", "rect", "wbr"}
@@ -53,6 +53,22 @@ def leaking() -> tuple[Judgement, Evidence]:
     judged = investigate(tank(), [record(2, leak=0.08)], Settings())
     assert isinstance(judged, Judgement)
     return judged, evidence(judged, Settings())
+
+
+def test_the_page_says_how_much_is_left_and_where() -> None:
+    hit = struck(record(14, leak=0.05), 90.0, 100.0, 0.8)
+    judged = investigate(tank("leak"), [hit], Settings(open_ended=False))
+    assert isinstance(judged, Judgement)
+    text = page(judged.findings, None, [], {})
+    head, _, below = text.partition('id="adequacy"')
+    for words in (
+        "Explained in part",
+        "Left out: leak; not all of it",
+        "Beyond the error budget: 1 of 1 channel",
+    ):
+        assert words in head
+    assert "differences" in below
+    Checker().feed(text)
 
 
 def test_the_page_is_well_formed_and_fetches_nothing(leaking: tuple[Judgement, Evidence]) -> None:

@@ -11,6 +11,7 @@ from discrepancy.selection.state import Settings
 from discrepancy.signals.findings import (
     OLD_NAMES,
     SCHEMA,
+    Findings,
     from_json,
     schema_text,
     to_json,
@@ -60,8 +61,15 @@ def test_files_of_version_1_are_read_by_the_names_of_their_time() -> None:
     found = examine(tank(), [record(2, leak=0.08)], Settings())
     first = replace(found.findings[0], held_out_error={"gain": 0.5, **found.findings[0].held_out_error})
     whole = replace(found, findings=[first, *found.findings[1:]])
-    text = to_json(whole).replace('"schema_version": 2', '"schema_version": 1')
+    text = to_json(whole).replace('"schema_version": 3', '"schema_version": 1')
     for old, new in OLD_NAMES.items():
         text = text.replace(f'"{new}":', f'"{old}":')
     assert '"doubts"' in text
     assert from_json(text) == whole
+
+
+def test_files_of_version_2_are_read_and_know_no_adequacy() -> None:
+    whole = Findings(model="tank", recordings=["r"], status="explained", reasons=[], samples=9)
+    raw = json.loads(to_json(whole)) | {"schema_version": 2}
+    del raw["adequacy"]
+    assert from_json(json.dumps(raw)) == whole

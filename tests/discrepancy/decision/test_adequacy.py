@@ -1,0 +1,112 @@
+"""Adequate first, then a name: errors beside budgets, and the verdicts that follow."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from discrepancy.decision.location import fraction
+from discrepancy.examine import examine
+from discrepancy.model.sensors import sensor_effects
+from discrepancy.selection.state import Settings
+from discrepancy.signals.adequacy import ErrorPart, left
+from discrepancy.signals.findings import Findings
+from tests.discrepancy.toys import record, struck, tank
+
+QUICK = Settings(open_ended=False)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.8])
+def test_errors_of_a_complete_model_are_within_budget(memory: float) -> None:
+    result = examine(tank("leak"), [record(11, memory=memory)], QUICK)
+    (level,) = result.adequacy
+    assert (result.status, level.adequate) == ("nothing missing", True)
+    assert level.one_step == pytest.approx(0.02, rel=0.1)
+    assert level.simulated < level.simulated_budget
+    assert not any(p.over for p in (*level.parts, *level.regimes))
+
+
+def test_nothing_missing_needs_adequacy() -> None:
+    """What the noise's memory can swallow is still there in the simulation."""
+    result = examine(tank("leak", "level delay"), [struck(record(12), 40.0, 60.0, 1.0)], QUICK)
+    (level,) = result.adequacy
+    assert result.named == []
+    assert (result.status, level.adequate) == ("unknown", False)
+    assert any(reason.startswith("still wrong: level is simulated to") for reason in result.reasons)
+
+
+def test_the_time_in_which_the_error_is_left_is_said() -> None:
+    result = examine(tank("level sign"), [struck(record(13), 60.0, 72.0, 0.8)], QUICK)
+    over = [p for p in result.adequacy[0].parts if p.over]
+    assert over
+    for part in over:
+        assert part.start_s is not None
+        assert part.end_s is not None
+        assert part.end_s > 59.0
+        assert part.start_s < 73.0
+
+
+def test_explained_needs_adequacy_and_says_how_much_is_left() -> None:
+    """A leak with a size that is sure, beside a disturbance that has no name."""
+    whole = examine(tank("leak"), [record(14, leak=0.05)], QUICK)
+    part = examine(tank("leak"), [struck(record(14, leak=0.05), 90.0, 100.0, 0.8)], QUICK)
+    assert (whole.status, whole.adequacy[0].adequate) == ("explained", True)
+    assert (part.status, part.named) == ("explained in part", ["leak"])
+    assert part.findings[0].parameters[0].value == pytest.approx(0.05, rel=0.1)
+    said = next(reason for reason in part.reasons if reason.startswith("still wrong"))
+    assert "times its budget" in said
+    assert " m, most from 9" in said
+
+
+def test_a_finding_lowers_the_errors_from_before_to_after() -> None:
+    (level,) = examine(tank("leak"), [record(15, leak=0.05)], QUICK).adequacy
+    assert level.simulated < 0.2 * level.simulated_before
+    assert level.one_step < level.one_step_before
+    assert level.one_step == pytest.approx(0.02, rel=0.1)
+
+
+def test_one_step_errors_beyond_the_sensors_sheet_are_too_much() -> None:
+    """Readings with twice the noise of their sheet; the same readings with a measured budget prove nothing."""
+    recording = record(16, noise=0.02)
+    known = replace(tank("leak"), sensor_noise={"level": 0.01})
+    verdicts = [examine(m, [recording], QUICK) for m in (tank("leak"), known)]
+    assert [v.status for v in verdicts] == ["nothing missing", "unknown"]
+    assert "is predicted one step ahead to 0.02 m, 2" in verdicts[1].reasons[-1]
+
+
+def test_disturbances_that_the_model_states_are_allowed() -> None:
+    recording = struck(record(17), 60.0, 72.0, 0.8)
+    rough = replace(tank("level sign"), disturbances={"level": 0.5})
+    assert examine(rough, [recording], QUICK).adequacy[0].adequate
+
+
+def test_shares_are_between_nothing_and_all() -> None:
+    """Noise makes some bins negative; the positive ones are not more than all for that."""
+    bins = np.array([-3.0, 4.0, 1.0, -1.5])
+    assert fraction(bins[1:2], bins) == pytest.approx(0.8)
+    assert fraction(bins[1:], bins) == 1.0
+    assert fraction(bins[:1], bins) == 0.0
+    assert fraction(bins, -bins[:0]) == 0.0
+
+
+def test_a_negative_delay_is_called_early() -> None:
+    delay = next(e for e in sensor_effects("gyro", "rad/s", bias=0.1) if e.name == "gyro delay")
+    assert "comes late" in delay.said(0.07)
+    assert "comes early" in delay.said(-0.07)
+
+
+def test_the_sentence_names_channel_size_budget_and_place() -> None:
+    (level,) = examine(tank("leak"), [record(18)], QUICK).adequacy
+    part = ErrorPart(
+        recording="b", start_s=3.0, end_s=4.0, one_step_before=0.0, one_step=0.0, simulated_before=0.0, simulated=1.0, over=True,
+    )  # fmt: skip
+    far = replace(level, simulated=0.5, simulated_budget=0.1, parts=[part], adequate=False)
+    assert (
+        left(far, several=True)
+        == "level is simulated to 0.5 m, 5 times its budget of 0.1 m, most from 3 to 4 s of b"
+    )
+
+
+def test_findings_hold_the_errors_of_every_channel() -> None:
+    result: Findings = examine(tank("leak"), [record(19)], QUICK)
+    assert [c.channel for c in result.adequacy] == ["level"]
