@@ -65,7 +65,7 @@ def _densest_intervals(problem: Problem, noise: Noise, share: Array) -> list[f.I
 
 def _active_interval(problem: Problem, noise: Noise, share: Array, active: range) -> f.Interval:
     first, last = problem.windows[active.start], problem.windows[active.stop - 1]
-    per_window = np.bincount(noise.row_window, share, len(problem.windows))
+    per_window: Array = np.bincount(noise.row_window, share, len(problem.windows)).astype(float)
     return f.Interval(
         recording=first.recording,
         start_s=first.start_s,
