@@ -1,6 +1,6 @@
-"""Channels that cannot be what their heading says: a factor between units, or a clock of their own.
+"""Finds channels whose heading or clock is wrong: a factor between units, a wrong sign, or stamps of another clock.
 
-Both are mistakes of the recording and not physics, and no effect of a library may be blamed for them. The model's prediction
+These are errors of the recording and not physics; no effect of a library may be named for them. The model's prediction
 with free initial states is compared with what was measured, channel by channel: a slope near a factor between units of
 the same quantity, or a shift in time beyond any sensor's delay that halves the misfit.
 """
@@ -27,9 +27,9 @@ ALIKE: Final = gates.SAME_QUANTITY.threshold
 NEAR: Final = gates.UNIT_FACTOR.threshold
 OTHER_CLOCK: Final = gates.OTHER_CLOCK.threshold
 FEWEST: Final = gates.SAMPLES_TO_CHECK.threshold
-LONGEST_SHIFT_S = 30.0
-SHIFTS = 160  # tried on either side
-ROWS = 6_000  # of a channel, that shifts are tried on
+LONGEST_SHIFT_S = 30.0  # largest shift that is tried
+SHIFTS = 160  # tried in either direction
+ROWS = 6_000  # of a channel, used for the shifts: enough for a correlation, and the cost is rows times shifts
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class _Part:
 
 
 def failing_channels(problem: Problem) -> list[Complaint]:
-    """One complaint per channel that is wrongly scaled or wrongly synchronised. Raises Unusable if nothing can be predicted."""
+    """One complaint per channel with a wrong scale, sign or clock. Raises Unusable if the model predicts no finite numbers."""
     start = problem.start()
     with np.errstate(all="ignore"):
         base = problem.predict(start)
@@ -63,7 +63,7 @@ def _unbounded(problem: Problem, base: Array) -> Complaint:
     recording = problem.windows[problem.row_window[row]].recording
     text = (
         f"cannot be predicted at {problem.row_time[row]:.3g} s: the model {problem.model.name} gives no finite number there;"
-        " is an input or a constant in another unit than its heading says?"
+        " is an input or a constant in another unit than its heading states?"
     )
     return Complaint(recording, problem.channels[problem.row_channel[row]], text, fatal=True)
 
@@ -78,7 +78,7 @@ def _parts(problem: Problem) -> Iterator[_Part]:
 
 
 def _scaled_base(problem: Problem, start: Values, base: Array) -> Array:
-    """The prediction with those nuisances fitted of which nothing is known beforehand; they may be a scale."""
+    """The prediction (N,) with nuisances without a prior fitted: one of them may be a scale, which would look like a wrong unit."""
     free = [p.name for p in problem.model.nuisances if p.scope == "all" and p.prior_sd is None]
     if not free:
         return base
@@ -98,8 +98,8 @@ def _scale(problem: Problem, part: _Part, base: Array, local: Array) -> Complain
     model = problem.model
     if alike < -ALIKE and abs(slope + 1.0) < NEAR and not _may_be_reversed(model, part.channel):
         text = (
-            f"moves against what the model predicts (correlation {alike:.2f}): has it, or an input, the wrong sign? "
-            "Left out; mend it and diagnose again"
+            f"moves opposite to the model's prediction (correlation {alike:.2f}): does it, or an input, have the wrong sign? "
+            "Left out; correct the sign and diagnose again"
         )
         return Complaint(part.recording, part.channel, text, fatal=True)
     if alike < ALIKE:
@@ -107,22 +107,22 @@ def _scale(problem: Problem, part: _Part, base: Array, local: Array) -> Complain
     blamed = [(part.channel, model.outputs[part.channel], slope)]
     blamed += [(name, unit, 1.0 / slope) for name, unit in model.inputs.items()]
     likely = [
-        f"{name} in {mistake}"
+        f"{name} in {likely_unit}"
         for name, unit, ratio in blamed
-        for mistake, factor in confusions(unit).items()
+        for likely_unit, factor in confusions(unit).items()
         if abs(ratio / factor - 1.0) < NEAR
     ]
     if not likely:
         return None
     text = (
         f"moves {slope:.4g} times as much as the model predicts (correlation {alike:.2f}), a factor between units: "
-        f"{' or '.join(likely)}? Left out; mend the heading and diagnose again"
+        f"{' or '.join(likely)}? Left out; correct the heading and diagnose again"
     )
     return Complaint(part.recording, part.channel, text, fatal=True)
 
 
 def _may_be_reversed(model: Model, channel: str) -> bool:
-    """Whether the library has a wrong sign for the channel: then it is a finding."""
+    """Whether the library contains a wrong sign of the channel: then the search may find it, with evidence."""
     return any(p.name == f"{channel}.sign" for p in model.parameters)
 
 
@@ -145,13 +145,13 @@ def _synchrony(problem: Problem, part: _Part, base: Array, local: Array) -> Comp
     if abs(late) <= allowed + step or not alike >= ALIKE or 1.0 - alike**2 > OTHER_CLOCK * (1.0 - inner**2):
         return None
     text = (
-        f"fits the inputs {abs(late):.2f} s {'later' if late > 0 else 'earlier'} than it is stamped (correlation {alike:.2f} against "
+        f"fits the inputs {abs(late):.2f} s {'later' if late > 0 else 'earlier'} than its stamps say (correlation {alike:.2f} against "
         f"{inner:.2f}): recorded with another clock? Left out; try again with --shift {part.channel}={-late:.2f}"
     )
     return Complaint(part.recording, part.channel, text, fatal=True)
 
 
 def _longest_delay(problem: Problem, channel: str) -> float:
-    """What a delay of the library may explain [s]."""
+    """Longest delay that an effect of the library can explain [s]."""
     bounds = [p.upper for p in problem.model.parameters if p.name == f"{channel}.delay"]
     return max([b for b in bounds if np.isfinite(b)], default=LONGEST_DELAY_S)

@@ -1,9 +1,9 @@
-"""Files of one run, each stamped by its own clock: the offset between the clocks, estimated by the model.
+"""Joins files of one run that were stamped by different clocks: estimates the offset between the clocks with the model.
 
-Outputs of one file are shifted against what the model predicts from the inputs of another. A missing effect would bias
-the offset, so the rest of the offset is fitted with everything else, as a nuisance of the model. Clocks that agree within what a
-sensor may be late are left alone: the difference is then a delay, which the library can name. A delay that is common to all
-channels of a file whose clock had to be set cannot be told from that clock.
+Outputs of one file are shifted against the model's prediction from the inputs of another. A missing effect would bias the offset, so the
+remaining offset is fitted with everything else, as a nuisance. Clocks that agree within the longest delay of a sensor are not changed: the
+difference is then a delay, which the library can name. Where a clock was set, a delay common to all channels of that file cannot be
+distinguished from the clock.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,28 +21,27 @@ from discrepancy.model.description import Clock, Model, Parameter
 from discrepancy.model.sensors import LONGEST_DELAY_S
 from discrepancy.signals.recording import Array, Complaint, Recording, Signal, cleaned
 
-DISTANT = 10.0  # lengths of a run; stamps that begin later count from some other day, and stamps are counted from the start of the run
-UNSURE_S = 0.5  # standard deviation of the estimate of an offset
+# In lengths of the run. Stamps that begin later than that count from a date (1970), and lose digits as floats; they are then counted from
+# the start of the run.
+DISTANT = 10.0
+UNSURE_S = 0.5  # standard deviation of an estimated offset, as the prior of its remainder
 OVERLAP: Final = gates.FILES_OVERLAP.threshold
-REACH_S = 30.0
+REACH_S = 30.0  # largest offset that is tried
 ALIKE: Final = gates.SAME_QUANTITY.threshold
 
 
 @dataclass(frozen=True, slots=True)
 class Joined:
-    """The run as one recording, with the complaints on its clocks; offset_s: added to the stamps of each file.
-
-    clocks: those that had to be set, to be fitted with everything else.
-    """
+    """A run joined from several files."""
 
     recording: Recording
-    offset_s: tuple[float, ...]
-    complaints: tuple[Complaint, ...]
-    clocks: tuple[Clock, ...]
+    offset_s: tuple[float, ...]  # added to the stamps of each file
+    complaints: tuple[Complaint, ...]  # about the clocks
+    clocks: tuple[Clock, ...]  # those that were set; their remaining offset is fitted
 
 
 def join(model: Model, parts: Sequence[Recording], name: str) -> Joined:
-    """Files of one run on the clock of the first of them that holds an input."""
+    """The files of one run, on the clock of the first file that contains an input."""
     first = next((i for i, p in enumerate(parts) if any(n in p.signals for n in model.inputs)), 0)
     start, end = _span(parts[first])
     origin = start if abs(start) > DISTANT * (end - start) else 0.0
@@ -68,14 +67,14 @@ def _twice(parts: Sequence[Recording], first: int, name: str) -> list[Complaint]
     if not several:
         return []
     text = (
-        f"{', '.join(several)}: in more than one of the files joined by '+', those of {parts[first].name} stand where it has them; "
-        "are they different runs? Then give them as recordings of their own"
+        f"{', '.join(several)}: in more than one of the files joined by '+'; those of {parts[first].name} are used where it has them. "
+        "If the files are different runs, give them as separate recordings"
     )
     return [Complaint(name, "", text)]
 
 
 def with_clocks(model: Model, clocks: Sequence[Clock]) -> Model:
-    """The model with the rest of each clock's offset as a nuisance."""
+    """The model with the remaining offset of each clock as a nuisance."""
     limit = 4.0 * UNSURE_S
     nuisances = [
         Parameter(name=c.parameter, unit="s", lower=-limit, upper=limit, typical=0.05, prior_sd=UNSURE_S)
@@ -88,7 +87,7 @@ def _clock(model: Model, reference: Recording, part: Recording, name: str) -> Cl
     outputs = [n for n in model.outputs if n in part.signals and n not in reference.signals]
     if outputs:
         return Clock(f"clock of {part.name}", name, tuple(outputs))
-    # a file of inputs only: its clock shows as one of everything else, the other way round
+    # a file of inputs only has no outputs to shift: shift all other outputs instead, in the opposite direction
     return Clock(
         f"clock against {part.name}", name, tuple(n for n in model.outputs if n in reference.signals)
     )
@@ -104,25 +103,21 @@ def _offset(model: Model, reference: Recording, part: Recording, origin: float) 
     based = _shifted(reference, -origin)
     fine, alike = estimate_offset(model, based, _shifted(part, coarse))
     if alike < ALIKE:
-        assumed = "starts are taken as one" if apart else "stamps are taken as they are"
-        text = (
-            f"could not be synchronised by the model (correlation {alike:.2f}); {assumed}, --shift sets them"
-        )
+        assumed = "both files are assumed to start together" if apart else "the stamps are not changed"
+        text = f"could not be synchronised by the model (correlation {alike:.2f}); {assumed}; --shift sets an offset"
         return coarse, text, False
     if not apart and abs(fine) <= LONGEST_DELAY_S:
-        text = (
-            f"agrees with the other clock within {abs(fine):.2f} s; left alone, a difference shows as a delay"
-        )
+        text = f"agrees with the other clock within {abs(fine):.2f} s; not changed, a difference shows as a delay"
         return coarse, text, False
     text = (
-        f"is on another clock: {coarse + origin + fine:+.2f} s added to its stamps (correlation {alike:.2f}), the rest is fitted; "
-        "a delay common to all its channels cannot be told from that"
+        f"is on another clock: {coarse + origin + fine:+.2f} s added to its stamps (correlation {alike:.2f}), the remainder is fitted; "
+        "a delay common to all its channels cannot be distinguished from this offset"
     )
     return coarse + fine, text, True
 
 
 def estimate_offset(model: Model, reference: Recording, part: Recording) -> tuple[float, float]:
-    """Seconds to add to the stamps of `part` so that the model fits best, and the correlation reached; (0, 0) if it cannot tell."""
+    """Seconds to add to the stamps of `part` so that the model fits best, and the correlation reached; (0, 0) if the model cannot determine it."""
     merged = _merged([reference, part], 0, reference.name)
     try:
         problem = Problem(model, [merged])
@@ -148,6 +143,7 @@ def estimate_offset(model: Model, reference: Recording, part: Recording) -> tupl
     fine = np.asarray(best + coarse * np.linspace(-1.5, 1.5, 31), float)
     misfit = _misfit(problem, whole, base, local, fine)
     late = _best(fine, misfit)
+    # the geometric mean over channels of 1 - correlation², turned back into one correlation
     alike = float(np.sqrt(max(0.0, 1.0 - np.exp(float(np.min(misfit)) / len(channels)))))
     return (-late if inputs_there else late), alike
 
@@ -155,7 +151,7 @@ def estimate_offset(model: Model, reference: Recording, part: Recording) -> tupl
 def _misfit(
     problem: Problem, whole: Mapping[str, Signal], base: Array, local: Array, shifts: NDArray[np.floating]
 ) -> Array:
-    """Sum over channels of ln(1 - correlation²) for each shift; whole: all samples of a channel, also where no inputs are yet."""
+    """Sum over channels of ln(1 - correlation²) for each shift; whole: all samples of a channel, also outside of the scored interval, from which shifted readings come."""
     total = np.zeros(shifts.size)
     for channel, signal in whole.items():
         rows = np.flatnonzero(problem.row_channel == problem.channels.index(channel))
@@ -166,7 +162,7 @@ def _misfit(
 
 
 def _best(shifts: NDArray[np.floating], misfit: Array) -> float:
-    """The minimum, by a parabola through its neighbours."""
+    """The shift at the minimum, refined by a parabola through its neighbours."""
     i = int(np.argmin(misfit))
     if i in (0, shifts.size - 1):
         return float(shifts[i])
@@ -188,7 +184,7 @@ def _shifted(part: Recording, offset: float) -> Recording:
 
 
 def _merged(parts: Sequence[Recording], first: int, name: str) -> Recording:
-    """Channels of all parts; where two have one, that of the part with the inputs stands."""
+    """One recording with the channels of all parts; of a channel in two parts, that of the part with the inputs is used."""
     signals: dict[str, Signal] = {}
     constants: dict[str, float] = {}
     for part in [*(p for i, p in enumerate(parts) if i != first), parts[first]]:

@@ -1,4 +1,4 @@
-"""One simulation before all others, so that an error of a user's model is reported as one, and no recording is blamed for it."""
+"""Simulates a user's model once before all else, so that an error in the model is reported as such and not as a bad recording."""
 
 import traceback
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from discrepancy.estimation.problem import Problem
 
 
 class BadModel(UserError, ValueError):
-    """A model whose function fails, or does not return what the model says."""
+    """A model whose function raises, or returns something else than the model describes."""
 
 
 def check_model(problem: Problem) -> None:
@@ -41,7 +41,7 @@ def check_model(problem: Problem) -> None:
 
 
 def _place(simulate: object, error: Exception) -> str:
-    """', in tank.py, line 12: KeyError 'areaa'': the deepest line of the function's own file."""
+    """', in tank.py, line 12: KeyError 'areaa'': the deepest line in the function's own file, since that is the one to mend."""
     frames = traceback.extract_tb(error.__traceback__)
     file = getattr(getattr(simulate, "__code__", None), "co_filename", None)
     at = next((f for f in reversed(frames) if f.filename == file), frames[-1])

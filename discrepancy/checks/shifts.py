@@ -1,4 +1,4 @@
-"""Correlation of a prediction with a reading that is shifted in time, for checks of channels and of clocks."""
+"""Correlation of a prediction with a reading that is shifted in time, for the checks of channels and clocks."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,8 @@ def shifted_correlation(
     """Absolute correlation for each shift (shifts,), initial states projected out.
 
     rows: of one channel; base: predicted rows (N,); local: their derivatives by initial states (N, k); source: stamps and values of the
-    channel, from which the shifted readings are interpolated; shifts: added to the stamps at which the source is read [s]; centred: without
-    the means, for channels whose zero point may be off.
+    channel, from which the shifted readings are interpolated; shifts: added to the stamps at which the source is read [s]; centred: subtract the
+    means, for channels whose zero point may be wrong.
     """
     time_s = problem.row_time[rows]
     states = WindowStates(local[rows], problem.row_window[rows], np.ones(rows.size, bool))

@@ -1,4 +1,4 @@
-"""Caveats: reasons why the name of an effect that the data need is not to be trusted."""
+"""Caveats: reasons why an accepted effect is not named as the cause. An effect without any is named."""
 
 import numpy as np
 
@@ -25,7 +25,7 @@ def caveats_of(
     equation: OpenEnded,
     settings: Settings,
 ) -> list[str]:
-    """All of them, as sentences; none for a name to be trusted. effect, fitted: the name given to the tested effect, and its fit."""
+    """All caveats as sentences; empty for an effect that is named. effect, fitted: the best member of the group, and its fit."""
     found = []
     if test.gap_closed < settings.gap_closed:
         found.append(f"closes {test.gap_closed:.0%} of the gap on held-out data")
@@ -46,7 +46,7 @@ def caveats_of(
 
 
 def _at_bounds(problem: Problem, effect: Effect, fitted: Fit) -> list[str]:
-    """Amplitude parameters that stop at what is physically possible; of a profile, only if all do."""
+    """Amplitude parameters at a physical bound; for a profile only if all are. A fit at a bound would go on: something else is missing."""
     ends = [estimate(p, fitted) for p in effect.amplitude_parameters]
     at_bound = [
         e for e in ends if e.at_bound is not None and e.value != problem.model.parameter(e.name).value
@@ -58,14 +58,14 @@ def _at_bounds(problem: Problem, effect: Effect, fitted: Fit) -> list[str]:
 
 
 def _at_baseline(problem: Problem, state: State, effect: Effect, fitted: Fit) -> list[str]:
-    """Amplitude parameters whose interval holds the baseline; profiles are not asked, most of whose values may be zero."""
+    """Amplitude parameters whose interval contains the baseline. Profiles are exempt: most of their values may be zero."""
     own = effect.amplitude_parameters
     if len(own) > FEW:
         return []
     found = []
     for p, e in [(p, estimate(p, fitted, state.noise)) for p in own]:
-        away, reach = abs(e.value - p.value), 0.5 * ((e.high or 0.0) - (e.low or 0.0))
-        if away < gates.OFF_BASELINE.threshold * reach:
+        distance, reach = abs(e.value - p.value), 0.5 * ((e.high or 0.0) - (e.low or 0.0))
+        if distance < gates.OFF_BASELINE.threshold * reach:
             interval = f"{figures(e.low or 0.0)} to {quantity(e.high or 0.0, e.unit)}"
             found.append(
                 f"{p.name} may be {quantity(p.value, p.unit)}, as in the baseline (95 %: {interval})"
@@ -74,7 +74,7 @@ def _at_baseline(problem: Problem, state: State, effect: Effect, fitted: Fit) ->
 
 
 def _cancelled(problem: Problem, state: State, test: DropOneTest) -> list[str]:
-    """Other findings that undo the effect: the outputs hardly change when both are dropped."""
+    """Other findings that cancel the effect: the outputs hardly change when both are switched off (a lag and a negative delay)."""
     noise, values = state.noise, state.fit.values
     own = switched_off(problem.model.effect(test.effect))
     whole = problem.predict(values)
@@ -94,41 +94,43 @@ def _cancelled(problem: Problem, state: State, test: DropOneTest) -> list[str]:
 
 
 def _in_between(problem: Problem, state: State, fitted: Fit) -> list[str]:
-    """Discrete parameters that fit best in between: the recording follows neither, whatever helps beside them."""
+    """Discrete parameters that fit best between their two values, so that neither value describes the recording."""
     found = []
     accepted = [problem.model.effect(name) for name in state.accepted]
     for p in [p for effect in accepted for p in effect.amplitude_parameters if in_between(p, fitted)]:
         off, on = figures(p.value), quantity(p.value + p.typical, p.unit)
         value = figures(fitted.values.shared[p.name])
         found.append(
-            f"{p.name} can only be {off} or {on} and fits best at {value}: the recording follows neither"
+            f"{p.name} can only be {off} or {on} and fits best at {value}: neither value describes the recording"
         )
     return found
 
 
 def prior_conflicts(problem: Problem, fitted: Fit) -> list[str]:
-    """Nuisances that the data pushed further than what is known of them allows, as sentences."""
+    """Prior conflicts as sentences: nuisances that the fit moved further than their priors allow."""
     found = []
     for p in [p for p in problem.model.nuisances if p.prior_sd is not None and p.name in fitted.names]:
         value = fitted.values.shared[p.name]
-        away = abs(value - p.value) / (p.prior_sd or 1.0)
-        if away > gates.PRIOR_CONFLICT.threshold or estimate(p, fitted).at_bound is not None:
+        distance = abs(value - p.value) / (p.prior_sd or 1.0)
+        if distance > gates.PRIOR_CONFLICT.threshold or estimate(p, fitted).at_bound is not None:
             pushed = quantity(value, p.unit, 4)
-            found.append(f"the nuisance {p.name} was pushed to {pushed}, {away:.1f} sd from its prior")
+            found.append(
+                f"the fit moved the nuisance {p.name} to {pushed}, {distance:.1f} standard deviations from its prior"
+            )
     return found
 
 
 def _superseded(
     problem: Problem, state: State, test: DropOneTest, equation: OpenEnded, settings: Settings
 ) -> list[str]:
-    """The effect stood in for the open-ended equation: nothing significant is left of it beside the equation, which does as well alone."""
+    """A caveat if the effect only imitates the open-ended equation: beside it little of the effect is left, and alone it does as well."""
     effect = problem.model.effect(test.effect)
     if effect.size != 1 or not equation.terms:
         return []
     p = effect.parameters[0]
     size = state.fit.values.shared[p.name] - p.value
     shift, sd = equation.parameter_shifts[p.name]
-    left = size + shift
+    left = size + shift  # the effect's size when the equation is in the fit as well
     if left / size > gates.LEFT_BESIDE_EQUATION.threshold or (left / sd) ** 2 > test.threshold:
         return []
     others = tuple(n for n in state.accepted if n != test.effect)
@@ -140,11 +142,11 @@ def _superseded(
 
 
 def _changing_baseline(problem: Problem, state: State, test: DropOneTest, settings: Settings) -> list[str]:
-    """A temporary effect may stand in for a baseline parameter that is not the same all the time."""
+    """A caveat if a baseline parameter with another value in some interval would explain as much as the temporary effect."""
     rival = time_varying_nuisance(problem, state.noise, test.without)
     least = gates.NUISANCE_IN_TIME.threshold * test.sse_reduction - settings.same
     if rival is None or rival[1] < least:
         return []
     name, _, windows = rival
     start, end = problem.windows[windows.start].start_s, problem.windows[windows.stop - 1].end_s
-    return [f"the nuisance {name} would do as well with another value from {start:.4g} to {end:.4g} s"]
+    return [f"the nuisance {name} would explain as much with another value from {start:.4g} to {end:.4g} s"]

@@ -1,7 +1,7 @@
-"""Whether recordings like these would show an effect of typical size, where nuisances can do nearly the same.
+"""Detectability of effects that nuisances nearly imitate: whether recordings like these would show a typical size after a refit.
 
-The screen is linear in the nuisances. A finite effect may leave something that is curved, which the screen counts as visible; a
-nuisance that is fitted follows the curve (softer tyres on both axles, and less inflation).
+The screen is linear in the nuisances. A large effect is curved, and the screen counts the curved part as visible. A refitted nuisance
+follows the curve as well (softer tyres on both axles imitate low inflation), so that less is visible than the screen says.
 """
 
 from collections.abc import Sequence
@@ -18,11 +18,12 @@ from discrepancy.selection.screen import FEW, Score, changes_at
 from discrepancy.selection.state import State
 from discrepancy.signals.recording import Array
 
-WITHOUT: Final = Effort(iterations=6, cached=True, chord=True)  # of a fit that only has to come near
+# this fit decides a power, not a name, so cached columns are accurate enough: it costs no new Jacobian
+WITHOUT: Final = Effort(iterations=6, cached=True, chord=True)
 
 
 def in_a_valley(effect: Effect, score: Score) -> bool:
-    """Whether it is worth a refit: faults of sensors are straight lines themselves."""
+    """Whether an effect needs the refit: sensor faults are linear, and profiles have too many directions."""
     return (
         effect.kind == "physics"
         and score.confounded_share > gates.CONFOUNDED.threshold
@@ -31,10 +32,12 @@ def in_a_valley(effect: Effect, score: Score) -> bool:
 
 
 def left_by_refit(problem: Problem, state: State, effect: Effect, score: Score) -> float:
-    """Noncentrality of typical changes in their least visible combination: what a fit without them loses where they are, without noise.
+    """Noncentrality of a typical change after a refit, in the least visible combination of the effect's parameters.
 
-    Priors count beyond what they cost already; divided by the variance inflation of the score.
+    Divided by the variance inflation of the score, as the statistic is.
     """
+    # Simulate a noise-free recording that contains the effect, and fit the model without it: the SSE that remains is the noncentrality.
+    # The SSE of the priors before the change is subtracted, as it is not caused by the effect.
     fitted, own = state.fit, effect.amplitude_parameters
     changes = _feasible(own, least_visible(effect, score))
     there = {p.name: float(p.value + c) for p, c in zip(own, changes, strict=True)}
@@ -45,7 +48,7 @@ def left_by_refit(problem: Problem, state: State, effect: Effect, score: Score) 
 
 
 def least_visible(effect: Effect, score: Score) -> Array:
-    """Changes of its amplitude parameters, together one typical change, that the projected sensitivities show least."""
+    """Changes of the amplitude parameters (k,), of the length of one typical change, in the least visible direction."""
     typical = np.array([p.typical for p in effect.amplitude_parameters])
     scaled = score.direction * (typical / changes_at(effect, score.trial_step))
     return np.asarray(np.linalg.eigh(scaled.T @ scaled)[1][:, 0] * typical, float)
@@ -59,5 +62,5 @@ def _feasible(own: Sequence[Parameter], change: Array) -> Array:
 
 
 def _size(own: Sequence[Parameter], change: Array) -> float:
-    """In typical changes."""
+    """Length of a change, in typical changes."""
     return float(np.linalg.norm(change / np.array([p.typical for p in own])))

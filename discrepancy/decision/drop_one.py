@@ -1,4 +1,4 @@
-"""Drop-one tests: loss of fit and of held-out prediction when an accepted effect is dropped."""
+"""Drop-one tests: loss of fit and of held-out prediction when one accepted effect is removed and the rest is refitted."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -21,20 +21,20 @@ NOTHING_KNOWN: Mapping[frozenset[str], Values] = {}
 
 @dataclass(frozen=True, slots=True)
 class DropOneTest:
-    """What an accepted effect is worth beside the others."""
+    """The test of one accepted effect beside the others."""
 
     effect: str
-    without: Fit  # all other effects, fitted again
+    without: Fit  # with all other effects, refitted
     sse_reduction: float  # by the effect
-    data_sse_reduction: float  # the same without priors, of which held-out rows do not know
+    data_sse_reduction: float  # the same without priors, to be compared with held-out rows, which have none
     threshold: float  # of the reduction
     held_out_sse_reduction: float
-    gap_closed: float  # share of the held-out gap between the model without the effect and the best that anything reaches
+    gap_closed: float  # share of the gap, on held-out rows, between the model without the effect and the best prediction
     error_ratio: dict[str, float]  # held-out error with the effect over that without, by channel
 
 
 def backward(problem: Problem, state: State, settings: Settings) -> State:
-    """Drop accepted effects that the others have made superfluous, weakest first."""
+    """The state without accepted effects that the others have made unnecessary, removed one by one, weakest first."""
     while len(state.accepted) > 1:
         reductions = {}
         for name in state.accepted:
@@ -58,15 +58,16 @@ def _without(
     others: tuple[str, ...],
     known: Mapping[frozenset[str], Values] = NOTHING_KNOWN,
 ) -> Fit:
-    """The fit with only `others` on, the rest switched off again; known: values of the search by accepted effects, to begin from."""
+    """The fit with only the effects `others`; known: values of the search by accepted effects, as starting points."""
     dropped = [problem.model.effect(name) for name in state.accepted if name not in others]
     off = {name: value for effect in dropped for name, value in switched_off(effect).items()}
     names = free_names(problem, others)
     start = known.get(frozenset(others), state.fit.values.with_shared(off)).warmed_up_as(state.fit.values)
     least = 0.0
     if problem.costs.costly:
-        begun = fit(problem, state.noise, names, start, effort=replace(AS_IT_IS, cached=True))
-        least = problem.costs.least_reduction(begun.sse - state.fit.sse)
+        # how much worse is the model without them, at the same values? That sets the accuracy that the refit needs
+        unfitted = fit(problem, state.noise, names, start, effort=replace(AS_IT_IS, cached=True))
+        least = problem.costs.least_reduction(unfitted.sse - state.fit.sse)
     return fit(problem, state.noise, names, start, effort=replace(CACHED, least_reduction=least))
 
 
@@ -93,7 +94,7 @@ def _drop_one(
     equation: OpenEnded,
     settings: Settings,
 ) -> DropOneTest:
-    """after: the held-out residual with all that was accepted."""
+    """The test of one effect; after: held-out residual with all accepted effects."""
     others = tuple(n for n in state.accepted if n != name)
     without = _without(problem, state, others, known)
     least = problem.costs.least_reduction(without.sse - state.fit.sse)
@@ -101,7 +102,7 @@ def _drop_one(
     rows = {c: state.noise.row_channel == i for i, c in enumerate(problem.channels)}
     reductions = {c: float(np.sum(before[r] ** 2) - np.sum(after[r] ** 2)) for c, r in rows.items()}
     reduction = sum(reductions.values())
-    # an error left in a channel that the effect does not move says nothing about the effect
+    # An error that is left in a channel which the effect does not move is no argument against the effect: such channels do not count.
     touched = [c for c, own in reductions.items() if own > gates.CHANNEL_TOUCHED.threshold * reduction]
     gap = reduction + sum(max(equation.held_out_sse_reductions.get(c, 0.0), 0.0) for c in touched)
     ratio = {

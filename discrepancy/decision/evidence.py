@@ -1,7 +1,7 @@
-"""The evidence behind a verdict, for the report: simulated against recorded on held-out data, and the residuals.
+"""The evidence behind a verdict, for the HTML page: simulated and recorded values on held-out data, and their residuals.
 
-Residuals are in units of the final one-step error ("sd"), with and without the findings; all shared parameters come from
-other data than those shown, initial states from the same window.
+Residuals are in units of the final one-step error, with and without the findings. Shared parameters are fitted to other data than those
+shown; initial states are fitted to the same window.
 """
 
 from collections.abc import Sequence
@@ -19,65 +19,62 @@ from discrepancy.selection.candidate_fits import cross_validated
 from discrepancy.selection.state import Settings
 from discrepancy.signals.recording import Array
 
-LAGS = 40
+LAGS = 40  # of the autocorrelation [samples]
 FEWEST = 16  # samples for a spectrum
 
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """One channel of one recording; NaN separates windows and gaps. after: None where nothing was found."""
+    """One channel of one recording. NaN separates windows and gaps."""
 
     recording: str
     channel: str
     unit: str
-    time_s: Array
+    time_s: Array  # (n,)
     recorded: Array
-    before: Array
-    after: Array | None
+    before: Array  # predicted by the baseline
+    after: Array | None  # predicted with the findings; None without any
 
 
 @dataclass(frozen=True, slots=True)
 class MapRow:
-    """Root mean square of whitened residuals [sd] of one channel of one recording per bin of time; NaN: no rows."""
+    """Root mean square of whitened residuals of one channel of one recording, by bins of time."""
 
     recording: str
     channel: str
-    edges_s: Array
-    before: Array
+    edges_s: Array  # (BINS + 1,)
+    before: Array  # (BINS,) [one-step errors]; NaN: no rows
     after: Array | None
 
 
 @dataclass(frozen=True, slots=True)
 class RegimeCell:
-    """Root mean square of whitened residuals [sd] of one channel in a third of the range of a known signal."""
+    """Root mean square of whitened residuals of one channel in a third of the range of a known signal."""
 
     channel: str
-    signal: str
-    regime: str
-    before: float
+    signal: str  # name and unit
+    regime: str  # such as 'below -1.2'
+    before: float  # [one-step errors]
     after: float | None
 
 
 @dataclass(frozen=True, slots=True)
 class Spectrum:
-    """Power of whitened residuals over frequency, 1 for white ones of unit size, and their autocorrelation.
-
-    band: size below which 95 % of the autocorrelations of white residuals lie.
-    """
+    """Spectrum and autocorrelation of the whitened residuals of one channel."""
 
     channel: str
     frequency_hz: Array
-    before: Array
+    before: Array  # power density over that of white noise of variance 1
     after: Array | None
     lag_s: Array
     correlation_before: Array
     correlation_after: Array | None
-    band: float
+    band: float  # 95 % of the autocorrelations of white residuals are smaller in size
 
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Everything that is drawn."""
+    """Everything that the page draws."""
 
     traces: Sequence[Trace]
     time_map: Sequence[MapRow]
@@ -86,7 +83,7 @@ class Evidence:
 
 
 def evidence(judged: Judgement, settings: Settings) -> Evidence:
-    """Held-out predictions of the baseline and of the model with what was found, and their residuals."""
+    """Held-out predictions of the baseline and of the model with the findings, and their residuals."""
     problem, state = judged.problem, judged.state
     least = problem.costs.least_reduction(sum(found.sse_reduction for found in judged.findings.findings))
     baseline = judged.baseline.fit.values.warmed_up_as(state.fit.values)
@@ -115,7 +112,7 @@ def held_out_prediction(
     *,
     least_reduction: float = 0.0,
 ) -> Array:
-    """Predicted raw rows (N,), each from a fit of the shared parameters that has not seen it; least_reduction: of Effort."""
+    """Predicted raw rows (N,): every row from shared parameters that were fitted without it; least_reduction: of Effort."""
     predicted = np.empty(problem.measured.size)
     following = np.clip(np.searchsorted(noise.keep, np.arange(problem.measured.size)), 0, noise.keep.size - 1)
     folds = cross_validated(problem, noise, effects, start, settings, least_reduction=least_reduction)

@@ -1,4 +1,4 @@
-"""Effects that this recording cannot tell apart, and the manoeuvre that would."""
+"""Groups of effects that these recordings cannot distinguish, and the manoeuvre that would distinguish them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,8 +19,8 @@ from discrepancy.selection.state import Settings, State, free_names, switched_of
 from discrepancy.signals import findings as f
 from discrepancy.signals.recording import Array, Recording, Signal
 
-RIVAL: Effort = Effort(iterations=6)
-EXTRA_PARAMETER = 2.0  # of SSE, that every further parameter has to earn (AIC)
+RIVAL: Effort = Effort(iterations=6)  # of a rival's fit
+EXTRA_PARAMETER = 2.0  # reduction of the SSE that each further parameter must bring (AIC)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +36,9 @@ class Alternative:
 def alternatives(
     problem: Problem, state: State, effect: str, without: Fit, scores: Sequence[Score], settings: Settings
 ) -> list[Alternative]:
-    """Effects that do as well as `effect` in its place; the first is the best and may not be `effect`.
-
-    Rivals are compared by likelihood, each fitted in the finding's place. The direction of their sensitivities decides nothing: beside a
-    nuisance that can do nearly the same, what is left of exact twins after the projection is rounding and noise.
-    """
+    """Effects that explain the recordings as well as `effect` does in its place, best first; the best one may be another than `effect`."""
+    # Rivals are compared by likelihood, each fitted in the finding's place, and not by the collinearity of their sensitivities: beside a
+    # nuisance that nearly imitates both, the projection leaves only rounding and noise even of two identical effects.
     others = tuple(name for name in state.accepted if name != effect)
     whole = without.sse - state.fit.sse
     own = _direction(problem, state.fit, effect)
@@ -57,9 +55,9 @@ def alternatives(
         fits = [fit(problem, state.noise, names, point, effort=RIVAL) for point in points]
         best = min(fits, key=lambda f: f.sse)
         if size_of(candidate, best) < problem.model.negligible:
-            continue  # nuisances do its work
+            continue  # nuisances explain the difference without it
         if any(in_between(p, best) for p in candidate.amplitude_parameters):
-            continue  # half a wrong sign is a scale, and no name for one
+            continue  # half a wrong sign is a scale error and must not be named a wrong sign
         extra = candidate.size - problem.model.effect(effect).size
         difference = best.sse - state.fit.sse + EXTRA_PARAMETER * extra
         limit = max(settings.same, gates.VUONG.threshold * difference_sd(state.noise, best, state.fit))
@@ -75,7 +73,7 @@ def alternatives(
 
 
 def _worth_fitting(problem: Problem, effect: str, score: Score, whole: float, settings: Settings) -> bool:
-    """Whether a rival is fitted: always where simulations are cheap, else by its score, or where the library declares it confusable."""
+    """Whether a rival is fitted: always if simulations are cheap; else if its score is high, or the library declares it confusable."""
     if not problem.costs.costly:
         return True
     finding, rival = problem.model.effect(effect), problem.model.effect(score.effect)
@@ -86,10 +84,10 @@ def _worth_fitting(problem: Problem, effect: str, score: Score, whole: float, se
 def _both_needed(
     problem: Problem, state: State, effect: str, rival: Effect, fitted: Fit, settings: Settings
 ) -> bool:
-    """Whether each of two rivals adds to the other beyond chance; fitted: the rival in the finding's place."""
+    """Whether two rivals together explain more than the better one, beyond chance: then both may be present. fitted: the rival alone."""
     names = free_names(problem, (*state.accepted, rival.name))
     finding = problem.model.effect(effect)
-    # from either of them alone: where the other has no gradient at zero, one of the starts may stay where it is
+    # start from either alone: where the other has no gradient at zero (a friction, a lag), one of the two fits does not move
     points = (
         state.fit.values.with_shared(switched_off(rival)),
         fitted.values.with_shared(switched_off(finding)),
@@ -110,10 +108,8 @@ def in_between(parameter: Parameter, fitted: Fit) -> bool:
 
 
 def difference_sd(noise: Noise, one: Fit, other: Fit) -> float:
-    """Standard deviation of the difference in SSE of two rival fits, from its spread over blocks of time.
-
-    After Vuong (1989): rivals that are both a little wrong take turns in being better.
-    """
+    """Standard deviation of the difference in SSE of two fits, from its spread over blocks of time (Vuong 1989)."""
+    # Two models that are both slightly wrong are better in turn; the likelihood alone would take the difference as certain.
     blocks = time_blocks_of(noise)
     per_block = np.bincount(blocks, one.residual**2 - other.residual**2)
     return float(np.std(per_block) * np.sqrt(per_block.size)) if per_block.size > 5 else 0.0
@@ -125,7 +121,7 @@ def _direction(problem: Problem, fitted: Fit, effect: str) -> Array:
 
 
 def separation(problem: Problem, noise: Noise, one: Alternative, other: Alternative) -> f.Separation | None:
-    """The model's manoeuvre in which two explanations, each as fitted, disagree most; else the sentence of the library, if it has one."""
+    """The manoeuvre of the model in which two fitted explanations disagree most; else the sentence of the library, or None."""
     found = [
         f.Separation(
             effect=other.effect,
@@ -146,7 +142,7 @@ def separation(problem: Problem, noise: Noise, one: Alternative, other: Alternat
 def _disagreement(
     problem: Problem, noise: Noise, manoeuvre: Manoeuvre, one: Alternative, other: Alternative
 ) -> float:
-    """SSE left when `other` is fitted to what `one` predicts for the manoeuvre; both ways, the smaller."""
+    """SSE that remains when one explanation is fitted to the other's prediction of the manoeuvre; the smaller of both directions."""
     try:
         return min(_left_over(problem, noise, manoeuvre, a, b) for a, b in ((one, other), (other, one)))
     except Unusable:
@@ -169,7 +165,7 @@ def _left_over(
         for runs in by_group(staged.runs)
     ]
     names = [n for n in assumed.fit.names if model.parameter(n) in model.nuisances]
-    # the effect keeps its fitted value: that is what the recording at hand has taught
+    # nuisances may move, but the effect keeps its fitted value: the present recordings have determined it
     start = Values(assumed.fit.values.shared, local)
     return fit(staged, Noise(staged, whiteners), names, start, effort=BRIEF).sse
 

@@ -1,8 +1,8 @@
-"""From a finished search to a verdict: what is left out, what cannot be told, and why.
+"""From a finished search to a verdict: which effects are named, which cannot be distinguished, and why.
 
-After the search, every effect must still be needed beside the others (backward elimination), and it must close at
-least half of the gap between the model without it and the best that anything, the library or functions of the known signals,
-achieves on held-out rows; else it is the best proxy and the cause is unknown. All thresholds are in discrepancy.gates.
+After the search every effect must still be needed beside the others (backward elimination). It must also close at least half of the gap
+between the model without it and the best prediction of held-out rows, by the library or by functions of the known signals. Otherwise it is
+the best proxy and the cause is unknown. All thresholds are in discrepancy.gates.
 """
 
 from collections.abc import Sequence
@@ -30,12 +30,12 @@ from discrepancy.signals.recording import Complaint
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """The findings and what they rest on."""
+    """The findings, and the states of the search behind them."""
 
     findings: f.Findings
     problem: Problem
-    baseline: State  # of the search, before anything was accepted
-    state: State  # with all that was accepted
+    baseline: State  # first state of the search, without effects
+    state: State  # with all accepted effects
     equation: OpenEnded
 
 
@@ -45,21 +45,22 @@ def judge(
     progress: Progress = lambda _: None,
     complaints: Sequence[Complaint] = (),
 ) -> Judgement:
-    """Search, then decide. complaints: of what was recorded, beside those of the problem.
+    """The verdict on a problem. complaints: about the recordings, beside those of the problem.
 
-    Never raises for what recordings contain; Unusable is raised when Problem is built.
+    Content of recordings never raises here; Unusable is raised when the Problem is built.
     """
     complaints = [*complaints, *problem.complaints]
     state, history = search(problem, settings, progress)
     left_over = best_confirmed(problem, state, settings)
     state = backward(problem, state, settings)
     progress("looking for what the library does not explain")
+    # before the drop-one tests: the equation sets the best prediction against which the gap is measured
     equation = explore(problem, state, settings) if settings.open_ended else OpenEnded()
     on_the_way = {frozenset(h.accepted): h.fit.values for h in history}
     tests = drop_one_tests(problem, state, on_the_way, equation, settings)
     progress("locating, grouping")
     found = [_finding(problem, state, history[0], test, equation, settings) for test in tests]
-    # the fits of the search are forward; report in order of evidence
+    # the order of acceptance is not that of the evidence
     found.sort(key=lambda finding: -finding.sse_reduction)
     candidates = summary.candidates(problem, state, history[0], found, settings)
     progress("comparing errors with their budgets")

@@ -9,20 +9,23 @@ from discrepancy.estimation.problem import Problem
 from discrepancy.signals import findings as f
 from discrepancy.signals.recording import Array
 
-BACKGROUND = 0.5  # share of the average density that an interval has to exceed; half of it lets gaps of chance be bridged
-SMALLEST_REGIME = 0.05  # of all rows
-DENSER = 1.5  # times the average, from which a regime is worth a word
+# Density, as a share of the average, that is subtracted before the densest interval is found. With the full average an interval would
+# end at every gap by chance; with nothing subtracted it would be the whole recording.
+BACKGROUND = 0.5
+SMALLEST_REGIME = 0.05  # of all rows; the evidence in fewer rows is too uncertain
+DENSER = 1.5  # times the average density, from which a regime is reported
 MOST_REGIMES = 4
-MOSTLY = 0.5  # of the recorded time, beyond which no interval stands out
+MOSTLY = 0.5  # share of the recorded time; longer intervals are reported as "throughout"
 
 
 def locate(
     problem: Problem, noise: Noise, without: Fit, with_it: Fit, active: range | None = None
 ) -> f.Where:
-    """Compare innovations row by row, with and without the effect; active: windows in which it acts, None for all."""
+    """Channels, intervals and regimes of the evidence; active: windows in which the effect acts, None for all."""
     reduction = without.residual**2 - with_it.residual**2
     total = max(float(np.sum(reduction)), 1e-12)
-    # reductions of single channels hold noise that only cancels in their sum
+    # The share of a channel is that of the squared change. The reduction of a single channel contains a product with noise, may even
+    # be negative, and is meaningful only in the sum over channels.
     change = (without.residual - with_it.residual) ** 2
     moved = np.bincount(noise.row_channel, change, len(problem.channels)) / max(float(np.sum(change)), 1e-12)
     channels = dict(zip(problem.channels, moved.tolist(), strict=True))
@@ -43,7 +46,7 @@ def locate(
 
 
 def _densest_intervals(problem: Problem, noise: Noise, share: Array) -> list[f.Interval]:
-    """Per recording, the interval in which the evidence outruns half its own average the most (maximum subarray)."""
+    """For each recording, the interval whose evidence exceeds half the average density most (maximum subarray)."""
     found, each = [], [*time_bins(problem, noise)]
     everywhere = np.concatenate([bins.summed(share) for bins in each])
     for bins in each:
@@ -81,7 +84,7 @@ def fraction(part: Array, whole: Array) -> float:
 
 
 def densest(values: Array) -> tuple[int, int]:
-    """Half-open range with the largest sum (Kadane)."""
+    """The half-open range with the largest sum (Kadane's algorithm)."""
     best, best_range, now, start = -np.inf, (0, len(values)), 0.0, 0
     for i, value in enumerate(values.tolist()):
         if now <= 0.0:

@@ -1,4 +1,4 @@
-"""Channels that were not recorded, or are of no use: which effects would have shown in them, and which rivals would have differed."""
+"""Channels that were not recorded or could not be used: which effects they would have shown, which rivals they would have distinguished."""
 
 from collections.abc import Mapping, Sequence
 
@@ -32,7 +32,7 @@ def missing_channels(
         judged = {
             e: _rms(_channel(problem, values, name, _typical(problem, e)) - alone) for e in undetectable
         }
-        parted = {
+        distinguished = {
             f"{x.effect} from {m.effect}": _rms(
                 _channel(problem, values, name, _instead(problem, m, x))
                 - _channel(problem, values, name, _instead(problem, x, m))
@@ -47,7 +47,7 @@ def missing_channels(
                 unit=problem.model.outputs[name],
                 recorded=any(c.signal == name for c in complaints),
                 would_judge=_notable(judged, size),
-                would_part=_notable(parted, size),
+                would_part=_notable(distinguished, size),
             )
         )
     return rows
@@ -59,7 +59,7 @@ def _typical(problem: Problem, effect: str) -> dict[str, float]:
 
 
 def _instead(problem: Problem, of: _Rival, by: _Rival) -> dict[str, float]:
-    """`of` switched off, `by` at its fitted size."""
+    """Parameter values with the effect of `of` off and that of `by` at its fitted size."""
     off = {p.name: p.value for p in problem.model.effect(of.effect).parameters}
     return {**off, **{e.name: e.value for e in by.parameters}}
 

@@ -1,4 +1,4 @@
-"""Rows by time and by regime: bins of time in each recording, and thirds of the range of a known signal."""
+"""Divides rows by time and by regime: bins of time in each recording, and thirds of the distribution of a known signal."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ class TimeBins:
     """Whitened rows of one recording, in bins of equal length."""
 
     recording: str
-    rows: NDArray[np.bool_]  # of all whitened rows, those of this recording
+    rows: NDArray[np.bool_]  # mask of its rows among all whitened rows (n,)
     edges_s: Array  # (BINS + 1,)
-    bin_of: NDArray[np.intp]  # of each of its rows
+    bin_of: NDArray[np.intp]  # bin of each of its rows
 
     def summed(self, values: Array) -> Array:
         """Sum of a value per whitened row in each bin (BINS,)."""
@@ -48,7 +48,8 @@ def regimes_of(
 
 
 def thirds(value: Array) -> dict[str, NDArray[np.bool_]]:
-    """Rows in the thirds of a signal's range by description; of a signal that mostly rests, those at rest and those beyond."""
+    """Masks of the rows in each third of a signal's distribution, by description; for a signal that mostly rests: at rest, below, above."""
+    # quantiles instead of equal parts of the range: every third then has rows, also with a single spike in the signal
     low, high = np.quantile(value, [1 / 3, 2 / 3])
     found = {
         f"below {figures(low)}": value < low,

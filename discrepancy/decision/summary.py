@@ -1,4 +1,4 @@
-"""Parts of a result that restate a finished search: parameters with intervals, the ranking of the library, nuisances, noise."""
+"""Parts of the findings that come from a finished search: estimates with intervals, ranking of the library, nuisances, noise."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -31,8 +31,10 @@ from discrepancy.signals.quantities import quantity
 from discrepancy.signals.recording import Array
 
 POWER: Final = gates.POWER.threshold
-WHITE_LAGS = 20  # of the test that innovations are white
-ALONE = 0.9  # share of the information on a parameter, from which the block that holds it is not asked to agree with the others
+WHITE_LAGS = 20  # lags of the test for whiteness
+# An effect may act in a single block (a kerb). Without that block there is no estimate, so the jackknife removes at most this share of
+# the information on a parameter.
+ALONE = 0.9
 
 
 def estimates(effect: Effect, fitted: Fit, noise: Noise) -> list[f.Estimate]:
@@ -41,13 +43,14 @@ def estimates(effect: Effect, fitted: Fit, noise: Noise) -> list[f.Estimate]:
 
 
 def estimate(parameter: Parameter, fitted: Fit, noise: Noise | None = None) -> f.Estimate:
-    """Value and 95 % interval within the bounds, wider where scores are correlated over time or blocks of time disagree."""
+    """Value and 95 % interval within the bounds. With noise, the interval is at least that of the jackknife over blocks of time."""
     value, sd = fitted.values.shared[parameter.name], fitted.sd(parameter.name)
     reach = 1.96 * sd
     if noise is not None:
         blocks = time_blocks_of(noise)
         variance = jackknife(fitted, blocks, ALONE)[fitted.names.index(parameter.name)]
         if variance > 0.0:
+            # Student: the variance is itself estimated from a few blocks. The larger of both, as few blocks may agree by chance.
             reach = max(reach, float(student.ppf(0.975, int(blocks.max())) * np.sqrt(variance)))
     close = gates.AT_BOUND.threshold * abs(parameter.typical)
     at = "lower" if value - parameter.lower < close else "upper" if parameter.upper - value < close else None
@@ -65,7 +68,7 @@ def estimate(parameter: Parameter, fitted: Fit, noise: Noise | None = None) -> f
 def candidates(
     problem: Problem, state: State, baseline: State, found: Sequence[f.Finding], settings: Settings
 ) -> list[f.Candidate]:
-    """Every effect of the library with its score on the baseline and what became of it, likeliest first."""
+    """Every effect of the library with its score on the baseline and its verdict, likeliest first."""
     final = {s.effect: s for s in state.scores}
     small = _negligible(problem, (*baseline.trials, *state.trials))
     temporary = {s.effect for s, _ in baseline.temporary}
@@ -103,7 +106,7 @@ def candidates(
 
 
 def _power(critical: float, freedom: int, seen: float) -> float:
-    """Chance that a noncentral chi-square exceeds what would count; none of what leaves no trace."""
+    """Probability that a noncentral chi-square exceeds the threshold; 0 for an effect without any trace."""
     return float(ncx2.sf(critical, freedom, seen)) if seen > 0.0 else 0.0
 
 
@@ -120,33 +123,37 @@ def _of_found(effect: Effect, found: Sequence[f.Finding]) -> Judged | None:
 
 
 def _undetectable(problem: Problem, effect: Effect, score: Score, power: float) -> Judged | None:
-    """Why nothing can be said of it; None where something can. power: at the end; score: of the baseline."""
+    """Verdict and reason of an effect that could not be judged, else None. power: in the final state; score: on the baseline."""
     verdict: f.Verdict = "could not be judged"
+    # The reasons must keep the form "REASON; needs MANOEUVRE": diagnosis.advice collects the manoeuvres.
     if score.power == 0.0:
         return verdict, _why_invisible(problem, effect)
     if power >= POWER:
         return None
     half = score.confounded_share > gates.CONFOUNDED.threshold and score.power >= POWER
     if score.confounded_share > gates.COLLINEAR_NUISANCE.threshold or half:
-        return verdict, "the baseline's own parameters can do the same; needs another channel"
+        return (
+            verdict,
+            "other values of the baseline's own parameters have the same effect; needs another channel",
+        )
     needs = effect.excited_by or "more data"
-    return verdict, f"one of typical size would hardly be found here; needs {needs}"
+    return verdict, f"these recordings would hardly show a typical size; needs {needs}"
 
 
 def _refuted(likely: bool, beside_findings: bool) -> Judged:
-    """An effect that is not needed, though it seemed `likely` by itself, or that is ruled out."""
+    """Verdict and reason of an effect that is not needed although it was `likely` alone, or that is ruled out."""
     if not likely:
         return "ruled out", "one of typical size would have been found"
     if beside_findings:
-        return "not needed", "its evidence is explained better by a finding"
+        return "not needed", "a finding explains its evidence better"
     return (
         "not needed",
-        "its evidence does not hold in a refit, or differs between blocks of time",
+        "a refit does not confirm its evidence, or blocks of time disagree on its size",
     )
 
 
 def _negligible(problem: Problem, trials: Sequence[CandidateFit]) -> dict[str, str]:
-    """Why effects that are significant are too small to matter, with their sizes."""
+    """Reasons, with sizes, of effects that are significant but too small to matter; by effect."""
     least, found = problem.model.negligible, {}
     for t in [t for t in trials if t.passes and t.negligible(problem)]:
         seen = [
@@ -154,9 +161,9 @@ def _negligible(problem: Problem, trials: Sequence[CandidateFit]) -> dict[str, s
             for p in problem.model.effect(t.effect).amplitude_parameters
         ]
         why = (
-            f"not surely above {least:.0%} of a change that matters"
+            f"not certainly above {least:.0%} of a change that matters"
             if t.size < least
-            else "improves no channel by much"
+            else "improves no channel noticeably"
         )
         found[t.effect] = f"{why}: {', '.join(seen)}"
     return found
@@ -166,7 +173,9 @@ def _why_invisible(problem: Problem, effect: Effect) -> str:
     gone = [name for name in problem.missing if name in effect.place or name in effect.excited_by]
     if gone:
         return f"there is no usable {', '.join(gone)}"
-    return f"these recordings show nothing of it that the nuisances could not do; needs {effect.excited_by or 'another channel'}"
+    return (
+        f"in these recordings nuisances imitate it completely; needs {effect.excited_by or 'another channel'}"
+    )
 
 
 def _expected(effect: Effect, score: Score) -> list[f.Estimate]:
@@ -179,7 +188,7 @@ def _expected(effect: Effect, score: Score) -> list[f.Estimate]:
 
 
 def _typical_seen(state: State, effect: Effect, score: Score) -> float:
-    """Noncentrality that its typical changes make of its chi-square: of one that was accepted by the final fit, else by the screen."""
+    """Noncentrality of typical changes: from the final fit for an accepted effect, else from the screen."""
     own = effect.amplitude_parameters
     typical = np.array([p.typical for p in own])
     if effect.name in state.accepted:
@@ -194,12 +203,16 @@ def _typical_seen(state: State, effect: Effect, score: Score) -> float:
 
 
 def _smallest_detectable(effect: Effect, seen: float, critical: float, negligible: float) -> list[f.Estimate]:
-    """Smallest values of its amplitude parameters that would be found with a chance of POWER, all the same share of their typical changes."""
+    """Smallest values of the amplitude parameters that would be found with probability POWER; empty if no possible size would.
+
+    All parameters have the same share of their typical changes.
+    """
+    # the noncentrality grows with the square of the size
     own = effect.amplitude_parameters
     if seen == 0.0:
         return []
     share = max(float(np.sqrt(_noncentrality(len(own), critical) / seen)), negligible)
-    if any(p.discrete for p in own):  # there is no share of a wrong sign
+    if any(p.discrete for p in own):  # a sign cannot be partly wrong
         share = 1.0 if share <= 1.0 else np.inf
     sizes = [p.value + share * p.typical for p in own]
     if any(not p.lower <= size <= p.upper for p, size in zip(own, sizes, strict=True)):
@@ -212,7 +225,7 @@ def _smallest_detectable(effect: Effect, seen: float, critical: float, negligibl
 
 @cache
 def _noncentrality(freedom: int, critical: float) -> float:
-    """Noncentrality that brings a chi-square beyond `critical` with POWER."""
+    """Noncentrality with which a chi-square exceeds `critical` with probability POWER."""
 
     def lacking(x: float) -> float:
         return float(ncx2.sf(critical, freedom, x)) - POWER
@@ -235,7 +248,7 @@ def open_equation(found: OpenEnded) -> f.OpenEquation | None:
 
 
 def nuisances(problem: Problem, state: State) -> list[f.Nuisance]:
-    """Baseline parameters before and after."""
+    """Baseline parameters before and after the fit."""
     return [
         f.Nuisance(
             name=p.name,
@@ -251,7 +264,7 @@ def nuisances(problem: Problem, state: State) -> list[f.Nuisance]:
 
 
 def channel_noise(problem: Problem, state: State) -> list[f.ChannelNoise]:
-    """One-step errors at the end, and whether they are white."""
+    """Final one-step error of each channel, and the test for whiteness."""
     spread = state.noise.innovation_sd(problem)
     orders = {name: state.noise.whiteners[run.group].order for run in problem.runs for name in run.channels}
     return [
@@ -267,7 +280,7 @@ def channel_noise(problem: Problem, state: State) -> list[f.ChannelNoise]:
 
 
 def whiteness(innovations: Array, order: int) -> float:
-    """p-value of Ljung and Box (1978) over 20 lags; 1 when there are too few rows to ask."""
+    """p-value of the test of Ljung and Box (1978) over 20 lags; 1 with too few rows for a test."""
     n = innovations.size
     lags = min(WHITE_LAGS, n // 5)
     if lags <= order + 1:

@@ -16,7 +16,7 @@ from discrepancy.signals import findings as f
 from discrepancy.signals.adequacy import STILL_WRONG, ChannelAdequacy, inadequate, left
 from discrepancy.signals.recording import Complaint
 
-SHOWN = 6  # effects in a reason; all candidates with their verdicts stand beside it
+SHOWN = 6  # effects in a reason; the list of candidates has all of them
 SHOWN_CHANNELS = 3  # whose errors are in the reasons; all of them are in the findings
 
 
@@ -32,12 +32,18 @@ def verdict(
     settings: Settings,
     accepted: int,
 ) -> tuple[f.Status, list[str]]:
-    """Status and reasons; channels: their errors beside their budgets; left_over: candidates that passed when the search ended at its limit; accepted: effects, when it ended."""
+    """Status and reasons.
+
+    channels: their errors and error budgets; left_over: candidates that passed when the search ended at its limit; accepted: number of
+    effects then.
+    """
     silent = not found and not equation.terms
     inconsistent = _inconsistent(problem, state, settings) if silent and not left_over else None
     status, reasons = _status(problem, found, equation, candidates, complaints, inconsistent)
     if status == "nothing missing":
-        reasons += [f"{text}: the baseline is wrong there" for text in prior_conflicts(problem, state.fit)]
+        reasons += [
+            f"{text}: check this value of the baseline" for text in prior_conflicts(problem, state.fit)
+        ]
         status = "inconclusive" if left_over else status
     wrong = still_wrong(channels, several=len({w.recording for w in problem.windows}) > 1)
     if status == "nothing missing" and wrong:
@@ -52,12 +58,10 @@ def verdict(
         status = "explained in part"
     reasons += wrong
     if accepted >= settings.most_effects:
-        reasons.append(
-            f"the search ended at its limit of {settings.most_effects} effects: no further ones were looked for"
-        )
+        reasons.append(f"the search ended at its limit of {settings.most_effects} effects; there may be more")
     reasons += disagreements(problem, state, [x.effect for x in found if x.named])
     return status, reasons + [
-        f"the search ended at {settings.most_simulations} simulations though {t.effect} would help: the model is wrong by far, or in many ways"
+        f"the search ended at {settings.most_simulations} simulations although {t.effect} would still help: the model is far from the recordings, or wrong in many ways"
         for t in left_over
     ]
 
@@ -80,7 +84,7 @@ def still_wrong(channels: Sequence[ChannelAdequacy], *, several: bool) -> list[s
 
 
 def _inconsistent(problem: Problem, state: State, settings: Settings) -> CandidateFit | None:
-    """The effect that helps held-out data far beyond chance though blocks of time disagree about its size, if there is one."""
+    """The effect that clearly improves held-out data although blocks of time disagree on its size; None if there is none."""
     likely = max(state.trials, key=lambda t: t.margin, default=None)
     if likely is None or likely.raw_sse_reduction < max(gates.CLEAR.threshold, likely.threshold):
         return None
@@ -102,16 +106,20 @@ def _status(
     if inconsistent is not None:
         evidence, least = inconsistent.raw_sse_reduction, inconsistent.threshold
         return "unknown", [
-            f"{inconsistent.effect} would help much (evidence {evidence:.0f}, threshold {least:.0f}), but blocks of time disagree about its size"
+            f"{inconsistent.effect} would improve the prediction much (evidence {evidence:.0f}, threshold {least:.0f}), but blocks of time disagree on its size"
         ]
     if equation.terms:
-        reasons.append(f"the library leaves something that depends on known signals: {equation.equation()}")
+        reasons.append(
+            f"a difference that the library does not explain depends on known signals: {equation.equation()}"
+        )
     reasons += [
-        f"{x.effect} is the best proxy, cause unknown: {'; '.join(x.caveats)}" for x in found if not x.named
+        f"{x.effect} is only the best proxy, the cause is unknown: {'; '.join(x.caveats)}"
+        for x in found
+        if not x.named
     ]
     wrong = [c.described for c in complaints if c.fatal and c.signal in problem.missing]
     if any(x.named for x in found):
-        enough = "beside it, no other effect and no known signal improves the prediction of held-out data"
+        enough = "with it, no other effect and no function of the known signals improves the prediction of held-out data"
         return "explained", [*(reasons or [enough]), *wrong]
     if found or equation.terms:
         return "unknown", [*reasons, *wrong]
@@ -121,12 +129,12 @@ def _status(
 def _nothing_found(
     problem: Problem, candidates: Sequence[f.Candidate], complaints: Sequence[Complaint], wrong: list[str]
 ) -> tuple[f.Status, list[str]]:
-    """Nothing missing, or inconclusive; wrong: fatal complaints on channels that are out of use."""
+    """Nothing missing, or inconclusive; wrong: fatal complaints about channels that could not be used."""
     if problem.measured.size < gates.SAMPLES_TO_JUDGE.threshold:
         return "inconclusive", [f"{problem.measured.size} samples are too few to judge anything"]
     undetectable = [c for c in candidates if c.verdict == "could not be judged"]
     if candidates and len(undetectable) == len(candidates):
-        return "inconclusive", ["none of the library's effects would have been found at a typical size"]
+        return "inconclusive", ["these recordings would show no effect of the library at its typical size"]
     reasons = ["no effect and no function of the known signals improves the prediction of held-out data"]
     if undetectable:
         more = len(undetectable) - SHOWN

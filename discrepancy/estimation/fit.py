@@ -1,6 +1,7 @@
-"""Generalised least squares with bounds and priors, initial states of every window projected out (Gauss-Newton).
+"""Generalised least squares with bounds and priors: Gauss-Newton steps, with the initial states of every window projected out.
 
-All in whitened units: an SSE difference is twice a difference of log-likelihoods.
+All rows are whitened, so that a difference of SSE is twice a difference of log-likelihoods. Initial states are projected out because there
+are few per window but many in all: the normal matrix stays as small as the number of shared parameters (variable projection).
 """
 
 from collections.abc import Sequence
@@ -18,38 +19,46 @@ from discrepancy.model.description import Parameter
 from discrepancy.signals.recording import Array
 
 Mask = NDArray[np.bool_]
-STEP = 1e-3  # finite differences, in typical changes
-FORECAST = 0.02  # share of a step's reduction in SSE by which a linear forecast may be wrong and the step still count as linear
-KEPT_PROMISE = 0.5  # share of a forecast reduction in SSE that shows cached columns to be good enough
-BEND = 3.0  # of whitened SSE, by which a window may become worse before its own step is shortened
-SHRINKS = (1.0, 0.4, 0.1)  # of a step, in turn; with cached columns the first only
-CONVERGED = 1e-2  # in whitened SSE: a hundredth of what matters statistically
-STATES_ONLY = Effort(iterations=2)  # initial states are nearly linear
+# In typical changes. A thousandth keeps the curvature small and the difference far above the rounding of a simulation.
+STEP = 1e-3
+FORECAST = 0.02  # error of the linear forecast, as a share of a step's reduction, up to which the step counts as linear
+KEPT_PROMISE = 0.5  # share of the forecast reduction above which cached columns are good enough
+BEND = 3.0  # increase of a window's SSE above which the step of its own initial states is shortened
+SHRINKS = (
+    1.0,
+    0.4,
+    0.1,
+)  # shares of a step that are tried in turn; with cached columns only the first: if it fails, new columns help more
+CONVERGED = 1e-2  # of the SSE; thresholds are 6 and more
+STATES_ONLY = Effort(
+    iterations=2
+)  # outputs depend nearly linearly on initial states, so two steps are enough
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A fitted problem; residual and columns are whitened, with initial states projected out."""
+    """A fitted problem. Residual and columns are whitened, with initial states projected out."""
 
     names: tuple[str, ...]  # fitted shared parameters
     values: Values
-    sse: float  # with priors
-    data_sse: float  # without
+    sse: float  # squared whitened residuals and squared deviations from the priors
+    data_sse: float  # squared whitened residuals alone
     residual: Array  # (n,)
     columns: Array  # derivative by each of `names` (n, k)
     information: Array  # normal matrix of `names` with priors (k, k)
 
     def sd(self, name: str) -> float:
-        """Standard deviation of a fitted parameter; 0 where the data say nothing about it."""
+        """Standard deviation of a fitted parameter; 0 where the data contain no information on it."""
         return float(np.sqrt(self.covariance[self.names.index(name), self.names.index(name)]))
 
     @property
     def covariance(self) -> Array:
+        """Covariance (k, k) of `names`, by linearisation."""
         return inverse(self.information)
 
 
 class WindowStates:
-    """Projection off the initial states of every window, for the rows of a mask."""
+    """Removes from whitened rows the part that initial states of their window can produce; fitted on the rows of a mask only."""
 
     def __init__(self, local: Array, row_window: NDArray[np.intp], rows: Mask) -> None:
         self._local, self.used = local, 0
@@ -60,20 +69,22 @@ class WindowStates:
         edges = np.flatnonzero(np.diff(row_window[chosen])) + 1
         for part in np.split(chosen, edges):
             if part.size:
+                # SVD instead of normal equations: two states may act alike in a short window (position and bias), and the direction
+                # without influence must be left out rather than divided by nearly zero
                 U, s, Vt = np.linalg.svd(local[part], full_matrices=False)
                 sound = s > 1e-8 * max(float(s[0]), 1e-300)
                 self._parts.append((part, U[:, sound], (Vt[sound].T / s[sound])))
                 self.used += int(np.count_nonzero(sound))
 
     def off(self, rows: Array) -> Array:
-        """rows minus what initial states can explain; rows outside the mask are left."""
+        """The rows minus the part that initial states can produce; rows outside the mask are unchanged."""
         out = rows.copy()
         for part, U, _ in self._parts:
             out[part] -= U @ (U.T @ rows[part])
         return out
 
     def solve(self, rows: Array, count: int, row_window: NDArray[np.intp]) -> Array:
-        """Changes of the initial states (windows, states) that explain rows best."""
+        """Changes of the initial states (windows, states) that reproduce the rows best, in least squares."""
         change = np.zeros((count, self._local.shape[1]))
         for part, U, back in self._parts:
             change[row_window[part[0]]] = back @ (U.T @ rows[part])
@@ -83,7 +94,8 @@ class WindowStates:
 def differences(
     problem: Problem, values: Values, base: Array, names: Sequence[str], *, cached: bool = False
 ) -> Array:
-    """Derivative of the raw rows by parameters (N, k); for local ones in all windows at once. cached: columns kept of any other point serve."""
+    """Derivatives of the raw rows by parameters (N, k). cached: columns that were kept at any other point may be used."""
+    # A parameter of single windows is stepped in all windows at once, since no window depends on another: one simulation is enough.
     found = {name: problem.jacobian.column(name, None, values.shared, anywhere=cached) for name in names}
     new = [name for name, column in found.items() if column is None]
     steps = {name: _difference(problem, values, name) for name in new}
@@ -96,17 +108,19 @@ def differences(
 
 
 def initial_uncertainty(problem: Problem, values: Values, base: Array, *, cached: bool = False) -> Array:
-    """Raw rows (N, k) of one standard deviation of each initial state that is nearly known; cached: as in `differences`."""
+    """Changes of the raw rows (N, k) by one prior standard deviation of each initial state that is not fitted; cached: as in `differences`."""
     names = problem.initial_uncertainty_names
     sds = [problem.model.parameter(name).prior_sd or 0.0 for name in names]
     return np.asarray(differences(problem, values, base, names, cached=cached) * np.array(sds), float)
 
 
 def _difference(problem: Problem, values: Values, name: str) -> float:
-    """Step of a finite difference that stays within the bounds; that of a parameter with a negative typical value is negative."""
+    """Step of a finite difference in the parameter's unit, within its bounds; negative for a negative typical change."""
     parameter = problem.model.parameter(name)
     step = STEP * parameter.typical
-    if parameter.unit == "s":  # a change of time below the step of the grid is interpolation only
+    if (
+        parameter.unit == "s"
+    ):  # a delay below one step of the grid only tests the interpolation, which has kinks at the samples
         step = max(step, problem.model.step_s)
     if parameter.scope == "all" and not parameter.lower <= values.shared[name] + step <= parameter.upper:
         return -step
@@ -128,18 +142,21 @@ def fit(
     rows: Mask | None = None,
     effort: Effort = FULL,
 ) -> Fit:
-    """Fit shared parameters `names` and all initial states to the whitened rows of a mask (all, if None)."""
+    """The fit of shared parameters `names` and all initial states to the whitened rows of a mask (None: all rows)."""
     rows = np.ones(noise.keep.size, bool) if rows is None else rows
     parameters = [problem.model.parameter(name) for name in names]
+    # Steps are in typical changes, so that pascals and metres have similar columns. A prior is one more row per parameter.
     scale = np.array([p.typical for p in parameters])
     prior = np.array([p.typical / p.prior_sd if p.prior_sd else 0.0 for p in parameters])
     borrowed = cached = effort.cached and problem.model.costly
     chord = effort.chord and borrowed
     point = _Point.at(problem, noise, parameters, start, rows, cached)
     for later in reversed(range(effort.iterations)):
+        # the linear problem in the shared parameters alone: initial states are already projected out of its columns
         A = np.concatenate([point.columns[rows] * scale, np.diag(prior)])
         b = np.concatenate([point.residual[rows], -prior * point.deviation])
         step = _bounded(A, b, parameters, point.values)
+        # the initial states follow the shared step: they are solved for what it leaves of the unprojected residual
         left = point.white - point.white_columns @ (step * scale)
         local_step = point.states.solve(left, len(problem.windows), noise.row_window)
         before, promised = point.sse, float(np.sum((b - A @ step) ** 2))
@@ -152,13 +169,13 @@ def fit(
         )
         better = next(((v, sse) for v, sse in tried if sse < before), None) if worth else None
         if better is None and cached and later and not chord:
-            # columns of another point point the wrong way here: take those of this point
+            # the columns of another point led to no improvement here: compute those of this point
             cached, point = False, _Point.at(problem, noise, parameters, point.values, rows)
             continue
         if better is None:
             break
         moved, sse = better
-        # where the linear forecast held, the sensitivities still do (chord method)
+        # while the linear forecast is right, the columns are still right: keep them and save simulations (chord method)
         linear = abs(sse - promised) < FORECAST * (before - sse) + CONVERGED
         cached = cached and (chord or before - sse > KEPT_PROMISE * (before - promised))
         last = before - sse < CONVERGED or (borrowed and not later)
@@ -184,10 +201,9 @@ def _with_local_steps(
     shrink: float,
     rows: Mask,
 ) -> tuple[Values, float]:
-    """The shared step, with the share of the local step in each window that fits it best, and the SSE there.
-
-    A window with a stop or a contact, where the model is not linear, would otherwise hold back all others.
-    """
+    """The values after a shared step and its SSE; every window takes that share of its own local step that fits it best."""
+    # Shares are chosen per window: with one share for all, a single window with a stop or a contact, where the model is not linear,
+    # would shorten the steps of all others.
     count = len(problem.windows)
     old = _per_window(point.white, noise, rows, count)
     best, least = np.zeros_like(local_step), np.full(count, np.inf)
@@ -204,21 +220,22 @@ def _with_local_steps(
 
 
 def _per_window(e: Array, noise: Noise, rows: Mask, count: int) -> Array:
+    """SSE of every window (count,)."""
     return np.asarray(np.bincount(noise.row_window[rows], e[rows] ** 2, count), float)
 
 
 @dataclass(frozen=True, slots=True)
 class _Point:
-    """The problem linearised at some values; white is the residual before, residual after projection."""
+    """The problem linearised at some values."""
 
     parameters: tuple[Parameter, ...]
     values: Values
-    sse: float
-    white: Array
-    white_columns: Array
+    sse: float  # with priors
+    white: Array  # whitened residual (n,)
+    white_columns: Array  # whitened derivatives (n, k)
     states: WindowStates
-    residual: Array
-    columns: Array
+    residual: Array  # `white` with initial states projected out
+    columns: Array  # `white_columns` with initial states projected out
 
     @classmethod
     def at(
@@ -241,7 +258,7 @@ class _Point:
         return cls(tuple(parameters), values, sse, e, J, states, states.off(e), states.off(J))
 
     def renewed(self, problem: Problem, noise: Noise, values: Values, rows: Mask) -> "_Point":
-        """The residual at new values, with the sensitivities of the old."""
+        """The residual at new values, with the derivatives of this point."""
         e = noise.whiten(problem.measured - problem.predict(values))
         sse = _sse(e, self.parameters, values, rows)
         return replace(self, values=values, sse=sse, white=e, residual=self.states.off(e))
@@ -264,22 +281,25 @@ def _misfit(
 
 
 def held_out(problem: Problem, noise: Noise, values: Values, rows: Mask) -> Fit:
-    """Shared parameters as given; only the initial states are refitted, to `rows`."""
+    """The fit of the initial states alone to `rows`, with shared parameters as given: the error of rows that they were not fitted to."""
     return fit(problem, noise, (), values, rows=rows, effort=STATES_ONLY)
 
 
 def _bounded(A: Array, b: Array, parameters: Sequence[Parameter], values: Values) -> Array:
+    """The step (k,) in typical changes that solves A x = b in least squares within the bounds."""
     if not parameters:
         return np.zeros(0)
     now = np.array([values.shared[p.name] for p in parameters])
     scale = np.array([p.typical for p in parameters])
     edges = np.array([[p.lower, p.upper] for p in parameters])
+    # sorted: dividing by a negative typical change exchanges the two bounds
     low, high = np.sort((edges - now[:, None]) / scale[:, None], axis=1).T
     size = np.sqrt(np.sum(A**2, axis=0)) + 1e-12
     tiny = 1e-9 * np.diag(size)  # a parameter without influence stays where it is
     solved = lsq_linear(
         np.concatenate([A, tiny]),
         np.concatenate([b, np.zeros(len(parameters))]),
+        # lsq_linear requires low < high, also for a parameter that stands on its bound
         bounds=(np.minimum(low, -1e-12), np.maximum(high, 1e-12)),
         tol=1e-8,
     )

@@ -1,8 +1,8 @@
-"""What the model is not expected to predict: a vector autoregression per group of channels, and its whitening.
+"""The noise model: a vector autoregression of the residuals per group of channels, and the whitening of rows with it.
 
-With its own past projected out, the residual is the error of a one-step predictor, so feedback through a driver or
-controller does not make noise look like physics (Ljung, System Identification, 2nd ed., section 8.4). The order is
-chosen by BIC. Holds for evenly spaced samples; jitter is neglected, gaps restart the filter.
+A whitened residual is the error of a one-step predictor, which uses the residual's own past. Therefore feedback through a driver or
+controller does not make noise look like physics (Ljung, System Identification, 2nd ed., section 8.4). BIC chooses the order. The model
+assumes evenly spaced samples: jitter is neglected, and the filter starts again after a gap.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,7 +17,9 @@ from discrepancy.model.windows import Run
 from discrepancy.signals.recording import Array
 
 HIGHEST_ORDER = 10
-ROWS_PER_TERM = 15  # least rows for a coefficient of the autoregression
+ROWS_PER_TERM = (
+    15  # rows per coefficient of the autoregression, at least: with fewer it follows the residual itself
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +93,8 @@ class Noise:
         """Raw rows (N,) or (N, k) -> whitened rows (n,) or (n, k)."""
         white = self._predicted(rows)
         for part, U, size, _ in self._unsure:
+            # The covariance of these rows is I + U size² U'. Its inverse square root scales direction U_i by 1 / sqrt(1 + size_i²),
+            # so no (n, n) matrix is built.
             shrunk = 1.0 - 1.0 / np.hypot(1.0, size)
             white[part] -= (U * shrunk) @ (U.T @ white[part])
         return white
@@ -153,6 +157,7 @@ def estimate_noise(problem: Problem, residual: Array, used: float, known: Noise 
     if known is not None:
         initial, also = known.initial_part(residual)
         residual, used = residual - initial, used + also
+    # fitted parameters make residuals too small; at most a factor of four is given back, for recordings with few rows
     freedom_correction = residual.size / max(residual.size - used, 0.25 * residual.size)
     return Noise(
         problem,
@@ -237,6 +242,7 @@ def memory_limited(past: Array, samples: int) -> Array:
     order, c = past.shape[:2]
     if order == 0:
         return past
+    # the largest eigenvalue of the companion matrix is the factor by which the slowest memory decays per sample
     companion = np.zeros((order * c, order * c))
     companion[:c] = np.concatenate(list(past), axis=1)
     companion[c:, :-c] = np.eye((order - 1) * c)
@@ -244,4 +250,5 @@ def memory_limited(past: Array, samples: int) -> Array:
     allowed = 1.0 - 4.0 / max(samples, 8)
     if radius <= allowed:
         return past
+    # scaling A_i by r^i scales every eigenvalue by r and keeps the form of the memory
     return past * ((allowed / radius) ** np.arange(1, order + 1))[:, None, None]

@@ -1,25 +1,30 @@
-"""Normal matrices of parameters, whatever their units: pascals stand beside metres, eight powers of ten apart, sixteen in the matrix."""
+"""Inverses of normal matrices whose parameters have very different units.
+
+Pascals beside metres are eight powers of ten apart, and sixteen in the matrix: a plain pseudo-inverse takes the smaller for rounding.
+"""
 
 import numpy as np
 
 from discrepancy.signals.recording import Array
 
-ROUNDING = 1e-10  # eigenvalue of a matrix with ones on its diagonal, below which there is only rounding
+# Relative size of an eigenvalue, of a matrix with ones on its diagonal, below which it is rounding: columns are finite differences
+# with some five correct digits, and their squares stand in the matrix.
+ROUNDING = 1e-10
 
 
 def inverse(normal: Array, whole: Array | None = None) -> Array:
     """Pseudo-inverse (k, k) of a normal matrix (k, k), scaled by the information on each parameter.
 
-    A parameter without information stays where it is; a plain pseudo-inverse would also drop parameters of large units. Eigenvalues that
-    rounding left below zero hold no information either, so that no variance is negative. whole: the matrix of which this is a part, if it
-    is one, because the rest of a parameter in it may be no more than rounding.
+    A parameter without information gets a variance of zero, so it stays where it is. whole: the larger matrix of which this one remains after
+    a projection, if any; a diagonal element that is only rounding of the original one then counts as zero.
     """
+    # as a product of a root with its transpose: no variance can become negative by rounding
     half = root(normal, whole)
     return np.asarray(half @ half.T, float)
 
 
 def root(normal: Array, whole: Array | None = None) -> Array:
-    """(k, m) that times its transpose is the inverse: columns are the directions of which something is known, in their standard deviations."""
+    """The root (k, m) of the pseudo-inverse: its columns are the determined directions, each with the length of one standard deviation."""
     known = np.diag(normal)
     known = np.where(known > ROUNDING * (known if whole is None else np.diag(whole)), known, 0.0)
     by_size = np.where(known > 0.0, 1.0 / np.sqrt(np.where(known > 0.0, known, 1.0)), 0.0)

@@ -1,8 +1,8 @@
-"""What an author of a model writes against: one import for the description, sensor faults, recordings and equations.
+"""The interface for authors of models: one import for the description, sensor faults, recordings and equations.
 
     from discrepancy.model import Effect, Model, Parameter, sensor_effects
 
-The functions of `discrepancy.examine` and the settings of a search are for those who run the engine, not for models.
+The functions of `discrepancy.examine` and the settings of a search are for programs that run the engine, not for models.
 """
 
 from discrepancy.model.description import (

@@ -1,10 +1,10 @@
-"""What the engine must know of a model: a description and one function that turns inputs into outputs. For authors of models.
+"""The description of a model for the engine, and the protocol of its function. For authors of models.
 
-`simulate` gets a Window (inputs resampled to the model's own even grid, from `lead_s` before the scored part), the
-values of all parameters by name, and what the open-ended search adds at the model's ports; it returns the outputs on
-the same grid. Effects are off at `Parameter.value`; sensor effects (discrepancy.model.sensors) are applied by the engine.
-A model may use measured outputs of the past (an observer gain, a measured speed as input): that is its predictor
-form. Short windows with free initial states (`scope='window'`) are the other way to keep errors from piling up.
+`simulate` gets a Window (inputs resampled to the model's own even grid, from `lead_s` before the scored part), the values of all parameters
+by name, and the signals that the open-ended search adds at the model's ports. It returns the outputs on the same grid. Effects are off at
+`Parameter.value`; the engine itself applies sensor effects (discrepancy.model.sensors). A model may use measured outputs of the past (an
+observer gain, a measured speed as input); it is then a predictor. Errors of a model without measured outputs grow with time; short windows
+with free initial states (`scope='window'`) limit them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +16,7 @@ import numpy as np
 from discrepancy.signals.recording import Array, Recording, Signal
 from discrepancy.signals.units import parse_unit
 
-NEARLY_NONE = 0.02  # of a typical change: the local gradient
+NEARLY_NONE = 0.02  # of a typical change: so small a step gives the local gradient
 OLD_SCOPES = {"begin": "initial_uncertainty"}  # written in files of users before the name was changed
 
 Scope = Literal["all", "window", "initial_uncertainty"]
@@ -32,9 +32,9 @@ class Parameter:
     lower: float = -np.inf  # physical bounds
     upper: float = np.inf
     typical: float = 1.0  # a change that matters; scales steps and trial steps
-    prior_sd: float | None = None  # standard deviation of what is known beforehand; None: nothing is
+    prior_sd: float | None = None  # standard deviation of the prior about `value`; None: no prior
     # all: one value. window: an initial state, refitted in every window without prior. initial_uncertainty: an initial state that is
-    # known to prior_sd in every window; it is never fitted, and what it may do counts as noise.
+    # known to prior_sd in every window; it is never fitted, and its possible influence is part of the noise.
     scope: Scope = "all"
     shape: bool = False  # has no meaning while the effect is off (a time constant, a corner speed)
     discrete: bool = False  # means something only at `value` and at one typical change from it (a wrong sign)
@@ -45,7 +45,7 @@ class Parameter:
     probes: InitVar[tuple[float, ...]] = ()  # old name of trial_steps
 
     def __post_init__(self, whole: bool, probes: tuple[float, ...]) -> None:
-        # frozen: files of users keep working with the names that they were written with
+        # object.__setattr__, as the class is frozen: users' files keep working with the parameter names of earlier versions
         object.__setattr__(self, "discrete", self.discrete or whole)
         object.__setattr__(self, "trial_steps", self.trial_steps or probes)
         object.__setattr__(self, "scope", OLD_SCOPES.get(self.scope, self.scope))
@@ -60,7 +60,7 @@ class Parameter:
 
     @property
     def trial_values(self) -> tuple[float, ...]:
-        """Values of the parameter at which the effect is scored: finite changes, and nearly none where asked for."""
+        """Values of the parameter at which the effect is scored: its trial steps, and a very small one if `small`."""
         sizes = self.trial_steps or (self.typical,)
         return tuple(
             self.value + size for size in ((*sizes, NEARLY_NONE * self.typical) if self.small else sizes)
@@ -76,12 +76,12 @@ class Effect:
     equation: str
     parameters: tuple[Parameter, ...]
     kind: Literal["physics", "sensor"]
-    place: str  # where it acts on the machine
-    reverse: str = ""  # the sentence where its first parameter is below its baseline: early instead of late
+    place: str  # part of the machine on which it acts
+    reverse: str = ""  # the sentence for a first parameter below its baseline: early instead of late
     excited_by: str = ""  # what a recording must contain to show it
     confusable: Mapping[str, str] = field(
         default_factory=dict
-    )  # other effects, and what would tell them apart
+    )  # other effects, and what would distinguish them
 
     def said(self, value: float) -> str:
         """The sentence for a value of the first parameter."""
@@ -89,7 +89,7 @@ class Effect:
 
     @property
     def size(self) -> int:
-        """Degrees of freedom it takes."""
+        """Its degrees of freedom."""
         return len(self.parameters)
 
     @property
@@ -132,7 +132,7 @@ class Window:
     step_s: float
     known: Mapping[str, Array]  # inputs and measured outputs that exist, on the grid
     constants: Mapping[str, float]  # of the recording, SI
-    # parameters of the run that leads a model to the begin of the window; empty: those of the baseline. Only where Model.warms_up.
+    # shared parameters of the warm-up run before the window; empty: those of the baseline. Only where Model.warms_up.
     warm_up: Mapping[str, float] = field(default_factory=dict)
 
     def has(self, name: str) -> bool:
@@ -161,18 +161,18 @@ class Manoeuvre:
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """Outputs of one recording that were stamped by another clock."""
+    """Outputs of one recording that another clock has stamped."""
 
-    parameter: str  # the nuisance that says how late they are for it [s]
+    parameter: str  # the nuisance that is their common delay [s]
     recording: str
     channels: tuple[str, ...]
 
 
 class Simulate(Protocol):
-    """The function of a model: what it returns depends on its arguments alone.
+    """The function of a model. Its result depends on its arguments alone, because the engine caches results.
 
-    One that also has `together(windows, values)`, the list of what it returns for each of many windows, is asked for all at once where
-    nothing is added at ports and no parameter belongs to a window.
+    It may also have a method `together(windows, values)`, which returns the list of results for many windows. The engine calls that one
+    where nothing is added at ports and no parameter belongs to a single window.
     """
 
     def __call__(
@@ -184,10 +184,10 @@ class Simulate(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Model:
-    """A description of a model and its library of effects; units are SI.
+    """A model and its library of effects; units are SI.
 
-    `negligible`, `least_explained` and `floors` hold off what the model itself is wrong by, which long recordings and instruments
-    without noise make significant.
+    Every model is slightly wrong, and long recordings or exact instruments make that significant. `negligible`, `least_explained` and
+    `floors` keep such differences from becoming findings.
     """
 
     name: str
@@ -214,8 +214,12 @@ class Model:
     clocks: tuple[Clock, ...] = ()
     # chooses what of a recording, between two times, is scored; None: all of it
     segments: Callable[[Recording, tuple[float, float]], Sequence[tuple[float, float]]] | None = None
-    jacobian_reach: float = 0.0  # typical changes by which parameters may move before columns are computed anew; above 0: simulations are costly
-    negligible: float = 0.0  # share of a typical change that an effect must surely reach, or it is no finding
+    jacobian_reach: float = (
+        0.0  # typical changes over which Jacobian columns are reused; above 0: simulations are expensive
+    )
+    negligible: float = (
+        0.0  # share of a typical change; an effect whose 95 % interval reaches below it is no finding
+    )
     least_explained: float = (
         0.0  # share of some channel's squared one-step errors that an effect or an equation must take away
     )
@@ -245,7 +249,7 @@ class Model:
             try:
                 parse_unit(unit)
             except ValueError as error:
-                raise ValueError(f"model {self.name}, {name}: {error}; models speak SI") from error
+                raise ValueError(f"model {self.name}, {name}: {error}; units of a model are SI") from error
         for manoeuvre in self.manoeuvres:
             for name, given in manoeuvre.inputs.items():
                 if given.held != (name in self.held):
@@ -256,7 +260,7 @@ class Model:
 
     @property
     def costly(self) -> bool:
-        """Whether simulations are spared where little is to be won by them."""
+        """Whether simulations are expensive, so that the search avoids those of little use."""
         return self.jacobian_reach > 0.0
 
     @property

@@ -1,7 +1,7 @@
-"""An equation that was found outside the library, as an effect of a model: a user's file holds the terms, this puts them in.
+"""Adds an open-ended equation to a model as an effect, for the files that `loaderhil effects add` writes.
 
-Terms act at a port of the model, or on the reading of an output; their signals are the inputs, and the outputs as simulated without
-the terms and without sight of measured outputs, as they were when the equation was found.
+Terms act at a port of the model, or on the reading of an output. Their signals are the inputs and the simulated outputs. Outputs are
+simulated without the terms and without measured outputs, exactly as when the equation was found.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -10,7 +10,9 @@ from dataclasses import replace
 from discrepancy.model.description import Effect, Model, Window
 from discrepancy.signals.recording import Array
 
-READING = "reading of "  # before the name of an output: a term that is added to what its sensor says
+READING = (
+    "reading of "  # prefix of an output's name: the place of a term that is added to the sensor's reading
+)
 
 Signals = Mapping[str, Array]
 Term = Callable[[Signals, Mapping[str, float], float], Array]
@@ -50,15 +52,13 @@ def driven(
     windows: Sequence[Window],
     simulated: Callable[[Sequence[Window]], Sequence[Mapping[str, Array]]],
 ) -> list[dict[str, Array]]:
-    """Signals to build functions of, in every window: inputs, and outputs simulated without sight of the measured ones.
-
-    A measured output used as regressor would explain itself.
-    """
+    """Signals of which functions are built, for every window: inputs, and outputs simulated without measured outputs."""
+    # a measured output as regressor would explain its own error
     names = (*model.inputs, *model.optional)
     inputs = [{n: window[n] for n in names if window.has(n)} for window in windows]
     try:
         motions = simulated([replace(w, known=known) for w, known in zip(windows, inputs, strict=True)])
-    except KeyError:  # the model is driven by a measured output
+    except KeyError:  # the model needs a measured output to run: only inputs are left as signals
         return inputs
     return [
         {**known, **{n: y for n, y in true.items() if n in model.outputs}}

@@ -1,4 +1,4 @@
-"""Operators with memory that an equation may hold, beside the low-pass of discrepancy.model.sensors."""
+"""Operators with memory for equations, beside the low-pass of discrepancy.model.sensors."""
 
 import numpy as np
 

@@ -1,7 +1,7 @@
-"""What sensors do to any output of any model: a delayed gyro is not missing dynamics.
+"""Sensor faults for any output of any model. Without them, a delayed gyro would be named as missing dynamics.
 
-Order of action: misalignment (turns two axes), lag, delay, scale and sign, bias and drift. All on the model's grid,
-from simulated (noise-free) outputs, so delays need not be multiples of the sample time.
+The faults act in this order: misalignment (turns two axes), lag, delay, scale and sign, bias and drift. They act on simulated, noise-free
+outputs on the model's grid, so delays need not be multiples of the sample time.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,15 +14,15 @@ from discrepancy.signals.recording import Array
 from discrepancy.signals.units import parse_unit
 
 KINDS = ("bias", "scale", "delay", "lag", "sign", "drift")
-LINEAR = ("bias", "scale", "sign", "drift")  # for which one size tells of all
-LONGEST_DELAY_S = 0.5
+LINEAR = ("bias", "scale", "sign", "drift")  # linear in their size, so one trial step is enough
+LONGEST_DELAY_S = 0.5  # of a sensor; a larger shift is another clock (checks.clocks)
 SLOWEST_LAG_S = 2.0
 
 
 def sensor_effects(
     output: str, unit: str, *, bias: float, kinds: Iterable[str] = KINDS, delay_s: float = 0.05
 ) -> tuple[Effect, ...]:
-    """Library of faults of one output channel. bias: an offset that matters [unit]; delay_s: a delay that does [s]."""
+    """Effects for the faults of one output channel. bias: an offset that matters [unit]; delay_s: a delay that matters [s]."""
 
     def parameter(
         kind: str,
@@ -136,7 +136,7 @@ def misalignment(first: str, second: str) -> Effect:
 
 
 def lagged(values: Array, time_constant_s: float, step_s: float) -> Array:
-    """First-order lag, exact for inputs that are linear between grid points; starts settled."""
+    """First-order lag (n,), exact for inputs that are linear between grid points; starts in its steady state."""
     if time_constant_s < 1e-9:
         return values
     a = np.exp(-step_s / time_constant_s)
@@ -148,10 +148,9 @@ def lagged(values: Array, time_constant_s: float, step_s: float) -> Array:
 
 
 def lagged_more(values: Array, more_s: float, before_s: float, step_s: float) -> Array:
-    """What a sampled sensor of time constant `before_s` reports, as it would be with `more_s` added to it; starts settled.
-
-    One low-pass, exact for samples that are held, as in plant.unit.sensors; two in a row would be another sensor.
-    """
+    """Readings of a sampled sensor of time constant `before_s`, changed to those with `before_s + more_s`; starts in its steady state."""
+    # A slower sensor is one low-pass with a longer time constant; two low-passes in series would be another sensor. The filter therefore
+    # cancels the old pole and puts in the new one. Exact for held samples, as in plant.unit.sensors.
     if more_s < 1e-9:
         return values
     before, after = np.exp(-step_s / before_s), np.exp(-step_s / (before_s + more_s))
@@ -162,7 +161,7 @@ def lagged_more(values: Array, more_s: float, before_s: float, step_s: float) ->
 
 
 def delayed(values: Array, delay_s: float, time_s: Array) -> Array:
-    """y(t - T), linear between grid points; the ends stand still."""
+    """The signal (n,) delayed by T, y(t - T): linear between grid points, constant beyond the ends."""
     return values if delay_s == 0.0 else np.interp(time_s - delay_s, time_s, values)
 
 
@@ -174,7 +173,7 @@ def through_sensors(
     since_s: float,
     lags: Mapping[str, float],
 ) -> dict[str, Array]:
-    """What the sensors would report of the true outputs; since_s: start of the drift; lags: time constants that outputs have already [s]."""
+    """Readings of the sensors by output; since_s: time at which a drift starts; lags: time constants that the outputs contain already [s]."""
     seen = dict(outputs)
     for name, angle in values.items():
         if ".turn." in name and angle != 0.0:
@@ -182,7 +181,7 @@ def through_sensors(
             if one in seen and two in seen:
                 c, s = np.cos(angle), np.sin(angle)
                 seen[one], seen[two] = c * seen[one] + s * seen[two], c * seen[two] - s * seen[one]
-    # most sensors have no fault, and then nothing is to be done
+    # this runs for every simulation: skip the sensors without a fault, which are nearly all
     faulty = {name.rpartition(".")[0] for name, value in values.items() if value != 0.0}
     for name, true in seen.items():
         if name not in faulty:

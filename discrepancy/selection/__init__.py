@@ -1,1 +1,1 @@
-"""The search for effects that the data ask for: score screen, candidate fits, amplitude_names intervals, open-ended terms."""
+"""The search for missing effects: score screen, candidate fits, active intervals, open-ended terms."""

@@ -1,7 +1,7 @@
-"""Temporary effects: an effect that acts in one interval only, and the run of windows in which it acts.
+"""Finds temporary effects: effects that act in one interval of time only, and the range of windows in which they act.
 
-A scan over all runs of windows of a recording: sums over windows give the score of each of them at once. The threshold of the
-reduction in SSE grows with the number of runs that were tried (Bonferroni).
+All ranges of windows of a recording are scanned; sums over windows give the scores of all ranges at once. The threshold of the SSE
+reduction grows with the number of ranges that were tried (Bonferroni).
 """
 
 from collections.abc import Sequence
@@ -32,47 +32,50 @@ from discrepancy.selection.unexplained import unexplained
 from discrepancy.signals.recording import Array
 
 FEWEST_WINDOWS: Final = int(gates.WINDOWS_OF_INTERVAL.threshold)
-ROUNDS = 6  # of windows and noise
+ROUNDS = 6  # alternations between range and noise, at most
 
 
 @dataclass(frozen=True, slots=True)
 class ActiveInterval:
-    """Windows in which an effect acts."""
+    """A range of windows in which an effect may act."""
 
     windows: range
     statistic: float  # of the score in these windows
-    size: float  # in units of the change that was tried
+    size: float  # expected change, in trial steps
 
 
 @dataclass(frozen=True, slots=True)
 class RefinedInterval:
-    """A temporary effect with its windows and the noise that is left beside it, each estimated with the other."""
+    """A temporary effect: its windows, its fit, and the noise beside it, all estimated together."""
 
     windows: range
     noise: Noise
-    without: Fit  # under that noise
-    with_it: Fit
+    without: Fit  # of the model without the effect, under that noise
+    with_it: Fit  # with the effect in `windows`
     variance_inflation: float  # of the score over the whole recording
     blocks: int  # of time, from which that inflation is estimated
 
     @property
     def sse_reduction(self) -> float:
+        """Reduction of the SSE by the effect."""
         return self.without.sse - self.with_it.sse
 
     @property
     def sure_sse_reduction(self) -> float:
-        """The reduction that would be as unlikely by chance if the variance inflation were known exactly, and not from so many blocks."""
+        """The SSE reduction (chi-square) that is as unlikely by chance as this one."""
+        # The variance inflation is itself an estimate from few blocks, so the ratio follows an F and not a chi-square distribution. The
+        # thresholds are of chi-square: take the value with the same tail probability.
         beyond = f_dist.sf(max(self.sse_reduction / self.variance_inflation, 0.0), 1, self.blocks - 1)
         return float(chi2.isf(beyond, 1))
 
-    def even(self, chance: float) -> bool:
-        """Whether windows inside agree on its size, and those outside on zero, but for a chance."""
+    def uniform(self, chance: float) -> bool:
+        """Whether the windows inside agree on one size and those outside on zero; a true case fails with probability `chance`."""
         freedom = self.blocks - 1
         return float(chi2.sf(self.variance_inflation * freedom, freedom)) > chance
 
 
 def window_ranges(problem: Problem) -> list[range]:
-    """All runs of windows of one recording, with enough windows inside and outside; none for models too costly to try them."""
+    """All ranges of windows within one recording, with enough windows inside and outside; none for expensive models."""
     count = len(problem.windows)
     if problem.costs.costly or count < FEWEST_BLOCKS:
         return []
@@ -86,24 +89,24 @@ def window_ranges(problem: Problem) -> list[range]:
 
 
 def sse_threshold(problem: Problem, effect: Effect, values: Values, alpha: float) -> float:
-    """Reduction in SSE that an effect must bring: its penalty, and that for the choice of the windows in which it acts."""
+    """Threshold of the SSE reduction of an effect: its penalty, plus the penalty for the choice of its windows if it is temporary."""
     always = penalty(effect.size, len(problem.model.effects), alpha)
     return always + (search_penalty(window_ranges(problem)) if active_interval_of(effect, values) else 0.0)
 
 
 def search_penalty(among: Sequence[range]) -> float:
-    """Penalty for the choice of one of so many runs of windows."""
+    """Penalty for the choice of one among so many ranges, 2 ln(count): Bonferroni on the scale of chi-square."""
     return 2.0 * float(np.log(len(among)))
 
 
 def active_interval_of(effect: Effect, values: Values) -> range | None:
-    """Windows in which an effect acts; None if in all."""
+    """The windows in which an effect acts; None: all."""
     intervals = values.active_intervals
     return next((intervals[name] for name in effect.amplitude_names if name in intervals), None)
 
 
 def restricted_to(problem: Problem, columns: Sequence[Columns], windows: range) -> list[Columns]:
-    """Sensitivities to effects that act in some windows only."""
+    """The sensitivities of effects that act in some windows only."""
     acts = np.isin(problem.row_window, windows)[:, None]
     return [replace(c, raw=tuple(raw * acts for raw in c.raw)) for c in columns]
 
@@ -116,7 +119,7 @@ def temporary_effects(
     columns: Sequence[Columns],
     alpha: float,
 ) -> list[tuple[Score, range]]:
-    """The effects that score better in some run of windows than in all, beyond the penalty for the choice of the run; best first."""
+    """Effects whose score in some range exceeds their score in all windows by more than the penalty for the choice; best first."""
     among = window_ranges(problem)
     if not among:
         return []
@@ -125,7 +128,7 @@ def temporary_effects(
     by_name = {s.effect: s for s in scores}
     for c in [c for c in columns if c.effect.size == 1]:
         score = by_name[c.effect.name]
-        # a temporary friction scores best at one trial step, over the whole recording at another
+        # every trial step is scanned: a friction that acts for a short time may score best at another step than over the whole recording
         active_intervals = [
             (interval, interval.size * tried)
             for raw, tried in zip(c.raw, c.changes, strict=True)
@@ -145,34 +148,36 @@ def refine_interval(
     noise: Noise,
     effect: Effect,
     names: tuple[str, ...],
-    begun: Values,
+    start: Values,
     windows: range,
     columns: Sequence[Columns],
 ) -> RefinedInterval:
-    """Noise, size and windows of a temporary effect, each estimated with the others until the windows stay.
+    """Noise, size and windows of a temporary effect, estimated in turn until the windows stay.
 
-    Noise that was estimated without the effect holds a part of it, and scores, which are local, err where the effect stops the machine.
-    names: what is fitted without the effect; begun: values with the effect at the size from which to begin; columns: of all candidates.
+    names: parameters fitted without the effect; start: values with the effect at its initial size; columns: of all candidates.
     """
+    # A single pass is not enough. Noise estimated without the effect contains a part of it, and scores are linear, so they are wrong
+    # where the effect stops the machine. Windows are therefore chosen by the reduction that the fitted effect itself brings.
     own = dict.fromkeys(p.name for p in effect.parameters)
     off = {p.name: p.value for p in effect.parameters}
     among, everywhere = window_ranges(problem), np.ones(noise.keep.size, bool)
     fitted = fit(
-        problem, noise, (*names, *own), begun.active_in(effect.amplitude_parameters, windows), effort=BRIEF
+        problem, noise, (*names, *own), start.active_in(effect.amplitude_parameters, windows), effort=BRIEF
     )
     for _ in range(ROUNDS):
         raw = problem.measured - problem.predict(fitted.values)
         noise = estimate_noise(problem, *unexplained(problem, noise, fitted, raw, columns), noise)
         everywhere = np.ones(noise.keep.size, bool)
         fitted = fit(problem, noise, (*names, *own), fitted.values, effort=BRIEF)
+        # SSE of every window with the effect always on, and never on: the best range is that with the largest sum of differences
         others = {name: w for name, w in fitted.values.active_intervals.items() if name not in own}
         always = held_out(
             problem, noise, replace(fitted.values, active_intervals=others), everywhere
         ).residual
         never = held_out(problem, noise, fitted.values.with_shared(off), everywhere).residual
-        gain = np.bincount(noise.row_window, never**2 - always**2, len(problem.windows))
-        gained = np.concatenate([[0.0], np.cumsum(gain)])
-        best = max(among, key=lambda run: float(gained[run.stop] - gained[run.start]))
+        reduction = np.bincount(noise.row_window, never**2 - always**2, len(problem.windows))
+        summed = np.concatenate([[0.0], np.cumsum(reduction)])
+        best = max(among, key=lambda windows: float(summed[windows.stop] - summed[windows.start]))
         if best == windows:
             break
         windows = best
@@ -189,12 +194,12 @@ def refine_interval(
         noise,
         without,
         fitted,
-        *_scatter(noise, (never - always)[:, None], fitted, len(names), windows),
+        *_variance_inflation(noise, (never - always)[:, None], fitted, len(names), windows),
     )
 
 
 def time_varying_nuisance(problem: Problem, noise: Noise, without: Fit) -> tuple[str, float, range] | None:
-    """The nuisance that would explain most with another value in one interval, its reduction in SSE and the windows; None if there is none."""
+    """The nuisance that would reduce the SSE most with another value in one range of windows: name, SSE reduction, windows; or None."""
     base = problem.predict(without.values)
     raw = differences(problem, without.values, base, problem.nuisance_names)
     projector, among = Projector(problem, noise, without), window_ranges(problem)
@@ -206,12 +211,15 @@ def time_varying_nuisance(problem: Problem, noise: Noise, without: Fit) -> tuple
     return max(found, key=lambda f: f[1], default=None)
 
 
-def _scatter(noise: Noise, direction: Array, fitted: Fit, others: int, interval: range) -> tuple[float, int]:
-    """Variance inflation of the score along a direction (n, 1), and the number of blocks of time it rests on.
+def _variance_inflation(
+    noise: Noise, direction: Array, fitted: Fit, others: int, interval: range
+) -> tuple[float, int]:
+    """Variance inflation of the score along a direction (n, 1), and the number of blocks of time that it is estimated from.
 
-    others: columns of the fit that come first and are no part of the effect. An effect begins and ends somewhere within a window: of the
-    two windows at each end, that one is left out which agrees least with the rest.
+    others: number of the fit's first columns, which do not belong to the effect.
     """
+    # An effect begins and ends somewhere within a window, so the windows at both ends contain only a part of it and would count as
+    # disagreement. At each end, of the two windows next to the limit, the one that disagrees more is left out.
     blocks, found, J = time_blocks_of(noise), [], fitted.columns[:, :others]
     free = direction - J @ np.linalg.lstsq(J, direction, rcond=None)[0]
     for start in (interval.start - 1, interval.start):
@@ -226,13 +234,16 @@ def _scatter(noise: Noise, direction: Array, fitted: Fit, others: int, interval:
 def best_interval(
     noise: Noise, projector: Projector, residual: Array, raw: Array, among: Sequence[range]
 ) -> ActiveInterval | None:
-    """The run in which one column of raw sensitivities (N,) scores best, nuisances and initial states projected out."""
+    """The range in which one column of raw sensitivities (N,) scores best, nuisances and initial states projected out."""
     if not among:
         return None
     white = projector.states.off(noise.whiten(raw))
     columns, inverse = projector.nuisances
     count = int(noise.row_window.max()) + 1
 
+    # Score and power of a range follow from differences of cumulative sums over windows: about n²/2 ranges cost n sums. Initial
+    # states belong to single windows and are projected out first; nuisances couple the windows and are subtracted below by the Schur
+    # complement of their normal matrix.
     def summed(rows: Array) -> Array:
         return np.concatenate([[0.0], np.cumsum(np.bincount(noise.row_window, rows, count))])
 

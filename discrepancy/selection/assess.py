@@ -1,4 +1,4 @@
-"""Where a search stands with some effects accepted: noise, fit, and the scores of all others."""
+"""One round of the search: with some effects accepted, estimates noise and parameters and scores all other effects."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -26,7 +26,7 @@ from discrepancy.selection.unexplained import unexplained, unexplained_by_window
 
 
 def assess(problem: Problem, accepted: tuple[str, ...], values: Values, settings: Settings) -> State:
-    """Noise with all candidates projected out, the fit under it, and the screen of what is not accepted."""
+    """The state with these effects accepted: noise with all candidates projected out, the fit under it, and the screen of the others."""
     names = free_names(problem, accepted)
     candidates = [e for e in problem.model.effects if e.name not in accepted]
     base = problem.predict(values)
@@ -36,12 +36,14 @@ def assess(problem: Problem, accepted: tuple[str, ...], values: Values, settings
     least = problem.costs.rough_reduction(noise.keep.size)
     fitted = fit(problem, noise, names, values, effort=replace(CACHED, least_reduction=least))
     at = values if problem.costs.costly else fitted.values
+    # Noise and fit depend on each other. Two passes: the first under white noise, roughly, the second under the noise that it leaves.
     for last in (False, True):
         home = _at_prior(problem, fitted)
         fitted = replace(fitted, values=problem.warmed_up(fitted.values, home or fitted.values))
         at = at.warmed_up_as(fitted.values)
         if home is not None and accepted:
             fitted = from_prior(problem, noise, fitted, home.warmed_up_as(fitted.values))
+        # The noise is estimated from what no candidate explains. Otherwise a missing effect would count as noise, and hide itself.
         base = problem.predict(fitted.values)
         columns = sensitivities(problem, at, problem.predict(at), candidates)
         left = unexplained(problem, noise, fitted, problem.measured - base, columns)
@@ -70,11 +72,9 @@ def assess(problem: Problem, accepted: tuple[str, ...], values: Values, settings
 def _temporary_effects(
     problem: Problem, noise: Noise, fitted: Fit, columns: Sequence[Columns], settings: Settings
 ) -> tuple[list[tuple[Score, range]], tuple[Noise, Fit] | None]:
-    """Effects that may act in one interval only, and the noise and fit by which they score.
-
-    Noise from which candidates are projected out as they act always would hold what acts in one interval: here they are projected out
-    window by window.
-    """
+    """Effects that may act in one interval only, and the noise and fit under which they were scored."""
+    # The noise of `assess` has candidates projected out that act throughout. It still contains an effect that acts in one interval, so
+    # here the candidates are projected out window by window.
     if not window_ranges(problem):
         return [], None
     raw = problem.measured - problem.predict(fitted.values)
@@ -85,16 +85,16 @@ def _temporary_effects(
 
 
 def from_prior(problem: Problem, noise: Noise, fitted: Fit, at_prior: Values) -> Fit:
-    """The fit, or a better one that begins with nuisances at their priors: what they stood in for is among the effects now."""
+    """The fit, or a better one that starts with nuisances at their priors: the effect that they imitated is now in the model."""
     here = fit(problem, noise, fitted.names, fitted.values, effort=replace(AS_IT_IS, cached=True))
     other = fit(problem, noise, fitted.names, at_prior)
     return min(here, other, key=lambda f: f.sse)
 
 
 def _at_prior(problem: Problem, fitted: Fit) -> Values | None:
-    """Nuisances back at their priors if one of them is in conflict with its own; else None.
+    """The values with nuisances at their priors, if one of them is in conflict with its prior; else None.
 
-    Such a nuisance may stand in for an effect that shows only where the nuisance is at its prior.
+    Such a nuisance may imitate a missing effect, which then shows only where the nuisance is back at its prior.
     """
     known = [p for p in problem.model.nuisances if p.scope == "all" and p.prior_sd is not None]
     shared, most = fitted.values.shared, gates.PRIOR_CONFLICT.threshold
@@ -111,6 +111,7 @@ def _screen_at(
     candidates: Sequence[Effect],
     settings: Settings,
 ) -> list[Score]:
+    """Scores at other values than those of the fit, under the same noise."""
     point, base = fit(problem, noise, names, values, effort=AS_IT_IS), problem.predict(values)
     columns = sensitivities(problem, values, base, candidates)
     return screen(problem, noise, point, columns, settings)

@@ -1,4 +1,7 @@
-"""Candidate fits: each effect of the shortlist fitted beside what is accepted, and confirmed on data that were not fitted."""
+"""Fits each effect of the shortlist beside the accepted ones, and confirms it on data that were not fitted.
+
+Scores are linear and assume all else fixed; only a refit of everything shows how much an effect reduces the SSE.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -32,7 +35,7 @@ LONGER: Final = Effort(iterations=6)
 
 
 def try_shortlist(problem: Problem, state: State, settings: Settings) -> list[CandidateFit]:
-    """Fit the shortlist, and confirm what passes on held-out data; where nothing is confirmed, the next best by score as well."""
+    """Candidate fits of the shortlist, confirmed on held-out data; if none is confirmed, also of the next best by score."""
     listed = shortlisted(problem.model.effects, state.scores, settings)
     trials = _fits(problem, state, listed, state.temporary[: settings.shortlist // 2], settings)
     if any(t.accepted(settings) for t in trials):
@@ -54,8 +57,8 @@ def _fits(
     temporary: Sequence[tuple[Score, range]],
     settings: Settings,
 ) -> list[CandidateFit]:
-    """Each of these effects in a fit beside what is accepted; temporary: effects that may act in some windows only."""
-    # an effect that scores best in one interval may act always
+    """A fit of each of these effects beside the accepted ones; temporary: effects that may act in some windows only."""
+    # an effect that scores best in one interval may still act throughout: try both
     named = {s.effect for s in listed}
     listed = [*listed, *(s for s, _ in temporary if s.effect not in named)]
     points = Starts(problem, state.noise, state.fit, state.columns, state.at_prior)
@@ -64,11 +67,12 @@ def _fits(
     # expensive models: candidates far behind are tried after clear ones are accepted
     least = problem.costs.worth_starting(most, CLEAR)
     started = [b for b in started if max(b[0].raw_statistic, b[1][0].sse_reduction) > least]
-    begun = [first_steps(problem, state, s, begin) for s, begin in started]
-    most = max((state.fit.sse - b[0].sse for b in begun), default=0.0)
+    first_fits = [first_steps(problem, state, s, begin) for s, begin in started]
+    most = max((state.fit.sse - fits[0].sse for fits in first_fits), default=0.0)
     least = BEHIND * most if most > CLEAR else -np.inf
     trials = [
-        finished(problem, state, s, b, settings, least) for (s, _), b in zip(started, begun, strict=True)
+        finished(problem, state, s, fits, settings, least)
+        for (s, _), fits in zip(started, first_fits, strict=True)
     ]
     trials += _temporary_fits(problem, state, temporary, settings)
     return _confirmed(problem, state, trials, settings)
@@ -77,7 +81,7 @@ def _fits(
 def _confirmed(
     problem: Problem, state: State, trials: Sequence[CandidateFit], settings: Settings
 ) -> list[CandidateFit]:
-    """The fits, those that pass and come near the best of them with their reduction on held-out data."""
+    """The fits; those that pass and are close to the best get their held-out reduction, which costs as much as the fit itself."""
     sure = [t.passes and t.size >= problem.model.negligible for t in trials]
     best = max(
         (t.margin for t, fine in zip(trials, sure, strict=True) if fine and not t.reference), default=0.0
@@ -108,12 +112,12 @@ def _confirmed(
 
 
 def shortlisted(model_effects: Sequence[Effect], scores: Sequence[Score], settings: Settings) -> list[Score]:
-    """The best by score, and the partner of every lag or delay among them: their first-order scores are the same."""
+    """The best effects by score, and the partner of every lag or delay among them: to first order both give the same score."""
     half, least = settings.shortlist // 2, gates.WORTH_A_FIT.threshold
-    sure = list(scores[:half])
-    # a doubtful noise estimate must not keep an effect from being tried: the best before the variance inflation come too
-    loud = sorted((s for s in scores[half:]), key=lambda s: -s.raw_statistic)[: settings.shortlist - half]
-    best = [s for s in sure + loud if s.raw_statistic > least]
+    leading = list(scores[:half])
+    # the variance inflation may be overestimated while effects are missing: the best before the division by it are tried as well
+    unscaled = sorted((s for s in scores[half:]), key=lambda s: -s.raw_statistic)[: settings.shortlist - half]
+    best = [s for s in leading + unscaled if s.raw_statistic > least]
     named = {s.effect for s in best}
     partners = {
         swapped
@@ -127,7 +131,7 @@ def shortlisted(model_effects: Sequence[Effect], scores: Sequence[Score], settin
 def _temporary_fits(
     problem: Problem, state: State, temporary: Sequence[tuple[Score, range]], settings: Settings
 ) -> list[CandidateFit]:
-    """Temporary effects, and their rivals in the same windows, begun under the noise by which they score."""
+    """Fits of temporary effects and of their rivals in the same windows, started under the noise with which they were scored."""
     if not temporary or state.temporary_basis is None:
         return []
     noise, fitted = state.temporary_basis
@@ -140,7 +144,7 @@ def _temporary_fits(
 def _in_the_same_windows(
     problem: Problem, state: State, trials: Sequence[CandidateFit], points: Starts, settings: Settings
 ) -> list[CandidateFit]:
-    """Rivals of the best temporary effect: the likeliest others in its windows, under the noise left beside it."""
+    """Fits of the likeliest other effects in the windows of the best temporary effect, under the noise beside that effect."""
     brief = [t for t in trials if t.reference and t.passes]
     if not brief:
         return []
@@ -159,18 +163,17 @@ def _in_the_same_windows(
 def _temporary_fit(
     problem: Problem, state: State, found: Score, points: Starts, windows: range, settings: Settings
 ) -> CandidateFit:
-    """An effect in some windows, beginning with these; windows, size and noise are then estimated together."""
-    begun = first_steps(problem, state, found, points.of(found, windows))
+    """The fit of a temporary effect, starting with these windows; windows, size and noise are then estimated together."""
+    first_fits = first_steps(problem, state, found, points.of(found, windows))
     effect, names = problem.model.effect(found.effect), free_names(problem, state.accepted)
-    best = _carried_on(problem, state, effect, begun, settings, -np.inf)
+    best = _completed(problem, state, effect, first_fits, settings, -np.inf)
     own = refine_interval(problem, state.noise, effect, names, best.values, windows, state.columns)
-    even = own.even(settings.alpha / len(problem.model.effects))
+    uniform = own.uniform(settings.alpha / len(problem.model.effects))
     return CandidateFit(
         effect.name,
         own.with_it,
-        sse_reduction=own.sure_sse_reduction
-        if even
-        else 0.0,  # an effect that comes and goes in between is another one
+        # an effect that comes and goes within its interval is another effect: it must not pass
+        sse_reduction=own.sure_sse_reduction if uniform else 0.0,
         raw_sse_reduction=own.sse_reduction,
         threshold=sse_threshold(problem, effect, best.values, settings.alpha),
         variance_inflation=own.variance_inflation,
@@ -180,10 +183,8 @@ def _temporary_fit(
 
 
 def first_steps(problem: Problem, state: State, found: Score, begin: Sequence[Start]) -> list[Fit]:
-    """The first steps of a fit with one more effect from each of its starts, best first.
-
-    Steps that lead to a worse fit though the screen is beyond doubt were taken with cached Jacobian columns, and are taken again.
-    """
+    """Fits with one more effect after their first steps, one from each start, best first."""
+    # A clear score with no better fit means that the cached Jacobian columns were wrong here: repeat without them.
     names = free_names(problem, (*state.accepted, found.effect))
     fits = [fit(problem, state.noise, names, start.values, effort=FIRST_STEPS) for start in begin]
     if all(f.sse > state.fit.sse for f in fits) and found.raw_statistic > CLEAR:
@@ -192,37 +193,42 @@ def first_steps(problem: Problem, state: State, found: Score, begin: Sequence[St
 
 
 def finished(
-    problem: Problem, state: State, found: Score, begun: Sequence[Fit], settings: Settings, least: float
+    problem: Problem, state: State, found: Score, first_fits: Sequence[Fit], settings: Settings, least: float
 ) -> CandidateFit:
-    """The non-linear fit with one more effect, brought to its end if its first steps gained at least `least`."""
+    """The non-linear fit with one more effect; completed if its first steps reduced the SSE by more than `least`."""
     effect = problem.model.effect(found.effect)
-    best = _carried_on(problem, state, effect, begun, settings, least)
+    best = _completed(problem, state, effect, first_fits, settings, least)
     trial = candidate_fit(problem, state, effect, best, settings)
     if not trial.passes or trial.size >= problem.model.negligible:
         return trial
-    # significant, yet not surely of a size that matters: beside a nuisance that can do nearly the same, derivatives of
-    # another point do not lead to the end of the valley
+    # Significant, but perhaps of negligible size. A nuisance that does nearly the same makes the SSE a long valley; with derivatives
+    # of another point the steps stop short of its end, so repeat with derivatives of this point.
     problem.jacobian.forget_derivatives()
     return candidate_fit(problem, state, effect, fit(problem, state.noise, best.names, best.values), settings)
 
 
-def _carried_on(
-    problem: Problem, state: State, effect: Effect, begun: Sequence[Fit], settings: Settings, least: float
+def _completed(
+    problem: Problem,
+    state: State,
+    effect: Effect,
+    first_fits: Sequence[Fit],
+    settings: Settings,
+    least: float,
 ) -> Fit:
-    """The best end of the begun fits; the best of them as it is, if they are not worth finishing."""
-    best = begun[0]
+    """The best completed fit; the best first fit unchanged, if none is worth completing."""
+    best = first_fits[0]
     threshold = sse_threshold(problem, effect, best.values, settings.alpha)
     if state.fit.sse - best.sse <= max(least, problem.costs.worth_finishing(threshold)):
         return best
     fits: list[Fit] = []
-    for b in begun:
-        if not any(_one_place(problem, b, ended) for ended in fits):
-            fits.append(fit(problem, state.noise, best.names, b.values, effort=BRIEF))
+    for first in first_fits:
+        if not any(_one_place(problem, first, ended) for ended in fits):
+            fits.append(fit(problem, state.noise, best.names, first.values, effort=BRIEF))
     return min(fits, key=lambda f: f.sse)
 
 
 def _one_place(problem: Problem, one: Fit, other: Fit) -> bool:
-    """Whether two fits of the same parameters stand within a typical change of each other, and so lead to the same end."""
+    """Whether two fits of the same parameters are within a typical change of each other, so that both end at the same point."""
     apart = [one.values.shared[name] - other.values.shared[name] for name in one.names]
     typical = [problem.model.parameter(name).typical for name in one.names]
     return bool(np.max(np.abs(apart) / np.abs(typical)) < 1.0)
@@ -231,7 +237,7 @@ def _one_place(problem: Problem, one: Fit, other: Fit) -> bool:
 def candidate_fit(
     problem: Problem, state: State, effect: Effect, fitted: Fit, settings: Settings
 ) -> CandidateFit:
-    """A fit with one effect more than the state's, with its reduction in SSE and the threshold of that."""
+    """The candidate of a fit with one effect more than the state: SSE reduction over its variance inflation, threshold and size."""
     raw = state.fit.sse - fitted.sse
     inflation = spread(fitted, effect.amplitude_names, time_blocks_of(state.noise))
     return CandidateFit(
@@ -246,21 +252,22 @@ def candidate_fit(
 
 
 def size_of(effect: Effect, fitted: Fit) -> float:
-    """Least size of an effect, 95 %, by its largest amplitude parameter in typical changes: all are moved back together to that limit."""
+    """Smallest size of an effect that its 95 % interval allows, as that of its largest amplitude parameter in typical changes."""
+    # All amplitudes are moved towards zero together, until the Wald statistic of the distance is that of 95 %.
     own = effect.amplitude_parameters
-    away = np.array([fitted.values.shared[p.name] - p.value for p in own])
+    distance = np.array([fitted.values.shared[p.name] - p.value for p in own])
     at = [fitted.names.index(p.name) for p in own]
-    sure = float(away @ inverse(fitted.covariance[np.ix_(at, at)]) @ away)
+    sure = float(distance @ inverse(fitted.covariance[np.ix_(at, at)]) @ distance)
     left = max(1.0 - SURE / np.sqrt(sure), 0.0) if sure > 0.0 else 0.0
-    return left * float(np.max(np.abs(away) / np.abs([p.typical for p in own])))
+    return left * float(np.max(np.abs(distance) / np.abs([p.typical for p in own])))
 
 
 def confirm(
     problem: Problem, state: State, trial: CandidateFit, settings: Settings, without: Array | None = None
 ) -> CandidateFit:
-    """The candidate with its reduction in SSE on held-out rows, summed over the folds: everything shared is fitted on the other rows.
+    """The candidate with its SSE reduction on held-out rows, summed over the folds; shared parameters are fitted to the other rows.
 
-    without: the state's own held-out residual, where it is known.
+    without: the held-out residual of the state itself, where it is known.
     """
     noise, count = state.noise, len(problem.channels)
     if without is None:
@@ -283,7 +290,7 @@ def held_out_residual(
     *,
     least_reduction: float = 0.0,
 ) -> Array:
-    """Whitened residual (n,), every row from a fit of the shared parameters that has not seen it; least_reduction: of Effort."""
+    """Whitened residual (n,): every row from shared parameters that were fitted without it; least_reduction: of Effort."""
     residual = np.empty(noise.keep.size)
     folds_of = cross_validated(problem, noise, effects, start, settings, least_reduction=least_reduction)
     for test, judged in folds_of:
@@ -300,7 +307,7 @@ def cross_validated(
     *,
     least_reduction: float = 0.0,
 ) -> Iterator[tuple[Mask, Fit]]:
-    """Rows held out in turn, with a fit in which shared parameters are those of the other rows; least_reduction: of Effort."""
+    """Held-out rows of each fold, with the fit whose shared parameters come from the other rows; least_reduction: of Effort."""
     names, effort = free_names(problem, effects), replace(TRAINING, least_reduction=least_reduction)
     for test in folds(problem, noise, settings.folds):
         trained = fit(problem, noise, names, start, rows=~test, effort=effort)
@@ -308,7 +315,8 @@ def cross_validated(
 
 
 def folds(problem: Problem, noise: Noise, count: int) -> list[Mask]:
-    """Rows held out in turn: every count-th window, or blocks of time where windows are few."""
+    """Masks of the rows held out in turn: every count-th window, or blocks of time where there are few windows."""
+    # Alternating windows: both halves then contain every way of driving, as a recording split in the middle would not.
     number: NDArray[np.intp] = noise.row_window
     if problem.model.held_out_s is not None:
         number = (noise.row_time // problem.model.held_out_s).astype(np.intp)

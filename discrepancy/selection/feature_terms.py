@@ -1,4 +1,4 @@
-"""Functions of the known signals as they would act: at the ports of a model, through its dynamics, or on its readings."""
+"""Candidates of the open-ended search: functions of known signals, simulated at the ports of a model or added to its readings."""
 
 import heapq
 from collections.abc import Sequence
@@ -12,25 +12,27 @@ from discrepancy.selection.functions import Function, functions
 from discrepancy.selection.state import State
 from discrepancy.signals.recording import Array
 
-MOST_READINGS = 200  # functions added to readings that are looked at closely
+MOST_READINGS = 200  # functions of readings that are whitened; with many channels there are thousands
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    place: str
-    unit: str
+    """A function at one place, simulated."""
+
+    place: str  # a port, or READING and a channel
+    unit: str  # of the place
     function: Function
-    amplitude: float  # of the coefficient for which `raw` was simulated
-    raw: Array
+    amplitude: float  # coefficient for which `raw` was simulated, in `unit` over the function's unit
+    raw: Array  # change of the raw rows (N,)
 
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A function on the grid of every window, and its root mean square over all."""
+    """A function evaluated on the grid of every window."""
 
     function: Function
-    series: Sequence[Array]
-    rms: float
+    series: Sequence[Array]  # one per window, in the function's unit
+    rms: float  # root mean square over all windows
 
 
 class Simulated:
@@ -47,14 +49,14 @@ class Simulated:
         self.units = {n: units[n] for n in common if self.spread[n] > 0.0}
 
     def shape(self, function: Function) -> "Shape | None":
-        """The function on the grid of every window; None where it is nothing, or not finite."""
+        """The function on the grid of every window; None where it is zero or not finite."""
         windows = self._problem.windows
         series = [function.of(k, w.step_s) for k, w in zip(self._known, windows, strict=True)]
         rms = float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
         return Shape(function, series, rms) if rms >= 1e-12 and np.isfinite(rms) else None
 
     def at(self, place: str, shape: "Shape") -> Candidate:
-        """A function at a port, or on a reading."""
+        """The candidate of a function at a port (simulated) or on a reading (added)."""
         model = self._problem.model
         port = next((p for p in model.ports if p.name == place), None)
         if port is not None:
@@ -62,15 +64,15 @@ class Simulated:
             moved = self._problem.predict(self._values, [{place: amplitude * s} for s in shape.series])
             return Candidate(place, port.unit, shape.function, amplitude, moved - self._base)
         channel = place.removeprefix(READING)
+        # no simulation: an error of a reading does not change the motion
         amplitude = self.spread[channel] / shape.rms
         raw = amplitude * self._on_reading(channel, shape.series)
         return Candidate(place, model.outputs[channel], shape.function, amplitude, raw)
 
     def _on_reading(self, channel: str, series: Sequence[Array]) -> Array:
-        """Rows (N,) of a function added to one channel, as it was just before each reading.
-
-        A driver or controller answers to a reading with its error, so that later commands would explain that error.
-        """
+        """Rows (N,) of a function added to one channel, with the function's value one step before each reading."""
+        # One step before: a driver or controller reacts to the error of a reading, so that its later commands contain that error.
+        # A function of them would then explain the error by its own consequence.
         problem = self._problem
         raw = np.zeros(problem.measured.size)
         for block in problem.runs:
@@ -83,6 +85,7 @@ class Simulated:
 
 
 def candidates(problem: Problem, state: State, simulated: Simulated) -> list[Candidate]:
+    """All functions at all ports, and the most promising ones on readings."""
     model, readings, found = problem.model, _Readings(problem, state), list[Candidate]()
     for function in functions(simulated.units, simulated.spread, {*model.inputs, *model.optional}):
         shape = simulated.shape(function)
@@ -96,9 +99,9 @@ def candidates(problem: Problem, state: State, simulated: Simulated) -> list[Can
 
 
 class _Readings:
-    """Functions that may be added to the readings of outputs, the most promising of them where there are many.
+    """Keeps the most promising functions of readings: those that correlate most with the innovations of their own channel.
 
-    Promising are functions that correlate with the innovations of the channel itself; only those are whitened with all other channels.
+    This test needs no whitening with all other channels, which is the expensive part.
     """
 
     def __init__(self, problem: Problem, state: State) -> None:
@@ -121,5 +124,5 @@ class _Readings:
             heapq.heappop(self._kept)
 
     def best(self) -> list[Candidate]:
-        """Those kept, most promising first."""
+        """The candidates that were kept, most promising first."""
         return [candidate for _, _, candidate in sorted(self._kept, key=lambda entry: -entry[0])]

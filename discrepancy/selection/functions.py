@@ -1,4 +1,4 @@
-"""Unit-consistent functions of known signals: powers, products, signs, derivatives, low-passes, and plays for hysteresis."""
+"""Functions of known signals with units, for the open-ended search: powers, products, signs, derivatives, low-passes, and plays (hysteresis)."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -12,39 +12,42 @@ from discrepancy.signals.quantities import quantity
 from discrepancy.signals.recording import Array
 from discrepancy.signals.units import Unit, parse_unit
 
-MOST_SIGNALS = 6
-LAG_S = (0.2, 1.0)
+MOST_SIGNALS = (
+    6  # products grow with the square of this number, and every function raises the threshold of all others
+)
+LAG_S = (0.2, 1.0)  # time constants of the low-passes [s], a fast and a slow one
 PLAY = 0.3  # width of the hysteresis operator, in standard deviations of its signal
-PLAYS = (0.1, PLAY)  # the same for commands that act on another signal
+PLAYS = (0.1, PLAY)  # widths for commands that act on another signal, in standard deviations
 
 Signals = Mapping[str, Array]
 
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """f(signals) with its text, unit and complexity (1: plain); series per window come from `of`."""
+    """A function of signals."""
 
-    text: str
+    text: str  # as it is reported
     unit: Unit
-    complexity: int
+    complexity: int  # 0 a constant, 1 a signal; of equally good terms the simplest is reported
     signals: tuple[str, ...]
-    of: Callable[[Signals, float], Array]
-    wide: "_Wide | None" = None
+    of: Callable[[Signals, float], Array]  # the series (n,) of one window, from its signals and the step [s]
+    wide: "_Wide | None" = None  # for functions with a width that is fitted
 
 
 @dataclass(frozen=True, slots=True)
 class _Wide:
-    """The width of a play in a function, and the same function with another."""
+    """The width of a play in a function."""
 
-    width: float
-    having: Callable[[float], Function]
+    width: float  # in the unit of its signal
+    having: Callable[[float], Function]  # the same function with another width
 
 
 def functions(
     units: Mapping[str, str], spread: Mapping[str, float], commands: Collection[str] = ()
 ) -> list[Function]:
-    """Unit-consistent functions of named signals; spread: standard deviation of each, for the operators with a width; commands: signals that
-    may reach what they command through a play, times another signal.
+    """All functions of these signals.
+
+    units, spread: unit and standard deviation by signal; commands: signals that may act through a play, times another signal.
     """
     one = parse_unit("1")
     found = [Function("1", one, 0, (), lambda s, _: np.ones_like(next(iter(s.values()))))]
@@ -99,6 +102,7 @@ def _of_one(name: str, unit_text: str, sd: float) -> list[Function]:
         make(name, unit, 1, lambda x, _: x),
         make(f"{name}·|{name}|", unit**2, 2, lambda x, _: x * np.abs(x)),
         make(f"{name}²", unit**2, 2, lambda x, _: x**2),
+        # tanh instead of a jump: a sign that chatters about zero would be mostly sampling noise
         make(f"sign({name})", one, 2, lambda x, _: np.tanh(x / (0.05 * sd))),
         make(f"|{name}|", unit, 2, lambda x, _: np.abs(x)),
         make(f"d/dt {name}", unit / parse_unit("s"), 2, lambda x, step: np.diff(x, prepend=x[:1]) / step),

@@ -1,9 +1,8 @@
-"""The open-ended search: innovations that no effect of the library explains, regressed on functions of the known signals, with units.
+"""The open-ended search: regresses innovations that no effect of the library explains on functions of the known signals, with units.
 
-Each function may act at each port of the model (a force, a yaw moment) or directly on an output; through a port
-it is simulated, so that it reaches the outputs through the model's own dynamics. Terms are chosen one by one
-(orthogonal matching pursuit) under the same penalty and held-out test as the library; among terms that cannot be
-told apart the simplest is written down and the others are named with it.
+Each function may act at each port of the model (a force, a yaw moment) or directly on an output. At a port it is simulated, so that it
+reaches the outputs through the model's own dynamics. Terms are chosen one by one (orthogonal matching pursuit) under the same penalty and
+held-out test as effects of the library. Among terms that fit equally well the simplest is reported, and the others are listed with it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -28,10 +27,10 @@ from discrepancy.signals.quantities import quantity
 from discrepancy.signals.recording import Array
 from discrepancy.signals.units import parse_unit
 
-MOST_TERMS = 3  # of an equation: more are a fit of the noise in the benchmark
+MOST_TERMS = 3  # of an equation; in the benchmark further terms only followed the noise
 MOST_EQUALLY_GOOD = 5  # alternatives that are listed for a term
-WIDTHS = np.geomspace(0.125, 4.0, 11)  # times its first, at which the width of a chosen play is tried
-WIDTH_FOUND = 0.01  # of its logarithm
+WIDTHS = np.geomspace(0.125, 4.0, 11)  # multiples of the first width at which a chosen play is tried
+WIDTH_FOUND = 0.01  # accuracy of the width, of its natural logarithm: one percent
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,17 +43,18 @@ class FittedTerm:
 
 @dataclass(frozen=True, slots=True)
 class OpenEnded:
-    """An equation outside the library; no terms: nothing that is left depends on the known signals."""
+    """An equation outside the library; without terms: the remaining innovations do not depend on the known signals."""
 
     terms: tuple[FittedTerm, ...] = ()
-    sse_reduction: float = 0.0
-    threshold: float = 0.0  # of each term's reduction
+    sse_reduction: float = 0.0  # by all terms
+    threshold: float = 0.0  # of the reduction by one term
     held_out_sse_reductions: Mapping[str, float] = field(default_factory=dict)  # by channel
     # by fitted parameter: how far it would move with the terms in the fit, and its standard deviation there
     parameter_shifts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def held_out_sse_reduction(self) -> float:
+        """The reduction on held-out rows, of all channels."""
         return sum(self.held_out_sse_reductions.values())
 
     def equation(self) -> str:
@@ -72,7 +72,7 @@ class OpenEnded:
 
 
 def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
-    """The equation of known signals that explains the innovations of a state best; none where none passes its gates."""
+    """The equation that explains the innovations of a state best; without terms if none passes its gates."""
     simulated = Simulated(problem, state)
     made = candidates(problem, state, simulated)
     noise, fitted = state.noise, state.fit
@@ -82,8 +82,9 @@ def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
     white = np.stack([noise.whiten(c.raw) for c in made], axis=1)
     X = projector.off(white)
     size, before = np.sum(X**2, axis=0), np.sum(white**2, axis=0)
+    # a function that nuisances or initial states imitate (a constant beside a bias) leaves only rounding
     visible = size > 1e-6 * np.maximum(before, 1e-30)
-    needed = penalty(1, len(made), settings.alpha)
+    threshold = penalty(1, len(made), settings.alpha)
     chosen: list[int] = []
     equally: list[tuple[str, ...]] = []
     left, reduction = fitted.residual, 0.0
@@ -95,12 +96,15 @@ def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
             reductions = np.where(usable, (free.T @ left) ** 2 / np.where(usable, power, 1.0), 0.0)
         best = int(np.argmax(reductions))
         inflation = score_variance_inflation(free[:, [best]], left, blocks)
-        if reductions[best] / inflation < needed:
+        if reductions[best] / inflation < threshold:
             break
+        # Within `same` of the best the likelihoods do not differ: report the simplest of them, which a reader can check best.
         close = np.flatnonzero(reductions > reductions[best] - settings.same).tolist()
         rivals: list[int] = [i for i in close if i not in chosen]
         simplest = min(rivals, key=lambda i: (made[i].function.complexity, -reductions[i]))
-        fitting = _fitting(simulated, made[simplest], partial(_gained, noise, projector, X[:, chosen], left))
+        fitting = _fitting(
+            simulated, made[simplest], partial(_reduction, noise, projector, X[:, chosen], left)
+        )
         if fitting is not None:
             made[simplest] = fitting
             white[:, simplest] = noise.whiten(fitting.raw)
@@ -117,28 +121,28 @@ def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
         left = fitted.residual - X[:, chosen] @ c
         reduction = float(np.sum(fitted.residual**2) - np.sum(left**2))
     if not chosen:
-        return OpenEnded(threshold=needed)
+        return OpenEnded(threshold=threshold)
     confirmed = _held_out(problem, state, white[:, chosen], settings)
     return OpenEnded(
         tuple(_terms(made, chosen, equally, X, fitted.residual)),
         reduction,
-        needed,
+        threshold,
         {name: float(np.sum(confirmed[noise.row_channel == i])) for i, name in enumerate(problem.channels)},
         _parameter_shifts(fitted, projector.states.off(white[:, chosen]), X[:, chosen]),
     )
 
 
-def _gained(noise: Noise, projector: Projector, chosen: Array, left: Array, candidate: Candidate) -> float:
-    """What a candidate takes off the squared errors beside the terms chosen so far."""
+def _reduction(noise: Noise, projector: Projector, chosen: Array, left: Array, candidate: Candidate) -> float:
+    """SSE reduction by a candidate beside the terms chosen so far."""
     free = projector.off(noise.whiten(candidate.raw)[:, None])[:, 0]
     free = free - chosen @ np.linalg.lstsq(chosen, free, rcond=None)[0]
     return float(free @ left) ** 2 / max(float(free @ free), 1e-300)
 
 
 def _fitting(
-    simulated: Simulated, candidate: Candidate, gained: Callable[[Candidate], float]
+    simulated: Simulated, candidate: Candidate, reduction: Callable[[Candidate], float]
 ) -> Candidate | None:
-    """A play at the width at which it gains most; None for functions without one."""
+    """A play at the width with the largest SSE reduction; None for functions without a width."""
     wide = candidate.function.wide
     if wide is None:
         return None
@@ -149,19 +153,20 @@ def _fitting(
 
     def loss(log_width: float) -> float:
         made = at(float(np.exp(log_width)))
-        return 0.0 if made is None else -gained(made)
+        return 0.0 if made is None else -reduction(made)
 
     middle = float(np.log(wide.width))
     grid = middle + np.log(WIDTHS)
+    # a coarse grid first: the reduction has several maxima over the width, and the bounded search finds only a local one
     best = int(np.argmin([loss(w) for w in grid]))
     low, high = grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)]
     found = minimize_scalar(loss, bounds=(low, high), method="bounded", options={"xatol": WIDTH_FOUND})
     fitted = at(float(np.exp(found.x)))
-    return fitted if fitted is not None and gained(fitted) > gained(candidate) else None
+    return fitted if fitted is not None and reduction(fitted) > reduction(candidate) else None
 
 
 def _parameter_shifts(fitted: Fit, terms: Array, projected: Array) -> dict[str, tuple[float, float]]:
-    """Bias of the parameters by the omitted terms, which comes off again, and their standard deviations with them."""
+    """By fitted parameter: its shift when the terms enter the fit (minus the omitted-variable bias), and its standard deviation then."""
     c = np.linalg.lstsq(projected, fitted.residual, rcond=None)[0]
     J = fitted.columns
     moved = -fitted.covariance @ (J.T @ (terms @ c))
@@ -202,7 +207,7 @@ def _terms(
 
 
 def _held_out(problem: Problem, state: State, white: Array, settings: Settings) -> Array:
-    """Reduction in squared error (n,) on rows that coefficients and nuisances were not fitted to (linear in both)."""
+    """Reduction of the squared error (n,) on rows that coefficients and nuisances were not fitted to; both enter linearly."""
     noise, fitted, reduction = state.noise, state.fit, np.zeros(state.noise.keep.size)
     base = problem.predict(fitted.values)
     e = noise.whiten(problem.measured - base)
@@ -222,14 +227,14 @@ def _held_out(problem: Problem, state: State, white: Array, settings: Settings) 
 
 
 def extended(model: Model, found: OpenEnded) -> Model:
-    """The model with the equation built in at its ports, so that it runs with it from then on."""
+    """The model with the equation at its ports, in every later simulation."""
     inner, places = model.simulate, {port.name for port in model.ports}
     acting = [t for t in found.terms if t.reported.place in places]
 
     def simulate(
         window: Window, values: Mapping[str, float], extra: Mapping[str, Array]
     ) -> Mapping[str, Array]:
-        # terms see the outputs of the model without them: first order in the term, as they were fitted
+        # the terms are functions of the outputs without them, as in the search: correct to first order in the terms
         true = {**window.known, **inner(window, values, extra)}
         added = {name: extra.get(name, np.zeros(window.time_s.size)) for name in places}
         for t in acting:

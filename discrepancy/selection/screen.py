@@ -1,8 +1,8 @@
-"""Score (Lagrange multiplier) screen: one simulation per candidate parameter and trial step, nuisances projected out.
+"""The screen: scores (Lagrange multiplier tests) of all effects, from one simulation per parameter and trial step.
 
-Statistic, expected change and power after Rao and after Saris, Satorra and Sorbom (1987). Trial steps are finite changes, so that
-lags and friction, whose gradient vanishes at zero, are scored too. Correlation left in the scores, which a
-wrong noise model leaves there, is measured over blocks of time and divides the statistic.
+Statistic, expected change and power follow Rao (1948) and Saris, Satorra and Sörbom (1987). Trial steps are finite, because the gradient of
+lags and friction vanishes at zero. A wrong noise model leaves correlation in the scores: it is measured over blocks of time, as the variance
+inflation, and the statistic is divided by it.
 """
 
 from collections.abc import Sequence
@@ -22,37 +22,37 @@ from discrepancy.estimation.problem import Problem, Values
 from discrepancy.model.description import Effect, Parameter
 from discrepancy.signals.recording import Array
 
-INVISIBLE = 1e-6  # share of an effect left after projection, below which it is rounding
-FEW = 3  # parameters; longer profiles are linear and scored at one size
-BLOCKS = 30  # of time, for the spread of the scores
+INVISIBLE = 1e-6  # share of an effect's squared sensitivity after projection, below which it is only rounding
+FEW = 3  # amplitude parameters; an effect with more is a profile, linear in all of them, and needs one trial step only
+BLOCKS = (
+    30  # of time: enough for a variance to some 25 %, and each still long against the memory of the noise
+)
 FEWEST_BLOCKS: Final = int(gates.BLOCKS_TO_COMPARE.threshold)
-MOST_LEVERAGE = 0.5  # a block that holds more than the others together cannot be compared with them
+MOST_LEVERAGE = 0.5  # of one block: if it contains more than all others together, they cannot check it
 
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Raw sensitivities of one effect."""
+    """Raw sensitivities of one effect, per trial step."""
 
     effect: Effect
-    raw: tuple[
-        Array, ...
-    ]  # per trial step: rows by amplitude parameter (N, parameters), for the change tried
-    changes: tuple[Array, ...]  # per trial step: the changes tried (parameters,)
+    raw: tuple[Array, ...]  # changes of the raw rows (N, amplitude parameters) by the trial step
+    changes: tuple[Array, ...]  # the trial step itself (amplitude parameters,), in their units
 
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """What the screen says of one effect, all else equal."""
+    """The score of one effect, with no other effect added."""
 
     effect: str
-    statistic: float  # chi-square with `freedom` degrees when nothing is missing; 0 if the expected change is out of bounds
+    statistic: float  # chi-square with `freedom` degrees if the effect is absent; 0 if the expected change is out of bounds
     freedom: int
-    trial_step: int  # at which the statistic is best
-    nearest: int  # the trial step that itself leaves least, whatever the slope says there
-    change: Array  # expected of each amplitude parameter, from the best trial step
-    power: float  # probability to find a typical change
-    confounded_share: float  # of the effect, that refitted nuisances could do
-    variance_inflation: float  # of the score, over that of white innovations
+    trial_step: int  # index of the trial step with the best statistic
+    nearest: int  # index of the trial step that leaves the smallest residual if it is taken as it is
+    change: Array  # expected change of each amplitude parameter, in its unit
+    power: float  # probability of finding a typical change
+    confounded_share: float  # share of the effect that refitted nuisances imitate
+    variance_inflation: float  # variance of the score over that of white innovations, at least 1
     direction: Array  # projected sensitivity (n, freedom), whitened
     within_bounds: bool
 
@@ -63,13 +63,16 @@ class Score:
 
     @property
     def p_value(self) -> float:
+        """Probability of a statistic at least as large if the effect is absent."""
         return float(chi2.sf(self.statistic, self.freedom))
 
 
 def sensitivities(
     problem: Problem, values: Values, base: Array, effects: Sequence[Effect], *, cached: bool = False
 ) -> list[Columns]:
-    """Simulate each effect at each of its trial steps, shapes at their typical value. cached: columns kept of any other point serve."""
+    """Sensitivities of each effect at each of its trial steps, with shape parameters at their typical values. cached: columns kept at any other
+    point may be used.
+    """
     tried = {
         (effect.name, step, p.name): p.trial_values[min(step, len(p.trial_values) - 1)]
         for effect in effects
@@ -123,7 +126,8 @@ def _trial_steps(effect: Effect) -> int:
 def projected(
     noise: Noise, projector: "Projector", columns: Sequence[Columns]
 ) -> list[list[tuple[Array, float]]]:
-    """Per effect and trial step: whitened sensitivity beyond nuisances and initial states, and its squared size before; all at once."""
+    """Per effect and trial step: whitened sensitivity with nuisances and initial states projected out, and its squared size before."""
+    # all columns at once, which is faster than whitening them one by one
     parts = [raw for c in columns for raw in c.raw]
     if not parts:
         return []
@@ -136,7 +140,7 @@ def projected(
 
 
 class Projector:
-    """Takes nuisances and accepted effects, with their priors and initial states, out of whitened columns."""
+    """Projects nuisances, accepted effects and initial states out of whitened columns, at one fit."""
 
     def __init__(
         self, problem: Problem, noise: Noise, at: Fit, rows: NDArray[np.bool_] | None = None
@@ -149,23 +153,19 @@ class Projector:
 
     @property
     def nuisances(self) -> tuple[Array, Array]:
-        """Whitened columns of what is fitted (n, k), and their inverse normal matrix with priors (k, k)."""
+        """Whitened columns of the fitted parameters (n, k), and their inverse normal matrix with priors (k, k)."""
         return self._columns, self._inverse
 
     def off(self, columns: Array) -> Array:
-        """(n, k) -> (n, k), without the part that nuisances can do as far as their priors let them."""
+        """Columns (n, k) without the part that nuisances can produce within their priors."""
         free = self.states.off(columns)
         return free - self._columns @ (self._inverse @ (self._columns.T @ free))
 
 
 def score_variance_inflation(direction: Array, residual: Array, blocks: NDArray[np.intp]) -> float:
-    """Variance of the score over its value for white innovations, at least 1, from sums over blocks of time.
-
-    The fit follows a block the more closely, the more of the direction lies in it: each sum is divided by what its own
-    leverage leaves (Bell and McCaffrey 2002, the linearised jackknife).
-    """
+    """Variance of the score over its value for white innovations, at least 1, from sums over blocks of time."""
     count = int(blocks.max()) + 1
-    if count < 6:
+    if count < 6:  # the variance of so few sums would be arbitrary
         return 1.0
     norm = np.sqrt(np.sum(direction**2, axis=0))
     norm[norm == 0.0] = 1.0
@@ -173,17 +173,18 @@ def score_variance_inflation(direction: Array, residual: Array, blocks: NDArray[
     clean = residual - X @ np.linalg.lstsq(X, residual, rcond=None)[0]
     sums = np.stack([np.bincount(blocks, x * clean, count) for x in X.T], axis=1)
     leverage = np.stack([np.bincount(blocks, x**2, count) for x in X.T], axis=1)
-    # innovations have variance 1 by construction
+    # The fit follows a block more closely the more of the direction lies in it, so its sum is too small: divide it by one minus its
+    # leverage (Bell and McCaffrey 2002, the linearised jackknife). Innovations have variance 1, so the expected value is 1.
     spread = np.sum((sums / (1.0 - np.minimum(leverage, MOST_LEVERAGE))) ** 2, axis=0) * (count - 1) / count
     return max(1.0, float(np.mean(spread)))
 
 
 def jackknife(fitted: Fit, blocks: NDArray[np.intp], most: float) -> Array:
-    """Variance of each fitted parameter (k,) from estimates that leave out one block each (Efron 1982), linearised; 0 if blocks are few.
+    """Variance of each fitted parameter (k,) from estimates that leave out one block each (Efron 1982), linearised; 0 if there are few blocks.
 
-    Without a block that alone determines a parameter there would be no estimate: a block that holds more than the share `most` of the
-    information in some direction is left out only as far as that.
+    most: largest share of the information in any direction that leaving out one block may remove.
     """
+    # Without a block that alone determines a direction there is no estimate in it, hence the limit `most`.
     moved, half = [], root(fitted.information)
     for block in range(int(blocks.max()) + 1):
         rows = blocks == block
@@ -197,22 +198,20 @@ def jackknife(fitted: Fit, blocks: NDArray[np.intp], most: float) -> Array:
 
 
 def spread(fitted: Fit, names: Sequence[str], blocks: NDArray[np.intp]) -> float:
-    """Variance of the estimates of parameters over blocks of time, over the variance that white innovations give; at least 1."""
+    """Variance inflation of parameters: jackknife variance over blocks of time, over the variance for white innovations; at least 1."""
     own = [fitted.names.index(name) for name in names]
-    plain = np.diag(fitted.covariance)[own]
-    seen = plain > 0.0
+    white = np.diag(fitted.covariance)[own]
+    seen = white > 0.0
     return (
-        max(1.0, float(np.mean(jackknife(fitted, blocks, MOST_LEVERAGE)[own][seen] / plain[seen])))
+        max(1.0, float(np.mean(jackknife(fitted, blocks, MOST_LEVERAGE)[own][seen] / white[seen])))
         if seen.any()
         else 1.0
     )
 
 
 def time_blocks_of(noise: Noise) -> NDArray[np.intp]:
-    """Number of the block of time each whitened row belongs to, about BLOCKS that know nothing of one another.
-
-    Windows are not cut where there are enough: their initial states tie all rows of one together.
-    """
+    """Block number of each whitened row (n,): about BLOCKS blocks of time that are independent of each other."""
+    # Whole windows where there are enough: the rows of a window share its initial states, so parts of one are not independent.
     count = int(noise.row_window.max()) + 1
     if count < FEWEST_BLOCKS:
         return time_blocks(noise, BLOCKS)
@@ -220,7 +219,7 @@ def time_blocks_of(noise: Noise) -> NDArray[np.intp]:
 
 
 def time_blocks(noise: Noise, count: int) -> NDArray[np.intp]:
-    """Number of the block of time each whitened row belongs to, about `count` of equal size."""
+    """Block number of each whitened row (n,): about `count` blocks of equal size in time, of 20 rows at least."""
     order = np.lexsort((noise.row_time, noise.row_window))
     block = np.empty(order.size, np.intp)
     block[order] = np.arange(order.size) * min(count, max(1, order.size // 20)) // order.size
@@ -234,10 +233,9 @@ def score(
     critical: float,
     blocks: NDArray[np.intp],
 ) -> Score:
-    """Score one effect at the best of its trial steps.
+    """The score of one effect at its best trial step.
 
-    seen_by: for each trial step the projected whitened sensitivity and the squared size before the projection; critical: the statistic
-    that would count, for the power.
+    seen_by: from `projected`; critical: threshold of the statistic, for the power.
     """
     left = [float(np.sum((residual - X.sum(axis=1)) ** 2)) for X, _ in seen_by]
     nearest = int(np.argmin(left))
@@ -265,7 +263,8 @@ def _score_at(
     moved = coefficient * change
     within_bounds, visible = allowed(own, moved), float(np.sum(X**2))
     if visible < INVISIBLE * whole or whole == 0.0:
-        within_bounds, visible = False, 0.0  # nuisances or initial states can do exactly the same
+        within_bounds, visible = False, 0.0  # nuisances or initial states produce exactly the same
+    # of the least visible combination of parameters: the power then holds for every typical change
     noncentrality = least_seen(X, np.array([p.typical for p in own]) / change) / inflation if visible else 0.0
     return Score(
         effect=columns.effect.name,
@@ -283,7 +282,8 @@ def _score_at(
 
 
 def allowed(parameters: Sequence[Parameter], moved: Array) -> bool:
-    """Whether a change is within the bounds, or nearly; of several parameters it is not asked."""
+    """Whether an expected change is within the bounds, or nearly; always true for several parameters."""
+    # Several parameters share one expected change, and a single one may lie beyond its bound where the joint optimum does not.
     beyond, half = gates.OUTSIDE_BOUNDS.threshold, gates.DISCRETE_SHARE.threshold
     return len(parameters) > 1 or all(
         p.lower - beyond * abs(p.typical) <= p.value + m <= p.upper + beyond * abs(p.typical)
@@ -294,7 +294,10 @@ def allowed(parameters: Sequence[Parameter], moved: Array) -> bool:
 
 
 def least_seen(direction: Array, typical: Array) -> float:
-    """Squared size of the least visible combination of typical changes, (k,) in units of the changes tried; of a long profile, of all together."""
+    """Squared whitened size of the least visible combination of typical changes; for a profile, the mean over its parameters.
+
+    direction: projected sensitivity to the trial step (n, k); typical: typical changes in trial steps (k,).
+    """
     if typical.size > FEW:
         return float(np.sum(direction**2) * np.mean(typical**2))
     scaled = direction * typical
@@ -302,13 +305,15 @@ def least_seen(direction: Array, typical: Array) -> float:
 
 
 def penalty(freedom: int, candidates: int, alpha: float) -> float:
-    """Threshold of a reduction in SSE: Bonferroni over the candidates, and at least 2 ln(K / alpha)."""
+    """Threshold of an SSE reduction: Bonferroni over the candidates, and at least 2 ln(K / alpha) + freedom - 1."""
+    # For one degree of freedom P(chi² > x) <= exp(-x / 2): this bound lies above the exact Bonferroni value and leaves room for
+    # innovations with heavier tails than a normal distribution.
     bonferroni = float(chi2.isf(alpha / candidates, freedom))
     return max(bonferroni, 2.0 * float(np.log(candidates / alpha)) + freedom - 1.0)
 
 
 def collinearity(one: Array, other: Array) -> float:
-    """Cosine of the angle between two spans of projected sensitivities, 0 (told apart at once) to 1 (twins)."""
+    """Largest cosine between two spans of projected sensitivities (first canonical correlation): 0 distinguishable, 1 indistinguishable."""
     if not one.any() or not other.any():
         return 0.0
     Q1, Q2 = np.linalg.qr(one)[0], np.linalg.qr(other)[0]
@@ -316,4 +321,5 @@ def collinearity(one: Array, other: Array) -> float:
 
 
 def by_statistic(scores: Sequence[Score]) -> list[Score]:
+    """Best first. By p-value, because statistics with different degrees of freedom are not comparable."""
     return sorted(scores, key=lambda s: s.p_value if s.statistic > 0 else 2.0)

@@ -1,6 +1,6 @@
-"""Forward selection: screen, shortlist, candidate fits, threshold, held-out gate; noise is estimated anew in every round.
+"""The search: forward selection by screen, shortlist, candidate fits, threshold and held-out gate, with new noise in every round.
 
-Nothing here decides on names: gates that need the open-ended equation and the groups come after (discrepancy.decision.judge).
+The search does not name causes. Gates that need the open-ended equation and the groups follow in discrepancy.decision.judge.
 """
 
 from dataclasses import replace
@@ -21,7 +21,7 @@ from discrepancy.selection.state import CandidateFit, Progress, Settings, State,
 def search(
     problem: Problem, settings: Settings, progress: Progress = lambda _: None
 ) -> tuple[State, list[State]]:
-    """The final state, and the states on the way (the first is the baseline)."""
+    """The final state, and the states of all rounds (the first is the baseline)."""
     history: list[State] = []
     accepted: tuple[str, ...] = ()
     values = problem.start()
@@ -45,7 +45,7 @@ def search(
 
 
 def over_budget(problem: Problem, settings: Settings) -> bool:
-    """Whether the search has cost as much as it may: a model that is wrong by far is fitted again and again."""
+    """Whether the search has used its budget of simulations; a model that is far from the recordings would be fitted for hours."""
     return problem.costs.costly and problem.simulations > settings.most_simulations
 
 
@@ -56,19 +56,18 @@ def best_confirmed(problem: Problem, state: State, settings: Settings) -> list[C
 
 
 def confirmed_pair(problem: Problem, state: State, settings: Settings) -> list[CandidateFit]:
-    """Two effects of which each passes beside the other, though neither by itself; or the one of them that makes the other needless.
-
-    An effect that is still missing makes the blocks of time disagree about every other one; with both, they have to agree. Only an effect
-    that reduces the SSE beyond doubt is taken up again, and only together with one that then passes.
-    """
-    doubted = [
+    """Two effects that pass together though neither passes alone; or the one of them that makes the other unnecessary; or nothing."""
+    # A second missing effect makes the blocks of time disagree about the first one, so that its variance inflation is large and it
+    # fails alone. Only an effect with a clear reduction is tried again, and only beside another one that then passes; with both in
+    # the model the blocks have to agree.
+    inconsistent = [
         t
         for t in state.trials
         if t.raw_sse_reduction > max(t.threshold, gates.CLEAR.threshold) and not t.reference
     ]
-    if not doubted or len(state.accepted) + 2 > settings.most_effects:
+    if not inconsistent or len(state.accepted) + 2 > settings.most_effects:
         return []
-    one = max(doubted, key=lambda t: t.margin)
+    one = max(inconsistent, key=lambda t: t.margin)
     given = assess(problem, (*state.accepted, one.effect), one.fit.values, settings)
     given = replace(given, trials=tuple(try_shortlist(problem, given, settings)))
     other = next(iter(best_confirmed(problem, given, settings)), None)
@@ -76,12 +75,14 @@ def confirmed_pair(problem: Problem, state: State, settings: Settings) -> list[C
         return []
     effect = problem.model.effect(one.effect)
     noise = (other.reference or given).noise
+    # does the first effect pass beside the second one, compared with the second one alone?
     accepted = (*state.accepted, other.effect)
     off = other.fit.values.with_shared(switched_off(effect))
     without = fit(problem, noise, free_names(problem, accepted), off)
     alone = replace(given, noise=noise, fit=without, accepted=accepted)
     again = candidate_fit(problem, alone, effect, other.fit, settings)
     if not again.passes:
+        # it does not: the second effect may have been hidden by the first, and be sufficient alone
         last = problem.model.effect(other.effect)
         seen = fit(problem, state.noise, without.names, without.values)
         solo = candidate_fit(problem, state, last, seen, settings)
@@ -95,13 +96,15 @@ def confirmed_pair(problem: Problem, state: State, settings: Settings) -> list[C
 
 
 def _confirmed(problem: Problem, state: State, trial: CandidateFit, settings: Settings) -> list[CandidateFit]:
-    """The candidate with its reduction on held-out rows if they confirm it, else nothing."""
+    """The candidate with its reduction on held-out rows, if they confirm it; else an empty list."""
     tried = confirm(problem, state, trial, settings)
     return [tried] if tried.accepted(settings) and not tried.negligible(problem) else []
 
 
 def _blocks_agree(problem: Problem, noise: Noise, fitted: Fit, name: str, settings: Settings) -> bool:
-    """Whether the blocks of time in which an effect shows agree on its size, but for chance."""
+    """Whether the blocks of time in which an effect shows agree on its size, within chance."""
+    # The variance inflation times the degrees of freedom is chi-square if the blocks agree. Blocks without the effect add none: the
+    # effective number of blocks is (sum of powers)² / sum of squared powers.
     names, blocks = problem.model.effect(name).amplitude_names, time_blocks_of(noise)
     direction = project_out(fitted, [fitted.names.index(n) for n in names])
     power = np.bincount(blocks, np.sum(direction**2, axis=1))
@@ -111,14 +114,14 @@ def _blocks_agree(problem: Problem, noise: Noise, fitted: Fit, name: str, settin
 
 
 def _best(problem: Problem, noise: Noise, good: list[CandidateFit]) -> CandidateFit:
-    """The effect that explains best: by margin, or by likelihood where some were judged under the noise that they leave."""
+    """The best candidate: by margin, or by likelihood where some were judged under another noise, since their SSE are not comparable."""
     if not any(t.reference for t in good):
         return max(good, key=lambda t: t.margin)
     return max(good, key=lambda t: _log_likelihood(problem, noise, t) - t.threshold)
 
 
 def _log_likelihood(problem: Problem, noise: Noise, trial: CandidateFit) -> float:
-    """Twice the logarithm of the likelihood of a candidate under the noise that it leaves, but for a constant; noise: that of the search."""
+    """Twice the log-likelihood of a candidate under the noise that it leaves, up to a constant; noise: that of the search."""
     raw = problem.measured - problem.predict(trial.fit.values)
     noise = estimate_noise(problem, raw, len(trial.fit.names), noise)
     return 2.0 * noise.log_density() - float(np.sum(noise.whiten(raw) ** 2))

@@ -1,4 +1,7 @@
-"""Where fits with one more effect begin: at the size that its score expects and at its trial steps, with all else moved along."""
+"""Starting points of fits with one more effect: at the size that its score expects and at its trial steps, other parameters moved along.
+
+Several starts, because effects such as friction or a lag have more than one local minimum.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,14 +17,14 @@ from discrepancy.selection.screen import Columns, Projector, Score
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """A point to begin a fit from."""
+    """A starting point of a fit."""
 
     values: Values
-    sse_reduction: float  # there, with initial states free
+    sse_reduction: float  # at this point, with initial states free
 
 
 class Starts:
-    """Starts beside one fit; columns: of all candidates at that fit; at_prior: of the state."""
+    """Starting points beside one fit; columns: of all candidates at that fit; at_prior: as in State."""
 
     def __init__(
         self,
@@ -36,27 +39,27 @@ class Starts:
         self._states = Projector(problem, noise, fitted).states
 
     def of(self, found: Score, windows: range | None) -> list[Start]:
-        """Best first. Starts that are worse than the fit without the effect only if all are, and then one.
+        """Starting points, best first: those better than the fit without the effect, or the best one if none is.
 
-        windows: in which the effect acts; None: in all.
+        windows: windows in which the effect acts; None: all.
         """
         effect = self._problem.model.effect(found.effect)
 
-        def begun(point: Values) -> Start:
+        def start_at(point: Values) -> Start:
             acting = point if windows is None else point.active_in(effect.amplitude_parameters, windows)
             return Start(acting, self._sse_reduction(acting))
 
         points = []
         for point in starts(self._fit.values, effect, found):
-            alone, along = begun(point), begun(self._along(found, point, windows))
+            alone, along = start_at(point), start_at(self._along(found, point, windows))
             points.append(max(alone, along, key=lambda start: start.sse_reduction))
         if self._at_prior is not None:
-            points.append(begun(starts(self._at_prior, effect, found)[0]))
+            points.append(start_at(starts(self._at_prior, effect, found)[0]))
         points.sort(key=lambda start: -start.sse_reduction)
         return [points[0], *(start for start in points[1:] if start.sse_reduction > 0.0)]
 
     def _along(self, found: Score, point: Values, windows: range | None) -> Values:
-        """The point, with all other fitted parameters where they fit best beside the effect at its size there, to first order."""
+        """The point with all other fitted parameters moved, to first order, to their best values beside the effect at its size there."""
         problem, fitted, columns = self._problem, self._fit, self._columns[found.effect]
         sizes = np.array([point.shared[p.name] - p.value for p in columns.effect.amplitude_parameters])
         nearest = int(np.argmin([np.sum((sizes - changes) ** 2) for changes in columns.changes]))
@@ -74,6 +77,7 @@ class Starts:
         )
 
     def _sse_reduction(self, point: Values) -> float:
+        """Reduction of the SSE at a point, against the fit without the effect."""
         problem = self._problem
         left = self._states.off(self._noise.whiten(problem.measured - problem.predict(point))[:, None])
         known = [problem.model.parameter(name) for name in self._fit.names]
@@ -82,7 +86,7 @@ class Starts:
 
 
 def starts(at: Values, effect: Effect, found: Score) -> list[Values]:
-    """The expected change, within bounds, and the best trial step, which may lie in another minimum; shapes at their typical value."""
+    """The expected change, within bounds, and the best trial step, which may be in another minimum; shapes at their typical values."""
     shapes, own = effect.shapes_at_typical, effect.amplitude_parameters
     expected = {
         p.name: float(np.clip(p.value + change, p.lower, p.upper))

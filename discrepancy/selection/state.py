@@ -1,4 +1,4 @@
-"""How strict a search is, what it tries, and where it stands."""
+"""The settings of a search and its state: plain data, for the modules of the search."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -18,14 +18,12 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """Thresholds of a search, from the table of gates, and the limits of what it may cost."""
+    """Thresholds of a search, from the table of gates, and limits of its cost."""
 
-    alpha: float = gates.FALSE_ALARM.threshold  # chance of a false finding in a search
-    held_out: float = gates.HELD_OUT_REDUCTION.threshold  # least reduction in SSE on data not fitted
-    confirmed: float = (
-        gates.HELD_OUT_SHARE.threshold
-    )  # and its least share of the reduction on fitted data, but for chance
-    same: float = gates.SAME_LIKELIHOOD.threshold  # difference in SSE that cannot be told apart
+    alpha: float = gates.FALSE_ALARM.threshold  # probability of a false finding in a search
+    held_out: float = gates.HELD_OUT_REDUCTION.threshold  # smallest SSE reduction on held-out rows
+    confirmed: float = gates.HELD_OUT_SHARE.threshold  # its smallest share of the reduction on all rows
+    same: float = gates.SAME_LIKELIHOOD.threshold  # difference in SSE below which two fits are equally good
     gap_closed: float = gates.GAP_CLOSED.threshold
     shortlist: int = 6  # effects that are fitted in one round
     most_effects: int = 6  # accepted effects after which a search ends
@@ -34,33 +32,34 @@ class Settings:
     open_ended: bool = True  # whether an equation outside the library is searched
 
     def least_held_out(self, reduction: float) -> float:
-        """Least reduction in SSE on held-out rows where all rows give `reduction`.
-
-        The standard deviation of a reduction g is that of a non-central chi-square, 2 sqrt(g), and that much may be chance.
-        """
+        """Smallest SSE reduction on held-out rows, where all rows give `reduction`."""
+        # A reduction g has the standard deviation of a non-central chi-square, about 2 sqrt(g); so much may be missing by chance.
         return max(self.held_out, self.confirmed * reduction - 2.0 * math.sqrt(max(reduction, 0.0)))
 
 
 @dataclass(frozen=True, slots=True)
 class CandidateFit:
-    """One effect added to the nuisances and accepted effects: fitted, tested, confirmed or not."""
+    """A fit with one effect more than the state, and the results of its tests."""
 
     effect: str
     fit: Fit
-    sse_reduction: float  # all data, over the variance inflation
+    sse_reduction: float  # on all rows, over the variance inflation
     raw_sse_reduction: float  # the same, not divided
-    threshold: float  # of the reduction
+    threshold: float  # of `sse_reduction`
     held_out_sse_reduction: float | None = (
-        None  # summed over folds; None where the reduction is below the threshold
+        None  # summed over folds; None where `sse_reduction` is below the threshold
     )
     variance_inflation: float = 1.0
-    size: float = np.inf  # least size of the largest amplitude parameter, 95 %, in typical changes
-    explained: float = 1.0  # largest share of a channel's squared errors that the effect takes away, held out
-    reference: "State | None" = None  # the fit without it, where its noise is not that of the search
+    size: float = np.inf  # lower 95 % limit of the largest amplitude parameter, in typical changes
+    explained: float = 1.0  # largest share of a channel's squared held-out error that the effect removes
+    reference: "State | None" = (
+        None  # the state without the effect, where its noise differs from that of the search
+    )
 
     @property
     def margin(self) -> float:
-        """Raw reduction beyond the threshold: which effect explains best, once each is sure to explain something."""
+        """Raw reduction minus threshold, by which accepted candidates are compared."""
+        # Raw, because the variance inflation differs between effects: it is needed to accept one, not to rank two that fit the same rows.
         return self.raw_sse_reduction - self.threshold
 
     @property
@@ -74,13 +73,13 @@ class CandidateFit:
         return confirmed is not None and confirmed > settings.least_held_out(self.sse_reduction)
 
     def negligible(self, problem: Problem) -> bool:
-        """Whether it is too small to matter, however significant."""
+        """Whether the effect is too small to matter, however significant it is."""
         return self.size < problem.model.negligible or self.explained < problem.model.least_explained
 
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Where a search stands with some effects accepted."""
+    """The state of a search with some effects accepted."""
 
     noise: Noise
     fit: Fit
@@ -89,9 +88,9 @@ class State:
     trials: tuple[CandidateFit, ...] = ()
     columns: tuple[Columns, ...] = field(default=(), repr=False)
     temporary: tuple[tuple[Score, range], ...] = ()  # effects that may act in one interval only, best first
-    temporary_basis: tuple[Noise, Fit] | None = None  # noise and fit by which those scored
+    temporary_basis: tuple[Noise, Fit] | None = None  # noise and fit under which those were scored
     at_prior: Values | None = (
-        None  # the fit with nuisances back at their priors, where one was in conflict with its own
+        None  # values with nuisances at their priors, where one was in conflict with its prior
     )
 
 
@@ -101,5 +100,5 @@ def free_names(problem: Problem, effects: Sequence[str]) -> tuple[str, ...]:
 
 
 def switched_off(effect: Effect) -> dict[str, float]:
-    """Values of an effect's parameters with which it does nothing."""
+    """Parameter values with which an effect is off."""
     return {p.name: p.value for p in effect.parameters}

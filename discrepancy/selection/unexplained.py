@@ -1,4 +1,7 @@
-"""The residual with every candidate of the library projected out: noise is estimated from it."""
+"""The residual with every candidate of the library projected out, from which noise is estimated.
+
+Noise estimated from the plain residual would contain the missing effect and hide it from the screen.
+"""
 
 from collections.abc import Sequence
 
@@ -14,24 +17,22 @@ from discrepancy.signals.recording import Array
 def unexplained(
     problem: Problem, noise: Noise, fitted: Fit, raw: Array, columns: Sequence[Columns]
 ) -> tuple[Array, float]:
-    """Raw residual with every candidate projected out, and how many parameters that took.
-
-    Each candidate enters at each trial_step in units of that change, with a prior of a few such changes, so that a large
-    library cannot eat a short recording.
-    """
+    """Raw residual (N,) with every candidate projected out, and the effective number of parameters that were used for it."""
+    # Every trial step is a column, in units of that step, with a prior of five steps: without a prior, a large library would fit a
+    # short recording completely and leave no noise.
     all_columns = _stacked(raw, columns)
     projector = Projector(problem, noise, fitted)
     X = projector.off(noise.whiten(all_columns))
     coefficient, used = _weakly(X, fitted.residual)
     left = raw - all_columns @ coefficient
-    # nuisances and initial states give way too
+    # nuisances and initial states were fitted with the effects missing; they move when these are projected out
     return _refitted(problem, noise, fitted, left), used + projector.states.used + len(fitted.names)
 
 
 def unexplained_by_window(
     problem: Problem, noise: Noise, fitted: Fit, raw: Array, columns: Sequence[Columns]
 ) -> tuple[Array, float]:
-    """The same with every candidate free in every window, so that the noise does not hold temporary effects either."""
+    """The same with every candidate free in every window, so that temporary effects are projected out of the noise as well."""
     all_columns = _stacked(raw, columns)
     states = Projector(problem, noise, fitted).states
     X = states.off(noise.whiten(all_columns))
@@ -49,7 +50,7 @@ def _stacked(raw: Array, columns: Sequence[Columns]) -> Array:
 
 
 def _weakly(X: Array, residual: Array) -> tuple[Array, float]:
-    """Coefficients of columns (n, k) with a prior of five of each, and how many parameters that is worth."""
+    """Coefficients of columns (n, k) with a prior standard deviation of 5 each, and their effective number (trace of the ridge hat matrix)."""
     gram = X.T @ X
     weak = gram + np.eye(len(gram)) / 5.0**2
     if not len(gram):
@@ -59,6 +60,7 @@ def _weakly(X: Array, residual: Array) -> tuple[Array, float]:
 
 
 def _refitted(problem: Problem, noise: Noise, fitted: Fit, left: Array) -> Array:
+    """The residual (N,) after a linear refit of nuisances and initial states."""
     base = problem.predict(fitted.values)
     raw = differences(problem, fitted.values, base, [*fitted.names, *problem.local_names], cached=True)
     J, L = raw[:, : len(fitted.names)], raw[:, len(fitted.names) :]

@@ -1,6 +1,6 @@
-"""The result as plain data: what `findings.json` holds (schema in schema.json) and what terminal and report are made from.
+"""The result of a diagnosis as plain data: the content of `findings.json` (schema in schema.json), for terminal, page and programs.
 
-Units: SI, named beside each value. A reduction in SSE is a difference of whitened squared errors, that is twice a log-likelihood ratio.
+Units are SI and stand beside each value. A reduction of the SSE is a difference of squared whitened errors, twice a log-likelihood ratio.
 """
 
 import json
@@ -26,7 +26,7 @@ OLD_NAMES: Final[Mapping[str, str]] = {
     "absorbed": "confounded_share",
     "noticed_from": "smallest_detectable",
 }
-"""Fields by their names in version 1, which can still be read."""
+"""Names of fields in version 1, which can still be read, and the present ones."""
 BY_CHANNEL: Final = ("channels", "held_out_error")  # mappings whose keys are no fields
 
 Status = Literal["explained", "explained in part", "unknown", "nothing missing", "inconclusive"]

@@ -1,15 +1,15 @@
-"""Numbers with their units as people read them."""
+"""Formats numbers with units for readers."""
 
 import math
 
 from discrepancy.signals.units import shown
 
-LARGE = 1e4  # of a force, pressure or power, from which a prefix reads better
-PLAIN = (-5, 6)  # powers of ten between which a number is written out
+LARGE = 1e4  # force, pressure, power or energy above which a prefix (k, M) reads better
+PLAIN = (-5, 6)  # exponents between which a number is written without a power of ten
 
 
 def figures(value: float, digits: int = 3) -> str:
-    """'1510', '0.0246', '4.84e-07': so many digits, and a power of ten only where zeros would be many."""
+    """A number with `digits` significant digits: '1510', '0.0246'; with a power of ten only outside of PLAIN: '4.84e-07'."""
     if value == 0.0 or not math.isfinite(value):
         return f"{value + 0.0:g}"
     exponent = math.floor(math.log10(abs(value)))
@@ -21,12 +21,12 @@ def figures(value: float, digits: int = 3) -> str:
 
 
 def quantity(value: float, unit: str, digits: int = 3) -> str:
-    """'1510 kg', '0.0246': the unit as it is shown, none for a plain number."""
+    """A number with its unit, none for a plain number: '1510 kg', '0.0246'."""
     return f"{figures(value, digits)} {shown(unit)}".rstrip()
 
 
 def readable(unit: str, largest: float) -> tuple[float, str]:
-    """What values up to `largest` are divided by, and the unit they then have: 'MPa' and 'kN' where they would need many digits."""
+    """The divisor for values up to `largest`, and the unit after the division: (1e6, 'MPa'), (1.0, 'm')."""
     text = shown(unit)
     if not text.startswith(("N", "Pa", "W", "J")) or largest < LARGE:
         return 1.0, text

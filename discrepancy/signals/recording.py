@@ -1,7 +1,7 @@
-"""What was recorded: named channels with units, each with its own stamps, evenly spaced or not.
+"""Recordings: named channels with units, each with its own time stamps, evenly spaced or not; and complaints about them.
 
-Damage is cleaned where that loses nothing but the damage, and every cleaning becomes a complaint; a fatal complaint ends in
-the verdict 'inconclusive', never in an exception from the middle of the algebra.
+Damaged samples are removed, and every removal becomes a complaint. A fatal complaint leads to the verdict 'inconclusive', never to an
+exception from within the computation.
 """
 
 from collections.abc import Mapping
@@ -12,19 +12,19 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-UNORDERED = (
-    0.1  # share of stamps that go backwards, from which rows are in no order; below it a clock was set back
-)
+# Share of stamps that go backwards. Above it the rows are unordered and are sorted; below it a clock was set back, and sorting would mix
+# two times.
+UNORDERED = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """One channel: stamps [s], values in `unit`. `held` values stand until the next one (commands, gear)."""
+    """One channel. Raises ValueError unless there is one stamp per value."""
 
-    time_s: Array
-    value: Array
+    time_s: Array  # stamps (n,)
+    value: Array  # (n,)
     unit: str
-    held: bool = False
+    held: bool = False  # a value holds until the next one (commands, gear), else it is linear in between
 
     def __post_init__(self) -> None:
         if self.time_s.shape != self.value.shape or self.time_s.ndim != 1:
@@ -35,21 +35,22 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """Signals of one run, and the constants that hold in it (mass on the day, diameter of the ball), SI."""
+    """One run."""
 
     name: str
     signals: Mapping[str, Signal]
+    # numbers that are valid for the whole run (mass on that day, diameter of the ball), SI
     constants: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class Complaint:
-    """Something wrong with a recording; `fatal` when nothing can be concluded from it, or from the signal named."""
+    """An error of a recording."""
 
     recording: str
-    signal: str
-    text: str
-    fatal: bool = False
+    signal: str  # "" for the whole recording
+    text: str  # the error and its remedy, as the predicate of a sentence
+    fatal: bool = False  # nothing can be concluded from the recording, or from the signal
 
     @property
     def described(self) -> str:
@@ -63,11 +64,9 @@ def signal(time_s: ArrayLike, value: ArrayLike, unit: str, *, held: bool = False
 
 
 def changes_only(time_s: ArrayLike, value: ArrayLike, unit: str) -> Signal:
-    """Undo a zero-order hold: one sample per new value, stamped at the middle of the time it stood.
-
-    A slow sensor logged in fast rows repeats its value; the repeats are no information and their staircase is no white
-    noise. A hold of T is a mean delay of T/2 to whoever reads the rows, and the stamps keep it.
-    """
+    """A signal without its zero-order hold: one sample per new value, stamped at the middle of the time for which it was held."""
+    # A slow sensor logged in fast rows repeats its value. The repeats are no information, and their staircase is not white noise. Holding
+    # for T delays a signal by T/2 on average; the stamps in the middle keep that delay, as a reader of the rows sees it.
     t, y = np.asarray(time_s, float), np.asarray(value, float)
     first = np.flatnonzero(np.diff(y) != 0.0) + 1
     if first.size < 2:
@@ -77,7 +76,7 @@ def changes_only(time_s: ArrayLike, value: ArrayLike, unit: str) -> Signal:
 
 
 def cleaned(recording: Recording) -> tuple[Recording, list[Complaint]]:
-    """Drop samples that are not numbers and stamps that do not advance, and sort what is in no order; say how many."""
+    """The recording without samples that are not numbers and stamps that do not advance, unordered rows sorted; and complaints about it."""
     kept: dict[str, Signal] = {}
     complaints: list[Complaint] = []
     for name, raw in recording.signals.items():
@@ -90,7 +89,7 @@ def cleaned(recording: Recording) -> tuple[Recording, list[Complaint]]:
         if backwards > UNORDERED * t.size:
             order = np.argsort(t, kind="stable")
             t, y = t[order], y[order]
-            text = f"{backwards} of {t.size} stamps go backwards: rows in another order than that of time; sorted"
+            text = f"{backwards} of {t.size} stamps go backwards: the rows are not ordered by time; sorted"
             complaints.append(Complaint(recording.name, name, text, fatal=False))
         forward = t > np.maximum.accumulate(np.concatenate(([-np.inf], t[:-1]))) if t.size else good[:0]
         if back := int(t.size - np.count_nonzero(forward)):

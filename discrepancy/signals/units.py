@@ -1,7 +1,7 @@
-"""Units as exponents of SI base units, so that every coefficient found carries the unit it must have.
+"""Units as exponents of SI base units, so that every coefficient that is found has the right unit.
 
-The radian is kept as a unit of its own when printed, and counts as 1 when two units are compared. Models use SI; the units in
-headings of recordings (km/h, deg, bar) are converted where recordings are read.
+The radian is printed as a unit of its own and counts as 1 when two units are compared. Models use SI; units in headings of recordings
+(km/h, deg, bar) are converted when recordings are read.
 """
 
 import math
@@ -37,7 +37,7 @@ FOREIGN = {
     "ml": ("m^3", 1e-6), "L": ("m^3", 1e-3), "sec": ("s", 1.0), "C": ("A.s", 1.0),
 }  # fmt: skip
 GRAM = {"g": ("kg", 1e-3)}
-# temperatures whose zero is not that of the kelvin: size of a degree [K], and the unit's zero [K]; exact by definition
+# temperature scales with another zero than the kelvin: size of a degree [K] and zero of the scale [K]; exact by definition
 TEMPERATURES = {
     **dict.fromkeys(("°C", "degC", "deg C", "℃"), (1.0, 273.15)),
     **dict.fromkeys(("°F", "degF", "deg F"), (5.0 / 9.0, 459.67 * 5.0 / 9.0)),
@@ -76,7 +76,7 @@ class Unit:
         return f"{'.'.join(above) or '1'}/{bottom}"
 
     def same_quantity(self, other: "Unit") -> bool:
-        """Equal but for radians, which are ratios of lengths."""
+        """Whether two units are equal apart from radians, which are ratios of lengths."""
         return self.exponents[:-1] == other.exponents[:-1]
 
 
@@ -86,7 +86,7 @@ class Scaled:
 
     unit: Unit
     factor: float
-    offset: float = 0.0  # other than 0 for temperatures alone: a zero that is not that of the kelvin
+    offset: float = 0.0  # not 0 only for temperatures, whose scales have other zeros
 
 
 def parse_unit(text: str) -> Unit:
@@ -102,7 +102,7 @@ def parse_unit(text: str) -> Unit:
 def parse_scaled(text: str, wanted: str | None = None) -> Scaled:
     """The same for headings of recordings, which may be 'km/h', 'deg/s', 'kN', 'bar', '%' or empty (a plain number).
 
-    wanted: what is expected there; 'g' is a gram where that makes it the quantity wanted, else the standard gravity.
+    wanted: the expected unit; 'g' is a gram if the expected quantity is then matched, else the standard gravity.
     """
     if text.strip() in TEMPERATURES:
         factor, offset = TEMPERATURES[text.strip()]
@@ -150,7 +150,7 @@ def _unreadable(text: str, part: str, *more: str) -> ValueError:
 
 
 def shown(unit: str) -> str:
-    """A unit as people read it: 'm/s²', 'N·m' for 'N.m' and 'N m'; empty for a plain number."""
+    """A unit for readers: 'm/s²', 'N·m' for 'N.m' and 'N m'; empty for a plain number."""
     raised = _POWER.sub(lambda power: "²" if power[1] == "2" else "³", unit)
     return "" if unit == "1" else raised.replace(".", "·").replace(" ", "·")
 

@@ -73,7 +73,7 @@ def test_a_reversed_sign_that_the_library_has_not_is_told_and_no_physics() -> No
     whole = record(3, sign=-1.0)
     result = verdict(whole, "leak", "offset")
     assert result.status == "inconclusive"
-    assert "moves against what the model predicts" in result.reasons[0]
+    assert "moves opposite to the model's prediction" in result.reasons[0]
     assert verdict(whole).named == ["level sign"]
 
 

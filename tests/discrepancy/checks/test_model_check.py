@@ -44,5 +44,5 @@ def test_an_output_that_was_not_recorded_may_be_left_out_of_what_is_returned() -
     "change", [{"inputs": {"inflow": "l/s"}}, {"outputs": {"level": "furlong"}}, {"constants": {"mass": "g"}}]
 )
 def test_a_model_speaks_si(change: dict[str, dict[str, str]]) -> None:
-    with pytest.raises(ValueError, match="models speak SI"):
+    with pytest.raises(ValueError, match="units of a model are SI"):
         replace(tank(), **change)

@@ -68,7 +68,7 @@ def test_what_is_left_beside_a_line_is_followed_and_what_is_beside_the_valley_st
 @pytest.mark.parametrize(
     ("place", "told"),
     [
-        ("spring", "these recordings show nothing of it that the nuisances could not do; needs a storm"),
+        ("spring", "in these recordings nuisances imitate it completely; needs a storm"),
         ("force", "there is no usable force"),
     ],
 )

@@ -46,4 +46,4 @@ def test_a_possible_temporary_effect_is_not_ruled_out() -> None:
     told = {c.effect: c for c in candidates(problem, state, state, [], Settings())}
     assert told["level delay"].power > 0.99
     assert told["level delay"].verdict == "not needed"
-    assert "differs between blocks" in told["level delay"].reason
+    assert "blocks of time disagree on its size" in told["level delay"].reason
