@@ -1,4 +1,4 @@
-"""From a model and recordings to a verdict, whatever the recordings are worth."""
+"""The entrance of the engine: from a model and recordings to a verdict, also for unusable recordings."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -29,9 +29,9 @@ def investigate(
     progress: Progress = lambda _: None,
     complaints: Sequence[Complaint] = (),
 ) -> Judgement | Findings:
-    """The verdict with what it rests on, or the verdict alone where nothing is usable; complaints: of those who read the recordings.
+    """The verdict with the states behind it, or the findings alone if nothing is usable. complaints: from reading the recordings.
 
-    A channel whose scale or clock cannot be right is left out, with a complaint; the others are judged. Raises BadModel.
+    A channel with a wrong scale, sign or clock is left out, with a complaint; the others are judged. Raises BadModel.
     """
     try:
         problem, failed = usable(model, recordings)
@@ -56,6 +56,6 @@ def usable(model: Model, recordings: Sequence[Recording]) -> tuple[Problem, list
     try:
         return Problem(model, kept), failed
     except Unusable as error:
-        # that no output is left follows from the failed channels
+        # "no output is left" is a consequence of the failed channels and would hide their complaints
         left = [c for c in error.complaints if c.signal != OUTPUTS]
         raise Unusable([*failed, *left]) from error

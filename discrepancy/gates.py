@@ -1,11 +1,11 @@
-"""Every test that a channel, an effect, a group, an equation or a verdict has to pass, in the order in which they are applied.
+"""The table of gates: every test that a channel, an effect, a group, an equation or a verdict has to pass, in the order of application.
 
-For whoever wants to know why a name was given or refused. The engine reads its thresholds from here and
+For readers who want to know why an effect was named or not. The engine reads its thresholds from here and
 docs/explanation/discrepancy.md prints the table, so that neither can differ from the other. The file lies beside the folders of the
 engine and imports nothing: screening, checks and decisions all read it.
 
 Limits of pure numerics (iterations, rounding, caches) stay where they are used. Limits of cost are in
-discrepancy.estimation.effort and discrepancy.selection.state; those that keep an effect from being tried are said in the reasons.
+discrepancy.estimation.effort and discrepancy.selection.state; those that keep an effect from being tried appear in the reasons.
 """
 
 from dataclasses import dataclass
@@ -27,11 +27,11 @@ class Gate:
     of: Object  # what is tested
     statistic: str  # the number that is compared
     threshold: float  # in the unit of the statistic
-    unit: str = ""  # shown after the threshold
+    unit: str = ""  # printed after the threshold
     passes: Literal["above", "below"] = "above"  # side of the threshold on which the test is passed
     source: str  # where the threshold comes from
-    otherwise: str  # what follows where the test is not passed
-    module: str  # those that apply it, below discrepancy/, by comma
+    otherwise: str  # consequence if the test is not passed
+    module: str  # modules that apply it, below discrepancy/, separated by commas
 
     @property
     def modules(self) -> list[str]:

@@ -1,4 +1,4 @@
-"""Recordings cut into windows for one model, and all predictions as one column of rows.
+"""The estimation problem: recordings cut into windows for one model, and all measured and predicted values as one column of rows.
 
 Rows are ordered by window, then by group of channels that share their stamps, then by run of samples without gaps, then by time. The
 rows of a window are therefore contiguous, and its initial states can be projected out by themselves.
@@ -30,12 +30,12 @@ from discrepancy.model.windows import (
 )
 from discrepancy.signals.recording import Array, Complaint, Recording, cleaned
 
-RECENT = 4  # predictions kept: the next fit begins at a point that the last one tried
+RECENT = 4  # predictions that are kept, because a fit often starts at a point that the one before has tried
 
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """Everything that a prediction depends on beside the windows themselves."""
+    """All values that a prediction depends on, beside the windows themselves."""
 
     shared: Mapping[str, float]  # parameters of all windows
     local: Mapping[str, Array]  # parameters of single windows, one value each (windows,)
@@ -54,7 +54,7 @@ class Values:
         return replace(self, shared={**self.shared, **changes})
 
     def active_in(self, parameters: Iterable[Parameter], windows: range) -> "Values":
-        """A copy in which these parameters have their values in some windows only."""
+        """A copy in which these parameters have their values in some windows only, and are off in the others."""
         names = {p.name: p.value for p in parameters}
         return replace(
             self,
@@ -63,7 +63,7 @@ class Values:
         )
 
     def warmed_up_as(self, other: "Values") -> "Values":
-        """A copy that begins its windows as another does."""
+        """A copy with the warm-up values of another."""
         return replace(self, warm_up=other.warm_up)
 
     def same(self, other: "Values") -> bool:
@@ -84,7 +84,7 @@ class Values:
 
 
 class Unusable(ValueError):
-    """Nothing can be concluded from these recordings with this model; the fatal complaints say why."""
+    """These recordings allow no conclusion with this model; the fatal complaints give the reasons."""
 
     def __init__(self, complaints: Sequence[Complaint]) -> None:
         self.reasons = [c.described for c in complaints if c.fatal] or ["no recordings were given"]
@@ -166,7 +166,7 @@ class Problem:
         return self._count.simulations
 
     def measuring(self, values: Values) -> "Problem":
-        """A copy whose recordings hold exactly what the model predicts of values; it shares what was learned of sensitivities."""
+        """A copy whose measured rows are the model's prediction at these values, without noise; it shares the cached Jacobian columns."""
         other = copy(self)
         other.measured = self.predict(values)
         return other
@@ -193,10 +193,7 @@ class Problem:
         return Values(shared, local)
 
     def warmed_up(self, values: Values, by: Values) -> Values:
-        """The values, with windows that begin behind a warm-up run with the shared values of another; temporary effects are off in that run.
-
-        Models that do not warm up are left as they are.
-        """
+        """The values, with warm-up runs at the shared values of `by`, temporary effects off; unchanged for models without warm-up runs."""
         return replace(values, warm_up={**by.shared, **by.off}) if self.model.warms_up else values
 
     def outputs(
@@ -219,7 +216,7 @@ class Problem:
         return through_sensors(true, parameters, window.time_s, window.step_s, since_s, lags)
 
     def predict(self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None) -> Array:
-        """Rows of the predicted outputs, kept for a while and read-only; extra: per window, what is added at the model's ports."""
+        """Predicted rows (N,), read-only because they are kept; extra: by window, signals that are added at the model's ports."""
         if extra is not None:
             self._count.simulations += 1
             return self._predicted(values, extra)
@@ -233,7 +230,7 @@ class Problem:
         return rows
 
     def predict_each(self, points: Sequence[Values]) -> list[Array]:
-        """Rows at many points, in threads where the model may run in several."""
+        """Predicted rows at many points, in parallel if the model allows it."""
         self._count.simulations += len(points)
         if not self.model.threads or len(points) < 2:
             return [self._predicted(values) for values in points]
@@ -249,7 +246,7 @@ class Problem:
         return rows
 
     def motions(self, windows: Sequence[Window], values: Values) -> Sequence[Mapping[str, Array]]:
-        """What the model says of every window, no sensor being faulty; windows: those of the problem, maybe with fewer signals."""
+        """True outputs of every window, before sensor faults; windows: those of the problem, possibly with fewer signals."""
         together = getattr(self.model.simulate, "together", None)
         warmed = [_warmed(window, values) for window in windows]
         if self.local_names or values.active_intervals or together is None:

@@ -1,1 +1,1 @@
-"""Models with their libraries of effects: each a description, one function, and the physics it may have left out."""
+"""Models that come with loaderhil: each is a description, a function, and a library of effects that may be missing."""

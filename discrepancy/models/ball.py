@@ -1,4 +1,4 @@
-"""A ball dropped or thrown upwards in still air, seen by a camera: the smallest model with something left out.
+"""A ball dropped or thrown upwards in still air, filmed by a camera: the smallest model with missing physics.
 
 Vertical motion, z up [m], first sample of each drop free in height and speed. Baseline: gravity alone.
 Recording constants: mass [kg], diameter [m]. Sources: Morrison, An Introduction to Fluid Mechanics (2013), sphere drag
@@ -46,7 +46,7 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
         v += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         heights.append(z)
         speeds.append(v)
-    # held until it is let go: the same flight, later
+    # a late release: the same flight, shifted in time
     flight = np.maximum(window.time_s - values["release"], window.time_s[0])
     camera = 1.0 + values["pixel_scale"]
     return {
@@ -60,6 +60,7 @@ def _first_height(window: Window) -> float:
 
 
 def _first_speed(window: Window) -> float:
+    # mean speed of the first 0.3 s, and back to their beginning: half of that time under gravity
     early = window.time_s < window.time_s[0] + 0.3
     return float(np.polyfit(window.time_s[early], window["height"][early], 1)[0]) + 0.15 * G
 

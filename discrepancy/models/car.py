@@ -22,7 +22,7 @@ WHEELBASE_M = 0.1735
 STEP_S = 0.01
 G = 9.81
 REFERENCE_EVERY = 5  # rows of 100 Hz between samples of the reference
-SMOOTH = 15  # rows of the centred local cubic that differentiates the reference; no phase
+SMOOTH = 15  # rows of the centred local cubic that differentiates the reference; centred, so without phase
 
 
 def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Array]) -> dict[str, Array]:
@@ -44,7 +44,8 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
 
 
 def _relaxed(yaw_rate: Array, speed: Array, length_m: float, step: float) -> Array:
-    """First-order lag in rolled distance; only what it changes is interpolated, so that a short one changes little."""
+    """First-order lag of the yaw rate over rolled distance (relaxation length)."""
+    # Only the change is interpolated between time and distance: an interpolation error of the whole signal would look like an effect.
     if length_m < 1e-9:
         return yaw_rate
     rolled = np.cumsum(np.abs(speed) * step + 1e-9)
@@ -61,7 +62,7 @@ def _speed(throttle: Array, values: Mapping[str, float], step: float) -> Array:
 
 
 def _lag(
-    name: str, sentence: str, equation: str, parameter: str, place: str, twin: Mapping[str, str]
+    name: str, sentence: str, equation: str, parameter: str, place: str, confusable: Mapping[str, str]
 ) -> Effect:
     return Effect(
         name=name,
@@ -73,7 +74,7 @@ def _lag(
         kind="physics",
         place=place,
         excited_by="fast steering",
-        confusable=twin,
+        confusable=confusable,
     )
 
 
@@ -225,7 +226,7 @@ def is_dart(path: Path) -> bool:
 
 
 def load_dart(path: Path, *, reference: bool = True) -> Recording:
-    """One file of DART; slow sensors repeat in its 100 Hz rows and are reduced to their own samples."""
+    """One file of DART; slow sensors repeat their values in its 100 Hz rows and are reduced to their own samples."""
     opener = gzip.open if path.suffix == ".gz" else open
     with opener(path, "rt", newline="") as file:
         rows = list(csv.DictReader(file))

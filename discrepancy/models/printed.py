@@ -1,9 +1,9 @@
-"""The thesis' printed estimators as a model: what is missing from them, found from what they say of a recording.
+"""The thesis' printed estimators as a model, so that the diagnosis finds their missing terms in recordings.
 
-Inputs are the measured motion and, for the turning torque, the measured tyre forces, as in the thesis (4.6); outputs are
-what its estimators are compared with: the wheels' normal forces, the lateral acceleration, the torque at the
-joint. The baseline is the print ((71)-(87) as solved, the acceleration of 2.5, (93) and (94)). An effect is a correction that
-somebody might think of, right or wrong, from 0 (print) to 1 (all of it); Newton's laws are not told which are right.
+Inputs are the measured motion and, for the turning torque, the measured tyre forces, as in the thesis (4.6). Outputs are the quantities
+with which the thesis compares its estimators: normal forces of the wheels, lateral acceleration, torque at the joint. The baseline is the
+print ((71)-(87) as solved, the acceleration of 2.5, (93) and (94)). An effect is a correction that somebody might propose, right or wrong,
+from 0 (print) to 1 (complete correction); the model does not contain which of them are right.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ from ecu.calibration import load_calibration
 from ecu.estimators.tyres.wheels import radius
 from plant.unit.signals import WHEELS
 
-STEP_S: Final = 0.5
+STEP_S: Final = 0.5  # longer than the rocking of the machine on its tyres (1.3 to 2.5 Hz), which quasi-static estimators do not contain
 
 SPEEDS = tuple(f"wheel_speed_{wheel}" for wheel in WHEELS)
 NORMAL = tuple(f"normal_force_{wheel}" for wheel in WHEELS)
@@ -43,7 +43,7 @@ def _share(
     least: float = -0.5,
     most: float = 2.0, **apart: str
 ) -> Effect:  # fmt: skip
-    """A correction, made by a share: 0 the print, 1 all of it. apart: what tells it from another."""
+    """A correction with a share: 0 the print, 1 the complete correction. apart: by other effect, the drive that distinguishes the two."""
     return Effect(
         name=parameter.replace("_", " "),
         sentence=sentence,
@@ -67,7 +67,7 @@ def _error(
     *,
     sensor: bool,
 ) -> Effect:
-    """Something assumed or measured that is off by `size` or more."""
+    """An assumed or measured value that is wrong by `size` or more."""
     return Effect(
         name=parameter.replace("_", " "),
         sentence=sentence,
@@ -125,11 +125,11 @@ LIBRARY = (
 )  # fmt: skip
 
 NUISANCES = (Parameter(name="zero.specific_force_y", unit="m/s^2", typical=0.1, prior_sd=0.1),)
-"""Masses and where they are count as known, as in the thesis, whose estimators had the numbers of its simulation (5.3.1)."""
+"""Masses and their positions count as known, as in the thesis, whose estimators had the numbers of its simulation (5.3.1)."""
 
 
 class PrintedEstimators:
-    """Simulates: the recorded motion in, what the estimators say of it out."""
+    """The function of the model: the estimates for a recorded motion."""
 
     def __init__(self) -> None:
         self._parameters = load_calibration("l60").parameters
@@ -159,7 +159,7 @@ class PrintedEstimators:
 
 
 def load_quasi_static(folder: Path) -> Recording:
-    """A recorded run as means over STEP_S: what the machine rocks on its tyres (1.3 to 2.5 Hz) is not what these estimators estimate."""
+    """A recorded run as means over STEP_S."""
     run = load_run(folder)
     return replace(run, signals={name: _means(item) for name, item in run.signals.items()})
 

@@ -22,7 +22,7 @@ WHEEL_MASS: Final = 426.0  # thesis, table 3 [kg]
 
 
 class Corrections(NamedTuple):
-    """How much of each is made, 1: all of it; or by how much an input is off. Right and wrong ones alike."""
+    """Share of each correction, 1 for the complete one; or the error of an input. Right and wrong corrections alike."""
 
     pivot_arm: float = 0.0
     centripetal: float = 0.0
@@ -49,7 +49,7 @@ class Corrections(NamedTuple):
 
 
 class Moment(NamedTuple):
-    """One moment of the motion, SI; rates of the rear frame, speed and acceleration as the wheels tell them."""
+    """The motion at one time, SI: rates of the rear frame, speed and acceleration from the wheels."""
 
     articulation: float
     roll: float

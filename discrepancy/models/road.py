@@ -1,4 +1,4 @@
-"""A road vehicle along its path: accelerometers and pitch gyro against the acceleration of the wheels.
+"""A road vehicle along its path: compares accelerometers and pitch gyro with the acceleration of the wheels.
 
 Axes ISO 8855 but for the pitch rate, which counts nose UP (so that it is the rate of the grade). An accelerometer measures
 specific force: f = dv/dt + g sin(grade) plus the body's own pitch. The grade is a function of the distance driven, linear
@@ -24,7 +24,7 @@ from discrepancy.signals.recording import Array, Recording, Signal, signal
 
 G = 9.81
 STEP_S = 0.02
-KNOT_M = 50.0
+KNOT_M = 50.0  # between knots of the grade; roads hardly change their grade within less
 SMOOTH = 15  # grid points of the centred quadratic that differentiates the pitch: 0.3 s, no phase
 AVERAGED_S = 0.05  # vibration of the body is averaged out over this time
 KMH = 1.0 / 3.6
@@ -63,7 +63,7 @@ def _driven(window: Window) -> Array:
 
 NUISANCES = (
     Parameter(name="mounting", unit="rad", lower=-0.2, upper=0.2, typical=0.01, prior_sd=0.03),
-    # wheels swing on their tyres and count in teeth: what is faster than this does not reach the body, and has no phase
+    # Wheels swing on their tyres, and their sensors count teeth; such fast changes do not reach the body. A centred filter adds no phase.
     Parameter(name="wheel_smoothing", unit="s", value=0.1, lower=0.04, upper=1.0, typical=0.1),
 )
 

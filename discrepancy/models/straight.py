@@ -1,4 +1,4 @@
-"""A wheel loader driving straight, forwards and backwards: the engine's benchmark, lumped to one mass.
+"""A wheel loader driving straight, forwards and backwards, as one mass: the benchmark of the engine.
 
 Speed + forwards [m/s]; forces at the ground [N]. The driver closes the loop through the measured speed, so noise and inputs
 are correlated. Integrated by exponential midpoint steps of 5 ms; the
@@ -21,7 +21,7 @@ from discrepancy.signals.recording import Array, signal
 G = 9.81
 MASS_KG = 11_840.0
 STEP_S = 0.01
-SUBSTEPS = 2
+SUBSTEPS = 2  # integration steps per grid step
 CORNER_M_S = 0.05  # speed below which friction and brakes fade out instead of switching
 
 
@@ -47,7 +47,7 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
     speed = integrate(push, brake, coefficients, values["speed"], window.step_s)
     acceleration = _averaged_slope(speed, window.step_s)
     force = acceleration + G * np.sin(values.get("slope", 0.0))
-    # the wheels are read before the command that is stamped alike acts
+    # a wheel is read before the command with the same stamp acts, so slip follows the command of the step before
     traction = np.concatenate((drive[:1], drive[:-1]))
     return {
         "speed": speed * (1.0 + values.get("slip", 0.0) * traction / (values["mass"] * G)),
@@ -74,14 +74,16 @@ def lagged_mean(command: Array, time_constant_s: float, step_s: float) -> Array:
 
 @compiled
 def _resistance(v: float, friction: float, viscous: float, square: float, reverse: float) -> float:
-    """Force per speed [kg/s], never zero."""
+    """Resistance as force per speed [kg/s]; never zero, since the exponential step divides by it."""
     drag = viscous + square * abs(v) + (reverse if v < 0.0 else 0.0)
     return drag + friction / math.sqrt(v * v + CORNER_M_S**2) + 1e-6
 
 
 @compiled
 def integrate(push: Array, brake: Array, coefficients: Array, start: float, step: float) -> Array:
-    """Speed under push and resistances; resistances implicit, so that stopping needs no event."""
+    """Speed [m/s] (n,) under push [N] and resistances."""
+    # Resistances are treated as a force per speed (implicitly): the speed then decays to zero and never crosses it, so that stopping needs
+    # no event detection.
     mass, viscous, square, reverse, resist = coefficients
     speed = np.empty(push.size)
     v = start
@@ -89,7 +91,7 @@ def integrate(push: Array, brake: Array, coefficients: Array, start: float, step
     for i in range(push.size):
         speed[i] = v
         for _ in range(SUBSTEPS):
-            # exponential steps at a frozen resistance: a half step finds the middle, the whole one uses it
+            # exponential midpoint rule: a half step gives the speed in the middle, whose resistance is used for the whole step
             a = _resistance(v, brake[i] + resist, viscous, square, reverse) / mass
             middle = v + (push[i] / mass - a * v) * (1.0 - math.exp(-0.5 * a * h)) / a
             a = _resistance(middle, brake[i] + resist, viscous, square, reverse) / mass
@@ -200,7 +202,7 @@ def _first_speed(window: Window) -> float:
 
 
 def model(*, without: tuple[str, ...] = ()) -> Model:
-    """Twelve effects, four of them of sensors."""
+    """The model; `without` names effects to leave out of the library."""
     return Model(
         name="straight",
         sentence="a wheel loader driving straight",

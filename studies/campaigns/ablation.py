@@ -1,4 +1,4 @@
-"""Value of each source of the normal-force estimate: the same recorded drive with one source removed."""
+"""Ablation: the contribution of each source to the normal-force estimate, from the same recorded drive with one source removed."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -19,13 +19,13 @@ Floats = NDArray[np.float64]
 Variant = Callable[[Floats, Parameters], tuple[Floats, Parameters]]
 
 ON_THE_BUS_S = 0.001
-"""From the cycle to the arrival of its NormalForces frame: it is the first of the cycle's frames."""
+"""Time from the start of a cycle to the arrival of its NormalForces frame, the first frame of the cycle."""
 
 
 def inputs_of(frames: Sequence[Frame], calibration: Calibration) -> tuple[Floats, Floats]:
-    """What the estimators are given in a lockstep run: times of the cycles [s] and rows of Inputs.
+    """Inputs of the estimators in a lockstep run: times of the cycles [s], and rows of Inputs.
 
-    frames: of the machine, in the order of their arrival. Begins when every input has been received.
+    frames: of the machine, in the order of their arrival. The rows begin when every input has been received.
     """
     hearing = InputReceiver(calibration, loader_database())
     times: list[float] = []

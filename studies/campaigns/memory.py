@@ -9,7 +9,7 @@ from dbc import loader_database
 from dbc.columns import ColumnDecoder, Columns
 from dbc.recordings.logfile import FrameTable
 
-CLASSIC = 8
+CLASSIC = 8  # data bytes of a classic CAN frame
 
 
 def table_of(frames: Sequence[Frame]) -> FrameTable:

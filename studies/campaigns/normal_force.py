@@ -1,9 +1,8 @@
-"""How well the ECU estimates the normal forces: against plant truth, in every drive case, in both forms.
+"""Accuracy of the ECU's normal forces against the plant's truth, in every drive case and in both forms.
 
-Each case runs once per form with the limits off, so that both forms see the very same drive.
-The error of a frame is its value minus the true force at the moment the frame arrived: age of
-the sample, computation and wire count. Frames marked invalid and everything after the first
-lift-off are left out; there the estimate is the pull that would hold the wheel down.
+Each case runs once per form with the limits off, so that both forms see the same drive. The error of a frame is its value minus the true
+force at the time when the frame arrived; it includes the age of the sample, computation and transmission. Frames marked invalid, and all
+frames after the first lift-off, are left out: after lift-off the estimate is the (negative) force that would hold the wheel down.
 """
 
 from collections.abc import Sequence
@@ -31,7 +30,7 @@ KN = 1e3
 CACHE = Path("out/campaign/normal-force")
 PILE_AND_LOCK = frozenset({"pile_entry", "wheel_lock"})
 INSIDE, OUTSIDE = 0.08, 0.03
-"""Targets: RMS of every wheel over its standing load, in the drive cases of pile and wheel lock, and in all others."""
+"""Targets of the RMS of every wheel over its static load: in the drive cases with a pile or locked wheels, and in all others."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,8 @@
-"""Roll-over over grids of speed, load and articulation rate: announced, how early, prevented.
+"""Roll-over on grids of speed, load and articulation rate: is it announced, how early, and is it prevented?
 
-Each case is an abrupt turn from straight driving, driven three times: with the corrected and with the
-printed estimators that only warn (the very same drive), and with the corrected ones that also limit.
-The thresholds were chosen on one grid; another, which shares no speed, load or rate with it, confirms them.
+Each case is an abrupt turn from straight driving, driven three times: with the corrected and with the printed estimators that only warn
+(the same drive for both), and with the corrected ones that also limit. The thresholds were chosen on one grid; another grid, with other
+speeds, loads and rates, confirms them.
 """
 
 import dataclasses
@@ -28,9 +28,9 @@ from studies.campaigns.roll_over_picture import draw
 
 BASE = "abrupt_articulation"
 KMH = 1 / 3.6
-TURN_AT_S = 1.5
+TURN_AT_S = 1.5  # start of the turn
 AFTER_S = 4.0
-"""How long to watch after the turn: a machine that tips is on its side 1.8 s after lift-off."""
+"""Simulated time after the turn: a machine that tips lies on its side 1.8 s after lift-off."""
 CACHE = Path("out/campaign/roll-over")
 
 
@@ -45,12 +45,12 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """What the turn is driven on; grade uphill ahead and bank left side up where the turn begins."""
+    """The ground of a turn, in directions of the machine at the start of the turn."""
 
     name: str
-    grade_percent: float = 0.0
-    bank_deg: float = 0.0
-    friction: float = 0.75
+    grade_percent: float = 0.0  # uphill ahead
+    bank_deg: float = 0.0  # left side up
+    friction: float = 0.75  # dry asphalt
 
 
 LEVEL = Ground("level")
@@ -58,17 +58,17 @@ LEVEL = Ground("level")
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One turn; to_deg: articulation at its end, left +."""
+    """One turn."""
 
     speed_kmh: float
     load: Load
-    rate_deg_s: float
-    to_deg: float
+    rate_deg_s: float  # of the articulation
+    to_deg: float  # articulation at its end, left positive
     ground: Ground = LEVEL
 
     @property
     def turn(self) -> str:
-        """The turn for people."""
+        """The turn as text: '39° left'."""
         return f"{abs(self.to_deg):g}° {'left' if self.to_deg > 0 else 'right'}"
 
 
@@ -194,7 +194,7 @@ def observed(scenario: Scenario, form: Form, *, limits: bool) -> tuple[RunVerdic
 
 
 def named_wheel(messages: Mapping[str, Columns], lift_off_s: float | None) -> int | None:
-    """Index (FL, FR, RL, RR) of the wheel that RollOver names last before the lift-off; None if it names none."""
+    """Index (front left, front right, rear left, rear right) of the wheel that RollOver names last before the lift-off, or None."""
     if lift_off_s is None:
         return None
     roll_over = messages["RollOver"]

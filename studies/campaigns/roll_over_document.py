@@ -1,4 +1,4 @@
-"""The roll-over campaign as a document: what was found, in counts, in lead times, and case by case."""
+"""The roll-over campaign as a Markdown document: counts, lead times, and a table of cases."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
@@ -106,7 +106,7 @@ def _share(count: int, among: Sequence[Result]) -> str:
 
 
 def spread(leads: Iterable[float | None]) -> str:
-    """Least, median and most of the leads there are [s]."""
+    """Smallest, median and largest lead time [s] as text."""
     known = [lead for lead in leads if lead is not None]
     if not known:
         return "–"
@@ -148,7 +148,7 @@ def lifting_table(
 
 
 def failures(cases: Sequence[Any], results: Sequence[Result]) -> str:
-    """Every turn in which the ECU did not do what it is for."""
+    """Every turn in which the ECU failed: no warning ahead, lift-off with limits on, or a false alarm."""
     lines = []
     for case, result in zip(cases, results, strict=True):
         wrong = []

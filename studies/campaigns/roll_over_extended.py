@@ -1,4 +1,4 @@
-"""Roll-over beyond the level road: abrupt turns on grades, banks and slippery ground with loads at several heights."""
+"""Roll-over off the level road: abrupt turns on grades, side slopes and slippery ground, with loads at several heights."""
 
 import random
 from collections.abc import Sequence

@@ -1,1 +1,1 @@
-"""Soak runs: random faults for hours, and the matrix of which fault the ECU detects, for the person who has to trust it."""
+"""Soak runs: random faults for hours, and the matrix of which fault is detected by whom, for engineers who have to trust the ECU."""

@@ -1,4 +1,4 @@
-"""Random drives and random faults for soak runs; equal seeds give equal ones."""
+"""Random drives and random faults for soak runs, reproducible from the seed."""
 
 import random
 from collections.abc import Callable
@@ -14,8 +14,8 @@ DATABASE = loader_database()
 MESSAGES = tuple(DATABASE.by_name)
 SPEEDS_KMH = (-4.0, 0.0, 4.0, 8.0, 12.0, 16.0)
 QUICK_KMH, WIDE_DEG, NARROW_DEG = 9.0, 25.0, 10.0
-"""Above QUICK_KMH the driver of a soak steers narrowly: it is about faults, not about roll-over."""
-LEGS_S = (3.0, 8.0)
+"""Above QUICK_KMH the articulation stays below NARROW_DEG: a soak tests faults, and a machine that rolls over would end the drive."""
+LEGS_S = (3.0, 8.0)  # duration between two demands of the driver
 
 
 def drive(generator: random.Random, duration_s: float) -> Script:
@@ -40,7 +40,7 @@ def driver(generator: random.Random, duration_s: float) -> dict[str, Table]:
 
 
 def fault(generator: random.Random) -> Table:
-    """A fault of a random kind with random parameters; its times are the caller's."""
+    """The table of a fault of a random kind with random parameters; the caller adds its times."""
     kind = generator.choice(tuple(KINDS))
     return {"kind": kind, **_PARAMETERS[kind](generator)}
 
@@ -50,13 +50,14 @@ def _message(generator: random.Random) -> Table:
 
 
 def _some(generator: random.Random) -> Table:
-    """A message, struck always or now and then."""
+    """A message that is struck always or with a small probability."""
     return _message(generator) | {"probability": generator.choice((0.05, 0.2, 1.0))}
 
 
 def _signal(generator: random.Random) -> tuple[Table, float]:
     """A signal of the payload and the width of its range."""
     codec = DATABASE.by_name[generator.choice(MESSAGES)]
+    # a shift of CRC or counter is only another corrupted frame, which `corrupt` covers
     signal = generator.choice([s for s in codec.layout if s.name not in ("Crc", "AliveCounter")])
     lowest, highest = signal.raw_range
     return {"message": codec.name, "signal": signal.name}, (highest - lowest) * signal.scale
@@ -67,6 +68,7 @@ def _shift(key: str) -> Callable[[random.Random], Table]:
 
     def shift(generator: random.Random) -> Table:
         signal, width = _signal(generator)
+        # squared: small shifts, which are hard to detect, are drawn more often than large ones
         return signal | {key: round(generator.choice((-1, 1)) * width * generator.uniform(0.0, 0.45) ** 2, 4)}
 
     return shift

@@ -13,12 +13,14 @@ if TYPE_CHECKING:
 
 def soak(
     hours: Annotated[float, typer.Option("--hours", min=0.005, max=1000.0, help="Simulated time.")] = 1.0,
-    seed: Annotated[int, typer.Option("--seed", min=0, max=2**32 - 1, help="Of drives and faults.")] = 1,
+    seed: Annotated[int, typer.Option("--seed", min=0, max=2**32 - 1, help="Seed of drives and faults.")] = 1,
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Page to write.")] = None,
     realtime: Annotated[
         Path | None,
         typer.Option(
-            "--realtime", metavar="DIR", help="As processes over the gateway; its run stays in DIR."
+            "--realtime",
+            metavar="DIR",
+            help="In real time, as processes over the gateway; the run directory is kept in DIR.",
         ),
     ] = None,
     json_output: Annotated[
@@ -28,9 +30,9 @@ def soak(
         Path | None, typer.Option("--junit", metavar="FILE", help="The results also as JUnit XML.")
     ] = None,
 ) -> None:
-    """Random drives under random faults: is each detected, does the ECU keep its word.
+    """Test the ECU with random faults in random drives: is every fault detected, and do states and outputs stay as declared?
 
-    Fails if the ECU leaves its declared states or ranges, if anything is detected that nobody had done, or if a process grows.
+    Fails if the ECU leaves its declared states or ranges, if something is detected without a fault, or if the memory of a process grows.
     Example: `loaderhil soak --hours 1 --seed 1 --out docs/results/soak.md`
     """
     from rich.console import Console
@@ -56,13 +58,13 @@ def soak(
         print(as_json("soak", ending, [suite_of(found)]))
     else:
         print(text if out is None else out)
-        told = f"{found.violations.count} violations, {found.unexplained.count} unexplained detections"
-        print(f"{found.result.value}: {told}")
+        summary = f"{found.violations.count} violations, {found.unexplained.count} unexplained detections"
+        print(f"{found.result.value}: {summary}")
     raise typer.Exit(ending)
 
 
 def suite_of(found: "Soak") -> "Suite":
-    """What a soak asks, each as a case; an answer that could not be reached does not fail it."""
+    """The questions of a soak as test cases; a question without an answer (a starved host) does not fail the soak."""
     from hil.results import Case, Suite
     from hil.verdict import Result
 
@@ -74,7 +76,7 @@ def suite_of(found: "Soak") -> "Suite":
             reason=f"{found.violations.count} violations in {found.simulated_s:.0f} s",
         ),
         Case(
-            name="nothing is detected that nobody did",
+            name="nothing is detected without a fault",
             result=Result.PASSED if explained else Result.INCONCLUSIVE if found.doubt else Result.FAILED,
             reason=f"{found.unexplained.count} unexplained detections"
             + (f"; {found.doubt}" if found.doubt else ""),

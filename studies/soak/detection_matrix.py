@@ -1,4 +1,4 @@
-"""What detects which fault: every class of faults tried on one drive, and the table of who found it out."""
+"""The detection matrix: every class of faults tried on one drive, and the table of who detected it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from plant.unit.scenario import Scenario, load_scenario
 from studies.soak.watch import Mechanism, Watch, Witness
 
 DRIVE = Path(__file__).parent / "detection_matrix.toml"
-BEGINS_S, LASTS_S = 0.8, 0.6
+BEGINS_S, LASTS_S = 0.8, 0.6  # of every fault
 AFTERWARDS_S = 0.3
 """How long after its end a fault may still be detected."""
 SETTLED_S = 0.5
-"""When everybody has heard everything at least once, and looking on begins."""
+"""By then every node has received every message at least once; earlier detections are start-up effects."""
 SEED = 1
-DEGRADED, SAFE_VALUES = 2, 3
+DEGRADED, SAFE_VALUES = 2, 3  # EcuStatus.State, and Limits.Cause, as in the DBC
 UNDETECTED = "**undetected**"
 
 Table = Mapping[str, object]
@@ -88,12 +88,12 @@ CASES: tuple[Table, ...] = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tried:
-    """What came of one fault. first_ms: by witness and mechanism, ms from the first frame struck to the first detection."""
+    """The result of one fault."""
 
     fault: Fault
-    first_ms: Mapping[tuple[Witness, Mechanism], float]
-    degraded: bool
-    safe_values: bool
+    first_ms: Mapping[tuple[Witness, Mechanism], float]  # from the first frame struck to the first detection
+    degraded: bool  # the ECU went into its degraded state
+    safe_values: bool  # the ECU sent its safe limits
 
     @property
     def detected(self) -> bool:
@@ -102,7 +102,7 @@ class Tried:
 
 
 def try_all(cases: Sequence[Table] = CASES) -> list[Tried]:
-    """Every fault by itself on the same drive. ValueError if somebody reports something without any fault."""
+    """The result of every fault alone on the same drive. Raises ValueError if anything is detected without a fault."""
     scenario = load_scenario(DRIVE)
     quiet = _run(scenario, None)
     if quiet.first_ms or quiet.degraded:

@@ -1,7 +1,7 @@
 """Detections of a real-time run, read from its files: the ECU's log, and the bus logs of both sides of the gateway.
 
-The ECU's findings stand in its log with their stamps. The machine does not log its timeouts; what it must
-have found follows from the frames that it was sent, by the same checks.
+The ECU logs its findings with their time stamps. The machine does not log its timeouts; its detections are reconstructed from the frames
+that it received, by the same checks.
 """
 
 import re
@@ -33,7 +33,7 @@ HEARD_BY_MACHINE = ("Limits", "LinkageLimits", "EcuStatus")
 
 
 def of_ecu(path: Path) -> list[Detection]:
-    """What the ECU logged in the run directory `path`."""
+    """The findings that the ECU logged in the run directory `path`."""
     lines = (path / rundir.ECU_LOG).read_text(encoding="utf-8").splitlines()
     return [detection for line in lines if (detection := _of_line(line)) is not None]
 
@@ -51,7 +51,7 @@ def _of_line(line: str) -> Detection | None:
 
 
 def of_machine(frames: FrameTable, stale_ns: int) -> list[Detection]:
-    """What the machine must have found in the frames of its bus."""
+    """Detections that the machine must have made in the frames of its bus; stale_ns: its timeout."""
     database = loader_database()
     detections = []
     for name in HEARD_BY_MACHINE:
@@ -84,7 +84,7 @@ def of_bench(frames: FrameTable) -> list[Detection]:
 
 
 def untimely(frames: FrameTable) -> list[Detection]:
-    """What the bench holds against the times of the cyclic messages of a bus: gaps that are too long or too short."""
+    """Deadline violations of the cyclic messages of a bus: gaps that are too long or too short."""
     detections = []
     for codec in loader_database().by_name.values():
         if not codec.cycle_ns:
@@ -102,7 +102,7 @@ def untimely(frames: FrameTable) -> list[Detection]:
 
 
 def answers_of(frames: FrameTable) -> list[Answer]:
-    """What the ECU sent on its own bus: each state with the limits sent nearest to it."""
+    """The answers of the ECU on its own bus: each state with the limits sent nearest to it in time."""
     columns = ColumnDecoder(loader_database()).decode(frames)
     if "EcuStatus" not in columns or "Limits" not in columns:
         return []
@@ -134,9 +134,9 @@ def messages_of(detection: Detection) -> frozenset[str]:
 
 
 def by_a_wait(detection: Detection, waits: Mapping[str, Mapping[str, Rows]], stale_ns: int) -> bool:
-    """Whether a message was missed because one wait for a processor put it off by all that it may come late.
+    """Whether a single wait for a processor explains a missed message: it delayed the sender by more than the message may be late.
 
-    waits: by node, see `hil.judgement.waits_of_senders`. stale_ns: of the machine; the ECU has its own rule.
+    waits: by node, see `hil.judgement.waits_of_senders`. stale_ns: timeout of the machine; the ECU has its own rule.
     """
     if detection.mechanism is not Mechanism.TIMEOUT:
         return False
@@ -154,7 +154,7 @@ def by_a_wait(detection: Detection, waits: Mapping[str, Mapping[str, Rows]], sta
 
 
 def concerns(detection: Detection, fault: Fault) -> bool:
-    """Whether a detection is about a message that the fault struck; a fault on no message in particular strikes all."""
+    """Whether a detection is about a message that the fault struck; a fault without a message strikes all."""
     struck = {codec.name for codec in fault.selection.codecs}
     return not struck or not struck.isdisjoint(messages_of(detection))
 

@@ -1,4 +1,4 @@
-"""The page of a soak run: the ECU's promises, then every class of faults with its detections."""
+"""The page of a soak run in Markdown: the declared properties of the ECU, then every class of faults with its detections."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -9,19 +9,19 @@ from studies.campaigns.batch import header
 from studies.soak.soak import Happened, Soak
 from studies.soak.watch import Mechanism, Witness
 
-EXAMPLES = 3
+EXAMPLES = 3  # listed per class
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClassOfFaults:
-    """All faults of one kind: how many were injected, struck a frame, and were detected; by whom and what."""
+    """All faults of one kind."""
 
     kind: str
     injected: int
-    struck: int
-    detected: int
-    by: Counter[tuple[Witness, Mechanism]]
-    undetected: Sequence[str]
+    struck: int  # faults that changed at least one frame
+    detected: int  # of those
+    by: Counter[tuple[Witness, Mechanism]]  # number of faults by who detected them, and how
+    undetected: Sequence[str]  # labels of the faults
 
 
 def classes(faults: Sequence[Happened]) -> list[ClassOfFaults]:
@@ -84,7 +84,7 @@ def _promises(found: Soak) -> str:
 
 
 def _memory(found: Soak) -> str:
-    """Of every life of a process that was seen for long enough to tell; '' in lockstep."""
+    """The chapter on memory of the processes that lived long enough to be judged; '' in lockstep."""
     verdict = found.memory
     if verdict is None:
         return ""

@@ -1,4 +1,4 @@
-"""The page docs/reference/faults.md: written by hand, but for the table of what detects which fault."""
+"""Generates the detection matrix in docs/reference/faults.md, a page that is otherwise written by hand."""
 
 from studies.soak.detection_matrix import markdown, try_all
 
@@ -7,7 +7,7 @@ END = "<!-- end -->\n"
 
 
 def renewed(page: str) -> str:
-    """The page with its table made anew, by running every fault. ValueError if it has no place for it."""
+    """The page with a new table, from running every fault. Raises ValueError if the page lacks the marks around the table."""
     before, begin, rest = page.partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:

@@ -1,9 +1,8 @@
-"""Minutes of random faults in real time: plant, gateway and ECU as processes.
+"""Random faults in real time, for minutes: plant, gateway and ECU as processes.
 
-The faults are those of the soak in lockstep, but for the death of the plant, with which a run ends. A new ECU
-takes seconds to start: after a kill it is given that time. What is detected between faults counts against
-the bench only if the host gave its processes their time, and only then the bench judges deadlines. A message that
-was missed because a single wait for a processor put it off is explained by that wait.
+The faults are those of the soak in lockstep, except for killing the plant, which ends a run. A new ECU needs seconds to start; after a kill
+it gets that time. Detections between faults, and deadlines, count only if the host gave its processes enough processor time. A message that
+a single wait for a processor delayed is explained by that wait.
 """
 
 import json
@@ -34,13 +33,13 @@ from studies.soak.watch import Detection
 
 NAME = "soak"
 RESTARTED_S = 8.0
-"""A new ECU process has to import, compile and hear everything."""
+"""A new ECU process has to import and compile its code and to receive every message."""
 
 
 def soak_realtime(
     seconds: float, seed: int, folder: Path, progress: Callable[[float], None] = lambda done_s: None
 ) -> Soak:
-    """Run so many seconds and judge what is left in `folder`: the scenario and the run's directory."""
+    """Run for `seconds` and judge the run; scenario and run directory stay in `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
     scenario, run = folder / f"{NAME}.toml", folder / "run"
     scenario.write_text(written(random.Random(f"{seed}/real time"), seconds, seed), encoding="utf-8")
@@ -57,7 +56,7 @@ def soak_realtime(
             Ending.PEER_DIED,
             Ending.HUB_LOST,
         )  # else it took too long, as on a starved host
-        (found.violations if died else found.unexplained).add(f"the run did not end well: {result.reason}")
+        (found.violations if died else found.unexplained).add(f"the run ended early: {result.reason}")
     judge(
         found,
         run,
@@ -95,11 +94,11 @@ def afterwards_s(kind: str) -> float:
 
 
 def judge(found: Soak, run: Path, faults: Sequence[Fault], stale_s: float) -> None:
-    """Fill in what the run directory shows."""
+    """Add the violations and detections in the run directory to `found`."""
     plant_bus, ecu_bus = evidence.read_bus(run, rundir.BUS), evidence.read_bus(run, rundir.ECU_BUS)
     samples_ns = plant_bus.time_ns[plant_bus.can_id == loader_database().by_name["Articulation"].can_id]
     if not samples_ns.size:
-        found.violations.add("the machine never sent a sample")
+        found.violations.add("the machine sent no sample")
         return
     zero_ns = int(samples_ns[0])
     Keeper(found).check(evidence.answers_of(ecu_bus))
@@ -130,12 +129,12 @@ def attribute(
     untimely: Sequence[Detection] = (),
     waited: Callable[[Detection], bool] = lambda detection: False,
 ) -> None:
-    """Each detection to the fault in whose time it falls and whose messages it is about.
+    """Assign each detection to the fault during which it was made and whose messages it concerns.
 
-    Unexplained are those in no fault's time: what a starved host adds during one cannot be told apart. untimely: of
-    the bench's deadlines, which a host may miss by itself now and then, and so only count during a fault. waited: whether
-    one wait for a processor explains a detection.
+    untimely: violations of deadlines; waited: whether a single wait for a processor explains a detection.
     """
+    # Detections outside of all faults are unexplained. During a fault, detections that a busy host causes cannot be distinguished from
+    # those of the fault. A host misses a deadline now and then, so `untimely` counts only during a fault.
     late_s = np.array([(detection.at_ns - zero_ns) / SECOND for detection in untimely])
     at_s = np.array([(detection.at_ns - zero_ns) / SECOND for detection in detections])
     explained = (at_s < FIRST_S) | (at_s > found.simulated_s)

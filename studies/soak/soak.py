@@ -1,8 +1,8 @@
-"""Hours of lockstep under random faults: which faults are detected, and whether the ECU keeps its promises.
+"""Random faults in lockstep, for hours of simulated time: which faults are detected, and does the ECU behave as declared?
 
-One fault at a time, so that what is detected can be put down to it. Between faults nobody may report
-anything. At every tick the ECU's answer has to be in a declared state, reached by a declared transition,
-with every limit inside the DBC's range; faults on the bus must never bring it into its fault state.
+Faults come one at a time, so that a detection belongs to one fault. Between faults nothing may be detected. At every tick the ECU's answer
+must be in a declared state, reached by a declared transition, with every limit inside the DBC's range. Faults on the bus must never bring
+the ECU into its fault state.
 """
 
 import random
@@ -24,71 +24,66 @@ from studies.soak.detection_matrix import DRIVE
 from studies.soak.watch import Answer, Mechanism, Watch, Witness
 
 EPISODE_S = 600.0
-"""A drive lasts this long, or until the machine lies on its side; then a new machine and a new ECU begin."""
-SETTLED_S, FIRST_S = 1.0, 2.0
-LASTS_S = (0.2, 2.5)
+"""Longest drive; after it, or after a roll-over, a new machine and a new ECU start."""
+SETTLED_S, FIRST_S = 1.0, 2.0  # start of the observation, and of the first fault
+LASTS_S = (0.2, 2.5)  # range of a fault's duration
 AFTERWARDS_S = 1.0
 """How long after its end a fault may be detected."""
 QUIET_S = (0.5, 1.5)
-"""After that, for so long nobody may report anything."""
-MOST_TOLD = 50
+"""Range of the time after that in which nothing may be detected."""
+MOST_LINES = 50
 LONGEST_TICK_NS = 10 * PERIOD_NS
-"""After a longer silence it may be another ECU that answers."""
+"""After a longer silence another ECU process may answer, so the transition is not checked."""
 ROUNDING = 1e-6
-"""Of a decoded value: 254 times 0.2 is a little more than 50.8."""
+"""Tolerance of a decoded value: in floating point, 254 times 0.2 is slightly more than 50.8."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Happened:
-    """One fault of a soak: whether it struck anything, and who detected it by what."""
+    """One fault of a soak."""
 
     fault: Fault
-    struck: bool
-    detected: frozenset[tuple[Witness, Mechanism]]
+    struck: bool  # whether it changed a frame
+    detected: frozenset[tuple[Witness, Mechanism]]  # who detected it, and how
 
 
 @dataclass(slots=True)
-class Told:
-    """Lines about things that must not be: how many, and the first MOST_TOLD of them."""
+class Reports:
+    """Reports of things that must not happen: their number, and the first MOST_LINES of them."""
 
     count: int = 0
     lines: list[str] = field(default_factory=list)
 
     def add(self, line: str) -> None:
-        """One more."""
+        """Add one report."""
         self.count += 1
-        if len(self.lines) < MOST_TOLD:
+        if len(self.lines) < MOST_LINES:
             self.lines.append(line)
 
 
 @dataclass(slots=True)
 class Soak:
-    """What a soak found.
-
-    violations: of the ECU's declared states and ranges; unexplained: detected although nothing was injected.
-    states: ticks by the ECU's state. doubt: why what is unexplained may be the host's doing. lives: of the processes,
-    in real time.
-    """
+    """The result of a soak."""
 
     seed: int
     simulated_s: float = 0.0
-    episodes: int = 0
-    rolled_over: int = 0
+    episodes: int = 0  # drives
+    rolled_over: int = 0  # drives that ended so
     faults: list[Happened] = field(default_factory=list)
-    states: Counter[str] = field(default_factory=Counter)
-    violations: Told = field(default_factory=Told)
-    unexplained: Told = field(default_factory=Told)
-    doubt: str = ""
-    lives: tuple[Life, ...] = ()
+    states: Counter[str] = field(default_factory=Counter)  # ticks by state of the ECU
+    violations: Reports = field(default_factory=Reports)  # of the ECU's declared states and ranges
+    unexplained: Reports = field(default_factory=Reports)  # detections without a fault
+    doubt: str = ""  # why a busy host may have caused them; empty: it did not
+    lives: tuple[Life, ...] = ()  # of the processes, in real time only
 
     @property
     def memory(self) -> Verdict | None:
-        """Whether it stayed flat; None in lockstep, which has no processes of its own."""
+        """The verdict on the growth of memory; None in lockstep, which has no processes of its own."""
         return judge_memory(self.lives) if self.lives else None
 
     @property
     def result(self) -> Result:
-        """Whether the ECU kept its word, nothing was detected that nobody had done, and no process grew."""
+        """PASSED if the ECU behaved as declared, nothing was detected without a fault, and no process grew."""
         memory = self.memory.result if self.memory else Result.PASSED
         unexplained = self.unexplained.count > 0
         if self.violations.count or self.simulated_s <= 0 or memory is Result.FAILED:
@@ -99,7 +94,7 @@ class Soak:
 
 
 def soak(seconds: float, seed: int, progress: Callable[[float], None] = lambda done_s: None) -> Soak:
-    """Simulate so many seconds; `progress` hears how many are done."""
+    """The result of a soak of `seconds` of simulated time; progress: called with the seconds done."""
     found = Soak(seed)
     while found.simulated_s < seconds:
         left_s = max(seconds - found.simulated_s, FIRST_S + 10.0)
@@ -123,7 +118,7 @@ class _Episode:
         self._keeper = Keeper(found)
 
     def run(self, progress: Callable[[float], None]) -> None:
-        """Fault by fault, with quiet between them."""
+        """Inject the faults one by one, with a quiet time between them."""
         found, watch = self._found, self._watch
         before_s = found.simulated_s
         self._until(round(SETTLED_S * SECOND))
@@ -148,7 +143,7 @@ class _Episode:
         found.simulated_s = before_s + watch.now_ns / SECOND
 
     def _until(self, time_ns: int) -> bool:
-        """Step to `time_ns`; whether the drive still goes on then."""
+        """Simulate until `time_ns`; returns whether the drive continues then."""
         watch = self._watch
         while watch.now_ns < time_ns and not watch.finished:
             watch.step()
@@ -160,7 +155,7 @@ class _Episode:
         return not watch.rolled_over
 
     def _nothing_detected(self) -> None:
-        """What is detected now has no cause; then forget it."""
+        """Report everything that was detected since the last fault as unexplained, and clear it."""
         watch = self._watch
         for detection in watch.detections:
             self._found.unexplained.add(self._at(f"{detection.who}, {detection.mechanism}: {detection.what}"))
@@ -173,7 +168,7 @@ class _Episode:
 
 
 class Keeper:
-    """Holds every answer of an ECU against what the DBC and the table of states declare."""
+    """Checks every answer of an ECU against the ranges of the DBC and the table of states."""
 
     def __init__(self, found: Soak) -> None:
         self._found = found
@@ -185,7 +180,7 @@ class Keeper:
         self._before: Answer | None = None
 
     def check(self, answers: list[Answer]) -> None:
-        """The answers of one tick, in the order of time."""
+        """Check the answers of one tick, ordered by time."""
         for answer in answers:
             before, self._before = self._before, answer
             self._check_state(answer, before)

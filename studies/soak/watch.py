@@ -1,7 +1,7 @@
 """A lockstep run with faults, and what each witness (ECU, machine, bench) detects by which mechanism.
 
-Three look on: the ECU with the checks of its inputs, the machine with those of the limits it is sent,
-and the bench, which judges the times of every message on the bus against the DBC.
+There are three witnesses: the ECU checks its inputs, the machine checks the limits that it receives, and the bench compares the times of
+all messages on the bus with the DBC.
 """
 
 from collections import defaultdict
@@ -29,7 +29,7 @@ from plant.unit.scenario import Scenario
 
 
 class Mechanism(StrEnum):
-    """What a fault is detected by."""
+    """The check that detects a fault."""
 
     CRC = "CRC"
     COUNTER = "counter"
@@ -40,7 +40,7 @@ class Mechanism(StrEnum):
 
 
 class Witness(StrEnum):
-    """Who looks on."""
+    """Who detects a fault."""
 
     ECU = "ECU"
     MACHINE = "machine"
@@ -60,25 +60,25 @@ OF_CHECK = {
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """Something was detected: when, by whom, by which mechanism, and what in words."""
+    """One detection."""
 
     at_ns: int
     who: Witness
     mechanism: Mechanism
-    what: str
+    what: str  # message and finding, for the reader
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What the ECU sent in one tick: its state, and its limits in the DBC's units."""
+    """The ECU's answer in one tick."""
 
     at_ns: int
-    state: int
-    limits: dict[str, int | float]
+    state: int  # as in the DBC
+    limits: dict[str, int | float]  # by signal, in the DBC's units
 
 
 class Watch:
-    """Runs tick by tick; `detections` and `answers` grow until `forget`."""
+    """Runs a scenario tick by tick and collects `detections` and `answers` until `forget`."""
 
     def __init__(self, scenario: Scenario, faults: Sequence[Fault], *, seed: int) -> None:
         database = loader_database()
@@ -117,16 +117,16 @@ class Watch:
 
     @property
     def sane(self) -> bool:
-        """Whether every figure of the machine's motion is finite."""
+        """Whether the machine's motion is finite."""
         return bool(np.isfinite(self._unit.truth.row).all())
 
     @property
     def answers(self) -> list[Answer]:
-        """What the ECU sent since `forget`."""
+        """Answers of the ECU since `forget`."""
         return self._probe.answers
 
     def step(self) -> None:
-        """One tick, and what it made anybody report."""
+        """Simulate one tick and collect its detections."""
         self._bench.step()
         recording, self._bench.recording = self._bench.recording, Recording()
         self.detections += [n for f in recording.ecu_findings if (n := of_ecu(f)) is not None]
@@ -139,7 +139,7 @@ class Watch:
             self._stamps[frame.can_id].append(frame.at_ns)
 
     def forget(self) -> None:
-        """Begin anew from here; deadlines are judged from here."""
+        """Clear all detections and answers; deadlines are judged from here on."""
         self.detections.clear()
         self.answers.clear()
         self._stamps.clear()
@@ -148,7 +148,7 @@ class Watch:
     def detected(self, since_ns: int) -> dict[tuple[Witness, Mechanism], float]:
         """By witness and mechanism, the first detection since `forget`: milliseconds after `since_ns`.
 
-        The bench judges deadlines once the time is over; their 0 stands for no time.
+        The bench judges deadlines only at the end, so theirs have no time and get 0.
         """
         first: dict[tuple[Witness, Mechanism], float] = {}
         for detection in self.detections:
@@ -158,7 +158,7 @@ class Watch:
         return first
 
     def late_messages(self) -> list[str]:
-        """What the bench holds against the messages since `forget`, one line each."""
+        """Messages that missed their deadlines since `forget`, one line each."""
         observer = Observer(start_ns=self._since_ns, end_ns=self.now_ns)
         verdicts = [
             judge_message(
@@ -174,7 +174,7 @@ class Watch:
         return [f"{v.name}: {v.reason}" for v in verdicts if v.result is Result.FAILED]
 
     def _watch_limits(self) -> None:
-        """The machine's own timeout of the limits, which it acts upon without a word."""
+        """Detect the machine's own timeout of the limits: it reacts to it without reporting it."""
         stale = self.now_ns - self._unit.reception.limits_ns > self._stale_ns
         if stale and not self._limits_stale:
             self.detections.append(
@@ -184,7 +184,7 @@ class Watch:
 
 
 class _Probe:
-    """An ECU with somebody beside it who reads what it sends before the bus has it."""
+    """An ECU whose frames are read before they reach the bus, where faults may change them."""
 
     def __init__(self, inner: RestartableEcu) -> None:
         database = loader_database()

@@ -1,4 +1,4 @@
-"""Standards for earth-moving machinery as tests of the simulated machine: what each asks for, and what was measured.
+"""Tests of the simulated machine against standards for earth-moving machinery: requirement, measured value, verdict.
 
-A requirement whose formula was not read in its source is marked; its verdict is indicative.
+A requirement whose formula was not read in its source is marked as unverified; its verdict is only indicative.
 """

@@ -18,11 +18,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clause:
-    """Where a requirement is from. verified: whether it was read in the source named; else it is from memory."""
+    """The source of a requirement."""
 
     source: str
-    detail: str
-    verified: bool
+    detail: str  # edition and clause
+    verified: bool  # read in the source; else from memory
 
     @property
     def mark(self) -> str:
@@ -37,25 +37,25 @@ class Clause:
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """The most or the least that is permitted."""
+    """The permitted value."""
 
     sense: Literal["at most", "at least"]
-    value: float
+    value: float  # in the unit of the check
     clause: Clause
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
-    """One measured figure in `unit`. bound: None for a figure that only informs; measured: NaN if there is none."""
+    """One measured value."""
 
     what: str
     unit: str
-    measured: float
-    bound: Bound | None = None
+    measured: float  # NaN if it could not be measured
+    bound: Bound | None = None  # None: for information only
 
     @property
     def result(self) -> Result | None:
-        """PASSED or FAILED by the bound, INCONCLUSIVE without a figure, None without a bound."""
+        """PASSED or FAILED by the bound, INCONCLUSIVE without a measured value, None without a bound."""
         if self.bound is None:
             return None
         if math.isnan(self.measured):
@@ -91,7 +91,7 @@ class Chart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """The machine under test, with what is fitted to it."""
+    """The machine under test, with its equipment."""
 
     name: str
     machine: Machine
@@ -99,13 +99,13 @@ class Candidate:
 
     @property
     def rated_payload(self) -> float:
-        """What its bucket is made to carry [kg]."""
+        """Rated payload of its bucket [kg]."""
         return self.machine.payload.reference_mass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Findings:
-    """What one standard's test found."""
+    """The result of the test for one standard."""
 
     checks: tuple[Check, ...]
     charts: tuple[Chart, ...]
@@ -113,16 +113,16 @@ class Findings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Standard:
-    """A test of this bench. method: what is done, in a few sentences for the page."""
+    """The test for one standard."""
 
     name: str
     title: str
-    method: str
+    method: str  # the procedure in a few sentences, for the page
     perform: Callable[[Candidate], Findings]
 
 
 def ending_of(checks: list[Check]) -> Ending:
-    """FAILED if any bound is broken, else INCONCLUSIVE if any figure is missing."""
+    """FAILED if a bound is violated, else INCONCLUSIVE if a measured value is missing, else PASSED."""
     results = {check.result for check in checks}
     if Result.FAILED in results:
         return Ending.FAILED

@@ -8,11 +8,11 @@ import typer
 from bus.user_error import UserError
 
 NAMES = ("tipping", "stopping", "steering", "slope")
-EPILOG = "Exit codes: 0 every bound kept, 1 one broken, 2 misused, 5 a figure could not be reached, 130 interrupted."
+EPILOG = "Exit codes: 0 every requirement is met; 1 one is not; 2 wrong use; 5 a value could not be measured; 130 interrupted."
 
 
 class NoSuchStandard(UserError, ValueError):
-    """A name that no test has."""
+    """There is no test of this name."""
 
 
 def standards(
@@ -30,7 +30,7 @@ def standards(
         typer.Option(
             "--equipment",
             metavar="NAME|FILE",
-            help="What is fitted to it, brakes above all; by default the file beside the machine's, else its family's.",
+            help="Its equipment, above all the brakes; default: the file beside the machine's, else its family's.",
         ),
     ] = None,
     changes: Annotated[
@@ -38,10 +38,10 @@ def standards(
         typer.Option(
             "--set",
             metavar="KEY=VALUE",
-            help="Another value for a key of a file, after `machine.` or `equipment.`; repeatable.",
+            help="Change a value: the key of a file after `machine.` or `equipment.`; may be repeated.",
         ),
     ] = None,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the page goes.")] = Path(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the page.")] = Path(
         "out/standards"
     ),
 ) -> None:
@@ -54,7 +54,7 @@ def standards(
 
     from studies.standards.check import Check, ending_of
     from studies.standards.page import page
-    from studies.standards.table import by_name, candidate_of, tell
+    from studies.standards.table import by_name, candidate_of, print_checks
 
     if name is not None and name not in NAMES:
         raise NoSuchStandard(f"no standard named {name!r}; there are {', '.join(NAMES)}")
@@ -67,7 +67,7 @@ def standards(
         done[key] = (standard, standard.perform(candidate))
     checks: list[Check] = []
     for standard, findings in done.values():
-        tell(console, standard, findings)
+        print_checks(console, standard, findings)
         checks += findings.checks
     out.mkdir(parents=True, exist_ok=True)
     file = out / "standards.html"

@@ -1,7 +1,7 @@
-"""A course on the ground, and a driver who steers an articulated machine along it by looking ahead.
+"""A course on the ground, and a driver model that steers an articulated machine along it by looking ahead.
 
-The driver aims at the point of the course's centre line that lies LOOK_AHEAD_WHEELBASES in front of the joint and takes the articulation whose steady circle leads there. Speed is held by torque in proportion to its error; a standing machine pulls
-away gently.
+The driver aims at the point of the centre line that lies LOOK_AHEAD_WHEELBASES in front of the joint, and demands the articulation whose
+steady circle leads there (pure pursuit). Torque is proportional to the error of speed; a standing machine accelerates gently.
 """
 
 import math
@@ -15,12 +15,12 @@ from plant.truth import Truth
 from studies.standards.check import Array
 
 TYRE_WIDTH_PER_RADIUS = 0.528 / 0.743  # of the 20.5R25 [thesis tables 3 and 6]
-LOOK_AHEAD_WHEELBASES = 4.0 / 3.0  # nearer, the driver steers in ever larger swings
+LOOK_AHEAD_WHEELBASES = 4.0 / 3.0  # with a shorter distance the driver and the lag of the steering oscillate
 STEER_GAIN = 6.0  # articulation rate per error [1/s]
-SPEED_GAIN = 3.0  # acceleration asked for per error of speed [1/s]
-PULL_AWAY = 0.5  # [m/s2]
+SPEED_GAIN = 3.0  # demanded acceleration per error of speed [1/s]
+PULL_AWAY = 0.5  # acceleration from standstill [m/s2]
 STEP_S = 0.01
-STRAIGHT_M = 10.0
+STRAIGHT_M = 10.0  # before, between and behind the two lane changes
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,17 +63,13 @@ def straight(length: float) -> Course:
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """What a drive along a course showed.
+    """A drive along a course."""
 
-    path: of the joint (n, 2) [m]; speed (n,) [m/s]; departure: of the outermost tyre edge, either side, (n,) [m];
-    load: normal forces (n, 4) [N]; finished: whether it came to the end upright.
-    """
-
-    path: Array
-    speed: Array
-    departure: Array
-    load: Array
-    finished: bool
+    path: Array  # of the joint (n, 2) [m]
+    speed: Array  # (n,) [m/s]
+    departure: Array  # of the outermost tyre edge from the centre line, either side (n,) [m]
+    load: Array  # normal forces (n, 4) [N]
+    finished: bool  # whether the machine reached the end upright
 
 
 def slow_steering(machine: Machine, share: float) -> Machine:
@@ -84,7 +80,7 @@ def slow_steering(machine: Machine, share: float) -> Machine:
 
 
 def drive(plant: Plant, course: Course, speed: float) -> Drive:
-    """Drive a plant along a course at `speed` [m/s] until its end, or until twice the time it should take."""
+    """The drive of a plant along a course at `speed` [m/s] until its end, or until twice the time that it should take."""
     truth = plant.truth()
     first = truth.speed
     rows: list[tuple[Array, float, float, Array]] = []
@@ -114,7 +110,7 @@ def points_ahead(course: Course, machine: Machine) -> int:
 
 
 def _commands(machine: Machine, course: Course, truth: Truth, speed: float) -> Commands:
-    """What the driver asks for at one instant."""
+    """The driver's demands at one instant."""
     place = truth.position[:2]
     aim = course.centre[min(course.nearest(place) + points_ahead(course, machine), len(course.centre) - 1)]
     ahead, behind = machine.geometry.front_axle_x, -machine.geometry.rear_axle_x
@@ -124,6 +120,7 @@ def _commands(machine: Machine, course: Course, truth: Truth, speed: float) -> C
     bearing = math.remainder(math.atan2(off[1], off[0]) - travel, math.tau)
     curvature = 2.0 * math.sin(bearing) / math.hypot(*off)
     limit = machine.steering.limit
+    # a machine with halves of equal length on a circle of this curvature is articulated by 2 atan(curvature L / 2)
     wanted = min(max(2.0 * math.atan(curvature * (ahead + behind) / 2.0), -limit), limit)
     torque = machine.mass * SPEED_GAIN * (speed - truth.speed) * machine.tyre.radius / 4.0
     return Commands(wheel_torque=(torque,) * 4, articulation_rate=STEER_GAIN * (wanted - delta))

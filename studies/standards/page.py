@@ -1,4 +1,4 @@
-"""One self-contained page about the tests of the standards, its charts as SVG inside."""
+"""The results of the tests of standards as one self-contained HTML page, with charts as SVG."""
 
 import io
 import math
@@ -14,7 +14,7 @@ from matplotlib import pyplot as plt
 from report.kit.document import document
 from studies.standards.check import Candidate, Chart, Check, Findings, Standard
 
-SMALLEST = 5e-4  # shown as nought
+SMALLEST = 5e-4  # smaller values are shown as 0
 HEADINGS = ("", "measured", "permitted", "verdict", "source")
 
 
@@ -30,7 +30,7 @@ def figure(value: float, unit: str) -> str:
 
 
 def row(check: Check, *, short: bool) -> tuple[str, str, str, str, str]:
-    """What a check says: what, measured, permitted, verdict, source. short: the source's name with its mark only."""
+    """The cells of a check: what, measured, permitted, verdict, source. short: only the source's name with its mark."""
     bound = check.bound
     if bound is None or check.result is None:
         return check.what, figure(check.measured, check.unit), "", "", ""

@@ -9,9 +9,10 @@ from plant.plant import Plant
 from plant.sheets.machine import Machine
 from studies.standards.check import Array
 
-NEAR = 3e-3  # share of the way at which the secant ends: nearer, hard tyres carry too little to find a rest
-HOLDING = 2.0  # friction of a tilt table, which must not let the machine slide
-FIRST_SLOPES = (0.10, 0.15)  # tangents
+# Relative accuracy at which the secant method ends. Closer to lift-off, hard tyres carry so little that no equilibrium is found.
+NEAR = 3e-3
+HOLDING = 2.0  # friction coefficient of the tilt table: the machine must tip before it slides
+FIRST_SLOPES = (0.10, 0.15)  # tangents of the first two banks
 
 
 def rigid(machine: Machine) -> Machine:
@@ -63,7 +64,11 @@ def lift_off_slope(
 
 
 def first_zero(loads: Callable[[float], Array], first: float, second: float) -> float:
-    """Where the first of several loads reaches zero, approached from below only: beyond, the machine has no rest."""
+    """The argument at which the first of several loads reaches zero. Raises ArithmeticError if it is not found.
+
+    loads: decreasing functions of the argument, (n,) [N]; first, second: two arguments before the zero.
+    """
+    # A secant method that takes only 85 % of each step, so that it approaches from one side: beyond the zero the machine has no equilibrium.
     a, at_a, b, at_b = first, loads(first), second, loads(second)
     for _ in range(30):
         falling = at_b < at_a

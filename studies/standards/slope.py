@@ -1,4 +1,4 @@
-"""Slopes: holding with the brakes, the tilt table, and 16 km/h across side slopes."""
+"""Slopes: holding with the brakes, tilt table, and driving across side slopes at 16 km/h."""
 
 import math
 
@@ -14,13 +14,13 @@ from studies.standards.rest import lift_off_slope
 from studies.standards.stopping import KMH, full_brakes
 
 SLOPE_DEG = 30.0
-SERVICE_PERCENT = 25.0
+SERVICE_PERCENT = 25.0  # grade for the service brakes
 HOLD_S = 10.0
-CREEP_M = 0.05
+CREEP_M = 0.05  # permitted in HOLD_S: the tyres settle under the brakes
 ACROSS_KMH = 16.0
 ACROSS_M = 60.0
-STEEPEST_DEG = 45.0
-RESOLUTION_DEG = 0.25
+STEEPEST_DEG = 45.0  # upper end of the bisection
+RESOLUTION_DEG = 0.25  # its accuracy
 
 SERVICE = Clause(
     source="ISO 3450", detail=f"2011 edition, service brakes on {SERVICE_PERCENT:.0f} %", verified=False
@@ -33,7 +33,7 @@ BENCH = Clause(
 
 
 def creep(candidate: Candidate, grade: float, payload: float, brakes: Four) -> float:
-    """Way [m] that the braked machine moves in HOLD_S on a grade [rad], nose uphill positive; infinite where it finds no rest."""
+    """Distance [m] that the braked machine moves in HOLD_S on a grade [rad], nose uphill positive; infinite without an equilibrium."""
     try:
         plant = Plant(candidate.machine, Surface(grade=grade), payload_mass=payload)
     except NoEquilibriumError:
@@ -44,7 +44,7 @@ def creep(candidate: Candidate, grade: float, payload: float, brakes: Four) -> f
 
 
 def across(candidate: Candidate, payload: float, bank_deg: float) -> tuple[Array, Array]:
-    """Way [m] and least wheel load over that of level ground, from standstill along a straight line across a slope."""
+    """Distance driven [m] and smallest wheel load over that on level ground, from standstill straight across a side slope."""
     level = Plant(candidate.machine, payload_mass=payload).truth().normal_force
     plant = Plant(candidate.machine, Surface(bank=math.radians(bank_deg)), payload_mass=payload)
     done = drive(plant, straight(ACROSS_M), ACROSS_KMH * KMH)
@@ -52,7 +52,7 @@ def across(candidate: Candidate, payload: float, bank_deg: float) -> tuple[Array
 
 
 def steepest_crossing(candidate: Candidate, payload: float) -> float:
-    """The steepest side slope [deg] that is crossed with every wheel on the ground."""
+    """The steepest side slope [deg] that the machine crosses with all wheels on the ground, by bisection."""
     low, high = 0.0, STEEPEST_DEG
     while high - low > RESOLUTION_DEG:
         middle = (low + high) / 2.0
@@ -76,8 +76,8 @@ def perform(candidate: Candidate) -> Findings:
         checks.append(Check(what=what, unit="°", measured=steepest))
     chart = Chart(
         title=f"Across the steepest side slope at {ACROSS_KMH:.0f} km/h",
-        x="way [m]",
-        y="least wheel load, share of level",
+        x="distance [m]",
+        y="smallest wheel load, share of level",
         lines=tuple(lines),
     )
     return Findings(checks=tuple(checks), charts=(chart,))

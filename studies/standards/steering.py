@@ -1,4 +1,4 @@
-"""Steering: ISO 5010's kind of course with primary and secondary steering, lock to lock, turning circle."""
+"""Steering: a course as in ISO 5010 with primary and secondary steering, time from lock to lock, turning circle."""
 
 import math
 
@@ -21,10 +21,10 @@ from studies.standards.course import (
 KMH = 1.0 / 3.6
 TEST_KMH, SECONDARY_KMH, TOLERANCE_KMH = 16.0, 8.0, 2.0
 CORRIDOR_PER_WIDTH = 1.25  # corridor over the machine's width across its tyres
-CHANGE_M = 15.0  # way of one lane change
-SECONDARY_SHARE = 0.5  # of the articulation rate that is left with the engine stopped (assumed)
-CREEP_KMH = 3.0
-SETTLED_S = 3.0
+CHANGE_M = 15.0  # length of one lane change
+SECONDARY_SHARE = 0.5  # share of the articulation rate that remains with the engine stopped (assumed)
+CREEP_KMH = 3.0  # for the turning circle: side slip angles are then negligible
+SETTLED_S = 3.0  # until the turn is steady
 
 COURSE = Clause(
     source="ISO 5010",
@@ -39,7 +39,7 @@ def width_across_tyres(machine: Machine) -> float:
 
 
 def perform(candidate: Candidate) -> Findings:
-    """The course empty and laden with primary steering, empty with secondary; then the figures that only inform."""
+    """The course empty and loaded with primary steering, empty with secondary steering; then the values for information."""
     machine = candidate.machine
     width = width_across_tyres(machine)
     course = double_lane_change(CORRIDOR_PER_WIDTH * width, CHANGE_M)
@@ -71,7 +71,7 @@ def _drive(machine: Machine, payload: float, course: Course, kmh: float) -> Driv
 
 
 def course_checks(name: str, done: Drive, kmh: float, half_corridor: float) -> list[Check]:
-    """Inside the corridor and within the speed's tolerance; no figure for a drive that did not reach the end."""
+    """Checks of corridor and speed; without a measured value if the drive did not reach the end."""
     off = float(done.departure.max()) if done.finished else math.nan
     error = float(np.abs(done.speed - kmh * KMH).max()) / KMH if done.finished else math.nan
     return [
@@ -91,7 +91,7 @@ def course_checks(name: str, done: Drive, kmh: float, half_corridor: float) -> l
 
 
 def lock_to_lock(machine: Machine) -> float:
-    """Time [s] from the right end of the articulation to 99 % of the left one, wheels free, engine at work."""
+    """Time [s] from the right end of the articulation to 99 % of the left one, wheels free, engine running."""
     limit = machine.steering.limit
     plant = Plant(machine, articulation_angle=-limit)
     commands = Commands(articulation_rate=machine.steering.rate_limit)
@@ -106,8 +106,7 @@ def lock_to_lock(machine: Machine) -> float:
 def turning_radius(machine: Machine) -> float:
     """Radius of the outermost tyre's centre at creep and full lock [m], from speed over yaw rate.
 
-    Both axles point at the centre of the turn: the front one's middle is as far from it as the joint's and the
-    rear one's distances let it be.
+    Both axles point at the centre of the turn, so the distances of their middles follow from that of the joint by Pythagoras.
     """
     ahead, behind = machine.geometry.front_axle_x, machine.geometry.rear_axle_x
     speed = CREEP_KMH * KMH
@@ -129,7 +128,7 @@ def _map(course: Course, drives: dict[str, Drive], width: float) -> Chart:
         for name, edge in zip(("corridor", ""), edges, strict=True)
     ]
     lines += [Line(name, done.path[:, 0], done.path[:, 1]) for name, done in drives.items()]
-    return Chart(title="Way of the articulation joint", x="x [m]", y="y [m]", lines=tuple(lines), equal=True)
+    return Chart(title="Path of the articulation joint", x="x [m]", y="y [m]", lines=tuple(lines), equal=True)
 
 
 STANDARD = Standard(

@@ -1,4 +1,4 @@
-"""Stopping distances: ISO 3450 and 30 CFR 57.14101."""
+"""Stopping distances after ISO 3450 and 30 CFR 57.14101."""
 
 import math
 from dataclasses import dataclass
@@ -14,9 +14,9 @@ KMH = 1.0 / 3.6
 ISO_KMH = (28.0, 35.0)  # top speed of the L60 [thesis table 2] and 80 % of it
 MINE_KMH = 32.18688  # 20 miles per hour, the last column of the table
 ROAD = 0.75  # dry asphalt
-EVERY_S = 0.01
-LONGEST_S = 20.0
-STANDING = 0.02  # [m/s]
+EVERY_S = 0.01  # between samples
+LONGEST_S = 20.0  # after which the machine is taken not to stop
+STANDING = 0.02  # speed below which it stands [m/s]
 FAILED_CIRCUITS = {"rear brakes failed": (1.0, 1.0, 0.0, 0.0), "front brakes failed": (0.0, 0.0, 1.0, 1.0)}
 
 ISO = Clause(source="ISO 3450", detail="2011 edition, table 3, loaders up to 32 t", verified=False)
@@ -38,18 +38,18 @@ def iso_secondary(speed_kmh: float) -> float:
 
 
 def mine_service(speed: float) -> float:
-    """Longest stopping distance [m] from `speed` [m/s] without the operator's second, which a simulated foot does not need."""
+    """Longest stopping distance [m] from `speed` [m/s], without the operator's reaction time: the simulation brakes at once."""
     return speed * (MINES_DELAY_S - 1.0) + speed**2 / (2.0 * MINES_DECELERATION)
 
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """A stop: time since the brake was applied [s], speed [m/s], distance [m]; distance_m NaN if it never stood."""
+    """One stop."""
 
-    time_s: Array
-    speed: Array
-    way: Array
-    distance_m: float
+    time_s: Array  # since the brake was applied
+    speed: Array  # [m/s]
+    travelled: Array  # since then [m]
+    distance_m: float  # stopping distance; NaN if the machine did not stop
 
 
 def stop(
@@ -88,7 +88,7 @@ def perform(candidate: Candidate) -> Findings:
         for kmh in ISO_KMH:
             done = stop(candidate, kmh * KMH, payload)
             checks.append(check_of(f"service brakes, {load}, {kmh:.0f} km/h", done, iso_service(kmh), ISO))
-            lines.append(Line(f"{load}, {kmh:.0f} km/h", done.way, done.speed / KMH))
+            lines.append(Line(f"{load}, {kmh:.0f} km/h", done.travelled, done.speed / KMH))
         done = stop(candidate, MINE_KMH * KMH, payload)
         if candidate.machine.mass + payload <= MINES_MASS_KG:
             limit = mine_service(MINE_KMH * KMH)
@@ -100,7 +100,7 @@ def perform(candidate: Candidate) -> Findings:
                 checks.append(check_of(what, done, iso_secondary(kmh), ISO))
     speeds = np.linspace(0.0, ISO_KMH[-1], 50)
     lines.append(Line("permitted, service", iso_service(speeds), speeds, dashed=True))  # type: ignore[arg-type]
-    chart = Chart(title="Service brakes", x="way [m]", y="speed [km/h]", lines=tuple(lines))
+    chart = Chart(title="Service brakes", x="distance [m]", y="speed [km/h]", lines=tuple(lines))
     return Findings(checks=tuple(checks), charts=(chart,))
 
 

@@ -25,7 +25,7 @@ def by_name(name: str) -> Standard:
 
 
 def candidate_of(machine: str, equipment: str | None, words: Sequence[str]) -> Candidate:
-    """A machine with its equipment, KEY=VALUE words laid over both files; None takes the file beside the machine's, else its family's."""
+    """A machine with its equipment, both changed by `words` (KEY=VALUE). equipment None: the file beside the machine's, else its family's."""
     changes = Changes.of(words)
     if changes.scenario:
         key = ".".join(changes.scenario[0][0])
@@ -41,8 +41,8 @@ def candidate_of(machine: str, equipment: str | None, words: Sequence[str]) -> C
     )
 
 
-def tell(console: Console, standard: Standard, findings: Findings) -> None:
-    """The checks of one standard as a table."""
+def print_checks(console: Console, standard: Standard, findings: Findings) -> None:
+    """Print the checks of one standard as a table."""
     table = Table(*HEADINGS, box=None, header_style="bold", title=standard.title, title_justify="left")
     for check in findings.checks:
         cells = [escape(cell) for cell in row(check, short=True)]

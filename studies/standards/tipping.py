@@ -1,4 +1,4 @@
-"""Tipping load and rated operating capacity, ISO 14397-1."""
+"""Tipping load and rated operating capacity after ISO 14397-1."""
 
 import math
 
@@ -8,13 +8,13 @@ from plant.sheets.machine import Machine
 from studies.standards.check import Bound, Candidate, Chart, Check, Clause, Findings, Line, Standard
 from studies.standards.rest import rear_load, rigid, tipping_load
 
-RATED_SHARE = 0.5
+RATED_SHARE = 0.5  # rated operating capacity over tipping load
 DEFINITION = Clause(
     source="ISO 14397-1",
     detail="3.1 and 3.2 of the 2007 edition: least stable position, hard level ground, largest reach; half of it on firm ground",
     verified=True,
 )
-POINTS = 9
+POINTS = 9  # of each line of the chart
 
 
 def perform(candidate: Candidate) -> Findings:

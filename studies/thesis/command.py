@@ -27,10 +27,10 @@ def thesis(
         for item in QUESTIONS:
             print(f"{item.command}\n    {item.answer}")
         return
-    asked = find(question)
+    questions = find(question)
     from studies.thesis.page import write_index, write_page
 
-    for item in asked:
+    for item in questions:
         print(write_page(item, out))
     if question == "all":
         print(write_index(QUESTIONS, out))

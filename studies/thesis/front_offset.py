@@ -110,9 +110,9 @@ def slope(run: Run, split: Split = SHEET) -> float:
 
 
 def answer() -> Answer:
-    """All speeds with the sheet's masses, laden once, and the splits."""
+    """All speeds with the sheet's masses, loaded once, and the splits."""
     runs = {speed: measure(speed) for speed in SPEEDS}
-    laden = measure(SPEEDS[0], payload=PAYLOAD)
+    loaded = measure(SPEEDS[0], payload=PAYLOAD)
     spread = {
         form: np.array([[measure(v, split).offsets[form].odd for v in SPEEDS] for split in SPLITS])
         for form in ("printed", "corrected")
@@ -131,7 +131,7 @@ def answer() -> Answer:
         f"printed offset lies between {_kn(-spread['printed'][:, 0].max())} and {_kn(-spread['printed'][:, 0].min())} in all of them: "
         "its sign and size do not depend on the unknown split.",
     )  # fmt: skip
-    return Answer(text, _rows(runs, laden), partial(_draw, runs=runs, spread=spread))
+    return Answer(text, _rows(runs, loaded), partial(_draw, runs=runs, spread=spread))
 
 
 def _kn(force: float) -> str:
@@ -147,7 +147,7 @@ def _worst(runs: Mapping[float, Run], form: str) -> float:
     return max(max(abs(o.front_left), abs(o.front_right)) for o in found)
 
 
-def _rows(runs: Mapping[float, Run], laden: Run) -> tuple[Row, ...]:
+def _rows(runs: Mapping[float, Run], loaded: Run) -> tuple[Row, ...]:
     def cell(run: Run, form: str, *, front: bool = True) -> str:
         o = run.offsets[form]
         left, right = (o.front_left, o.front_right) if front else (o.rear_left, o.rear_right)
@@ -159,7 +159,7 @@ def _rows(runs: Mapping[float, Run], laden: Run) -> tuple[Row, ...]:
     sign = "changes sign with the direction"
     return (
         *(line_of(f"front offset, left / right turn, {v:g} m/s [kN]", sign, run) for v, run in runs.items()),
-        line_of(f"the same with {PAYLOAD:.0f} kg, {SPEEDS[0]:g} m/s [kN]", "not simulated", laden),
+        line_of(f"the same with {PAYLOAD:.0f} kg, {SPEEDS[0]:g} m/s [kN]", "not simulated", loaded),
         line_of(f"rear offset, left / right turn, {SPEEDS[0]:g} m/s [kN]", "none", runs[SPEEDS[0]], front=False),
         *(Row(f"printed with {form}, {v:g} m/s [kN]", "–", cell(runs[v], form), "–") for form in REPAIRS for v in (SPEEDS[0], SPEEDS[-1])),
     )  # fmt: skip

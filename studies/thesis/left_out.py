@@ -1,7 +1,7 @@
-"""Question: could the mistakes be found from recordings alone?
+"""Question: could the errors of the print have been found from recordings alone?
 
 The bench records drives through real CAN encoding (noisy sensors, the test instrumentation's forces); the discrepancy engine gets the
-printed estimators as its model (`discrepancy.models.printed`) and is not told which corrections are right.
+printed estimators as its model (`discrepancy.models.printed`), which does not contain which corrections are right.
 """
 
 import tempfile
@@ -30,7 +30,7 @@ EXPECTED = {
     "rotation": "E-26",
     "between halves": "4.6",
 }
-"""What the errata list holds of them: the answer, which the engine does not see."""
+"""The true corrections, by their numbers in the list of errata. The engine does not see them."""
 OTHERS = ((1, 0.0), (2, 0.0), (3, 1500.0), (5, 3204.0))
 """Seeds of the sensors' noise, and payloads [kg], of further drives."""
 SHIPPED = ("unloaded", "loaded", "high_articulation", "transient_articulation")
@@ -46,18 +46,18 @@ class Case:
     findings: Findings
 
     def share(self, effect: str) -> Estimate | None:
-        """How much of a correction the recording asks for; None where it was not found."""
+        """The fitted share of a correction; None where it was not found."""
         found = [finding for finding in self.findings.findings if finding.effect == effect]
         return found[0].parameters[0] if found else None
 
     @property
     def right(self) -> list[str]:
-        """What was named and is true."""
+        """Named effects that are true."""
         return [f.effect for f in self.findings.findings if f.named and f.effect in EXPECTED]
 
     @property
     def wrong(self) -> list[str]:
-        """What was named and is not true."""
+        """Named effects that are not true."""
         return [f.effect for f in self.findings.findings if f.named and f.effect not in EXPECTED]
 
 
@@ -70,7 +70,7 @@ def record(
 
 
 def diagnose(folder: Path, *, without: tuple[str, ...] = ()) -> Judgement:
-    """What the engine finds; without: effects it may not name."""
+    """The verdict of the engine; without: effects to leave out of the library."""
     recording = printed.load_quasi_static(folder)
     judged = investigate(printed.model(without=without), [recording], Settings())
     if not isinstance(judged, Judgement):
@@ -97,7 +97,7 @@ def answer() -> Answer:
         "wrong ones (a mirrored axis, a stiff rear axle, another payload, height or tare, a plain gain, the moment about the joint) and the offsets, scales and delays of the sensors. "
         f"Of these it names {_counted(first)}. With other noise and payloads it names {_totals(others)}.",
         "The size comes with the name: 1 is the whole correction. The trunnion asks for more than 1 since the wheels' own spin, 5 % of the pitch moment, goes the same way and "
-        "is too weak here to be told from it. Laden, the share of the centripetal acceleration falls: in part because (37) and (42) put the payload too high (E-12), for the rest unexplained. "
+        "is too weak here to be distinguished from it. With a payload, the share of the centripetal acceleration falls: in part because (37) and (42) put the payload too high (E-12), for the rest unexplained. "
         "The turning torque takes two: the rotation that (93) is not, and that the torque at the joint is the balance of one half of the machine; "
         "*too large by a factor*, the thesis' own reading, is what the engine takes first and drops at the end.",
         f"A library can only name what it holds. With pivot arm and centripetal acceleration taken out of it the same recording gives {_named(blind)}: the nearest things left, "

@@ -1,4 +1,4 @@
-"""One Markdown page per question, its picture beside it, and the index."""
+"""Writes one Markdown page per question, with its picture, and the index."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,14 +20,16 @@ answer is given for a range of them. Numbers in parentheses are its equations an
 
 
 def write_page(question: Question, out: Path) -> Path:
-    """Measure, write picture and page; the page's path."""
-    out.mkdir(parents=True, exist_ok=True)  # what is wrong with it is told before the work
+    """Run the drives, write picture and page; returns the path of the page."""
+    out.mkdir(
+        parents=True, exist_ok=True
+    )  # first, so that an unwritable folder is reported before the long computation
     answer = question.measured()
     picture = f"{question.name}.svg"
     answer.draw(out / picture)
     parts = (
         header(question.title, question.command, f"seed {SEED}"),
-        f"**Asked.** {question.asked}\n",
+        f"**Question.** {question.asked}\n",
         f"**Answer.** {question.answer}\n",
         f"![{question.title}]({picture})\n",
         *(f"{paragraph}\n" for paragraph in answer.paragraphs),

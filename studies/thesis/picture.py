@@ -1,4 +1,4 @@
-"""Style of the pictures: the same colours on every page, bands for the unknown mass split."""
+"""Style of the pictures on the thesis pages: the same colours everywhere, bands for the unknown mass split."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -28,7 +28,7 @@ FIXED: Any = {
     "grid.color": "#e6e6e6",
     "axes.axisbelow": True,
     "lines.linewidth": 1.4,
-    "path.simplify_threshold": 0.5,  # of a pixel: what nobody sees takes no room
+    "path.simplify_threshold": 0.5,  # of a pixel: invisible detail would only make the file larger
 }
 
 
@@ -36,7 +36,7 @@ FIXED: Any = {
 def panels(
     file: Path, rows: int, columns: int, size: tuple[float, float], **shared: Any
 ) -> Iterator[tuple[Figure, Any]]:
-    """A figure with its axes, written when the block ends; equal data give equal bytes."""
+    """A figure with its axes, written when the block ends. Equal data give equal bytes, so that a page only changes with its results."""
     with plt.rc_context(FIXED):
         figure, axes = plt.subplots(rows, columns, figsize=size, layout="constrained", **shared)
         yield figure, axes

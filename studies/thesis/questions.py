@@ -1,4 +1,4 @@
-"""The questions: text, answer in one line, and the module that measures it. Imports no plant, so that `--help` is quick."""
+"""The open questions of the thesis: text, answer in one line, and the module that measures it. Imports no plant, so that `--help` is fast."""
 
 import importlib
 from collections.abc import Callable, Sequence
@@ -20,31 +20,31 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What one question came to: paragraphs of Markdown, the table, and what draws the picture into a file."""
+    """The answer to one question."""
 
-    paragraphs: tuple[str, ...]
-    rows: Sequence[Sequence[str]]
-    draw: Callable[[Path], None]
+    paragraphs: tuple[str, ...]  # Markdown
+    rows: Sequence[Sequence[str]]  # of the table
+    draw: Callable[[Path], None]  # draws the picture into a file
     headings: tuple[str, ...] = ("", "thesis", "printed", "corrected")
 
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """name: on the command line and of the page; asked: by the thesis, with its section; answer: in one line."""
+    """One question."""
 
-    name: str
+    name: str  # on the command line, and of its page
     title: str
-    asked: str
-    answer: str
-    module: str
+    asked: str  # the question as the thesis leaves it open, with its section
+    answer: str  # in one line
+    module: str  # measures it
 
     @property
     def command(self) -> str:
-        """What makes its page again."""
+        """The command that writes its page."""
         return f"loaderhil thesis {self.name}"
 
     def measured(self) -> Answer:
-        """Drive, estimate, compare; takes some seconds."""
+        """The measured answer; takes some seconds or minutes."""
         found: Answer = importlib.import_module(self.module).answer()
         return found
 
@@ -98,7 +98,7 @@ QUESTIONS = (
 
 
 class NoSuchQuestion(UserError, ValueError):
-    """A question that the thesis does not leave open."""
+    """There is no question of this name."""
 
 
 def find(name: str) -> tuple[Question, ...]:

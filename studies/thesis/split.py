@@ -1,6 +1,6 @@
-"""Mass splits to try: the thesis prints neither the split nor the height of its machine's centre of gravity.
+"""Mass splits to try, since the thesis prints neither the split nor the height of its machine's centre of gravity.
 
-Machine and estimators are changed alike: in the thesis, too, both had the same numbers (5.3.1).
+Machine and estimators are changed alike: in the thesis both had the same numbers as well (5.3.1).
 """
 
 from dataclasses import dataclass, replace
@@ -15,10 +15,10 @@ MACHINE = "l60"
 
 @dataclass(frozen=True, slots=True)
 class Split:
-    """Mass moved from the rear to the front frame [kg], and how much higher the rear frame's centre is [m]."""
+    """A change of the sheet's masses."""
 
-    forward: float = 0.0
-    higher: float = 0.0
+    forward: float = 0.0  # mass moved from the rear to the front frame [kg]
+    higher: float = 0.0  # raise of the rear frame's centre of gravity [m]
 
 
 SHEET = Split()
@@ -39,7 +39,7 @@ def machine_of(split: Split) -> Machine:
 
 
 def parameters_of(split: Split) -> Parameters:
-    """What the estimators know of that machine; of its sensors, that signals of a simulation are not late."""
+    """The estimators' parameters for that machine; without latency, because signals of a simulation are not delayed."""
     known = load_calibration(CALIBRATION).parameters
     frame = load_machine(MACHINE).front_frame
     rear = known.rear
@@ -51,7 +51,7 @@ def parameters_of(split: Split) -> Parameters:
 
 
 def _added(body: Body, mass: float, x: float, z: float) -> Body:
-    """A lump with a point mass more (or less); inertias by the parallel axis theorem."""
+    """The lumped body with a point mass added (or removed); inertias by the parallel axis theorem."""
     total = body.mass + mass
     reduced = body.mass * mass / total
     dx, dz = x - body.x, z - body.z

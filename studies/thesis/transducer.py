@@ -1,4 +1,4 @@
-"""Reading of force transducers in the wheel hubs: the ground's force less the weight and inertia of the wheel.
+"""Readings of force transducers in the wheel hubs: the force of the ground minus weight and inertia of the wheel.
 
 Thesis 3.2: SWIFT transducers between hub and rim, 426 kg of wheel outside of them (table 3; 4.19 kN in appendix A, E-33).
 """

@@ -15,6 +15,7 @@ INPUTS: Mapping[str, str] = {
     "lift_arm_angle": "rad",
     "tilt_angle": "rad",
 }
+# the driver's demands: without noise, so that they carry the fast part of the inputs (replay_inputs)
 OPTIONAL: Mapping[str, str] = {
     "torque_demand": "1",
     "brake_demand": "1",
@@ -42,6 +43,7 @@ PRESSURE_SCALE_SD: Final = 2.5e-3  # accuracy class of the pressure transducers 
 def _machine_channels() -> dict[str, Channel]:
     faults = ("bias", "scale", "delay", "lag")
     return {
+        # no bias and no lag: a counter of teeth has neither
         **{
             name: Channel("rad/s", 0.05, 0.0, ("wheel_speed", i), ("scale", "delay"))
             for i, name in enumerate(SPEEDS)

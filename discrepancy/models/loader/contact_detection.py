@@ -15,7 +15,7 @@ from plant.physics.parameters import GRAVITY_VALUE
 from plant.replay import M_BRAKING, M_SPEED, M_TORQUE
 from plant.sheets.machine import Machine
 
-CONTACT: Final = 0.12  # resistance as a share of the weight, beyond what roads and tyres can cause
+CONTACT: Final = 0.12  # resistance as a share of the weight; rolling resistance and steep roads stay below it
 ONSET: Final = 0.03  # rise above the second before, as a share of the weight, at which contact begins
 LASTING_S: Final = 0.15  # shortest contact
 SMOOTH_S: Final = 0.2  # half the width of the filter that differentiates speed
@@ -40,6 +40,7 @@ def contact_position(
     before = resistance[max(first - second, 0) : first]
     base = float(np.median(before)) if before.size else 0.0
     onset = first
+    # back from the strong contact to its beginning: the bucket's edge met the pile where the resistance began to rise
     while onset > 0 and resistance[onset - 1] > base + ONSET * weight:
         onset -= 1
     along, _, heading = dead_reckoning(machine, measured, step_s, yaw_rate)[onset]
@@ -58,6 +59,7 @@ def _resistance(machine: Machine, payload: float, measured: Array, step_s: float
         return np.zeros(len(measured))
     acceleration = savgol_filter(radius * measured[:, M_SPEED], width, 2, deriv=1, delta=step_s)
     thrust = np.sum(measured[:, M_TORQUE : M_TORQUE + 4], axis=1) / radius
+    # brakes hold on for a moment after the pedal is released: the convolution extends every braking by BRAKED_S
     braked = (
         np.convolve(measured[:, M_BRAKING] > 0.0, np.ones(round(BRAKED_S / step_s)))[: len(measured)] > 0.0
     )

@@ -26,7 +26,7 @@ def changed_starts(
     starts, rests = starts.copy(), rests.copy()
     height, height_rate, roll, pitch, roll_rate, pitch_rate, speed = changes
     starts[:, s.POSITION + 2] += height
-    rests[:, R_START] += height
+    rests[:, R_START] += height  # the rest holds the height at which the motion starts; both must agree
     starts[:, s.VELOCITY + 2] += height_rate
     w, x, y, z = starts[:, s.ATTITUDE : s.ATTITUDE + 4].copy().T
     # first order of a quaternion product: a small rotation about the machine's own axes

@@ -15,7 +15,7 @@ UNSEARCHED: Final = frozenset(
         "motor_lag",  # the measured torque, an input, contains the lag already
         "steering_play",  # the measured articulation, an input, contains them already
         "steering_compliance",
-        "kerb",  # at an unknown place on the way: the open-ended search shows the place
+        "kerb",  # at an unknown place of the road: a fit would have to find it first; the open-ended search shows the place
         "ditch",
         "enveloped_step",
         "wheel_rigid_ring",  # its modes lie above what 100 Hz and the filters of the sensors pass
@@ -41,8 +41,8 @@ FITTED_SHAPES: Final = frozenset(
 LONG_MEMORY: Final = ("pile_entry",)
 """Effects that remember for longer than a lead-in: the depth dug into a pile. Their warm-up run has to have them too.
 
-Hot brakes would be another one. A warm-up run over the whole recording for each of their sizes costs more time than their heat has
-been seen to matter.
+Hot brakes would be another one. They are left out: each of their sizes would need a warm-up run over the whole recording, and their heat has
+not mattered in the benchmark.
 """
 
 
@@ -90,6 +90,7 @@ def _engine_effect(item: PlantEffect) -> Effect:
 
 def _engine_parameter(effect: str, p: PlantParameter) -> Parameter:
     """A parameter in its own unit. An amplitude starts at its off value; a shape is first tried at its typical value."""
+    # a typical change of a shape is a fifth of its typical value; of an amplitude without a typical value, a tenth of its range
     change = 0.2 * (p.typical or p.high) if p.shape else p.typical - p.off or 0.1 * (p.high - p.low)
     return Parameter(
         name=f"{effect}.{p.name}",
@@ -99,5 +100,5 @@ def _engine_parameter(effect: str, p: PlantParameter) -> Parameter:
         upper=p.high,
         typical=change,
         shape=p.shape,
-        small=False,
+        small=False,  # one trial step only: every simulation costs seconds
     )

@@ -19,6 +19,7 @@ class Variants:
         """The machine with the nuisances' values, and with the effects that are not at their off values."""
         m = self.machine
         stiffer = 1.0 + values.get("tyre_stiffness", 0.0)
+        # both coefficients together: the spring's curve keeps its form
         tyre = replace(
             m.tyre,
             qfz1=m.tyre.qfz1 * stiffer,

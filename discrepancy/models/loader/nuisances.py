@@ -5,9 +5,11 @@ from typing import Final
 from discrepancy.model.description import Parameter
 from discrepancy.models.loader.channels import CHANNELS
 
-BOUNCE: Final = 12.0  # natural frequency of the loader on its tyres [rad/s]
-HEAVE_M: Final = 2e-3  # some 1 kN a wheel
-TILT_RAD: Final = 2e-3
+BOUNCE: Final = (
+    12.0  # natural frequency of the loader on its tyres [rad/s]; relates the priors of positions and rates
+)
+HEAVE_M: Final = 2e-3  # about 1 kN per wheel
+TILT_RAD: Final = 2e-3  # about the same at a wheel, 1 m from the middle
 SPEED_M_S: Final = 0.05  # the replay's feedback leaves a quarter of it where scoring begins
 
 
@@ -38,6 +40,8 @@ INITIAL_STATES = (
 )
 """Initial-state uncertainty of a segment: differences from the warm-up run that no sensor measures exactly."""
 
+# Priors are about the accuracy with which a sheet or a workshop knows a value: masses to 2 %, a centre of gravity to 5 cm, tyres to 5 %,
+# torque to 2 %, angle sensors to a few mrad.
 NUISANCES = (
     Parameter(name="rear_mass", unit="kg", lower=-1500.0, upper=1500.0, typical=100.0, prior_sd=120.0),
     Parameter(name="front_mass", unit="kg", lower=-800.0, upper=800.0, typical=50.0, prior_sd=60.0),

@@ -21,7 +21,7 @@ from discrepancy.signals.recording import Array, Recording, Signal, signal
 from plant.unit.signals import MACHINE_MESSAGES, REFERENCE_MESSAGES
 
 TICK_S: Final = 0.01  # of the bus: frames leave within the tick of their sample
-THINNED_S: Final = 0.04  # between samples of outputs: the machine's own motions are below 5 Hz
+THINNED_S: Final = 0.04  # between samples of outputs; the machine's own motions are below 5 Hz, and every row costs time in the fit
 HEAVIEST_KG: Final = 20_000.0  # payload, as in a scenario
 
 
@@ -70,6 +70,7 @@ def _constants(record: Path) -> dict[str, float]:
 
 def _signals(found: Columns, wanted: Signals, first: float) -> dict[str, Signal]:
     """The model's channels in one message, SI; stamps are the ticks of the samples, from the first one on."""
+    # the bus delays a frame by less than a tick; 0.01 keeps a stamp that rounding has put just below its tick
     time_s = np.floor((found.time_s - first) / TICK_S + 0.01) * TICK_S
     signals = {}
     for label, (unit, source) in wanted.items():

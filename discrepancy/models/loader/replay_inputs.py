@@ -113,6 +113,7 @@ def measured_rows(
         return delayed(window[name], -_lateness_s(sensors.of(name), window.step_s), window.time_s)
 
     rows = np.zeros((window.time_s.size, MEASURED))
+    # nominal torque from the pedals, plus the smoothed difference to the measured torque: fast without noise
     torque = _demanded_torque(window, machine, abilities)
     for i, name in enumerate(TORQUES):
         rows[:, M_TORQUE + i] = torque[:, i] + _smooth(read(name) - torque[:, i], LEVELLED)
@@ -212,6 +213,7 @@ def _driven_angle(angle: Array, demand: Array, cylinder: _Cylinder, step_s: floa
         demand, (cylinder.lower - room) / cylinder.cushion_s, (cylinder.upper - room) / cylinder.cushion_s
     )
     rate = first_order_lag(braked[:, None], cylinder.lag_s, math.inf, step_s)[:, 0]
+    # trapezoidal sum of the rate, so that no half step of delay is left
     nominal = step_s * (np.cumsum(rate) - 0.5 * rate)
     return np.asarray(nominal + _smooth(angle - nominal, LEVELLED), float)
 
@@ -275,4 +277,5 @@ def kept_share(lag_s: float, step_s: float) -> float:
 def _lateness_s(sheet: ChannelParameters, step_s: float) -> float:
     """Delay of slow motions through a sensor's lag and delay [s]."""
     kept = kept_share(sheet.lag, step_s)
+    # a sampled low-pass with pole k delays slow signals by k / (1 - k) samples, slightly less than its time constant
     return step_s * kept / (1.0 - kept) + sheet.delay

@@ -15,10 +15,10 @@ from discrepancy.model.windows import resampled
 from discrepancy.signals.recording import Array, Recording
 
 SCORED_S: Final = 4.0  # length of a segment, without its lead-in
-SHORTEST_S: Final = 2.0
+SHORTEST_S: Final = 2.0  # of a segment: a shorter one is mostly initial state
 LEAD_S: Final = 2.5  # lead-in before a segment, in which errors of the initial state decay
 MOST_S: Final = 60.0  # scored of one recording: bounds the cost of long recordings
-STEP_S: Final = 0.02
+STEP_S: Final = 0.02  # of the grid on which segments are chosen
 ROLLING: Final = 0.5  # wheel speed from which on a wheel surely rolls [rad/s]
 
 Interval = tuple[float, float]

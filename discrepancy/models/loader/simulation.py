@@ -36,8 +36,10 @@ from plant.sheets.machine import Machine
 from plant.unit.actuators import abilities_of
 from plant.unit.equipment import Equipment
 
-STEP_S: Final = 5e-3  # of the integration
-FINE_S: Final = 1e-3  # of one reference replay, which measures the error of STEP_S
+# Long steps of the integration, and the error of them added back: it is measured once per start, by a replay in fine steps, and taken
+# not to depend on the parameters. A replay is five times cheaper so.
+STEP_S: Final = 5e-3
+FINE_S: Final = 1e-3
 KEPT: Final = (
     32  # motions in the cache: more than one set of derivatives takes. Effects of sensors reuse the motion.
 )

@@ -19,7 +19,9 @@ from plant.replay import M_ARTICULATION, M_LIFT, M_SPEED, M_TILT
 from plant.sheets.machine import Machine
 
 STEP_S: Final = 2.5e-3  # of the integration
-WARM_UP_S: Final = 15.0  # swings decay within two seconds, errors of speed within six
+WARM_UP_S: Final = (
+    15.0  # initial errors must vanish: swings decay within two seconds, errors of speed within six
+)
 ROLLING_RADIUS: Final = 0.98  # share of the unloaded radius
 STANDING: Final = 0.02  # wheel speed below which a machine counts as standing [rad/s]
 
@@ -57,7 +59,7 @@ def warm_up(
     states = replay_segments(machine, values, inputs, starts, np.zeros((0, REST)), STEP_S, states=True)
     arrived = states[np.searchsorted(used, rows)]
     if yaw_rate is not None:
-        # unknown forces of the road turn the real machine; the gyro, not the replay, knows its heading
+        # unknown forces of the road turn the real machine, so the heading is that of the gyro and not that of the replay
         for state, row in zip(arrived, rows, strict=True):
             _turn(state, poses[row, 2] - _heading(state), p)
     return np.asarray(arrived, float)

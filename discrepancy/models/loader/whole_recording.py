@@ -31,12 +31,13 @@ class WholeRecording:
     yaw_rate: Array | None  # as recorded (n,) [rad/s]; None where it was not
 
     def corrected_yaw_rate(self, fitted_zero: float) -> Array | None:
-        """The yaw rate without the gyro's zero point: that of a standstill, or else the fitted one within what its sheet allows."""
+        """The yaw rate without the gyro's zero point: that of a standstill, else the fitted one, limited to the sheet's accuracy."""
         if self.yaw_rate is None:
             return None
         still = np.abs(self.inputs.measured[:, M_SPEED]) < STANDING
         if np.count_nonzero(still) * self.inputs.step_s > STANDSTILL_S:
             return self.yaw_rate - float(np.median(self.yaw_rate[still]))
+        # limited: a fitted zero may imitate a missing effect, and would turn the dead reckoning away
         likely = CHANNELS["yaw_rate"].zero
         return self.yaw_rate - min(max(fitted_zero, -likely), likely)
 

@@ -19,7 +19,7 @@ from plant.physics.workspace import new_workspace
 from plant.replay import finish
 from plant.truth import columns_of
 
-ABSURD: Final = 1e3  # largest output of a motion that diverged, in typical errors of its channel
+ABSURD: Final = 1e3  # largest output of a motion that diverged, in typical errors of its channel: bad enough to reject the step, finite for the algebra
 JOINT_ZEROS: Final = (
     (s.FRONT_FRAME, "articulation_zero"),
     (s.LIFT_ARM, "lift_zero"),

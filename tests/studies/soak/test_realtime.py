@@ -224,7 +224,7 @@ def test_a_run_that_never_began_is_a_failure_and_not_a_crash(tmp_path):
         (tmp_path / name).write_text("")
     found = Soak(0)
     judge(found, tmp_path, [], 0.05)
-    assert found.violations.lines == ["the machine never sent a sample"]
+    assert found.violations.lines == ["the machine sent no sample"]
     assert found.result is Result.FAILED
 
 
