@@ -61,7 +61,7 @@ proof: $(BIN)/.bench ## prove the diagnosis: all arms into docs/results/proof.md
 	$(BIN)/python -m bench.proof --out docs/results/proof.md $(PROOF)
 
 identification: $(BIN)/.test ## coverage of the identification on 200 seeded cases into docs/results/identification.md (an hour; run again to take up)
-	$(BIN)/python -m bench.identify_coverage --cases 200 --out docs/results/identification.md
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.identify_coverage --cases 200 --out docs/results/identification.md
 
 results: $(BIN)/.test ## regenerate the campaigns' tables and docs/thesis (tens of minutes; results of single runs are kept)
 	$(BIN)/loaderhil campaign normal-force --out docs/results

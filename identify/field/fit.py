@@ -1,7 +1,7 @@
 """A tyre from points of settled slip and force; the error of the effective radius and of the force's scale are unknowns with priors."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,41 +112,55 @@ def fit_points(result: FieldResult, *, friction: float = 0.75) -> tuple[PointPro
     """The tyre of greatest likelihood. friction: held where the slips are too small to tell of it."""
     points = result.points
     names = parameters_for(points)
-    fixed = {"PCX1": 1.4, "PDX1": friction, "PEX1": 0.0}
-    problem = PointProblem(
-        points=points,
-        nominal=result.log.nominal,
-        tyre=names,
-        scale=np.hypot(points.force_sd, 8.0 * points.load * points.slip_sd),
-        fixed=fixed,
-        gain_sd=result.log.gain_sd,
-    )
-    found = estimate(problem, noise=_plain(problem, None))
-    # the slope of the curve where a point lies weighs the error of its slip
-    for _ in range(3):
-        slope = np.abs(problem.parts(dict(found.values))[0].by[:, len(names) + 1]) * problem.scale
-        # windows judge their own noise pessimistically: their scatter about the curve sets the size of all
-        size = 1.4826 * float(
-            np.median(
-                np.abs(
-                    problem.parts(dict(found.values))[0].residual
-                    * problem.scale
-                    / np.hypot(points.force_sd, slope * points.slip_sd)
-                )
-            )
-        )
-        scale = np.hypot(points.force_sd, slope * points.slip_sd) * max(size, 0.2)
-        problem = PointProblem(
+    force_sd, slip_sd = _pooled(points)
+
+    def problem_with(scale: Array) -> PointProblem:
+        return PointProblem(
             points=points,
             nominal=result.log.nominal,
             tyre=names,
             scale=scale,
-            fixed=fixed,
+            fixed={"PCX1": 1.4, "PDX1": friction, "PEX1": 0.0},
             gain_sd=result.log.gain_sd,
         )
+
+    problem = problem_with(np.hypot(force_sd, 8.0 * points.load * slip_sd))
+    found = estimate(problem, noise=_plain(problem, None))
+    # the slope of the curve where a point lies weighs the error of its slip
+    for _ in range(3):
+        [part] = problem.parts(dict(found.values))
+        slope = np.abs(part.by[:, len(names) + 1]) * problem.scale
+        expected = np.hypot(force_sd, slope * slip_sd)
+        # the scatter about the curve sets the size of all; the fit has bent towards the points
+        free = np.sqrt(points.slip.size / max(points.slip.size - len(found.names), 1))
+        size = 1.4826 * free * float(np.median(np.abs(part.residual * problem.scale / expected)))
+        problem = problem_with(expected * max(size, 0.2))
         weights = _plain(problem, problem.parts(dict(found.values))[0].residual)
         found = estimate(problem, found.values, noise=weights)
-    return problem, found
+    return problem, replace(found, inflation=_together(found, problem))
+
+
+def _pooled(points: Points) -> tuple[Array, Array]:
+    """Standard deviations of force and slip of each point (n,), each from all of them.
+
+    One window has a few independent values: weighed by its own scatter, the windows that scatter least by chance would count most.
+    """
+    sliding = float(np.median(points.slip_sd * np.abs(points.speed) / (1.0 + np.abs(points.slip))))
+    force = max(30.0, float(np.median(points.force_sd)))
+    return (
+        np.maximum(force, 0.5 * points.force_sd),
+        sliding * (1.0 + np.abs(points.slip)) / np.abs(points.speed),
+    )
+
+
+def _together(found: Estimate, problem: PointProblem) -> float:
+    """Variance of the means of events over that of independent points, 1 at least: points of an event share errors of the clock and of the radius."""
+    [part] = problem.parts(dict(found.values))
+    residual = part.residual * found.noise.weights[0]
+    events = [residual[problem.points.event == e] for e in np.unique(problem.points.event)]
+    free = max(1.0 - len(problem.tyre) / max(len(events), 1), 0.3)  # the curve bends towards events too
+    shared = float(np.mean([e.size * np.mean(e) ** 2 for e in events])) / free
+    return max(1.0, shared / max(1e-9, found.sse / max(found.rows - len(found.names), 1)))
 
 
 def _plain(problem: PointProblem, residual: Array | None) -> Noise:

@@ -7,7 +7,7 @@ import numpy as np
 
 from identify.rig.load import LoadLine, load_line
 from identify.rig.log import RigLog
-from identify.rig.preparing import Trace, Unusable, prepared
+from identify.rig.preparing import Trace, Unusable, prepared, slower
 from identify.signals.rejection import added
 from identify.tyre.estimate import Estimate, estimate
 from identify.tyre.rig_problem import RigProblem
@@ -19,6 +19,7 @@ OF_LOADS = ("PEX3", "PKX2")  # with three or more loads
 OF_PRESSURE = ("PPX1", "PPX3")
 OF_PRESSURES = ("PPX2", "PPX4")  # with three or more pressures
 VALIDATION = "validation"
+STAGE_SLOWER = 5  # times fewer samples in a stage than in the joint fit, which corrects it
 DOUBTFUL = 0.05  # error of a simulation over the force, beyond which a run does not belong to the tyre
 
 
@@ -135,8 +136,9 @@ def staged(ready: Prepared) -> list[Estimate]:
     start: dict[str, float] = {}
     out = []
     for tyre, traces in stages(ready):
+        few = [slower(t, STAGE_SLOWER) for t in traces]
         out.append(
-            estimate(problem_of(ready, tyre, traces=traces, predictor=False), start, rounds=2, white=True)
+            estimate(problem_of(ready, tyre, traces=few, predictor=False), start, rounds=2, white=True)
         )
         start |= out[-1].values
     return out

@@ -1,7 +1,7 @@
 """A run of a rig made ready for a fit: damage rejected with reasons, scale factor, slip (98), even samples, ramps and steps."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -236,3 +236,25 @@ def ramps(time: Array, value: Array, kept: Mask, noise: float) -> list[tuple[flo
     edges = np.diff(np.concatenate(([False], away, [False])).astype(np.int8))
     spans = zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True)
     return [(float(time[a]), float(time[b - 1])) for a, b in spans if b - a > 20]
+
+
+def slower(trace: Trace, by: int) -> Trace:
+    """The trace with means of `by` samples; a mean counts where all of them do."""
+    n = trace.speed.size // by * by
+
+    def mean(x: Array) -> Array:
+        return np.asarray(x[:n].reshape(-1, by).mean(axis=1), float)
+
+    kept = np.asarray(np.all(trace.kept[:n].reshape(-1, by), axis=1), bool)
+    return replace(
+        trace,
+        step=trace.step * by,
+        time=mean(trace.time),
+        speed=mean(trace.speed),
+        wheel=mean(trace.wheel),
+        slip=mean(trace.slip),
+        force=np.where(kept, mean(np.where(trace.kept, trace.force, 0.0)), np.nan),
+        kept=kept,
+        sliding_sd=mean(trace.sliding_sd) / np.sqrt(by),
+        force_sd=trace.force_sd / float(np.sqrt(by)),
+    )

@@ -16,6 +16,7 @@ from identify.compiled import compiled
 Array = NDArray[np.float64]
 
 UNKNOWN = 1e6  # variance of the state at the start over that of a reading
+LOST = 5  # readings in a row beyond the gate: then the filter errs, not the readings, and the next one counts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +46,7 @@ def _filter(
     used: Array,
 ) -> float:
     """Filtered states x (n, 2), variances p (n, 3), both predicted (px, pp); returns -2 log-likelihood."""
-    cost, known = 0.0, 0
+    cost, known, missed = 0.0, 0, 0
     x0, x1, p00, p01, p11 = 0.0, 0.0, UNKNOWN * r, 0.0, UNKNOWN * r * 100.0
     for k in range(z.size):
         if k > 0:
@@ -60,8 +61,9 @@ def _filter(
             if known == 0:
                 x0, px[k, 0] = z[k], z[k]
             e, s = z[k] - x0, p00 + r
-            if known < 3 or e * e < gate * gate * s:
-                known += 1
+            # without the way back, noises that are far too small gate out nearly all readings, and are cheap
+            if known < 3 or e * e < gate * gate * s or missed >= LOST:
+                known, missed = known + 1, 0
                 used[k] = 1.0
                 cost += np.log(s) + e * e / s
                 g0, g1 = p00 / s, p01 / s
@@ -70,6 +72,7 @@ def _filter(
                 p01 -= g0 * p01
                 p00 -= g0 * p00
             else:
+                missed += 1
                 cost += np.log(s) + gate * gate
         x[k, 0], x[k, 1], p[k, 0], p[k, 1], p[k, 2] = x0, x1, p00, p01, p11
     return cost

@@ -66,11 +66,15 @@ class Estimate:
     noise_order: int
     evaluations: int
     noise: "Noise"
+    inflation: float = 1.0  # of the variance, for errors that rows share beyond the noise's memory
 
     @property
     def covariance(self) -> Array:
         """(k, k)."""
-        return inverse(self.information) * max(1.0, self.sse / max(self.rows - len(self.names), 1))
+        scatter = max(1.0, self.sse / max(self.rows - len(self.names), 1)) * self.inflation
+        # what is shared inflates the data's part alone, not what a certificate says
+        prior = self.information - self.of_data
+        return inverse(self.of_data / scatter + prior)
 
     def interval(self, name: str) -> Interval:
         """By the curvature of the likelihood."""

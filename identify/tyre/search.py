@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import Bounds, differential_evolution
 
 from discrepancy.estimation.noise import Whitener
-from identify.rig.preparing import Trace
+from identify.rig.preparing import slower
 from identify.tyre.estimate import Noise, estimate
 from identify.tyre.rig_problem import RigProblem, Unknown
 
@@ -38,7 +38,7 @@ class Search:
 def searched(problem: RigProblem, seed: int = 0) -> Search:
     """Both optimisers on a nominal problem: unknown are its tyre's parameters and its law of relaxation."""
     slow = replace(
-        problem, traces=[_slower(t, SLOWER) for t in problem.traces], gain_sd=0.0, carcass_pressure=False
+        problem, traces=[slower(t, SLOWER) for t in problem.traces], gain_sd=0.0, carcass_pressure=False
     )
     main = [u for u in slow.unknowns if not u.name.startswith(("tare ", "scale "))]
     cost = _Profiled(slow, main)
@@ -101,25 +101,3 @@ class _Profiled:
                 np.sqrt(max(0.0, float(np.sum((e + J @ step) ** 2) + np.sum((left + prior @ step) ** 2))))
             )
         return np.array(out)
-
-
-def _slower(trace: Trace, by: int) -> Trace:
-    """The trace with means of `by` samples; a mean counts where all of them do."""
-    n = trace.speed.size // by * by
-
-    def mean(x: Array) -> Array:
-        return np.asarray(x[:n].reshape(-1, by).mean(axis=1), float)
-
-    kept = np.asarray(np.all(trace.kept[:n].reshape(-1, by), axis=1), bool)
-    return replace(
-        trace,
-        step=trace.step * by,
-        time=mean(trace.time),
-        speed=mean(trace.speed),
-        wheel=mean(trace.wheel),
-        slip=mean(trace.slip),
-        force=np.where(kept, mean(np.where(trace.kept, trace.force, 0.0)), np.nan),
-        kept=kept,
-        sliding_sd=mean(trace.sliding_sd) / np.sqrt(by),
-        force_sd=trace.force_sd / float(np.sqrt(by)),
-    )

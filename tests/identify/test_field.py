@@ -107,6 +107,31 @@ def test_tyre_is_inside_its_intervals(made, fitted):
     assert abs(found.values[SHIFT]) < 0.01
 
 
+@pytest.mark.parametrize("seed", [9, 10])
+def test_every_event_keeps_its_speed_and_the_tyre_its_intervals(seed):
+    from bench.identify_coverage import JUDGED, any_machine
+
+    log, truth = make_field(any_machine(seed), seed)
+    result = processed(log)
+    driven = np.array(truth.slips)[result.points.event]
+    # a smoother that lost a marker gave half the speed and a slip of 1
+    assert np.max(np.minimum(np.abs(result.points.slip - driven), np.abs(result.points.slip))) < 0.02
+    _, found = fit_points(result)
+    for name in JUDGED[:5]:
+        i = found.interval(name)
+        assert abs(i.value - truth.tyre[name]) < 3.0 * i.sd
+
+
+def test_points_of_an_event_that_err_together_widen_the_intervals(result, fitted):
+    _, before = fitted
+    shared = np.random.default_rng(1).normal(0.0, 400.0, 14)[result.points.event]
+    _, after = fit_points(replace(result, points=replace(result.points, force=result.points.force + shared)))
+    assert before.inflation < 3.0
+    assert after.inflation > 4.0
+    ratio = after.interval("PKX1").sd / before.interval("PKX1").sd
+    assert ratio > 3.0
+
+
 def test_derivatives_of_points_are_those_of_differences(fitted):
     problem, found = fitted
     values = dict(found.values)

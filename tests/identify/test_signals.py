@@ -107,6 +107,13 @@ def test_smoother_bridges_missing_readings_and_rejects_jumps():
     assert abs(found.velocity[1020] - velocity[1020]) < 4.0 * found.velocity_sd[1020]
 
 
+def test_a_filter_that_lost_its_track_finds_back():
+    t = np.arange(0.0, 10.0, 0.005)
+    z = 2.0 * t + 1.5 * np.maximum(t - 5.0, 0.0) + 5e-4 * np.random.default_rng(3).standard_normal(t.size)
+    found = motion(t, z, noise=(1e-6, 5e-4))  # by these noises the speed cannot change as it does
+    assert found.velocity[-1] == pytest.approx(3.5, rel=0.02)
+
+
 def test_stamps_that_do_not_ascend_are_refused():
     with pytest.raises(ValueError, match="ascend"):
         motion(np.array([0.0, 1.0, 1.0, 2.0, 3.0]), np.zeros(5))
