@@ -12,9 +12,11 @@ from typing import Any, Self
 from bus.bounded_json import printable
 from bus.frame import EXTENDED
 from dbc import codegen
+from dbc.conduct import LossConduct, NodeConduct
 from dbc.errors import DatabaseError, DecodeError, EncodeError
 from dbc.j1939 import pgn
 from dbc.limits import check_name, check_text
+from dbc.protections import Profile1, Protection, ProtectionError
 from dbc.signal import Signal
 
 Number = int | float
@@ -26,7 +28,9 @@ class MessageCodec:
 
     can_id: Linux `can_id` word. length: bytes. cycle_ns: 0 where the DBC gives no cycle time.
     e2e_data_id: data id of AUTOSAR E2E profile 1, None for an unprotected message.
-    neighbour_data_ids: the other protected messages of the same database, data id -> name.
+    protection: counter and checksum; None for a message without. neighbours: the other messages of the same database
+    that profile 1 protects, by name.
+    conduct: what the DBC asks of a controller that loses this message, see `dbc.conduct`.
     decode(data): tuple of physical values in the order of `signals` (unmultiplexed messages).
     encode(values): frame bytes from physical values in that order (unmultiplexed messages).
     """
@@ -52,12 +56,20 @@ class MessageCodec:
         self.is_multiplexed: bool = any(signal.multiplexer is not None for signal in self.layout)
         self.send_type: str = _attribute(message, "GenMsgSendType") or "cyclic"
         self.is_j1939: bool = message.is_extended_frame and _attribute(message, "VFrameFormat") == "J1939PG"
-        self.e2e_data_id: int | None = _data_id(message)
-        self.neighbour_data_ids: Mapping[int, str] = {}
+        profile = _profile(message)
+        self.e2e_data_id: int | None = None if profile is None else profile.data_id
+        self.protection: Protection | None = profile
+        self.neighbours: Mapping[str, Profile1] = {}
+        self.conduct = LossConduct.of(message.name, _attributes(message, LossConduct.ATTRIBUTES))
         self._compile()
 
     def __repr__(self) -> str:
         return f"<{self.name} 0x{self.can_id & ~EXTENDED:X}, {self.length} bytes: {', '.join(self.signals)}>"
+
+    @property
+    def profile(self) -> Profile1 | None:
+        """The protection if it is E2E profile 1, which the DBC describes; None otherwise."""
+        return self.protection if isinstance(self.protection, Profile1) else None
 
     def _compile(self) -> None:
         layout, length = self.layout, self.length
@@ -112,17 +124,40 @@ class MessageCodec:
 class Database:
     """The messages of one DBC file, by name and by `can_id` word."""
 
-    def __init__(self, source: str, codecs: Iterable[MessageCodec]) -> None:
+    def __init__(
+        self, source: str, codecs: Iterable[MessageCodec], nodes: Mapping[str, NodeConduct] | None = None
+    ) -> None:
+        """nodes: what the DBC asks of its controllers, by name."""
         self.source = source
+        self.nodes: Mapping[str, NodeConduct] = dict(nodes or {})
         every = tuple(codecs)
         self.by_name: dict[str, MessageCodec] = {codec.name: codec for codec in every}
         self.by_id: dict[int, MessageCodec] = {codec.can_id: codec for codec in every}
         self.by_pgn: dict[int, MessageCodec] = {
             pgn(codec.can_id): codec for codec in reversed(every) if codec.is_j1939
         }
-        protected = {c.e2e_data_id: c.name for c in self.by_name.values() if c.e2e_data_id is not None}
+        self._introduce()
+
+    def _introduce(self) -> None:
+        """Let the messages of profile 1 know each other: a receiver names the one that a masqueraded frame is."""
+        protected = {name: codec.profile for name, codec in self.by_name.items() if codec.profile is not None}
         for codec in self.by_name.values():
-            codec.neighbour_data_ids = {i: name for i, name in protected.items() if i != codec.e2e_data_id}
+            codec.neighbours = {
+                name: profile
+                for name, profile in protected.items()
+                if codec.profile is None or profile.data_id != codec.profile.data_id
+            }
+
+    def protect_with(self, protections: Mapping[str, Protection]) -> None:
+        """Take a user's protections for messages; ProtectionError for a message that is not there.
+
+        They replace what the DBC says, before any frame is sent or judged.
+        """
+        for name, protection in protections.items():
+            if name not in self.by_name:
+                raise ProtectionError(f"PROTECTIONS: {self.source} has no message {name!r}")
+            self.by_name[name].protection = protection
+        self._introduce()
 
     @classmethod
     def from_file(cls, path: str | Path, *, strict: bool = True) -> Self:
@@ -144,7 +179,11 @@ class Database:
                 f"{path}: not a usable DBC: {type(error).__name__}: {_one_line(error)}"
             ) from error
         try:
-            return cls(str(path), [MessageCodec(message) for message in read.messages])
+            nodes = {
+                node.name: NodeConduct.of(node.name, _attributes(node, NodeConduct.ATTRIBUTES))
+                for node in read.nodes
+            }
+            return cls(str(path), [MessageCodec(message) for message in read.messages], nodes)
         except (ValueError, OverflowError, TypeError) as error:
             raise DatabaseError(f"{path}: {error}") from error
 
@@ -176,8 +215,14 @@ def _attribute(message: Any, name: str) -> Any:
     return definition.choices[value] if is_index else value
 
 
-def _data_id(message: Any) -> int | None:
-    """E2E data id of a message with E2EProfile P01; any other profile is refused rather than left unchecked."""
+def _attributes(of: Any, names: Iterable[str]) -> dict[str, Any]:
+    """The attributes of these names that a message or a node has, or that the file has a default for."""
+    found = {name: _attribute(of, name) for name in names}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _profile(message: Any) -> Profile1 | None:
+    """E2E profile of a message with E2EProfile P01; any other profile is refused rather than left unchecked."""
     profile = _attribute(message, "E2EProfile")
     if profile in (None, "none"):
         return None
@@ -186,4 +231,9 @@ def _data_id(message: Any) -> int | None:
     data_id = _attribute(message, "E2EDataId")
     if data_id is None:
         raise ValueError(f"message {message.name}: E2EProfile P01 without E2EDataId")
-    return int(data_id)
+    if message.length < 2:
+        raise ValueError(f"message {message.name}: E2EProfile P01 needs 2 bytes, it has {message.length}")
+    try:
+        return Profile1(int(data_id), str(_attribute(message, "E2EDataIdMode") or "both"))
+    except ValueError as error:
+        raise ValueError(f"message {message.name}: {error}") from None

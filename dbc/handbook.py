@@ -23,6 +23,7 @@ def page(title: str, database: Database, bit_rate: int = BIT_RATE) -> str:
         "| message | identifier | PGN | cycle | sender | protection |",
         "|---|---|---|---|---|---|",
         *(_overview(codec) for codec in database.by_name.values()),
+        *_conduct(database),
     ]
     for codec in database.by_name.values():
         lines += _message(codec)
@@ -32,7 +33,7 @@ def page(title: str, database: Database, bit_rate: int = BIT_RATE) -> str:
 def _overview(codec: MessageCodec) -> str:
     group = str(pgn(codec.can_id)) if codec.is_j1939 else "–"
     cycle = f"{codec.cycle_ns // 1_000_000} ms" if codec.cycle_ns else "–"
-    protection = f"P01, data id 0x{codec.e2e_data_id:04X}" if codec.e2e_data_id is not None else "–"
+    protection = _protection(codec)
     return (
         f"| [{codec.name}](#{codec.name.lower()}) | {_identifier(codec)} | {group} | {cycle} "
         f"| {', '.join(codec.senders) or '–'} | {protection} |"
@@ -41,6 +42,36 @@ def _overview(codec: MessageCodec) -> str:
 
 def _identifier(codec: MessageCodec) -> str:
     return f"0x{codec.can_id & EXTENDED_MASK:08X}" if codec.can_id & EXTENDED else f"0x{codec.can_id:03X}"
+
+
+def _protection(codec: MessageCodec) -> str:
+    """Profile, data id, and how the id goes into the CRC."""
+    profile = codec.profile
+    return "–" if profile is None else f"P01, data id 0x{profile.data_id:04X} ({profile.mode})"
+
+
+def _conduct(database: Database) -> list[str]:
+    """What the DBC asks of the controllers on the bus; nothing where it does not say."""
+    lines = []
+    for name, node in database.nodes.items():
+        if not node.state_signal:
+            continue
+        lines += [
+            "",
+            f"## What {name} does when inputs are lost",
+            "",
+            f"`{node.state_signal}` is *{node.running}* {node.start_ns // 1_000_000} ms after the first frame at the latest, with all inputs there, and "
+            f"{node.recovery_ns // 1_000_000} ms after a lost input is back.",
+            "",
+            "| input lost | state that follows | within |",
+            "|---|---|---|",
+            *(
+                f"| {codec.name} | {codec.conduct.state} | {codec.conduct.timeout_ns // 1_000_000} ms |"
+                for codec in database.by_name.values()
+                if codec.conduct.state and name in codec.receivers
+            ),
+        ]
+    return lines
 
 
 def _message(codec: MessageCodec) -> list[str]:

@@ -114,7 +114,14 @@ def _numbers(codec: MessageCodec, signal: Signal, factor: float) -> tuple[float,
 
 
 def _data_id(codec: MessageCodec) -> int:
-    return -1 if codec.e2e_data_id is None else codec.e2e_data_id
+    if codec.protection is None:
+        return -1
+    profile = codec.profile
+    if profile is None or profile.mode != "both":
+        raise ValueError(
+            f"{codec.name}: frames made together carry E2E profile 1 with both bytes of the data id, or none"
+        )
+    return profile.data_id
 
 
 def _resting_frames(messages: Sequence[tuple[MessageCodec, Signals]]) -> NDArray[np.uint8]:

@@ -1,23 +1,20 @@
-"""End-to-end protection of frames: AUTOSAR E2E profile 1, as the DBC's attributes ask for it.
+"""End-to-end protection of frames: sender and receiver of one message.
 
-Byte 0 is the CRC-8 (SAE J1850) over data id and payload, the low nibble of byte 1 a counter
-0..14. The receiver's counter check is ours, not AUTOSAR's: with the message's cycle time it
-distinguishes lost, repeated, late and restarted frames as far as 15 counter values allow.
+Counter and checksum are those of `dbc.protections`: AUTOSAR E2E profile 1 as the DBC's attributes ask for it, or a
+user's hook. The receiver's counter check is ours, not AUTOSAR's: with the message's cycle time it
+distinguishes lost, repeated, late and restarted frames as far as the counter's values allow.
 
 The CRC is linear, so a random corruption looks like the frame of one of n other data ids
 with probability n/255: MASQUERADED is certain only when it repeats.
 """
 
 import enum
-from typing import Final, Self
-
-from e2e.p01 import E2E_P01_DATAID_BOTH, e2e_p01_protect
+from typing import Self
 
 from dbc.database import MessageCodec
+from dbc.protections import COUNTERS, Profile1, Protection
 
-COUNTERS: Final = 15  # counter values; 15 itself is never sent
-_INVALID: Final = 15
-_MOST_LOST: Final = 7  # a jump of more than half the circle is a step back
+__all__ = ["COUNTERS", "Checker", "Finding", "Protector", "sign"]
 
 
 class Finding(enum.Enum):
@@ -44,40 +41,31 @@ class Finding(enum.Enum):
         return finding
 
 
-def _data_id(codec: MessageCodec) -> int:
-    if codec.e2e_data_id is None:
+def _protection(codec: MessageCodec) -> Protection:
+    if codec.protection is None:
         raise ValueError(
             f"{codec.name} carries no end-to-end protection: its DBC attribute E2EProfile is 'none'"
         )
-    return codec.e2e_data_id
+    return codec.protection
 
 
 class Protector:
     """Sender's side of one message: counts and signs."""
 
     def __init__(self, codec: MessageCodec, counter: int = 0) -> None:
-        self._data_id = _data_id(codec)
-        self._counter = counter % COUNTERS
+        self._protection = _protection(codec)
+        self._counter = counter % self._protection.counters
 
     def protect(self, data: bytes) -> bytes:
         """The same frame with counter and CRC set."""
-        frame = bytearray(data)
-        frame[1] = frame[1] & 0xF0 | self._counter
-        self._counter = (self._counter + 1) % COUNTERS
-        sign(frame, self._data_id)
-        return bytes(frame)
+        frame = self._protection.protect(data, self._counter)
+        self._counter = (self._counter + 1) % self._protection.counters
+        return frame
 
 
 def sign(frame: bytearray, data_id: int) -> None:
-    """Set the CRC, leaving the counter as it is."""
-    e2e_p01_protect(frame, data_id, data_id_mode=E2E_P01_DATAID_BOTH, increment_counter=False)
-
-
-def _is_signed(data: bytes, data_id: int) -> bool:
-    """Whether the CRC is right, whatever the counter (e2e_p01_check fails counter 15 as if its CRC were wrong)."""
-    expected = bytearray(data)
-    sign(expected, data_id)
-    return expected[0] == data[0]
+    """Set the CRC of profile 1 over both bytes of the data id, leaving the counter as it is."""
+    Profile1(data_id).sign(frame)
 
 
 class Checker:
@@ -88,8 +76,10 @@ class Checker:
     """
 
     def __init__(self, codec: MessageCodec) -> None:
-        self._data_id = _data_id(codec)
-        self._neighbours = codec.neighbour_data_ids
+        self._protection = _protection(codec)
+        self._counters = self._protection.counters
+        self._most_lost = (self._counters - 1) // 2  # a jump of more than half the circle is a step back
+        self._neighbours = codec.neighbours
         self._length = codec.length
         self._cycle_ns = codec.cycle_ns
         self._counter: int | None = None  # of the newest frame accepted
@@ -103,10 +93,10 @@ class Checker:
         self.lost, self.claimed = 0, ""
         if len(data) != self._length:
             return Finding.WRONG_LENGTH
-        if not _is_signed(data, self._data_id):
+        if not self._protection.intact(data):
             return self._foreign(data)
-        counter = data[1] & 0x0F
-        if counter == _INVALID:
+        counter = self._protection.counter(data)
+        if counter >= self._counters:
             return Finding.WRONG_COUNTER
         finding = self._judge(counter, now_ns)
         self._heard_ns = now_ns
@@ -116,22 +106,24 @@ class Checker:
         return finding
 
     def _foreign(self, data: bytes) -> Finding:
-        for data_id, name in self._neighbours.items():
-            if _is_signed(data, data_id):
+        for name, neighbour in self._neighbours.items():
+            if neighbour.intact(data):
                 self.claimed = name
                 return Finding.MASQUERADED
         return Finding.WRONG_CRC
 
     def _judge(self, counter: int, now_ns: int) -> Finding:
-        """Place the counter on its circle of 15, with the time passed to say how often it went round."""
+        """Place the counter on its circle, with the time passed to say how often it went round."""
+        if self._counters < 2:
+            return Finding.OK  # nothing counts
         if self._counter is None:
             return Finding.INITIAL
-        step = (counter - self._counter) % COUNTERS
+        step = (counter - self._counter) % self._counters
         cycles = (now_ns - self._heard_ns) / self._cycle_ns if self._cycle_ns else 0.0
-        missed = round((cycles - step) / COUNTERS) * COUNTERS + step - 1
+        missed = round((cycles - step) / self._counters) * self._counters + step - 1
         if step == 1 and (missed <= 0 or abs(cycles - 1 - missed) > 1.0):
             return Finding.OK  # also after a pause, unless that was whole turns of the counter
-        if missed > _MOST_LOST or 1 < step <= _MOST_LOST + 1:
+        if missed > self._most_lost or 1 < step <= self._most_lost + 1:
             self.lost = max(missed, step - 1)
             return Finding.LOST
         if self._goes_on_from_stale(counter) and cycles > 0.5:
@@ -140,4 +132,4 @@ class Checker:
 
     def _goes_on_from_stale(self, counter: int) -> bool:
         """Whether the previous frame was a step back and this one follows it."""
-        return self._stale_counter is not None and (counter - self._stale_counter) % COUNTERS == 1
+        return self._stale_counter is not None and (counter - self._stale_counter) % self._counters == 1

@@ -22,6 +22,7 @@ class Signal:
     start: DBC start bit; of the least significant bit (Intel) or the most significant one (Motorola).
     scale, offset: both int where both are whole, which keeps integer signals integers.
     minimum, maximum: physical range, None where the DBC gives none.
+    start_value: raw value that is sent before there is any other (GenSigStartValue), None where the DBC gives none.
     multiplexer, multiplexer_ids: the signal and its values under which this one is present.
     """
 
@@ -35,6 +36,7 @@ class Signal:
     offset: int | float = 0
     minimum: int | float | None = None
     maximum: int | float | None = None
+    start_value: int | float | None = None
     unit: str = ""
     comment: str = ""
     receivers: tuple[str, ...] = ()
@@ -69,6 +71,7 @@ class Signal:
             offset=offset,
             minimum=signal.minimum,
             maximum=signal.maximum,
+            start_value=signal.raw_initial,
             unit=printable(signal.unit or ""),
             comment=signal.comment or "",
             receivers=tuple(signal.receivers),

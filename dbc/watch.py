@@ -82,7 +82,7 @@ class Watch:
         self.counts: Counter[Trouble] = Counter()
         self.frames = 0
         self.claimed = ""  # the message that the last masqueraded frame really is
-        self._checker = Checker(codec) if codec.e2e_data_id is not None else None
+        self._checker = Checker(codec) if codec.protection is not None else None
         self._heard_ns: int | None = None
         self._silent = False
         self._window: deque[bool | None] = deque(maxlen=WINDOW)  # good, bad, or neither

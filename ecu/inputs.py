@@ -126,7 +126,7 @@ class _Listener:
         self.names = frozenset(field.name for field in source.fields)
         self.unusable: frozenset[str] = frozenset()
         self._binding = Binding(codec, units)
-        self._checker = Checker(codec) if codec.e2e_data_id is not None else None
+        self._checker = Checker(codec) if codec.protection is not None else None
         self._fields = source.fields
         self._states = tuple(states.values())
         self._previous: tuple[float, ...] | None = None

@@ -9,7 +9,7 @@ import time
 import can
 import cantools
 
-PERIOD_S, STALE_S = 0.01, 0.05
+PERIOD_S = 0.01
 RUNNING, DEGRADED, SAFE_VALUES = 1, 2, 3  # EcuStatus.State, Limits.Cause
 
 
@@ -50,27 +50,52 @@ def values(message, echo: int, stale: bool) -> dict[str, float]:
     return sent | special.get(message.name, {})
 
 
+class Ecu:
+    """What the ECU is without a bus: frames that it hears, and one step per 10 ms that gives the frames to send."""
+
+    def __init__(self, database) -> None:
+        self.mine = [message for message in database.messages if "EstimatorEcu" in message.senders]
+        self.sample = database.get_message_by_name("Articulation")
+        # The DBC says which inputs matter, and how long each may stay away.
+        self.patience_s = {
+            message.frame_id: message.dbc.attributes["InputTimeout"].value / 1000 - 3 * PERIOD_S
+            for message in database.messages
+            if "InputLossState" in message.dbc.attributes
+            and message.dbc.attributes["InputLossState"].value == "degraded"
+        }
+        self.heard_s = dict.fromkeys(self.patience_s, -1e9)
+        self.echo = self.tick = 0
+
+    def receive(self, identifier: int, data: bytes, now_s: float) -> None:
+        """Take one frame."""
+        if identifier in self.heard_s:
+            self.heard_s[identifier] = now_s
+        if identifier == self.sample.frame_id:
+            self.echo = self.sample.decode(data, decode_choices=False)["SampleSequence"]
+
+    def step(self, now_s: float) -> list[tuple[int, bytes]]:
+        """The frames of this tick: identifier and data."""
+        stale = any(now_s - heard > self.patience_s[each] for each, heard in self.heard_s.items())
+        frames = []
+        for message in self.mine:
+            every = message.cycle_time // 10
+            if self.tick % every == 0:
+                data = message.encode(values(message, self.echo, stale), strict=True)
+                frames.append((message.frame_id, protect(message, data, self.tick // every % 15)))
+        self.tick += 1
+        return frames
+
+
 def main(interface: str, channel: str, dbc: str) -> None:
     """Answer until the bus is gone or Ctrl-C."""
-    database = cantools.database.load_file(dbc)
-    mine = [message for message in database.messages if "EstimatorEcu" in message.senders]
-    sample = database.get_message_by_name("Articulation")
-    echo, heard_s, tick, started_s = 0, -STALE_S, 0, time.monotonic()
+    ecu, started_s = Ecu(cantools.database.load_file(dbc)), time.monotonic()
     with can.Bus(interface=interface, channel=channel) as bus:
         while True:
-            due_s = started_s + tick * PERIOD_S
+            due_s = started_s + ecu.tick * PERIOD_S
             while (frame := bus.recv(max(0.0, due_s - time.monotonic()))) is not None:
-                if frame.arbitration_id == sample.frame_id:
-                    heard_s = time.monotonic()
-                    echo = sample.decode(frame.data, decode_choices=False)["SampleSequence"]
-            stale = time.monotonic() - heard_s > STALE_S
-            for message in mine:
-                every, number = message.cycle_time // 10, tick // (message.cycle_time // 10)
-                if tick % every == 0:
-                    data = message.encode(values(message, echo, stale), strict=True)
-                    data = protect(message, data, number % 15)
-                    bus.send(can.Message(arbitration_id=message.frame_id, is_extended_id=True, data=data))
-            tick += 1
+                ecu.receive(frame.arbitration_id, frame.data, time.monotonic())
+            for identifier, data in ecu.step(time.monotonic()):
+                bus.send(can.Message(arbitration_id=identifier, is_extended_id=True, data=data))
 
 
 if __name__ == "__main__":

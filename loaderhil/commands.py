@@ -40,6 +40,14 @@ PANELS: Final[dict[str, dict[str, Command]]] = {
             "hil.foreign.command",
             "Wait for a node on a bus, and report when it falls silent and when it is back.",
         ),
+        "restbus": Command(
+            "loaderhil.testing.restbus",
+            "Simulate nodes of a DBC on a bus: every cyclic and event message, with right counters and checksums.",
+        ),
+        "conform": Command(
+            "loaderhil.testing.conform",
+            "Test a controller against its DBC: presence, cycle times, contents, start-up, states after loss of inputs.",
+        ),
         "inject": Command(
             "hil.faults.command", "Inject faults into a running gateway, list them, or end them."
         ),

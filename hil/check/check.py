@@ -18,6 +18,7 @@ from dbc.j1939 import source_address
 from dbc.recordings.logfile import FrameTable
 from hil.check.contents import Contents, contents_of, judge_contents
 from hil.timing.deadlines import (
+    COUNTER_MODULUS,
     QUESTION,
     STALE_AFTER,
     TOLERANCE,
@@ -145,16 +146,33 @@ def observation(
     """What the rows of one message show within the observer's window."""
     stamps = table.time_ns[rows]
     rows = rows[(stamps >= observer.start_ns) & (stamps <= observer.end_ns)]
-    protected = codec.e2e_data_id is not None
-    counters = (table.data[rows, _COUNTER_BYTE] & _COUNTER_BITS).astype(np.int64)
+    protection = codec.protection
+    protected = protection is not None and protection.counters > 1
+    modulus = protection.counters if protection is not None else COUNTER_MODULUS
     return Observation(
         name=name,
         period_ns=codec.cycle_ns or None,
         at_ns=table.time_ns[rows],
-        counters=counters if protected else None,
+        counters=_counters(codec, table, rows) if protected else None,
+        modulus=modulus,
         same_payload=same_as_before(table.data[rows]) if protected else None,
         sender=next(iter(codec.senders), ""),
     )
+
+
+def _counters(codec: MessageCodec, table: FrameTable, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The alive counter of each row, (n,)."""
+    protection = codec.protection
+    if protection is None or codec.profile is not None:
+        return (table.data[rows, _COUNTER_BYTE] & _COUNTER_BITS).astype(np.int64)
+    # A user's hook reads one frame at a time, and only frames of the message's length.
+    whole = table.data[rows, : codec.length]
+    lengths = table.length[rows].tolist()
+    read = (
+        protection.counter(row.tobytes()) if length == codec.length else protection.counters
+        for row, length in zip(whole, lengths, strict=True)
+    )
+    return np.fromiter(read, np.int64, rows.size)
 
 
 def _by_identifier(

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,6 +14,7 @@ from rich.markup import escape
 from dbc import FOLDER
 from dbc.database import Database
 from dbc.errors import LogError
+from dbc.protections import Protection, ProtectionError, read_protections
 from hil.check.check import Check, Rules, check
 from hil.check.observed import read_observed
 from hil.check.tables import COLOUR, several_channels, table_of
@@ -37,6 +39,15 @@ def windowed(observer: Observer, from_s: float | None, to_s: float | None) -> Ob
             f"--from-s {from_s} to --to-s {to_s}: nothing to judge there; there are {length_s:.3f} s"
         )
     return replace(observer, start_ns=begin_ns, end_ns=stop_ns)
+
+
+def protect(databases: Sequence[Database], protections: Mapping[str, Protection]) -> None:
+    """Give each protection to the first DBC that has its message; ProtectionError if none has."""
+    for name, each in protections.items():
+        found = next((database for database in databases if name in database.by_name), None)
+        if found is None:
+            raise ProtectionError(f"PROTECTIONS: no DBC has a message {name!r}")
+        found.protect_with({name: each})
 
 
 def print_summary(console: Console, recording: Path, done: Check) -> None:
@@ -130,6 +141,14 @@ def check_recording(
             "--stale-after", min=1, help="Number of cycle times without a frame after which a value is stale."
         ),
     ] = STALE_AFTER,
+    protection: Annotated[
+        Path | None,
+        typer.Option(
+            "--protection",
+            metavar="FILE",
+            help="Python file with counters and checksums that the DBC cannot describe.",
+        ),
+    ] = None,
     json_output: Annotated[bool, typer.Option("--json", help="Print the verdicts as JSON.")] = False,
     junit: Annotated[
         Path | None, typer.Option("--junit", metavar="FILE", help="The verdicts also as JUnit XML.")
@@ -142,6 +161,8 @@ def check_recording(
     `loaderhil check drive.blf --dbc car.dbc --from-s 10`
     """
     databases = [Database.from_file(file, strict=False) for file in dbc or [FOLDER / d for d in DEFAULT_DBCS]]
+    if protection is not None:
+        protect(databases, read_protections(protection))
     known = sorted({name for db in databases for codec in db.by_name.values() for name in codec.senders})
     for name in node or []:
         if name not in known:

@@ -74,7 +74,7 @@ def _protection(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Of each frame whether its CRC is wrong, and whether its counter is never sent; neither without protection."""
     wrong_crc, never_sent = np.zeros((2, rows.size), np.bool_)
-    if codec.e2e_data_id is None:
+    if codec.protection is None:
         return wrong_crc, never_sent
     checker = Checker(codec)
     for place, row in enumerate(rows.tolist()):
@@ -95,7 +95,10 @@ def _values(
         return outside, undefined, example
     for signal in codec.layout:
         values = np.asarray(decode_rows(codec, table, rows).signals[signal.name], float)
-        for kind, bad in (("range", _outside(signal, values)), ("value table", _undefined(signal, values))):
+        for kind, bad in (
+            ("range", outside_range(signal, values)),
+            ("value table", not_in_table(signal, values)),
+        ):
             if bad.any():
                 (outside if kind == "range" else undefined)[signal.name] = int(bad.sum())
                 first = float(values[bad][0])
@@ -105,7 +108,8 @@ def _values(
     return outside, undefined, example
 
 
-def _outside(signal: Signal, values: NDArray[np.float64]) -> NDArray[np.bool_]:
+def outside_range(signal: Signal, values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which values (n,), in the DBC's unit, break the range; a value table stands in for one."""
     if not signal.has_range or signal.choices:
         return np.zeros(values.size, bool)
     assert signal.minimum is not None
@@ -117,7 +121,8 @@ def _outside(signal: Signal, values: NDArray[np.float64]) -> NDArray[np.bool_]:
     return bad
 
 
-def _undefined(signal: Signal, values: NDArray[np.float64]) -> NDArray[np.bool_]:
+def not_in_table(signal: Signal, values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which values (n,) the value table does not name; none without a table."""
     if not signal.choices:
         return np.zeros(values.size, bool)
     known = np.array([raw * signal.scale + signal.offset for raw in signal.choices], float)

@@ -38,7 +38,7 @@ class _Corrupting(Effect):
         settings, at_ns, frame = self._settings, *planned
         if self._generator.random() >= settings.probability or not frame.data:
             return (planned,)
-        protected = codec is not None and codec.e2e_data_id is not None
+        protected = codec is not None and codec.protection is not None
         first = PROTECTION_BITS if settings.valid_crc and protected else 0
         room = range(first, 8 * len(frame.data))
         data = bytearray(frame.data)

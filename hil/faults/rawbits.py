@@ -3,7 +3,6 @@
 from typing import Literal
 
 from dbc.database import MessageCodec
-from dbc.protection import sign
 from dbc.signal import Signal
 
 
@@ -36,8 +35,6 @@ class RawSignal:
 
 def signed_again(codec: MessageCodec, data: bytes) -> bytes:
     """The frame with a CRC that fits its content, where its message has one; the counter stays."""
-    if codec.e2e_data_id is None:
+    if codec.protection is None:
         return data
-    frame = bytearray(data)
-    sign(frame, codec.e2e_data_id)
-    return bytes(frame)
+    return codec.protection.protect(data, codec.protection.counter(data))

@@ -15,7 +15,7 @@ class Integrity:
 
     def findings(self, bus: str, frame: Frame, codec: MessageCodec) -> list[str]:
         """What is wrong with a frame, [] for nothing or a message without protection."""
-        if codec.e2e_data_id is None:
+        if codec.protection is None:
             return []
         key = bus, frame.can_id
         checker = self._checkers.get(key)

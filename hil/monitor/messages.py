@@ -112,7 +112,7 @@ class Selection:
     def _wants(self, codec: MessageCodec, signal: Signal) -> bool:
         if self.signals:
             return any(_names_signal(pattern, codec.name, signal.name) for pattern in self.signals)
-        return self.protection or codec.e2e_data_id is None or signal.name not in _PROTECTION
+        return self.protection or codec.protection is None or signal.name not in _PROTECTION
 
 
 def _names_signal(pattern: str, message: str, signal: str) -> bool:

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from bus.transport import BusUnavailable, Transport
-from dbc import loader_database
+from dbc import FOLDER, loader_database
 from dbc.database import Database
+from dbc.protections import read_protections
 from hil import rundir
 from hil.ending import Ending
 from hil.faults.control import ControlServer
@@ -46,6 +47,7 @@ class Between:
     addresses: dict[Side, str]
     routes: Path | None = None
     dbc: Path | None = None
+    protection: Path | None = None
     inject: tuple[Path, ...] = ()
     seed: int = 0
     control: Path | None = None
@@ -58,7 +60,12 @@ class Between:
 
     def database(self) -> Database:
         """Of the two buses."""
-        return Database.from_file(self.dbc) if self.dbc is not None else loader_database()
+        if self.protection is None:
+            return Database.from_file(self.dbc) if self.dbc is not None else loader_database()
+        # A database of its own: the protections must not reach whoever else uses the shared one.
+        database = Database.from_file(self.dbc or FOLDER / "loader.dbc")
+        database.protect_with(read_protections(self.protection))
+        return database
 
     def injector(self, database: Database) -> Injector | None:
         """The faults of the files, and those that commands will bring; None if there can be none."""

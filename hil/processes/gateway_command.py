@@ -32,6 +32,14 @@ def gateway(
     dbc: Annotated[
         Path | None, typer.Option("--dbc", metavar="FILE", help="DBC file to use instead of the bench's own.")
     ] = None,
+    protection: Annotated[
+        Path | None,
+        typer.Option(
+            "--protection",
+            metavar="FILE",
+            help="Python file with counters and checksums that the DBC cannot describe.",
+        ),
+    ] = None,
     inject: Annotated[
         list[Path] | None,
         typer.Option(
@@ -73,6 +81,7 @@ def gateway(
         addresses={"plant": plant_bus, "ecu": ecu_bus},
         routes=routes,
         dbc=dbc,
+        protection=protection,
         inject=tuple(inject or ()),
         seed=seed,
         control=control,

@@ -161,6 +161,26 @@ def replay(
     channel: Annotated[
         str | None, typer.Option("--channel", metavar="NAME", help="Send only this channel of the recording.")
     ] = None,
+    message: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--message", metavar="NAME", help="Send only these messages (`Wheel*` is a pattern). Repeatable."
+        ),
+    ] = None,
+    sender: Annotated[
+        list[str] | None,
+        typer.Option("--sender", metavar="NODE", help="Send only what this node sends. Repeatable."),
+    ] = None,
+    not_sender: Annotated[
+        list[str] | None,
+        typer.Option("--not-sender", metavar="NODE", help="Leave out what this node sends. Repeatable."),
+    ] = None,
+    dbc: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--dbc", metavar="FILE", help="DBC file for these names; by default the bench's own. Repeatable."
+        ),
+    ] = None,
     speed: Annotated[
         float, typer.Option("--speed", min=0.001, max=1000, help="Speed as a multiple of the recorded speed.")
     ] = 1.0,
@@ -219,6 +239,13 @@ def replay(
                 recording, chosen, form=form, limits=limits, calibration=calibration, faults=faults
             )
         )
+    if message or sender or not_sender or dbc:
+        from dbc import loader_database
+        from dbc.database import Database
+        from dbc.recordings.choice import chosen_part
+
+        databases = [Database.from_file(file, strict=False) for file in dbc or []] or [loader_database()]
+        table = chosen_part(table, databases, message or [], sender or [], not_sender or [])
     where = targets(buses or [], table, channel, recording)
     pace = None if fast else speed
     raise typer.Exit(

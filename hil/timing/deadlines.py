@@ -46,7 +46,7 @@ class Observation:
     """What was seen of one message.
 
     at_ns: (n,) stamps in the order of arrival; counters: (n,) alive counters or None where the message has
-    none; same_payload: (n,) whether a frame equals the one before it, or None where that was not kept. sender: its node.
+    none, counted modulo `modulus`; same_payload: (n,) whether a frame equals the one before it, or None where that was not kept. sender: its node.
     """
 
     name: str
@@ -55,6 +55,7 @@ class Observation:
     counters: NDArray[np.int64] | None = None
     same_payload: NDArray[np.bool_] | None = None
     sender: str = ""
+    modulus: int = COUNTER_MODULUS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -229,13 +230,13 @@ def _counter_events(seen: Observation, period_ns: int) -> tuple[int, int, int]:
     """
     if seen.counters is None or seen.counters.size < 2:
         return 0, 0, 0  # without a counter, a repeated value looks like a repeated frame
-    modulo = np.diff(seen.counters) % COUNTER_MODULUS
+    modulo = np.diff(seen.counters) % seen.modulus
     periods = np.diff(seen.at_ns) / period_ns
-    turns = np.maximum(np.rint((periods - modulo) / COUNTER_MODULUS), 0)
-    step = (modulo + COUNTER_MODULUS * turns).astype(np.int64)
+    turns = np.maximum(np.rint((periods - modulo) / seen.modulus), 0)
+    step = (modulo + seen.modulus * turns).astype(np.int64)
     still = step == 0
     duplicate = still if seen.same_payload is None else still & seen.same_payload[1:]
-    outside = (seen.counters < 0) | (seen.counters >= COUNTER_MODULUS)
+    outside = (seen.counters < 0) | (seen.counters >= seen.modulus)
     jump = (step > 1) | (still & ~duplicate) | outside[1:]
     return int(duplicate.sum()), int(jump.sum()), int((step[step > 1] - 1).sum())
 

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from dbc import loader_database
 from dbc.protection import Checker, Finding, Protector
+from dbc.protections import MODES, Profile1
 
 ARTICULATION = loader_database().by_name["Articulation"]
 CYCLE = ARTICULATION.cycle_ns
@@ -182,3 +183,45 @@ def test_a_message_without_protection_is_refused():
     for side in (Protector, Checker):
         with pytest.raises(ValueError, match="LiftPressure carries no end-to-end protection"):
             side(loader_database().by_name["LiftPressure"])
+
+
+def definition(mode, data_id, frame):
+    """CRC of profile 1 in each data id mode (AUTOSAR PRS_E2EProtocol, E2E_P01DataIDMode), from the CRC alone."""
+    low, high = data_id & 0xFF, data_id >> 8
+    counter = frame[1] & 0x0F
+    first = {
+        "both": [low, high],
+        "low": [low],
+        "alternating": [low if counter % 2 == 0 else high],
+        "nibble": [low, 0],
+    }[mode]
+    return crc8(bytes(first) + frame[1:], start=0)
+
+
+@given(
+    st.sampled_from(sorted(MODES)),
+    st.integers(0, 0x0FFF),
+    st.binary(min_size=8, max_size=8),
+    st.integers(0, 14),
+)
+def test_every_data_id_mode_against_its_definition(mode, data_id, data, counter):
+    profile = Profile1(data_id, mode)
+    frame = profile.protect(data, counter)
+    assert frame[0] == definition(mode, data_id, frame)
+    assert profile.intact(frame)
+    assert profile.counter(frame) == counter
+    assert frame[2:] == data[2:]
+    if mode == "nibble":
+        assert frame[1] >> 4 == data_id >> 8
+    else:
+        assert frame[1] >> 4 == data[1] >> 4
+
+
+def test_a_receiver_in_another_mode_finds_a_wrong_crc():
+    frame = Profile1(0x0123, "low").protect(PAYLOAD, 3)
+    assert not Profile1(0x0123, "both").intact(frame)
+
+
+def test_a_mode_that_is_none_is_refused():
+    with pytest.raises(ValueError, match="none of both, alternating, low, nibble"):
+        Profile1(1, "high")

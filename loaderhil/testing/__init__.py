@@ -1,0 +1,1 @@
+"""Commands that test a controller: conform, restbus, compare, verify."""

@@ -1,0 +1,1 @@
+"""Pages about tests of controllers: conformance, comparison of runs, verification of tests."""
