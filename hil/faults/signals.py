@@ -18,16 +18,22 @@ from hil.faults.rawbits import RawSignal, signed_again
 
 @dataclass(frozen=True, slots=True)
 class Freeze:
-    """A signal keeps the bits it had in the first frame of the fault."""
+    """A signal keeps the bits it had in the first frame of the fault; value: or this one, in its DBC unit."""
 
     signal: str
+    value: float | None = None
 
     def effect(self, generator: random.Random) -> Effect:
         held: dict[int, int] = {}
 
         def freeze(codec: MessageCodec, data: bytes) -> bytes:
             raw = RawSignal(codec, self.signal)
-            return raw.write(data, held.setdefault(codec.can_id, raw.read(data)))
+            if self.value is None:
+                return raw.write(data, held.setdefault(codec.can_id, raw.read(data)))
+            # Saturated to the signal's bits, not to its range: a stuck sensor may say what it must not.
+            lowest, highest = raw.signal.raw_limits
+            number = round((self.value - raw.signal.offset) / raw.signal.scale)
+            return raw.write(data, min(max(number, lowest), highest))
 
         return _Rewriting(freeze)
 
@@ -102,7 +108,18 @@ def read_freeze(table: CheckedTable, selection: Selection) -> Freeze:
     """kind = "freeze"."""
     name = table.text("signal")
     _signals(table, "signal", name, selection)
-    return Freeze(name)
+    return Freeze(name, _level(table, name, selection) if "value" in table else None)
+
+
+def _level(table: CheckedTable, name: str, selection: Selection) -> float:
+    """A value that the bits of the signal can hold."""
+    ends = [
+        raw * signal.scale + signal.offset
+        for signal in _signals(table, "signal", name, selection)
+        for raw in signal.raw_limits
+    ]
+    unit = _signals(table, "signal", name, selection)[0].unit or "1"
+    return table.number("value", unit=unit, low=min(ends), high=max(ends))
 
 
 def read_offset(table: CheckedTable, selection: Selection) -> Offset:

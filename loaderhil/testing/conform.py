@@ -137,7 +137,7 @@ def _live(
             )
         raise typer.Exit(Ending.PEER_DIED if watched.ended == "absent" else Ending.INTERRUPTED)
     keep(session, out / "bus.log")
-    return session.evidence(dropped=watched.dropped, late_ns=watched.late_ns)
+    return session.evidence(dropped=watched.dropped, late_ns=watched.late_ns, late_share=watched.late_share)
 
 
 def _recorded(recording: Path, database: Database, node: str, from_start: bool) -> Evidence:

@@ -88,6 +88,8 @@ def _start_up(evidence: Evidence, running: str, within_ns: int) -> Requirement:
     took_ns = _first(evidence, running, there_ns)
     if took_ns is not None and took_ns <= within_ns:
         return passed(Kind.START, subject, f"{running} {took_ns * NS:.0f} ms after all inputs were there")
+    if took_ns is not None and evidence.too_busy:
+        return unknown(Kind.START, subject, f"{running} after {took_ns * NS:.0f} ms; {evidence.too_busy}")
     told = f"{running} after {took_ns * NS:.0f} ms" if took_ns is not None else f"never {running}"
     return failed(Kind.START, subject, f"{told}; permitted are {within_ns * NS:.0f} ms ({_seen(evidence)})")
 
@@ -150,6 +152,8 @@ def _after_loss(
     judged = []
     for loss in losses:
         problem, took_ns = _state_in(evidence, loss, wanted, timeout_ns, running)
+        if problem and took_ns is not None and evidence.too_busy:
+            return unknown(Kind.LOSS, subject, f"{problem}; {evidence.too_busy}")
         if problem:
             return failed(Kind.LOSS, subject, f"lost at {evidence.since(loss.last_ns):.3f} s: {problem}")
         if took_ns is not None:
@@ -168,7 +172,10 @@ def _after_loss(
 def _state_in(
     evidence: Evidence, loss: Loss, wanted: str, timeout_ns: int, running: str
 ) -> tuple[str, int | None]:
-    """What is wrong with the state during a loss, '' for nothing; and when it came [ns], None for a loss that shows nothing."""
+    """What is wrong with the state during a loss, '' for nothing; and when the right one came [ns], None for never.
+
+    Nothing wrong and None: the loss shows nothing.
+    """
     assert evidence.states is not None
     at_ns, values = evidence.states
     names = evidence.state_names
@@ -191,7 +198,7 @@ def _state_in(
         return (
             f"{names.get(int(states[first]), states[first])} after {times[first] * NS:.0f} ms, {wanted} is required "
             f"within {timeout_ns * NS:.0f} ms"
-        ), None
+        ), int(times[np.argmax(right)]) if right[-1] and wanted != running else None
     return "", int(times[np.argmax(right)])
 
 
@@ -205,6 +212,10 @@ def _recovery(evidence: Evidence, name: str, losses: list[Loss], running: str, w
         took_ns = _first(evidence, running, loss.back_ns)
         if took_ns is not None and took_ns <= within_ns:
             worst = max(worst, took_ns)
+        elif took_ns is not None and evidence.too_busy:
+            return unknown(
+                Kind.RECOVERY, subject, f"{running} after {took_ns * NS:.0f} ms; {evidence.too_busy}"
+            )
         elif evidence.observer.end_ns - loss.back_ns >= within_ns:
             told = "never again" if took_ns is None else f"after {took_ns * NS:.0f} ms"
             return failed(

@@ -16,6 +16,8 @@ from hil.timing.deadlines import Observer
 
 LATE_BENCH_NS: Final = 8_000_000
 """Lateness of the bench itself from which on it may be why something was late: most of the shortest cycle, 10 ms."""
+LATE_SHARE: Final = 0.05
+"""Share of the bench's own times that may be late by 2 ms; beyond it the computer is too busy for a verdict on times."""
 
 
 class ConformError(UserError, ValueError):
@@ -59,8 +61,11 @@ class Evidence:
         from_start: bool = False,
         dropped: int = 0,
         late_ns: int = 0,
+        late_share: float = 0.0,
     ) -> Self:
         """Divide a recording. dropped: frames that the recorder lost; late_ns: largest lateness of the bench itself.
+
+        late_share: of its wake-ups, those later than 2 ms: the node may be a process of the same computer.
 
         ConformError where the DBC has no such node, or the recording no frame.
         """
@@ -81,7 +86,12 @@ class Evidence:
         own_traffic = {name: _traffic(codec, by_name, table) for name, codec in own.items()}
         heard = [t.at_ns[0] for t in own_traffic.values() if t.at_ns.size]
         start_ns = int(min(heard)) if heard else int(table.time_ns[0])
-        starved = f"the bench itself was {late_ns * 1e-6:.0f} ms late" if late_ns > LATE_BENCH_NS else ""
+        moment = f"the bench itself was {late_ns * 1e-6:.0f} ms late" if late_ns > LATE_BENCH_NS else ""
+        always = (
+            f"the bench itself was late at {100 * late_share:.0f} % of its times"
+            if late_share > LATE_SHARE
+            else ""
+        )
         lost = dropped + table.damaged_count - sum(1 for damage in table.damaged if damage.at_end)
         return cls(
             node=node,
@@ -92,7 +102,11 @@ class Evidence:
             states=_states(database, node, own_traffic, table),
             from_start=from_start,
             observer=Observer(
-                start_ns=start_ns, end_ns=int(table.time_ns[-1]), lost=lost, starved_moment=starved
+                start_ns=start_ns,
+                end_ns=int(table.time_ns[-1]),
+                lost=lost,
+                starved=always,
+                starved_moment=moment,
             ),
         )
 
@@ -107,6 +121,11 @@ class Evidence:
         signal = self.database.nodes[self.node].state_signal if self.node in self.database.nodes else ""
         message, _, name = signal.partition(".")
         return self.database.by_name[message].by_signal[name].choices if signal else {}
+
+    @property
+    def too_busy(self) -> str:
+        """Why the computer may be to blame for what came late; empty where it is not."""
+        return self.observer.starved or self.observer.starved_moment
 
     def since(self, at_ns: int) -> float:
         """A stamp as seconds after the first frame of the recording."""

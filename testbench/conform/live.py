@@ -15,15 +15,20 @@ from hil.shell.process import Stop
 from testbench.conform.session import Session
 
 NS = 1_000_000_000
+LATE_NS = 2_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class Watched:
-    """How the test itself went. ended: came, absent or interrupted; dropped: frames lost; late_ns: largest own lateness."""
+    """How the test itself went. ended: came, absent or interrupted; dropped: frames lost; late_ns: largest own lateness.
+
+    late_share: of its wake-ups, those that were later than 2 ms.
+    """
 
     ended: str
     dropped: int
     late_ns: int
+    late_share: float
 
 
 def watch(
@@ -42,12 +47,13 @@ def watch(
         session = make(time.monotonic_ns())
         told(f"waiting for {session.node} on {address}, at most {wait_s:g} s: switch it on now")
         deadline_ns = session.start_ns + round(wait_s * NS)
-        wake_ns, late_ns, phase, ended = session.start_ns, 0, session.phase, "interrupted"
+        wake_ns, phase, ended = session.start_ns, session.phase, "interrupted"
+        lateness = []
         alarm.set(1)
         for _ in stop.readable(alarm.fileno(), bus.fileno()):
             now_ns = time.monotonic_ns()
             if session.phase != "waiting":
-                late_ns = max(late_ns, now_ns - wake_ns)
+                lateness.append(now_ns - wake_ns)
             _exchange(session, bus, now_ns)
             if session.phase != phase:
                 phase = session.phase
@@ -57,7 +63,9 @@ def watch(
                 break
             wake_ns = session.next_ns(now_ns)
             alarm.set(wake_ns)
-        return session, Watched(ended, bus.statistics().dropped_in + bus.statistics().dropped_out, late_ns)
+        lost = bus.statistics().dropped_in + bus.statistics().dropped_out
+        late = sum(each > LATE_NS for each in lateness)
+        return session, Watched(ended, lost, max(lateness, default=0), late / max(len(lateness), 1))
 
 
 def _exchange(session: Session, bus: Transport, now_ns: int) -> None:

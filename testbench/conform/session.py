@@ -198,7 +198,7 @@ class Session:
         asked = [name for name in inputs if self.database.by_name[name].conduct.state]
         return [name for name in asked if not self.only or name in self.only]
 
-    def evidence(self, *, dropped: int = 0, late_ns: int = 0) -> Evidence:
+    def evidence(self, *, dropped: int = 0, late_ns: int = 0, late_share: float = 0.0) -> Evidence:
         """The record so far, divided."""
         return Evidence.of(
             table_of(self.record),
@@ -207,4 +207,5 @@ class Session:
             from_start=self.from_start,
             dropped=dropped,
             late_ns=late_ns,
+            late_share=late_share,
         )

@@ -1,0 +1,88 @@
+"""A bus that is heard all the time: a thread drains it, so that a test that thinks for long loses no frame."""
+
+import asyncio
+import contextlib
+import selectors
+import threading
+import time
+from collections.abc import Callable
+
+from bus.frame import Frame
+from bus.transport import BusClosed, Transport
+
+LOOK_S = 0.05
+
+
+class Listener:
+    """Frames of a transport since the first, stamped on a clock that begins with it. `lost` when the bus is gone."""
+
+    def __init__(self, bus: Transport, due: Callable[[int], list[Frame]] | None = None) -> None:
+        """due: frames to send at a time [ns of the monotonic clock]; asked often."""
+        self._bus = bus
+        self._due = due
+        self.record: list[Frame] = []
+        self.zero_ns: int | None = None
+        self.lost = False
+        self._came = asyncio.Event()
+        self._loop = asyncio.get_running_loop()
+        self._ending = threading.Event()
+        self._lock = threading.Lock()
+        self._given = 0
+        self._thread = threading.Thread(target=self._listen, name="bench-listener", daemon=True)
+        self._thread.start()
+
+    def _listen(self) -> None:
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._bus.fileno(), selectors.EVENT_READ)
+            while not self._ending.is_set():
+                try:
+                    selector.select(0.001 if self._due is not None else LOOK_S)
+                    self._exchange(time.monotonic_ns())
+                except BusClosed:
+                    self.lost = True
+                    self._wake()
+                    return
+
+    def _exchange(self, now_ns: int) -> None:
+        frames: list[Frame] = []
+        while more := self._bus.drain():
+            frames += [f if f.at_ns else f._replace(at_ns=now_ns) for f in more]
+        if self._due is not None:
+            for frame in self._due(now_ns):
+                self._bus.send(frame)
+                frames.append(frame._replace(at_ns=now_ns))
+        if not frames:
+            return
+        with self._lock:
+            if self.zero_ns is None:
+                self.zero_ns = frames[0].at_ns
+            self.record += [frame._replace(at_ns=frame.at_ns - self.zero_ns) for frame in frames]
+        self._wake()
+
+    def _wake(self) -> None:
+        if not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._came.set)
+
+    @property
+    def now_s(self) -> float:
+        """Since the first frame; 0 before it."""
+        return 0.0 if self.zero_ns is None else (time.monotonic_ns() - self.zero_ns) * 1e-9
+
+    async def frames(self, until_s: float) -> list[Frame] | None:
+        """What came since the last call, waiting for it until a time; None when the bus is gone and all is given."""
+        with self._lock:
+            waiting = len(self.record) > self._given
+        if not waiting and not self.lost:
+            self._came.clear()
+            left_s = min(max(until_s - self.now_s, 0.0), LOOK_S) if self.zero_ns is not None else LOOK_S
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._came.wait(), left_s)
+        with self._lock:
+            frames, self._given = self.record[self._given :], len(self.record)
+        return None if self.lost and not frames else frames
+
+    def close(self) -> None:
+        """Stop listening and leave the bus."""
+        self._ending.set()
+        self._thread.join(5.0)
+        self._bus.close()
