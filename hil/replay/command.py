@@ -242,7 +242,7 @@ def replay(
     if message or sender or not_sender or dbc:
         from dbc import loader_database
         from dbc.database import Database
-        from dbc.recordings.choice import chosen_part
+        from hil.replay.choice import chosen_part
 
         databases = [Database.from_file(file, strict=False) for file in dbc or []] or [loader_database()]
         table = chosen_part(table, databases, message or [], sender or [], not_sender or [])

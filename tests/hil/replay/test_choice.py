@@ -4,7 +4,7 @@ import pytest
 
 from bus.frame import EXTENDED, Frame
 from dbc import loader_database
-from dbc.recordings.choice import ChoiceOfFramesError, chosen_part
+from hil.replay.choice import ChoiceOfFramesError, chosen_part
 from testbench.frames import table_of
 
 DATABASE = loader_database()
