@@ -1,4 +1,4 @@
-"""The DBC files and everything that turns frames into physical values and back."""
+"""The DBC files of the bench, and conversion between frames and physical values, for plant, ECU and every tool."""
 
 from functools import cache
 from pathlib import Path

@@ -1,8 +1,8 @@
-"""Chosen signals of one message in SI units: what plant and ECU see of the DBC.
+"""Chosen signals of one message in SI units: the only part of the DBC that plant and ECU use.
 
 Units are compared once, at construction; the conversion is part of the generated function.
 What the bits can hold but the DBC's range cannot is where "not available" and "error" lie:
-it reads as NaN, and NaN is sent as "not available".
+it reads as NaN, and NaN is sent as "not available" (J1939 reserves the top codes for this).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -63,6 +63,7 @@ def _decode_source(chosen: Sequence[tuple[Signal, float]], length: int) -> str:
 
 def _si_expression(i: int, signal: Signal, factor: float, length: int) -> str:
     raw = codegen.raw_expression(signal, length)
+    # a range check is generated only where the bits can hold codes outside the range
     partial = not signal.is_float and not signal.choices and signal.raw_range != signal.raw_limits
     physical = codegen.physical_expression(signal, f"r{i}" if partial else raw)
     value = physical if factor == 1 else f"({physical}) * {factor!r}"
@@ -95,6 +96,7 @@ def _saturated(i: int, signal: Signal, factor: float) -> list[str]:
     lowest, highest = signal.raw_range
     absent = signal.not_available
     nan = f"no_number(label, ((signals[{i}], v{i}),))" if absent is None else str(absent)
+    # x == x is false for NaN only, and needs no function call in the generated code
     inside = f"round(x) if x == x else {nan}"
     return [
         f"    x = {scaled}",
@@ -108,4 +110,5 @@ def _from_si(i: int, factor: float) -> str:
 
 def resting(signal: Signal) -> int:
     """Raw value of a signal that is not sent."""
+    # CRC and counter are set by the protector afterwards; all ones there would be a value, not "absent"
     return 0 if signal.name in _PROTECTION else signal.not_available or 0

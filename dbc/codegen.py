@@ -1,4 +1,4 @@
-"""Writes the Python source of one message's codec, and compiles it.
+"""Writes the Python source of one message's codec and compiles it, for `dbc.database` and `dbc.binding`.
 
 A frame is read as one integer (one per byte order in use), every signal is a shift, a mask,
 for two's complement an exclusive-or and a subtraction, then raw * scale + offset in exactly
@@ -33,6 +33,8 @@ def compile_function(source: str, label: str, signals: Sequence[Signal]) -> Call
         **{f"write{bits}": layout.pack for bits, layout in _FLOATS.items()},
     }
     known = set(namespace)
+    # The label is shown as the file name in tracebacks. Nothing of a DBC's text is executed: names enter only
+    # through the namespace or as quoted literals, because a DBC may come from a stranger.
     exec(compile(source, f"<codec of {label}>", "exec"), namespace)
     (name,) = set(namespace) - known - {"__builtins__"}
     return namespace[name]
@@ -40,6 +42,7 @@ def compile_function(source: str, label: str, signals: Sequence[Signal]) -> Call
 
 def open_frame(signals: Sequence[Signal], length: int) -> str:
     """Statements that bring `data` to `length` bytes and read it as integers `le` and `be`."""
+    # the check is inlined: a call for each frame would cost more than the decoding of a short one
     lines = [f"    if len(data) != {length}: data = fit(label, data, {length})"]
     if any(not signal.big_endian for signal in signals):
         lines.append("    le = from_bytes(data, 'little')")
@@ -60,6 +63,7 @@ def raw_expression(signal: Signal, length: int) -> str:
         return f"read{signal.length}(({bits}).to_bytes({signal.length // 8}, 'little'))[0]"
     if signal.signed:
         sign = 1 << (signal.length - 1)
+        # sign extension of two's complement without a branch
         return f"(({bits}) ^ {sign:#x}) - {sign:#x}"
     return bits
 
@@ -109,6 +113,7 @@ def _select(
     statements: Callable[[Sequence[Signal], str], list[str]],
 ) -> list[str]:
     """`if` statements on the value of `selector`, one per set of values that selects the same signals."""
+    # signals that the same selector values choose share one `if`
     groups: dict[frozenset[int], list[Signal]] = {}
     for signal in signals:
         if signal.multiplexer == selector.name:
@@ -140,7 +145,7 @@ def scaled_to_raw(signal: Signal, value: str) -> str:
     if signal.is_float:
         return f"{shifted} / {signal.scale!r}"
     if signal.is_integer and signal.scale != 1:
-        # an exact quotient stays exact beyond 2**53
+        # integer division keeps an exact quotient exact beyond 2**53, where a float would round it
         scale = signal.scale
         return f"round({shifted} // {scale} if {shifted} % {scale} == 0 else {shifted} / {scale})"
     return f"round({shifted})" if signal.scale == 1 else f"round({shifted} / {signal.scale!r})"
@@ -164,6 +169,7 @@ def close_frame(parts: Sequence[tuple[Signal, str]], length: int) -> str:
     little = " | ".join(bits for signal, bits in parts if not signal.big_endian)
     big = " | ".join(bits for signal, bits in parts if signal.big_endian)
     if little and big:
+        # both byte orders in one frame: the little-endian bits are placed by reversing the bytes of the whole
         swapped = f"from_bytes(({little}).to_bytes({length}, 'little'), 'big')"
         return f"({swapped} | {big}).to_bytes({length}, 'big')"
     return f"({little or big or 0}).to_bytes({length}, '{'big' if big else 'little'}')"
@@ -210,6 +216,7 @@ def _checked_raw(numbered: Sequence[tuple[int, Signal, str]], indent: str) -> li
     lines = [f"{indent}try:"]
     lines += [f"{indent}    r{i} = {raw_bits(signal, value)}" for i, signal, value in numbered]
     every = "".join(f"(signals[{i}], {value}), " for i, _, value in numbered)
+    # round() raises for NaN and infinity, struct for a float that is too large: no check on the common path
     lines.append(f"{indent}except (ValueError, OverflowError): no_number(label, ({every}))")
     for i, signal, value in numbered:
         if not signal.is_float:
@@ -221,7 +228,7 @@ def _checked_raw(numbered: Sequence[tuple[int, Signal, str]], indent: str) -> li
 
 
 def fit(label: str, data: bytes, length: int) -> bytes:
-    """The first `length` bytes; a longer frame carries what a newer DBC would explain."""
+    """The first `length` bytes. A longer frame is accepted: a newer DBC may have added signals at its end."""
     if len(data) < length:
         raise DecodeError(
             f"{label}: {len(data)} bytes of data, the DBC says {length}: another message under the same id?"

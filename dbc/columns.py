@@ -1,4 +1,4 @@
-"""Decodes whole recordings: every signal of a message at once, as an array.
+"""Decodes whole recordings for reports, checks and the diagnosis: every signal of a message at once, as an array.
 
 Frames are read as 64-bit words, a signal is shifts and a mask, then raw * scale + offset as
 cantools computes it, so that each value equals cantools' bit for bit. Integer signals stay
@@ -26,17 +26,14 @@ _EXACT_IN_FLOAT = 1 << 53
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Columns:
-    """The frames of one message: times (n,) [s], and each signal (n,) in the DBC's unit.
-
-    A multiplexed signal is NaN where its frame does not carry it; its integers are then floats,
-    or Python's integers beside NaN where a float could not hold them all.
-    rows: (n,) rows of the table the frames came from.
-    """
+    """The decoded frames of one message."""
 
     codec: MessageCodec
-    time_s: NDArray[np.float64]
+    time_s: NDArray[np.float64]  # (n,) stamps [s], on the clock of the table
+    # (n,) per signal, in the DBC's unit. A multiplexed signal is NaN where its frame does not carry it; its
+    # integers are then floats, or Python's integers beside NaN where a float could not hold them all.
     signals: Mapping[str, NDArray[Any]]
-    rows: NDArray[np.int64]
+    rows: NDArray[np.int64]  # (n,) rows of the table that the frames came from
 
 
 class ColumnDecoder:
@@ -54,6 +51,7 @@ class ColumnDecoder:
 
     def _free_name(self, name: str, source: str) -> str:
         taken = set(self._names.values())
+        # two files may have the same stem: numbered on then
         choices = [name, f"{name}@{source}", *(f"{name}@{source}.{i}" for i in range(2, len(taken) + 3))]
         return next(choice for choice in choices if choice not in taken)
 
@@ -97,6 +95,7 @@ class ColumnDecoder:
 
     def _grouped(self, table: FrameTable) -> dict[MessageCodec, NDArray[np.int64]]:
         """Rows of each message, in the order of the table. Several identifiers may be one message."""
+        # one sort instead of one comparison per identifier: a recording may hold hundreds of identifiers
         order = np.argsort(table.can_id, kind="stable")
         ranked = table.can_id[order]
         bounds = [0, *(np.flatnonzero(np.diff(ranked)) + 1).tolist(), len(ranked)]
@@ -114,6 +113,7 @@ class ColumnDecoder:
 
 def decode_rows(codec: MessageCodec, table: FrameTable, rows: NDArray[np.int64]) -> Columns:
     """Decode `rows` of `table`, all of them frames of `codec`; NaN for what lies outside a short frame."""
+    # rounded up to whole 64-bit words, so that the bytes can be viewed as words without a copy
     room = -(-codec.length // 8) * 8
     data = table.data if table.data.shape[1] >= room else np.pad(table.data, ((0, 0), (0, room - 8)))
     little = data.view("<u8")[rows]
@@ -131,7 +131,8 @@ def decode_rows(codec: MessageCodec, table: FrameTable, rows: NDArray[np.int64])
         else:
             present = np.isin(selectors[signal.multiplexer], list(signal.multiplexer_ids))
             signals[signal.name] = _masked(value, present)
-            selectors[signal.name] = np.where(present, value, -1)  # a multiplexer under a multiplexer
+            # -1 is no selector value: signals under an absent multiplexer are then absent too
+            selectors[signal.name] = np.where(present, value, -1)
     return Columns(
         codec=codec,
         time_s=np.asarray(table.time_ns[rows] / 1e9, np.float64),
@@ -149,6 +150,7 @@ def signal_end(signal: Signal, length: int) -> int:
 def _mirrored(words: NDArray[np.uint64], length: int) -> NDArray[np.uint64]:
     """The first `length` bytes of each frame in reverse, so that Motorola signals lie as Intel ones do."""
     mirrored = np.zeros((len(words), 8 * words.shape[1]), np.uint8)
+    # Motorola numbering counts from the other end: on reversed bytes one shift-and-mask serves both orders
     mirrored[:, :length] = words.view(np.uint8)[:, length - 1 :: -1] if length else 0
     return mirrored.view("<u8")
 
@@ -185,6 +187,7 @@ def raw_values(words: NDArray[np.uint64], signal: Signal, length: int) -> NDArra
         return _wide(words, shift, signal)
     first, bit = divmod(shift, _WORD)
     value = words[:, first] >> np.uint64(bit)
+    # the signal crosses the border between two words
     if bit + signal.length > _WORD:
         value |= words[:, first + 1] << np.uint64(_WORD - bit)
     if signal.length < _WORD:

@@ -1,4 +1,4 @@
-"""A DBC file, and for each of its messages functions between frame bytes and physical values.
+"""Reads a DBC file; gives for each message functions between frame bytes and physical values.
 
 cantools reads the file; the functions are generated at load time (`dbc.codegen`) and give
 cantools' values bit for bit, with value tables left as numbers.
@@ -24,13 +24,8 @@ _MS = 1_000_000
 
 
 class MessageCodec:
-    """One message: what the DBC says of it, and its codec.
+    """One message: its definition in the DBC, and its codec.
 
-    can_id: Linux `can_id` word. length: bytes. cycle_ns: 0 where the DBC gives no cycle time.
-    e2e_data_id: data id of AUTOSAR E2E profile 1, None for an unprotected message.
-    protection: counter and checksum; None for a message without. neighbours: the other messages of the same database
-    that profile 1 protects, by name.
-    conduct: what the DBC asks of a controller that loses this message, see `dbc.conduct`.
     decode(data): tuple of physical values in the order of `signals` (unmultiplexed messages).
     encode(values): frame bytes from physical values in that order (unmultiplexed messages).
     """
@@ -44,10 +39,11 @@ class MessageCodec:
         for node in message.senders:
             check_name("node", node)
         self.comment: str = message.comment or ""
+        # Linux `can_id` word: with the flag a 29-bit identifier never equals an 11-bit one of the same number
         self.can_id: int = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
-        self.length: int = message.length
+        self.length: int = message.length  # bytes
         self.is_fd: bool = bool(message.is_fd) or message.length > 8
-        self.cycle_ns: int = (message.cycle_time or 0) * _MS
+        self.cycle_ns: int = (message.cycle_time or 0) * _MS  # 0 where the DBC gives no cycle time
         self.senders: tuple[str, ...] = tuple(message.senders)
         self.receivers: tuple[str, ...] = tuple(sorted(message.receivers))
         self.layout: tuple[Signal, ...] = tuple(Signal.from_cantools(signal) for signal in message.signals)
@@ -57,9 +53,12 @@ class MessageCodec:
         self.send_type: str = _attribute(message, "GenMsgSendType") or "cyclic"
         self.is_j1939: bool = message.is_extended_frame and _attribute(message, "VFrameFormat") == "J1939PG"
         profile = _profile(message)
+        # data id of AUTOSAR E2E profile 1; None for a message without that profile
         self.e2e_data_id: int | None = None if profile is None else profile.data_id
-        self.protection: Protection | None = profile
+        self.protection: Protection | None = profile  # counter and checksum; None for an unprotected message
+        # the other messages of the database that profile 1 protects, by name; filled by `Database`
         self.neighbours: Mapping[str, Profile1] = {}
+        # what the DBC asks of a controller that loses this message, see `dbc.conduct`
         self.conduct = LossConduct.of(message.name, _attributes(message, LossConduct.ATTRIBUTES))
         self._compile()
 
@@ -74,6 +73,7 @@ class MessageCodec:
     def _compile(self) -> None:
         layout, length = self.layout, self.length
         if self.is_multiplexed:
+            # the signals of a multiplexed message differ from frame to frame: no fixed tuple, so the dict form is used
             self.decode, self.encode = self._refuse_decode, self._refuse_encode
         else:
             self.decode = codegen.compile_function(codegen.decode_source(layout, length), self.name, layout)
@@ -133,6 +133,7 @@ class Database:
         every = tuple(codecs)
         self.by_name: dict[str, MessageCodec] = {codec.name: codec for codec in every}
         self.by_id: dict[int, MessageCodec] = {codec.can_id: codec for codec in every}
+        # reversed, so that of several messages with one parameter group the first of the file stays
         self.by_pgn: dict[int, MessageCodec] = {
             pgn(codec.can_id): codec for codec in reversed(every) if codec.is_j1939
         }
@@ -163,7 +164,7 @@ class Database:
     def from_file(cls, path: str | Path, *, strict: bool = True) -> Self:
         """Read a DBC file; `strict` refuses signals that overlap or do not fit their message."""
         check_text(Path(path))
-        import cantools.database  # with python-can: half a second, and nothing without a DBC needs it
+        import cantools.database  # takes half a second to load with python-can; commands without a DBC do not pay
         import cantools.errors
 
         try:
@@ -172,9 +173,8 @@ class Database:
             raise DatabaseError(f"{path}: cannot read the DBC: {error.strerror or error}") from error
         except (cantools.errors.Error, UnicodeDecodeError, ValueError) as error:
             raise DatabaseError(f"{path}: not a usable DBC: {_one_line(error)}") from error
-        except (
-            Exception
-        ) as error:  # the parser trips over damaged files in many ways: KeyError, TypeError, ...
+        # the parser fails on damaged files in many ways (KeyError, TypeError, ...): all of them are the file's fault
+        except Exception as error:
             raise DatabaseError(
                 f"{path}: not a usable DBC: {type(error).__name__}: {_one_line(error)}"
             ) from error
@@ -211,6 +211,7 @@ def _attribute(message: Any, name: str) -> Any:
     if definition is None:
         return None
     value = own[name].value if name in own else definition.default_value
+    # cantools gives an ENUM's value as an index or as its text, depending on where the file sets it
     is_index = definition.type_name == "ENUM" and isinstance(value, int)
     return definition.choices[value] if is_index else value
 

@@ -1,4 +1,4 @@
-"""What can go wrong between bytes and physical values."""
+"""Error classes of DBC files, frames and recordings."""
 
 from bus.user_error import UserError
 

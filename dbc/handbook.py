@@ -1,4 +1,4 @@
-"""The reference page of a DBC file, as Markdown: what is on the bus, from the file that defines it."""
+"""Writes the reference page of a DBC file as Markdown, for `scripts/dbc-docs` and docs/reference."""
 
 from bus.frame import EXTENDED, EXTENDED_MASK
 from dbc.database import Database, MessageCodec

@@ -5,7 +5,9 @@ _PDU2 = 240  # PDU formats from here on are broadcast: PDU specific belongs to t
 
 def pgn(can_id: int) -> int:
     """Parameter group number of a 29-bit identifier (flags of a `can_id` word are ignored)."""
+    # extended data page, data page, PDU format and PDU specific: 18 bits above the source address
     number = can_id >> 8 & 0x3FFFF
+    # below PDU format 240 the low byte is a destination address, which is no part of the group number
     return number if number >> 8 & 0xFF >= _PDU2 else number & 0x3FF00
 
 

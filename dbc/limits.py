@@ -1,4 +1,4 @@
-"""What a DBC file of a stranger may hold: sizes that a bus can carry, and names that are safe in a path or a topic."""
+"""Limits for untrusted DBC files: sizes that a bus can carry, and names that are safe in a path or an MQTT topic."""
 
 import re
 from pathlib import Path
@@ -28,6 +28,7 @@ def check_text(path: Path) -> None:
     if len(text) > FILE_LIMIT:
         raise DatabaseError(f"{path}: longer than {FILE_LIMIT >> 20} MiB; is this a DBC?")
     for name, length in _MESSAGE.findall(text):
+        # nine digits first: int() of a very long digit string is itself slow
         if len(length) > 9 or int(length) > LONGEST_MESSAGE:
             raise DatabaseError(
                 f"{path}: message {_shown(name)}: {_shown(length)} bytes; at most {LONGEST_MESSAGE} are possible"

@@ -16,11 +16,11 @@ STUFFED_STANDARD, STUFFED_EXTENDED, UNSTUFFED = 34, 54, 13
 
 @dataclass(frozen=True, slots=True)
 class BusLoad:
-    """Shares of the bus, 0..1, and frames per second. least: no stuff bit; most: as many as can be."""
+    """Load of a bus."""
 
-    least: float
-    most: float
-    frames_per_s: float
+    least: float  # share of the bus, 0 to 1, without any stuff bit
+    most: float  # share of the bus with as many stuff bits as there can be
+    frames_per_s: float  # [1/s]
 
 
 def frame_bits(length: int, *, extended: bool) -> tuple[int, int]:

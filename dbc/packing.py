@@ -1,4 +1,4 @@
-"""Frames of many messages from one vector of SI values, in one compiled call.
+"""Encodes many messages from one vector of SI values in one compiled call, for the senders of plant and ECU.
 
 The bytes are those of `Binding.encode` and `Protector`, which make one frame at a time and are the
 reference in the tests; a loop that sends twenty frames per tick needs a tenth of their time here.
@@ -66,6 +66,7 @@ class Packer:
         self._numbers = np.array(numbers, np.float64)
         self._resting = _resting_frames(messages)
         self._counters = np.zeros(len(messages), np.int64)
+        # scratch rows that every call overwrites; `tobytes` below copies them out
         self._frames = np.zeros_like(self._resting)
 
     def plan(self, due: Sequence[int]) -> "Plan":
@@ -157,6 +158,7 @@ def pack_frames(
                 return k
             put_bits(frame, int(raw), places[k])
         if message[M_DATA_ID] >= 0:
+            # order matters: the CRC covers the counter
             frame[1] = frame[1] & 0xF0 | counters[number]
             counters[number] = (counters[number] + 1) % COUNTERS
             frame[0] = checksum(frame[1 : message[M_LENGTH]], message[M_DATA_ID])
@@ -171,7 +173,8 @@ def raw_value(value: float, numbers: NDArray[np.float64]) -> float:
         return numbers[N_LOWEST]
     if x >= numbers[N_HIGHEST]:
         return numbers[N_HIGHEST]
-    return numbers[N_ABSENT] if math.isnan(x) else np.rint(x)  # halves to even, as Python's round
+    # rint rounds halves to even, as Python's round in `Binding` does
+    return numbers[N_ABSENT] if math.isnan(x) else np.rint(x)
 
 
 @compiled
@@ -191,6 +194,7 @@ def put_bits(frame: NDArray[np.uint8], raw: int, place: NDArray[np.int64]) -> No
 @compiled
 def checksum(payload: NDArray[np.uint8], data_id: int) -> int:
     """CRC of E2E profile 1 with both bytes of the data id."""
+    # low byte of the data id first, then the high one, then the payload (PRS_E2EProtocol, profile 1, BOTH)
     crc = crc_step(crc_step(0, data_id & 0xFF), data_id >> 8)
     for byte in payload:
         crc = crc_step(crc, byte)

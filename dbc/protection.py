@@ -106,6 +106,7 @@ class Checker:
         return finding
 
     def _foreign(self, data: bytes) -> Finding:
+        # only for broken frames: one checksum for each protected message of the database
         for name, neighbour in self._neighbours.items():
             if neighbour.intact(data):
                 self.claimed = name
@@ -118,14 +119,18 @@ class Checker:
             return Finding.OK  # nothing counts
         if self._counter is None:
             return Finding.INITIAL
+        # The counter alone gives the step modulo its number of values. The elapsed time, in cycles, gives the whole
+        # turns: `missed` is the number of missing frames that fits both best.
         step = (counter - self._counter) % self._counters
         cycles = (now_ns - self._heard_ns) / self._cycle_ns if self._cycle_ns else 0.0
         missed = round((cycles - step) / self._counters) * self._counters + step - 1
         if step == 1 and (missed <= 0 or abs(cycles - 1 - missed) > 1.0):
-            return Finding.OK  # also after a pause, unless that was whole turns of the counter
+            # also after a pause that is not whole turns of the counter: then nothing is known to be lost
+            return Finding.OK
         if missed > self._most_lost or 1 < step <= self._most_lost + 1:
             self.lost = max(missed, step - 1)
             return Finding.LOST
+        # two frames in sequence, both behind the last accepted one: the sender was restarted, not its frames delayed
         if self._goes_on_from_stale(counter) and cycles > 0.5:
             return Finding.RESTARTED
         return Finding.REPEATED if step == 0 else Finding.REORDERED

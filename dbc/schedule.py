@@ -1,4 +1,4 @@
-"""When which frame goes out: each message at its DBC cycle time, with a fixed phase.
+"""Schedules the cyclic frames of one sender: each message at its DBC cycle time, with a fixed phase.
 
 Slower messages are spread over the ticks so that no tick carries more frames than it must.
 Cycle times, protection and ranges come from the DBC; units are checked against it at start-up.
@@ -29,6 +29,7 @@ class FrameSchedule:
     ) -> None:
         """sources: names of the values in the order of the vector that `pack` takes."""
         _check_complete(database, sender, messages)
+        # fast messages first: they load every tick, and slow ones can still be placed between them
         codecs = sorted((database.by_name[name] for name in messages), key=lambda codec: codec.cycle_ns)
         cycles = [_ticks(codec, tick_ns) for codec in codecs]
         self._packer = Packer([(codec, messages[codec.name]) for codec in codecs], sources)
@@ -51,6 +52,7 @@ def phases(cycles: Sequence[int]) -> list[int]:
     load = [0] * math.lcm(*cycles)
     chosen = []
     for every in cycles:
+        # greedy: exact balancing is a packing problem, and a few messages do not need it
         phase = min(range(every), key=lambda phase: max(load[phase::every]))
         for tick in range(phase, len(load), every):
             load[tick] += 1

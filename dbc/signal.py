@@ -1,4 +1,4 @@
-"""One signal of a DBC message: where its bits lie and what they mean.
+"""One signal of a DBC message: the place of its bits and their meaning.
 
 physical = raw * scale + offset, with raw unsigned, two's complement or an IEEE 754 float.
 """
@@ -17,33 +17,26 @@ _NOT_AVAILABLE = "not_available"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signal:
-    """A signal as the DBC defines it.
-
-    start: DBC start bit; of the least significant bit (Intel) or the most significant one (Motorola).
-    scale, offset: both int where both are whole, which keeps integer signals integers.
-    minimum, maximum: physical range, None where the DBC gives none.
-    start_value: raw value that is sent before there is any other (GenSigStartValue), None where the DBC gives none.
-    multiplexer, multiplexer_ids: the signal and its values under which this one is present.
-    """
+    """A signal as the DBC defines it."""
 
     name: str
-    start: int
-    length: int
+    start: int  # DBC start bit: of the least significant bit (Intel) or the most significant one (Motorola)
+    length: int  # bits
     big_endian: bool = False
     signed: bool = False
     is_float: bool = False
-    scale: int | float = 1
-    offset: int | float = 0
-    minimum: int | float | None = None
+    scale: int | float = 1  # int, as the offset, where both are whole: this keeps integer signals integers
+    offset: int | float = 0  # physical value of raw 0
+    minimum: int | float | None = None  # of the physical range; None where the DBC gives none
     maximum: int | float | None = None
-    start_value: int | float | None = None
-    unit: str = ""
+    start_value: int | float | None = None  # raw value sent before there is any other (GenSigStartValue)
+    unit: str = ""  # of the physical value, as the DBC writes it
     comment: str = ""
     receivers: tuple[str, ...] = ()
-    choices: Mapping[int, str] = field(default_factory=dict)
+    choices: Mapping[int, str] = field(default_factory=dict)  # value table: raw value -> name
     is_multiplexer: bool = False
-    multiplexer: str | None = None
-    multiplexer_ids: frozenset[int] = frozenset()
+    multiplexer: str | None = None  # the signal that selects this one
+    multiplexer_ids: frozenset[int] = frozenset()  # values of the multiplexer under which this one is present
 
     def __post_init__(self) -> None:
         if self.is_float and self.length not in _FLOAT_BITS:

@@ -1,6 +1,6 @@
-"""Units as DBC files write them, and the SI unit each stands for.
+"""Units as DBC files write them, and the SI unit of each, for `dbc.binding`.
 
-SI value = DBC value * factor. Units with an offset (degC) are left out: nothing of ours needs one.
+SI value = DBC value * factor. Units with an offset (degC) are left out: one factor cannot convert them.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""The receiver's view of one message over time: what was wrong with its frames, and whether its values are valid.
+"""Supervises one received message over time, for ECU, gateway and bench: troubles of its frames, validity of its values.
 
 `Checker` judges a frame; a watch adds what only time shows (late, silent) and the state machine of AUTOSAR's
 end-to-end protocol (PRS_E2EProtocol, E2E state machine): a window of the last judgements decides whether the
@@ -50,10 +50,10 @@ class State(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """Good judgements that a state needs at least, and bad ones that it bears at most, of the last WINDOW."""
+    """Conditions of a state on the last WINDOW judgements."""
 
-    least_good: int
-    most_bad: int
+    least_good: int  # good judgements that it needs
+    most_bad: int  # bad judgements that it tolerates
 
 
 RULES: Final = {State.INIT: Rules(1, 0), State.VALID: Rules(7, 1), State.INVALID: Rules(9, 0)}
@@ -81,7 +81,7 @@ class Watch:
         self.state = State.NO_DATA
         self.counts: Counter[Trouble] = Counter()
         self.frames = 0
-        self.claimed = ""  # the message that the last masqueraded frame really is
+        self.claimed = ""  # the message whose data id fits the last masqueraded frame
         self._checker = Checker(codec) if codec.protection is not None else None
         self._heard_ns: int | None = None
         self._silent = False
@@ -120,6 +120,7 @@ class Watch:
             return None
         self._silent = True
         self.counts[Trouble.SILENT] += 1
+        # as if a whole window of neither good nor bad had come: a silent message loses its validity
         for _ in range(WINDOW):
             self._judge(None)
         return Trouble.SILENT
@@ -137,6 +138,7 @@ class Watch:
         if self.state is State.NO_DATA:
             self.state = State.INIT
         rules = RULES[self.state]
+        # until the window has filled once, one good frame is enough: a start must not take ten cycles
         enough = self._good >= (rules.least_good if len(window) == WINDOW else 1)
         if enough and self._bad <= rules.most_bad:
             self.state = State.VALID

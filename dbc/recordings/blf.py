@@ -1,7 +1,8 @@
-"""Reads BLF, Vector's binary log, through python-can's reader, and goes on behind what is damaged.
+"""Reads BLF, Vector's binary log, through python-can's reader, and continues behind damaged places.
 
-A BLF is a header and containers of deflated objects; an object may go on in the next container. python-can's reader ends at the first place
-that it cannot read; here it begins again at the next container, with the first object that begins in there.
+A BLF is a header and containers of deflated objects; an object may continue in the next container. python-can's
+reader ends at the first unreadable place; here it restarts at the next container, with the first object that
+begins in there.
 """
 
 import mmap
@@ -45,6 +46,7 @@ def read_blf(file: BinaryIO) -> Iterator[Any]:
             if whole and broken is None:
                 return
             broken = broken or damage
+            # +4: past the signature of the object at `at`, so that the search makes progress
             for found in _CONTAINER_BEGINS.finditer(content, at + 4):
                 if resumed := _from_first_object(content, found.start()):
                     start = found.start()
@@ -55,6 +57,7 @@ def read_blf(file: BinaryIO) -> Iterator[Any]:
             source = _Source(file, header + resumed, _behind(content, start))
 
 
+# python-can takes a file object and no position; this gives it the header, then the rest from any place.
 class _Source:
     """What python-can's reader takes for a file: bytes that are given, then those of the file from `start` on."""
 
@@ -73,7 +76,7 @@ class _Source:
 
 
 def _object_before(content: mmap.mmap, at: int, position: int) -> tuple[int, bool]:
-    """Begin of the object that a reader has just read that began at the object `at` and came to `position`, and whether it is whole."""
+    """Begin of the last object that a reader, which started at the object `at`, had read when it came to `position`; whether it is whole."""
     while at + _OBJECT.size <= len(content):
         signature, _, _, length, _ = _OBJECT.unpack_from(content, at)
         if signature != b"LOBJ" or length < _OBJECT.size or at + length > len(content):
@@ -87,16 +90,18 @@ def _object_before(content: mmap.mmap, at: int, position: int) -> tuple[int, boo
 def _behind(content: mmap.mmap, at: int) -> int:
     """Where python-can looks for the object that follows the one at `at`."""
     length: int = _OBJECT.unpack_from(content, at)[3]
+    # not padded to 4: python-can skips length % 4 bytes, and this must agree with it
     return at + length + length % 4
 
 
 def _from_first_object(content: mmap.mmap, at: int) -> bytes:
-    """The container at `at`, not deflated and from the first object on that begins in it; nothing where that cannot be."""
+    """The container at `at`, inflated, from the first object that begins in it; empty if there is none or it is damaged."""
     length = _OBJECT.unpack_from(content, at)[3]
     body = content[at + _OBJECT.size : at + length]
     objects = body[_CONTAINER.size :]
     if body[:2] == _DEFLATED.to_bytes(2, "little"):
         try:
+            # a decompressobj returns what it has, also when the stream is cut off
             objects = zlib.decompressobj().decompress(objects)
         except zlib.error:
             return b""

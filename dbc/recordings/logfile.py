@@ -38,15 +38,12 @@ _SHORTEST_LINE = 10  # (0) c 123#
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """What could not be read, and where: `at` is the number of a line from 1, or of a byte from 0.
+    """A place of a recording that could not be read."""
 
-    at_end: the file breaks off there, nothing between its frames is missing.
-    """
-
-    at: int
+    at: int  # number of a line, from 1, or of a byte, from 0
     reason: str
-    unit: Literal["line", "byte"] = "line"
-    at_end: bool = False
+    unit: Literal["line", "byte"] = "line"  # what `at` counts
+    at_end: bool = False  # the file breaks off there; nothing between its frames is missing
 
     def __str__(self) -> str:
         return f"{self.unit} {self.at}: {self.reason}{'; skipped' if self.unit == 'line' else ''}"
@@ -54,22 +51,17 @@ class Damage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameTable:
-    """The frames of a recording, one row each, in the order of the file.
+    """The frames of a recording, one row each, in the order of the file."""
 
-    time_ns: (n,) int64; can_id: (n,) uint32 `can_id` words; length: (n,) uint8; flags: (n,) uint8 CAN FD flags;
-    data: (n, 64) uint8, zero beyond length ((n, 8) when no frame is longer); channel: (n,) uint8 index into channels.
-    damaged: the first 100 damaged places; damaged_count: how many there were.
-    """
-
-    time_ns: NDArray[np.int64]
-    can_id: NDArray[np.uint32]
-    length: NDArray[np.uint8]
-    flags: NDArray[np.uint8]
-    data: NDArray[np.uint8]
-    channel: NDArray[np.uint8]
+    time_ns: NDArray[np.int64]  # (n,) stamps as recorded: since 1970 or since a machine's start
+    can_id: NDArray[np.uint32]  # (n,) Linux `can_id` words
+    length: NDArray[np.uint8]  # (n,) data bytes
+    flags: NDArray[np.uint8]  # (n,) CAN FD flags
+    data: NDArray[np.uint8]  # (n, 64), zero beyond `length`; (n, 8) when no frame is longer
+    channel: NDArray[np.uint8]  # (n,) index into `channels`
     channels: tuple[str, ...]
-    damaged: tuple[Damage, ...] = ()
-    damaged_count: int = 0
+    damaged: tuple[Damage, ...] = ()  # the first DAMAGE_SHOWN damaged places
+    damaged_count: int = 0  # all damaged places
 
     def __len__(self) -> int:
         return int(self.time_ns.size)
@@ -110,6 +102,7 @@ class _Part:
 def _parse(text: bytes, width: int = candump.CLASSIC_BYTES) -> _Part:
     """Parse whole lines; `width` is the room for data, widened when a CAN FD frame comes."""
     kinds = (np.int64, np.uint32, np.uint8, np.uint8, np.uint8, np.uint8)
+    # an upper bound by the shortest possible line, so that the parser never has to grow its arrays
     rows = len(text) // _SHORTEST_LINE + 1
     shapes = (rows, rows, rows, rows, (rows, width), rows)
     columns = tuple(np.zeros(shape, kind) for shape, kind in zip(shapes, kinds, strict=True))
@@ -196,7 +189,7 @@ def parse_candump(text: bytes) -> FrameTable:
 
 
 def read_candump(path: str | Path, progress: Callable[[int, int], None] | None = None) -> FrameTable:
-    """Read a log, plain or gzip-compressed; `progress` hears bytes read and bytes in all (of the file on disk).
+    """Read a log, plain or gzip-compressed; `progress` receives bytes read and bytes in all (of the file on disk).
 
     LogError when the file cannot be opened, or holds something but not one frame.
     """
@@ -227,12 +220,13 @@ def read_candump(path: str | Path, progress: Callable[[int, int], None] | None =
 
 
 def _parsed(texts: Iterator[bytes]) -> Iterator[_Part]:
-    """Each text parsed, in order, on as many threads as there are processors: the parser holds no lock."""
+    """Each text parsed, in order, on as many threads as there are processors; the compiled parser releases the GIL."""
     workers = os.cpu_count() or 1
     with ThreadPoolExecutor(workers) as pool:
         waiting: deque[Future[_Part]] = deque()
         for text in texts:
             waiting.append(pool.submit(_parse, text))
+            # a bounded queue: a file of gigabytes is not held in memory as text
             if len(waiting) > workers:
                 yield waiting.popleft().result()
         for future in waiting:
@@ -240,7 +234,7 @@ def _parsed(texts: Iterator[bytes]) -> Iterator[_Part]:
 
 
 def _whole_lines(pieces: Iterator[bytes], breaks: list[str]) -> Iterator[bytes]:
-    """The pieces, cut at ends of lines; what follows the last end of a line is half a frame and dropped.
+    """The pieces, cut at ends of lines; text after the last line end is half a frame and is dropped.
 
     breaks: receives the reason if that happens.
     """
@@ -275,6 +269,7 @@ def _pieces(file: BinaryIO) -> Iterator[bytes]:
 
 def _inflated(raw: Iterator[bytes]) -> Iterator[bytes]:
     """Decompressed gzip members; EOFError or zlib.error only after all that could be read."""
+    # not the gzip module: it raises at a cut-off end before it has given out the data that it could read
     member = zlib.decompressobj(_GZIP_FORMAT)
     taken = given = 0
     for block in raw:

@@ -1,4 +1,4 @@
-"""Reads CAN bus logging from MF4 files (ASAM MDF 4, bus logging) through asammdf, a column at a time."""
+"""Reads CAN frames from MF4 files (ASAM MDF 4, bus logging) through asammdf, a column at a time."""
 
 import gc
 import io
@@ -59,7 +59,7 @@ def _opened(source: Any, path: Path) -> Any:
     except _UNREADABLE as error:
         reason = str(error) or type(error).__name__
     finally:
-        gc.collect()  # asammdf's destructor trips over what its constructor did not get to; nobody needs to see that
+        gc.collect()  # now, while messages are muted: asammdf's destructor fails on a half-built object
         sys.unraisablehook = before
     raise LogError(f"{path}: the MF4 cannot be read: {reason}")
 
@@ -117,6 +117,7 @@ def _samples(mdf: Any, name: str, group: int, wanted: int) -> Any:
     """The first records of a group, as many as can be read; None if that is none."""
     if (found := _get(mdf, name, group, wanted)) is not None:
         return found
+    # bisection: asammdf raises for a range with one bad record, and does not say which
     readable, broken, best = 0, wanted, None
     while broken - readable > 1:
         count = (readable + broken) // 2
@@ -165,6 +166,7 @@ def _joined(parts: list[tuple[NDArray[Any], ...]], damaged: tuple[Damage, ...]) 
     time_ns, can_id, length, flags, data, number = (
         np.concatenate(column) for column in zip(*widened, strict=True)
     )
+    # groups are separate in the file (data, error, remote frames): merged by time
     order = np.argsort(time_ns, kind="stable")
     numbers, channel = np.unique(number, return_inverse=True)
     data = np.where(np.arange(data.shape[1]) < length[:, np.newaxis], data, 0)

@@ -1,11 +1,11 @@
 """Reads a recording of CAN frames, whatever its format, into one FrameTable.
 
-candump logs, plain or gzip-compressed, by our own parser (`dbc.recordings.logfile`); BLF and ASC through python-can;
-MF4 bus logging through asammdf, column by column. The content decides, not the suffix.
+candump logs, plain or gzip-compressed, are read by our own parser (`dbc.recordings.logfile`); BLF and ASC through
+python-can; MF4 bus logging through asammdf, column by column. The content decides, not the suffix.
 
-python-can gives stamps in float seconds, which near today's date resolve 0.24 µs: they are rounded to the
-microsecond, as candump writes them. Error frames of BLF, ASC and MF4 carry no error bits, only that there was one.
-A cut or damaged place is reported once, with its line or byte; everything before it is kept, and after a damaged line or a damaged place of a BLF too.
+Error frames of BLF, ASC and MF4 carry no error bits, only that there was one. A cut or damaged place is reported
+once, with its line or byte. Frames before it are kept; after a damaged line or a damaged place of a BLF also those
+behind it.
 """
 
 import re
@@ -113,8 +113,10 @@ class _Rows:
             raise LogError("more than 256 different channels")
         extended = EXTENDED if message.is_extended_id and not error else 0
         fd = FD | BRS * message.bitrate_switch | ESI * message.error_state_indicator if message.is_fd else 0
+        # python-can gives float seconds, which near today's date resolve 0.24 µs: rounded to the microsecond
         self._time_ns.append(round(message.timestamp * 1e6) * _MICROSECOND)
         self._can_id.append(message.arbitration_id | extended | REMOTE * remote | ERROR * error)
+        # a remote frame has no data, but a length
         self._length.append(message.dlc if remote else len(data))
         self._flags.append(fd)
         self._channel.append(number)
@@ -189,7 +191,7 @@ class _NumberedLines:
         self._resumed = True
 
     def close(self) -> None:
-        """The reader has done with it; the file belongs to whoever opened it."""
+        """Does nothing: the file belongs to its opener, and the reader closes what it was given."""
 
     def __iter__(self) -> Self:
         return self
@@ -226,7 +228,7 @@ def _read_asc(path: Path, progress: Progress | None) -> FrameTable:
                 break
             except LogError:
                 raise
-            except Exception as error:  # python-can's reader trips over damaged lines in many ways
+            except Exception as error:  # python-can's reader fails on damaged lines in many ways
                 rows.add_damage(Damage(lines.number, f"not a frame: {error}"))
                 lines.resume()
                 messages = iter(reader)

@@ -1,4 +1,4 @@
-"""Writes candump logs (`candump -L`): one text line per frame, readable by can-utils, python-can and us."""
+"""Writes candump logs (`candump -L`): one text line per frame, readable by can-utils, python-can and loaderhil."""
 
 from pathlib import Path
 
