@@ -1,4 +1,4 @@
-"""What one run showed, judged from its folder: roll-over, timing, the expectations of its scenario, and what a reader must not overlook."""
+"""Judges one run from its folder, for `run` and the campaigns: roll-over, timing, expectations of its scenario, remarks."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -22,29 +22,25 @@ from testbench.expect.expectations import Expectation, judge_all
 from testbench.expect.table import expectations_of
 
 NODE_OF = {process: node for node, process in NODES.items()}
-"""The node of the DBC that stands on each side."""
+"""Side of the bench -> node of the DBC."""
 REMARKABLE_SHARE = 0.01
-"""Share of a run in a state that is not *running*, from which on the summary says so."""
+"""Share of a run that the ECU spent outside *running* from which on the summary mentions it."""
 _REMARKABLE = ("init", "degraded", "fault", "not_available")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conclusion:
-    """One run with all that is concluded from it.
-
-    ending, reason: how the run itself ended. seen: roll-over, None where there is no truth to judge it by. verdicts: of the bench
-    on the run; expectations: of the scenario. remarks: facts that are no verdict. duration_s: simulated time.
-    """
+    """One run with its verdicts."""
 
     name: str
     folder: Path
-    ending: Ending
-    reason: str = ""
-    seen: RunVerdict | None = None
-    verdicts: tuple[Verdict, ...] = ()
-    expectations: tuple[Verdict, ...] = ()
-    remarks: tuple[str, ...] = ()
-    duration_s: float = 0.0
+    ending: Ending  # how the run itself ended, whatever the verdicts say
+    reason: str = ""  # why it ended so; empty for a complete run
+    seen: RunVerdict | None = None  # roll-over; None without the plant's truth
+    verdicts: tuple[Verdict, ...] = ()  # the bench's own: warning, foreign nodes, senders, timing
+    expectations: tuple[Verdict, ...] = ()  # on the [[expect]] tables
+    remarks: tuple[str, ...] = ()  # facts that are no verdict
+    duration_s: float = 0.0  # simulated time [s]
 
     @property
     def everything(self) -> tuple[Verdict, ...]:
@@ -54,6 +50,7 @@ class Conclusion:
 
 def conclude(name: str, choice: Choice, folder: Path, result: RunResult) -> Conclusion:
     """Judge the run in `folder`, and note the verdicts on the expectations in its run.json."""
+    # a run that did not end by itself has incomplete files: expectations would be judged on a part of it
     if result.ending is not Ending.PASSED:
         return Conclusion(name=name, folder=folder, ending=result.ending, reason=result.reason)
     run = RunDirectory.read(folder)
@@ -76,6 +73,7 @@ def conclude(name: str, choice: Choice, folder: Path, result: RunResult) -> Conc
 def _verdicts(run: RunDirectory, seen: RunVerdict | None) -> Iterator[Verdict]:
     """The bench's own verdicts on a run."""
     if seen is not None and seen.lifted:
+        # only where a wheel lifted: without lift-off there is nothing that a warning could precede
         yield judge_warning(seen)
     for side in run.record.foreign:
         node = NODE_OF[side]
@@ -105,6 +103,7 @@ def expectations_for(choice: Choice) -> tuple[Expectation, ...]:
 
 def judge_expectations(run: RunDirectory, choice: Choice) -> tuple[Verdict, ...]:
     """The verdicts on all expectations of a choice."""
+    # the age at which this machine takes its own safe values is a property of its equipment file
     stale_s = choice.load().equipment.obedience.stale_after
     return judge_all(expectations_for(choice), Evidence.of(run, stale_s))
 
@@ -120,6 +119,7 @@ def remarks(run: RunDirectory, seen: RunVerdict | None) -> Iterable[str]:
     if seen is not None and seen.rolled_over_s is not None:
         yield f"the machine rolled over at {seen.rolled_over_s:.2f} s"
     status = run.messages.get("EcuStatus")
+    # frames before time zero are those of an ECU that waits for its machine
     if status is None or not (during := status.time_s >= 0).any():
         yield "no EcuStatus on the bus: the state of the ECU is not known"
         return
@@ -149,6 +149,8 @@ def exit_code(verdicts: Iterable[Verdict], expectations: Iterable[Verdict] = (),
     """
     expected = {verdict.result for verdict in expectations}
     bad = {Result.FAILED, Result.INCONCLUSIVE} if strict else {Result.FAILED}
+    # expectations are the user's criteria: one that cannot be judged never passes. The bench's own verdicts may be
+    # inconclusive on a busy host without making the run fail, unless the user asked for it.
     if Result.FAILED in expected or any(verdict.result in bad for verdict in verdicts):
         return Ending.FAILED
     return Ending.INCONCLUSIVE if Result.INCONCLUSIVE in expected else Ending.PASSED

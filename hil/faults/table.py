@@ -1,4 +1,4 @@
-"""The `[[fault]]` tables of a scenario, and of a file or command with faults alone, checked against the DBC.
+"""Reads the `[[fault]]` tables of a scenario, of a file of faults and of live commands, checked against the DBC.
 
 The plant's reader of scenarios leaves these tables to the bench.
 """
@@ -8,7 +8,7 @@ import fnmatch
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from configuration import CheckedTable
+from configuration import CheckedTable, reader_of, tables_of
 from dbc.database import Database, MessageCodec
 from hil.faults import corruption, lateness, loss, processes, signals, traffic
 from hil.faults.passage import NODES, Fault, Selection, Settings
@@ -40,34 +40,24 @@ KINDS: Mapping[str, Reader] = {
     "kill": _alone(processes.read_kill),
 }
 WITHOUT_MESSAGES = ("bus_off", "kill")
-"""Kinds that strike a node or a process, not messages."""
+"""Kinds that affect a node or a process, not messages."""
 
 
 def faults_of(file: Path, database: Database, *, alone: bool = False) -> tuple[Fault, ...]:
     """The faults of a TOML file in its order; ConfigurationError names file, key, value, unit and range.
 
-    alone: the file is to hold faults and nothing else; otherwise it is a scenario and they may be missing.
+    alone: the file holds faults and nothing else; otherwise it is a scenario and they may be missing.
     """
-    table = CheckedTable.from_file(file)
-    faults = tuple(read_fault(each, database) for each in table.tables("fault"))
-    if alone:
-        if not faults:
-            raise table.error("fault", "is missing: a file of faults has [[fault]] tables")
-        table.finish()
-    return faults
+    return tables_of(file, "fault", lambda table: read_fault(table, database), alone=alone, plural="faults")
 
 
 def read_fault(table: CheckedTable, database: Database) -> Fault:
-    """One table."""
-    kind = table.text("kind")
-    if kind not in KINDS:
-        near = difflib.get_close_matches(kind, KINDS, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(KINDS)}"
-        raise table.error("kind", f"= {kind!r} is no kind of fault; {hint}")
+    """The fault of one [[fault]] table. ConfigurationError if it is not valid."""
+    read, kind = reader_of(table, KINDS, "fault"), table.text("kind")
     at_s = table.number("at_s", unit="s", low=0.0, high=LONGEST_S, default=0.0)
     for_s = table.number("for_s", unit="s", low=1e-3, high=LONGEST_S) if "for_s" in table else None
     selection = Selection() if kind in WITHOUT_MESSAGES else _selection(table, database)
-    settings = KINDS[kind](table, selection)
+    settings = read(table, selection)
     table.finish()
     return Fault(
         kind=kind,
@@ -80,10 +70,10 @@ def read_fault(table: CheckedTable, database: Database) -> Fault:
 
 
 def _label(kind: str, values: Mapping[str, object]) -> str:
-    """The fault in the words of its table, without its times."""
-    said = {key: value for key, value in values.items() if key not in ("kind", "at_s", "for_s")}
-    message = [str(said.pop("message"))] if "message" in said else []
-    return " ".join([kind, *message, *(f"{key}={_shown(value)}" for key, value in said.items())])
+    """Description of a fault: kind, message and parameters of its table, without its times."""
+    kept = {key: value for key, value in values.items() if key not in ("kind", "at_s", "for_s")}
+    message = [str(kept.pop("message"))] if "message" in kept else []
+    return " ".join([kind, *message, *(f"{key}={_shown(value)}" for key, value in kept.items())])
 
 
 def _shown(value: object) -> str:
@@ -109,7 +99,8 @@ def _selection(table: CheckedTable, database: Database) -> Selection:
 
 
 def matching(pattern: str, database: Database) -> Sequence[MessageCodec]:
-    """The messages that a name means: the one of that name, those that begin so, or those of a pattern with *."""
+    """The messages of a name: the one so called, else those that begin with it, or those that match a pattern with *."""
+    # an exact name first: "Limits" must not also mean a message "LimitsExtended"
     if pattern in database.by_name:
         return [database.by_name[pattern]]
     glob = pattern if set(pattern) & set("*?[") else f"{pattern}*"

@@ -1,4 +1,4 @@
-"""Conditions on one signal, `RollOver.State >= warning`: one grammar wherever they are written."""
+"""Conditions on one signal, such as `RollOver.State >= warning`, one grammar for all their users."""
 
 import operator
 import re
@@ -25,16 +25,12 @@ _FORM: Final = re.compile(r"^\s*([\w.]+)\s*(==|!=|>=|<=|>|<)\s*(\S+)\s*(\S*)\s*$
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A signal compared with a value in the signal's unit.
+    """A signal compared with a value. A sample that is not available never fulfils it."""
 
-    A sample that is not available never fulfils it: a value table's `not_available` is often the largest number, and no
-    state beyond *warning*. Only == and != may name it.
-    """
-
-    text: str
+    text: str  # as written, for reports
     signal: AnySignal
     operator: str
-    value: float
+    value: float  # in the signal's unit
 
     @classmethod
     def parse(cls, text: str, database: Database) -> Self:
@@ -53,7 +49,10 @@ class Condition:
 
     def holds(self, values: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Where it holds, shape of `values`; NaN never fulfils a condition, not even !=."""
+        # numpy's != is true for NaN
         known = ~np.isnan(values)
+        # A value table's `not_available` is often its largest number, but no state beyond *warning*: it must not
+        # fulfil >=. Only == and != may name it.
         if self.operator not in ("==", "!=") and (absent := self.signal.absent) is not None:
             known &= values != absent
         return known & np.asarray(_OPERATORS[self.operator](values, self.value), bool)

@@ -1,4 +1,4 @@
-"""What a run left, as expectations look at it."""
+"""The data of a run by which expectations are judged."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,18 +16,18 @@ from hil.rundir import BUS, RunDirectory
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """messages, truth: see `RunDirectory`, with frames from before the machine's first tick left out.
+    """Recordings of one run, read once for all expectations."""
 
-    faults: what was injected. duration_s: simulated time that was recorded. limits_stale_s: age of a Limits frame beyond
-    which the machine takes its own safe values [s]. frames: of the machine's bus; `Columns.rows` are its rows.
-    """
-
-    messages: Mapping[str, Columns]
-    truth: Mapping[str, NDArray[np.float64]]
+    messages: Mapping[
+        str, Columns
+    ]  # decoded frames by message, without those before the machine's first tick
+    truth: Mapping[str, NDArray[np.float64]]  # columns of the plant's truth, SI
     faults: tuple[Injected, ...]
-    duration_s: float
-    limits_stale_s: float = 0.05
-    frames: FrameTable | None = None
+    duration_s: float  # simulated time that was recorded [s]
+    limits_stale_s: float = (
+        0.05  # age of a Limits frame beyond which the machine takes its own safe values [s]
+    )
+    frames: FrameTable | None = None  # raw frames of the machine's bus; `Columns.rows` are its rows
 
     @classmethod
     def of(cls, run: RunDirectory, limits_stale_s: float = 0.05) -> Self:
@@ -43,7 +43,7 @@ class Evidence:
 
 
 def _frames(run: RunDirectory) -> FrameTable | None:
-    """The frames of the machine's bus, None where there is no log; what is wrong with it is among the run's problems."""
+    """The frames of the machine's bus; None without a readable log, which the run's problems then name."""
     try:
         return read_candump(run.path / BUS)
     except (LogError, OSError):
@@ -51,7 +51,7 @@ def _frames(run: RunDirectory) -> FrameTable | None:
 
 
 def _from_start(columns: Columns) -> Columns:
-    """Without what was on the bus before time zero: an ECU that waits for its machine."""
+    """The columns without frames before time zero, which an ECU sends while it waits for its machine."""
     kept = columns.time_s >= 0
     if kept.all():
         return columns
@@ -60,5 +60,5 @@ def _from_start(columns: Columns) -> Columns:
 
 
 def _last(run: RunDirectory) -> float:
-    """The last stamp of the bus [s]; of a run that did not end by itself."""
+    """The last stamp of the bus [s], for a run that was killed: its record says no duration."""
     return max((float(c.time_s[-1]) for c in run.messages.values() if c.time_s.size), default=0.0)

@@ -27,15 +27,15 @@ class Expectation(Protocol):
 
     @property
     def question(self) -> str:
-        """What is expected, in words."""
+        """The expectation in plain text, as reports print it."""
 
     def judge(self, evidence: Evidence) -> Verdict:
-        """Whether it was so."""
+        """The verdict on a run."""
 
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """The part of a run that an expectation is about [s]; both ends included."""
+    """The part of a run in which an expectation is judged [s]; both ends included."""
 
     from_s: float = 0.0
     to_s: float = math.inf
@@ -68,13 +68,13 @@ def open_question(question: str, reason: str) -> Verdict:
 
 
 def nothing_of(signal: AnySignal, window: Window) -> str:
-    """Why there is nothing to judge by."""
+    """The reason of a verdict for which no sample exists."""
     return f"no {signal.name}{window}"
 
 
 @dataclass(frozen=True, slots=True)
 class NoLiftOff:
-    """Every wheel stays on the ground, by the plant's truth; shorter contact losses than 50 ms are wheel hop."""
+    """Every wheel stays on the ground, by the plant's truth; contact losses shorter than 50 ms count as wheel hop."""
 
     window: Window = Window()
 
@@ -124,13 +124,13 @@ class NoRollOver:
 
 @dataclass(frozen=True, slots=True)
 class InBounds:
-    """A signal stays within bounds; excursions of at most `ignore_s` are passed over. A value that is not available is outside."""
+    """A signal stays within bounds. A value that is not available is outside."""
 
     signal: AnySignal
-    minimum: float
+    minimum: float  # in the signal's unit; -inf: no bound
     maximum: float
     window: Window = Window()
-    ignore_s: float = 0.0
+    ignore_s: float = 0.0  # excursions of at most this length are ignored [s]
 
     @property
     def question(self) -> str:
@@ -144,8 +144,10 @@ class InBounds:
         seen = self.window.of(series) if series is not None else None
         if seen is None or not seen.time_s.size:
             return open_question(self.question, nothing_of(self.signal, self.window))
-        outside = ~((seen.values >= self.minimum) & (seen.values <= self.maximum))  # not <: NaN is outside
-        worst = longest_stretch(seen.time_s, outside, self.ignore_s)
+        outside = ~(
+            (seen.values >= self.minimum) & (seen.values <= self.maximum)
+        )  # written so that NaN is outside
+        worst = longest_excursion(seen.time_s, outside, self.ignore_s)
         if worst is None:
             low, high = np.nanmin(seen.values), np.nanmax(seen.values)
             return passed(self.question, f"{self.signal.shown(low)} to {self.signal.shown(high)}")
@@ -157,19 +159,18 @@ class InBounds:
         )
 
 
-def longest_stretch(
+def longest_excursion(
     time_s: NDArray[np.float64], condition: NDArray[np.bool_], ignore_s: float
 ) -> tuple[int, int] | None:
-    """First and last index of the longest unbroken stretch of `condition` that lasts longer than `ignore_s`.
-
-    A stretch lasts until the next sample that ends it, so that a single bad sample lasts one period; with ignore_s = 0 it counts.
-    """
+    """First and last index of the longest unbroken interval of `condition` that lasts longer than `ignore_s` [s]."""
     edges = np.diff(np.concatenate(([False], condition, [False])).astype(np.int8))
     starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
     if not starts.size:
         return None
+    # an interval lasts until the first sample after it: a single bad sample lasts one period, not zero
     until = time_s[np.minimum(stops + 1, time_s.size - 1)]
     lasts = until - time_s[starts]
+    # with ignore_s = 0 every excursion counts, also the one at the last sample, whose length is not known
     if ignore_s > 0:
         kept = lasts > ignore_s + ROUNDING_S
         starts, stops, lasts = starts[kept], stops[kept], lasts[kept]
@@ -210,19 +211,19 @@ class InStates:
             return open_question(self.question, nothing_of(self.signal, self.window))
         inside = np.isin(seen.values, self.states)
         share = float(inside.mean())
-        told = f"{100 * share:.1f} % of {inside.size} frames"
+        found = f"{100 * share:.1f} % of {inside.size} frames"
         if share >= self.least_share:
-            return passed(self.question, told)
+            return passed(self.question, found)
         first = int(np.argmin(inside))
         return failed(
             self.question,
-            f"{told}; {self.signal.shown(float(seen.values[first]))} at {seen.time_s[first]:.2f} s",
+            f"{found}; {self.signal.shown(float(seen.values[first]))} at {seen.time_s[first]:.2f} s",
         )
 
 
 @dataclass(frozen=True, slots=True)
 class Reached:
-    """A condition comes to hold within the window, unbroken for at least `for_s`."""
+    """A condition becomes true within the window, and then stays true for at least `for_s` [s]."""
 
     condition: Condition
     window: Window
@@ -252,7 +253,7 @@ def _range_of(signal: AnySignal, seen: Series) -> str:
 
 
 def begins(series: Series, holds: NDArray[np.bool_], for_s: float = 0.0) -> NDArray[np.float64]:
-    """When a condition begins to hold [s], where it then holds unbroken for at least `for_s`."""
+    """The times [s] at which a condition becomes true and then stays true for at least `for_s` [s]."""
     edges = np.diff(np.concatenate(([False], holds, [False])).astype(np.int8))
     starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
     lasts = series.time_s[stops] - series.time_s[starts] >= for_s - SLACK_S
@@ -261,7 +262,7 @@ def begins(series: Series, holds: NDArray[np.bool_], for_s: float = 0.0) -> NDAr
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """Each time `cause` begins to hold, `effect` holds within a time: the answer to a step or to an event."""
+    """Each time `cause` becomes true, `effect` is true within a time: the response to a step or to an event."""
 
     cause: Condition
     effect: Condition
@@ -277,6 +278,7 @@ class Response:
         for condition, series in ((self.cause, causes), (self.effect, effects)):
             if series is None:
                 return open_question(self.question, nothing_of(condition.signal, Window()))
+        # for mypy; the loop above returned where one is None
         assert causes is not None
         assert effects is not None
         came_s = begins(causes, self.cause.holds(causes.values))
@@ -285,6 +287,7 @@ class Response:
             return open_question(self.question, f"{self.cause} never came{self.window}")
         delays = response_delays(came_s, effects, self.effect.holds(effects.values))
         worst = int(np.argmax(delays))
+        # judged by the worst case: one late response fails the expectation
         times = f"{came_s.size} times" if came_s.size > 1 else "once"
         if delays[worst] <= self.within_s + ROUNDING_S:
             return passed(self.question, f"{times}, after {1e3 * delays[worst]:.1f} ms at most")
@@ -324,21 +327,18 @@ class Reaction:
         if not took_ns.size:
             return open_question(self.question, "no sample was echoed")
         within = float(np.mean(took_ns <= round(self.within_s * 1e9)))
-        told = f"{100 * within:.1f} % of {took_ns.size}, slowest {took_ns.max() * 1e-6:.1f} ms"
-        return passed(self.question, told) if within >= self.share else failed(self.question, told)
+        found = f"{100 * within:.1f} % of {took_ns.size}, slowest {took_ns.max() * 1e-6:.1f} ms"
+        return passed(self.question, found) if within >= self.share else failed(self.question, found)
 
 
 @dataclass(frozen=True, slots=True)
 class LimitsObeyed:
-    """The machine keeps to the limits of the ECU, by the truth.
+    """The machine keeps to the limits of the ECU, by the truth. A limit counts `settle_s` after it was sent."""
 
-    A limit counts `settle_s` after it was sent, and each quantity may exceed it by its tolerance [SI]: the machine governs its speed
-    down over several km/h and cylinders have inertia.
-    """
-
-    settle_s: float = 1.0
-    speed_tolerance: float = 4.0 / 3.6
-    rate_tolerance: float = math.radians(2.0)
+    settle_s: float = 1.0  # [s]
+    # The machine's governor reduces the speed over several km/h, and cylinders have inertia: hence tolerances.
+    speed_tolerance: float = 4.0 / 3.6  # [m/s]
+    rate_tolerance: float = math.radians(2.0)  # of the articulation [rad/s]
     window: Window = Window()
 
     @property
@@ -349,13 +349,14 @@ class LimitsObeyed:
         limits, truth = evidence.messages.get("Limits"), evidence.truth
         if limits is None or "speed" not in truth or not truth["time_s"].size:
             return open_question(self.question, "no Limits on the bus, or no truth of the machine")
-        told = []
+        worst_of_each = []
         for name, signal, scale, tolerance in (
             ("speed", "Speed", 1 / 3.6, self.speed_tolerance),
             ("articulation_rate", "ArticulationRate", math.radians(1.0), self.rate_tolerance),
         ):
             raw = np.asarray(limits.signals[signal], float)
             highest = limits.codec.by_signal[signal].maximum
+            # raw values above the DBC's maximum mean "no limit" or "not available"
             allowed = np.where(raw > (highest or np.inf), np.inf, raw * scale)
             time_s = np.asarray(truth["time_s"], float)
             inside = (time_s >= self.window.from_s) & (time_s <= self.window.to_s)
@@ -371,17 +372,16 @@ class LimitsObeyed:
             text = f"{name.replace('_', ' ')} {amount} {side} the limit"
             if over[worst] > tolerance:
                 return failed(self.question, f"{text} at {time_s[inside][worst]:.2f} s")
-            told.append(text)
-        return passed(self.question, "at worst " + ", ".join(told))
+            worst_of_each.append(text)
+        return passed(self.question, "at worst " + ", ".join(worst_of_each))
 
 
 def _lately(
     sent_s: NDArray[np.float64], allowed: NDArray[np.float64], time_s: NDArray[np.float64], settle_s: float
 ) -> NDArray[np.float64]:
-    """At each time the most generous limit that was in force within the last `settle_s`; inf before the first."""
-    first = (
-        np.searchsorted(sent_s, time_s - settle_s + ROUNDING_S, side="right") - 1
-    )  # in force at the beginning
+    """At each time the highest limit that was in force within the last `settle_s` [s]; inf before the first."""
+    # index of the limit in force at the begin of the last `settle_s`
+    first = np.searchsorted(sent_s, time_s - settle_s + ROUNDING_S, side="right") - 1
     last = np.searchsorted(sent_s, time_s, side="right") - 1
     found = np.full(time_s.size, np.inf)
     for row in np.flatnonzero(first >= 0):

@@ -1,4 +1,4 @@
-"""Named signals of a run: `Message.Signal` from the bus, `truth.FIELD` from the plant; for expectations and conditions."""
+"""Finds signals of a run by name, for expectations and conditions: `Message.Signal` on the bus, `truth.FIELD` in the plant."""
 
 import difflib
 from collections.abc import Mapping
@@ -22,11 +22,11 @@ _PARTS: Final = {2: SIDES, 3: AXES, 4: WHEELS}
 
 
 class SignalError(UserError, ValueError):
-    """A signal or condition means nothing here; the message says what there is."""
+    """A signal or condition does not exist; the message lists what does."""
 
 
 class Source(Protocol):
-    """Where the values of signals come from: a finished run, or one that is still being driven."""
+    """The origin of the values: a finished run, or one that is still running."""
 
     @property
     def messages(self) -> Mapping[str, Columns]:
@@ -39,10 +39,10 @@ class Source(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """A signal over time: stamps (n,) [s] on the clock of the run, values (n,) in the signal's unit, NaN: not available."""
+    """A signal over time."""
 
-    time_s: NDArray[np.float64]
-    values: NDArray[np.float64]
+    time_s: NDArray[np.float64]  # (n,) stamps [s] on the clock of the run
+    values: NDArray[np.float64]  # (n,) in the signal's unit; NaN: not available
 
     def between(self, from_s: float, to_s: float) -> "Series":
         """The samples from `from_s` to `to_s`, both included."""
@@ -84,15 +84,17 @@ class BusSignal:
             return None
         values = np.asarray(columns.signals[self.signal.name], float)
         missing = self.signal.not_available
+        # a signal with a value table keeps its `not_available` as a number: conditions may name it
         if missing is not None and not self.signal.choices:
             absent = missing * self.signal.scale + self.signal.offset
+            # compared with half a step of the raw value: the decoded float need not equal the product exactly
             values = np.where(
                 np.isclose(values, absent, rtol=0.0, atol=abs(self.signal.scale) / 2), np.nan, values
             )
         return Series(columns.time_s, values)
 
     def shown(self, value: float) -> str:
-        """A value as a person reads it: its name in the value table, or the number with its unit."""
+        """A value as text: its name in the value table, or the number with its unit."""
         if value != value:
             return "not available"
         label = self.signal.choices.get(round(value)) if float(value).is_integer() else None
@@ -101,10 +103,10 @@ class BusSignal:
 
 @dataclass(frozen=True, slots=True)
 class TrueSignal:
-    """A field of the plant's truth in SI; part: which number of a vector, None of a scalar."""
+    """A field of the plant's truth, SI."""
 
     field: str
-    part: int | None
+    part: int | None  # index into a vector; None: the field is a scalar
 
     @property
     def name(self) -> str:

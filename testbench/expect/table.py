@@ -1,13 +1,13 @@
-"""The [[expect]] tables of a scenario, or of a file with expectations alone, checked against the DBC and the plant's truth."""
+"""Reads the [[expect]] tables of a scenario, or of a file of expectations, checked against the DBC and the plant's truth."""
 
-import difflib
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from configuration import CheckedTable
+from configuration import CheckedTable, reader_of, tables_of
 from dbc.database import Database
 from testbench.expect.condition import Condition, value_of
+from testbench.expect.detections import WITNESSES, Detected, Witness
 from testbench.expect.expectations import (
     Expectation,
     InBounds,
@@ -20,7 +20,6 @@ from testbench.expect.expectations import (
     Response,
     Window,
 )
-from testbench.expect.notices import WITNESSES, Noticed, Witness
 from testbench.expect.signals import AnySignal, SignalError, find_signal
 
 LONGEST_S = 86_400.0
@@ -30,25 +29,17 @@ Reader = Callable[[CheckedTable, Window, Database], Expectation]
 def expectations_of(file: Path, database: Database, *, alone: bool = False) -> tuple[Expectation, ...]:
     """The expectations of a TOML file in its order; ConfigurationError names file, key, value, unit and range.
 
-    alone: the file is to hold expectations and nothing else; otherwise it is a scenario and they may be missing.
+    alone: the file holds expectations and nothing else; otherwise it is a scenario and they may be missing.
     """
-    table = CheckedTable.from_file(file)
-    expectations = tuple(read_expectation(each, database) for each in table.tables("expect"))
-    if alone:
-        if not expectations:
-            raise table.error("expect", "is missing: a file of expectations has [[expect]] tables")
-        table.finish()
-    return expectations
+    return tables_of(
+        file, "expect", lambda table: read_expectation(table, database), alone=alone, plural="expectations"
+    )
 
 
 def read_expectation(table: CheckedTable, database: Database) -> Expectation:
-    """One table."""
-    kind = table.text("kind")
-    if kind not in KINDS:
-        near = difflib.get_close_matches(kind, KINDS, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(KINDS)}"
-        raise table.error("kind", f"= {kind!r} is no kind of expectation; {hint}")
-    expectation = KINDS[kind](table, _window(table), database)
+    """The expectation of one [[expect]] table. ConfigurationError if it is not valid."""
+    read = reader_of(table, KINDS, "expectation", RENAMED)
+    expectation = read(table, _window(table), database)
     table.finish()
     return expectation
 
@@ -143,7 +134,8 @@ def _limits_obeyed(table: CheckedTable, window: Window, _: Database) -> Expectat
     )
 
 
-def _noticed(table: CheckedTable, _: Window, database: Database) -> Expectation:
+def _detected(table: CheckedTable, _: Window, database: Database) -> Expectation:
+    # a number chooses by position, a text by the begin of the fault's description; absent: all faults
     fault = table.values.get("fault", "")
     chosen: int | str
     if isinstance(fault, int) and not isinstance(fault, bool):
@@ -159,7 +151,7 @@ def _noticed(table: CheckedTable, _: Window, database: Database) -> Expectation:
             witness = Condition.parse(by, database)
         except SignalError as error:
             raise table.error("by", f"is none of {', '.join(WITNESSES)}, and {error}") from None
-    return Noticed(chosen, witness, _milliseconds(table, "within_ms"))
+    return Detected(chosen, witness, _milliseconds(table, "within_ms"))
 
 
 KINDS: Mapping[str, Reader] = {
@@ -171,5 +163,7 @@ KINDS: Mapping[str, Reader] = {
     "response": _response,
     "reaction": _reaction,
     "limits_obeyed": _limits_obeyed,
-    "noticed": _noticed,
+    "detected": _detected,
 }
+RENAMED: Mapping[str, str] = {"noticed": "detected"}
+"""Old name of a kind -> its name; scenario files with the old name stay readable."""

@@ -1,4 +1,4 @@
-"""Expectations of whole runs in lockstep: exit code, summary, JSON, JUnit, and who noticed a fault."""
+"""Expectations of whole runs in lockstep: exit code, summary, JSON, JUnit, and who detected a fault."""
 
 import json
 from xml.etree import ElementTree as ET
@@ -32,7 +32,7 @@ NEVER = '[[expect]]\nkind = "response"\ncause = "RollOver.State == lifted"\neffe
 
 
 @pytest.fixture
-def told(tmp_path, capsys):
+def result_of(tmp_path, capsys):
     """Runs a scenario with these tables at its end: ending, what was printed, run directory."""
 
     def tell(tables, output=Output(), **choice):  # noqa: B008
@@ -55,16 +55,16 @@ def told(tmp_path, capsys):
         (NEVER + TOO_FAST, Ending.FAILED),
     ],
 )
-def test_the_exit_code_is_that_of_the_expectations(told, tables, ending):
-    found, text, out = told(tables)
+def test_the_exit_code_is_that_of_the_expectations(result_of, tables, ending):
+    found, text, out = result_of(tables)
     assert found is ending
     assert len(read_record(out).expectations) == tables.count("[[expect]]")
     if TOO_FAST in tables:
         assert "FAILED       BodyMotion.Speed <= 1 m/s from 1 s on: 2." in text
 
 
-def test_json_is_the_only_output_and_junit_agrees(told, tmp_path):
-    ending, text, _ = told(GOES_WELL + TOO_FAST + NEVER, Output(json=True, junit=tmp_path / "new" / "j.xml"))
+def test_json_is_the_only_output_and_junit_agrees(result_of, tmp_path):
+    ending, text, _ = result_of(GOES_WELL + TOO_FAST + NEVER, Output(json=True, junit=tmp_path / "new" / "j.xml"))
     content = json.loads(text)
     assert content["exit_code"] == ending == Ending.FAILED
     results = [case["result"] for case in content["suites"][0]["cases"]]
@@ -82,9 +82,9 @@ def test_a_machine_that_rolls_over_is_said(tmp_path):
     assert [text[:24] for text in concluded.remarks] == ["the machine rolled over "]
 
 
-def test_an_ecu_in_fault_is_said(told):
+def test_an_ecu_in_fault_is_mentioned_in_the_summary(result_of):
     fault = '[[fault]]\nkind = "offset"\nmessage = "BodyAcceleration"\nsignal = "Vertical"\noffset = -60.0\nunit = "m/s2"\nat_s = 0.1\n'
-    _, text, _ = told(fault + '[[expect]]\nkind = "state"\nis = "running"\nfrom_s = 1.0\n')
+    _, text, _ = result_of(fault + '[[expect]]\nkind = "state"\nis = "running"\nfrom_s = 1.0\n')
     assert "the ECU was in state" in text
     assert "FAILED       EcuStatus.State is running" in text
 
@@ -108,17 +108,17 @@ QUIETLY = '[[fault]]\nkind = "offset"\nmessage = "BodyRates"\nsignal = "YawRate"
         (DROP.replace("at_s = 1.0", "at_s = 10.0"), "ecu", 500, Result.INCONCLUSIVE),
     ],
 )
-def test_who_noticed_a_fault_and_when(tmp_path, fault, by, within_ms, result):
-    expected = f'[[expect]]\nkind = "noticed"\nby = "{by}"\nwithin_ms = {within_ms}\n'
+def test_who_detected_a_fault_and_when(tmp_path, fault, by, within_ms, result):
+    expected = f'[[expect]]\nkind = "detected"\nby = "{by}"\nwithin_ms = {within_ms}\n'
     (tmp_path / "drive.toml").write_text(DRIVE + fault + expected)
     choice = Choice(scenario=str(tmp_path / "drive.toml"))
     concluded = conclude("drive", choice, tmp_path / "out", run_lockstep(choice, tmp_path / "out"))
     assert [verdict.result for verdict in concluded.expectations] == [result], concluded.expectations
 
 
-def test_expectations_of_a_file_are_added(told, tmp_path):
+def test_expectations_of_a_file_are_added(result_of, tmp_path):
     (tmp_path / "more.toml").write_text(TOO_FAST)
-    ending, _, out = told(GOES_WELL, expect=tmp_path / "more.toml")
+    ending, _, out = result_of(GOES_WELL, expect=tmp_path / "more.toml")
     assert ending is Ending.FAILED
     assert len(read_record(out).expectations) == 3
 

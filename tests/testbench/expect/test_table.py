@@ -41,7 +41,7 @@ least_percent = 99
 kind = "limits_obeyed"
 settle_s = 0.5
 [[expect]]
-kind = "noticed"
+kind = "detected"
 fault = "drop WheelSpeeds"
 by = "Warnings.InputStale > 0"
 within_ms = 300
@@ -52,6 +52,13 @@ def read(tmp_path, text, alone=True):
     file = tmp_path / "criteria.toml"
     file.write_text(text)
     return expectations_of(file, loader_database(), alone=alone)
+
+
+def test_the_old_name_of_a_kind_is_still_read(tmp_path):
+    tables = [f'[[expect]]\nkind = "{kind}"\nwithin_ms = 5' for kind in ("noticed", "detected")]
+    old, new = read(tmp_path, "\n".join(tables))
+    assert old == new
+    assert "detected by the ecu" in old.question
 
 
 def test_every_kind_is_read(tmp_path):
@@ -76,7 +83,7 @@ def test_every_kind_is_read(tmp_path):
         ('[[expect]]\nkind = "state"', r"is is missing"),
         ('[[expect]]\nkind = "state"\nis = []', r"neither a text or number"),
         ('[[expect]]\nkind = "state"\nis = "runing"', r"its values are init, running"),
-        ('[[expect]]\nkind = "noticed"\nby = "driver"\nwithin_ms = 5', r"none of ecu, machine, bench"),
+        ('[[expect]]\nkind = "detected"\nby = "driver"\nwithin_ms = 5', r"none of ecu, machine, bench"),
         ('[[expect]]\nkind = "reaction"', r"within_ms is missing"),
         ('[[fault]]\nkind = "drop"', r"expect is missing"),
     ],
