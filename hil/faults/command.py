@@ -1,6 +1,7 @@
-"""`loaderhil inject`: options of the command that sends faults to the control socket of a running gateway."""
+"""`loaderhil inject`: the command that sends faults to the control socket of a running gateway."""
 
 import re
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,24 +26,16 @@ def seconds(text: str) -> float:
     return float(match[1]) * UNITS[match[2]]
 
 
-def fault_table(said: dict[str, Any]) -> dict[str, Any]:
-    """The [[fault]] table for the options that were given; `said` has None for the others."""
-    given = {key: value for key, value in said.items() if value is not None}
-    table: dict[str, Any] = {}
-    for key, value in given.items():
-        if key in ("at_s", "for_s"):
-            table[key] = seconds(value)
-        elif key in ("delay_ms", "jitter_ms", "gap_ms"):
-            table[key] = seconds(value) * 1e3
-        elif key == "interval_us":
-            table[key] = seconds(value) * 1e6
-        elif key == "signals":
-            table[key] = value.split(",")
-        elif key == "identifier":
-            table[key] = _whole(value)
-        else:
-            table[key] = value
-    return table
+def _milliseconds(text: str) -> float:
+    return seconds(text) * 1e3
+
+
+def _microseconds(text: str) -> float:
+    return seconds(text) * 1e6
+
+
+def _names(text: str) -> list[str]:
+    return text.split(",")
 
 
 def _whole(text: str) -> int:
@@ -52,174 +45,134 @@ def _whole(text: str) -> int:
         raise NoSuchValue(f"--identifier {text!r} is no number; write 291 or 0x123") from None
 
 
+READ: Mapping[str, Callable[[str], Any]] = {
+    "at_s": seconds,
+    "for_s": seconds,
+    "delay_ms": _milliseconds,
+    "jitter_ms": _milliseconds,
+    "gap_ms": _milliseconds,
+    "interval_us": _microseconds,
+    "signals": _names,
+    "identifier": _whole,
+}
+"""Keys of a [[fault]] table whose option is a text of another form: durations carry their unit on the command line."""
+
+KEYS: Mapping[str, str] = {
+    "in_": "at_s",
+    "for_": "for_s",
+    "side": "from",
+    "delay": "delay_ms",
+    "jitter": "jitter_ms",
+    "gap": "gap_ms",
+    "interval": "interval_us",
+}
+"""Parameters of `inject` that are named otherwise than the key of the [[fault]] table that they fill."""
+
+NOT_OF_THE_FAULT = ("control", "listing", "clear", "number")
+"""Parameters of `inject` that choose the action and the gateway."""
+
+
+def fault_table(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The [[fault]] table of the options by key; None stands for an option that was not given."""
+    return {
+        key: READ[key](value) if key in READ else value for key, value in given.items() if value is not None
+    }
+
+
+def _parameter(name: str, metavar: str | None, text: str) -> Any:
+    """An option for a parameter that only some kinds of fault have; `text` begins with those kinds."""
+    return typer.Option(name, metavar=metavar, rich_help_panel=PARAMETERS, help=text)
+
+
+# The options, by name and with their help, so that the signature of the command stays short enough to read.
+Kind = Annotated[
+    str | None, typer.Argument(metavar="KIND", help="Kind of fault: drop, delay, freeze and others.")
+]
+Message = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="MESSAGE",
+        help="Messages that the fault changes: a name, the start of names, or a pattern with *.",
+    ),
+]
+Control = Annotated[Path, typer.Option("--control", metavar="PATH", help="Control socket of the gateway.")]
+Listing = Annotated[bool, typer.Option("--list", help="List the faults of the gateway and their state.")]
+Clear = Annotated[bool, typer.Option("--clear", help="End every fault, or the one of --number.")]
+Number = Annotated[
+    int | None, typer.Option("--number", metavar="N", help="With --clear: end only the fault of this number.")
+]
+For = Annotated[
+    str | None,
+    typer.Option("--for", metavar="DURATION", help="Duration of the fault; by default until it is cleared."),
+]
+In = Annotated[str | None, typer.Option("--in", metavar="DURATION", help="Delay before the fault begins.")]
+From = Annotated[
+    str | None,
+    typer.Option("--from", metavar="SIDE", help="Change only the frames of this side: plant or ecu."),
+]
+Probability = Annotated[float | None, _parameter("--probability", "P", "Probability for each frame, 0 to 1.")]
+Delay = Annotated[str | None, _parameter("--delay", "DURATION", "For delay: by how much.")]
+Jitter = Annotated[str | None, _parameter("--jitter", "DURATION", "For jitter: the largest random delay.")]
+Depth = Annotated[
+    int | None, _parameter("--depth", "N", "For reorder: number of frames that overtake a frame.")
+]
+Copies = Annotated[int | None, _parameter("--copies", "N", "For repeat: number of copies.")]
+Gap = Annotated[str | None, _parameter("--gap", "DURATION", "For repeat: time between copies.")]
+Bits = Annotated[int | None, _parameter("--bits", "N", "For corrupt: number of bits to flip.")]
+ValidCrc = Annotated[
+    bool | None,
+    _parameter("--valid-crc", None, "For corrupt: compute a CRC that fits the changed bits."),
+]
+Signal = Annotated[
+    str | None, _parameter("--signal", "NAME", "For freeze, offset and spike: the signal to change.")
+]
+Signals = Annotated[str | None, _parameter("--signals", "A,B", "For swap: the two signals.")]
+Offset = Annotated[
+    float | None, _parameter("--offset", "X", "For offset: value to add, in the unit of the signal.")
+]
+Height = Annotated[float | None, _parameter("--height", "X", "For spike: height, in the unit of the signal.")]
+Unit = Annotated[
+    str | None,
+    _parameter("--unit", "UNIT", "For offset and spike: the unit you mean; an error if the DBC has another."),
+]
+Every = Annotated[int | None, _parameter("--every", "N", "For spike: change one frame in N.")]
+Interval = Annotated[str | None, _parameter("--interval", "DURATION", "For babble: time between frames.")]
+Identifier = Annotated[
+    str | None, _parameter("--identifier", "ID", "For babble: identifier of the frames, as 291 or 0x123.")
+]
+Node = Annotated[str | None, _parameter("--node", "SIDE", "For bus_off: plant or ecu.")]
+Process = Annotated[str | None, _parameter("--process", "SIDE", "For kill: plant or ecu.")]
+
+
 def inject(
-    kind: Annotated[
-        str | None, typer.Argument(metavar="KIND", help="Kind of fault: drop, delay, freeze and others.")
-    ] = None,
-    message: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="MESSAGE",
-            help="Messages that the fault changes: a name, the start of names, or a pattern with *.",
-        ),
-    ] = None,
-    control: Annotated[
-        Path, typer.Option("--control", metavar="PATH", help="Control socket of the gateway.")
-    ] = CONTROL,
-    listing: Annotated[
-        bool, typer.Option("--list", help="List the faults of the gateway and their state.")
-    ] = False,
-    clear: Annotated[bool, typer.Option("--clear", help="End every fault, or the one of --number.")] = False,
-    number: Annotated[
-        int | None,
-        typer.Option("--number", metavar="N", help="With --clear: end only the fault of this number."),
-    ] = None,
-    for_: Annotated[
-        str | None,
-        typer.Option(
-            "--for", metavar="DURATION", help="Duration of the fault; by default until it is cleared."
-        ),
-    ] = None,
-    in_: Annotated[
-        str | None, typer.Option("--in", metavar="DURATION", help="Delay before the fault begins.")
-    ] = None,
-    side: Annotated[
-        str | None,
-        typer.Option("--from", metavar="SIDE", help="Change only the frames of this side: plant or ecu."),
-    ] = None,
-    probability: Annotated[
-        float | None,
-        typer.Option(
-            "--probability",
-            metavar="P",
-            rich_help_panel=PARAMETERS,
-            help="Probability for each frame, 0 to 1.",
-        ),
-    ] = None,
-    delay: Annotated[
-        str | None,
-        typer.Option(
-            "--delay", metavar="DURATION", rich_help_panel=PARAMETERS, help="For delay: by how much."
-        ),
-    ] = None,
-    jitter: Annotated[
-        str | None,
-        typer.Option(
-            "--jitter",
-            metavar="DURATION",
-            rich_help_panel=PARAMETERS,
-            help="For jitter: the largest random delay.",
-        ),
-    ] = None,
-    depth: Annotated[
-        int | None,
-        typer.Option(
-            "--depth",
-            metavar="N",
-            rich_help_panel=PARAMETERS,
-            help="For reorder: number of frames that overtake a frame.",
-        ),
-    ] = None,
-    copies: Annotated[
-        int | None,
-        typer.Option(
-            "--copies", metavar="N", rich_help_panel=PARAMETERS, help="For repeat: number of copies."
-        ),
-    ] = None,
-    gap: Annotated[
-        str | None,
-        typer.Option(
-            "--gap", metavar="DURATION", rich_help_panel=PARAMETERS, help="For repeat: time between copies."
-        ),
-    ] = None,
-    bits: Annotated[
-        int | None,
-        typer.Option(
-            "--bits", metavar="N", rich_help_panel=PARAMETERS, help="For corrupt: number of bits to flip."
-        ),
-    ] = None,
-    valid_crc: Annotated[
-        bool | None,
-        typer.Option(
-            "--valid-crc",
-            rich_help_panel=PARAMETERS,
-            help="For corrupt: compute a CRC that fits the changed bits.",
-        ),
-    ] = None,
-    signal: Annotated[
-        str | None,
-        typer.Option(
-            "--signal",
-            metavar="NAME",
-            rich_help_panel=PARAMETERS,
-            help="For freeze, offset and spike: the signal to change.",
-        ),
-    ] = None,
-    signals: Annotated[
-        str | None,
-        typer.Option(
-            "--signals", metavar="A,B", rich_help_panel=PARAMETERS, help="For swap: the two signals."
-        ),
-    ] = None,
-    offset: Annotated[
-        float | None,
-        typer.Option(
-            "--offset",
-            metavar="X",
-            rich_help_panel=PARAMETERS,
-            help="For offset: value to add, in the unit of the signal.",
-        ),
-    ] = None,
-    height: Annotated[
-        float | None,
-        typer.Option(
-            "--height",
-            metavar="X",
-            rich_help_panel=PARAMETERS,
-            help="For spike: height, in the unit of the signal.",
-        ),
-    ] = None,
-    unit: Annotated[
-        str | None,
-        typer.Option(
-            "--unit",
-            metavar="UNIT",
-            rich_help_panel=PARAMETERS,
-            help="For offset and spike: the unit you mean; an error if the DBC has another.",
-        ),
-    ] = None,
-    every: Annotated[
-        int | None,
-        typer.Option(
-            "--every", metavar="N", rich_help_panel=PARAMETERS, help="For spike: change one frame in N."
-        ),
-    ] = None,
-    interval: Annotated[
-        str | None,
-        typer.Option(
-            "--interval",
-            metavar="DURATION",
-            rich_help_panel=PARAMETERS,
-            help="For babble: time between frames.",
-        ),
-    ] = None,
-    identifier: Annotated[
-        str | None,
-        typer.Option(
-            "--identifier",
-            metavar="ID",
-            rich_help_panel=PARAMETERS,
-            help="For babble: identifier of the frames, as 291 or 0x123.",
-        ),
-    ] = None,
-    node: Annotated[
-        str | None,
-        typer.Option("--node", metavar="SIDE", rich_help_panel=PARAMETERS, help="For bus_off: plant or ecu."),
-    ] = None,
-    process: Annotated[
-        str | None,
-        typer.Option("--process", metavar="SIDE", rich_help_panel=PARAMETERS, help="For kill: plant or ecu."),
-    ] = None,
+    context: typer.Context,
+    kind: Kind = None,
+    message: Message = None,
+    control: Control = CONTROL,
+    listing: Listing = False,
+    clear: Clear = False,
+    number: Number = None,
+    for_: For = None,
+    in_: In = None,
+    side: From = None,
+    probability: Probability = None,
+    delay: Delay = None,
+    jitter: Jitter = None,
+    depth: Depth = None,
+    copies: Copies = None,
+    gap: Gap = None,
+    bits: Bits = None,
+    valid_crc: ValidCrc = None,
+    signal: Signal = None,
+    signals: Signals = None,
+    offset: Offset = None,
+    height: Height = None,
+    unit: Unit = None,
+    every: Every = None,
+    interval: Interval = None,
+    identifier: Identifier = None,
+    node: Node = None,
+    process: Process = None,
 ) -> None:
     """Inject faults into a running gateway, list them, or end them.
 
@@ -227,6 +180,7 @@ def inject(
     `loaderhil inject offset Articulation --signal ArticulationAngle --offset 5 --unit deg`,
     `loaderhil inject --list`, `loaderhil inject --clear`
     """
+    # imported here: `loaderhil --help` lists the commands without loading the sockets and the JSON reader
     from hil.ending import Ending
     from hil.faults.control import ControlUnavailable, ask
 
@@ -236,21 +190,26 @@ def inject(
         if listing:
             _print_list(ask(control, {"command": "list"})["faults"])
         elif clear:
-            cleared = ask(control, {"command": "clear"} | ({"number": number} if number is not None else {}))
-            print(f"cleared: {', '.join(map(str, cleared['cleared'])) or 'no fault was active'}")
+            chosen = {"number": number} if number is not None else {}
+            cleared = ask(control, {"command": "clear", **chosen})["cleared"]
+            print(f"cleared: {', '.join(map(str, cleared)) or 'no fault was active'}")
         else:
-            said = {
-                "kind": kind, "message": message, "from": side, "at_s": in_, "for_s": for_,
-                "probability": probability, "delay_ms": delay, "jitter_ms": jitter, "depth": depth,
-                "copies": copies, "gap_ms": gap, "bits": bits, "valid_crc": valid_crc, "signal": signal,
-                "signals": signals, "offset": offset, "height": height, "unit": unit, "every": every,
-                "interval_us": interval, "identifier": identifier, "node": node, "process": process,
-            }  # fmt: skip
-            answer = ask(control, {"command": "inject", "fault": fault_table(said)})
+            answer = ask(control, {"command": "inject", "fault": fault_table(_given(context))})
             print(f"fault {answer['number']}: {answer['fault']}")
     except ControlUnavailable as error:
         typer.echo(f"loaderhil: {error}", err=True)
         raise typer.Exit(Ending.HUB_LOST) from None
+
+
+def _given(context: typer.Context) -> dict[str, Any]:
+    """The options that describe the fault, by their key in the [[fault]] table.
+
+    The gateway checks them against the kind of fault: it alone knows its DBC.
+    """
+    # in the order of the declaration: click keeps the values in that of the command line, and a fault's
+    # description should not depend on it
+    names = [parameter.name or "" for parameter in context.command.params]
+    return {KEYS.get(name, name): context.params.get(name) for name in names if name not in NOT_OF_THE_FAULT}
 
 
 def _print_list(faults: list[dict[str, Any]]) -> None:

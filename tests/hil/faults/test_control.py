@@ -179,6 +179,16 @@ def test_the_command_injects_lists_and_clears(inject, served):
     assert inject("--clear").output == "cleared: no fault was active\n"
 
 
+def test_the_order_of_the_options_does_not_matter(inject, served):
+    options = ("--delay", "20ms"), ("--from", "ecu"), ("--for", "2s")
+    for number, ordered in enumerate((options, options[::-1]), start=1):
+        words = [word for option in ordered for word in option]
+        assert (
+            inject("delay", "Limits", *words).output
+            == f"fault {number}: delay Limits from=ecu delay_ms=20.0\n"
+        )
+
+
 def test_without_a_gateway_the_command_says_so(inject):
     result = inject("--list")
     assert result.exit_code == Ending.HUB_LOST
