@@ -25,11 +25,11 @@ from hil.verdict import Result
 
 DEFAULT_DBCS = ("loader.dbc", "reference.dbc", "j1939.dbc")
 WIDTH = 120
-"""Columns that the table needs: what a pipe gets."""
+"""Columns that the table needs; used where standard output is not a terminal."""
 
 
 def windowed(observer: Observer, from_s: float | None, to_s: float | None) -> Observer:
-    """The window narrowed to seconds after its start; LogError if nothing is left of it."""
+    """The observer with its window narrowed to [from_s, to_s] after its start; LogError if the window is then empty."""
     start_ns, end_ns = observer.start_ns, observer.end_ns
     begin_ns = start_ns + round(from_s * 1e9) if from_s is not None else start_ns
     stop_ns = min(start_ns + round(to_s * 1e9), end_ns) if to_s is not None else end_ns
@@ -51,7 +51,7 @@ def protect(databases: Sequence[Database], protections: Mapping[str, Protection]
 
 
 def print_summary(console: Console, recording: Path, done: Check) -> None:
-    """The verdicts as a table, and what was not judged."""
+    """Print the verdicts as a table, and the messages and frames that were not judged."""
     seconds = (done.observer.end_ns - done.observer.start_ns) * 1e-9
     console.print(f"{recording}: {seconds:.3f} s judged")
     console.print(table_of(done.messages, channels=several_channels(done.messages)))
@@ -75,7 +75,7 @@ def as_json(recording: Path, done: Check) -> str:
 
 
 def suite_of(recording: Path, done: Check) -> Suite:
-    """The verdict on each message, then the one on all of them, which alone decides."""
+    """The verdict on each message, which decides nothing, then the verdicts on all of them, which decide."""
     several = several_channels(done.messages)
     messages = [
         Case(

@@ -1,7 +1,6 @@
-"""What the frames of one message carry, against the DBC: length, CRC, counter, ranges, value tables. Pure: a table in, counts out.
+"""Compares the contents of the frames of one message with the DBC: length, CRC, counter, ranges, value tables. Pure.
 
-Only what the DBC says is judged: a message without E2EProfile has no CRC, a signal without a range no bounds. A value that the DBC
-calls not available is no breach of its range.
+Only the rules of the DBC are applied: a message without E2EProfile has no CRC, a signal without a range no bounds.
 """
 
 from collections.abc import Iterable
@@ -22,24 +21,21 @@ QUESTION = "every frame intact: length and CRC as the DBC says"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contents:
-    """Frames of one message, and how many break which rule; worst: the first breach of a range or value table in words.
-
-    outside: signal -> values outside its range; undefined: signal -> values that its value table does not name.
-    """
+    """Frames of one message, and how many break which rule."""
 
     name: str
     channel: str
-    frames: int
+    frames: int  # frames checked
     wrong_length: int = 0
     wrong_crc: int = 0
     wrong_counter: int = 0
-    outside: dict[str, int]
-    undefined: dict[str, int]
-    example: str = ""
+    outside: dict[str, int]  # signal -> number of values outside its range
+    undefined: dict[str, int]  # signal -> number of values that its value table does not name
+    example: str = ""  # the first of those values, in plain text
 
     @property
     def broken(self) -> list[str]:
-        """What was found against length and CRC; a receiver must not use such frames."""
+        """The counts of frames that a receiver must not use, as text; [] if there are none."""
         counts = (
             (self.wrong_length, "of wrong length"),
             (self.wrong_crc, "with a wrong CRC"),
@@ -54,6 +50,7 @@ def contents_of(
     """The counts of the rows of one message."""
     right = rows[table.length[rows] == codec.length]
     foreign_crc, never_sent = _protection(codec, table, right)
+    # values of frames with a wrong CRC mean nothing
     whole = right[~foreign_crc]
     outside, undefined, example = _values(codec, table, whole)
     return Contents(
@@ -116,6 +113,7 @@ def outside_range(signal: Signal, values: NDArray[np.float64]) -> NDArray[np.boo
     assert signal.maximum is not None
     slack = abs(signal.scale) / 2  # a bound need not lie on the signal's grid
     bad = (values < signal.minimum - slack) | (values > signal.maximum + slack)
+    # "not available" lies outside the range by design (J1939)
     if (absent := signal.not_available) is not None:
         bad &= np.abs(values - (absent * signal.scale + signal.offset)) > slack
     return bad

@@ -1,4 +1,4 @@
-"""Reads the frames to check, and the reasons to doubt them: lost frames, a busy host, injected faults."""
+"""Reads the frames to check from a recording or run directory, with the reasons to doubt them: losses, a busy host, faults."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -20,12 +20,12 @@ from hil.verdict import Result, Verdict
 
 PLANT_BUS, ECU_BUS = "plant bus", "ECU bus"
 BUSES = {PLANT_BUS: (rundir.BUS, "recorder"), ECU_BUS: (rundir.ECU_BUS, "ecu-recorder")}
-"""Log of each, and the process that wrote it."""
-GRAVITY = (Result.PASSED, Result.INCONCLUSIVE, Result.FAILED)
+"""Bus -> file in the run directory, and the process that wrote it."""
+SEVERITY = (Result.PASSED, Result.INCONCLUSIVE, Result.FAILED)
 
 
 def read_observed(recording: Path) -> tuple[FrameTable, Observer]:
-    """The frames and their observer; of a run directory: of its plant's bus, in the time in which its plant ticked."""
+    """The frames and their observer; of a run directory the plant's bus, during the time in which the plant ticked."""
     if recording.is_dir():
         return _read_bus(RunDirectory.read(recording), *BUSES[PLANT_BUS])
     table = read_frames(recording)
@@ -43,6 +43,7 @@ def _read_bus(run: RunDirectory, log: str, recorder: str) -> tuple[FrameTable, O
             starved_moment=starved_moment(timing),
             waits=waits_of_senders(run),
         )
+    # before its first tick the plant compiles, and after its last one processes end: nobody is late then
     if "plant_due_ns" in run.timing and (due := run.timing["plant_due_ns"]).size:
         observer = replace(observer, start_ns=int(due[0]), end_ns=int(due[-1]))
     elif FOREIGN_ZERO in run.record.statistics:
@@ -58,7 +59,7 @@ def punctuality_of(run: RunDirectory) -> Punctuality:
     unread = []
     for bus, (log, recorder) in BUSES.items():
         if bus != PLANT_BUS and not (run.path / log).exists():
-            continue  # without a gateway both hear the same
+            continue  # without a gateway there is one bus and one log
         try:
             table, observer = _read_bus(run, log, recorder)
         except LogError as error:
@@ -77,11 +78,9 @@ def punctuality_of(run: RunDirectory) -> Punctuality:
 
 
 def all_frames(checks: Mapping[str, Check], unread: Sequence[str], struck: int) -> Verdict:
-    """One verdict over the checks of several buses, by the name of each.
+    """One verdict over the checks of several buses, by name.
 
-    A fault that was injected may make frames late, and may hide that the bench was late by itself: with one that
-    struck frames, messages that were not in time decide nothing. unread: why a bus could not be read.
-    struck: injected faults that struck frames.
+    unread: why a bus could not be read. struck: number of injected faults that affected frames.
     """
     doubts = dict.fromkeys(
         [
@@ -95,13 +94,14 @@ def all_frames(checks: Mapping[str, Check], unread: Sequence[str], struck: int) 
     )
     if doubts:
         return doubtful([message for check in checks.values() for message in check.messages], list(doubts))
-    worst = max((check.overall.result for check in checks.values()), key=GRAVITY.index)
+    worst = max((check.overall.result for check in checks.values()), key=SEVERITY.index)
     reasons = [
         f"{bus}: {check.overall.reason}" if len(checks) > 1 else check.overall.reason
         for bus, check in checks.items()
         if check.overall.result is worst
     ]
+    # an injected fault may be why frames were late, and may hide that the bench itself was late
     if worst is Result.FAILED and struck:
         worst = Result.INCONCLUSIVE
-        reasons.insert(0, f"injected faults struck ({struck}) and may be why")
+        reasons.insert(0, f"injected faults affected frames ({struck} faults) and may be the cause")
     return Verdict(question=QUESTION, result=worst, reason="; ".join(reasons))

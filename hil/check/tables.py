@@ -1,4 +1,4 @@
-"""Deadline verdicts as a table for the terminal."""
+"""Formats deadline verdicts as a table for the terminal, for `check` and the summary of `run`."""
 
 from collections.abc import Sequence
 
@@ -42,5 +42,5 @@ def table_of(messages: Sequence[Judged], *, channels: bool) -> Table:
 
 
 def several_channels(messages: Sequence[Judged]) -> bool:
-    """Whether it has to be said on which channel a message was."""
+    """Whether the messages come from more than one channel, so that the table needs a column for it."""
     return len({one.channel for one in messages}) > 1

@@ -46,6 +46,7 @@ class ControlServer(Closing):
         self._path = path
         self._clients: dict[int, socket.socket] = {}
         self._listener = _listen(path)
+        # an epoll of its own, so that the gateway waits on one descriptor, whatever the number of clients
         self._epoll = select.epoll()
         self._epoll.register(self._listener, select.EPOLLIN)
 
@@ -64,6 +65,7 @@ class ControlServer(Closing):
     def _accept(self) -> None:
         with contextlib.suppress(BlockingIOError):
             client, _ = self._listener.accept()
+            # refused, not queued: descriptors of the gateway's process are limited
             if len(self._clients) >= CLIENTS_LIMIT:
                 client.close()
                 return
@@ -74,11 +76,13 @@ class ControlServer(Closing):
     def _answer(self, descriptor: int) -> None:
         client = self._clients[descriptor]
         try:
-            packet = client.recv(REQUEST_LIMIT + 1)  # the kernel cuts off what is longer
+            # One byte more than permitted, so that `read_object` sees that a packet is too long; of a
+            # SOCK_SEQPACKET the kernel discards the rest.
+            packet = client.recv(REQUEST_LIMIT + 1)
             if packet:
                 client.send(_packed(self._reply(packet)))
                 return
-        except OSError:  # it went away, or does not read its answers
+        except OSError:  # the client has gone, or does not read its answers
             pass
         self._epoll.unregister(client)
         client.close()
@@ -148,6 +152,7 @@ def _listen(path: Path) -> socket.socket:
                 raise ControlUnavailable(f"{path}: no socket can be made here: {error.strerror}") from error
             _remove_stale(path)
             listener.bind(name)
+        # whoever can write to the socket can falsify the bench: its owner only
         path.chmod(stat.S_IRUSR | stat.S_IWUSR)
         listener.listen(CLIENTS_LIMIT)
     except BaseException:

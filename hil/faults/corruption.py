@@ -1,4 +1,4 @@
-"""Faults that flip bits: as a disturbed line does, or as a defect sender does, with a CRC that fits."""
+"""Faults that flip bits: like a disturbed line, or like a defective sender, whose CRC is valid."""
 
 import random
 from collections.abc import Sequence
@@ -16,14 +16,12 @@ PROTECTION_BITS = 12
 
 @dataclass(frozen=True, slots=True)
 class Corrupt:
-    """`bits` different random bits of a frame are flipped, with a probability.
+    """Random bits of a frame are flipped, with a probability."""
 
-    valid_crc: CRC and counter are spared and the CRC is made to fit, so that only plausibility can notice.
-    Messages without protection have no CRC: there the two are the same.
-    """
-
-    probability: float
-    bits: int
+    probability: float  # for each frame, 0 to 1
+    bits: int  # number of different bits
+    # CRC and counter are not flipped, and the CRC is computed anew: only a plausibility check can detect the
+    # fault. Messages without protection have no CRC; for them the setting makes no difference.
     valid_crc: bool
 
     def effect(self, generator: random.Random) -> Effect:

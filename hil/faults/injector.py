@@ -1,7 +1,7 @@
-"""The faults of a run at work: every frame between plant and ECU passes here.
+"""Applies the faults of a run: every frame between plant and ECU passes here, in lockstep and in real time.
 
 Pure: frames and stamps in, frames, departures and actions out. No clock; equal faults, seed and calls
-give equal answers. Time runs forward: a call with an earlier stamp than the last one counts as at the last one.
+give equal answers. A call with an earlier stamp than the last one counts as made at the last one.
 
 Faults act one after the other in the order of their numbers, each on what the ones before it left.
 """
@@ -19,13 +19,13 @@ from hil.faults.passage import OTHER, Action, Effect, Fault, Planned, Side
 from hil.faults.table import SECOND, read_fault
 
 FAULTS_LIMIT = 500
-"""Faults of one run, those that are over included: each is kept for the record."""
+"""Faults of one run, including those that are over: each is kept for the record."""
 REMEMBERED = 4096
 """Identifiers whose message is remembered."""
 
 
 class Phase(Enum):
-    """Where a fault is in its life; DRAINING: over, but frames that it delayed are still under way."""
+    """State of a fault; DRAINING: over, but frames that it delayed have not all been sent."""
 
     WAITING = "waiting"
     ACTIVE = "active"
@@ -35,13 +35,13 @@ class Phase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class FaultEvent:
-    """A fault began or ended; struck: frames so far that did not pass unchanged, and those made."""
+    """A fault began or ended."""
 
-    at_ns: int
+    at_ns: int  # on the caller's clock
     number: int
     label: str
-    what: str
-    struck: int
+    what: str  # "begins", "ends" or "cleared"
+    struck: int  # frames affected so far: changed, dropped, delayed, or made by the fault
 
 
 @dataclass(slots=True, eq=False)
@@ -52,13 +52,13 @@ class _Running:
     fault: Fault
     effect: Effect
     begins_ns: int
-    ends_ns: int | None
+    ends_ns: int | None  # None: until it is cleared
     phase: Phase = Phase.WAITING
-    struck: int = 0
-    first_ns: int | None = None
+    struck: int = 0  # frames affected so far
+    first_ns: int | None = None  # when it affected the first frame
 
     def strike(self, at_ns: int, count: int) -> None:
-        """Note that the fault did something to, or made, so many frames."""
+        """Count `count` frames that the fault changed or made."""
         self.struck += count
         if count and self.first_ns is None:
             self.first_ns = at_ns
@@ -66,7 +66,7 @@ class _Running:
 
 @dataclass(slots=True)
 class _Outbox:
-    """What waits to be fetched."""
+    """Frames and actions that the caller has not fetched yet."""
 
     frames: list[tuple[Side, Frame]] = field(default_factory=list)
     actions: list[Action] = field(default_factory=list)
@@ -90,16 +90,17 @@ class Injector:
         self.events: list[FaultEvent] = []
 
     def start(self, now_ns: int) -> None:
-        """The run begins; the scripted faults count their times from here."""
+        """Start the run; the scripted faults count their times from `now_ns`."""
         self._now_ns = now_ns
         for number, fault in enumerate(self._scripted, start=1):
             self._add(number, fault, now_ns)
         self._advance(now_ns)
 
     def pass_frame(self, side_from: Side, frame: Frame, now_ns: int) -> Sequence[Planned]:
-        """What becomes of a frame from one side: the frames that go on to the other, and when."""
+        """The frames to send to the other side in place of `frame`, and when."""
         now_ns = self._advance(now_ns)
         planned: Sequence[Planned] = (Planned(now_ns, frame),)
+        # the usual case, and the whole cost of an injector without active faults
         if not self._acting:
             return planned
         concerned = self._concerned.get((side_from, frame.can_id))
@@ -121,7 +122,7 @@ class Injector:
         return [(OTHER[side_from], frame) for side_from, frame in frames]
 
     def actions(self, now_ns: int) -> list[Action]:
-        """What has to be done to processes by `now_ns`."""
+        """Actions on processes that are due by `now_ns`; each is given once."""
         self._advance(now_ns)
         actions, self._outbox.actions = self._outbox.actions, []
         return actions
@@ -134,18 +135,18 @@ class Injector:
         return min((t for t in (*times, self._change_ns) if t is not None), default=None)
 
     def finish(self, now_ns: int) -> None:
-        """The run is over, and with it every fault."""
+        """End the run and every fault that is still active."""
         now_ns = self._advance(now_ns)
         for running in self._acting:
             if running.phase is Phase.ACTIVE:
                 self._end(running, now_ns, "ends")
 
     def first_struck_ns(self, number: int) -> int | None:
-        """When a fault first did something to a frame, None if it has not yet."""
+        """When a fault first affected a frame; None if it has not yet."""
         return next((r.first_ns for r in self._running if r.number == number), None)
 
     def command(self, request: Mapping[str, object], now_ns: int | None = None) -> dict[str, object]:
-        """Do what a live command asks for; the answer has `ok`, and `error` where it is false.
+        """Obey a live command. The answer has `ok`, and `error` where it is false.
 
         now_ns: None stands for the stamp of the last call.
 
@@ -197,6 +198,8 @@ class Injector:
 
     def _add(self, number: int, fault: Fault, zero_ns: int) -> _Running:
         begins_ns = zero_ns + fault.at_ns
+        # A generator per fault, seeded by its number: a fault that is added or removed does not change the random
+        # choices of the others.
         generator = random.Random(f"{self._seed}/{number}")
         running = _Running(
             number=number,
@@ -206,14 +209,16 @@ class Injector:
             ends_ns=None if fault.for_ns is None else begins_ns + fault.for_ns,
         )
         self._running.append(running)
+        # the scripted faults keep the low numbers, so they act before those of live commands
         self._running.sort(key=lambda each: each.number)
         self._arrange()
         return running
 
     def _advance(self, now_ns: int) -> int:
-        """Begin and end what is due, in the order of time; the time that counts."""
+        """Begin and end the faults that are due, in the order of time; returns the time that counts."""
         if now_ns > self._now_ns:
             self._now_ns = now_ns
+        # one change at a time: the end of one fault and the begin of the next act on frames in between
         while self._change_ns is not None and self._change_ns <= self._now_ns:
             at_ns = self._change_ns
             for running in self._running:
@@ -229,7 +234,7 @@ class Injector:
         return self._now_ns
 
     def _arrange(self) -> None:
-        """Which faults act, and when that changes next."""
+        """Compute the active faults, and the time of the next change."""
         self._acting = [r for r in self._running if r.phase in (Phase.ACTIVE, Phase.DRAINING)]
         self._concerned.clear()
         self._change_ns = min((t for r in self._running if (t := _changes_ns(r)) is not None), default=None)
@@ -241,6 +246,7 @@ class Injector:
         self._note(running, running.begins_ns, "begins")
 
     def _end(self, running: _Running, at_ns: int, what: str) -> None:
+        # frames that were due before the end still belong to the fault, then those that it holds back
         last = [*running.effect.due(at_ns - 1), *running.effect.end()]
         self._outbox.frames += last
         running.strike(at_ns, len(last))
@@ -253,6 +259,7 @@ class Injector:
 
     def _who_is_concerned(self, side: Side, can_id: int) -> list[_Running]:
         """The faults that act on such frames; remembered, but for a flood of random identifiers."""
+        # a babbling node may send random identifiers: the memory must not grow with them
         if len(self._codecs) >= REMEMBERED:
             self._codecs.clear()
             self._concerned.clear()
@@ -267,6 +274,7 @@ def _through(
 ) -> Sequence[Planned]:
     """The frames after one fault."""
     if running.phase is Phase.DRAINING:
+        # a fault that is over changes nothing, but later frames must not overtake those that it delayed
         return [running.effect.follow(each) for each in planned]
     left: list[Planned] = []
     for each in planned:

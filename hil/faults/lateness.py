@@ -16,17 +16,17 @@ ACYCLIC_NS = 100 * MS
 
 @dataclass(frozen=True, slots=True)
 class Delay:
-    """Every frame goes on `least_ns` to `most_ns` later, evenly spread; no frame overtakes another of its message."""
+    """Every frame is delayed by a uniformly random time; no frame overtakes another of its message."""
 
     least_ns: int
-    most_ns: int
+    most_ns: int  # equal to `least_ns` for a fixed delay
 
     def effect(self, generator: random.Random) -> Effect:
         return _Delaying(self, generator)
 
 
 class _Delaying(Effect):
-    """A queue per message; it keeps the order also when the fault ends."""
+    """A queue per message; the order is kept also when the fault ends, because a bus does not reorder."""
 
     def __init__(self, settings: Delay, generator: random.Random) -> None:
         self._settings, self._generator = settings, generator
@@ -50,7 +50,7 @@ class _Delaying(Effect):
 
 @dataclass(frozen=True, slots=True)
 class Reorder:
-    """A frame is held, with a probability, until `depth` later ones of its message have overtaken it."""
+    """A frame is held back, with a probability, until `depth` later frames of its message have overtaken it."""
 
     probability: float
     depth: int
@@ -70,7 +70,7 @@ class _Held:
 
 
 class _Reordering(Effect):
-    """One frame of a message is held at a time; what nobody overtakes goes on after depth + 2 cycle times."""
+    """Holds back one frame of a message at a time; one that is not overtaken is sent after depth + 2 cycle times."""
 
     def __init__(self, settings: Reorder, generator: random.Random) -> None:
         self._settings, self._random = settings, generator.random
@@ -88,6 +88,7 @@ class _Reordering(Effect):
         if self._random() >= self._settings.probability:
             return (planned,)
         cycle_ns = (codec.cycle_ns if codec is not None else 0) or ACYCLIC_NS
+        # the sender may stop: without a limit the held frame would never arrive
         until_ns = planned.at_ns + (self._settings.depth + 2) * cycle_ns
         self._held[can_id] = _Held(side, planned.frame, self._settings.depth, until_ns)
         return ()

@@ -12,7 +12,7 @@ MS = 1_000_000
 
 
 def read_probability(table: CheckedTable, default: float = 1.0) -> float:
-    """The chance of each frame to be struck."""
+    """The probability with which the fault affects a frame, 0 to 1."""
     return table.number("probability", unit="of 1", low=0.0, high=1.0, default=default)
 
 
@@ -36,11 +36,11 @@ class _Dropping(Effect):
 
 @dataclass(frozen=True, slots=True)
 class Repeat:
-    """Each frame comes `copies` times more, with a probability; copies follow each other by `gap_ns`."""
+    """Each frame is repeated, with a probability."""
 
     probability: float
-    copies: int
-    gap_ns: int
+    copies: int  # additional frames
+    gap_ns: int  # between a frame and its next copy
 
     def effect(self, generator: random.Random) -> Effect:
         return _Repeating(self, generator)

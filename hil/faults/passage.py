@@ -1,4 +1,4 @@
-"""What passes between the two sides, and what a fault may do to it.
+"""Types shared by all faults: sides, frames with their departure, actions, and the interface of an effect.
 
 Pure: frames and integer nanoseconds in, frames and the time of their departure out.
 """
@@ -12,15 +12,15 @@ from bus.frame import Frame
 from dbc.database import MessageCodec
 
 Side = Literal["plant", "ecu"]
-"""Where a frame comes from; it goes to the other side."""
+"""The side that a frame comes from; it goes to the other one."""
 SIDES: tuple[Side, Side] = ("plant", "ecu")
 OTHER: dict[Side, Side] = {"plant": "ecu", "ecu": "plant"}
 NODES: dict[str, Side] = {"Machine": "plant", "EstimatorEcu": "ecu"}
-"""Nodes of the DBC and the side each stands for."""
+"""Node of the DBC -> side."""
 
 
 class Planned(NamedTuple):
-    """A frame that goes on at `at_ns`, now or later."""
+    """A frame to be sent at `at_ns`, now or later."""
 
     at_ns: int
     frame: Frame
@@ -28,7 +28,7 @@ class Planned(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """What the shell has to do beyond frames.
+    """An action on a process or controller, which the caller has to carry out.
 
     bus_off: the controller on the bus of side `target` falls silent and deaf; bus_on: it is back.
     kill: the process `target` is to end by SIGKILL; restart: it is to be started again.
@@ -40,23 +40,20 @@ class Action:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Selection:
-    """Which frames a fault is about.
+    """The frames that a fault affects."""
 
-    codecs: the messages, empty for every frame, known to the DBC or not; side: None for both.
-    """
-
-    codecs: tuple[MessageCodec, ...] = ()
-    side: Side | None = None
+    codecs: tuple[MessageCodec, ...] = ()  # messages; () for every frame, known to the DBC or not
+    side: Side | None = None  # sender's side; None for both
 
     def covers(self, side: Side, codec: MessageCodec | None) -> bool:
-        """Whether a frame from `side` that the DBC knows as `codec` is meant."""
+        """Whether a frame from `side`, which the DBC knows as `codec`, is selected."""
         if self.side is not None and side != self.side:
             return False
         return not self.codecs or codec in self.codecs
 
 
 class Effect:
-    """What one fault does while it lasts; this one does nothing.
+    """Base class of the behaviour of one fault; this one does nothing.
 
     A frame that passes becomes any number of planned frames. Frames that a fault makes itself, or held
     back for longer, come out of `due`.
@@ -69,16 +66,16 @@ class Effect:
         """The fault begins."""
 
     def passed(self, planned: Planned, side: Side, codec: MessageCodec | None) -> Sequence[Planned]:
-        """What becomes of a frame that the fault is about."""
+        """The frames to send in place of a selected one."""
         return (planned,)
 
     def follow(self, planned: Planned) -> Planned:
-        """A frame after the end of the fault, until `drained_ns`: behind those that are still under way."""
+        """A frame after the end of the fault, until `drained_ns`, moved behind those that are still delayed."""
         return planned
 
     @property
     def drained_ns(self) -> int:
-        """When the last frame that this fault delays has gone on."""
+        """When the last frame that this fault delays is sent."""
         return 0
 
     def due(self, now_ns: int) -> Sequence[tuple[Side, Frame]]:
@@ -90,7 +87,7 @@ class Effect:
         return None
 
     def end(self) -> Sequence[tuple[Side, Frame]]:
-        """The fault is over: what it still holds goes on at once."""
+        """End the fault: the frames that it still holds back, to be sent at once."""
         return ()
 
 
@@ -98,19 +95,16 @@ class Settings(Protocol):
     """The checked parameters of one kind of fault."""
 
     def effect(self, generator: random.Random) -> Effect:
-        """The fault at work, with the random numbers of its own."""
+        """A fresh effect, with random numbers of its own."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """One fault: what, on which frames, from when [ns after the start] for how long (None: to the end).
-
-    label: the fault in the words of its table.
-    """
+    """One fault as read from its table."""
 
     kind: str
-    label: str
+    label: str  # kind, message and parameters, without times: for lists, logs and expectations
     selection: Selection
-    at_ns: int
-    for_ns: int | None
+    at_ns: int  # begin, after the start of the run
+    for_ns: int | None  # duration; None: until the end of the run
     settings: Settings

@@ -15,6 +15,7 @@ class Kill:
     process: Side
 
     def effect(self, generator: random.Random) -> Effect:
+        # frames are not touched: those of the killed process stop coming by themselves
         effect = Effect()
         effect.begins_with = (Action("kill", self.process),)
         effect.ends_with = (Action("restart", self.process),)

@@ -1,4 +1,4 @@
-"""Raw bits of a signal inside a frame: read and put back without any conversion."""
+"""Reads and writes the raw bits of one signal inside a frame, for faults that must not round a value."""
 
 from typing import Literal
 

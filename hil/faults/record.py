@@ -1,4 +1,4 @@
-"""The faults of a run in its directory: faults.json, when each began and ended and how many frames it struck."""
+"""Writes and reads faults.json of a run directory: when each fault began and ended, and how many frames it affected."""
 
 import json
 from collections.abc import Sequence
@@ -14,17 +14,13 @@ from hil.rundir import FAULTS, RunError, writing
 
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid"))
 class Injected:
-    """One fault as it was; times [s] on the clock of the run.
-
-    struck: frames that did not pass unchanged, and those the fault made. ended_s: None in the record
-    of a run that was killed.
-    """
+    """One fault that was injected. The names of the fields are the keys of the file."""
 
     number: int
-    fault: str
-    began_s: float
-    ended_s: float | None
-    struck: int
+    fault: str  # description, see `passage.Fault.label`
+    began_s: float  # on the clock of the run [s]
+    ended_s: float | None  # None in the record of a run that was killed
+    struck: int  # frames that the fault changed, dropped, delayed or made
 
 
 _faults = TypeAdapter(list[Injected])
@@ -51,6 +47,7 @@ def write_faults(path: Path, faults: Sequence[Injected]) -> None:
     ]
     part = path / f".{FAULTS}"
     with writing(path / FAULTS):
+        # written beside and renamed: a killed run leaves the old file or the new one, never half of one
         part.write_text(json.dumps(rows, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         part.replace(path / FAULTS)
 

@@ -1,4 +1,4 @@
-"""Plant and ECU of a lockstep run as processes that can be killed and started again."""
+"""Wraps plant and ECU of a lockstep run so that a fault can kill and restart them like processes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from hil.lockstep import EcuSide, EcuTick, PlantSide
 
 @dataclass(frozen=True, slots=True)
 class Silence:
-    """The tick of a process that is not there."""
+    """The empty tick of a process that does not run."""
 
     frames: Sequence[Frame] = ()
     findings: Sequence[object] = ()
 
 
 class RestartableEcu:
-    """An ECU that hears and says nothing while it is dead; a restart is a new one that knows nothing."""
+    """An ECU that neither receives nor sends while it is killed; a restart makes a new one without any state."""
 
     def __init__(self, make: Callable[[], EcuSide]) -> None:
         self._make = make
@@ -32,16 +32,16 @@ class RestartableEcu:
             self._ecu = self._make()
 
     def receive(self, frame: Frame, now_ns: int) -> Sequence[object]:
-        """What lockstep asks of an ECU."""
+        """As `hil.lockstep.EcuSide`."""
         return self._ecu.receive(frame, now_ns) if self._ecu is not None else ()
 
     def tick(self, now_ns: int) -> EcuTick:
-        """What lockstep asks of an ECU."""
+        """As `hil.lockstep.EcuSide`."""
         return self._ecu.tick(now_ns) if self._ecu is not None else Silence()
 
 
 class RestartablePlant:
-    """A plant whose bus node can die: the machine rolls on, but says nothing and hears nothing."""
+    """A plant whose bus node can be killed: the machine keeps moving, but neither sends nor receives."""
 
     def __init__(self, plant: PlantSide) -> None:
         self._plant = plant
@@ -53,31 +53,32 @@ class RestartablePlant:
             self._dead = kind == "kill"
 
     def receive(self, frame: Frame, now_ns: int) -> Sequence[object]:
-        """What lockstep asks of a plant."""
+        """As `hil.lockstep.PlantSide`."""
         return () if self._dead else self._plant.receive(frame, now_ns)
 
     def tick(self, now_ns: int) -> Sequence[Frame]:
-        """What lockstep asks of a plant."""
+        """As `hil.lockstep.PlantSide`."""
+        # physics goes on without electronics
         frames = self._plant.tick(now_ns)
         return () if self._dead else frames
 
     def reference_frames(self) -> Sequence[Frame]:
-        """What lockstep asks of a plant; the test instrumentation has a node of its own."""
+        """As `hil.lockstep.PlantSide`; the test instrumentation is a node of its own and is not killed."""
         return self._plant.reference_frames()
 
     @property
     def truth(self) -> Any:
-        """What lockstep asks of a plant."""
+        """As `hil.lockstep.PlantSide`."""
         return self._plant.truth
 
     @property
     def finished(self) -> bool:
-        """What lockstep asks of a plant."""
+        """As `hil.lockstep.PlantSide`."""
         return self._plant.finished
 
 
 def acting_on(plant: RestartablePlant, ecu: RestartableEcu) -> Callable[[Action, int], None]:
-    """What does an injector's actions to these two; bus_off and bus_on are the wire's own."""
+    """A function that carries out an injector's actions on these two; bus_off and bus_on are handled by the wire."""
 
     def act(action: Action, now_ns: int) -> None:
         (plant if action.target == "plant" else ecu).act(action.kind)

@@ -1,6 +1,6 @@
-"""Faults of signal values: frozen, offset, spiking or swapped, in frames that are otherwise valid.
+"""Faults of signal values: frozen, offset, with spikes or swapped, in frames that are otherwise valid.
 
-The fault sits in the sensor, ahead of the protection: counters go on and the CRC fits.
+The fault is that of a sensor, ahead of the end-to-end protection: counters continue and the CRC is valid.
 """
 
 import math
@@ -40,15 +40,11 @@ class Freeze:
 
 @dataclass(frozen=True, slots=True)
 class Offset:
-    """A signal is shifted by `value` of its DBC unit and saturates at its DBC range.
-
-    every: one frame in so many, the first included; 1 shifts them all, more makes spikes.
-    What says "not available" goes on saying so.
-    """
+    """A signal is shifted and saturates at its DBC range. "Not available" stays as it is."""
 
     signal: str
-    value: float
-    every: int = 1
+    value: float  # in the signal's DBC unit
+    every: int = 1  # one frame in so many, the first included; 1 shifts them all, more makes spikes
 
     def effect(self, generator: random.Random) -> Effect:
         seen: dict[int, int] = {}
@@ -89,7 +85,7 @@ class Swap:
 
 
 class _Rewriting(Effect):
-    """Frames with another content under a CRC that fits; too short ones pass as they are."""
+    """Frames with changed content and a valid CRC; too short ones pass unchanged."""
 
     def __init__(self, rewrite: Callable[[MessageCodec, bytes], bytes]) -> None:
         self._rewrite = rewrite
@@ -163,7 +159,9 @@ def _signals(table: CheckedTable, key: str, name: str, selection: Selection) -> 
                 key, f"= {name!r} is no signal of {codec.name}; it has {', '.join(codec.signals)}"
             )
         if codec.is_multiplexed:
-            raise table.error(key, f"= {name!r}: {codec.name} is multiplexed, its signals come and go")
+            raise table.error(
+                key, f"= {name!r}: {codec.name} is multiplexed, its signals are not in every frame"
+            )
     return [codec.by_signal[name] for codec in selection.codecs]
 
 

@@ -1,4 +1,4 @@
-"""Faults of a node: one that sends without end, and one whose controller went bus-off."""
+"""Faults of a node: a babbling one, which sends without end, and one whose controller is bus-off."""
 
 import random
 from collections.abc import Sequence
@@ -11,17 +11,17 @@ from hil.faults.passage import SIDES, Action, Effect, Planned, Selection, Side
 
 US = 1_000
 MOST_AT_ONCE = 64
-"""Frames that one call gives: a late caller gets no flood of what it missed."""
+"""Frames that one call gives at most, so that a late caller is not flooded with the frames that it missed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Babble:
-    """A node sends frames of random bytes under one identifier, one every `interval_ns`."""
+    """A node sends frames of random bytes under one identifier."""
 
     side: Side
     can_id: int
-    interval_ns: int
-    length: int
+    interval_ns: int  # between frames
+    length: int  # data bytes
 
     def effect(self, generator: random.Random) -> Effect:
         return _Babbling(self, generator)
@@ -40,6 +40,7 @@ class _Babbling(Effect):
         if next_ns is None or next_ns > now_ns:
             return ()
         count = (now_ns - next_ns) // settings.interval_ns + 1
+        # also over the frames beyond MOST_AT_ONCE: they are lost, the rate of the following ones stays
         self._next_ns = next_ns + count * settings.interval_ns
         return [
             (settings.side, Frame(settings.can_id, self._generator.randbytes(settings.length)))
@@ -56,7 +57,7 @@ class _Babbling(Effect):
 
 @dataclass(frozen=True, slots=True)
 class BusOff:
-    """The controller of a node is off the bus: with two nodes on it nothing goes either way."""
+    """The controller of a node is off the bus. With two nodes on the bus, no frame passes in either direction."""
 
     node: Side
 

@@ -1,7 +1,7 @@
 """The wire of a lockstep run with an injector between the senders and the bus.
 
-Frames that a fault delays ask for the wire when they are due; frames that a fault makes compete for it
-like any other, so a babbling node starves the bus as it would a real one. A frame under way is never
+Frames that a fault delays compete for the wire when they are due; frames that a fault makes compete
+like any other, so a babbling node starves the bus as on a real one. A frame on the wire is never
 interrupted. Without faults the stamps are those of `hil.wire.Wire`.
 """
 
@@ -66,7 +66,7 @@ class FaultyWire:
         return arrived
 
     def _await_frame(self, until_ns: int) -> bool:
-        """Whether a frame waits for the wire, the idle time before its request passed over."""
+        """Whether a frame waits for the wire; an idle time before the next request is skipped."""
         self._admit()
         if not self._waiting and self._requests and self._requests[0][0] <= until_ns:
             self._free_ns = max(self._free_ns, self._requests[0][0])
@@ -74,7 +74,7 @@ class FaultyWire:
         return bool(self._waiting)
 
     def _admit(self) -> None:
-        """What asks for the wire before it is free takes part in the arbitration."""
+        """Let the frames that were requested before the wire is free take part in the arbitration."""
         while self._requests and self._requests[0][0] <= self._free_ns:
             _, order, side, frame = heapq.heappop(self._requests)
             if self._depth[frame.can_id] >= WAITING_LIMIT:
@@ -94,7 +94,7 @@ class FaultyWire:
         self.overwritten += 1
 
     def _poll(self, until_ns: int) -> None:
-        """What the injector has by itself, at the times it names."""
+        """Fetch frames and actions of the injector at the times that it names."""
         while (now_ns := self._injector.next_ns()) is not None and now_ns <= until_ns:
             for to, frame in self._injector.spontaneous(now_ns):
                 self._request(now_ns, OTHER[to], frame)

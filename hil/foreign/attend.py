@@ -1,4 +1,4 @@
-"""The process that attends a foreign node: waits for its first frame, tells its silences, and, for a foreign machine, measures the run's time."""
+"""The process that attends a foreign node: waits for its first frame, reports its silences, and times a run against a foreign machine."""
 
 import selectors
 import time
@@ -13,24 +13,22 @@ from hil.foreign.silence import SILENT_NS, identifiers_of
 from hil.shell.lifeline import Lifeline
 from hil.shell.process import Stop
 
+# Half of SILENT_NS, so that a silence is reported at most 50 ms after it counts as one.
 LOOK_NS = 50_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Post:
-    """Whom to attend, where, and how long to wait for the first frame [s].
+    """The node to attend."""
 
-    duration_s: the run ends so long after `go`; None: somebody else ends it.
-    """
-
-    node: str
-    address: str
-    wait_s: float
-    duration_s: float | None = None
+    node: str  # of the DBC
+    address: str  # of its bus
+    wait_s: float  # longest wait for the first frame [s]
+    duration_s: float | None = None  # the run ends this time after `go` [s]; None: another process ends it
 
 
 class _Hearing:
-    """When the node was last heard, and what else was on the bus."""
+    """The times of the node's first and last frame, and the identifiers of other senders."""
 
     def __init__(self, node: str) -> None:
         self._own = identifiers_of(node, loader_database())
@@ -50,7 +48,7 @@ class _Hearing:
 
 
 def run(line: Lifeline, post: Post) -> Ending:
-    """Attend a node until its time is over or the supervisor says so; PEER_DIED if it never came."""
+    """Attend a node until its time is over or the supervisor ends this process; PEER_DIED if the node never came."""
     hearing = _Hearing(post.node)
     with open_transport(post.address, name="attend") as bus, Stop() as stop, Ticks(LOOK_NS) as ticks:
         line.note(f"waiting for {post.node} on {post.address}, at most {post.wait_s:g} s")
@@ -81,7 +79,7 @@ def _nobody(post: Post, others: int) -> str:
 def _attend(
     line: Lifeline, post: Post, bus: Transport, hearing: _Hearing, stop: Stop, ticks: Ticks
 ) -> Ending:
-    """Tell each silence when it begins and when it ends, until the end."""
+    """Report the begin and the end of each silence, until the run ends."""
     zero_ns = _wait_for_go(line, bus, hearing)
     end_ns = None if post.duration_s is None else zero_ns + round(post.duration_s * 1e9)
     silent = False
@@ -105,7 +103,7 @@ def _attend(
 
 
 def _wait_for_go(line: Lifeline, bus: Transport, hearing: _Hearing) -> int:
-    """The time of go; the bus is read meanwhile, so that nothing piles up."""
+    """The time of go [ns]; the bus is read meanwhile, so that the receive buffer does not overflow."""
     if not line.supervised:
         return time.monotonic_ns()
     with selectors.DefaultSelector() as selector:

@@ -1,4 +1,4 @@
-"""`loaderhil attend`: started by `loaderhil run --ecu BUS` and `--plant BUS`; also useful by hand, to see whether a node is there."""
+"""`loaderhil attend`: started by `loaderhil run --ecu BUS` and `--plant BUS`; by hand it shows whether a node is present."""
 
 from typing import Annotated
 

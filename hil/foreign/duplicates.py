@@ -1,7 +1,7 @@
-"""Two senders of one identifier: a process that hears an identifier that it sends itself knows that somebody else sends it.
+"""Detects two senders of one identifier: a process receives a frame with an identifier that it sends itself.
 
-That holds on every transport, because none gives a process its own frames back. CAN frames carry no sender, so two foreign nodes
-that send the same identifier are not told apart; their counters jump, which `loaderhil check` reports.
+No transport returns a process' own frames, so such a frame is another sender's. CAN frames carry no sender: two foreign
+nodes that send the same identifier cannot be distinguished; their counters jump, which `loaderhil check` reports.
 """
 
 from collections import Counter
@@ -21,12 +21,12 @@ QUESTION = "every identifier has one sender"
 
 
 class OwnIdentifiers(Closing):
-    """A Transport that is another one, and counts frames with the identifiers that this process itself sends."""
+    """Wraps a Transport and counts received frames with identifiers that this process itself sends."""
 
     def __init__(
         self, transport: Transport, node: str, database: Database, on_first: Callable[[str], str]
     ) -> None:
-        """on_first: told the first such message, when it comes; says who sent it."""
+        """on_first: called with the name of the first such message; returns a description of its sender."""
         self._transport = transport
         self._own = {can_id: database.by_id[can_id].name for can_id in identifiers_of(node, database)}
         self._on_first = on_first
@@ -64,7 +64,7 @@ class OwnIdentifiers(Closing):
         self._transport.close()
 
     def figures(self) -> dict[str, int | str]:
-        """For the run's record: how many such frames, and of which messages; nothing where there were none."""
+        """For the run's record: number and messages of such frames; {} if there were none."""
         if not self.heard:
             return {}
         return {
@@ -75,14 +75,14 @@ class OwnIdentifiers(Closing):
 
 
 def other_sender(line: Lifeline, process: str, address: str, message: str) -> str:
-    """Tell at once that somebody else sends what `process` sends; who that is, in words."""
+    """Report at once that another sender uses an identifier of `process`; returns a description of that sender."""
     who = senders_on(address, without=(process,))
     line.note(f"two senders of {message}: our {process} process, and {who}")
     return who
 
 
 def senders_on(address: str, without: Iterable[str] = ()) -> str:
-    """Who else sends on a bus, in words: on a hub the names of its clients, elsewhere what can be said."""
+    """A description of the other senders on a bus: on a hub the names of its clients, elsewhere only the address."""
     if address.startswith("hub:"):
         try:
             status = hub_status(address.removeprefix("hub:"))
@@ -96,7 +96,7 @@ def senders_on(address: str, without: Iterable[str] = ()) -> str:
 
 
 def judge_senders(statistics: Mapping[str, float | int | str], processes: Iterable[str]) -> list[Verdict]:
-    """FAILED for each process that heard its own identifiers from somebody else; nothing where all is well."""
+    """A FAILED verdict for each process whose identifiers had another sender; [] if there was none."""
     found = []
     for process in processes:
         if count := statistics.get(f"{process}_duplicate_frames"):

@@ -1,4 +1,4 @@
-"""When a node was silent: from the stamps of its frames. Pure, for the process that waits for a node and for the verdict after the run."""
+"""Finds the silences of a node from the stamps of its frames, for `attend` and for the verdict after the run. Pure."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -10,15 +10,15 @@ from dbc.database import Database
 from hil.verdict import Result, Verdict
 
 SILENT_NS: Final = 100_000_000
-"""A node without any frame for so long is silent: ten cycles of the fastest messages of loader.dbc."""
+"""A node without any frame for this time is silent [ns]: ten cycles of the fastest messages of loader.dbc."""
 
 
 @dataclass(frozen=True, slots=True)
 class Silence:
-    """From the last frame before it to the first one after it [s on the clock of the run]; until None: to the end."""
+    """An interval without frames of a node, on the clock of the run."""
 
-    from_s: float
-    until_s: float | None
+    from_s: float  # last frame before it [s]
+    until_s: float | None  # first frame after it [s]; None: silent until the end
 
     def __str__(self) -> str:
         return f"{self.from_s:.2f} s " + ("on" if self.until_s is None else f"to {self.until_s:.2f} s")
@@ -27,6 +27,7 @@ class Silence:
 def silences(time_s: ArrayLike, *, end_s: float, silent_s: float = SILENT_NS * 1e-9) -> list[Silence]:
     """The silences of a node between time zero and `end_s`, from the times of all its frames [s]."""
     times = np.asarray(time_s, float)
+    # begin and end of the run count as frames: a node that starts late or stops early is silent there
     inside = np.concatenate(([0.0], np.sort(times[(times >= 0) & (times <= end_s)]), [end_s]))
     gaps = np.flatnonzero(np.diff(inside) > silent_s)
     return [
@@ -47,8 +48,8 @@ def judge_presence(node: str, time_s: ArrayLike, *, end_s: float) -> Verdict:
         return Verdict(
             question=question, result=Result.PASSED, reason=f"{count} frames, never silent for 100 ms"
         )
-    told = ", ".join(map(str, found[:3])) + (f" and {len(found) - 3} times more" if len(found) > 3 else "")
-    return Verdict(question=question, result=Result.FAILED, reason=f"silent from {told}")
+    shown = ", ".join(map(str, found[:3])) + (f" and {len(found) - 3} times more" if len(found) > 3 else "")
+    return Verdict(question=question, result=Result.FAILED, reason=f"silent from {shown}")
 
 
 def identifiers_of(node: str, database: Database) -> frozenset[int]:

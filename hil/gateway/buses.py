@@ -1,4 +1,4 @@
-"""Where the processes of a run meet: all on one bus, or plant and ECU on two with the gateway between them."""
+"""The buses of a real-time run: one for all processes, or one each for plant and ECU with the gateway between them."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,21 +18,16 @@ class BusesError(UserError, ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Buses:
-    """plant, ecu: addresses for the two sides of a gateway, None for a hub of the run's own.
+    """The choice of buses, as options of `loaderhil run`."""
 
-    routes: the gateway's TOML file; control: where it listens for live commands.
-    foreign_plant, foreign_ecu: address of the bus on which a node that is not ours stands in for our process; wait_s: how long to wait
-    for its first frame.
-    """
-
-    gateway: bool = False
-    plant: str | None = None
-    ecu: str | None = None
-    routes: Path | None = None
-    control: Path | None = None
-    foreign_plant: str | None = None
-    foreign_ecu: str | None = None
-    wait_s: float = 60.0
+    gateway: bool = False  # two buses with a gateway between them
+    plant: str | None = None  # address of the plant's side of the gateway; None: a hub started by the run
+    ecu: str | None = None  # address of the ECU's side; None: a hub started by the run
+    routes: Path | None = None  # TOML file of the gateway
+    control: Path | None = None  # socket on which the gateway takes live commands
+    foreign_plant: str | None = None  # bus of a node that replaces our plant process
+    foreign_ecu: str | None = None  # bus of a node that replaces our ECU process
+    wait_s: float = 60.0  # longest wait for the first frame of a foreign node [s]
 
     def __post_init__(self) -> None:
         options = {
@@ -58,7 +53,7 @@ class Buses:
 
     @property
     def foreign(self) -> dict[Side, str]:
-        """The sides that are not ours, each with the address of its bus."""
+        """Side -> address of its bus, for the sides whose node is foreign."""
         given: dict[Side, str | None] = {"plant": self.foreign_plant, "ecu": self.foreign_ecu}
         return {side: address for side, address in given.items() if address is not None}
 
@@ -66,7 +61,7 @@ class Buses:
         return self.plant if side == "plant" else self.ecu
 
     def addresses(self, folder: Path) -> dict[Side, str]:
-        """Of both sides; equal without a gateway. folder: where the hubs of the run have their sockets."""
+        """The address of each side; equal without a gateway. folder: for the sockets of the hubs that the run starts."""
         if not self.gateway:
             shared = next(iter(self.foreign.values()), f"hub:{folder / 'hub'}")
             return dict.fromkeys(SIDES, shared)
@@ -75,7 +70,7 @@ class Buses:
     def own_hubs(self, folder: Path) -> dict[str, str]:
         """The hubs that the run has to start, by the name of their process.
 
-        A hub for a foreign node may run already, or be the run's own: whichever, the node finds it at its address.
+        A hub for a foreign node is started only if none serves its address yet.
         """
         addresses = self.addresses(folder)
         if not self.gateway:

@@ -1,8 +1,7 @@
 """The gateway without its sockets: frames and stamps in, queues of frames for either bus out.
 
 Nothing here waits. A frame that may cross goes into the queue of the other side's bus; the shell sends
-from there as fast as that bus takes it. A full queue loses its oldest frame, since a control loop has
-more use for the newest, and counts it. What is odd is found once per identifier and kind, and counted
+from there as fast as that bus accepts it. A finding is reported once per identifier and kind, and counted
 from then on.
 """
 
@@ -21,20 +20,20 @@ from hil.gateway.watcher import Watcher
 QUEUE_FRAMES: Final = 4096
 """Frames that may wait for one bus: a second of a full 500 kbit/s bus."""
 _REPORTED_STATES: Final = frozenset({Fate.WRONG_SIDE, Fate.UNKNOWN, Fate.BLOCKED})
-"""Fates worth a finding."""
+"""Fates that are reported as a finding."""
 
 
 @dataclass(slots=True)
 class Counts:
-    """Frames of one side: that came from it, and that go to it."""
+    """Counters of one side: frames received from its bus and sent to it."""
 
-    received: int = 0
+    received: int = 0  # from this bus
     stayed: Counter[Fate] = field(default_factory=Counter)  # did not cross, by reason
-    sent: int = 0
-    overflowed: int = 0  # lost because its bus did not take them in time
-    held: int = 0  # how often its bus took none
-    silenced: int = 0  # while its controller was bus-off
-    injected: int = 0  # sent by the fault injector alone
+    sent: int = 0  # onto this bus
+    overflowed: int = 0  # lost because this bus did not accept them in time
+    held: int = 0  # how often this bus accepted no frame
+    silenced: int = 0  # lost while the controller was bus-off by an injected fault
+    injected: int = 0  # made by the fault injector
 
 
 class GatewayCore:
@@ -63,13 +62,13 @@ class GatewayCore:
         self._findings: list[Finding] = []
 
     def start(self, now_ns: int) -> None:
-        """The run begins: scripted faults count their times from here."""
+        """Start the run: scripted faults count their times from `now_ns`."""
         self.started_ns = now_ns
         if self._injector is not None:
             self._injector.start(now_ns)
 
     def receive(self, side: Side, frames: Sequence[Frame], now_ns: int) -> None:
-        """Take what came from the bus of `side`."""
+        """Take frames received from the bus of `side`."""
         counts, queue, fate_of = self.counts[side], self._queues[OTHER[side]], self.routes.fate
         counts.received += len(frames)
         if side in self._bus_off:
@@ -78,6 +77,7 @@ class GatewayCore:
         watcher = self._watcher
         for frame in frames:
             fate = fate_of(side, frame.can_id)
+            # before faults are injected: what the watcher finds is the sender's doing, not the injector's
             if watcher is not None and fate is Fate.PASS:
                 watcher.receive(side, frame, now_ns)
             if fate is not Fate.PASS:
@@ -91,12 +91,12 @@ class GatewayCore:
         self._bound(OTHER[side], now_ns)
 
     def nothing_came(self, side: Side, now_ns: int) -> None:
-        """Everything that came from the bus of `side` has been received by now."""
+        """The receive queue of `side` is empty: a missing message is now known to be missing, not just unread."""
         if self._watcher is not None:
             self._watcher.look(side, now_ns)
 
     def _plan(self, injector: Injector, side: Side, frame: Frame, now_ns: int) -> None:
-        """Ask the injector what becomes of a frame."""
+        """Queue the frames that the injector gives in place of `frame`, now or later."""
         for at_ns, changed in injector.pass_frame(side, frame, now_ns):
             if at_ns <= now_ns:
                 self._queues[OTHER[side]].append(changed)
@@ -107,7 +107,7 @@ class GatewayCore:
                 self._lose(OTHER[side], changed, now_ns)
 
     def advance(self, now_ns: int) -> list[Action]:
-        """Queue what is due by now; what else the injector wants done, for the shell to do."""
+        """Queue the frames that are due by now; returns the injector's actions that the shell has to carry out."""
         while self._planned and self._planned[0][0] <= now_ns:
             _, _, side, frame = heapq.heappop(self._planned)
             self._queues[side].append(frame)
@@ -121,7 +121,7 @@ class GatewayCore:
         return [action for action in self._injector.actions(now_ns) if not self._switch_bus(action)]
 
     def _switch_bus(self, action: Action) -> bool:
-        """Obey bus_off and bus_on; whether it was one of them."""
+        """Carry out bus_off and bus_on; returns whether the action was one of them."""
         sides = [side for side in SIDES if side == action.target]
         if action.kind == "bus_off":
             self._bus_off.update(sides)
@@ -154,6 +154,7 @@ class GatewayCore:
 
     def _bound(self, side: Side, now_ns: int) -> None:
         queue = self._queues[side]
+        # the oldest is lost: a control loop has more use for the newest values
         while len(queue) > self._queue_frames:
             self._lose(side, queue.popleft(), now_ns)
 

@@ -1,4 +1,4 @@
-"""What the gateway finds: values for its shell to log, each reported once or on a change."""
+"""The finding of a gateway: a value that its shell logs, once or on a change."""
 
 from dataclasses import dataclass
 
@@ -8,13 +8,13 @@ from hil.gateway.routes import Side
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something odd: on which side, which identifier, what."""
+    """Something unexpected about a message."""
 
     side: Side
     can_id: int
-    name: str
+    name: str  # of the message; empty if the DBC does not know it
     what: str
-    at_ns: int
+    at_ns: int  # CLOCK_MONOTONIC [ns]
 
     def __str__(self) -> str:
         width = 8 if self.can_id & EXTENDED else 3

@@ -1,4 +1,4 @@
-"""Latency histograms as HdrHistogram log files (.hlog, format 1.2), which its viewers read.
+"""Latency histograms as HdrHistogram log files (.hlog, format 1.2), readable by the viewers of that format.
 
 One line per hop, tagged with its name; values in nanoseconds at three significant digits, the interval's
 maximum in milliseconds as the format has it.
@@ -34,9 +34,11 @@ class Latencies:
             self._fold()
 
     def _fold(self) -> None:
-        """Count what was collected: equal to three digits is equal."""
+        """Move the collected values into the histogram."""
         values = np.clip(np.array(self._fresh, np.int64), LOWEST_NS, HIGHEST_NS)
         self._fresh.clear()
+        # The 12 leading bits hold more than the three digits that the histogram resolves. Without the others most
+        # values of a batch are equal, so that each distinct one is recorded once with its count.
         bits = np.maximum(np.frexp(values.astype(float))[1] - 12, 0)
         distinct, counts = np.unique(values >> bits << bits, return_counts=True)
         for value, count in zip(distinct.tolist(), counts.tolist(), strict=True):

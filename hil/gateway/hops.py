@@ -1,9 +1,9 @@
-"""From the stamps of three processes to the way of every reaction, hop by hop. Pure: arrays in, arrays out.
+"""Computes the path of every reaction, hop by hop, from the stamps of three processes. Pure: arrays in, arrays out.
 
 A reaction begins with a sample that the ECU echoes, and ends with the first limits frame of the cycle that
-echoed it. Each process knows that frame by its place: the limits that came since the previous status belong
-to the next status. The wait for the ECU's tick (age at tick, 0 to one period) is chance, not speed: it is a
-hop of its own, and the reaction is given with and without it.
+echoed it. Each process identifies that frame by its position: limits since the previous status belong
+to the next status. The wait for the ECU's tick (age at tick, 0 to one period) depends on chance, not on
+speed: it is a hop of its own, and the reaction is given with and without it.
 """
 
 import enum
@@ -21,7 +21,7 @@ UNKNOWN: Final = -1
 
 
 class Kind(enum.IntEnum):
-    """What a row of stamps is about; HEARD and SENT differ by one."""
+    """Kind of a row of stamps. SENT is HEARD + 1: the tap computes one from the other."""
 
     HEARD_SAMPLE = 0
     SENT_SAMPLE = 1
@@ -45,7 +45,7 @@ WAY_WITH_GATEWAY: Final = (
     ("limits_gateway_sent", "limits through the gateway"),
     ("limits_plant_bus", "limits onto the plant's bus"),
 )
-"""Stamps in the order of the way, each with the name of the hop that ends there."""
+"""Stamps in the order of the path, each with the name of the hop that ends there."""
 WAY_ON_ONE_BUS: Final = (
     ("plant_sent", ""),
     ("ecu_bus", "onto the bus"),
@@ -60,7 +60,7 @@ REACTION: Final = "plant to plant"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StampFiles:
-    """Rows of the taps, shape (n, 4); those of the gateway are empty where there is none."""
+    """Rows of the taps, shape (n, 4), see `hil.gateway.tap`; those of the gateway are empty where there is none."""
 
     plant: Stamps
     ecu: Stamps
@@ -86,12 +86,13 @@ def way_of_reactions(files: StampFiles) -> dict[str, NDArray[np.int64]]:
             **_answers(files.gateway_ecu, Kind.HEARD_LIMITS, {"limits_ecu_bus": 2, "limits_gateway_read": 3}),
             **_answers(files.gateway_plant, Kind.SENT_LIMITS, {"limits_gateway_sent": 3}),
         }
+    # a reaction counts only if every process stamped it: frames that were lost on the way have none
     numbers = sorted(set.intersection(*(set(stamps) for stamps in found.values())))
     return {name: np.array([found[name][number] for number in numbers], np.int64) for name, _ in way}
 
 
 def hops(way: Columns) -> dict[str, NDArray[np.int64]]:
-    """Durations [ns] of every hop by its name in plain words, then the whole with and without age at tick."""
+    """Durations [ns] of every hop by its name, then of the whole path with and without age at tick."""
     described = WAY_WITH_GATEWAY if "gateway_read" in way else WAY_ON_ONE_BUS
     if not way:
         return {}
@@ -104,7 +105,7 @@ def hops(way: Columns) -> dict[str, NDArray[np.int64]]:
 
 
 def _unwrapped(numbers: Stamps) -> Stamps:
-    """Sequence numbers without their turns of 16 bits; they begin in the first turn."""
+    """Sequence numbers made continuous over the wrap at 16 bits; the first is in the first turn."""
     return np.rint(np.unwrap(numbers.astype(float), period=SEQUENCES)).astype(np.int64)
 
 
@@ -112,6 +113,7 @@ def _samples(rows: Stamps, kind: Kind, column: int) -> dict[int, int]:
     """The stamp in `column` of the first row of each sequence number."""
     chosen = rows[rows[:, 0] == kind]
     numbers = _unwrapped(chosen[:, 1])
+    # reversed, so that the first row of a number stays: a repeated frame is not a faster one
     return dict(zip(reversed(numbers.tolist()), reversed(chosen[:, column].tolist()), strict=True))
 
 

@@ -1,4 +1,4 @@
-"""From the stamps that the processes of a run left to their ticks and the way of its reactions, in its directory."""
+"""Turns the stamps that the processes of a run left in its directory into timing.npz and latency.hlog."""
 
 import datetime
 from pathlib import Path
@@ -13,14 +13,14 @@ TICKING = ("plant", "ecu")
 
 
 def keep_ticks(out: Path, process: str) -> None:
-    """The ticks among the stamps of a process as its part of the run's timing; one that was killed left those until then."""
+    """Write the ticks among the stamps of a process as its part of the run's timing; a killed process left those until its end."""
     ticks = ticks_of(read_stamps(rundir.stamps(out, process)))
     if ticks["due_ns"].size:
         rundir.write_table(rundir.part_of_timing(out, process), ticks)
 
 
 def conclude(out: Path, record: rundir.RunRecord) -> None:
-    """Ticks and way into the run's timing, histograms of the way into latency.hlog; the stamps are then removed."""
+    """Write ticks and reaction paths into the run's timing and their histograms into latency.hlog; remove the stamps."""
     files = [rundir.stamps(out, process) for process in PROCESSES]
     plant, ecu, gateway_plant, gateway_ecu = (read_stamps(file) for file in files)
     way = way_of_reactions(

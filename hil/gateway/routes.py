@@ -1,8 +1,8 @@
-"""Which frame crosses the gateway: by the DBC's senders and receivers, unless a rule says otherwise.
+"""Decides which frames cross the gateway: by the DBC's senders and receivers, unless a rule overrides them.
 
 A message crosses from the side of its sender if a node on the other side receives one of its
-signals. A message that appears on the side where its sender is not is somebody else's, and stays
-there: on its own side the true sender may be heard too. What the DBC does not know has no receiver.
+signals. A message that appears on the side where its sender is not was sent by another node, and stays
+there: on its own side the true sender may be active too. An identifier that the DBC does not know has no receiver.
 """
 
 import enum
@@ -26,7 +26,7 @@ KNOWN_LIMIT = 4096
 
 
 class Fate(enum.Enum):
-    """What becomes of a frame."""
+    """The decision on a frame; the value is the text of a finding."""
 
     PASS = "passed on"
     UNWANTED = "nobody on the other side receives it"
@@ -38,7 +38,7 @@ class Fate(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """An exception: frames of `can_id` that come from `side_from` pass or do not, whatever the DBC says."""
+    """An exception from the DBC's senders and receivers."""
 
     can_id: int
     side_from: Side
@@ -64,7 +64,7 @@ class Routes:
         self._fates: dict[Side, dict[int, Fate]] = {side: {} for side in SIDES}
 
     def fate(self, side_from: Side, can_id: int) -> Fate:
-        """What becomes of a frame with this `can_id` word that came from `side_from`."""
+        """The decision on frames with this `can_id` word that come from `side_from`."""
         known = self._fates[side_from]
         fate = known.get(can_id)
         if fate is None:
@@ -74,6 +74,7 @@ class Routes:
         return fate
 
     def _decide(self, side_from: Side, can_id: int) -> Fate:
+        # an error frame describes the bus that it was seen on; a remote request asks a node of that bus
         if can_id & (ERROR | REMOTE):
             return Fate.NOT_DATA
         passes = self._rules.get((side_from, can_id))

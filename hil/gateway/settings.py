@@ -1,4 +1,4 @@
-"""The gateway's TOML file: which node is on which side, and rules that override the DBC's routes.
+"""Reads the gateway's TOML file: which node is on which side, and rules that override the DBC's routes.
 
 unknown = "drop"              # identifiers that the DBC does not know: "drop" or "pass"
 queue_frames = 4096           # frames that may wait for a bus that does not take them
@@ -45,7 +45,7 @@ class RouteTable(_Table):
 
 
 class Settings(_Table):
-    """The file as read; `routes` makes the table of it."""
+    """The content of the file; `routes_of` makes the routes of it."""
 
     unknown: Literal["drop", "pass"] = "drop"
     queue_frames: Annotated[int, Field(ge=1, le=1_000_000)] = QUEUE_FRAMES
@@ -54,7 +54,7 @@ class Settings(_Table):
 
 
 def read_settings(file: Path) -> Settings:
-    """The settings in `file`; SettingsError if it is missing, not TOML, or says what cannot be."""
+    """The settings in `file`; SettingsError if it is missing, not TOML, or not valid."""
     try:
         content = tomllib.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
@@ -98,6 +98,7 @@ def routes_of(settings: Settings, database: Database, source: str) -> Routes:
     rules = [_rule(table, database, f"{source}: route {n}") for n, table in enumerate(settings.route, 1)]
     seen: set[tuple[Side, int]] = set()
     for number, rule in enumerate(rules, 1):
+        # two rules for one frame: the order of the file would decide silently
         if (key := (rule.side_from, rule.can_id)) in seen:
             raise SettingsError(f"{source}: route {number}: an earlier route already rules this frame")
         seen.add(key)

@@ -1,7 +1,7 @@
 """The gateway on two transports, in real time: a thin loop around the core.
 
-Plain epoll, as in the hub: a relay is a few system calls and little else. A bus that does not take a
-frame is tried again a millisecond later; meanwhile the other direction goes on.
+Plain epoll, as in the hub: a relay is a few system calls and little else. A bus that does not accept a
+frame is tried again a millisecond later; meanwhile the other direction continues.
 """
 
 import logging
@@ -64,7 +64,7 @@ class GatewayLoop(Closing):
         return self._epoll.fileno()
 
     def serve(self) -> bool:
-        """Take at most one batch from either side, and send what may be sent; whether anything had come.
+        """Take at most one batch from either side, and send what the buses accept; returns whether any frame came.
 
         BusClosed when one of the buses is gone.
         """
@@ -74,9 +74,11 @@ class GatewayLoop(Closing):
             frames = self._transports[side].drain()
             if frames:
                 came, now_ns = True, time.monotonic_ns()
+                # times of a fault script count from the machine's first frame: before it, everybody waits for the plant
                 if side == "plant" and core.started_ns is None:
                     core.start(now_ns)
                 core.receive(side, frames, now_ns)
+                # at once, before the other side is read: this is the latency of the gateway
                 self._send(OTHER[side])
             else:
                 core.nothing_came(side, time.monotonic_ns())
@@ -86,6 +88,7 @@ class GatewayLoop(Closing):
                 self._act(action)
         waiting = [self._send(side) for side in SIDES]
         due_ns = core.next_ns()
+        # POLLOUT would not do: a full queue of a CAN interface is no full socket buffer
         if any(waiting):
             due_ns = min(now_ns + RETRY_NS, due_ns or now_ns + RETRY_NS)
         self._alarm.set(due_ns)
@@ -93,7 +96,7 @@ class GatewayLoop(Closing):
         return came
 
     def _send(self, side: Side) -> bool:
-        """Give a bus what waits for it; whether some of it still does."""
+        """Send the frames that wait for a bus; returns whether some still wait."""
         queue, counts = self._core.waiting(side), self._core.counts[side]
         send, passed, now = self._transports[side].send, self._passed, time.monotonic_ns
         while queue:

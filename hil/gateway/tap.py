@@ -1,9 +1,8 @@
-"""Stamps at a transport: when a process heard and sent the frames by which the loop's reaction is measured.
+"""Stamps the frames by which the loop's reaction is measured, between a process and its bus.
 
-Three messages mark the way round: the sample carries a sequence number, the ECU's status echoes the newest
-one that its cycle used, and the limits go out in the same cycle. A tap sits between a process and its bus,
-so that neither the cores nor their shells know of it. Rows go to a file as they come: memory stays flat, and
-a killed process leaves what it had.
+Three messages mark the loop: the sample carries a sequence number, the ECU's status echoes the newest
+one that its cycle used, and the limits go out in the same cycle. Neither the cores nor their shells know of
+the tap. Rows go to a file as they come: memory stays constant, and a killed process leaves the rows until then.
 
 A row is four integers: kind, number (sequence, echo, or 0), stamp of the bus, stamp of the process [ns].
 The stamp of the process is that of reading for a frame that was heard, and that before sending for one sent.
@@ -33,7 +32,7 @@ from hil.timing.host import OwnWaits
 
 ROW: Final = struct.Struct("=4q")
 FLUSH_ROWS: Final = 16
-"""Some 50 ms of a process that ticks every 10 ms: what a kill can lose."""
+"""Rows that a kill can lose: some 50 ms of a process that ticks every 10 ms."""
 
 
 TRACED: Final = (
@@ -79,7 +78,7 @@ def read_stamps(file: Path) -> NDArray[np.int64]:
 
 
 class Tap(Closing):
-    """A Transport that is another one, with its traced frames stamped."""
+    """Wraps a Transport and stamps its traced frames."""
 
     def __init__(self, transport: Transport, stamps: StampWriter, database: Database) -> None:
         self._transport = transport
@@ -99,6 +98,7 @@ class Tap(Closing):
     def send(self, frame: Frame) -> bool:
         """As the transport's."""
         if frame.can_id in self._traced:
+            # before sending: the system call belongs to the time on the bus, not to the process
             self._note(frame, True, time.monotonic_ns())
         return self._transport.send(frame)
 
@@ -106,6 +106,7 @@ class Tap(Closing):
         """As the transport's."""
         frames = self._transport.drain(limit)
         if frames:
+            # one reading for the batch: its frames became readable together
             now_ns, traced = time.monotonic_ns(), self._traced
             for frame in frames:
                 if frame.can_id in traced:
@@ -147,7 +148,7 @@ def tapped(
 
 
 class TappedTiming(TickTiming):
-    """The times of a process that ticks, among its stamps."""
+    """Writes the times of a process' ticks among its stamps."""
 
     def __init__(self, stamps: StampWriter, waits: OwnWaits | None = None) -> None:
         super().__init__()

@@ -1,8 +1,8 @@
 """The end-to-end check of everything that crosses: a watch per message, on the side it comes from.
 
-The gateway judges what it receives, before any fault is injected, and passes it on whatever it is: what to
-do about a broken frame is its receiver's decision. So the gateway's findings are about the senders and the
-buses, and a receiver's findings beyond them are about the gateway.
+The gateway judges the frames that it receives, before any fault is injected, and passes broken ones on: the
+receiver decides what to do about them. So the gateway's findings concern the senders and the
+buses, and a receiver's findings beyond them concern the gateway.
 """
 
 from collections import Counter
@@ -14,9 +14,9 @@ from hil.gateway.findings import Finding
 from hil.gateway.routes import SIDES, Routes, Side
 
 LOOK_NS: Final = 10_000_000
-"""How often to look for messages that have fallen silent."""
+"""Interval at which messages that have fallen silent are looked for [ns]."""
 QUIET_NS: Final = 1_000_000_000
-"""Shortest time between two reports about a message that wavers between valid and invalid."""
+"""Shortest time between two reports about a message that alternates between valid and invalid [ns]."""
 _REPORTED_STATES: Final = frozenset({State.VALID, State.INVALID})
 
 
@@ -37,6 +37,7 @@ class Watcher:
         watch = self._watches[side].get(frame.can_id)
         if watch is None:
             return
+        # from the first frame on: before it nobody is expected to send
         self._look_ns.setdefault(side, now_ns + LOOK_NS)
         before = watch.state
         trouble = watch.receive(frame.data, frame.at_ns or now_ns)
@@ -44,7 +45,7 @@ class Watcher:
             self._note(side, watch, trouble, before, now_ns)
 
     def look(self, side: Side, now_ns: int) -> None:
-        """Find what has fallen silent by now; to be called when everything that `side` sent has been received."""
+        """Find messages that have fallen silent by now. Call it when everything that `side` sent has been received."""
         if now_ns < self._look_ns.get(side, now_ns + 1):
             return
         self._look_ns[side] = now_ns + LOOK_NS

@@ -1,4 +1,4 @@
-"""The state behind the table: the newest frame of every message, its period against the DBC's, and its age.
+"""The state behind the monitor's table and the MQTT bridge: per message the newest frame, its period and its age.
 
 Pure: stamps come in with the frames, and the time with the question. A cyclic message is *late* from 1.5 periods
 of silence on, *stale* from 3 on (the limits of `hil.timing.deadlines`), *missing* if it never came although its sender
@@ -18,13 +18,14 @@ from hil.monitor.integrity import Integrity
 from hil.monitor.messages import Field, Messages, Number, Shown
 from hil.timing.deadlines import STALE_AFTER, TOLERANCE
 
+# 32 gaps: enough to average the jitter of one frame, few enough to follow a change of rate within a second.
 _STAMPS = 33
 _PAUSE_NS = 3_000_000_000
-"""A message without a cycle time that is silent for longer begins to be timed anew."""
+"""Silence after which the period of a message without a cycle time is measured anew [ns]."""
 
 
 class Pace(StrEnum):
-    """How a message keeps its period; NONE: as it should, or it has none."""
+    """How a message keeps its period; NONE: as expected, or it has no period."""
 
     NONE = ""
     FAST = "fast"
@@ -36,35 +37,30 @@ class Pace(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """One message on one bus, as the table shows it.
-
-    period_ns: mean of the latest gaps, None before the second frame; cycle_ns: the DBC's, 0 if it gives none;
-    age_ns: None if it never came; readings: each signal with its value; note: what else is to be said.
-    variant: the identifier where it is not the DBC's own (J1939, another source address), else ''.
-    """
+    """One message on one bus, as the table shows it."""
 
     bus: str
-    name: str
+    name: str  # empty if no DBC knows the identifier
     identifier: str
-    count: int
-    period_ns: float | None
-    cycle_ns: int
-    age_ns: int | None
+    count: int  # frames so far
+    period_ns: float | None  # mean of the latest gaps; None before the second frame
+    cycle_ns: int  # of the DBC; 0 if it gives none
+    age_ns: int | None  # of the newest frame; None if none ever came
     pace: Pace
-    readings: tuple[tuple[Field, Number], ...] = ()
-    note: str = ""
-    findings: int = 0
+    readings: tuple[tuple[Field, Number], ...] = ()  # each shown signal with its value
+    note: str = ""  # the latest finding, an error, or the raw data
+    findings: int = 0  # frames with a finding
     shown: Shown | None = None
-    variant: str = ""
+    variant: str = ""  # the identifier where it differs from the DBC's (J1939 source address), else ''
 
 
 class _Stream:
-    """What is remembered of the frames of one identifier on one bus."""
+    """The state kept of one identifier on one bus."""
 
     def __init__(self, bus: str, can_id: int, shown: Shown | None) -> None:
         self.bus, self.can_id, self.shown = bus, can_id, shown
         self.count = self.findings = 0
-        self.said = ""
+        self.latest_finding = ""
         self.stamps: deque[int] = deque(maxlen=_STAMPS)
         self.data = b""
         self.readings: dict[str, tuple[Field, Number]] = {}
@@ -75,32 +71,34 @@ class _Stream:
         self._pause_ns = round(STALE_AFTER * cycle_ns) or _PAUSE_NS
 
     def take(self, frame: Frame) -> None:
+        # a pause is no period: the mean over it would be wrong for the next 32 frames
         if self.stamps and frame.at_ns - self.stamps[-1] > self._pause_ns:
             self.stamps.clear()
         self.stamps.append(frame.at_ns)
         self.data = frame.data
         self.count += 1
         if self.shown is not None and self.shown.codec.is_multiplexed:
-            self._decode()  # each frame carries other signals: keep them all
+            self._decode()  # each frame carries other signals: the latest of each is kept
 
     def _decode(self) -> None:
         assert self.shown is not None
         try:
             self.readings |= {field.name: (field, value) for field, value in self.shown.readings(self.data)}
         except DecodeError as error:
-            self.said = str(error)
+            self.latest_finding = str(error)
 
     def row(self, now_ns: int) -> Row:
         period_ns = None
         if len(self.stamps) > 1:
             period_ns = (self.stamps[-1] - self.stamps[0]) / (len(self.stamps) - 1)
         age_ns = max(0, now_ns - self.stamps[-1])
+        # decoded only when the table is drawn: most frames are never shown
         name, note = "", self.data.hex(" ").upper()
         readings: tuple[tuple[Field, Number], ...] = ()
         if self.shown is not None:
             if not self.shown.codec.is_multiplexed:
                 self._decode()
-            name, note = self.shown.codec.name, self.said
+            name, note = self.shown.codec.name, self.latest_finding
             readings = tuple(self.readings.values())
         elif self.can_id & ERROR:
             name = "error frame"
@@ -149,7 +147,7 @@ class Board:
         self.frames = 0
 
     def take(self, bus: str, frame: Frame) -> None:
-        """A frame was seen; at_ns on the clock on which `rows` is asked."""
+        """Take a frame; its at_ns is on the same clock as the time given to `rows`."""
         self.frames += 1
         if self._first_ns is None:
             self._first_ns = frame.at_ns
@@ -162,20 +160,20 @@ class Board:
         stream.take(frame)
         if stream.shown is not None and (found := self._integrity.findings(bus, frame, stream.shown.codec)):
             stream.findings += 1
-            stream.said = "; ".join(found)
+            stream.latest_finding = "; ".join(found)
 
     def since_ns(self, now_ns: int) -> int:
         """How long ago the first frame came; 0 before it."""
         return 0 if self._first_ns is None else max(0, now_ns - self._first_ns)
 
     def rows(self, now_ns: int) -> list[Row]:
-        """Every message by bus and name, those that a sender owes included, unknown identifiers last."""
+        """Every message by bus and name, including missing ones; unknown identifiers last."""
         rows = [stream.row(now_ns) for stream in self._streams.values()]
         rows += self._missing(self.since_ns(now_ns))
         return sorted(rows, key=lambda row: (row.bus, not row.name, row.name, row.identifier))
 
     def _missing(self, watched_ns: int) -> Iterator[Row]:
-        """What has never come although its sender sends, and would be stale if it had come at the start."""
+        """Messages that never came although their sender sends others, and that are overdue since the first frame."""
         heard = {(stream.bus, stream.shown.codec) for stream in self._streams.values() if stream.shown}
         owed = {(bus, other.codec) for bus, codec in heard for other in self._messages.expected_beside(codec)}
         for bus, codec in owed - heard:

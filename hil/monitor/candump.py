@@ -1,4 +1,4 @@
-"""candump's lines, byte for byte: its normal form and its log form (can-utils 2020.11, Debian 12).
+"""Prints frames exactly as candump does, for `monitor --raw`: normal form and log form (can-utils 2020.11, Debian 12).
 
 A line of the normal form is
 
@@ -39,18 +39,15 @@ class Stamp(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Style:
-    """What is shown; the letters are candump's options.
+    """What is shown, by candump's options."""
 
-    log: -L; extra: -x, direction and flags; text: -a; binary: -i; swapped: -S; colour: how often -c.
-    """
-
-    stamp: Stamp = Stamp.NONE
-    log: bool = False
-    extra: bool = False
-    text: bool = False
-    binary: bool = False
-    swapped: bool = False
-    colour: int = 0
+    stamp: Stamp = Stamp.NONE  # -t
+    log: bool = False  # -L
+    extra: bool = False  # -x: direction and flags
+    text: bool = False  # -a
+    binary: bool = False  # -i
+    swapped: bool = False  # -S
+    colour: int = 0  # how often -c was given
 
 
 class Stamper:
@@ -73,6 +70,7 @@ class Stamper:
                 return f"({date}.{at_us % 1_000_000:06d}) "
         if self._reference_us is None:
             self._reference_us = at_us
+        # stamps of several interfaces may run backwards by a little; candump prints no negative times
         since_us = max(0, at_us - self._reference_us)
         if self._stamp is Stamp.DELTA:
             self._reference_us = at_us
@@ -83,7 +81,7 @@ class Candump:
     """Lines of the frames of one run of candump, in the order in which they are given."""
 
     def __init__(self, style: Style, interfaces: tuple[str, ...] = ()) -> None:
-        """interfaces: the names on the command line, which the column is wide enough for from the start."""
+        """interfaces: the names on the command line; their column has the width of the longest from the start."""
         self._style = style
         self._width = max(map(len, interfaces), default=0)
         self._numbers: dict[str, int] = {}
@@ -98,6 +96,7 @@ class Candump:
         before, name = self._names[interface]
         if self._style.log:
             return log_line(name, frame, wall_ns, direction=self._style.extra)
+        # state, as in candump: after the first 29-bit identifier the 11-bit ones are indented
         self._indent |= bool(frame.can_id & EXTENDED)
         style = self._style
         return (
@@ -172,7 +171,7 @@ def _bytes(data: bytes, style: Style) -> str:
 
 
 def _behind(can_id: int, data: bytes, style: Style) -> str:
-    """What stands behind the data of at most eight bytes: the mark of an error frame, or the text."""
+    """The text after data of at most eight bytes: the mark of an error frame, or the data as text."""
     if len(data) > _CLASSIC_MOST or not (style.text or can_id & ERROR):
         return ""
     room = (9 if style.binary else 3) * (_CLASSIC_MOST - len(data))

@@ -18,7 +18,7 @@ def watched(texts: Sequence[str], *, with_errors: bool) -> tuple[Target, ...]:
 
 
 def names(texts: Sequence[str] | None) -> tuple[str, ...]:
-    """Names that were given one by one or with commas between them."""
+    """Names from repeated options, each of which may hold several separated by commas."""
     return tuple(name.strip() for text in texts or [] for name in text.split(",") if name.strip())
 
 
@@ -30,7 +30,8 @@ def known_messages(
     *,
     protection: bool,
 ) -> "Messages":
-    """The DBC files as far as they are shown, by default our own; DatabaseError, SelectionError."""
+    """The selected messages of the DBC files, by default those of the bench. Raises DatabaseError or SelectionError."""
+    # imported late: `--raw` needs no DBC, and cantools takes half a second to load
     from dbc import FOLDER, loader_database, reference_database
     from dbc.database import Database
     from hil.monitor.messages import Messages, Selection

@@ -1,4 +1,4 @@
-"""`loaderhil monitor`: its options, and which of them can be combined."""
+"""`loaderhil monitor`: the options of the command and the check of their combinations."""
 
 import os
 import sys
@@ -29,7 +29,7 @@ class OptionError(UserError, ValueError):
 
 
 class Form(StrEnum):
-    """What is made of the frames."""
+    """The form of the output; the value is the option that chooses it."""
 
     RAW = "--raw"
     LINES = "--lines"
@@ -176,7 +176,7 @@ def monitor(
 
 
 def _form(*, raw: bool, lines: bool, json: bool, table: bool) -> Form:
-    """The form asked for, or the one that suits where the output goes."""
+    """The chosen form; by default a table on a terminal and lines in a pipe."""
     asked = [form for form, wanted in zip(Form, (raw, lines, json, table), strict=True) if wanted]
     if len(asked) > 1:
         raise OptionError(f"{' and '.join(asked)}: choose one")
@@ -227,7 +227,7 @@ def _decoded_view(
 
 
 def _table_view(messages: "Messages", source: Source, plan: Plan) -> View:
-    """Redrawn on a terminal while frames come; otherwise once."""
+    """A table that is redrawn on a terminal while frames come, or printed once at the end."""
     from rich.console import Console
 
     from hil.monitor.live import LiveView, TableView

@@ -1,4 +1,4 @@
-"""Decoded frames as text: one line each, for people (`--lines`) or programs (`--json`).
+"""Formats decoded frames, one line each, for people (`--lines`) or programs (`--json`).
 
 A line is
 
@@ -26,7 +26,7 @@ _MICROSECOND = 1_000
 
 
 class _View(ABC):
-    """A line per frame that was asked for."""
+    """Base of both views: a line per selected frame."""
 
     def __init__(self, messages: Messages) -> None:
         self._messages = messages
@@ -81,6 +81,8 @@ class JsonView(_View):
 
     def _line(self, name: str, frame: Frame, at_ns: int, shown: Shown | None) -> str:
         time_s = at_ns // _MICROSECOND / 1e6
+        # assembled by hand: json.dumps of the whole object takes several times longer, and a saturated bus
+        # brings thousands of frames a second
         head = f'"time_s": {time_s}, "bus": {_key(name)}, "id": "{identifier(frame.can_id)}"'
         return f"{{{head}, {self._content(name, frame, shown)}}}"
 

@@ -1,4 +1,4 @@
-"""candump's filters: which frames of one interface are shown.
+"""candump's filters, for `monitor`: which frames of one interface are shown.
 
     123:7FF    can_id & mask == 123 & mask         123~7FF    can_id & mask != 123 & mask
     #FFFF      error frames whose class is in the mask; without it none are shown
@@ -26,20 +26,18 @@ _WORD = 0xFFFF_FFFF
 
 
 class FilterError(UserError, ValueError):
-    """A filter that candump could not read either."""
+    """A filter that is not valid for candump."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Filters:
-    """The filters of one interface.
+    """The filters of one interface."""
 
-    pairs: (can_id, mask) words as the kernel takes them, INVERTED included; none: every data frame.
-    errors: mask of error classes; joined: all pairs must match.
-    """
-
-    pairs: tuple[tuple[int, int], ...] = ()
-    errors: int = 0
-    joined: bool = False
+    pairs: tuple[
+        tuple[int, int], ...
+    ] = ()  # (can_id, mask) as the kernel takes them, with INVERTED; (): all data frames
+    errors: int = 0  # mask of error classes; 0: no error frame
+    joined: bool = False  # all pairs must match, instead of any
 
     @classmethod
     def parse(cls, texts: Sequence[str]) -> Self:
@@ -66,7 +64,7 @@ class Filters:
 
     def passes(self, can_id: int) -> bool:
         """Whether a frame with this `can_id` word is shown."""
-        if can_id & ERROR:  # counts as one match: it cannot satisfy several joined filters
+        if can_id & ERROR:  # the kernel matches it once: it cannot satisfy several joined filters
             return bool(can_id & self.errors) and not (self.joined and len(self.pairs) > 1)
         if not self.pairs:
             return True
@@ -78,9 +76,10 @@ def _pair(match: re.Match[str]) -> tuple[int, int]:
     """One filter as the kernel applies it."""
     typed, kind, mask_text = match.groups()
     can_id, mask = int(typed, 16), int(mask_text, 16) & ~ERROR
-    if match.start(2) == _LONG:  # candump looks for the separator there, whatever the digits
+    if match.start(2) == _LONG:  # as candump: eight digits mean 29 bits, also if the value is small
         can_id |= EXTENDED
     if mask & EXTENDED and not can_id & EXTENDED:
+        # as af_can.c: an 11-bit filter that asks for "not extended" compares 11 bits only
         mask &= STANDARD_MASK | EXTENDED | REMOTE
     inverted = INVERTED if kind == "~" else can_id & INVERTED
     return can_id & mask & _WORD | inverted, mask

@@ -1,4 +1,4 @@
-"""Whether protected frames are whole and follow one another, judged per bus and identifier."""
+"""Checks CRC and counter of protected frames for the monitor, per bus and identifier."""
 
 from bus.frame import Frame
 from dbc.database import MessageCodec
@@ -8,13 +8,13 @@ _UNREMARKABLE = (Finding.OK, Finding.INITIAL)
 
 
 class Integrity:
-    """The checks of everything that is shown; each stream of frames has a state of its own."""
+    """The checks of all shown frames; each bus and identifier has a counter of its own."""
 
     def __init__(self) -> None:
         self._checkers: dict[tuple[str, int], Checker] = {}
 
     def findings(self, bus: str, frame: Frame, codec: MessageCodec) -> list[str]:
-        """What is wrong with a frame, [] for nothing or a message without protection."""
+        """The findings on a frame; [] for an intact one or a message without protection."""
         if codec.protection is None:
             return []
         key = bus, frame.can_id

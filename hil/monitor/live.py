@@ -1,4 +1,4 @@
-"""The table as a view: redrawn in place on a terminal, or printed once at the end."""
+"""The views of the monitor's table: redrawn in place on a terminal, or printed once at the end."""
 
 import time
 
@@ -9,6 +9,7 @@ from hil.monitor.messages import Messages
 from hil.monitor.source import Batch, Source
 from hil.monitor.table import Head, render
 
+# Five times a second: readable values, and little processor time for drawing.
 REDRAW_S = 0.2
 _ENTER = "\33[?1049h\33[?25l"  # alternate screen, no cursor
 _LEAVE = "\33[?25h\33[?1049l"
@@ -16,7 +17,7 @@ _HOME, _TO_LINE_END, _TO_SCREEN_END = "\33[H", "\33[K", "\33[J"
 
 
 class TableView:
-    """The table, printed when everything has come."""
+    """The table, printed once when the source has ended."""
 
     def __init__(self, messages: Messages, source: Source, title: str, console: Console) -> None:
         """console: knows the terminal's size and colours; nothing is written by it."""
@@ -57,7 +58,7 @@ class LiveView(TableView):
         self._entered = False
 
     def text(self, batch: Batch) -> str:
-        """The screen anew, if it is time."""
+        """The redrawn screen, or '' if the last one is younger than REDRAW_S."""
         super().text(batch)
         if time.monotonic() < self._next:
             return ""
@@ -65,10 +66,11 @@ class LiveView(TableView):
         lines = self._rendered(self._console.height).splitlines()
         enter = "" if self._entered else _ENTER
         self._entered = True
+        # each line is overwritten and its rest erased: clearing the whole screen would flicker
         drawn = "\r\n".join(f"{line}{_TO_LINE_END}" for line in lines)
         return f"{enter}{_HOME}{drawn}{_TO_SCREEN_END}"
 
     def end(self) -> str:
-        """Back to the screen as it was, with the last table on it."""
+        """Leave the alternate screen and print the last table on the normal one."""
         leave = _LEAVE if self._entered else ""
         return leave + super().end()

@@ -1,4 +1,4 @@
-"""What the DBC files say of a frame, and which of it was asked for."""
+"""Looks up frames in the DBC files and selects the messages and signals that the user asked for."""
 
 import difflib
 import json
@@ -20,7 +20,7 @@ _MOST_DECIMALS = 6
 
 
 class SelectionError(UserError, ValueError):
-    """A message, signal or sender was asked for that no DBC has."""
+    """The user asked for a message, signal or sender that no DBC has."""
 
 
 class Field:
@@ -43,11 +43,11 @@ class Field:
         return self._labels.get(value, "")
 
     def text(self, value: Number) -> str:
-        """The value as people read it, with as many decimals as the signal resolves."""
+        """The value as text, with as many decimals as the signal resolves."""
         return self._labels.get(value) or self._format % value
 
     def json(self, value: Number) -> str:
-        """The value as an object of JSON: value (null for what is no number), unit, and name where it has one."""
+        """The value as a JSON object: value (null for NaN and infinity), unit, and name where it has one."""
         number = repr(value) if math.isfinite(value) else "null"
         label = self._labels.get(value)
         name = f', "name": {json.dumps(label)}' if label else ""
@@ -56,6 +56,7 @@ class Field:
 
 def _decimals(signal: Signal) -> int:
     """Number of decimals that keep neighbouring values different."""
+    # 1e-9: log10 of a power of ten is off by a rounding error, which ceil would turn into one decimal more
     step = math.ceil(-math.log10(abs(signal.scale)) - 1e-9)
     exponent = Decimal(str(signal.offset)).normalize().as_tuple().exponent
     of_offset = -exponent if isinstance(exponent, int) else 0
@@ -63,7 +64,7 @@ def _decimals(signal: Signal) -> int:
 
 
 class Shown:
-    """A message and those of its signals that are shown."""
+    """A message with its selected signals."""
 
     def __init__(self, codec: MessageCodec, fields: tuple[Field, ...]) -> None:
         self.codec, self.fields = codec, fields
@@ -83,15 +84,12 @@ class Shown:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Selection:
-    """What was asked for, as shell patterns; an empty part asks for everything.
-
-    signals: `Signal` or `Message.Signal`. protection: also CRC and counter, which are shown anyway when named.
-    """
+    """The user's selection, as shell patterns; an empty part selects everything."""
 
     messages: Sequence[str] = ()
     senders: Sequence[str] = ()
-    signals: Sequence[str] = ()
-    protection: bool = False
+    signals: Sequence[str] = ()  # `Signal` or `Message.Signal`
+    protection: bool = False  # show CRC and counter too; when named in `signals` they are shown anyway
 
     @property
     def everything(self) -> bool:
@@ -99,7 +97,7 @@ class Selection:
         return not (self.messages or self.senders or self.signals)
 
     def of(self, codec: MessageCodec) -> Shown | None:
-        """What is shown of a message, None if nothing."""
+        """The selected signals of a message; None if it is not selected."""
         if self.messages and not _any_matches(self.messages, [codec.name]):
             return None
         if self.senders and not _any_matches(self.senders, codec.senders):
@@ -141,7 +139,7 @@ class Messages:
         self._check()
 
     def of(self, can_id: int) -> Shown | None:
-        """What is shown of a frame, None if it is unknown or not asked for."""
+        """The selected signals of a frame; None if it is unknown or not selected."""
         if can_id not in self._known:
             codec = None if can_id & (ERROR | REMOTE) else self._codec(can_id)
             self._known[can_id] = None if codec is None else self._shown.get(codec)
@@ -153,7 +151,7 @@ class Messages:
         return next((codec for codec in (*exact, *grouped) if codec is not None), None)
 
     def expected_beside(self, codec: MessageCodec) -> list[Shown]:
-        """The cyclic messages that whoever sends this one sends as well."""
+        """The other cyclic messages of the sender of this one, as far as they are selected."""
         database = next(d for d in self._databases if d.by_id.get(codec.can_id) is codec)
         return [
             self._shown[other]
@@ -162,7 +160,7 @@ class Messages:
         ]
 
     def _check(self) -> None:
-        """Every pattern matches something."""
+        """Refuse a pattern that matches nothing: a misspelt name would show an empty table for ever."""
         codecs = [codec for database in self._databases for codec in database.by_id.values()]
         names = {
             "message": [codec.name for codec in codecs],
@@ -181,5 +179,5 @@ class Messages:
                     raise SelectionError(f"no {kind} '{pattern}' in {sources}{hint}")
         if not self._shown:
             raise SelectionError(
-                "no message has all that was asked for: leave out --message, --sender or --signals"
+                "no message fulfils all conditions: leave out --message, --sender or --signals"
             )

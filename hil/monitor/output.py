@@ -1,4 +1,4 @@
-"""Standard output as a pipe's end: whole batches, a reader that goes away, a signal while it does not read."""
+"""Writes standard output for the monitor: ends when the reader goes away, or at a signal while it does not read."""
 
 import errno
 import os
@@ -8,11 +8,11 @@ import sys
 
 from hil.shell.process import Stop
 
-_NOBODY = (errno.EPIPE, errno.EIO)  # a pipe's reader, a terminal
+_NOBODY = (errno.EPIPE, errno.EIO)  # the reader of a pipe has gone; the terminal has gone
 
 
 PATIENCE_S = 0.5
-"""How long a reader that is only slow may take to read on after the signal to end."""
+"""Time that a slow reader gets after the signal to end before the rest is dropped [s]."""
 
 
 class Closed(Exception):
@@ -20,10 +20,11 @@ class Closed(Exception):
 
 
 class Output:
-    """Writes text to a descriptor; never stuck behind a reader that has stopped reading."""
+    """Writes text to a descriptor without blocking for ever on a reader that has stopped reading."""
 
     def __init__(self, descriptor: int, stop: Stop) -> None:
         self.descriptor = descriptor
+        # poll says "writable" for PIPE_BUF bytes; a longer write to a pipe may block
         self._piece = sys.maxsize if stat.S_ISREG(os.fstat(descriptor).st_mode) else select.PIPE_BUF
         self._poll = select.poll()
         self._poll.register(descriptor, select.POLLOUT)
@@ -31,7 +32,7 @@ class Output:
 
     @property
     def watchable(self) -> tuple[int, ...]:
-        """The descriptor, if its reader's end can be noticed without writing."""
+        """The descriptor, if poll reports the end of its reader without a write; () otherwise."""
         mode = os.fstat(self.descriptor).st_mode
         return (self.descriptor,) if stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode) else ()
 

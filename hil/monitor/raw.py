@@ -1,4 +1,4 @@
-"""`--raw`: frames as candump prints them, to standard output or into a log of candump's name."""
+"""`monitor --raw`: frames in candump's format, to standard output or into a log file with candump's name."""
 
 import time
 from dataclasses import replace

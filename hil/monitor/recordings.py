@@ -1,4 +1,4 @@
-"""Recordings as a source: read in pieces, so that the first line comes at once, and followed while they grow."""
+"""Recordings as a source of the monitor: read in pieces, so that the first line comes at once, and followed while they grow."""
 
 import os
 import select
@@ -19,12 +19,12 @@ from hil.monitor.target import STDIN, Target
 from hil.shell.process import Stop
 
 _LOOK_S = 0.1
-"""How often a growing file is looked at."""
+"""Interval at which a growing file is checked [s]; inotify would not report changes on network file systems."""
 _ROWS = 4096
 _LOOKED_AT = 256
-"""Bytes at the start of a file that say what it is."""
-_TOLD = 5
-"""Damaged lines that are named; all are counted."""
+"""Bytes at the start of a file by which its format is recognised."""
+_NAMED = 5
+"""Damaged lines that are reported one by one; all are counted."""
 
 
 class FollowError(UserError, ValueError):
@@ -40,7 +40,7 @@ class Recordings:
             raise FollowError(f"--follow follows one file at a time, not {len(targets)}")
         self.names: tuple[str, ...] = ()
         self._targets, self._follow = targets, follow
-        self._notices: list[str] = []
+        self._warnings: list[str] = []
         self._now_ns = 0
 
     def batches(self, stop: Stop, every_s: float) -> Iterator[Batch]:
@@ -94,8 +94,9 @@ class Recordings:
                     line += whole.count(b"\n")
             elif pipe or not self._follow:
                 break
+            # truncated by log rotation, as `tail -f` handles it
             elif os.fstat(file.fileno()).st_size < position:
-                self._notices.append(f"{name}: the file was cut off; reading it from its start")
+                self._warnings.append(f"{name}: the file was cut off; reading it from its start")
                 file.seek(0)
                 rest, line, position = b"", 0, 0
             else:
@@ -110,23 +111,23 @@ class Recordings:
         return table
 
     def _note_damage(self, name: str, table: FrameTable, before: int) -> None:
-        """Damaged lines as notices; before: lines of the file that came earlier."""
-        for damage in table.damaged[:_TOLD]:
-            self._notices.append(f"{name}: {replace(damage, at=before + damage.at)}")
-        if table.damaged_count > _TOLD:
-            self._notices.append(f"{name}: {table.damaged_count - _TOLD} more damaged lines")
+        """Keep a warning for each damaged line. before: number of lines of the file before this piece."""
+        for damage in table.damaged[:_NAMED]:
+            self._warnings.append(f"{name}: {replace(damage, at=before + damage.at)}")
+        if table.damaged_count > _NAMED:
+            self._warnings.append(f"{name}: {table.damaged_count - _NAMED} more damaged lines")
 
     def lost(self) -> dict[str, int]:
-        """Files wait for us."""
+        """{}: nothing is lost, because a file waits for its reader."""
         return {}
 
-    def notices(self) -> list[str]:
-        """Damaged lines."""
-        notices, self._notices = self._notices, []
-        return notices
+    def warnings(self) -> list[str]:
+        """Reports of damaged lines since the last call."""
+        warnings, self._warnings = self._warnings, []
+        return warnings
 
     def now_ns(self) -> int:
-        """The newest stamp: a recording's clock."""
+        """The newest stamp: the time of a recording is that of its last frame."""
         return self._now_ns
 
 

@@ -1,4 +1,4 @@
-"""The loop of the monitor: from a source through a view to standard output, and how it ends."""
+"""The main loop of `loaderhil monitor`: from a source through a view to standard output."""
 
 import sys
 import time
@@ -14,33 +14,30 @@ from hil.monitor.target import Target, TargetError
 from hil.shell.process import Stop
 
 EVERY_S = 0.25
-"""How long a view waits at most to be called again while nothing comes."""
-_TELL_S = 1.0
-"""Shortest time between two reports of lost frames."""
+"""Longest time between two calls of a view while no frame comes [s]: ages in the table go on."""
+_REPORT_S = 1.0
+"""Shortest time between two reports of lost frames [s]."""
 
 
 class View(Protocol):
-    """What becomes of the frames."""
+    """Turns batches of frames into text."""
 
     def text(self, batch: Batch) -> str:
-        """What is written for a batch, '' for nothing."""
+        """The text for a batch; '' for none."""
 
     def end(self) -> str:
-        """What is written when nothing more comes, however that happened."""
+        """The text after the last batch, whatever ended the source."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """What to watch and until when.
-
-    count: frames after which it ends; silence_s: time without a frame after which it ends; None: no such end.
-    """
+    """What to watch and when to end."""
 
     targets: tuple[Target, ...]
-    follow: bool = False
-    origins: bool = False
-    count: int | None = None
-    silence_s: float | None = None
+    follow: bool = False  # continue while a recording grows
+    origins: bool = False  # mark frames that were sent from this machine
+    count: int | None = None  # end after this number of frames; None: no such limit
+    silence_s: float | None = None  # end after this time without a frame [s]; None: no such limit
 
 
 def open_source(plan: Plan, watch: tuple[int, ...], stack: ExitStack) -> Source:
@@ -64,7 +61,7 @@ def monitor(plan: Plan, view_of: Callable[[Source, ExitStack], View]) -> Ending:
         output = Output(sys.stdout.fileno(), stop)
         source = open_source(plan, output.watchable, stack)
         view = view_of(source, stack)
-        reporter = _Teller(source)
+        reporter = _Reporter(source)
         until = _Until(plan)
         try:
             for batch in source.batches(stop, min(EVERY_S, plan.silence_s or EVERY_S)):
@@ -108,8 +105,8 @@ class _Until:
         return batch
 
 
-class _Teller:
-    """Tells on standard error what went wrong: notices at once, lost frames at most once per second."""
+class _Reporter:
+    """Reports problems on standard error: warnings at once, lost frames at most once per second."""
 
     def __init__(self, source: Source) -> None:
         self._source = source
@@ -117,21 +114,21 @@ class _Teller:
         self._next = 0.0
 
     def report(self) -> None:
-        """What is new."""
-        for notice in self._source.notices():
-            print(f"loaderhil: {notice}", file=sys.stderr)
+        """Report the problems since the last call."""
+        for warning in self._source.warnings():
+            print(f"loaderhil: {warning}", file=sys.stderr)
         if time.monotonic() >= self._next:
             self.finish()
 
     def finish(self) -> None:
-        """Lost frames that have not been reported."""
+        """Report lost frames that have not been reported yet."""
         for name, total in self._source.lost().items():
             if new := total - self._reported.get(name, 0):
                 print(f"loaderhil: fell behind: {new} frames of {name} lost, {total} so far", file=sys.stderr)
-                self._next = time.monotonic() + _TELL_S
+                self._next = time.monotonic() + _REPORT_S
             self._reported[name] = total
 
     def summary(self) -> str:
-        """All losses in a few words."""
+        """All losses as text."""
         lost = sum(self._source.lost().values())
         return f"{lost} lost" if lost else "none lost"

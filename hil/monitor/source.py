@@ -1,4 +1,4 @@
-"""Where the frames come from: one shape for buses, recordings and logs that still grow."""
+"""Sources of frames for the monitor: one interface for buses, recordings and logs that still grow."""
 
 import select
 import time
@@ -23,17 +23,14 @@ Seen = tuple[str, Frame]
 """A frame and the name of the interface it was seen on."""
 _LINK = (Fault.LINK_DOWN, Fault.LINK_UP, Fault.LINK_GONE)
 _ROUNDS = 16
-"""Drains before what came is handed on: a monitor that is behind catches up in larger pieces."""
+"""Drains before a batch is handed on: a monitor that is behind catches up in larger batches."""
 
 
 class Batch(NamedTuple):
-    """Frames in the order of their stamps, oldest first; empty when only time has passed.
+    """Frames in the order of their stamps, oldest first."""
 
-    ahead_ns: what their stamps lack to nanoseconds since 1970.
-    """
-
-    frames: list[Seen]
-    ahead_ns: int
+    frames: list[Seen]  # empty when only time has passed
+    ahead_ns: int  # add to the stamps for nanoseconds since 1970
 
 
 class Source(Protocol):
@@ -48,10 +45,10 @@ class Source(Protocol):
         """
 
     def lost(self) -> dict[str, int]:
-        """Frames by interface that came too fast for us."""
+        """Frames lost by interface, because they came too fast."""
 
-    def notices(self) -> list[str]:
-        """What else went wrong, or right again, since the last call; one line each."""
+    def warnings(self) -> list[str]:
+        """Other problems, and their ends, since the last call; one line each."""
 
     def now_ns(self) -> int:
         """The time now on the clock of the stamps."""
@@ -81,6 +78,7 @@ class Buses(Closing):
         self._watched = set(watch)
         self._origins = origins
         for descriptor in watch:
+            # no events asked for: hang-up and error are always reported
             self._epoll.register(descriptor, 0)
         self._buses: list[tuple[Target, Transport]] = []
         try:
@@ -109,11 +107,11 @@ class Buses(Closing):
             alarm.set(now_ns + every_ns)
 
     def fileno(self) -> int:
-        """Readable when `drain` has something to give."""
+        """Readable when `drain` has frames to give."""
         return self._epoll.fileno()
 
     def drain(self) -> list[Seen]:
-        """What has arrived, up to some rounds; by time when several buses are watched.
+        """The frames that have arrived, at most _ROUNDS drains per bus; sorted by time when several buses are watched.
 
         BusClosed when a bus has ended and everything that arrived has been given.
         """
@@ -139,7 +137,7 @@ class Buses(Closing):
         """As the protocol has it."""
         return {target.name: transport.statistics().dropped_in for target, transport in self._buses}
 
-    def notices(self) -> list[str]:
+    def warnings(self) -> list[str]:
         """Interfaces that went down or came back."""
         return [
             f"{target.name}: {finding.fault}"
@@ -172,9 +170,10 @@ def _expanded(targets: Sequence[Target]) -> list[Target]:
 
 
 def _open(target: Target, client: str, *, origins: bool) -> Transport:
-    """The bus of a target; an interface's kernel filters where it can."""
+    """The bus of a target; on an interface the kernel filters where it can."""
     if not target.interface:
         return open_transport(target.address, name=client)
+    # joined filters are applied by us: the kernel can join them too, but then not together with error frames
     pairs = None if target.filters.joined else target.filters.pairs or None
     return SocketCanTransport(target.interface, filters=pairs, origins=origins)
 

@@ -1,4 +1,4 @@
-"""The table: rows of a board laid out for a terminal of a given size."""
+"""Lays out the rows of a board as a table for a terminal of a given size."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -21,22 +21,22 @@ _COLOUR = {
 Column = tuple[str, Callable[[Row], str]]
 _PERIOD, _AGE = "ms/cycle", "age s"
 _STEADY = {_PERIOD: 9, _AGE: 5, "": 5}
-"""Widths that these columns have at least, so that they stand still while their content changes."""
+"""Least widths of these columns, so that the table does not move while its content changes."""
 _HEAD_LINES = 2
 _GAP = 1
 _BETWEEN = 2
 _LEAST_SIGNALS = 16
-"""Columns that the signals get at least."""
+"""Least width of the column of signals."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Head:
-    """What stands above the table; lost: frames by bus."""
+    """The line above the table."""
 
     source: str
-    frames: int
-    elapsed_s: float
-    lost: dict[str, int] = field(default_factory=dict)
+    frames: int  # so far
+    elapsed_s: float  # since the first frame [s]
+    lost: dict[str, int] = field(default_factory=dict)  # frames by bus
 
 
 def render(head: Head, rows: Sequence[Row], *, width: int, height: int | None) -> RenderableType:
@@ -103,17 +103,17 @@ def _headline(head: Head, width: int) -> Text:
 
 
 def _signals(row: Row, width: int) -> list[Text]:
-    """Readings, then what is wrong with the message, as pieces that are not broken across lines.
+    """Findings, then readings, as pieces that are not broken across lines.
 
-    Where a reading is longer than `width`, it is the signal's name that is shortened.
+    Where a reading is longer than `width`, the name of the signal is shortened, not its value.
     """
     pieces = []
     for shown, value in row.readings:
-        said = shown.text(value)
+        value_text = shown.text(value)
         piece = Text(shown.name)
-        piece.truncate(max(1, width - len(said) - 1), overflow="ellipsis")
+        piece.truncate(max(1, width - len(value_text) - 1), overflow="ellipsis")
         piece.append(" ")
-        piece.append(said, "dim" if said == ABSENT else "bold")
+        piece.append(value_text, "dim" if value_text == ABSENT else "bold")
         pieces.append(piece)
     if row.findings:
         pieces.insert(0, Text(f"{row.findings} bad: {row.note}", "red"))
@@ -135,7 +135,7 @@ def _wrapped(pieces: Sequence[Text], width: int) -> list[Text]:
 
 
 def _heights(wanted: Sequence[int], height: int | None) -> list[int]:
-    """Lines that each row gets: one, and what it wants as far as that goes, first rows first; [] for no room."""
+    """Lines of each row: one, and more while there is room, first rows first; [] without any room."""
     if height is None:
         return list(wanted)
     room = height - _HEAD_LINES

@@ -1,4 +1,4 @@
-"""What `loaderhil monitor` is pointed at: a bus or a recording, and the filters behind its name."""
+"""Parses the arguments of `loaderhil monitor`: a bus or a recording, and the filters after its name."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,16 +15,16 @@ STDIN = "-"
 
 
 class TargetError(UserError, ValueError):
-    """Nothing that could be monitored."""
+    """The argument is neither a bus nor a recording."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """One bus (address) or one recording (path; `-` is standard input); name: as lines show it."""
+    """One bus or one recording."""
 
-    name: str
-    address: str = ""
-    path: Path | None = None
+    name: str  # as lines show it
+    address: str = ""  # of a bus
+    path: Path | None = None  # of a recording; `-` is standard input
     filters: Filters = field(default_factory=Filters)
 
     @classmethod

@@ -1,7 +1,7 @@
-"""The bridge between buses and a broker: an optional process that the bus never waits for.
+"""The bridge between buses and an MQTT broker: an optional process that no bus ever waits for.
 
 Two tasks: one takes every frame that arrives, whatever the broker does; the other publishes the newest state a
-few times per second, for as long as there is one, and looks for it again when it is gone.
+few times per second, and reconnects when the broker has gone.
 """
 
 import asyncio
@@ -22,12 +22,12 @@ from hil.mqtt.commands import Commands
 from hil.mqtt.publications import Publisher, Topics
 
 RETRY_S = (0.2, 5.0)
-"""Pause before the broker is looked for again: the first, doubled up to the last."""
+"""Pause before the next attempt to connect [s]: the first, doubled up to the last."""
 ANSWER_S = 5.0
 KEEPALIVE_S = 10
 STATISTICS_S = 1.0
 COMMANDS_WAITING = 64
-"""Commands that may wait for their turn; more are dropped."""
+"""Commands that may wait; more are dropped."""
 ONLINE, OFFLINE = "online", "offline"
 
 
@@ -44,7 +44,7 @@ class Bridge:
         every_s: float,
         commands: Commands | None,
     ) -> None:
-        """every_s: shortest time between two publications of a message; commands: None: none are taken."""
+        """every_s: shortest time between two publications of a message [s]; commands: None if none are accepted."""
         self._buses, self._board, self._broker, self._topics = buses, board, broker, topics
         self._every_s, self._commands = every_s, commands
         self._publisher = Publisher(topics)
@@ -69,7 +69,7 @@ class Bridge:
             raise closed.exceptions[0] from None
 
     async def _listen(self) -> None:
-        """Every frame that arrives, as soon as it does."""
+        """Take every frame as soon as it arrives, until a bus ends."""
         loop = asyncio.get_running_loop()
         ended: asyncio.Future[None] = loop.create_future()
 
@@ -81,6 +81,7 @@ class Bridge:
                 loop.remove_reader(self._buses.fileno())
                 ended.set_exception(error)
 
+        # a reader of the loop, not a task that awaits: publishing to a slow broker must not delay it
         loop.add_reader(self._buses.fileno(), readable)
         try:
             await ended
@@ -94,6 +95,7 @@ class Bridge:
             before = self._connections
             try:
                 await self._connected()
+            # except*: the task group wraps what its tasks raise
             except* aiomqtt.MqttError as errors:
                 self._note_loss(errors.exceptions[0])
             if self._connections > before:
@@ -102,13 +104,13 @@ class Bridge:
             pause_s = min(2 * pause_s, RETRY_S[1])
 
     def _note_loss(self, error: BaseException) -> None:
-        """Say once that there is no broker."""
+        """Report once that there is no broker; the attempts go on silently."""
         if not self._alone:
             self._alone = True
             say(f"no broker at {self._broker} ({error}); trying again, newer values replace older ones")
 
     async def _connected(self) -> None:
-        """One connection, from its first to its last message."""
+        """One connection to the broker, until it is lost or the bridge is cancelled."""
         will = aiomqtt.Will(self._topics.status, OFFLINE, qos=1, retain=True)
         async with aiomqtt.Client(
             **self._broker.options(),
@@ -127,18 +129,20 @@ class Bridge:
                     if self._commands is not None:
                         tasks.create_task(self._obey(client, self._commands), name="mqtt-obey")
             except asyncio.CancelledError:
+                # a client that disconnects properly does not cause its last will: "offline" has to be published
                 with contextlib.suppress(aiomqtt.MqttError):
                     await client.publish(self._topics.status, OFFLINE, qos=1, retain=True)
                 raise
 
     async def _publish(self, client: aiomqtt.Client) -> None:
-        """What is new, again and again; while the broker does not take it, nothing piles up here."""
+        """Publish new states for ever. A broker that does not accept them causes no queue here: newer ones replace them."""
         await client.publish(self._topics.status, ONLINE, qos=1, retain=True)
         statistics_due = 0.0
         while True:
             started, now_ns = time.monotonic(), time.monotonic_ns()
             rows = self._board.rows(now_ns)
             for publication in self._publisher.due(rows, now_ns + wallclock.SHARED.ahead_ns):
+                # QoS 0: a lost state is replaced by the next one within `every_s`
                 await client.publish(publication.topic, publication.payload, qos=0, retain=publication.retain)
                 self._published += 1
             if started >= statistics_due:
@@ -159,7 +163,7 @@ class Bridge:
         """Commands to the gateway's control socket, one after the other, and its answers."""
         await client.subscribe(self._topics.command, qos=1)
         async for message in client.messages:
-            if message.retain:  # it would be obeyed again after every reconnection
+            if message.retain:  # the broker would deliver it again after every reconnection
                 answer: dict[str, Any] = {"ok": False, "error": "a retained command is not obeyed"}
             else:
                 answer = await asyncio.to_thread(commands.obey, message.payload)

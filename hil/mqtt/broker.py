@@ -19,14 +19,13 @@ class BrokerError(UserError, ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Broker:
-    """Where the broker listens, and how to log in."""
+    """The address of the broker and the login."""
 
     host: str
     port: int
     user: str | None = None
-    password: str | None = field(default=None, repr=False)
-    tls: ssl.SSLContext | None = None
-    """None: without TLS."""
+    password: str | None = field(default=None, repr=False)  # repr=False: in no log and no traceback
+    tls: ssl.SSLContext | None = None  # None: without TLS
 
     @classmethod
     def parse(
@@ -38,6 +37,7 @@ class Broker:
         tls: ssl.SSLContext | None = None,
     ) -> "Broker":
         """`HOST:PORT`, `HOST` or `[ADDRESS]:PORT`. Raises BrokerError."""
+        # an IPv6 address ends with a bracket where it has no port: its colons are no separator
         host, separator, port = text.rpartition(":") if not text.endswith("]") else (text, "", "")
         if not separator:
             host, port = text, str(PORT if tls is None else TLS_PORT)
@@ -68,6 +68,7 @@ def read_secret(option: str, file: Path) -> str:
     """The first line of a file that holds a password or key. Raises BrokerError; the secret is in no message."""
     try:
         with file.open("rb") as stream:
+            # bounded: a wrong path may name a device or a huge file
             lines = stream.read(SECRET_LIMIT).decode().splitlines()
     except OSError as error:
         raise BrokerError(f"{option} {file}: {error.strerror}") from error

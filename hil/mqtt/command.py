@@ -1,4 +1,4 @@
-"""`loaderhil mqtt`: its options."""
+"""`loaderhil mqtt`: the options of the command that starts the MQTT bridge."""
 
 import sys
 from pathlib import Path
@@ -17,7 +17,7 @@ class PrefixError(UserError, ValueError):
 
 
 class CommandsError(UserError, ValueError):
-    """Commands are to be taken, but nobody is named who may give them."""
+    """Commands are to be accepted, but no key is given by which senders are recognised."""
 
 
 def mqtt(
@@ -150,6 +150,7 @@ def mqtt(
     from hil.shell.lifeline import Lifeline
     from hil.shell.process import ending_of, run_until_signal
 
+    # wildcards are not allowed in a topic that is published; $ topics belong to the broker (MQTT 3.1.1, 4.7)
     if not prefix or set(prefix) & {"+", "#", "\0"} or prefix.startswith("$") or prefix.endswith("/"):
         raise PrefixError(
             f"--prefix '{prefix}': a topic must not be empty, contain + or #, start with $ or end with /"

@@ -1,7 +1,7 @@
-"""Commands from a broker to a gateway: who may give them, and what they are answered.
+"""Passes commands from a broker on to a gateway, after checking their key.
 
-Whoever may publish on the topic of commands can end or falsify a bench. MQTT does not say who published a message, so that
-each command has to carry a key that the user of the bench has chosen.
+Every client that may publish on the topic of commands could end or falsify a bench. MQTT does not say who published a
+message, so each command has to carry a key that the user of the bench has chosen.
 """
 
 import hmac
@@ -25,10 +25,8 @@ class KeyTooShort(UserError, ValueError):
 class Commands:
     """Passes commands on to the control socket of a gateway."""
 
-    control: Path
-    """The control socket."""
-    key: str = field(repr=False)
-    """What a command has to have as its "key"."""
+    control: Path  # the control socket
+    key: str = field(repr=False)  # that a command must have as its "key"
 
     def __post_init__(self) -> None:
         if len(self.key) < LEAST_KEY:
@@ -43,6 +41,8 @@ class Commands:
         except ValueError as error:
             return {"ok": False, "error": f"a command is a JSON object: {error}"}
         number = {"id": command.pop("id")} if "id" in command else {}
+        # removed before it is passed on: the gateway may log commands. compare_digest takes the same time for every
+        # wrong key, so that none can be guessed piece by piece.
         shown = command.pop("key", None)
         if not isinstance(shown, str) or not hmac.compare_digest(_bytes(shown), _bytes(self.key)):
             return {"ok": False, "error": "the key is missing or wrong"} | number

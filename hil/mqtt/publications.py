@@ -1,4 +1,4 @@
-"""What is published: the newest frame of every message, and findings when they change.
+"""Decides what the MQTT bridge publishes: the newest frame of every message, and findings when they change.
 
     PREFIX/bus/BUS/MESSAGE[/ID]   retained; the object of `loaderhil monitor --json`. ID only where a J1939
                                   message comes from another address than the DBC's
@@ -7,7 +7,7 @@
     PREFIX/bridge/status          retained: online, or offline, which is also the last will
     PREFIX/command, PREFIX/reply  commands for fault injection, and their answers
 
-Pure: rows of a board go in, publications come out; what a slow broker has not taken is replaced by what is newer.
+Pure: rows of a board go in, publications come out. A state that a slow broker has not taken is replaced by a newer one.
 """
 
 import json
@@ -41,38 +41,38 @@ class Topics:
 
     @property
     def status(self) -> str:
-        """Whether the bridge is there."""
+        """Topic: whether the bridge is connected."""
         return f"{self.prefix}/bridge/status"
 
     @property
     def statistics(self) -> str:
-        """Its counters."""
+        """Topic: counters of the bridge."""
         return f"{self.prefix}/bridge/statistics"
 
     @property
     def findings(self) -> str:
-        """What changed for better or worse."""
+        """Topic: findings, one per change."""
         return f"{self.prefix}/findings"
 
     @property
     def command(self) -> str:
-        """Where commands come in."""
+        """Topic on which commands are accepted."""
         return f"{self.prefix}/command"
 
     @property
     def reply(self) -> str:
-        """Where their answers go."""
+        """Topic of the answers to commands."""
         return f"{self.prefix}/reply"
 
     def message(self, row: Row) -> str:
-        """The topic of a message; what MQTT gives a meaning is replaced in the bus' name."""
+        """The topic of a message; characters with a meaning in MQTT are replaced in the name of the bus."""
         own = f"{self.prefix}/bus/{_SEPARATORS.sub('_', row.bus)}/{row.name}"
         return f"{own}/{row.variant}" if row.variant else own
 
 
 @dataclass(slots=True)
 class _Published:
-    """What the broker knows of a row."""
+    """The state of a row that was published last."""
 
     count: int = 0
     findings: int = 0
@@ -80,7 +80,7 @@ class _Published:
 
 
 class Publisher:
-    """Remembers what was published, and gives what is new; superseded: frames that were never published, being replaced."""
+    """Remembers the published state and gives the changes. superseded: frames that a newer one replaced before they were published."""
 
     def __init__(self, topics: Topics) -> None:
         self._topics = topics
@@ -93,7 +93,7 @@ class Publisher:
         self._renewed = set(self._published)
 
     def due(self, rows: Sequence[Row], wall_ns: int) -> Iterator[Publication]:
-        """What is new in the rows, one by one; what has been taken counts as published. wall_ns: now, since 1970."""
+        """The changes in the rows, one by one; each one that is taken counts as published. wall_ns: now, since 1970."""
         for row in rows:
             key = row.bus, row.identifier
             published = self._published.setdefault(key, _Published())
@@ -112,7 +112,8 @@ class Publisher:
         if row.findings != published.findings:
             found.append(row.note)
             published.findings = row.findings
-        if row.pace is not published.pace and row.pace is not Pace.LATE:  # late alone may be nothing
+        # LATE is passed over: one late frame happens on a busy host, and the next state follows soon
+        if row.pace is not published.pace and row.pace is not Pace.LATE:
             if row.pace in _REPORTED:
                 found.append(str(row.pace))
             elif published.pace in _REPORTED:

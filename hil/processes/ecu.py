@@ -1,4 +1,4 @@
-"""The ECU process: the virtual ECU on the bus, in real time."""
+"""The ECU process of a real-time run: the virtual ECU on the bus."""
 
 from collections import Counter
 from contextlib import ExitStack
@@ -32,9 +32,11 @@ def run(
 ) -> Ending:
     """Run the virtual ECU on the bus until a signal ends it; with `out`, its timing and log are written there."""
     log_to(out and out / rundir.ECU_LOG)
+    # fails at once if there is no bus, not after the compilation
     reach(address)
     cycle = ecu_cycle(form=form, limits=limits, calibration=calibration)
-    cycle.warm_up()  # compiles on a fresh machine: before anybody waits for answers
+    cycle.warm_up()  # compiles, which takes seconds the first time: before the other side waits for answers
+    # after the warm-up: objects and code that exist now are frozen and locked
     realtime.apply()
     kinds: Counter[str] = Counter()
 

@@ -1,4 +1,4 @@
-"""The gateway process: everything between the plant's bus and the ECU's."""
+"""The gateway process of a real-time run: routes, checks and faults between the plant's bus and the ECU's."""
 
 import logging
 import time
@@ -33,24 +33,20 @@ from hil.timing.host import OwnWaits
 
 log = logging.getLogger(__name__)
 LAST_BATCHES = 256
-"""Batches passed on after the end was asked for: the hub's whole backlog."""
+"""Batches that still cross after the signal to end: as many as the hub's whole backlog."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Between:
-    """What a gateway stands between, and by which rules.
-
-    routes: TOML file, None for what the DBC says; dbc: other than loader.dbc. inject: files with faults, drawn
-    from `seed`; control: where it listens for live commands.
-    """
+    """The buses and the rules of a gateway."""
 
     addresses: dict[Side, str]
-    routes: Path | None = None
-    dbc: Path | None = None
-    protection: Path | None = None
-    inject: tuple[Path, ...] = ()
-    seed: int = 0
-    control: Path | None = None
+    routes: Path | None = None  # TOML file; None: by senders and receivers of the DBC
+    dbc: Path | None = None  # None: loader.dbc
+    protection: Path | None = None  # TOML file with protections of the user; None: those of the DBC
+    inject: tuple[Path, ...] = ()  # files with faults
+    seed: int = 0  # of the random choices of faults
+    control: Path | None = None  # socket on which live commands are accepted
 
     def __post_init__(self) -> None:
         if self.addresses["plant"] == self.addresses["ecu"]:
@@ -59,7 +55,7 @@ class Between:
             )
 
     def database(self) -> Database:
-        """Of the two buses."""
+        """The database of the messages on both buses."""
         if self.protection is None:
             return Database.from_file(self.dbc) if self.dbc is not None else loader_database()
         # A database of its own: the protections must not reach whoever else uses the shared one.
@@ -118,7 +114,7 @@ def run(line: Lifeline, between: Between, out: Path | None, realtime: RealtimeOp
 def _control(
     path: Path | None, core: GatewayCore, watcher: Watcher, injector: Injector | None
 ) -> AbstractContextManager[ControlServer | None]:
-    """Who listens for live commands, if anybody does."""
+    """The server of live commands; None without a socket or an injector."""
     if path is None or injector is None:
         return nullcontext()
 
@@ -131,7 +127,7 @@ def _control(
 
 
 def _act(line: Lifeline, action: Action) -> None:
-    """What the gateway cannot do itself is the supervisor's to do."""
+    """Pass an action on processes to the supervisor, which alone can kill and start them."""
     if line.supervised:
         line.act(action.kind, action.target)
     log.warning(
@@ -153,14 +149,15 @@ def _conclude(injector: Injector, core: GatewayCore, out: Path | None) -> None:
 
 
 def _pass_what_came(loop: GatewayLoop) -> None:
-    """What had arrived when the end was asked for still crosses; a bus that never falls silent is left."""
+    """Let the frames cross that had arrived before the signal to end; bounded, because a bus need not fall silent."""
     for _ in range(LAST_BATCHES):
         if not loop.serve():
             return
 
 
 def lost(core: GatewayCore, buses: dict[Side, Transport]) -> int:
-    """Frames that the gateway should have passed on and did not; what a bus refused at first was offered again."""
+    """Frames that the gateway should have passed on and did not."""
+    # `held` is not counted: a frame that a bus refused was offered again
     unread = sum(bus.statistics().dropped_in for bus in buses.values())
     return unread + sum(core.counts[side].overflowed + len(core.waiting(side)) for side in SIDES)
 
@@ -170,8 +167,8 @@ def _log_troubles(watcher: Watcher) -> None:
     for side in SIDES:
         troubles = watcher.troubles(side)
         for name in dict.fromkeys(name for name, _ in troubles):
-            said = [f"{count} {what.value}" for (of, what), count in troubles.items() if of == name]
-            log.info("%s side: %s: %s", side, name, ", ".join(said))
+            counts = [f"{count} {what.value}" for (of, what), count in troubles.items() if of == name]
+            log.info("%s side: %s: %s", side, name, ", ".join(counts))
 
 
 def figures(core: GatewayCore, watcher: Watcher) -> dict[str, int]:

@@ -1,4 +1,4 @@
-"""The hub process: the bus that everybody else connects to; and what a running one says about itself."""
+"""The hub process of a run: the bus that all others connect to; and the printed counters of a running hub."""
 
 import time
 from dataclasses import dataclass
@@ -22,10 +22,10 @@ class ImpossibleRates(UserError, ValueError):
 
 @dataclass(frozen=True, slots=True)
 class BitRates:
-    """Of a modelled wire [bit/s]; nominal None: as fast as it goes; data: of frames that switch, None: nominal."""
+    """Bit rates of the modelled wire [bit/s]."""
 
-    nominal: int | None
-    data: int | None
+    nominal: int | None  # None: no wire is modelled, frames are relayed at once
+    data: int | None  # of CAN FD frames with a bit-rate switch; None: as nominal
 
     def __post_init__(self) -> None:
         if self.data is None:

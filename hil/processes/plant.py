@@ -1,4 +1,4 @@
-"""The plant process: the machine of one scenario on the bus, in real time."""
+"""The plant process of a real-time run: the machine of one scenario on the bus."""
 
 import logging
 from collections import Counter

@@ -1,7 +1,7 @@
 """One run as processes: hubs, recorders, gateway, ECU and plant, each its own `loaderhil` command, in real time.
 
-The supervisor starts them, waits until all are ready (compiled, connected), says go, and
-ends all of them with the first that ends. What is left is a run directory, complete or
+The supervisor starts them, waits until all are ready (compiled, connected), sends go, and
+ends all of them with the first that ends. The result is a run directory, complete or
 with the reason why not.
 """
 
@@ -33,19 +33,19 @@ from hil.timing.waits import Rows
 
 HUB_READY_S = 20.0
 READY_S = 180.0
-"""Compilation of plant and estimators included, which is slow the first time on a small machine."""
+"""Longest start of a process [s], compilation included, which is slow the first time on a small machine."""
 STUCK_S = 20.0
-"""How long the plant's time may stand still; on a starved machine it runs slower than the clock, but it runs."""
+"""Longest standstill of the plant's time [s]; on a busy machine it is slower than the clock, but it moves."""
 NODE_OF: dict[Side, str] = {"plant": "Machine", "ecu": "EstimatorEcu"}
 LOST = (-signal.SIGKILL, -signal.SIGTERM, Ending.HUB_LOST, Ending.PEER_DIED)
-"""Exit codes of a process that others ended, or that waited for a node in vain, before it was ready as well as after."""
-LAST_WORDS_S = 1.0
-"""How long to look for the real cause when processes fall like dominoes."""
+"""Exit codes of a process that another one caused, or that waited for a node in vain."""
+CAUSE_S = 1.0
+"""How long to look for the first cause when one failure ends several processes [s]."""
 
 
 @contextmanager
 def _sigterm_interrupts() -> Iterator[None]:
-    """SIGTERM ends a run as Ctrl-C does: with its processes stopped and its files written."""
+    """Let SIGTERM end a run as Ctrl-C does: processes are stopped and files written."""
 
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
@@ -59,7 +59,7 @@ def _sigterm_interrupts() -> Iterator[None]:
 
 @contextmanager
 def socket_folder() -> Iterator[Path]:
-    """A folder for the sockets of a run; the paths of Unix sockets have to be short."""
+    """A temporary folder for the sockets of a run: the name of a Unix socket has at most 107 bytes."""
     folder = Path(tempfile.mkdtemp(prefix="loaderhil-"))
     try:
         yield folder
@@ -74,7 +74,7 @@ def run_realtime(
     buses: Buses = ONE_BUS,
     options: RealtimeOptions = ORDINARY,
 ) -> RunResult:
-    """Run `choice` as processes and leave the run directory `out`; options: of all but the recorders."""
+    """Run `choice` as processes and write the run directory `out`. options: for all processes but the recorders."""
     scenario = choice.load()
     if not buses.gateway and choice.injector() is not None:
         raise ChoiceError(
@@ -128,9 +128,10 @@ class _Bench:
         self.hubs: list[Child] = []
 
     def drive(self) -> tuple[Ending, str]:
-        """Start everything, let the plant run, say how it ended."""
+        """Start all processes and wait for the end; returns how the run ended, and why."""
         supervisor = self._supervisor
         self.hubs = hubs = self._start_hubs()
+        # plant and ECU compile at the same time; the foreign node is waited for only when they are ready
         others = self._start_others()
         plant = self._start_plant()
         supervisor.wait_ready([*others, plant] if plant else others, READY_S)
@@ -138,6 +139,7 @@ class _Bench:
         supervisor.wait_ready(attendants, READY_S + self._buses.wait_s)
         plant = plant or attendants[0]
         self._look()
+        # by id: against a foreign machine the plant is the attendant, and go must be sent once
         for child in {id(child): child for child in (plant, *attendants)}.values():
             supervisor.go(child)
         reached_s, moved_s = plant.reached_s, time.monotonic()
@@ -154,7 +156,7 @@ class _Bench:
         return _cause(supervisor, hubs, first)
 
     def _start_plant(self) -> Child | None:
-        """Our machine; None where a foreign one stands in for it."""
+        """The plant process; None where a foreign machine replaces it."""
         if "plant" in self._buses.foreign:
             return None
         options = [*self._choice.arguments(), *self._options.words(), "--out", str(self._out)]
@@ -172,13 +174,13 @@ class _Bench:
         return children
 
     def _look(self) -> None:
-        """How the processes fare."""
+        """Sample memory and waiting times of the running processes."""
         running = [c for c in self._supervisor.children if c.ready and not c.ended]
         processes = with_children((child.name, child.process.pid) for child in running)
         self.watch.sample(processes, time.monotonic_ns())
 
     def _start_hubs(self) -> list[Child]:
-        words = self._options.words(above=1)  # than what talks on them
+        words = self._options.words(above=1)  # the hub runs before its clients: a frame waits for it twice
         hubs = [
             self._supervisor.start(name, loaderhil("hub", "--bus", address, *words))
             for name, address in self._buses.own_hubs(self._folder).items()
@@ -225,17 +227,17 @@ def _between(on: dict[Side, str], buses: Buses, choice: Choice) -> list[str]:
 
 
 def _cause(supervisor: Supervisor, hubs: list[Child], first: Child) -> tuple[Ending, str]:
-    """Which process began it: one that only reports the loss of a hub is not the cause."""
+    """How the run ended and which process caused it: one that only reports the loss of a hub is not the cause."""
     if first not in hubs and first.process.returncode == Ending.HUB_LOST:
         for hub in hubs:
-            supervisor.wait_end(hub, LAST_WORDS_S / len(hubs))
+            supervisor.wait_end(hub, CAUSE_S / len(hubs))
         first = next((hub for hub in hubs if hub.ended), first)
     lost_hub = first in hubs or first.process.returncode == Ending.HUB_LOST
     return (Ending.HUB_LOST if lost_hub else Ending.PEER_DIED), first.how_it_ended()
 
 
 def _stop_in_order(supervisor: Supervisor) -> dict[str, Event]:
-    """Plant and ECU first, so that the recorder hears their last frames and the hub outlives them all."""
+    """Stop plant and ECU first, so that the recorder receives their last frames and the hub ends last; their figures by name."""
     supervisor.stop_all()
     return {child.name: child.figures for child in supervisor.children}
 

@@ -1,4 +1,4 @@
-"""Starts processes, waits until they are ready, notices the first that ends, leaves nothing running.
+"""Starts the processes of a run, waits until they are ready, detects the first that ends, and ends all others.
 
 Processes are watched by pidfd, so an end is seen at once and a process id can never be
 mistaken for another's. Each has its own process group: Ctrl-C on the terminal reaches the
@@ -30,29 +30,25 @@ STOP_S = 3.0
 
 @dataclass(slots=True, eq=False)
 class Child:
-    """One supervised process.
-
-    finished: its work is done; figures: what it measured; error: what it reported before it ended;
-    waits: its waits for a processor, three numbers each (see `hil.timing.waits`); silent: it closed its lifeline; vital: the run ends
-    with it; condemned: it was killed as a fault asks; reached_s: simulated time that it last reported [s].
-    """
+    """One supervised process."""
 
     name: str
     command: Sequence[str]
-    environment: Mapping[str, str] | None
+    environment: Mapping[str, str] | None  # added to ours
     process: subprocess.Popen[bytes]
-    link: socket.socket
+    link: socket.socket  # our end of its lifeline
     pidfd: int
     ready: bool = False
-    finished: bool = False
-    error: str = ""
-    figures: Event = field(default_factory=dict)
+    finished: bool = False  # its work is done
+    error: str = ""  # reported before it ended
+    figures: Event = field(default_factory=dict)  # that it measured
+    # waits for a processor, three numbers each, see `hil.timing.waits`
     waits: "array[int]" = field(default_factory=lambda: array("q"))
-    silent: bool = False
-    reached_s: float = 0.0
-    vital: bool = False
-    condemned: bool = False
-    _unread: bytes = b""
+    silent: bool = False  # it closed its lifeline
+    reached_s: float = 0.0  # simulated time that it last reported [s]
+    vital: bool = False  # the run ends with it, even if a fault killed it
+    condemned: bool = False  # killed by an injected fault
+    _unread: bytes = b""  # the begin of a line whose end has not arrived
 
     @property
     def ended(self) -> bool:
@@ -66,12 +62,12 @@ class Child:
         if code is None:
             return f"{who} is still running"
         if code < 0:
-            asked = ", as a fault asks" if self.condemned else ""
+            asked = " for an injected fault" if self.condemned else ""
             return f"{who} was killed by {signal.Signals(-code).name}{asked}"
         return f"{who} ended with exit code {code}" + (f": {self.error}" if self.error else "")
 
     def events(self) -> list[Event]:
-        """What the process has said since the last call."""
+        """The events that the process sent since the last call."""
         try:
             while chunk := self.link.recv(65536, socket.MSG_DONTWAIT):
                 self._unread += chunk
@@ -128,6 +124,7 @@ class Supervisor(Closing):
             environment=environment,
             process=process,
             link=ours,
+            # while Popen has not been waited for, the id cannot have been given to another process
             pidfd=os.pidfd_open(process.pid),
             vital=vital,
         )
@@ -149,7 +146,7 @@ class Supervisor(Closing):
                 raise StartFailed(f"not ready after {timeout_s:.0f} s: {late}; is the machine overloaded?")
 
     def kill(self, name: str) -> None:
-        """Kill the process of that name as a fault asks; the others go on, unless it is vital."""
+        """Kill the process of that name for an injected fault; the run goes on unless the process is vital."""
         for child in self.children:
             if child.name == name and not child.ended:
                 child.condemned = True
@@ -171,6 +168,7 @@ class Supervisor(Closing):
         while (left := deadline - time.monotonic()) > 0:
             gone = self._first_gone()
             if gone is not None:
+                # its last words, such as an error, may still be in the socket
                 self._listen(0)
                 return gone
             self._listen(left)
@@ -195,7 +193,7 @@ class Supervisor(Closing):
             self._take(child)
 
     def _take(self, child: Child) -> None:
-        """Note and pass on what a child said."""
+        """Store the events of a child and pass them on."""
         for event in child.events():
             match event["event"]:
                 case "ready":
@@ -217,7 +215,7 @@ class Supervisor(Closing):
             self._selector.unregister(child.link)
 
     def stop(self, child: Child, timeout_s: float = STOP_S) -> None:
-        """End one process: SIGTERM, and SIGKILL when it does not listen."""
+        """End one process: SIGTERM, and SIGKILL if it has not ended after `timeout_s`."""
         if not child.ended:
             self._signal(child, signal.SIGTERM)
             try:
@@ -238,7 +236,7 @@ class Supervisor(Closing):
             for child in reversed(self.children):
                 self.stop(child)
         finally:
-            for child in self.children:  # a second Ctrl-C lands here: no more waiting
+            for child in self.children:  # a second Ctrl-C interrupts the loop above: no more waiting
                 if not child.ended:
                     self._signal(child, signal.SIGKILL)
                     child.process.wait()

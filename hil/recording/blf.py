@@ -1,8 +1,8 @@
-"""Writes BLF, Vector's binary log, so that it is whole after every batch.
+"""Writes BLF, Vector's binary log, for the recorder; the file is valid after every batch.
 
-Objects and containers as python-can's reader takes them apart (can/io/blf.py, after Toby Lorenz' Vector BLF): a header
-of 144 bytes, then containers of at most 128 KiB of deflated objects. python-can's own writer keeps the date and the
-counts until it is stopped, so the file of a killed process has no date; here the header is written again after each batch.
+Objects and containers as python-can's reader expects them (can/io/blf.py, after Toby Lorenz' Vector BLF): a header
+of 144 bytes, then containers of at most 128 KiB of deflated objects. python-can's own writer writes date and
+counts only when it is stopped, so the file of a killed process has no date; here the header is rewritten after each batch.
 """
 
 import datetime
@@ -28,7 +28,7 @@ _DEFLATED, _FASTEST = 2, 1
 _ONE_NANOSECOND = 2
 _REMOTE_FLAG = 0x80
 _EPOCH_1990_NS = 631_152_000 * 10**9
-"""Earlier stamps are no dates: the file then says none."""
+"""Earlier stamps are times since a start, not dates: the file then has no date."""
 
 _HEADER = [("signature", "S4"), ("header", "<u2"), ("version", "<u2"), ("size", "<u4"), ("kind", "<u4"),
            ("unit", "<u4"), ("client", "<u2"), ("object", "<u2"), ("at_ns", "<u8")]  # fmt: skip
@@ -67,7 +67,8 @@ class BlfWriter:
             return
         stamps = records["at_ns"]
         if self._start_ns is None:
-            self._start_ns = int(stamps[0]) // 1_000_000 * 1_000_000  # the header's date has milliseconds
+            # whole milliseconds, as the header's date: stamps in the file are relative to that date
+            self._start_ns = int(stamps[0]) // 1_000_000 * 1_000_000
         self._stop_ns = int(stamps.max())
         most = CONTAINER_BYTES // _OBJECTS[_FD_OBJECT].itemsize
         for first in range(0, len(records), most):
@@ -77,6 +78,7 @@ class BlfWriter:
 
     def _append(self, objects: bytes) -> None:
         packed = zlib.compress(objects, _FASTEST)
+        # the fastest level: the writer has to keep up with ten saturated buses
         size = _CONTAINER_HEADER.size + len(packed)
         header = _CONTAINER_HEADER.pack(b"LOBJ", 16, 1, size, _CONTAINER, _DEFLATED, len(objects))
         self._file.append(header + packed + bytes(size % 4))
@@ -98,7 +100,7 @@ class BlfWriter:
 
 
 def _runs(records: Records, start_ns: int) -> list[bytes]:
-    """The objects of the records; those of a kind that follow one another at once."""
+    """The objects of the records as bytes; consecutive records of one kind are converted together."""
     kinds = np.full(len(records), _CLASSIC)
     kinds[records["flags"] & FD != 0] = _FD_OBJECT
     kinds[records["can_id"] & ERROR != 0] = _ERROR
@@ -112,6 +114,7 @@ def _objects(records: Records, kind: int, start_ns: int) -> NDArray[np.void]:
     objects["signature"], objects["header"], objects["version"] = b"LOBJ", 32, 1
     objects["size"], objects["kind"], objects["unit"] = objects.dtype.itemsize, kind, _ONE_NANOSECOND
     objects["at_ns"] = np.maximum(records["at_ns"] - start_ns, 0)
+    # BLF counts channels from 1
     objects["channel"] = records["channel"].astype(np.uint16) + 1
     objects["id"] = word & np.uint32(EXTENDED_MASK | EXTENDED)
     objects["data"] = records["data"][:, : objects["data"].shape[1]]

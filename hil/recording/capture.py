@@ -1,7 +1,6 @@
 """The recorder's first process: receives frames from the buses and puts them into the ring.
 
-After each wake-up it naps: frames are stamped where they arrive on the bus, so nothing is lost by taking them in
-handfuls, and ten full buses cost a few hundred wake-ups per second instead of 40 000.
+Receiving and writing are two processes: a file system that blocks for a second then costs no frame.
 """
 
 import contextlib
@@ -23,18 +22,18 @@ from hil.shell.lifeline import Lifeline
 from hil.shell.process import Stop
 
 NAP_S = 0.002
-"""At most 16 frames of a full 1 Mbit/s bus wait meanwhile; the smallest receive buffers hold some hundreds."""
+"""Pause after each wake-up [s]. At most 16 frames of a full 1 Mbit/s bus wait meanwhile; the smallest receive buffers hold some hundreds."""
 
 
 class SourceError(UserError, ValueError):
-    """A bus to record is not named well; the message says which and how."""
+    """The name of a bus to record is not valid; the message names the bus and the correct form."""
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """One bus of a recording: what the recording calls it, and where it is."""
+    """One bus of a recording."""
 
-    name: str
+    name: str  # of the channel in the recording
     address: str
 
     @classmethod
@@ -84,7 +83,7 @@ class Capture:
         return len(self.lost) == len(self._buses)
 
     def drain(self) -> None:
-        """Everything that has arrived into the ring; a bus that is gone is noted, the others go on."""
+        """Move all arrived frames into the ring; a bus that is gone is noted, and the others continue."""
         for number, (bus, name) in enumerate(zip(self._buses, self._names, strict=True)):
             if name in self.lost:
                 continue
@@ -125,7 +124,7 @@ def run(
         capture = stack.enter_context(contextlib.closing(Capture(buses, plan.channels, ring)))
         started = time.monotonic()
         complete = _listen(line, capture, writer, duration_s)
-        capture.drain()  # what came before the end belongs to the recording
+        capture.drain()  # frames that arrived before the end belong to the recording
         elapsed_s = time.monotonic() - started
         written = writer.finish()
         counts = capture.statistics()
@@ -146,7 +145,7 @@ def run(
 
 
 def _listen(line: Lifeline, capture: Capture, writer: WriterProcess, duration_s: float | None) -> bool:
-    """From the buses into the ring; whether it went on for the whole duration."""
+    """Move frames from the buses into the ring; returns whether the whole duration was recorded."""
     with Stop() as stop, contextlib.closing(Alarm()) as alarm, select.epoll() as watched:
         for source in (capture, writer, alarm):
             watched.register(source.fileno(), select.EPOLLIN)
@@ -160,6 +159,8 @@ def _listen(line: Lifeline, capture: Capture, writer: WriterProcess, duration_s:
                 return True
             if writer.fileno() in ready or capture.ended:
                 return False
+            # Frames are stamped where they arrive on the bus, so taking them in batches loses nothing, and ten full
+            # buses cost a few hundred wake-ups per second instead of 40 000.
             time.sleep(NAP_S)
     return False
 
@@ -168,8 +169,8 @@ def _listen(line: Lifeline, capture: Capture, writer: WriterProcess, duration_s:
 class Lost:
     """Frames that were on a bus and are not in the recording."""
 
-    in_buses: int
-    in_ring: int
+    in_buses: int  # dropped by the kernel or the hub: our receive buffer was full
+    in_ring: int  # dropped here: the writer did not keep up
 
     @property
     def total(self) -> int:
@@ -177,7 +178,7 @@ class Lost:
         return self.in_buses + self.in_ring
 
     def __str__(self) -> str:
-        causes = ((self.in_buses, "before us, the receive buffer was full"),
+        causes = ((self.in_buses, "before the recorder, its receive buffer was full"),
                   (self.in_ring, "in the ring, the file could not be written as fast"))  # fmt: skip
         found = [f"{count} {cause}" for count, cause in causes if count]
         return f"{self.total} lost ({'; '.join(found)})" if found else "none lost"

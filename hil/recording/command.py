@@ -1,4 +1,4 @@
-"""`loaderhil record`."""
+"""`loaderhil record`: the options of the command that records buses into a file."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,7 @@
 """`loaderhil decode`: recordings through DBC files into one table per message.
 
 Values are the DBC's physical values, equal to cantools' bit for bit. Frames that no DBC knows are
-counted and named; damaged lines are reported with their number and skipped; of a frame shorter than its
+counted and listed; damaged lines are reported with their number and skipped; of a frame shorter than its
 message the signals that lie within it are decoded.
 """
 
@@ -49,7 +49,7 @@ PGN_NAMES = {
 
 
 class Format(StrEnum):
-    """What the tables are written as."""
+    """The file format of the tables."""
 
     CSV = "csv"
     PARQUET = "parquet"
@@ -61,13 +61,13 @@ class Decoded:
 
     path: Path
     frames: FrameTable
-    columns: dict[str, Columns]
-    undecodable: dict[int, int]
-    short: dict[str, int]
+    columns: dict[str, Columns]  # by message
+    undecodable: dict[int, int]  # can_id word -> frames that no DBC knows
+    short: dict[str, int]  # message -> frames shorter than the DBC says
 
 
 def identifier_text(can_id: int) -> str:
-    """An identifier as people write it, with the J1939 parameter group where it has one."""
+    """An identifier in hexadecimal, with the J1939 parameter group of a 29-bit one."""
     if can_id & ERROR:
         return f"error frame 0x{can_id & EXTENDED_MASK:08X}"
     kind = " (remote)" if can_id & REMOTE else ""
@@ -111,9 +111,9 @@ class TableError(UserError, OSError):
 
 @contextmanager
 def naming_the_file(target: Path) -> Iterator[None]:
-    """Turn what the system refuses while `target` is written into a TableError that names it.
+    """Turn an OSError while `target` is written into a TableError that names the file.
 
-    A full disk is found by write(2), whose error names no file.
+    The error of write(2) on a full disk names no file.
     """
     try:
         yield
@@ -135,6 +135,7 @@ def write_columns(columns: Columns, target: Path, form: Format, origin: dict[str
             _write_csv(part, headers, values)
         else:
             _write_parquet(part, columns, units, origin)
+        # a NamedTemporaryFile is readable by its owner only
         part.chmod(0o644)
         part.replace(target)
     finally:
@@ -157,6 +158,7 @@ def _write_parquet(path: Path, columns: Columns, units: dict[str, str], origin: 
         arrays.append(pa.array(values))
         fields.append(pa.field(name, arrays[-1].type))
     for name, values in columns.signals.items():
+        # integers beyond 64 bits have no type in Parquet: as floats, rounded
         plain = np.array([float(v) for v in values]) if values.dtype == object else values
         arrays.append(pa.array(plain))
         fields.append(pa.field(name, arrays[-1].type, metadata={"unit": units[name]}))
@@ -178,7 +180,7 @@ def load_databases(files: Iterable[Path], *, j1939: bool = False) -> list[Databa
 
 
 def print_summary(console: Console, done: Decoded) -> None:
-    """What was found in one recording."""
+    """Print the messages, unknown identifiers and damage of one recording."""
     table = Table(
         "message", "frames", "mean period \\[ms]", box=None, header_style="bold", title_justify="left"
     )

@@ -1,4 +1,4 @@
-"""The files of one recording: one, or a new one by size or time."""
+"""The files of one recording, for the writing process: one file, or a new one by size or time."""
 
 import itertools
 from collections.abc import Sequence
@@ -15,24 +15,19 @@ MICROSECOND_NS = 1000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """What is to be written.
-
-    channels: names of the buses in the order of their numbers. offset_ns: from the buses' clock to the file's.
-    flush_s: longest time a frame waits to be written. rotate_bytes, rotate_ns: when a new file begins; 0: never.
-    """
+    """The options of a recording."""
 
     path: Path
-    channels: tuple[str, ...]
-    offset_ns: int = 0
-    flush_s: float = 0.2
-    rotate_bytes: int = 0
-    rotate_ns: int = 0
+    channels: tuple[str, ...]  # names of the buses in the order of their numbers
+    offset_ns: int = 0  # from the buses' clock to the file's
+    flush_s: float = 0.2  # longest time that a frame waits to be written [s]
+    rotate_bytes: int = 0  # size at which a new file begins; 0: never
+    rotate_ns: int = 0  # duration after which a new file begins; 0: never
 
 
 class RecordingFiles:
-    """Takes records of the ring in batches and writes them on.
+    """Writes batches of the ring's records into the files.
 
-    Within a batch frames are put into the order of their stamps; stamps become whole microseconds of the file's clock.
     By size a new file begins with the first batch after `rotate_bytes`, by time with the first frame that is `rotate_ns`
     or more after the first of its file.
     """
@@ -57,7 +52,9 @@ class RecordingFiles:
         """Append a batch; it is in the file when this returns."""
         if not len(records):
             return
+        # several buses arrive one after the other: sorted by stamp within the batch
         records = records[np.argsort(records["at_ns"], kind="stable")]
+        # whole microseconds: the finest that all formats hold, so that every format gives the same stamps
         records["at_ns"] = (records["at_ns"] + self._plan.offset_ns) // MICROSECOND_NS * MICROSECOND_NS
         if self._plan.rotate_bytes and self._writer.size() >= self._plan.rotate_bytes:
             self._rotate()
@@ -88,7 +85,7 @@ def numbered(path: Path, number: int) -> Path:
 
 
 def files_of(plan: Plan) -> tuple[Path, ...]:
-    """The files of a recording that are there."""
+    """The existing files of a recording, for the report on a writer that was killed."""
     if not (plan.rotate_bytes or plan.rotate_ns):
         return (plan.path,) if plan.path.exists() else ()
     candidates = (numbered(plan.path, number) for number in itertools.count(1))

@@ -1,7 +1,6 @@
-"""The files that a recording can be written to: appended to batch by batch, readable after each one.
+"""The writers of the recording formats: each file is appended to batch by batch, and readable after each batch.
 
-A writer hands every batch to the kernel before `write` returns, so that whatever ends the process loses
-nothing that was written. Stamps are whole microseconds, the finest that all formats hold.
+A writer hands every batch to the kernel before `write` returns, so that a killed process loses no written frame.
 """
 
 import datetime
@@ -78,7 +77,9 @@ class CandumpRecords:
     def __init__(self, path: Path, channels: Sequence[str]) -> None:
         self._file = NewFile(path)
         self._channels = tuple(channels)
-        self._heads: dict[tuple[int, int, int], str] = {}  # what stands between stamp and data
+        self._heads: dict[
+            tuple[int, int, int], str
+        ] = {}  # text between stamp and data, by (can_id, flags, channel): the same for every frame of an identifier
 
     def write(self, records: Records) -> None:
         """One line per frame, as `dbc.recordings.writer.candump_line` makes them one by one."""
@@ -86,6 +87,7 @@ class CandumpRecords:
             self._file.append("".join(self._lines(records)).encode("ascii"))
 
     def _lines(self, records: Records) -> list[str]:
+        # one conversion to hexadecimal for the whole batch; each line takes its slice
         digits, width = records["data"].tobytes().hex().upper(), 2 * records["data"].shape[1]
         columns = (
             records["at_ns"] // 1000,

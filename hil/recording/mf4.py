@@ -1,8 +1,7 @@
-"""Writes MF4 bus logging (ASAM MDF 4.10), so that it is whole after every batch.
+"""Writes MF4 bus logging (ASAM MDF 4.10) for the recorder; the file is valid after every batch.
 
-asammdf makes the structure, with no record in it; each batch is then appended as a data block (DT) in a data list
-(DL) of its own, which is hung onto the list before it, and last the number of records is raised. At any moment the
-file is a valid MF4 of everything up to the last batch; what a kill leaves behind it belongs to nothing.
+asammdf makes the structure without any record. Each batch is appended as a data block (DT) with a data list (DL) of its
+own, which is then linked from the list before it. Last the number of records is raised.
 """
 
 import datetime
@@ -46,7 +45,7 @@ def _structure(name: str, width: int) -> np.dtype[np.void]:
 
 
 class _Group:
-    """One channel group: where its links are, and where the next list is hung on."""
+    """One channel group: the addresses in the file that have to be patched when a batch is appended."""
 
     def __init__(self, name: str, width: int) -> None:
         self.name, self.width = name, width
@@ -97,6 +96,8 @@ class Mf4Writer:
         list_at = block_at + len(block)
         offset = group.count * rows.dtype.itemsize
         listed = _DATA_LIST.pack(b"##DL", _DATA_LIST.size, 2, 0, block_at, 0, 1, offset)
+        # The order makes the file valid at every moment: blocks first, then the link to them, then the count. A kill
+        # in between leaves blocks that nothing refers to.
         self._file.append(block + listed)
         self._file.patch(group.link_at, _WORD.pack(list_at))
         group.count += len(rows)
@@ -113,7 +114,7 @@ class Mf4Writer:
 
 
 def _empty(groups: tuple[_Group, ...], start_ns: int) -> bytes:
-    """An MF4 with the groups and not one record, and in each group the places to be patched."""
+    """An MF4 with the groups but no record; sets in each group the addresses to be patched."""
     source = SourceInformation(source_type=SOURCE_BUS, bus_type=BUS_TYPE_CAN)
     target = io.BytesIO()
     with MDF(version="4.10") as mdf:

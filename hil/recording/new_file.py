@@ -8,6 +8,7 @@ class NewFile:
     """An unbuffered file that did not exist before; every write is whole or an error."""
 
     def __init__(self, path: Path) -> None:
+        # O_EXCL: a recording never overwrites another one. Unbuffered, so that a kill loses no written byte.
         self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         self.size = 0
 

@@ -1,4 +1,4 @@
-"""A ring of frames in shared memory: one process puts, another takes, neither ever waits for the other.
+"""A ring of frames in shared memory between the two processes of the recorder; neither side ever waits for the other.
 
     offset  size  field
          0     8  head: frames put so far, written by the putting side only
@@ -6,8 +6,8 @@
        128     8  dropped: frames that found the ring full
        192  80 n  records, the k-th frame in slot k modulo n
 
-A record is written before the head that announces it, and x86-64 keeps stores in order; on processors that do not,
-the system calls with which either side waits between its turns do.
+A record is written before the head that announces it. x86-64 keeps stores in order; on other processors the
+system calls with which either side waits between its turns act as barriers.
 """
 
 import mmap
@@ -35,7 +35,7 @@ RECORD = np.dtype(
 """One frame as `bus.frame.Frame` has it, and the number of the bus it came from."""
 Records = NDArray[np.void]
 SLOTS = 1 << 18
-"""6.5 s of ten full buses (40 000 frames/s), 21 MB."""
+"""Frames that can wait to be written: 6.5 s of ten full buses (40 000 frames/s), 21 MB."""
 CHANNELS = 256
 _LAYOUT = struct.Struct("<qIBBBx64s")
 _WORD = struct.Struct("<Q")
@@ -48,9 +48,10 @@ class Ring:
     def __init__(self, descriptor: int, slots: int) -> None:
         self._descriptor = descriptor
         self._slots = slots
-        # All of its memory now: no page is waited for while frames come, and what a process holds does not grow.
+        # MAP_POPULATE: all pages now, so that no frame waits for a page fault and the process' memory does not grow.
         size = _RECORDS + slots * RECORD.itemsize
         self._map = mmap.mmap(descriptor, size, flags=mmap.MAP_SHARED | mmap.MAP_POPULATE)
+        # own copies of the words that only this side writes; the other side's word is read each time
         self._head = self._read(_HEAD)
         self._tail = self._read(_TAIL)
         self._dropped = self._read(_DROPPED)
@@ -123,7 +124,7 @@ class Ring:
         return np.concatenate((first, rest))
 
     def release(self, count: int) -> None:
-        """Make room where the `count` oldest frames were: they are where they belong."""
+        """Free the slots of the `count` oldest frames, after they have been written to the file."""
         self._tail += count
         self._write(_TAIL, self._tail)
 
@@ -139,7 +140,7 @@ class Ring:
         _WORD.pack_into(self._map, offset, value)
 
     def close(self) -> None:
-        """Let go of the memory; a second call does nothing."""
+        """Release the memory; a second call does nothing."""
         if self._descriptor >= 0:
             self._map.close()
             os.close(self._descriptor)

@@ -1,7 +1,7 @@
 """The recorder's second process: takes frames from the ring and writes the file.
 
-It outlives the process that fills the ring: when that one ends, however it ends, the ring is emptied and the file
-closed. Talks in lines of JSON on its standard output: ready, then the end or an error.
+It outlives the process that fills the ring: when that one ends, for whatever reason, the ring is emptied and the file
+closed. It reports in lines of JSON on its standard output: ready, then the end or an error.
 """
 
 import json
@@ -34,12 +34,12 @@ def main(ring_descriptor: int, life_descriptor: int, plan: Plan) -> int:
         with selectors.DefaultSelector() as selector:
             selector.register(life_descriptor, selectors.EVENT_READ)
             while not ended:
-                ended = bool(
-                    selector.select(plan.flush_s)
-                )  # looked at first: what came before the end is taken
+                # before the ring is emptied: frames that were put before the end are then all taken
+                ended = bool(selector.select(plan.flush_s))
                 while len(records := ring.peek(BATCH)):
                     files.write(records)
-                    ring.release(len(records))  # only now: the count of a killed writer is that of its file
+                    # after the write: the count of a killed writer is then that of its file
+                    ring.release(len(records))
         files.close()
     except (RecordingError, OSError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
@@ -59,16 +59,16 @@ def _say(event: dict[str, Any]) -> None:
     try:
         os.write(1, with_newline.encode())
     except BrokenPipeError:
-        return  # whoever asked is gone; the file is what counts
+        return  # the other process is gone; the file matters, not the report
 
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """What the writer says at its end; error is '' when all went well."""
+    """The report of the writer at its end."""
 
     frames: int
     paths: tuple[Path, ...]
-    error: str
+    error: str  # '' if there was none
 
 
 class WriterProcess:
@@ -88,7 +88,7 @@ class WriterProcess:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 pass_fds=(ring.fileno(), theirs),
-                process_group=0,  # Ctrl-C is for us; the writer ends when we do
+                process_group=0,  # Ctrl-C must not reach the writer: it ends when the ring is empty
             )
         finally:
             os.close(theirs)
@@ -126,7 +126,7 @@ class WriterProcess:
             code = self._process.wait()
         self._process.stdout.close()
         error = last.get("error", "" if code == 0 else f"the process that writes it ended with code {code}")
-        if not last:  # it was killed; the ring knows how far it had come
+        if not last:  # it was killed; the ring has the count of the frames that it had written
             return Written(self._ring.taken_count, files_of(self._plan), error)
         return Written(last.get("frames", 0), tuple(map(Path, last.get("paths", ()))), error)
 

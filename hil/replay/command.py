@@ -1,4 +1,4 @@
-"""`loaderhil replay`: a recording onto buses, or into the ECU's core."""
+"""`loaderhil replay`: sends a recording onto buses, or feeds it into the ECU's core."""
 
 import contextlib
 import time
@@ -49,7 +49,7 @@ def targets(words: Sequence[str], table: FrameTable, channel: str | None, record
 def play(
     line: Lifeline, table: FrameTable, where: dict[str, str], *, speed: float | None, loop: bool, source: Path
 ) -> Ending:
-    """Send until the end or Ctrl-C, and say how it went."""
+    """Send until the end or Ctrl-C, and print a summary."""
     with contextlib.ExitStack() as stack:
         buses = {
             name: stack.enter_context(open_transport(address, name="replay"))
@@ -73,7 +73,7 @@ def _run(player: Player, buses: Sequence[Transport], stop: Stop, alarm: Alarm) -
     alarm.set(1)
     for _ in stop.readable(alarm.fileno()):
         for bus in buses:
-            while bus.drain():  # what others send is not ours, but must not fill the receive buffer
+            while bus.drain():  # frames of others are discarded: they must not fill the receive buffer
                 pass
         wake_ns = player.advance(time.monotonic_ns())
         if wake_ns is None:
@@ -83,7 +83,7 @@ def _run(player: Player, buses: Sequence[Transport], stop: Stop, alarm: Alarm) -
 
 
 def summary(source: Path, progress: Progress, elapsed_s: float, *, paced: bool) -> str:
-    """How it went in one line."""
+    """The summary of a replay in one line."""
     rounds = f" in {progress.rounds} rounds" if progress.rounds > 1 else ""
     text = f"{source}: {progress.sent} frames sent{rounds} in {elapsed_s:.3f} s"
     if paced and progress.sent:
@@ -103,7 +103,7 @@ def compare_with_ecu(
     calibration: str,
     faults: Sequence[Injected] = (),
 ) -> Ending:
-    """Whether the ECU's core gives the recorded answers, in one line.
+    """Compare the answers of the ECU's core with the recorded ones; prints one line and returns the ending.
 
     faults: of the run that was recorded. A difference after one of them began is inconclusive: the ECU may have received other
     frames than those on the recorded bus.
@@ -137,15 +137,16 @@ def compare_with_ecu(
 
 
 def cause_among(faults: Sequence[Injected], at_s: float) -> str:
-    """The faults that may be why answers differ at a time, in a sentence; empty if none had begun."""
-    begun = [f"{fault.fault} (from {fault.began_s:.2f} s)" for fault in faults if fault.began_s <= at_s]
-    if not begun:
+    """A sentence on the faults that may have caused a difference at `at_s` [s]; empty if none began before it."""
+    # a fault that has ended counts too: the ECU's filters and counters remember it
+    earlier = [f"{fault.fault} (from {fault.began_s:.2f} s)" for fault in faults if fault.began_s <= at_s]
+    if not earlier:
         return ""
-    return f"the run injected {', '.join(begun)}: the ECU did not receive the frames that are recorded"
+    return f"the run injected {', '.join(earlier)}: the ECU did not receive the frames that are recorded"
 
 
 def heard_by_ecu(run: Path) -> Path:
-    """The recording of a run directory that holds what the ECU received: behind a gateway, that of its own bus."""
+    """The recording of a run directory with the frames that the ECU received: behind a gateway, that of its own bus."""
     return run / ECU_BUS if (run / ECU_BUS).exists() else run / BUS
 
 

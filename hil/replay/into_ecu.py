@@ -1,12 +1,10 @@
 """Feeds a recording to the ECU's algorithm and compares its answers with the recorded ones, bit for bit.
 
-Pure: a table in, a result out. Recorded and replayed answers go side by side, tick by tick (`hil.replay.ticks`). What a
-core cannot know, its execution time and its overruns, is taken from the recording.
+Pure: a table in, a result out. Recorded and replayed answers are compared tick by tick (`hil.replay.ticks`). Execution
+time and overruns, which a core cannot know, are taken from the recording.
 
-In real time a recording does not always show which of the last frames before a tick the ECU had received: the bus carried
-them while it already computed. Where the answers do not agree with the likeliest, the others are tried, and counted.
-
-The recording must begin before the ECU heard the machine; how long it had idled by then is read from its counters.
+The recording must begin before the ECU received a frame of the machine; how long it had idled by then follows from
+its counters.
 """
 
 from bisect import bisect_left
@@ -23,11 +21,11 @@ from hil.replay.ticks import TICK_NS, Recorded, Tick, first_tick
 CYCLE = 150
 """Ticks after which an idle ECU repeats itself: counters 0..14, cycles of 1 to 10 ticks."""
 IDLE_TURNS = (0, 1, 4)
-"""Turns of that to try: an ECU that just started has warnings pending that one that idles longer has not."""
+"""Numbers of such cycles to try: an ECU that has just started still has warnings pending, one that idled longer has not."""
 MOST_TRIED = 80
-"""Other orders of frames that are tried for one tick, each from the beginning."""
+"""Other orders of frames tried for one tick; each try starts from the beginning, because a core cannot be copied."""
 LOOKED_BACK = 8
-"""Ticks within which a frame heard a tick earlier or later shows itself in the answers."""
+"""Ticks after which a frame received one tick earlier or later must have changed the answers."""
 _LAST_COMPARED = ("AliveCounter", "Crc")
 
 
@@ -45,15 +43,12 @@ class Core(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
-    """The first answer that is not the recorded one.
+    """The first answer that differs from the recorded one."""
 
-    row: of the table; at_s: after the first frame of the recording. signal: '' when the messages themselves differ.
-    """
-
-    row: int
-    at_s: float
+    row: int  # of the table
+    at_s: float  # after the first frame of the recording [s]
     message: str
-    signal: str = ""
+    signal: str = ""  # '' when the messages themselves differ
     unit: str = ""
     recorded: str
     replayed: str
@@ -69,15 +64,12 @@ class Difference:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replayed:
-    """What came of it: ticks and answers that are equal, and where they first differ.
+    """The result of a comparison."""
 
-    open_ticks: ticks for which the order of frames had to be found by trying.
-    """
-
-    ticks: int
-    answers: int
-    open_ticks: int
-    difference: Difference | None
+    ticks: int  # equal
+    answers: int  # equal
+    open_ticks: int  # ticks for which the order of frames had to be found by trying
+    difference: Difference | None  # None: everything is equal
 
 
 def into_ecu(
@@ -96,31 +88,33 @@ def into_ecu(
 
 
 def _idle(core: Core, ticks: int) -> list[list[Frame]]:
-    """The answers of an ECU that hears nothing, by tick."""
+    """The answers of an ECU that receives nothing, by tick."""
     return [list(core.tick((k + 1) * TICK_NS).frames) for k in range(ticks)]
 
 
 class _Walk:
-    """Cores that go along with the recording, one after the other."""
+    """Steps a core through the recording, with a new core for each order of frames that is tried."""
 
     def __init__(
         self, recorded: Recorded, ticks: Sequence[Tick], make: Callable[[], Core], idle: int
     ) -> None:
-        """idle: ticks without hearing anything before the first."""
+        """idle: ticks of the core, without any received frame, before the first tick."""
         self._recorded, self._ticks, self._make, self._idle = recorded, ticks, make, idle
         self._cuts = [tick.heard_before for tick in ticks]
 
     def agreeing(self) -> int:
-        """Ticks that agree if each had heard what is likeliest."""
+        """Number of ticks that agree if each had received the most likely frames."""
         core = self._fresh()
         return sum(1 for _ in takewhile(lambda k: self._step(core, k) is None, range(len(self._ticks))))
 
     def result(self) -> Replayed:
-        """Go to the end, or to the first difference that no order of frames explains."""
+        """The result up to the end, or to the first difference that no order of frames explains."""
         core, tried = self._fresh(), 0
         for number in range(len(self._ticks)):
             if (difference := self._step(core, number)) is None:
                 continue
+            # In real time the bus carries frames while the ECU already computes: the recording does not always show which
+            # of the last frames before a tick it had received. In lockstep the order is certain.
             other = None if self._recorded.virtual else self._reordered(number)
             if other is None:
                 return self._replayed(number, tried, difference)
@@ -152,7 +146,7 @@ class _Walk:
         return _compare(self._recorded, tick.rows, core.tick(tick.now_ns).frames)
 
     def _reordered(self, number: int) -> Core | None:
-        """A core whose answers agree up to a tick when it, or one before, had heard more or less; None if there is none.
+        """A core whose answers agree up to a tick if this tick or an earlier one had received more or fewer frames; None if none does.
 
         A core cannot be copied, so each order is tried from the beginning.
         """
@@ -166,14 +160,14 @@ class _Walk:
         return None
 
     def _other_orders(self, number: int) -> Iterator[dict[int, int]]:
-        """What ticks may have heard instead: one of the last few, the latest first; then the last two together."""
+        """Other cuts: for one of the last ticks, the latest first, then for the last two together. Tick -> row."""
         for k in range(number, max(0, number - LOOKED_BACK) - 1, -1):
             yield from ({k: cut} for cut in self._choices(k))
         for before in self._choices(number - 1) if number else ():
             yield from ({number - 1: before, number: cut} for cut in self._choices(number))
 
     def _choices(self, number: int) -> list[int]:
-        """Other rows before which a tick may have heard everything, the nearest to the likeliest first."""
+        """Other possible cuts of a tick, the nearest to the most likely one first."""
         usual, tick = self._cuts[number], self._ticks[number]
         possible = (cut for cut in range(tick.earliest, tick.latest + 1) if cut != usual)
         return sorted(possible, key=lambda cut: abs(cut - usual))

@@ -1,7 +1,7 @@
-"""Playing a recording onto buses: each frame at its time, or all as fast as the buses take them.
+"""Plays a recording onto buses: each frame at its time, or all as fast as the buses accept them.
 
-`Player` is pure: it takes the time as an argument and returns when it has to be called again. Times are absolute, so that a late frame
-makes no other one late. A frame that a bus does not take yet is offered again; none is left out.
+`Player` is pure: it takes the time as an argument and returns when it has to be called again. Times are absolute, so
+that a late frame delays no other one. A frame that a bus does not accept is offered again; none is left out.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,9 +16,9 @@ from bus.frame import ERROR, Frame
 from dbc.recordings.logfile import FrameTable
 
 RETRY_NS = 500_000
-"""How long to wait for a bus that takes no more frames."""
+"""Pause before a refused frame is offered again [ns]."""
 TURN = 256
-"""Frames at most before the player lets its caller look after other things."""
+"""Most frames per call, so that the caller can handle signals and received frames in between."""
 
 
 class Sink(Protocol):
@@ -29,13 +29,13 @@ class Sink(Protocol):
 
 @dataclass(slots=True)
 class Progress:
-    """Frames sent; offers that a bus refused; largest and total lateness [ns]; times through the recording."""
+    """Counters of a replay."""
 
     sent: int = 0
-    refused: int = 0
+    refused: int = 0  # offers that a bus did not accept
     largest_late_ns: int = 0
     total_late_ns: int = 0
-    rounds: int = 0
+    rounds: int = 0  # complete passes through the recording
 
 
 def due_ns(time_ns: NDArray[np.int64], speed: float | None) -> NDArray[np.int64]:
@@ -68,6 +68,7 @@ class Player:
         self._sinks = [sinks[table.channels[k]] for k in table.channel.tolist()]
         due = due_ns(table.time_ns, speed) if len(table) else np.zeros(0, np.int64)
         self._due: list[int] = due.tolist()
+        # one mean gap after the last frame, so that a looped recording has no two frames at one time
         self._round_ns = int(due[-1] + due[-1] // max(len(due) - 1, 1)) if len(table) else 0
         self._start_ns, self._loop = start_ns, loop
         self._paced = speed is not None

@@ -1,12 +1,12 @@
-"""A recording cut into the ticks of the ECU: what it heard before each, when that was, and what it answered.
+"""Divides a recording into the ticks of the ECU, for `into_ecu`: frames received before each tick, its time, its answers.
 
-Pure: a table in. The ECU's frames are recognised by their sender in the DBC; everything else is what it heard. What is
-due at a tick follows from the schedule, so its answers are the next so many. When it began:
+Pure: a table in. The ECU's frames are recognised by their sender in the DBC; all others are frames that it received. The
+schedule says which messages are due at a tick, so its answers are the next so many. The time of a tick is:
 
-- on the virtual clock, at the first answer's stamp (less a constant, which nothing depends on);
-- in real time, at whole periods: skipped ones are counted in EcuStatus, and the grid is taken from the ticks that started
-  promptly. A tick starts later than it is due; then its last answer's stamp less the execution time, which the next
-  EcuStatus reports, says what it had heard. EcuStatus also echoes the newest sample it had heard.
+- on the virtual clock, the first answer's stamp (less a constant, which nothing depends on);
+- in real time, whole periods: EcuStatus counts the skipped ones, and the grid is taken from the ticks that started
+  promptly. A tick starts later than it is due; the frames that it had received are those before its last answer's
+  stamp less the execution time, which the next EcuStatus reports. EcuStatus also echoes the newest sample received.
 """
 
 from bisect import bisect_left, bisect_right
@@ -35,23 +35,19 @@ _COUNTER_BYTE, _COUNTER_BITS = 1, 0x0F
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """One tick as recorded.
+    """One tick as recorded."""
 
-    rows: of its answers. now_ns: when it was due. execution_ns, overruns: from its status. heard_before: the row
-    before which it had heard everything, by the stamps; earliest, latest: what that row can have been at all.
-    """
-
-    rows: Sequence[int]
-    now_ns: int
-    execution_ns: int
-    overruns: int
-    heard_before: int
-    earliest: int
+    rows: Sequence[int]  # of its answers
+    now_ns: int  # when it was due
+    execution_ns: int  # from its status
+    overruns: int  # from its status
+    heard_before: int  # by the stamps, the row before which it had received every frame
+    earliest: int  # bounds of `heard_before`
     latest: int
 
 
 class Recorded:
-    """The table cut into what the ECU heard and what it answered; both as rows."""
+    """The rows of a table divided into frames that the ECU received and its answers."""
 
     def __init__(self, table: FrameTable, database: Database) -> None:
         self.frames = list(table.frames())
@@ -73,7 +69,7 @@ class Recorded:
         self.virtual = not any(self.shown([row], STATUS)["ExecutionTime"] for row in self._status)
 
     def mark(self, frame: Frame) -> tuple[int, int]:
-        """What distinguishes the answers of two ticks: the message and its counter."""
+        """The message and its counter, by which the answers of two ticks are distinguished."""
         protected = self.codecs[frame.can_id].e2e_data_id is not None
         return frame.can_id, frame.data[_COUNTER_BYTE] & _COUNTER_BITS if protected else -1
 
@@ -119,14 +115,15 @@ class Recorded:
         return ticks
 
     def _due(self, started_ns: NDArray[np.int64], overruns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """When each tick was due: whole periods apart, however late it started or a busy host stamped its answers."""
+        """When each tick was due [ns]: whole periods apart, however late it started."""
         if self.virtual or not started_ns.size:
             return started_ns
+        # a low percentile, not the minimum: a single wrong stamp must not move the whole grid
         grid = (np.arange(started_ns.size) + overruns) * TICK_NS
         return grid + np.int64(np.percentile(started_ns - grid, _PROMPT))
 
     def _started_ns(self, rows: Sequence[int]) -> int:
-        """When the tick of these answers started: in real time by the execution time in the next status."""
+        """When the tick of these answers started [ns]: in real time by the execution time in the next status."""
         first_ns, last_ns = self.frames[rows[0]].at_ns, self.frames[rows[-1]].at_ns
         if self.virtual:
             return first_ns
@@ -135,7 +132,7 @@ class Recorded:
         return min(first_ns, last_ns - round(self.shown(statuses, STATUS).get("ExecutionTime", 0) * 1000))
 
     def _heard(self, answer_row: int, started_ns: int, echo: float | None) -> tuple[int, int, int]:
-        """The row before which everything was heard, and its bounds: by the stamps and by the sample that is echoed."""
+        """The row before which every frame had been received, and its bounds: by the stamps and by the echoed sample."""
         if self.virtual:
             return answer_row, answer_row, answer_row
         row = earliest = latest = answer_row
@@ -151,10 +148,9 @@ class Recorded:
 
 
 def first_tick(recorded: Recorded, schedule: Sequence[Sequence[Frame]], source: str) -> tuple[int, int]:
-    """Number of the first whole tick of an ECU that has heard nothing, and its first answer.
+    """Number of the first whole tick of an ECU that has received nothing yet, and the index of its first answer.
 
-    An ECU that missed ticks while it started is met, if possible, once its warning of that is over.
-    schedule: the answers of an ECU that hears nothing, by the number of the tick.
+    schedule: the answers of an ECU that receives nothing, by the number of the tick.
     """
     if not recorded.answers:
         raise LogError(f"{source}: not one frame of {ECU}: no answers to compare with")
@@ -173,6 +169,7 @@ def first_tick(recorded: Recorded, schedule: Sequence[Sequence[Frame]], source: 
             status = recorded.shown(rows, STATUS)
             state = status.get("State")
             if state == _AT_REST:
+                # an ECU that skipped ticks while it started warns for a while; a tick after that is a safer start
                 found = found or (due[marks], first)
                 if not status["Overruns"] or recorded.shown(rows, "Warnings").get("CycleOverrun") == 0:
                     return due[marks], first
@@ -180,8 +177,8 @@ def first_tick(recorded: Recorded, schedule: Sequence[Sequence[Frame]], source: 
         return found
     if state is not None:
         raise LogError(
-            f"{source}: begins with the ECU already at work ({STATUS}.State is {state:g}): what it had heard before is "
-            "not in it; record from before the machine starts"
+            f"{source}: begins with the ECU already running ({STATUS}.State is {state:g}): the frames that it received before are "
+            "not in the recording; record from before the machine starts"
         )
     raise LogError(
         f"{source}: its first answers fit no tick of an idle ECU: are frames missing, or is it another ECU?"

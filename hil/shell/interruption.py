@@ -1,7 +1,7 @@
-"""Ctrl-C while a command computes: one line at once, and the end soon after, whatever compiled code or other threads are at.
+"""Ends a computing command soon after Ctrl-C, with one line, also while compiled code or other threads run.
 
-Python itself answers a signal between two of its own instructions in the main thread: not while a compiler runs, and not before
-threads that compute have come to their end.
+Python handles a signal between two of its own instructions in the main thread: not while a compiler runs, and not before
+threads that compute have ended.
 """
 
 import os
@@ -21,11 +21,13 @@ SHOW_CURSOR: Final = "\x1b[?25h"
 def ended_at_once(patience_s: float) -> Iterator[None]:
     """Let Ctrl-C end the block as KeyboardInterrupt, or the process where that takes longer than `patience_s`.
 
-    For work that keeps nothing but whole files: what is being written under another name is left behind. In the main thread only.
+    Only for work that writes files under a temporary name and renames them: such a file may be left behind. In the main thread only.
     """
     reader, writer = os.pipe2(os.O_CLOEXEC)
     os.set_blocking(writer, False)
     left = threading.Event()
+    # The C handler of Python writes the signal's number into the pipe at once; this thread reads it without the
+    # main thread having to run.
     watch = threading.Thread(target=_answer, args=(reader, left, patience_s), daemon=True)
     before = signal.set_wakeup_fd(writer)
     watch.start()
@@ -43,7 +45,7 @@ _reported = threading.Event()
 
 
 def report_interruption() -> None:
-    """The line of an interrupted command, once."""
+    """Print the line of an interrupted command, once."""
     if not _reported.is_set():
         _reported.set()
         print("loaderhil: interrupted", file=sys.stderr, flush=True)
@@ -57,6 +59,6 @@ def _answer(reader: int, left: threading.Event, patience_s: float) -> None:
         report_interruption()
         if not left.wait(patience_s):
             if sys.stderr.isatty():
-                os.write(2, SHOW_CURSOR.encode())  # a line of progress hides it
+                os.write(2, SHOW_CURSOR.encode())  # a progress bar hides the cursor
             os._exit(Ending.INTERRUPTED)
         return

@@ -1,4 +1,4 @@
-"""Keeps out of a process what its libraries would load for work that it does not do."""
+"""Keeps modules out of a process that its libraries would load for features that it does not use."""
 
 import sys
 

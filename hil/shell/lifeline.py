@@ -1,6 +1,6 @@
 """The link between the supervisor and one of its processes: a socket pair with one JSON object per line.
 
-The process says ready, progress, waited, note, action, finished or error; the supervisor says go. Either side
+The process sends ready, progress, waited, note, action, finished or error; the supervisor sends go. Either side
 sees the end of file when the other is gone. A process started by hand has no link: the
 same calls then print, or do nothing.
 """
@@ -19,7 +19,7 @@ FD_VARIABLE = "LOADERHIL_LIFELINE"
 
 
 class SupervisorGone(ConnectionError):
-    """The supervisor ended before it said go."""
+    """The supervisor ended before it sent go."""
 
 
 class Lifeline:
@@ -44,20 +44,20 @@ class Lifeline:
         return self._link is not None
 
     def ready(self) -> None:
-        """Everything is loaded and compiled and the bus is open."""
+        """Report that everything is loaded and compiled and the bus is open."""
         self._say({"event": "ready"})
 
     def wait_for_go(self) -> None:
-        """Block until the supervisor says go; at once without one."""
+        """Block until the supervisor sends go; without one, return at once."""
         if self._link is not None and not self._link.recv(16):
             raise SupervisorGone("the supervisor ended before it said go")
 
     def progress(self, time_s: float, of_s: float) -> None:
-        """Simulated time reached, of the time planned [s]."""
+        """Report the simulated time reached, of the time planned [s]."""
         self._say({"event": "progress", "time_s": time_s, "of_s": of_s})
 
     def waited(self, from_ns: int, until_ns: int, waited_ns: int) -> None:
-        """Between these times this process waited so long for a processor [ns]."""
+        """Report that between two times this process waited `waited_ns` for a processor [ns]."""
         self._say({"event": "waited", "row": (from_ns, until_ns, waited_ns)})
 
     def act(self, kind: str, target: str) -> None:
@@ -65,23 +65,23 @@ class Lifeline:
         self._say({"event": "action", "kind": kind, "target": target})
 
     def note(self, message: str) -> None:
-        """Something a person at the bench wants to know at once; printed where there is no supervisor."""
+        """Report an event to the user at once; printed where there is no supervisor."""
         if self._link is None:
             print(f"loaderhil: {message}", file=sys.stderr)
         self._say({"event": "note", "message": message})
 
     def fileno(self) -> int:
-        """Readable when the supervisor has said go, or is gone; only under a supervisor."""
+        """Readable when the supervisor has sent go, or is gone; only under a supervisor."""
         if self._link is None:
             raise ValueError("there is no supervisor to listen to")
         return self._link.fileno()
 
     def finished(self, *, complete: bool, **figures: Any) -> None:
-        """The end: whether the work is done, and figures for the run's record."""
+        """Report the end: whether the work is complete, and figures for the run's record."""
         self._say({"event": "finished", "complete": complete, "figures": figures})
 
     def error(self, message: str) -> None:
-        """Why this process ends early: to the supervisor, or to standard error without one."""
+        """Report why this process ends early: to the supervisor, or to standard error without one."""
         if self._link is None:
             print(f"loaderhil: {message}", file=sys.stderr)
         self._say({"event": "error", "message": message})
@@ -100,5 +100,5 @@ def die_with_parent(parent: int) -> None:
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.prctl(PR_SET_PDEATHSIG, signal.SIGTERM) != 0:
         raise OSError(ctypes.get_errno(), "prctl(PR_SET_PDEATHSIG) failed")
-    if os.getppid() != parent:  # it died before we asked
+    if os.getppid() != parent:  # it died before the prctl: no signal will come for that
         os.kill(os.getpid(), signal.SIGTERM)

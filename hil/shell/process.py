@@ -1,6 +1,6 @@
-"""What all processes of the bench share: how signals end them, and how they report their end.
+"""Shared by all processes of the bench: how signals end them, and how they report their end.
 
-By hand they run until Ctrl-C and speak on standard error; under a supervisor they speak
+Started by hand they run until Ctrl-C and report on standard error; under a supervisor they report
 through their lifeline.
 """
 
@@ -26,7 +26,7 @@ STORAGE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
 def ending_of(body: Callable[[Lifeline], Ending]) -> Ending:
-    """Run a body; what the bus or the supervisor did to it becomes one line and an exit code."""
+    """Run a body; losing the bus or the supervisor, and errors of the user, become one line and an exit code."""
     line = Lifeline.from_environment()
     try:
         return body(line)
@@ -50,12 +50,12 @@ def ending_of(body: Callable[[Lifeline], Ending]) -> Ending:
 
 
 def reach(address: str) -> None:
-    """Open a bus and close it again, so that a missing bus is an error now and not after a minute of compiling."""
+    """Open a bus and close it again, so that a missing bus is an error at once and not after a minute of compiling."""
     open_transport(address).close()
 
 
 def log_to(file: Path | None) -> None:
-    """Findings into `file`, whose folder is made if need be, or onto standard error."""
+    """Log findings into `file`, whose folder is made if it is missing, or onto standard error."""
     if file is not None:
         file.parent.mkdir(parents=True, exist_ok=True)
     logging.basicConfig(
@@ -90,6 +90,7 @@ class Stop:
         self._before = {
             number: signal.signal(number, lambda *_: None) for number in (signal.SIGINT, signal.SIGTERM)
         }
+        # a pipe instead of a handler: the loop waits in poll, which returns at once also if the signal came just before
         self._wakeup = signal.set_wakeup_fd(self._writer)
         return self
 

@@ -1,7 +1,7 @@
-"""What a process may ask of the kernel so that it keeps its times: priority, locked memory, one processor.
+"""Real-time options of a process: priority, locked memory, one processor, no garbage collection of old objects.
 
-sched(7), mlockall(2), gc of Python. What is asked for and refused is an error, not a warning:
-a run that silently lacks it would be judged by times it never had.
+sched(7), mlockall(2), gc of Python. A refused request is an error, not a warning: without it the run would be judged
+under conditions that the user did not choose.
 """
 
 import ctypes
@@ -52,15 +52,15 @@ class RealtimeRefused(UserError, ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RealtimeOptions:
-    """fifo: real-time priority, None: an ordinary process; cpu: number of a processor, None: any."""
+    """The options as chosen by the user."""
 
-    fifo: int | None = None
+    fifo: int | None = None  # priority of SCHED_FIFO; None: an ordinary process
     lock_memory: bool = False
-    cpu: int | None = None
+    cpu: int | None = None  # number of the only processor; None: any
     gc_freeze: bool = True
 
     def words(self, *, above: int = 0) -> list[str]:
-        """The same for a process that is started, as its command line has it; above: so much higher a priority."""
+        """The same options as words of a command line. above: added to the priority."""
         fifo = None if self.fifo is None else min(self.fifo + above, PRIORITIES[1])
         return [
             *(["--fifo", str(fifo)] if fifo is not None else []),
@@ -70,9 +70,9 @@ class RealtimeOptions:
         ]
 
     def apply(self) -> None:
-        """Ask for everything, for the thread that calls; RealtimeRefused names the first refusal.
+        """Apply all options to the calling thread; RealtimeRefused names the first refusal.
 
-        To be called when everything is loaded and compiled: what comes later is not frozen.
+        Call it when everything is loaded and compiled: objects made later are not frozen.
         """
         if self.cpu is not None:
             _keep_to(self.cpu)
@@ -118,6 +118,7 @@ def _lock_memory() -> None:
 def _run_first(priority: int) -> None:
     parameters = os.sched_param(priority)
     try:
+        # RESET_ON_FORK: children, such as the recorder's writer, must not inherit the priority
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, parameters)
     except OSError as error:
         limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]

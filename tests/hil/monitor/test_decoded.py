@@ -171,7 +171,7 @@ def test_only_what_was_asked_for_is_shown(selection: dict, expected: set[str]) -
         ),
         ({"signals": ["YawRat"]}, "no signal 'YawRat'.*did you mean YawRate"),
         ({"senders": ["Nobody*"]}, "no sender 'Nobody\\*'"),
-        ({"senders": ["Machine"], "messages": ["Limits"]}, "no message has all that was asked for"),
+        ({"senders": ["Machine"], "messages": ["Limits"]}, "no message fulfils all conditions"),
     ],
 )
 def test_what_no_dbc_has_is_refused(selection: dict, says: str) -> None:

@@ -192,8 +192,8 @@ def test_damaged_lines_are_told_with_their_number_in_the_file(
     log.write_text("".join([*lines[:12], "rubbish\n", *lines[12:]]))
     source = Recordings([Target.parse(str(log))])
     assert len(everything(source, stop)) == 20
-    assert source.notices() == [f"{log}: line 13: no time stamp '(seconds.fraction)' at its start; skipped"]
-    assert source.notices() == []
+    assert source.warnings() == [f"{log}: line 13: no time stamp '(seconds.fraction)' at its start; skipped"]
+    assert source.warnings() == []
 
 
 def test_a_log_without_its_last_line_end_is_read_to_its_end(tmp_path: Path, stop: Stop) -> None:
@@ -225,7 +225,7 @@ def test_a_growing_log_is_followed_line_by_whole_line(tmp_path: Path, stop: Stop
                 end()
     assert counts == [1, 2, 3]
     assert unstamped([frame for _, frame in seen]) == [*numbered(2), *numbered(1)]
-    assert source.notices() == [f"{log}: the file was cut off; reading it from its start"]
+    assert source.warnings() == [f"{log}: the file was cut off; reading it from its start"]
 
 
 def test_standard_input_is_read_as_it_comes(stop: Stop, typed: int) -> None:

@@ -111,7 +111,7 @@ def test_a_process_that_a_fault_kills_is_gone_and_the_others_go_on():
         supervisor.wait_end(victim, 20)
         assert victim.process.returncode == -signal.SIGKILL
         assert supervisor.wait_first_end(0.2) is None  # its end is no news
-        assert victim.how_it_ended().endswith("was killed by SIGKILL, as a fault asks")
+        assert victim.how_it_ended().endswith("was killed by SIGKILL for an injected fault")
 
 
 def test_a_restart_is_the_same_process_anew_and_only_where_none_runs():

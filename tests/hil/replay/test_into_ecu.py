@@ -146,7 +146,7 @@ def test_a_run_in_real_time_gives_the_recorded_answers(scenario, seed, lateness_
 
 
 def test_a_recording_that_begins_too_late_is_refused(virtual):
-    with pytest.raises(LogError, match="already at work"):
+    with pytest.raises(LogError, match="already running"):
         into_ecu(table_of(virtual[1000:]), fresh, DATABASE, "late.log")
     with pytest.raises(LogError, match="not one frame of EstimatorEcu"):
         into_ecu(table_of([Frame(0x123, b"")]), fresh, DATABASE)

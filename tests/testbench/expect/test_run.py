@@ -64,7 +64,9 @@ def test_the_exit_code_is_that_of_the_expectations(result_of, tables, ending):
 
 
 def test_json_is_the_only_output_and_junit_agrees(result_of, tmp_path):
-    ending, text, _ = result_of(GOES_WELL + TOO_FAST + NEVER, Output(json=True, junit=tmp_path / "new" / "j.xml"))
+    ending, text, _ = result_of(
+        GOES_WELL + TOO_FAST + NEVER, Output(json=True, junit=tmp_path / "new" / "j.xml")
+    )
     content = json.loads(text)
     assert content["exit_code"] == ending == Ending.FAILED
     results = [case["result"] for case in content["suites"][0]["cases"]]
