@@ -32,10 +32,11 @@ async def run(
     period_ns: int = TICK_NS,
     found: Callable[[Finding], None] = log_finding,
     timing: TickTiming | None = None,
+    ticked: Callable[[], None] = lambda: None,
 ) -> None:
     """Run the cycle on the bus until the task is cancelled; BusClosed when the bus is gone.
 
-    period_ns: real time between ticks. timing: records every tick.
+    period_ns: real time between ticks. timing: records every tick. ticked: called after each tick, for a watchdog.
     """
     timing = timing if timing is not None else TickTiming()
     cycle.warm_up()
@@ -60,6 +61,7 @@ async def run(
         ended_ns = time.monotonic_ns()
         cycle.executed(ended_ns - started_ns)
         timing.add(due_ns, started_ns, ended_ns)
+        ticked()
 
     async def pace() -> None:
         with Ticks(period_ns) as ticks:

@@ -51,6 +51,10 @@ PANELS: Final[dict[str, dict[str, Command]]] = {
         "inject": Command(
             "hil.faults.command", "Inject faults into a running gateway, list them, or end them."
         ),
+        "deploy": Command(
+            "deploy.command",
+            "Run the ECU as a service of a Linux computer: `deploy new`, `deploy check`, `deploy units`.",
+        ),
         "soak": Command(
             "studies.soak.command",
             "Random drives under random faults: is each detected, does the ECU keep its word.",

@@ -16,6 +16,7 @@ from hil.gateway.tap import tapped
 from hil.shell.lifeline import Lifeline
 from hil.shell.process import counters, log_to, reach, run_until_signal
 from hil.shell.realtime_options import ORDINARY, RealtimeOptions
+from hil.shell.service_manager import ServiceManager
 from hil.timing.host import OwnWaits, Sleeps
 
 NODE = "EstimatorEcu"
@@ -32,6 +33,7 @@ def run(
 ) -> Ending:
     """Run the virtual ECU on the bus until a signal ends it; with `out`, its timing and log are written there."""
     log_to(out and out / rundir.ECU_LOG)
+    manager = ServiceManager.from_environment()
     # fails at once if there is no bus, not after the compilation
     reach(address)
     cycle = ecu_cycle(form=form, limits=limits, calibration=calibration)
@@ -55,8 +57,11 @@ def run(
             tap, NODE, loader_database(), lambda name: other_sender(line, "ecu", address, name)
         )
         line.ready()
+        manager.ready(f"estimating on {address}, calibration {calibration}")
         try:
-            run_until_signal(node.run(bus, cycle, timing=timing, found=found), sleeps)
+            work = node.run(bus, cycle, timing=timing, found=found, ticked=manager.alive)
+            run_until_signal(work, sleeps)
         finally:
+            manager.stopping()
             line.finished(complete=True, missed=timing.missed, **kinds, **counters(bus), **bus.figures())
     return Ending.PASSED if line.supervised else Ending.INTERRUPTED

@@ -1,0 +1,56 @@
+"""Settings of a deployed ECU: the template is valid, and each mistake is one error that names its key."""
+
+import pytest
+
+from configuration import ConfigurationError
+from deploy.command import TEMPLATE
+from deploy.settings import ServiceSettings
+
+LEAST = '[can]\ninterface = "can0"\n'
+
+
+@pytest.fixture
+def read(tmp_path):
+    def reader(text):
+        file = tmp_path / "ecu.toml"
+        file.write_text(text, encoding="utf-8")
+        return ServiceSettings.from_file(file)
+
+    return reader
+
+
+def test_the_template_names_the_usual_ecu():
+    settings = ServiceSettings.from_file(TEMPLATE)
+    assert settings.address == "socketcan:can0"
+    assert settings.can.bit_rate == 500_000
+    assert (settings.calibration, settings.form, settings.limits) == ("l60", "corrected", True)
+    assert (settings.realtime.fifo, settings.realtime.cpu, settings.realtime.lock_memory) == (50, 1, True)
+
+
+def test_only_the_interface_has_no_default(read):
+    settings = read(LEAST)
+    assert settings.limits
+    assert settings.realtime.fifo is None
+    with pytest.raises(ConfigurationError, match=r"ecu.toml: can.interface is missing"):
+        read("")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('[can]\ninterface = "../x"\n', "can.interface = '../x' is no name of a CAN interface"),
+        ('[can]\ninterface = "can0; reboot"\n', "is no name of a CAN interface"),
+        ('[can]\ninterface = "can0123456789012"\n', "at most 15 letters and digits"),
+        (LEAST + "bit_rate_bit_s = 5\n", "can.bit_rate_bit_s = 5 is outside 10000..1000000"),
+        (LEAST + "bitrate = 500000\n", "can.bitrate is not a known key"),
+        (LEAST + "listen_s = 0.0\n", "can.listen_s = 0.0 s is outside 0.1..60 s"),
+        (LEAST + '[ecu]\nform = "new"\n', "ecu.form = 'new' is not one of corrected, printed"),
+        (LEAST + "[realtime]\nfifo = 100\n", "realtime.fifo = 100 is outside 1..99"),
+        (LEAST + "[service]\nwatchdog_s = 0.01\n", "service.watchdog_s = 0.01 s is outside 0.2..60 s"),
+        (LEAST + "[watchdog]\n", "watchdog is not a known key"),
+    ],
+)
+def test_a_mistake_is_named_with_its_key(read, text, said):
+    with pytest.raises(ConfigurationError) as raised:
+        read(text)
+    assert said in str(raised.value)
