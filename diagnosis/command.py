@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bus.user_error import UserError
-from diagnosis.options import ConstantOption, ModelOption, PartOption, WithOption
+from diagnosis.options import ConstantOption, ModelOption, PartOption, SheetOption, WithOption
+from diagnosis.sheet import Sheet
 from hil.ending import Ending
 from hil.shell.interruption import ended_at_once
 
@@ -60,6 +61,7 @@ def diagnose(
         Path | None, typer.Option("--out", metavar="DIR", help="Write findings.json and report.html here.")
     ] = None,
     given: WithOption = None,
+    sheet: SheetOption = Sheet.DATASHEET,
     apply: Annotated[
         Path | None,
         typer.Option(
@@ -141,7 +143,7 @@ def diagnose(
             dbcs=dbc or [],
             bus=bus,
         )
-        question = Question(model=model, given=given, options=options)
+        question = Question(model=model, given=given, options=options, sheet=sheet)
         # an unwritable folder is reported now, not after minutes of computing
         if out is not None:
             write("--out", out, {})

@@ -106,6 +106,14 @@ def remaining(result: Findings) -> list[str]:
     return [f"{STILL_WRONG}{left(c, several=several)}" for c in inadequate(result.adequacy)]
 
 
+def wrong_values(result: Findings) -> list[str]:
+    """'mass is 12900 kg, not 11800 kg': values of the baseline that these recordings surely contradict."""
+    return [
+        f"{e.name} is {quantity(e.value, e.unit, 4)}, not {quantity(e.baseline or 0.0, e.unit, 4)}"
+        for e in (b.estimate for b in result.baseline_values if b.sure)
+    ]
+
+
 def budget(c: ChannelAdequacy) -> str:
     """'0.0103 m (differences)': what the sensor may be off by, and where that figure comes from."""
     factor, unit = readable(c.unit, c.budget)

@@ -5,12 +5,21 @@ from typing import Annotated
 
 import typer
 
+from diagnosis.sheet import Sheet
+
 ModelOption = Annotated[
     str,
     typer.Option(
         "--model",
         metavar="NAME|FILE.py",
         help="ball, car, loader, printed-estimator, road, straight, or a file that defines `model`.",
+    ),
+]
+SheetOption = Annotated[
+    Sheet,
+    typer.Option(
+        "--sheet",
+        help="How well the baseline's parameters are known: from a brochure (priors three times as wide), from a data sheet, or measured on this machine (a third).",
     ),
 ]
 PartOption = Annotated[

@@ -7,6 +7,7 @@ from diagnosis.apply.applying import baseline
 from diagnosis.models import Choice, find_model
 from diagnosis.reading.origin import Base, base_of
 from diagnosis.reading.reading import ReadOptions, read_all
+from diagnosis.sheet import Sheet, with_sheet
 from discrepancy.checks.clocks import with_clocks
 from discrepancy.decision.judge import Judgement
 from discrepancy.examine import investigate
@@ -22,6 +23,7 @@ class Question:
     model: str  # name or FILE.py
     given: Path | None  # file of --with
     options: ReadOptions  # the recordings, and how to read them
+    sheet: Sheet = Sheet.DATASHEET  # how well the baseline's parameters are known
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +44,7 @@ def answer(question: Question, settings: Settings, progress: Progress) -> Answer
     choice = find_model(question.model)
     read = read_all(choice, question.options, progress)
     base = base_of(choice, question.given, read.machines)
-    model = baseline(choice, base.given, read.recordings)
+    model = with_sheet(baseline(choice, base.given, read.recordings), question.sheet)
     progress(f"simulating {model.name} and each of its {len(model.effects)} effects")
     found = investigate(with_clocks(model, read.clocks), read.recordings, settings, progress, read.complaints)
     judged = found if isinstance(found, Judgement) else None

@@ -22,6 +22,7 @@ from diagnosis.describe import (
     remaining,
     smallest_detectable,
     verdict,
+    wrong_values,
 )
 from discrepancy.signals.findings import Estimate, Finding, Findings
 from discrepancy.signals.quantities import figures, quantity
@@ -69,7 +70,7 @@ def render(result: Findings, console: Console, *, all_candidates: bool = False) 
 def _headline(result: Findings) -> Panel:
     """The verdict with every named effect and its indistinguishable alternatives, the reasons, and how much is still wrong."""
     colour = COLOUR[result.status]
-    named = "; ".join(alternatives(f) for f in result.findings if f.named)
+    named = "; ".join([*(alternatives(f) for f in result.findings if f.named), *wrong_values(result)])
     head = f"[bold {colour}]{result.status}{': ' if named else ''}{escape(named)}[/]\n"
     title = f"{result.model}: {', '.join(result.recordings)}"
     return Panel(

@@ -436,7 +436,7 @@ DISTURBANCE_SHARE: Final = _gate(
     passes="below",
     source="an engineer's simulation follows nine tenths of a movement; coloured disturbances in the nulls of the benchmark add 0.04 at most",
     otherwise="as for the next test",
-    module="decision.adequacy",
+    module="decision.adequacy, checks.budgets",
 )
 SIMULATED_OVER: Final = _gate(
     name="error of the simulation within budget",

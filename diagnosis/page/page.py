@@ -86,6 +86,8 @@ def _heading(result: Findings) -> str:
     if result.named:
         part = "; not all of it" if result.status == "explained in part" else ""
         return f"Left out: {'; '.join(describe.alternatives(f) for f in result.findings if f.named)}{part}"
+    if result.status == "nothing missing" and describe.wrong_values(result):
+        return f"A value of the baseline is wrong: {'; '.join(describe.wrong_values(result))}"
     return {
         "unknown": "The model misses something; the cause is unknown",
         "nothing missing": "Nothing is missing",

@@ -7,7 +7,7 @@ from html import escape
 
 from diagnosis import describe
 from diagnosis.page.tables import definitions
-from discrepancy.signals.adequacy import ErrorPart, inadequate, left
+from discrepancy.signals.adequacy import ErrorPart, inadequate, left, span
 from discrepancy.signals.findings import Estimate, Finding, Findings, OpenEquation, Where
 from report.kit.mathml import added
 
@@ -87,7 +87,7 @@ def where_over(part: ErrorPart, *, several: bool) -> str:
     """'1200 to 1500 s', 'level above 8.2 V'; several: times name their recording."""
     if part.start_s is None or part.end_s is None:
         return part.regime
-    return f"{f'{part.recording} ' if several else ''}{part.start_s:.4g} to {part.end_s:.4g} s"
+    return f"{f'{part.recording} ' if several else ''}{span(part.start_s, part.end_s)}"
 
 
 def percent(share: float) -> str:

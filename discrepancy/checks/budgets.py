@@ -106,6 +106,9 @@ def _standstills(problem: Problem, name: str) -> Iterator[Array]:
     """Readings of a channel where no input moves and the channel itself does not drift."""
     fewest = int(gates.SAMPLES_TO_CHECK.threshold)
     runs = [run for run in problem.runs if name in run.channels]
+    whole = np.concatenate([values for _, values in _parts(problem, problem.measured, name)])
+    # a car that turns under constant commands does not stand still: its scatter is motion
+    most = gates.DISTURBANCE_SHARE.threshold * float(np.std(whole))
     for run, (time_s, values) in zip(runs, _parts(problem, problem.measured, name), strict=True):
         window = problem.windows[run.window]
         inputs = [window[n] for n in problem.model.inputs if window.has(n)]
@@ -115,7 +118,7 @@ def _standstills(problem: Problem, name: str) -> Iterator[Array]:
         at = np.clip(np.searchsorted(window.time_s, time_s), 0, window.time_s.size - 1)
         since = np.cumsum(moving)[at]  # the same number: no input moved in between
         for part in np.split(values, np.flatnonzero(np.diff(since)) + 1):
-            if part.size >= fewest and _steady(part):
+            if part.size >= fewest and np.std(part) < most and _steady(part):
                 yield part
 
 

@@ -65,6 +65,7 @@ def judge(
     candidates = summary.candidates(problem, state, history[0], found, settings)
     progress("comparing errors with their budgets")
     channels = adequacy(problem, history[0], state)
+    values = summary.baseline_values(problem, state, adequate=all(c.adequate for c in channels))
     status, reasons = verdict(
         problem,
         state,
@@ -74,6 +75,7 @@ def judge(
         candidates,
         complaints,
         channels,
+        values,
         settings,
         len(history[-1].accepted),
     )
@@ -86,6 +88,7 @@ def judge(
         adequacy=channels,
         open_ended=summary.open_equation(equation),
         candidates=candidates,
+        baseline_values=values,
         nuisances=summary.nuisances(problem, state),
         noise=summary.channel_noise(problem, state),
         missing_channels=missing_channels(problem, state, candidates, found, complaints),

@@ -263,6 +263,31 @@ def nuisances(problem: Problem, state: State) -> list[f.Nuisance]:
     ]
 
 
+def baseline_values(problem: Problem, state: State, *, adequate: bool) -> list[f.BaselineValue]:
+    """Nuisances in conflict with their priors, furthest first; adequate: whether all errors are within their budgets.
+
+    In a model that is still wrong, a nuisance stands in for what is missing, and its value is not the machine's.
+    """
+    found = []
+    most = gates.PRIOR_CONFLICT.threshold
+    for p in [p for p in problem.model.nuisances if p.scope == "all" and p.prior_sd is not None]:
+        e, sd = estimate(p, state.fit, state.noise), p.prior_sd or 1.0
+        away = abs(e.value - p.value) / sd
+        if away > most or e.at_bound is not None:
+            low, high = (-np.inf if e.low is None else e.low), (np.inf if e.high is None else e.high)
+            # the whole interval lies beyond two standard deviations of the prior: chance and scatter are both ruled out
+            beyond = low > p.value + 1.96 * sd or high < p.value - 1.96 * sd
+            found.append(
+                f.BaselineValue(
+                    estimate=e,
+                    prior_sd=sd,
+                    away=away,
+                    sure=adequate and beyond and away > most and e.at_bound is None,
+                )
+            )
+    return sorted(found, key=lambda b: -b.away)
+
+
 def channel_noise(problem: Problem, state: State) -> list[f.ChannelNoise]:
     """Final one-step error of each channel, and the test for whiteness."""
     spread = state.noise.innovation_sd(problem)

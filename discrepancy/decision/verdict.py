@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 from discrepancy import gates
 from discrepancy.decision.agreement import disagreements
-from discrepancy.decision.caveats import prior_conflicts
 from discrepancy.estimation.problem import Problem
 from discrepancy.selection.candidate_fits import confirm
 from discrepancy.selection.open_ended import OpenEnded
 from discrepancy.selection.state import CandidateFit, Settings, State
 from discrepancy.signals import findings as f
 from discrepancy.signals.adequacy import STILL_WRONG, ChannelAdequacy, inadequate, left
+from discrepancy.signals.quantities import figures, quantity
 from discrepancy.signals.recording import Complaint
 
 SHOWN = 6  # effects in a reason; the list of candidates has all of them
@@ -29,21 +29,19 @@ def verdict(
     candidates: Sequence[f.Candidate],
     complaints: Sequence[Complaint],
     channels: Sequence[ChannelAdequacy],
+    values: Sequence[f.BaselineValue],
     settings: Settings,
     accepted: int,
 ) -> tuple[f.Status, list[str]]:
     """Status and reasons.
 
-    channels: their errors and error budgets; left_over: candidates that passed when the search ended at its limit; accepted: number of
-    effects then.
+    channels: their errors beside their budgets; values: of the baseline that the recordings contradict; left_over: candidates that passed
+    when the search ended at its limit; accepted: effects, when it ended.
     """
     silent = not found and not equation.terms
     inconsistent = _inconsistent(problem, state, settings) if silent and not left_over else None
     status, reasons = _status(problem, found, equation, candidates, complaints, inconsistent)
     if status == "nothing missing":
-        reasons += [
-            f"{text}: check this value of the baseline" for text in prior_conflicts(problem, state.fit)
-        ]
         status = "inconclusive" if left_over else status
     wrong = still_wrong(channels, several=len({w.recording for w in problem.windows}) > 1)
     if status == "nothing missing" and wrong:
@@ -52,18 +50,31 @@ def verdict(
             "the model misses something that no effect of the library and no known signal explains",
             *reasons,
         ]
-    if status == "explained" and (
-        wrong or left_over or _named_share(found, equation) < gates.NAMED_SHARE.threshold
-    ):
+    cut_short = accepted >= settings.most_effects
+    unnamed = _named_share(found, equation) < gates.NAMED_SHARE.threshold
+    if status == "explained" and (wrong or left_over or cut_short or unnamed):
         status = "explained in part"
-    reasons += wrong
-    if accepted >= settings.most_effects:
+    reasons += [*map(contradicted, values), *wrong]
+    if cut_short:
         reasons.append(f"the search ended at its limit of {settings.most_effects} effects; there may be more")
     reasons += disagreements(problem, state, [x.effect for x in found if x.named])
     return status, reasons + [
         f"the search ended at {settings.most_simulations} simulations although {t.effect} would still help: the model is far from the recordings, or wrong in many ways"
         for t in left_over
     ]
+
+
+def contradicted(b: f.BaselineValue) -> str:
+    """'the baseline's mass is 12900 kg (95 %: 12700 to 13100 kg), not 11800 kg: 6.2 standard deviations of its prior'."""
+    e = b.estimate
+    value, low, high, assumed = (
+        "unknown" if x is None else quantity(x, e.unit, 4) for x in (e.value, e.low, e.high, e.baseline)
+    )
+    size = f"{value} (95 %: {low} to {high})"
+    away = f"{figures(b.away, 2)} standard deviations of its prior"
+    if b.sure:
+        return f"the baseline's {e.name} is {size}, not {assumed}: {away}"
+    return f"the baseline's {e.name} was pushed from {assumed} to {size}, {away}: it may stand in for something else"
 
 
 def _named_share(found: Sequence[f.Finding], equation: OpenEnded) -> float:

@@ -93,12 +93,16 @@ def _worst(c: ChannelAdequacy, *, several: bool) -> str:
     found = []
     worst = max((p for p in c.parts if p.over), key=lambda p: _over(c, p), default=None)
     if worst is not None and worst.start_s is not None and worst.end_s is not None:
-        found.append(
-            f"from {worst.start_s:.4g} to {worst.end_s:.4g} s{f' of {worst.recording}' if several else ''}"
-        )
+        found.append(f"from {span(worst.start_s, worst.end_s)}{f' of {worst.recording}' if several else ''}")
     regime = max((p for p in c.regimes if p.over), key=lambda p: _over(c, p), default=None)
     found += [f"where {regime.regime}"] if regime is not None else []
     return f", most {' and '.join(found)}" if found else ""
+
+
+def span(start_s: float, end_s: float) -> str:
+    """'46412.3 to 46415.1 s': as many decimals as the length needs, also where stamps count from midnight."""
+    decimals = 0 if end_s - start_s >= 20.0 else 1 if end_s - start_s >= 0.5 else 3
+    return f"{start_s:.{decimals}f} to {end_s:.{decimals}f} s"
 
 
 def _over(c: ChannelAdequacy, part: ErrorPart) -> float:

@@ -175,6 +175,17 @@ class Nuisance:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class BaselineValue:
+    """A finding of kind parameter: a value of the baseline that the recordings contradict."""
+
+    estimate: Estimate  # its baseline is the assumed value
+    prior_sd: float  # of the assumed value
+    away: float  # of the estimate from the assumed value, in standard deviations of the prior
+    sure: bool  # all channels are adequate, and the interval does not hold what the prior allows
+    kind: Literal["parameter"] = "parameter"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelNoise:
     """What is left of a channel at the end."""
 
@@ -219,6 +230,7 @@ class Findings:
     adequacy: list[ChannelAdequacy] = field(default_factory=list)  # by channel; empty in files of version 2
     open_ended: OpenEquation | None = None
     candidates: list[Candidate] = field(default_factory=list)
+    baseline_values: list[BaselineValue] = field(default_factory=list)  # furthest from its prior first
     nuisances: list[Nuisance] = field(default_factory=list)
     noise: list[ChannelNoise] = field(default_factory=list)
     missing_channels: list[MissingChannel] = field(default_factory=list)

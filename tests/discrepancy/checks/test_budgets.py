@@ -57,15 +57,27 @@ def test_a_coarse_reading_has_half_a_step() -> None:
     assert (found.source, found.value) == ("resolution", pytest.approx(0.1))
 
 
-def test_the_scatter_at_standstill_counts_where_it_is_larger() -> None:
-    """Slow noise has small differences; at rest all of it shows."""
+@pytest.mark.parametrize(("push", "source"), [(0.0, "standstill"), (1.0, "differences")])
+def test_the_scatter_at_standstill_counts_where_it_is_larger(push: float, source: str) -> None:
+    """Slow noise has small differences; at rest all of it shows. Where an input moves all the time, nothing is at rest."""
     slow = lfilter([1.0], [1.0, -0.97], np.random.default_rng(5).normal(0.0, 0.01, 4_000))
-    problem = still(slow)
-    resting = [replace(w, known={**w.known, "push": np.zeros(w.time_s.size)}) for w in problem.windows]
-    problem.windows[:] = resting
-    found = budgets(problem, problem.measured)["level"]
-    assert found.source == "standstill"
-    assert found.value == pytest.approx(float(np.std(slow)), rel=0.01)
+    motion = np.where(np.arange(4_000) < 2_000, 0.0, 3.0 * np.sin(0.01 * np.arange(4_000)))
+    problem = still(slow + motion)
+    driven = problem.windows[0].time_s >= 200.0
+    command = np.where(driven, np.sin(problem.windows[0].time_s), push * np.cos(problem.windows[0].time_s))
+    problem.windows[:] = [replace(w, known={**w.known, "push": command}) for w in problem.windows]
+    found = budgets(problem, slow)["level"]
+    assert found.source == source
+    if source == "standstill":
+        assert found.value == pytest.approx(float(np.std(slow[:2_000])), rel=0.01)
+
+
+def test_a_steady_motion_under_a_constant_input_is_no_standstill() -> None:
+    turning = np.sin(0.7 * np.arange(4_000))
+    problem = still(turning)
+    problem.windows[:] = [replace(w, known={"push": np.zeros(w.time_s.size)}) for w in problem.windows]
+    noise = np.random.default_rng(6).normal(0.0, 0.01, 4_000)
+    assert budgets(problem, noise)["level"].source == "differences"
 
 
 def test_a_sheet_is_taken_at_its_word() -> None:

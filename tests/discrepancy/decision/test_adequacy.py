@@ -103,10 +103,41 @@ def test_the_sentence_names_channel_size_budget_and_place() -> None:
     far = replace(level, simulated=0.5, simulated_budget=0.1, parts=[part], adequate=False)
     assert (
         left(far, several=True)
-        == "level is simulated to 0.5 m, 5 times its budget of 0.1 m, most from 3 to 4 s of b"
+        == "level is simulated to 0.5 m, 5 times its budget of 0.1 m, most from 3.0 to 4.0 s of b"
     )
 
 
 def test_findings_hold_the_errors_of_every_channel() -> None:
     result: Findings = examine(tank("leak"), [record(19)], QUICK)
     assert [c.channel for c in result.adequacy] == ["level"]
+
+
+def test_a_wrong_value_of_the_baseline_is_a_finding_with_prior_estimate_and_interval() -> None:
+    """The sheet says 1.3 to 2 %, the tank of the recordings has 1."""
+    model = tank("level sign")
+    area, level = model.nuisances
+    wrong = replace(model, nuisances=(replace(area, value=1.3, prior_sd=0.026), level))
+    result = examine(wrong, [record(20)], QUICK)
+    (found,) = result.baseline_values
+    assert (found.kind, found.estimate.name, found.estimate.baseline, found.sure) == (
+        "parameter",
+        "area",
+        1.3,
+        True,
+    )
+    assert found.estimate.value == pytest.approx(1.0, abs=0.02)
+    assert found.estimate.low is not None
+    assert found.estimate.high is not None
+    assert found.estimate.low < found.estimate.value < found.estimate.high < 1.1
+    assert found.away == pytest.approx((1.3 - found.estimate.value) / 0.026, rel=1e-6)
+    assert result.named == []
+    assert any("the baseline's area is" in reason and "not 1.3" in reason for reason in result.reasons)
+    assert examine(model, [record(20)], QUICK).baseline_values == []
+
+
+def test_in_an_inadequate_model_a_value_that_moved_is_not_sure() -> None:
+    model = tank("level sign")
+    area, level = model.nuisances
+    wrong = replace(model, nuisances=(replace(area, value=1.3, prior_sd=0.026), level))
+    result = examine(wrong, [struck(record(20), 60.0, 72.0, 2.0)], QUICK)
+    assert not any(b.sure for b in result.baseline_values)
