@@ -50,11 +50,12 @@ BURST = 16
 BURST_NS = 4_000_000
 END = 0x7FF
 """Identifier of the frame after the last."""
+# fork: the child inherits the sockets of an arm; spawn would have to pass them on
 FORK = multiprocessing.get_context("fork")
 
 
 def in_process(work: Callable[..., object], *arguments: object) -> tuple[multiprocessing.Process, Connection]:
-    """Start `work(pipe, *arguments)` in a process of its own; it says when it is ready, and its result."""
+    """Start `work(pipe, *arguments)` in its own process; it sends "ready" and later its result through the pipe."""
     ours, theirs = FORK.Pipe()
     process = FORK.Process(target=work, args=(theirs, *arguments), daemon=True)
     process.start()
@@ -209,7 +210,7 @@ def receive_theirs(pipe: Connection, interface: str, channel: str) -> None:
 
 
 def cpu_per_frame(address: str, receiver: Callable[..., object], *arguments: object, frames: int) -> float:
-    """CPU time of the receiving process per frame that arrived [us]; says so when some did not."""
+    """CPU time of the receiving process per received frame [us]; prints a line if frames were lost."""
     process, pipe = in_process(receiver, *arguments)
     pipe.recv()
     messages = traffic()
@@ -306,7 +307,7 @@ def spread(values: list[float], digits: int) -> str:
 
 
 def ratio(values: list[float], floor: list[float]) -> str:
-    """Of the medians, and its range over the rounds."""
+    """Ratio of the medians, with the range of the ratios within a round."""
     rounds = [value / low for value, low in zip(values, floor, strict=True)]
     return (
         f"{statistics.median(values) / statistics.median(floor):.2f} ({min(rounds):.2f}..{max(rounds):.2f})"

@@ -1,8 +1,8 @@
-"""What a diagnosis of the whole loader costs and finds: `python -m bench.bench_diagnose_loader [--minutes 0.7 10]`.
+"""Cost and result of a diagnosis of the whole loader: `python -m bench.bench_diagnose_loader [--minutes 0.7 10]`.
 
-Drives by chance through driver, sensors and CAN (bench.loader_truth), with nothing, one and two effects hidden; all effects of the
-library are candidates. Processor seconds stand beside the elapsed ones, since a busy machine stretches these; the floor is as many
-bare simulations.
+Random drives through driver, sensors and CAN (bench.loader_truth), with nothing, one and two effects hidden; all effects of the
+library are candidates. Processor seconds are given beside the elapsed ones, which a busy machine lengthens; the floor is the same
+number of bare simulations.
 """
 
 import argparse
@@ -30,9 +30,9 @@ def measured(arm: Arm) -> str:
         recording = loader.load_run(Path(folder) / "run")
     model = loader.model([recording])
     problem = Problem(model, [recording])
-    begun, used = time.perf_counter(), time.process_time()
+    started, used = time.perf_counter(), time.process_time()
     found = judge(problem, Settings()).findings
-    seconds, processor = time.perf_counter() - begun, time.process_time() - used
+    seconds, processor = time.perf_counter() - started, time.process_time() - used
     values, floor = problem.start(), time.process_time()
     for i in range(5):
         problem.predict(values.having(rear_mass=float(i + 1)))

@@ -1,6 +1,6 @@
-"""What a diagnosis costs, over the floor of its bare simulations: `python -m bench.bench_discrepancy [--minutes 1.6 10]`.
+"""Cost of a diagnosis over the floor of its bare simulations: `python -m bench.bench_discrepancy [--minutes 1.6 10]`.
 
-How good it is, is the proof's (`make proof`). The drive holds two effects; truth as in bench/proof/straight_truth.py.
+The quality of its results is measured by `make proof`. The drive holds two effects; truth as in bench/proof/straight_truth.py.
 """
 
 import argparse

@@ -1,9 +1,9 @@
-"""What effects cost: a step of the plain plant, and of the same plant with effects switched on, in one run.
+"""Cost of effects: a step of the plain plant, and of the same plant with effects switched on, in one run.
 
     python -m bench.bench_effects [--seconds 5] [--repeats 9]
 
 An effect that only changes parameters must cost nothing: the compiled code is the plain plant's. The first row is
-therefore measured twice, and the spread of that ratio is what the others can be told apart from.
+therefore measured twice: the spread of that ratio is the resolution of the other rows.
 """
 
 import argparse
@@ -29,7 +29,7 @@ CALM = (
 
 
 def variants():
-    """Machines by what is switched on."""
+    """Row of the table -> machine with those effects."""
     base, known = load_machine("l60"), effects()
     prepared = [
         item

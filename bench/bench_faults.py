@@ -1,4 +1,4 @@
-"""What an injector costs: per frame that passes it, and per tick of a lockstep run's wire.
+"""Cost of a fault injector: per frame that passes it, and per tick of a lockstep run's wire.
 
     python -m bench.bench_faults
 
@@ -62,7 +62,7 @@ def per_tick_us(wire):
 
 
 def rows(cases, measure):
-    """Rounds go case by case, so that a slow moment of the machine hits all alike."""
+    """Measure every case in every round, so that a slow moment of the machine affects all cases alike; print the rows."""
     found = {name: [] for name in cases}
     for _ in range(ROUNDS):
         for name, make in cases.items():

@@ -8,7 +8,7 @@ millisecond. Arms, in one run:
 The latency is that from sending on the one hub to the second hub's stamp: two relays and one way between. What the
 gateway adds is the difference of the two arms. On a machine that others use, run it as
 `chrt -r 1 python -m bench.bench_gateway`: a process that waits half a second for a processor is 20 000 frames behind.
-The relay's resident memory is told after a tenth of the time and at the end.
+The relay's resident memory is printed after a tenth of the time and at the end.
 """
 
 import argparse
@@ -43,14 +43,14 @@ BURST = RATE * TICK_NS // 1_000_000_000
 SETTLE_S = 1.0
 PAUSE_S = 0.002
 QUIET_MS, START_MS = 5_000, 60_000
-"""Without a frame for so long, before and after the first, no more will come."""
+"""Silence after which the receiver ends [ms]: after the first frame, and while it waits for the first."""
 SLICES = 6
 """Parts of the measured time whose percentiles give the spread."""
 FORK = multiprocessing.get_context("fork")
 
 
 def frames_in_turn() -> list[Frame]:
-    """The machine's messages, one after the other, until every counter is back where it began."""
+    """The machine's messages in turn, until every counter is back at its first value."""
     codecs = [c for c in loader_database().by_name.values() if c.senders == ("Machine",)]
     protectors = {c.name: Protector(c) for c in codecs if c.e2e_data_id is not None}
     frames = []
@@ -70,7 +70,7 @@ def serve_hub(path: str) -> None:
 
 
 def relay_raw(source: str, sink: str) -> None:
-    """Records of one hub to another, unread."""
+    """Pass records from one hub to another without decoding them."""
     with HubTransport(source, name="relay") as near, HubTransport(sink, name="relay") as far:
         receiver = socket.socket(fileno=os.dup(near.fileno()))
         sender = socket.socket(fileno=os.dup(far.fileno()))
@@ -91,13 +91,14 @@ def receive(path: str, file: Path, count: int) -> None:
             for frame in bus.drain(1024):
                 stamps[n] = frame.at_ns
                 n += 1
-            time.sleep(PAUSE_S)  # so that it reads batches: it is not what is measured
+            # so that it reads in batches: the receiver is not measured and should use little processor time
+            time.sleep(PAUSE_S)
         lost = bus.statistics().dropped_in
     np.savez(file, stamps=stamps[:n], lost=lost)
 
 
 def send(path: str, count: int) -> np.ndarray:
-    """Send `count` frames, a burst each millisecond; when each was handed over."""
+    """Send `count` frames, a burst each millisecond; returns the time at which each was handed over [ns]."""
     stamps = np.zeros(count, np.int64)
     frames = cycle(frames_in_turn())
     n = 0

@@ -35,13 +35,13 @@ PAGE_KIB = os.sysconf("SC_PAGE_SIZE") // 1024
 
 @dataclass(frozen=True)
 class Load:
-    """What one run came to: frames, CPU time of the process in the middle [s], its memory every second [KiB]."""
+    """The result of one run."""
 
-    sent: int
-    lost: int
-    disordered: int
-    cpu_s: float
-    memory_kib: list[int]
+    sent: int  # frames
+    lost: int  # frames
+    disordered: int  # frames out of order
+    cpu_s: float  # of the process in the middle
+    memory_kib: list[int]  # of that process, every second
 
     @property
     def cpu_us(self) -> float:
@@ -93,7 +93,7 @@ def read_bytes(pipe: Connection, end: socket.socket) -> None:
 
 
 def move_bytes(pipe: Connection, source: socket.socket, sinks: list[socket.socket]) -> None:
-    """What comes in goes out to every sink."""
+    """Copy all received bytes to every sink."""
     buffer = bytearray(64 * packet.SIZE)
     view = memoryview(buffer)
     pipe.send("ready")
@@ -103,7 +103,7 @@ def move_bytes(pipe: Connection, source: socket.socket, sinks: list[socket.socke
 
 
 def paced(send: Callable[[Frame], object], rate: int, seconds: float, each_second: Callable[[], None]) -> int:
-    """Numbered frames at that rate; a late burst makes up for what is owed, so that the rate holds."""
+    """Send numbered frames at the given rate; a late burst is larger, so that the mean rate holds. Returns their number."""
     per_tick, ticks_planned = rate * PACE_NS // 1_000_000_000, round(seconds * 1e9 / PACE_NS)
     number = passed = 0
     with Ticks(PACE_NS) as ticks:
@@ -148,7 +148,7 @@ def load_hub(rate: int, seconds: float) -> Load:
 
 
 def load_floor(rate: int, seconds: float) -> Load:
-    """Bytes moved and nothing else."""
+    """The floor: a process that only copies bytes."""
     near, middle = socket.socketpair()
     pairs = [socket.socketpair() for _ in range(READERS)]
     mover, ready = in_process(move_bytes_alone, near, middle, pairs)

@@ -1,4 +1,4 @@
-"""Lockstep against real time, and where its time goes.
+"""Speed of lockstep against real time, and the time of each of its parts.
 
     python -m bench.bench_lockstep [SCENARIO]
 

@@ -6,7 +6,7 @@ tool could sustain on a processor of its own. Lost: frames that were not printed
 
 Tools: ours raw, decoded lines, JSON, and the live table on a terminal; python-can's logger; cantools' monitor on a
 terminal of the same size. And a log of the same frames in one go: ours against `cantools decode`.
-Ours checks the end-to-end protection as well. Every tool runs in every round; medians and ranges are told.
+Ours checks the end-to-end protection as well. Every tool runs in every round; medians and ranges are printed.
 """
 
 import argparse
@@ -48,22 +48,22 @@ SETTLE_S = 1.0
 
 @dataclass(frozen=True)
 class Tool:
-    """A program to be measured; terminal: it draws on one, instead of printing a line per frame."""
+    """A program to be measured."""
 
     name: str
     command: tuple[str, ...]
-    terminal: bool = False
+    terminal: bool = False  # draws on a terminal, instead of printing a line per frame
 
 
 @dataclass(frozen=True)
 class Place:
-    """A bus: its address, how python-can calls it, and how one sees that `count` programs listen."""
+    """A bus on which tools are measured."""
 
     name: str
     address: str
-    interface: str
-    channel: str
-    listening: Callable[[], int]
+    interface: str  # python-can's name of its kind
+    channel: str  # python-can's name of the bus
+    listening: Callable[[], int]  # number of programs that listen to it
 
 
 def tools_on(place: Place) -> list[Tool]:

@@ -2,7 +2,7 @@
 
     python -m bench.bench_plant [--seconds 10] [--repeats 9]
 
-Both drive the laden machine at 3 m/s. In MuJoCo the three cylinder-driven joints are held by its own
+Both drive the loaded machine at 3 m/s. In MuJoCo the three cylinder-driven joints are held by its own
 velocity actuators; its tyres are one compiled call per step. Two ways to step it: from Python, step by step,
 and in MuJoCo's own loop in C, which calls the compiled tyres back without Python in between (the fair peer).
 Medians over the repeats, interleaved so that a busy machine hits all alike.

@@ -5,7 +5,7 @@
 Ten hubs stand for ten buses. A generator sends on all of them at the given rate, in bursts of a millisecond; `loaderhil
 record` and, at the same time, one can.Logger per bus in a process of its own (Notifier and CanutilsLogWriter) record.
 Processor time is that of the recorders' processes, user and system. Every frame carries its number; the file must hold each of
-them once and in order. The hubs and the generator share the processors, so what is lost before a recorder is told apart.
+them once and in order. The hubs and the generator share the processors, so frames lost before a recorder are counted separately.
 """
 
 import os
@@ -42,7 +42,7 @@ for bus in buses: bus.shutdown()
 GENERATOR = """
 import sys, time
 from bus.frame import EXTENDED, Frame
-from bus.hub_client import HubTransport
+from bus.hub.client import HubTransport
 rate, seconds, paths = float(sys.argv[1]), float(sys.argv[2]), sys.argv[3:]
 buses = [HubTransport(path, name="generator") for path in paths]
 start, sent, refused = time.monotonic(), [0] * len(buses), 0

@@ -108,13 +108,13 @@ def rows(name: str, machine: Machine, count: int, repeats: int) -> list[str]:
     loads = nominal * rng.uniform(0.3, 1.8, count)
     out, theirs = np.empty((count, 2)), np.empty((count, 2))
     median, spread = nanoseconds(lambda: ours(w, loads, kappa, slip, out), count, repeats)
-    told = [f"| {name} | plant, compiled | {median:.1f} ± {spread:.1f} | 1 | |"]
+    lines = [f"| {name} | plant, compiled | {median:.1f} ± {spread:.1f} | 1 | |"]
 
     def compare(what: str, work: Callable[[], object], asked: np.ndarray, evaluations: int) -> None:
         took, around = nanoseconds(work, evaluations, repeats)
         ours(w, asked, kappa, slip, out)
         worst = np.abs(out - theirs)[:evaluations].max() / machine.tyre.nominal_load
-        told.append(f"| | {what} | {took:.1f} ± {around:.1f} | {took / median:.1f} | {worst:.1e} |")
+        lines.append(f"| | {what} | {took:.1f} ± {around:.1f} | {took / median:.1f} | {worst:.1e} |")
 
     def whole() -> None:
         theirs[:] = np.column_stack(magic_formula.forces(c, loads, kappa, slip, dpi))
@@ -137,7 +137,7 @@ def rows(name: str, machine: Machine, count: int, repeats: int) -> list[str]:
             nominal,
             few,
         )
-    return told
+    return lines
 
 
 def on_file(base: Machine, path: Path) -> Machine:

@@ -28,7 +28,7 @@ JUDGED = ("PKX1", "PDX1", "PCX1", "PEX1", "PDX2", "PPX1", "PPX3", CARCASS_NAME)
 
 
 def any_machine(seed: int) -> Machine:
-    """The l60 on tyres drawn by chance, so that no fit can live on one tyre's values."""
+    """The l60 on random tyres, so that a fit cannot depend on the values of one tyre."""
     machine, random = load_machine("l60"), np.random.default_rng([seed, 7])
     ranges = {
         "pkx1": (5.0, 12.0), "pcx1": (1.25, 1.65), "pdx1": (0.6, 0.95), "pex1": (-1.0, 0.6), "pdx2": (-0.1, 0.05), "pkx3": (-0.2, 0.0),

@@ -48,7 +48,7 @@ class MujocoMotion:
                 "roll_inertia",
             ):
                 raise ValueError(f"MuJoCo's loader cannot have the effect {item.effect.name}")
-        # MuJoCo's bodies come from the machine, so what is in the bucket is told as payload
+        # MuJoCo's bodies come from the machine; the content of the bucket is passed as payload
         parametric = tuple(e for e in machine.effects if e.effect.name not in OURS)
         self._machine = replace(machine, effects=parametric)
         self._payload = payload_mass + extra

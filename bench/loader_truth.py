@@ -72,8 +72,8 @@ class Arm:
     @property
     def name(self) -> str:
         """Fit for a folder."""
-        told = "+".join(self.effects).replace(" ", "-") or "null"
-        return f"{told}_{self.scale:g}_{self.truth}_{self.seed}"
+        label = "+".join(self.effects).replace(" ", "-") or "null"
+        return f"{label}_{self.scale:g}_{self.truth}_{self.seed}"
 
 
 REPORT_EFFECTS = (
@@ -162,14 +162,14 @@ def record(arm: Arm, folder: Path) -> dict[str, float]:
     scenario = drive(arm, rng, payload, replace(equipment, sensors=_sensors(equipment, effects)))
     unit = PlantUnit(machine, scenario, seed=scenario.seed, motion=_motion(arm, machine, scenario))
     bench = Lockstep(unit, ecu_cycle(form="corrected", limits=True))
-    begun = record_of(scenario, form="corrected", limits=True, mode="lockstep")
+    started = record_of(scenario, form="corrected", limits=True, mode="lockstep")
     folder.mkdir(parents=True, exist_ok=True)
     rundir.refuse_if_foreign(folder)
-    rundir.begin(folder, begun)
+    rundir.begin(folder, started)
     lost = write_recording(folder, bench.run())
     if lost:
         raise OSError("; ".join(lost))
-    rundir.write_record(folder, replace(begun, outcome="finished", duration_s=arm.duration_s))
+    rundir.write_record(folder, replace(started, outcome="finished", duration_s=arm.duration_s))
     return {**off, **effects}
 
 

@@ -1,4 +1,4 @@
-"""Files that belong to a machine file by their names: MACHINE.equipment.toml and MACHINE.calibration.toml beside MACHINE.toml."""
+"""Finds the files that belong to a machine file by their names: MACHINE.equipment.toml and MACHINE.calibration.toml."""
 
 from pathlib import Path
 
@@ -7,11 +7,11 @@ CALIBRATION = ".calibration.toml"
 
 
 def named(machine: Path, kind: str) -> Path:
-    """The name such a file has."""
+    """The path that such a file of a machine has, whether it exists or not."""
     return machine.with_name(machine.name.removesuffix(".toml") + kind)
 
 
 def companion(machine: Path, kind: str) -> Path | None:
-    """The file beside a machine file, None where there is none."""
+    """The existing file beside a machine file; None if there is none."""
     file = named(machine, kind)
     return file if machine.suffix == ".toml" and file.is_file() else None

@@ -1,6 +1,6 @@
-"""The composition root: builds the plant unit, the ECU cycle and the run's record from the user's choice.
+"""The composition root of the bench: builds the plant unit, the ECU cycle and the run's record from the user's choice.
 
-Besides the command line the only place of the bench that knows both sides.
+Besides the command line, only this module of the bench imports both plant and ECU.
 """
 
 import datetime
@@ -36,28 +36,22 @@ from plant.unit.unit import PlantUnit
 
 
 class ChoiceError(UserError, ValueError):
-    """What the user chose cannot be run; the message says which option and what is permitted."""
+    """The user's choice cannot be run; the message names the option and the permitted values."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """What to run. None takes the scenario's own value.
+    """The run that the user chose. None takes the scenario's own value."""
 
-    scenario: a shipped name or the path of a TOML file; limits: whether the ECU limits the machine.
-    inject: a TOML file with more faults than the scenario has of its own; expect: one with more expectations.
-    changes: KEY=VALUE words laid over the files of scenario, machine and equipment; calibration: the ECU's, a name or file,
-    by default that of the machine's family.
-    """
-
-    scenario: str
-    form: Form = "corrected"
-    limits: bool = True
+    scenario: str  # name of a shipped one, or path of a TOML file
+    form: Form = "corrected"  # equations of the ECU's estimators
+    limits: bool = True  # whether the ECU limits the machine
     payload_kg: float | None = None
     seed: int | None = None
-    inject: Path | None = None
-    expect: Path | None = None
-    changes: tuple[str, ...] = ()
-    calibration: str | None = None
+    inject: Path | None = None  # TOML file with additional faults
+    expect: Path | None = None  # TOML file with additional expectations
+    changes: tuple[str, ...] = ()  # KEY=VALUE, override the files of scenario, machine and equipment
+    calibration: str | None = None  # of the ECU, a name or file; None: that of the machine's family
 
     def on(self, machine: str) -> "Choice":
         """The same on another machine, with the equipment and the calibration that lie beside its file."""
@@ -74,7 +68,7 @@ class Choice:
         )
 
     def load(self) -> Scenario:
-        """The scenario with the choices applied; its machine and its ECU's calibration are looked at too."""
+        """The scenario with the choices applied. Also checks the calibration, so that an error comes before the run starts."""
         scenario = load_scenario(_named(self.scenario), Changes.of(self.changes))
         load_calibration(calibration_of(scenario, self.calibration))
         if self.payload_kg is not None:
@@ -131,7 +125,7 @@ def calibration_of(scenario: Scenario, chosen: str | None = None) -> str:
 
 
 def plant_unit(scenario: Scenario) -> PlantUnit:
-    """The machine of a scenario, settled and ready for its first tick."""
+    """The machine of a scenario, in equilibrium and ready for its first tick."""
     return PlantUnit(machine_of(scenario), scenario, seed=scenario.seed)
 
 
@@ -144,9 +138,10 @@ def lockstep(
     injector: Injector | None = None,
     calibration: str | None = None,
 ) -> Lockstep:
-    """The two on one virtual clock; reference: with the frames of the test instrumentation."""
+    """Plant and ECU on one virtual clock. reference: record the frames of the test instrumentation too."""
     fitting = calibration_of(scenario, calibration)
 
+    # a fault may kill the ECU; its restart needs a new one without any state
     def fresh() -> EcuCycle:
         return ecu_cycle(form=form, limits=limits, calibration=fitting)
 
@@ -183,7 +178,7 @@ def record_of(
 
 
 def versions() -> dict[str, str]:
-    """Of what the result depends on."""
+    """Versions of the packages on which the result of a run depends."""
     packages = ("loaderhil", "numpy", "numba", "python-can")
     return {"python": platform.python_version()} | {
         name: importlib.metadata.version(name) for name in packages

@@ -1,4 +1,4 @@
-"""The virtual ECU that the bench runs; a module of its own, so that its process never loads the plant."""
+"""Builds the virtual ECU of the bench; a module of its own, so that the ECU's process never loads the plant."""
 
 from typing import Literal
 
@@ -13,7 +13,7 @@ CALIBRATION = "l60"
 def ecu_cycle(*, form: Form, limits: bool, calibration: str = CALIBRATION) -> EcuCycle:
     """A fresh ECU.
 
-    form: the estimators' equations, corrected or as printed in the thesis; limits: whether it limits;
+    form: the estimators' equations, corrected or as printed in the thesis; limits: whether it limits the machine;
     calibration: name or TOML file.
     """
     return EcuCycle(load_calibration(calibration), form=form, limits_enabled=limits)

@@ -1,4 +1,4 @@
-"""The exit codes of all commands, for scripts and for the supervisor."""
+"""The exit codes of all commands, for scripts and the supervisor; docs/howto lists them for users."""
 
 import enum
 

@@ -1,4 +1,4 @@
-"""Judges a run directory: takes columns and signals from its files and hands them to the verdicts."""
+"""Judges a run directory: reads columns and signals from its files and passes them to the pure verdict functions."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -15,14 +15,14 @@ from hil.verdict import WARNING_MIN_S, RunVerdict, flickers, judge, lasting, rol
 
 PROCESSES = ("plant", "ecu")
 NODES = {"Machine": "plant", "EstimatorEcu": "ecu"}
-"""Of the DBC, and the process that is each."""
+"""Node of the DBC -> process of the bench."""
 RECORDERS = ("recorder", "ecu-recorder", "recorder/child", "ecu-recorder/child", "attend")
-"""They only listen. Frames are stamped before they come to them: what they wait for a processor makes nothing late."""
+"""Processes that only listen. Frames are stamped before they arrive there, so their waits for a processor delay nothing."""
 WAY, WAITS = "way_", "waits_"
 
 
 def judge_run(run: RunDirectory) -> RunVerdict:
-    """Roll-over in a run: truth against the ECU's warnings."""
+    """The verdict on roll-over: the plant's truth against the ECU's warnings. RunError without truth."""
     if not len(run.truth):
         raise RunError(f"{run.path}: nothing to judge by, {'; '.join(run.problems) or 'the truth is empty'}")
     truth = run.truth
@@ -60,7 +60,7 @@ def warning_signals(
 
 
 def timing_of(run: RunDirectory) -> Timing:
-    """The timing of a real-time run, from timing.npz, the log's echoes and the processes' counters."""
+    """The timing of a real-time run, from timing.npz, the echoes in the log and the processes' counters."""
     counts, vitals = run.record.statistics, run.record.vitals
     lives = [life for life in vitals.lives if life.process not in RECORDERS] if vitals else []
     sample_s, took_ns = _reactions(run)
@@ -82,7 +82,7 @@ def timing_of(run: RunDirectory) -> Timing:
                 ("plant", int(counts.get("plant_missed", 0))),
                 ("ecu", _ecu_overruns(run)),
             )
-            if name not in run.record.foreign  # the ticks of a foreign node are its own affair
+            if name not in run.record.foreign  # the ticks of a foreign node cannot be observed
         },
         dropped=sum(int(counts.get(f"{name}_dropped", 0)) for name in (*PROCESSES, "gateway", *RECORDERS)),
         stolen=vitals.stolen if vitals else float("nan"),
@@ -96,13 +96,13 @@ def timing_of(run: RunDirectory) -> Timing:
 
 
 def waits_of(run: RunDirectory) -> dict[str, Rows]:
-    """By process, the waits for a processor of those that can make a frame late; see `hil.timing.waits`."""
+    """Process -> its waits for a processor, for the processes that can make a frame late; see `hil.timing.waits`."""
     named = {name.removeprefix(WAITS): name for name in run.timing if name.startswith(WAITS)}
     return {process: run.timing[name] for process, name in named.items() if process not in RECORDERS}
 
 
 def waits_of_senders(run: RunDirectory) -> dict[str, dict[str, Rows]]:
-    """By node, those of its process and of what passes frames on: the other node makes none of its frames late."""
+    """Node -> waits of its own process and of hubs and gateway: the other node's process cannot delay its frames."""
     waits = waits_of(run)
     return {
         node: {name: rows for name, rows in waits.items() if name == process or name not in PROCESSES}
@@ -117,7 +117,7 @@ def _explained(
     sample_s: NDArray[np.float64],
     took_ns: NDArray[np.int64],
 ) -> Timing:
-    """The same with what waits explain: of each process' ticks its own waits, of a reaction those of all but the plant."""
+    """The timing with the delays that waits explain: a tick by waits of its own process, a reaction by those of all but the plant."""
     if not _column(run, "plant_due_ns").size:
         return timing
     due = run.timing["plant_due_ns"]
@@ -137,6 +137,7 @@ def _explained(
         explained[name] = found.longest
     if "time_s" in run.truth and (known := min(due.size, run.truth["time_s"].size)):
         sample_ns = np.rint(np.interp(sample_s, run.truth["time_s"][:known], due[:known])).astype(np.int64)
+        # a reaction begins when the plant sends its sample: its waits before that are not in it
         others = {name: rows for name, rows in waits.items() if name != "plant"}
         own_ns, explained[REACTION] = explain_reactions(sample_ns, took_ns, others)
         own = replace(own, reaction=Spread.of(own_ns))
@@ -150,7 +151,7 @@ def _explained(
 
 
 def _largest(shares: Iterable[tuple[str, float]]) -> dict[str, float]:
-    """By process; one that was started again counts by its worst life."""
+    """Process -> largest share; a process that was restarted counts by its worst life."""
     found: dict[str, float] = {}
     for name, share in shares:
         found[name] = max(share, found.get(name, 0.0))
@@ -158,7 +159,7 @@ def _largest(shares: Iterable[tuple[str, float]]) -> dict[str, float]:
 
 
 def _ecu_overruns(run: RunDirectory) -> int:
-    """Ticks the ECU skipped while the plant was there; before, it waits for a machine that still compiles."""
+    """Ticks that the ECU skipped after time zero; before it, the ECU waits for a plant that still compiles."""
     status = run.messages.get("EcuStatus")
     if status is None:
         return 0
@@ -171,7 +172,7 @@ def _column(run: RunDirectory, name: str) -> NDArray[np.float64]:
 
 
 def _way(run: RunDirectory) -> dict[str, NDArray[np.int64]]:
-    """The stamps of every reaction in the order of its way."""
+    """The stamps of every reaction, by hop in the order of the path."""
     return {name.removeprefix(WAY): run.timing[name] for name in run.timing if name.startswith(WAY)}
 
 

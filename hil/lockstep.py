@@ -1,6 +1,6 @@
 """Plant and ECU in one process on a virtual clock: bit-reproducible, far faster than real time.
 
-Both sides are the very cores that run as processes; every value still passes the real
+Both sides are the same cores that run as processes in real time; every value passes the real
 codec and a modelled wire. One tick of 10 ms:
 
     t        the plant advances to t, its sensor frames go onto the wire
@@ -21,11 +21,12 @@ from hil.wire import Carrier, Wire
 
 MS = 1_000_000
 PERIOD_NS = 10 * MS
+# Half a period after the plant: the ECU's ticks have a fixed phase, as if both clocks had been started together.
 ECU_PHASE_NS = 5 * MS
 
 
 class PlantSide(Protocol):
-    """What lockstep needs of a plant: `plant.unit.unit.PlantUnit`, or a fake."""
+    """The interface of a plant: `plant.unit.unit.PlantUnit`, or a fake."""
 
     def receive(self, frame: Frame, now_ns: int) -> Sequence[object]: ...
 
@@ -43,7 +44,7 @@ class PlantSide(Protocol):
 
 
 class EcuTick(Protocol):
-    """What the ECU gives back from one tick."""
+    """The result of one tick of the ECU."""
 
     @property
     def frames(self) -> Sequence[Frame]: ...
@@ -53,7 +54,7 @@ class EcuTick(Protocol):
 
 
 class EcuSide(Protocol):
-    """What lockstep needs of an ECU: `ecu.cycle.EcuCycle`, or a fake."""
+    """The interface of an ECU: `ecu.cycle.EcuCycle`, or a fake."""
 
     def receive(self, frame: Frame, now_ns: int) -> Sequence[object]: ...
 
@@ -62,11 +63,11 @@ class EcuSide(Protocol):
 
 @dataclass(slots=True)
 class Recording:
-    """What a lockstep run gives: frames in the order of their stamps, truth once per tick."""
+    """The result of a lockstep run."""
 
-    bus: list[Frame] = field(default_factory=list)
-    reference: list[Frame] = field(default_factory=list)
-    truth: list[Any] = field(default_factory=list)
+    bus: list[Frame] = field(default_factory=list)  # in the order of their stamps
+    reference: list[Frame] = field(default_factory=list)  # of the test instrumentation
+    truth: list[Any] = field(default_factory=list)  # one per tick
     plant_findings: list[object] = field(default_factory=list)
     ecu_findings: list[object] = field(default_factory=list)
 
@@ -119,7 +120,7 @@ class Lockstep:
                 recording.plant_findings += to_plant(frame, frame.at_ns)
 
     def run(self, progress: Callable[[float], None] | None = None, *, every: int = 50) -> Recording:
-        """Step until the plant has finished; `progress` hears the simulated seconds now and then."""
+        """Step until the plant has finished; `progress` receives the simulated seconds every `every` ticks."""
         ticks = 0
         with _no_search_for_cycles():
             while not self._plant.finished:
@@ -132,7 +133,8 @@ class Lockstep:
 
 @contextmanager
 def _no_search_for_cycles() -> Iterator[None]:
-    """Without Python's cyclic collector: a tick leaves no cycles, and searching the growing recording takes a tenth of the run."""
+    """Switch Python's cyclic garbage collector off for the block."""
+    # a tick leaves no cycles, and searching the growing recording for some takes a tenth of the run
     was_enabled = gc.isenabled()
     gc.disable()
     try:

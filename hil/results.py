@@ -1,4 +1,4 @@
-"""Results for machines that read them: verdicts as JSON, and as JUnit XML, which every build server shows."""
+"""Writes verdicts as JSON and as JUnit XML, for scripts and build servers."""
 
 import json
 from collections.abc import Sequence
@@ -18,16 +18,12 @@ class ResultsError(UserError, OSError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """One question with its answer.
-
-    decides: whether an answer that could not be reached counts against the whole; such a case is an error in JUnit, any other one
-    skipped.
-    """
+    """One question with its answer."""
 
     name: str
     result: Result
     reason: str
-    decides: bool = True
+    decides: bool = True  # whether INCONCLUSIVE counts against the whole: an error in JUnit, else skipped
     remarks: tuple[str, ...] = ()
 
     @classmethod
@@ -38,16 +34,16 @@ class Case:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Suite:
-    """The cases of one run, recording or campaign. time_s: what the JUnit file gives as its time."""
+    """The cases of one run, recording or campaign."""
 
     name: str
     cases: tuple[Case, ...]
-    time_s: float = 0.0
+    time_s: float = 0.0  # simulated or recorded time [s], as JUnit's time
     remarks: tuple[str, ...] = ()
 
 
 def as_json(command: str, ending: Ending, suites: Sequence[Suite], **more: Any) -> str:
-    """The whole as one JSON object: the command, its exit code, and each suite with its cases; more: keys of the command's own."""
+    """The whole as one JSON object: the command, its exit code, and each suite with its cases; more: further keys of the command."""
     content = {
         "command": command,
         "exit_code": int(ending),

@@ -1,4 +1,4 @@
-"""The run directory: what one run leaves behind, written by lockstep and by the processes alike.
+"""Reads and writes the run directory: the files of one run, in lockstep or as processes.
 
     run.json        what was run, in which mode, and how it ended (RunRecord)
     truth.npz       the plant's own state, one array per field, first axis time, 100 Hz
@@ -10,10 +10,10 @@
                     of each process, see hil.timing.waits [ns] (optional)
     latency.hlog    histograms of the hops of that way, HdrHistogram log format (optional)
     ecu.log, plant.log, gateway.log   findings of the processes of a real-time run, one line each (optional)
-    faults.json     what was injected, when, and how many frames it struck (optional)
+    faults.json     injected faults: when each began and ended, and how many frames it affected (optional)
 
-A killed run leaves a directory that still reads: what is missing or cut off is listed in
-`problems`, everything else is there.
+The directory of a killed run is still readable: missing and cut-off files are listed in
+`problems`, all others are read.
 """
 
 import contextlib
@@ -74,32 +74,28 @@ class RunError(UserError, ValueError):
 
 @checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid", strict=True))
 class RunRecord:
-    """The content of run.json.
-
-    changes: KEY=VALUE words laid over the files. duration_s: simulated time that was recorded. outcome "running" in a file that nobody
-    writes any more means that the run was killed. punctuality, vitals: of a real-time run that ended. expectations: the
-    verdicts on the scenario's [[expect]] tables. foreign: side (plant, ecu) -> bus of the node that was not ours.
-    """
+    """The content of run.json. The names of the fields are the keys of the file."""
 
     scenario: str
     machine: str
     mode: Mode
-    form: str
-    limits: bool
+    form: str  # equations of the ECU's estimators
+    limits: bool  # whether the ECU limited the machine
     seed: int
     payload_kg: float
-    started: str
-    changes: tuple[str, ...] = ()
-    duration_s: float = 0.0
-    outcome: Outcome = "running"
-    reason: str = ""
+    started: str  # ISO 8601, UTC
+    changes: tuple[str, ...] = ()  # KEY=VALUE, override the files
+    duration_s: float = 0.0  # simulated time that was recorded [s]
+    outcome: Outcome = "running"  # "running" after the run's end means that it was killed
+    reason: str = ""  # why it did not finish
     calibration: str = "l60"
-    versions: dict[str, str] = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)  # of packages
+    # counters of the processes, PROCESS_COUNTER
     statistics: dict[str, float | int | str] = field(default_factory=dict)
-    punctuality: Punctuality | None = None
-    vitals: Vitals | None = None
-    expectations: tuple[Verdict, ...] = ()
-    foreign: dict[str, str] = field(default_factory=dict)
+    punctuality: Punctuality | None = None  # of a real-time run that ended
+    vitals: Vitals | None = None  # of a real-time run that ended
+    expectations: tuple[Verdict, ...] = ()  # on the [[expect]] tables
+    foreign: dict[str, str] = field(default_factory=dict)  # side -> bus of a node that replaced ours
 
 
 _record = TypeAdapter(RunRecord)
@@ -130,25 +126,19 @@ class Table(Mapping[str, NDArray[Any]]):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunDirectory:
-    """A run as read back.
-
-    truth: columns of truth.npz named as the fields of the plant's truth; empty when the file is missing.
-    messages, reference: decoded frames by message name, times [s] on the clock of truth["time_s"].
-    timing: columns of timing.npz [ns]; empty for lockstep runs.
-    problems: what is missing or damaged, one sentence each.
-    """
+    """A run as read from its directory."""
 
     path: Path
     record: RunRecord
-    truth: Table
-    messages: "dict[str, Columns]"
-    reference: "dict[str, Columns]"
-    timing: Table
-    problems: tuple[str, ...]
+    truth: Table  # columns named as the fields of the plant's truth, SI; empty when the file is missing
+    messages: "dict[str, Columns]"  # decoded frames by message, times [s] on the clock of truth["time_s"]
+    reference: "dict[str, Columns]"  # the same of the test instrumentation
+    timing: Table  # columns of timing.npz [ns]; empty for a lockstep run
+    problems: tuple[str, ...]  # missing and damaged files, one sentence each
 
     @classmethod
     def read(cls, path: str | Path) -> Self:
-        """Read whatever is there; only a missing or wrong run.json is an error."""
+        """Read all files that exist; only a missing or invalid run.json is an error."""
         path = Path(path)
         record = read_record(path)
         problems: list[str] = []
@@ -193,7 +183,7 @@ def _short(value: object) -> str:
 
 
 def refuse_if_foreign(path: Path) -> None:
-    """Refuse a place where a run would not be alone: a file, or a folder that holds anything but an earlier run."""
+    """Refuse a path that is a file, or a folder with other files than those of an earlier run."""
     if path.exists() and not path.is_dir():
         raise RunError(f"{path}: is a file, not a folder")
     if path.is_dir() and not (path / RECORD).exists() and any(path.iterdir()):
@@ -209,6 +199,7 @@ def begin(path: Path, record: RunRecord) -> None:
     refuse_if_foreign(path)
     with writing(path):
         path.mkdir(parents=True, exist_ok=True)
+        # only files of a run are removed: the user may have named a folder with other content
         for file in (*(path / name for name in FILES), *path.glob("timing.*.npz"), *path.glob("stamps.*")):
             file.unlink(missing_ok=True)
     write_record(path, record)
@@ -216,7 +207,7 @@ def begin(path: Path, record: RunRecord) -> None:
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """What the system refuses while `path` is written becomes one line that names it."""
+    """Turn an OSError while `path` is written into a RunError that names it."""
     try:
         yield
     except OSError as error:
@@ -237,17 +228,17 @@ def write_table(file: Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def part_of_timing(path: Path, process: str) -> Path:
-    """Where one process of a run leaves its part of timing.npz."""
+    """The file in which a process writes its part of timing.npz."""
     return path / f"timing.{process}.npz"
 
 
 def stamps(path: Path, process: str) -> Path:
-    """Where one process of a run leaves the stamps of the frames that mark the way of a reaction."""
+    """The file in which a process writes the stamps of the frames that mark the path of a reaction."""
     return path / f"stamps.{process}"
 
 
 def merge_timing(path: Path, processes: Sequence[str] = ("plant", "ecu", "way", "waits")) -> None:
-    """One timing.npz from what the processes left; its columns are named PROCESS_COLUMN."""
+    """Merge the parts that the processes wrote into one timing.npz, with columns PROCESS_COLUMN."""
     merged: dict[str, NDArray[Any]] = {}
     for process in processes:
         part = part_of_timing(path, process)
@@ -282,7 +273,7 @@ def _read_table(file: Path, problems: list[str], *, optional: bool) -> Table:
 
 
 def _read_truth(path: Path, problems: list[str], *, optional: bool) -> Table:
-    """truth.npz, or the rows that a killed run left of it; optional: the machine was not ours."""
+    """truth.npz, or the rows that a killed run left of it; optional: the machine was a foreign one."""
     if (path / TRUTH).exists() or not (path / TRUTH_ROWS).exists():
         return _read_table(path / TRUTH, problems, optional=optional)
     from plant.recorder import read_rows
@@ -299,7 +290,7 @@ def _read_truth(path: Path, problems: list[str], *, optional: bool) -> Table:
 
 
 def keep_truth(path: Path) -> None:
-    """Make truth.npz of the rows that a killed plant left in the run directory `path`; nothing to do otherwise."""
+    """Make truth.npz of the rows that a killed plant left in the run directory `path`; otherwise do nothing."""
     if (path / TRUTH).exists() or not (path / TRUTH_ROWS).exists():
         return
     from plant.recorder import read_rows
@@ -312,9 +303,8 @@ def keep_truth(path: Path) -> None:
 def _run_clock(record: RunRecord, truth: Table, timing: Table) -> Clock:
     """From stamps of the bus [s] to the clock of the truth [s].
 
-    In lockstep they are one. In real time the plant notes the stamp at which each of its
-    ticks was due; its own clock stands still during a tick it missed. Against a foreign machine time zero
-    is when the run began. Without any of these the first frame is time zero.
+    In lockstep both are one clock. In real time the plant records the stamp at which each of its ticks was due. Against a
+    foreign machine time zero is the begin of the run. Without any of these the first frame is time zero.
     """
     if record.mode == "lockstep":
         return lambda stamp_s, _: stamp_s
@@ -324,6 +314,7 @@ def _run_clock(record: RunRecord, truth: Table, timing: Table) -> Clock:
     if "plant_due_ns" not in timing or "time_s" not in truth or not truth["time_s"].size:
         return lambda stamp_s, first_s: stamp_s - first_s
     count = min(truth["time_s"].size, timing["plant_due_ns"].size)
+    # interpolated, not shifted: the plant's own clock stands still during a tick that it missed
     due_s, run_s = timing["plant_due_ns"][:count] * 1e-9, truth["time_s"][:count]
     beyond = np.array([1e6])  # before the first and after the last tick both clocks run alike
     known_s = np.concatenate((due_s[:1] - beyond, due_s, due_s[-1:] + beyond))
@@ -334,7 +325,8 @@ def _run_clock(record: RunRecord, truth: Table, timing: Table) -> Clock:
 def _read_log(
     file: Path, database: Database, clock: Clock, problems: list[str], *, optional: bool
 ) -> "dict[str, Columns]":
-    from dbc.columns import ColumnDecoder  # with numba: 60 MB, which a process that only writes does not need
+    # loads numba, 60 MB, which a process that only writes a run does not need
+    from dbc.columns import ColumnDecoder
     from dbc.recordings.logfile import read_candump
 
     if not file.exists():

@@ -1,4 +1,4 @@
-"""One run in lockstep, from a choice to a run directory."""
+"""Runs one choice in lockstep and writes its run directory."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -25,15 +25,15 @@ _OUTCOMES: dict[Ending, Outcome] = {
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """How a run ended, why, and its record as written."""
+    """The end of a run."""
 
     ending: Ending
-    reason: str
-    record: RunRecord
+    reason: str  # '' for a run that finished
+    record: RunRecord  # as written
 
 
 def run_lockstep(choice: Choice, out: Path, progress: Callable[[float], None] | None = None) -> RunResult:
-    """Run `choice` on the virtual clock and leave the run directory `out`; `progress` hears simulated seconds."""
+    """Run `choice` on the virtual clock and leave the run directory `out`; `progress` receives simulated seconds."""
     rundir.refuse_if_foreign(out)
     scenario, injector = choice.load(), choice.injector()
     record = record_of(
@@ -68,13 +68,14 @@ def run_lockstep(choice: Choice, out: Path, progress: Callable[[float], None] | 
 
 
 def write_recording(out: Path, recording: Recording) -> list[str]:
-    """truth.npz, bus.log and reference.log of a lockstep run; what could not be written, one sentence each."""
+    """Write truth.npz, bus.log and reference.log of a lockstep run; returns a sentence for each that could not be written."""
     parts: tuple[Callable[[], None], ...] = (
         lambda: rundir.write_table(out / rundir.TRUTH, truth_columns(recording.truth)),
         lambda: _write_log(out / rundir.BUS, recording.bus, BUS_CHANNEL),
         lambda: _write_log(out / rundir.REFERENCE, recording.reference, REFERENCE_CHANNEL),
     )
     lost = []
+    # one after the other: a full disk may still take the smaller files
     for write in parts:
         try:
             write()

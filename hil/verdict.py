@@ -1,4 +1,4 @@
-"""Verdicts on roll-over in a run: did it happen, did a warning come in time, was it prevented.
+"""Judges roll-over in a run: whether it happened, whether a warning came in time, whether it was prevented.
 
 Pure: arrays in, a verdict out. Definitions:
 
@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 WHEELS = ("front left", "front right", "rear left", "rear right")
-SLACK_S = 1e-3  # stamps are those of frames: they shift by what goes before them on the wire
+SLACK_S = 1e-3  # [s]; the stamp of a frame shifts by the frames before it on the wire
 LIFT_MIN_S = 0.050  # longer than the hop of a tyre at its own mode of about 3 Hz over a joint
 WARNING_MIN_S = 0.050  # five frames in a row
 ROLLED_RAD = np.pi / 4  # beyond the static tipping angle of the machine in every pose (34 degrees empty)
@@ -31,7 +31,7 @@ STATE_WARNING, STATE_NOT_AVAILABLE = 2, 7
 
 
 class Result(Enum):
-    """A check that cannot decide says so; it never passes."""
+    """The answer of a check. One that cannot decide is INCONCLUSIVE; it never passes."""
 
     PASSED = "PASSED"
     FAILED = "FAILED"
@@ -49,19 +49,15 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunVerdict:
-    """Roll-over in one run. Times [s] on the truth's clock, None where it did not happen.
+    """Roll-over in one run. Times [s] on the truth's clock, None where the event did not happen."""
 
-    lift_off_s: first lift-off; lifting_wheel: index (FL, FR, RL, RR) of that wheel.
-    lead_s: lift-off minus first warning; positive when the warning came before.
-    """
-
-    lift_off_s: float | None
-    lifting_wheel: int | None
+    lift_off_s: float | None  # first lift-off of a wheel
+    lifting_wheel: int | None  # index of that wheel: FL, FR, RL, RR
     rolled_over_s: float | None
-    warned_s: float | None
-    margin: float
-    largest_roll: float
-    largest_load_transfer: float
+    warned_s: float | None  # first warning of the ECU
+    margin: float  # smallest wheel load over the standing one, 0 at lift-off
+    largest_roll: float  # absolute value [rad]
+    largest_load_transfer: float  # absolute load transfer ratio
 
     @property
     def lifted(self) -> bool:
@@ -75,7 +71,7 @@ class RunVerdict:
 
     @property
     def lead_s(self) -> float | None:
-        """Warning ahead of lift-off [s]; negative when late, None without either."""
+        """Time from the first warning to lift-off [s]; negative when the warning was late, None without either."""
         if self.lift_off_s is None or self.warned_s is None:
             return None
         return self.lift_off_s - self.warned_s
@@ -87,7 +83,7 @@ class RunVerdict:
 
     @property
     def false_alarm(self) -> bool:
-        """Whether it warned although no wheel lifted and the margin stayed comfortable."""
+        """Whether the ECU warned although no wheel lifted and the margin stayed above JUSTIFIED_MARGIN."""
         return self.warned_s is not None and not self.lifted and self.margin > JUSTIFIED_MARGIN
 
 
@@ -97,18 +93,19 @@ def first_lift_off(time_s: ArrayLike, normal_force: ArrayLike) -> tuple[float, i
     time_s: (n,) increasing; normal_force: (n, 4) [N]. A NaN is not contact.
     """
     time = np.asarray(time_s, float)
+    # not "<= 0": a NaN then counts as lift-off, not as contact
     off = ~(np.asarray(normal_force, float) > 0)
     found = [
         (float(time[start]), wheel)
         for wheel in range(4)
-        for start, stop in _stretches(off[:, wheel])
+        for start, stop in _intervals(off[:, wheel])
         if time[stop] - time[start] > LIFT_MIN_S
     ]
     return min(found, default=None)
 
 
-def _stretches(condition: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First and last index of every unbroken stretch in which `condition` holds."""
+def _intervals(condition: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last index of every unbroken interval in which `condition` is true."""
     edges = np.diff(np.concatenate(([False], condition, [False])).astype(np.int8))
     return list(zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1, strict=True))
 
@@ -116,14 +113,14 @@ def _stretches(condition: NDArray[np.bool_]) -> list[tuple[int, int]]:
 def lasting(time_s: ArrayLike, condition: ArrayLike, least_s: float) -> list[float]:
     """Where `condition` begins to hold unbroken for at least `least_s` [s]: the times of the first samples."""
     time = np.asarray(time_s, float)
-    stretches = _stretches(np.asarray(condition, bool))
-    return [float(time[start]) for start, stop in stretches if time[stop] - time[start] >= least_s - SLACK_S]
+    intervals = _intervals(np.asarray(condition, bool))
+    return [float(time[start]) for start, stop in intervals if time[stop] - time[start] >= least_s - SLACK_S]
 
 
 def flickers(time_s: ArrayLike, condition: ArrayLike, least_s: float) -> int:
     """How often `condition` holds for less than `least_s` [s]; one that the record's end cuts off does not count."""
     holds = np.asarray(condition, bool)
-    ended = [stretch for stretch in _stretches(holds) if stretch[1] < holds.size - 1]
+    ended = [interval for interval in _intervals(holds) if interval[1] < holds.size - 1]
     time = np.asarray(time_s, float)
     return sum(bool(time[stop] - time[start] < least_s - SLACK_S) for start, stop in ended)
 

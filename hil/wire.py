@@ -1,12 +1,12 @@
-"""The bus of a lockstep run: when a frame arrives on one shared wire, by arbitration and frame length.
+"""The modelled bus of a lockstep run: computes when a frame arrives, by arbitration and frame length.
 
 Classic CAN at a constant bit rate. A frame occupies the wire for its nominal length
 without stuff bits (ISO 11898-1: 47 bits of frame and interframe space with an 11-bit
 identifier, 67 with a 29-bit one, and 8 per data byte); stuffing would add 0..23 %.
 Frames of both sides queue together and the lowest identifier goes first, as with
-controllers that have a mailbox per message. Lockstep runs use it, so that the order and
-the age of what each side reads are those of a real bus. (bus.arbitration counts the very
-stuff bits, which costs more than a whole lockstep tick may.)
+controllers that have a mailbox per message. So the order and the age of the values that each
+side reads are those of a real bus. (bus.arbitration counts the exact stuff bits, which would
+cost more than a whole lockstep tick.)
 """
 
 from collections.abc import Iterable
@@ -43,8 +43,9 @@ class Wire:
             )
         self._bit_ns = SECOND / bit_rate
         self._pending: list[tuple[int, int, str, Frame]] = []  # priority, duration [ns], sender, frame
+        # (can_id, length) -> priority, duration [ns]
         self._known: dict[tuple[int, int], tuple[int, int]] = {}
-        self._free_ns = 0
+        self._free_ns = 0  # when the wire is free again
 
     def put(self, frames: Iterable[Frame], now_ns: int, sender: str) -> None:
         """Queue frames at `now_ns`; the wire cannot have carried them before that."""

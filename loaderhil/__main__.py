@@ -5,11 +5,9 @@ import sys
 
 
 def main() -> None:
-    """Entry point: Ctrl-C ends in one line while the command line itself is still being loaded, too.
-
-    Matrices are small here, and the threads of BLAS would only wait for one another, three times as long as the work takes. numpy,
-    which is not loaded yet, reads the variable; what the user set stays.
-    """
+    """Entry point: Ctrl-C ends in one line, also while the command line itself is still being loaded."""
+    # Matrices are small here: the threads of BLAS would wait for one another three times as long as the work takes.
+    # numpy reads the variable when it is loaded, which is later; a value that the user set stays.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         from loaderhil.cli import main as command_line

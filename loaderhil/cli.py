@@ -1,4 +1,4 @@
-"""The command line: finds the command that was asked for, imports its module, and turns its errors into one line.
+"""The command line: finds the chosen command, imports its module, and turns its errors into one line.
 
 Exit codes: 0 passed, 1 failed, 2 misused, 3 a process of the bench died, 4 the bus was lost, 5 inconclusive,
 130 interrupted. The commands stand in `loaderhil.commands`. Their modules are imported on use, so that the help page is
@@ -25,7 +25,7 @@ EPILOG = "Exit codes: 0 passed, 1 failed, 2 misused, 3 a process died, 4 bus los
 
 
 class CommandTable(TyperGroup):
-    """The commands of the table. Until one is used, a command of the same name and summary stands for it."""
+    """The commands of the table. Each is a placeholder with name and summary until it is used."""
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
@@ -35,6 +35,7 @@ class CommandTable(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that the first word names, imported; also Typer's error with a suggestion for a wrong word."""
+        # only the chosen command is imported: numpy, pandas or the plant would make every call slow
         name, command, rest = super().resolve_command(ctx, args)
         return name, load_command(name) if name is not None else command, rest
 
@@ -51,6 +52,7 @@ app = typer.Typer(
     cls=CommandTable,
     no_args_is_help=True,
     rich_markup_mode="markdown",
+    # an exception that is no UserError is a defect: the plain traceback belongs into the bug report
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     epilog=EPILOG,
@@ -90,7 +92,8 @@ def main() -> None:
         print(f"loaderhil: {error}", file=sys.stderr)
         sys.exit(Ending.MISUSED)
     except OSError as error:
-        if error.filename is None and error.errno not in STORAGE:  # not about a file that the user named
+        # no file of the user is concerned: a defect, which keeps its traceback
+        if error.filename is None and error.errno not in STORAGE:
             raise
         where = f"{error.filename}: " if error.filename is not None else ""
         print(f"loaderhil: {where}{error.strerror}", file=sys.stderr)

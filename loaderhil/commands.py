@@ -1,6 +1,7 @@
-"""The table of all commands, for the help page and for loading: a command's module is imported when the command is used.
+"""The table of all commands, for the help page and for loading.
 
-The help page of `loaderhil` needs this table and nothing else. Importing every command for it would load numpy and pandas.
+A command's module is imported when the command is used. The help page needs this table only: importing every
+command would load numpy and pandas.
 """
 
 from dataclasses import dataclass
@@ -11,10 +12,8 @@ from typing import Final
 class Command:
     """One command of the command line."""
 
-    module: str
-    """Import name of the module whose `register(app)` adds the command."""
-    summary: str
-    """One line for the help page; the first sentence of the command's own help."""
+    module: str  # import name of the module whose `register(app)` adds the command
+    summary: str  # one line for the help page: the first sentence of the command's own help
 
 
 PANELS: Final[dict[str, dict[str, Command]]] = {
@@ -57,7 +56,7 @@ PANELS: Final[dict[str, dict[str, Command]]] = {
         ),
         "soak": Command(
             "studies.soak.command",
-            "Random drives under random faults: is each detected, does the ECU keep its word.",
+            "Run random drives under random faults, and check that each is detected and that the ECU obeys its own rules.",
         ),
     },
     "Buses and recordings": {
@@ -131,6 +130,6 @@ PANELS: Final[dict[str, dict[str, Command]]] = {
         ),
     },
 }
-"""Panel of the help page -> command -> where it is, in the order in which the help page shows them."""
+"""Panel of the help page -> name -> command, in the order of the help page."""
 
 COMMANDS: Final = {name: command for panel in PANELS.values() for name, command in panel.items()}

@@ -29,6 +29,7 @@ def run_demo(out: Path, *, fast: bool) -> Ending:
     for name, limits in RUNS.items():
         choice = Choice(scenario=SCENARIO, limits=limits)
         result = run_with_progress(choice, folders[name], realtime=None if fast else ORDINARY, title=name)
+        # a comparison needs both runs; the reason has been printed
         if result.ending is not Ending.PASSED:
             return result.ending
 

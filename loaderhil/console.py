@@ -1,4 +1,4 @@
-"""The terminal of the bench's commands, and the progress bar of a run."""
+"""The terminal of the bench's commands, and a run with a progress bar."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -55,6 +55,7 @@ def _bar(title: str, duration_s: float, on: Console) -> Iterator[Callable[[float
     )
     with Progress(*columns, console=on) as progress:
         task = progress.add_task(f"{title}: compiling and starting", total=duration_s)
+        # the plant's last tick may be a little beyond the duration: the bar must not exceed its end
         yield lambda time_s: progress.update(task, description=title, completed=min(time_s, duration_s))
 
 

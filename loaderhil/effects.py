@@ -1,4 +1,4 @@
-"""`loaderhil effects`: what the plant can do beyond its machine file; `loaderhil effects add`: what a diagnosis found, as one more."""
+"""`loaderhil effects`: lists the plant's optional effects; `loaderhil effects add`: makes a new one from a diagnosis."""
 
 import difflib
 from pathlib import Path
@@ -13,7 +13,7 @@ LISTING = "list"
 
 
 class _ListUnlessAsked(TyperGroup):
-    """A group whose first word may be the name of an effect: then, and without one, the listing is meant."""
+    """A group whose first word may be the name of an effect; then, and without any word, the listing is used."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         if not args or (args[0] not in self.commands and args[0] != "--help"):
@@ -34,9 +34,12 @@ def register(app: typer.Typer) -> None:
 
 def add(
     findings: Annotated[
-        Path, typer.Argument(metavar="FINDINGS.json", help="Or the folder that `diagnose --out` wrote.")
+        Path,
+        typer.Argument(
+            metavar="FINDINGS.json", help="findings.json, or the folder that `diagnose --out` wrote."
+        ),
     ],
-    name: Annotated[str, typer.Option("--name", metavar="NAME", help="How the effect is to be called.")],
+    name: Annotated[str, typer.Option("--name", metavar="NAME", help="Name of the new effect.")],
     out: Annotated[Path, typer.Option("--out", metavar="FILE.py", help="The file to write.")],
     model: Annotated[
         str | None,
@@ -45,7 +48,7 @@ def add(
         ),
     ] = None,
 ) -> None:
-    """Make an effect of the equation that a diagnosis found outside the library.
+    """Make an effect from the equation that a diagnosis found outside the library.
 
     Example: `loaderhil effects add out/diagnosis --name "pump leak" --out leaky.py --model tank.py`, then
     `loaderhil diagnose drive.csv --model leaky.py`
@@ -59,10 +62,10 @@ def add(
 
 
 def effects(
-    name: Annotated[str | None, typer.Argument(help="Show this one in full.")] = None,
+    name: Annotated[str | None, typer.Argument(help="Effect to show in full.")] = None,
     felt_in: Annotated[
         str | None,
-        typer.Option("--felt-in", metavar="TEXT", help="Only those felt in this, such as: pressure."),
+        typer.Option("--felt-in", metavar="TEXT", help="Only effects on this quantity, such as: pressure."),
     ] = None,
 ) -> None:
     """List the physics that machine files leave out, or show one.
@@ -81,7 +84,7 @@ def effects(
         return
     found = {key: item for key, item in known.items() if felt_in is None or felt_in.lower() in item.acts_on}
     if not found:
-        raise ConfigurationError(f"no effect is felt in {felt_in!r}")
+        raise ConfigurationError(f"no effect acts on {felt_in!r}")
     width = max(map(len, found))
     for key, item in found.items():
         print(f"{key:<{width}}  {item.sentence}")

@@ -47,20 +47,20 @@ ForeignEcuOption = Annotated[
     typer.Option(
         "--ecu",
         metavar="BUS",
-        help="An ECU that is not ours takes part, on this bus (hub:PATH, socketcan:INTERFACE); in real time.",
+        help="Bus of an external ECU that replaces the virtual one (hub:PATH, socketcan:INTERFACE); in real time.",
     ),
 ]
 ForeignPlantOption = Annotated[
     str | None,
     typer.Option(
-        "--plant", metavar="BUS", help="A machine that is not ours takes part, on this bus; in real time."
+        "--plant",
+        metavar="BUS",
+        help="Bus of an external machine that replaces the simulated one; in real time.",
     ),
 ]
 WaitOption = Annotated[
     float,
-    typer.Option(
-        "--wait-s", min=0.0, help="With --ecu or --plant: how long to wait for its first frame, in s."
-    ),
+    typer.Option("--wait-s", min=0.0, help="With --ecu or --plant: longest wait for its first frame [s]."),
 ]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print the results as one JSON object, and nothing else.")
@@ -83,7 +83,7 @@ class FormError(typer.BadParameter):
 
 def checked_form(form: str) -> "Form":
     """The form of that name. Raises FormError."""
-    from hil.ecu_side import FORMS  # loads the ECU, which hub and plant go without
+    from hil.ecu_side import FORMS  # loads the ECU, which hub and plant do not need
 
     for known in FORMS:
         if known == form:

@@ -89,6 +89,7 @@ def ecu(
     from hil.processes import ecu as process
     from hil.shell.process import ending_of
 
+    # before the process is started: a wrong name is an error of the command line
     checked = checked_form(form)
     realtime = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
     raise typer.Exit(

@@ -1,4 +1,4 @@
-"""`loaderhil scenarios`, `report` and `campaign`: their options."""
+"""`loaderhil scenarios`, `report` and `campaign`: the options of these commands."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""`loaderhil run` and `loaderhil demo`: their options. The work is done by `loaderhil.console`, `several` and `comparison`."""
+"""`loaderhil run` and `loaderhil demo`: their options. `loaderhil.single`, `several` and `comparison` do the work."""
 
 from pathlib import Path
 from typing import Annotated
@@ -168,6 +168,7 @@ def run(
         foreign_plant=foreign_plant,
         wait_s=wait_s,
     )
+    # lockstep has neither a gateway nor a bus on which an external node could be
     realtime = realtime or gateway or bool(buses.foreign)
     options = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
     if not realtime and options.words():

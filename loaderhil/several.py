@@ -1,4 +1,4 @@
-"""Several scenarios in one command: a run directory for each, one table, one exit code. For `loaderhil run`."""
+"""Runs several scenarios for `loaderhil run`: a run directory for each, one table, one exit code."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -54,6 +54,7 @@ def _folders(choices: Sequence[Choice], out: Path) -> list[Path]:
         if folders.count(folder) > 1:
             raise ChoiceError(f"{folder.name} is given twice; a run directory holds one run")
         refuse_if_foreign(folder)
+    # all files are read before the first run: a long series must not end at a misspelt key of its last scenario
     for choice in choices:
         choice.load()
         expectations_for(choice)

@@ -1,4 +1,4 @@
-"""One scenario: run, show the figures, print the verdicts, choose the exit code. For `loaderhil run` and the demo."""
+"""Runs one scenario for `loaderhil run` and the demo: figures, verdicts, exit code."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,17 +27,15 @@ from loaderhil.tables import (
 from testbench.conclusion import Conclusion, conclude, ending_of, expectations_for, suite_of
 
 LATE_SHOWN = 6
-"""Number of late messages in the terminal: one late process makes all its messages late."""
+"""Most late messages in the terminal: one late process makes all its messages late."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Output:
-    """How results are given."""
+    """The form of the results."""
 
-    json: bool = False
-    """As one object on standard output, with nothing else there."""
-    junit: Path | None = None
-    """File that the results are also written into, as JUnit XML."""
+    json: bool = False  # one JSON object, and nothing else on standard output
+    junit: Path | None = None  # file to which the results are also written as JUnit XML
 
     def give(self, conclusions: Sequence[Conclusion], *, strict: bool) -> Ending:
         """Write the results where they were asked for. Returns the exit code of all runs."""
@@ -109,9 +107,10 @@ def print_faults(faults: Sequence[Injected]) -> None:
     """Print the injected faults, one line each."""
     for fault in faults:
         until = "the end" if fault.ended_s is None else f"{fault.ended_s:.2f} s"
-        struck = f"{fault.struck} frames" if fault.struck else "no frame"
+        affected = f"{fault.struck} frames" if fault.struck else "no frame"
         console.print(
-            f"injected     {escape(fault.fault)}: {fault.began_s:.2f} s to {until}, {struck}", soft_wrap=True
+            f"injected     {escape(fault.fault)}: {fault.began_s:.2f} s to {until}, {affected}",
+            soft_wrap=True,
         )
 
 

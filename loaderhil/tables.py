@@ -1,4 +1,4 @@
-"""Tables of the terminal: the scenarios, and the figures of one or more runs side by side."""
+"""Formats tables for the terminal: the scenarios, and the figures of one or more runs side by side."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ from plant.unit.scenario import Scenario, list_scenarios, load_scenario
 
 
 def show_scenarios(files: Sequence[Path]) -> None:
-    """Print the scenarios of loaderhil, or those in `files`: what happens in each and what each needs."""
+    """Print the scenarios of loaderhil, or those in `files`: content and requirements of each."""
     table = Table("scenario", "what happens", box=None, header_style="bold", pad_edge=False)
     table.columns[0].no_wrap = True
     for scenario in [load_scenario(file) for file in files] if files else list_scenarios():

@@ -103,8 +103,8 @@ def grade_against_pose(segment: Path, drive: Recording, result: Findings) -> str
 
 def decoded_traffic(data: Path) -> str:
     """How much of the tractor's traffic is read: frames, identifiers, damaged lines."""
-    told = []
+    counts = []
     for log in sorted((data / "tractorhacking_j1939").glob("*.log")):
         frames = read_frames(log)
-        told.append(f"{log.name.partition('.')[0]} {len(frames)} ({frames.damaged_count} damaged)")
-    return f"A tractor's J1939 traffic, frames read: {', '.join(told)}." if told else ""
+        counts.append(f"{log.name.partition('.')[0]} {len(frames)} ({frames.damaged_count} damaged)")
+    return f"A tractor's J1939 traffic, frames read: {', '.join(counts)}." if counts else ""

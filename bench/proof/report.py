@@ -26,7 +26,7 @@ REMARKS = (
     "- pysindy (STLSQ on smoothed derivatives) is given the exact terms of the library, mass and drag to project out, and that threshold of its grid",
     "  at which it does best, run by run; its answer is the largest term.",
     "- Tied: the hidden effect is in the group of the first finding, its likelihood within 1 of it. A lag and a delay of a millisecond, a bias and a scale at one speed are the same",
-    "  to first order: no method tells them apart, and one of them comes first by chance.",
+    "  to first order: no method can distinguish them, and one of them comes first by chance.",
     "- A channel is right if the oracle gives it at least 80 % of the largest share of lambda.",
 )
 

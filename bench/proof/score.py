@@ -86,7 +86,7 @@ def tied(run: Done) -> bool:
 
 
 def unjudged(run: Done) -> bool:
-    """Whether it is said of a hidden effect that these recordings cannot tell."""
+    """Whether the findings say that these recordings cannot show a hidden effect."""
     return any(
         c.effect in run.arm.effects and c.verdict == "could not be judged" for c in run.findings.candidates
     )
@@ -352,7 +352,7 @@ def failures(done: Sequence[Done]) -> Iterator[str]:
 
 
 def reason(run: Done) -> str:
-    """Why a hidden effect was passed over, as far as the screen tells."""
+    """Why a hidden effect was not taken, by the results of the screen."""
     told = [
         f"{c.effect}: {c.verdict}, {c.reason}" for c in run.findings.candidates if c.effect in run.arm.effects
     ]

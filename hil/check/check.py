@@ -25,9 +25,9 @@ from hil.timing.deadlines import (
     Observation,
     Observer,
     doubtful,
-    doubts_of,
     judge_message,
     overall,
+    reasons_for_doubt,
     same_as_before,
 )
 from hil.verdict import Result, Verdict
@@ -107,7 +107,11 @@ def check(
         if quiet := tuple(sorted(_nodes(databases, seen) - present)):
             silent[channel] = quiet
     conclusion = _concluded(
-        judged, silent, rules, doubts_of(observer, late=any_late(judged)), several=len(table.channels) > 1
+        judged,
+        silent,
+        rules,
+        reasons_for_doubt(observer, late=any_late(judged)),
+        several=len(table.channels) > 1,
     )
     return Check(
         observer=observer,

@@ -13,7 +13,7 @@ from hil.check.check import Check, Rules, any_late, check, whole
 from hil.faults.record import read_faults
 from hil.judgement import PROCESSES, timing_of, waits_of_senders
 from hil.rundir import FOREIGN_ZERO, RunDirectory
-from hil.timing.deadlines import QUESTION, Observer, doubtful, doubts_of
+from hil.timing.deadlines import QUESTION, Observer, doubtful, reasons_for_doubt
 from hil.timing.measured import judge_task, judge_timing, starvation, starved_moment
 from hil.timing.punctuality import Punctuality
 from hil.verdict import Result, Verdict
@@ -88,7 +88,7 @@ def all_frames(checks: Mapping[str, Check], unread: Sequence[str], struck: int) 
             *(
                 doubt
                 for check in checks.values()
-                for doubt in doubts_of(check.observer, late=any_late(check.messages))
+                for doubt in reasons_for_doubt(check.observer, late=any_late(check.messages))
             ),
         ]
     )

@@ -1,4 +1,4 @@
-"""Deadlines of cyclic messages, judged from the DBC's cycle times.
+"""Judges the timing of cyclic messages by the DBC's cycle times, for `check` and for the verdict of real-time runs.
 
 Pure: stamps, counters and payloads in, verdicts out; the same for a running bus and for a recording.
 The period T of a message is its GenMsgCycleTime. Between two frames of a message, with gap g:
@@ -10,12 +10,12 @@ The period T of a message is its GenMsgCycleTime. Between two frames of a messag
 - the alive counter advances by n > 1: *counter jump*, n - 1 frames lost between sender and us.
 
 The silence before the first and after the last frame counts like a gap: a message that stops is late.
-A message is *stale* over every stretch that lasts longer than `stale_after` periods; the share of the
-judged time spent so is given. A NaN or a stamp that runs backwards is a failure, never a pass.
+A message is *stale* in every gap from `stale_after` periods on; the share of that time is reported. A NaN or a
+stamp that runs backwards is a failure, never a pass.
 
-What cannot be judged is inconclusive, with the reason: no period in the DBC, less than three periods of
-observation, an observer that lost frames, or a host that did not give the observer its time. So is what was late, when
-one wait for a processor, in the sender or in what its frames pass, is as long as all that was late by more than permitted.
+A message is inconclusive, with the reason, when the DBC gives no period, when it was observed for less than three
+periods, when the observer lost frames, or when the host did not give the observer its processor time. A late message is
+inconclusive too when a single wait for a processor, of its sender or of a process on the path, covers the whole delay.
 """
 
 from collections import Counter
@@ -43,64 +43,57 @@ COUNTER_MODULUS = 15
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observation:
-    """What was seen of one message.
-
-    at_ns: (n,) stamps in the order of arrival; counters: (n,) alive counters or None where the message has
-    none, counted modulo `modulus`; same_payload: (n,) whether a frame equals the one before it, or None where that was not kept. sender: its node.
-    """
+    """The recorded frames of one message."""
 
     name: str
-    period_ns: int | None
-    at_ns: NDArray[np.int64]
-    counters: NDArray[np.int64] | None = None
-    same_payload: NDArray[np.bool_] | None = None
-    sender: str = ""
-    modulus: int = COUNTER_MODULUS
+    period_ns: int | None  # cycle time; None: the DBC gives none
+    at_ns: NDArray[np.int64]  # (n,) stamps in the order of arrival
+    counters: NDArray[np.int64] | None = None  # (n,) alive counters; None for a message without one
+    same_payload: NDArray[np.bool_] | None = (
+        None  # (n,) whether a frame equals the one before it; None: not kept
+    )
+    sender: str = ""  # node of the DBC
+    modulus: int = COUNTER_MODULUS  # number of values of the alive counter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observer:
-    """How far the observer itself can be trusted.
-
-    start_ns, end_ns: the judged window. lost: frames that it knows it lost. starved: why the host did not
-    give it (or the sender) time enough, '' when it did. starved_moment: the same of its worst second, which
-    may be why a frame was late. unfinished: whether the run was cut off. waits: by node, of the processes that a frame of
-    it comes from and passes, see `hil.timing.waits`.
-    """
+    """The judged window, and how far the observer itself can be trusted."""
 
     start_ns: int
     end_ns: int
-    lost: int = 0
-    starved: str = ""
-    starved_moment: str = ""
-    unfinished: bool = False
+    lost: int = 0  # frames that the observer knows it lost
+    starved: str = ""  # which processes the host gave too little time; '' if none
+    starved_moment: str = ""  # the same in the worst second: it may explain a late frame
+    unfinished: bool = False  # whether the run was cut off
+    # node -> process -> waits for a processor, of the processes that its frames come from and pass
     waits: Mapping[str, Mapping[str, Rows]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MessageVerdict:
-    """How one message kept its period. Counts of events; gaps [ns], None where there are none; stale_share 0..1."""
+    """How one message kept its period: counts of events, gaps, and the verdict."""
 
     name: str
     period_ns: int | None
     frames: int
-    late: int = 0
-    early: int = 0
-    missing: int = 0
+    late: int = 0  # gaps longer than permitted
+    early: int = 0  # gaps shorter than permitted
+    missing: int = 0  # frames that did not come
     duplicates: int = 0
     counter_jumps: int = 0
-    lost_frames: int = 0
-    backwards: int = 0
-    stale_share: float = 0.0
+    lost_frames: int = 0  # between sender and us, by the counter
+    backwards: int = 0  # stamps that run backwards
+    stale_share: float = 0.0  # of the judged time, 0 to 1
     median_gap_ns: float | None = None
     worst_gap_ns: int | None = None
-    worst_at_ns: int | None = None
+    worst_at_ns: int | None = None  # stamp at which the longest gap begins
     result: Result
     reason: str
 
     @property
     def events(self) -> list[str]:
-        """What was found against the message, whatever may be concluded from it."""
+        """The events against the message as text, before doubts about the observer are considered."""
         counts = (
             (self.missing, "missing"),
             (self.late, "late"),
@@ -117,10 +110,10 @@ class MessageVerdict:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """The verdict on one message of one channel; sender: the first that the DBC names."""
+    """The verdict on one message of one channel."""
 
     channel: str
-    sender: str
+    sender: str  # the first that the DBC names
     verdict: MessageVerdict
 
 
@@ -152,7 +145,8 @@ def judge_message(
     # The two outer gaps are cut by the window, so they can only be too long, never early.
     late = gaps > period * (1 + tolerance)
     missing = np.where(gaps >= 1.5 * period, _skipped(gaps, period, tolerance), 0)
-    missing[[0, -1]] = np.floor(gaps[[0, -1]] / period)  # no neighbour outside the window to round towards
+    # the outer gaps have no frame beyond the window: only whole periods count
+    missing[[0, -1]] = np.floor(gaps[[0, -1]] / period)
     missing[[0, -1]] *= late[[0, -1]]
     worst = int(np.argmax(gaps))
     duplicates, jumps, lost = _counter_events(seen, period)
@@ -188,7 +182,7 @@ def _excuse(
     tolerance: float,
     waits: Mapping[str, Rows],
 ) -> Wait | None:
-    """The longest wait for a processor, if there is one for each gap that is too long or too short, and nothing else is wrong.
+    """The longest wait for a processor, if a wait explains each gap that is too long or too short, and no other event exists.
 
     late: of each gap, whether it is too long.
     """
@@ -196,12 +190,13 @@ def _excuse(
     if period is None or not waits or verdict.duplicates or verdict.counter_jumps or verdict.backwards:
         return None
     found = []
-    permitted = round(period * (1 + min(tolerance, 0.5)))  # from 1.5 periods on a frame is missing
+    # beyond 1.5 periods a frame counts as missing, whatever the tolerance
+    permitted = round(period * (1 + min(tolerance, 0.5)))
     for row in np.flatnonzero(late).tolist():
         begin, end = int(edges[row]), int(edges[row + 1])
         beyond = max(end - begin - permitted, 1)
-        # One that is over before the frame was due delays it only if its sender skips ticks and goes on with its schedule
-        # later: then it is as long as the whole delay.
+        # A wait that ended before the frame was due delays it only if its sender skips ticks and continues its
+        # schedule later: the wait is then as long as the whole delay.
         wait = explaining(waits, begin, end, beyond, beyond_ns=begin + period)
         wait = wait or explaining(waits, begin, end, end - begin - period)
         found.append(wait)
@@ -214,7 +209,7 @@ def _excuse(
 
 
 def _skipped(gaps: NDArray[np.int64], period: int, tolerance: float) -> NDArray[np.float64]:
-    """Frames that did not come within each gap. A delayed frame is none of them: the one after it is early."""
+    """Number of frames missing in each gap. A delayed frame is not missing: the gap after it is short."""
     following = np.full(gaps.size, np.inf)
     following[:-2] = gaps[1:-1]  # the last gap ends with the window, not with a frame
     caught_up = (following >= 0) & (following < period * (1 - tolerance))
@@ -224,12 +219,12 @@ def _skipped(gaps: NDArray[np.int64], period: int, tolerance: float) -> NDArray[
 
 
 def _counter_events(seen: Observation, period_ns: int) -> tuple[int, int, int]:
-    """Duplicates, counter jumps, and the frames that the jumps say were lost.
+    """Numbers of duplicates, of counter jumps, and of the frames lost in those jumps.
 
-    The counter knows a step only modulo 15; the time between the frames says which of the candidates it was.
+    The counter gives a step only modulo 15; the time between the frames selects among the candidates.
     """
     if seen.counters is None or seen.counters.size < 2:
-        return 0, 0, 0  # without a counter, a repeated value looks like a repeated frame
+        return 0, 0, 0  # without a counter, equal content cannot be distinguished from a repeated frame
     modulo = np.diff(seen.counters) % seen.modulus
     periods = np.diff(seen.at_ns) / period_ns
     turns = np.maximum(np.rint((periods - modulo) / seen.modulus), 0)
@@ -242,9 +237,9 @@ def _counter_events(seen: Observation, period_ns: int) -> tuple[int, int, int]:
 
 
 def _concluded(verdict: MessageVerdict, observer: Observer, excuse: Wait | None) -> MessageVerdict:
-    """Passed, failed, or why it cannot be said."""
+    """The verdict with its result: doubts about the observer first, then excuses for what was late."""
     events = verdict.events
-    doubts = doubts_of(observer, late=bool(events))
+    doubts = reasons_for_doubt(observer, late=bool(events))
     if events and not doubts and observer.starved_moment:
         doubt = f"{MOMENTARILY}: {observer.starved_moment}"
         result, reason = Result.INCONCLUSIVE, "; ".join([*events, doubt])
@@ -260,10 +255,10 @@ def _concluded(verdict: MessageVerdict, observer: Observer, excuse: Wait | None)
     return replace(verdict, result=result, reason=reason)
 
 
-def doubts_of(observer: Observer, *, late: bool) -> list[str]:
-    """Why this observer's findings decide nothing; [] when they do.
+def reasons_for_doubt(observer: Observer, *, late: bool) -> list[str]:
+    """Reasons why this observer's findings decide nothing; [] if there are none.
 
-    late: whether anything was not in time. A starved host may be why something was late; it makes nothing early enough.
+    late: whether any message was not in time. A starved host can explain a late message, but cannot make one in time.
     """
     doubts = []
     if observer.lost:
@@ -291,7 +286,7 @@ def overall(verdicts: Sequence[MessageVerdict], question: str = QUESTION) -> Ver
 
 
 def doubtful(judged: Sequence[Judged], doubts: Sequence[str]) -> Verdict:
-    """The verdict of an observer in doubt, with what was found nevertheless."""
+    """The inconclusive verdict of a doubtful observer, with its findings for information."""
     suspect = sum(1 for one in judged if one.verdict.events)
     found = f"{suspect} of {len(judged)} messages not in time" if suspect else "nothing found late"
     return Verdict(question=QUESTION, result=Result.INCONCLUSIVE, reason=f"{'; '.join(doubts)} ({found})")

@@ -1,4 +1,4 @@
-"""Measures how much processor time the host gave to a process. Without it, lateness says nothing about the software.
+"""Measures how much processor time the host gave to a process: without that, lateness says nothing about the software.
 
 Sources: proc(5), /proc/stat (steal: time a hypervisor gave to others) and
 /proc/PID/schedstat (Documentation/scheduler/sched-stats.rst: time on the CPU, time waiting for one, ns).
@@ -15,7 +15,7 @@ from bus.closing import Closing
 
 STEAL = 7  # field of the cpu line after its name: user nice system idle iowait irq softirq steal
 LEAST_WAIT_NS = 1_000_000
-"""Shorter waits are part of every period and excuse nothing."""
+"""Shorter waits [ns] occur in every period and excuse nothing."""
 FIELDS = 8  # guest time is already part of user time
 
 
@@ -44,14 +44,14 @@ def waited_ns(pid: int | None = None) -> int:
 
 
 class Sleeps(selectors.DefaultSelector):
-    """The selector of an event loop, which notes when the process last slept: from when until when [ns]."""
+    """The selector of an event loop; records the begin and end of the process' last sleep [ns]."""
 
     def __init__(self) -> None:
         super().__init__()
         self.last_ns = (0, 0)
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        """As the selector's; one that only looks (timeout 0) is no sleep."""
+        """As the base class; a call with timeout 0 is not recorded as a sleep."""
         if timeout is not None and timeout <= 0.0:
             return super().select(timeout)
         from_ns = time.monotonic_ns()
@@ -60,18 +60,15 @@ class Sleeps(selectors.DefaultSelector):
         return ready
 
     def woken_late_ns(self, due_ns: int) -> int:
-        """How much later it woke from a sleep in which its timer was due; 0 if it was awake then."""
+        """How long after `due_ns` it woke from a sleep during which that time passed [ns]; 0 if it was awake then."""
         from_ns, until_ns = self.last_ns
         return max(until_ns - due_ns, 0) if from_ns < due_ns else 0
 
 
 class OwnWaits(Closing):
-    """How long the host kept this process waiting between one look and the next: for a processor, or for its timer.
+    """Measures how long the host kept this process waiting between two looks: for a processor, or for its timer.
 
-    A process that sleeps when its tick is due does nothing that could make it late: what passes until it wakes is the host's, also
-    where a whole machine stood still and nobody waited for a processor.
-
-    A look costs about a microsecond: the file stays open. A wait that still lasts is not in it; it ends before we look.
+    A look costs about a microsecond, because the file stays open.
     """
 
     def __init__(
@@ -97,6 +94,8 @@ class OwnWaits(Closing):
             return
         waited_ns = self._read()
         kept_ns = waited_ns - self._waited_ns
+        # A process that sleeps when its tick is due does nothing that could make it late: the time until it wakes is
+        # the host's. schedstat does not count it when the whole virtual machine stood still.
         if self._sleeps is not None and due_ns is not None:
             kept_ns = max(kept_ns, self._sleeps.woken_late_ns(due_ns))
         if kept_ns >= LEAST_WAIT_NS:
@@ -104,7 +103,7 @@ class OwnWaits(Closing):
         self._seen_ns, self._waited_ns = now_ns, waited_ns
 
     def close(self) -> None:
-        """Look no more; a second call does nothing."""
+        """Close the file; a second call does nothing."""
         if self._fd >= 0:
             os.close(self._fd)
             self._fd = -1

@@ -1,13 +1,12 @@
 """Judges whether the processes kept their times, and whether the host allowed a verdict.
 
-Per process, which is one task: lateness (start of a tick after its due time) and execution of the tick.
-Across the bus: reaction, from a sample's frame to the ECU's first status frame that echoes
-its sequence number, both by the recorder's stamps. A starved host makes the verdict
-inconclusive whatever the figures say: good ones were luck, bad ones are not the software's.
+Measured per process are lateness (start of a tick after its due time) and execution of the tick; across the bus the
+reaction, from a sample's frame to the ECU's first status frame that echoes its sequence number, both by the recorder's
+stamps. A miss on a starved host is inconclusive.
 
-A host that gave its time on the whole may still have kept one process waiting. A tick or a reaction is explained when
-a single wait for a processor in it is as long as all that it took beyond what is permitted. What is missed with the
-explained ones at what is permitted is the software's; where nothing then is, the verdict is inconclusive.
+A host that gave enough time on the whole may still have kept one process waiting. A tick or a reaction is *explained*
+when a single wait for a processor in it covers its excess over the permitted time. Explained ones then count with the
+permitted time. Remaining misses are the software's; if none remains, the verdict is inconclusive.
 """
 
 import math
@@ -28,11 +27,11 @@ LONGEST_EXECUTION = 0.5
 LONGEST_REACTION = 2.0
 """Permitted reaction in periods, 99th percentile: wait for the ECU's tick, compute, send."""
 STOLEN = 0.01
-"""Share of the machine's processor time given to other guests from which the host decides, not the software."""
+"""Share of the machine's processor time given to other guests above which a miss is no evidence against the software."""
 WAITED = 0.03
-"""The same for a process ready to run: 0.3 ms of each period. Our own processes cost one another less."""
+"""The same share for a process that is ready to run: 0.3 ms of each period. Our own processes cost one another less."""
 MOMENT = 0.1
-"""Either of them in one second: enough to make a run late that was given its time on the whole."""
+"""Either share within one second that can make a tick late although the whole run got its time."""
 QUESTION = "every tick in time"
 STARVED = "the host was starved"
 SEQUENCES = 65_536
@@ -60,39 +59,34 @@ class Spread:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
-    """The timing of one real-time run. Spreads [ns] by process name; counts; shares 0..1.
+    """The timing of one real-time run."""
 
-    overruns: of every process that has to keep times, measured or not. stolen, waited: what the host kept from
-    all and from each; worst_...: in the worst second. hops: spreads [ns] of the way of a reaction, in its order, by what happens there.
-    own: the same without what waits explain, None where nobody noted them. explained: the longest wait that explains a
-    miss, by process and of REACTION. longest_wait: of all; zero_ns: where the run's time begins on the clock of the waits.
-    """
-
-    lateness: Mapping[str, Spread]
-    execution: Mapping[str, Spread]
-    reaction: Spread
-    overruns: Mapping[str, int]
-    dropped: int
-    stolen: float
-    waited: Mapping[str, float]
-    worst_stolen: float = 0.0
-    worst_waited: Mapping[str, float] = field(default_factory=dict)
-    hops: Mapping[str, Spread] = field(default_factory=dict)
-    own: "Timing | None" = None
+    lateness: Mapping[str, Spread]  # process -> start of a tick after its due time [ns]
+    execution: Mapping[str, Spread]  # process -> duration of a tick [ns]
+    reaction: Spread  # [ns]
+    overruns: Mapping[str, int]  # ticks skipped, of every process that has deadlines, measured or not
+    dropped: int  # frames
+    stolen: float  # share of the machine's processor time given to other guests, 0 to 1
+    waited: Mapping[str, float]  # process -> share of time ready to run without a processor, 0 to 1
+    worst_stolen: float = 0.0  # `stolen` in the worst second
+    worst_waited: Mapping[str, float] = field(default_factory=dict)  # `waited` in the worst second
+    hops: Mapping[str, Spread] = field(default_factory=dict)  # hop of a reaction -> duration [ns], in order
+    own: "Timing | None" = None  # the same without explained excess; None where no waits were recorded
+    # process or REACTION -> longest wait that explains a miss
     explained: Mapping[str, Wait] = field(default_factory=dict)
-    longest_wait: Wait | None = None
-    zero_ns: int = 0
+    longest_wait: Wait | None = None  # of all
+    zero_ns: int = 0  # begin of the run on the clock of the waits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TaskVerdict:
-    """How one task kept its period: jitter of its start, execution, ticks skipped; None: not measured."""
+    """How one task kept its period; None: not measured."""
 
     name: str
     period_ns: int
-    start: Spread | None
-    execution: Spread | None
-    overruns: int | None
+    start: Spread | None  # lateness of its ticks [ns]
+    execution: Spread | None  # [ns]
+    overruns: int | None  # ticks skipped
     result: Result
     reason: str
 
@@ -100,7 +94,7 @@ class TaskVerdict:
 def reactions(
     sample_s: ArrayLike, sample_sequence: ArrayLike, answer_s: ArrayLike, echo_sequence: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Of each sample that was echoed: when it came [s], and the time from it to the first answer that echoes it [ns].
+    """Arrival of each echoed sample [s], and the time from it to the first answer that echoes it [ns].
 
     Both in the order of arrival; sequences are 16 bit and wrap. A sample that was overtaken
     by a newer one before the ECU ticked has no reaction of its own.
@@ -142,28 +136,24 @@ class Ticks:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Explained:
-    """Ticks, (n,) each: [ns] with those that waits explain at what is permitted; ticks left out before each; whether a wait explains it.
+    """The ticks of a process after waits have been considered; arrays (n,)."""
 
-    longest: the longest such wait.
-    """
-
-    lateness_ns: NDArray[np.int64]
-    execution_ns: NDArray[np.int64]
-    skipped: NDArray[np.int64]
-    by_wait: NDArray[np.bool_]
-    longest: Wait | None
+    lateness_ns: NDArray[np.int64]  # explained ticks have at most the permitted lateness
+    execution_ns: NDArray[np.int64]  # explained ticks have at most the permitted execution
+    skipped: NDArray[np.int64]  # ticks left out before each
+    by_wait: NDArray[np.bool_]  # whether a wait explains the tick
+    longest: Wait | None  # the longest wait that explains one
 
 
 def explain_ticks(ticks: Ticks, waits: Mapping[str, Rows], period_ns: int = PERIOD_NS) -> Explained:
-    """What of a process' ticks its own waits for a processor explain.
-
-    A tick that left others out is as late as the first of them. Start and execution have one wait between them.
-    """
+    """The ticks of a process, with those that its own waits for a processor explain."""
     step = np.diff(ticks.due_ns, prepend=ticks.due_ns[:1] - period_ns)
-    same_life = step % period_ns == 0  # another has ticks of its own
+    same_life = step % period_ns == 0  # False at a restart: the new process has a grid of its own
     skipped = np.where(same_life, step // period_ns - 1, 0)
     permitted_late, permitted_long = round(LATEST_START * period_ns), round(LONGEST_EXECUTION * period_ns)
     late = ticks.lateness_ns + skipped * period_ns
+    # Start and execution share one wait, so their excesses are added. A tick that left others out is as late as the
+    # first of those.
     beyond = np.maximum(late - permitted_late, 0) + np.maximum(ticks.execution_ns - permitted_long, 0)
     ended = ticks.due_ns + ticks.lateness_ns + ticks.execution_ns
     by_wait = np.zeros(late.size, np.bool_)
@@ -188,7 +178,7 @@ def explain_reactions(
     waits: Mapping[str, Rows],
     period_ns: int = PERIOD_NS,
 ) -> tuple[NDArray[np.int64], Wait | None]:
-    """Reactions [ns] with those that a wait explains at what is permitted, and the longest such wait; sample_ns: their begins."""
+    """Reactions [ns], explained ones set to the permitted time, and the longest wait that explains one. sample_ns: their begins."""
     permitted = round(LONGEST_REACTION * period_ns)
     own, found = took_ns.copy(), []
     for k in np.flatnonzero(took_ns > permitted).tolist():
@@ -200,9 +190,9 @@ def explain_reactions(
 
 
 def judge_timing(timing: Timing, period_ns: int = PERIOD_NS) -> Verdict:
-    """Whether every tick came, started and ended in time, or why that cannot be said.
+    """The verdict on all ticks and reactions of a run.
 
-    A starved host may be why a tick was late. It cannot make a tick be in time, so that a run in time has passed on any host.
+    A starved host can explain a late tick, but cannot make one in time: a run without a miss passes on any host.
     """
     if unmeasured := _unmeasured(timing):
         return Verdict(question=QUESTION, result=Result.INCONCLUSIVE, reason=f"not measured: {unmeasured}")
@@ -223,7 +213,7 @@ def judge_timing(timing: Timing, period_ns: int = PERIOD_NS) -> Verdict:
 
 
 def judge_task(timing: Timing, name: str, period_ns: int = PERIOD_NS) -> TaskVerdict:
-    """The verdict on one process by itself; a starved host leaves it open, with what was found."""
+    """The verdict on one process alone; its misses on a starved host are inconclusive."""
     start, execution = (_measured(of.get(name)) for of in (timing.lateness, timing.execution))
     misses = _task_misses(timing, name, period_ns)
     if start is None or execution is None:
@@ -253,9 +243,9 @@ def _measured(spread: Spread | None) -> Spread | None:
 def blamed(
     misses: Sequence[str], own: Sequence[str], timing: Timing, waits: Iterable[Wait]
 ) -> tuple[Result, str]:
-    """The verdict on misses: the software's, unless the host starved it in some second of the run or single waits explain all.
+    """Result and reason for misses: FAILED, unless the host starved the run in some second or single waits explain all of them.
 
-    own: those that waits do not explain; waits: that do explain something.
+    own: misses that no wait explains; waits: those that explain one.
     """
     reason = "; ".join(misses)
     if moment := starved_moment(timing):
@@ -266,19 +256,19 @@ def blamed(
 
 
 def starvation(timing: Timing) -> str:
-    """What the host kept from the processes over the run, in words; '' when it was too little to matter."""
+    """Which processes the host gave too little time over the run, as text; '' if none."""
     if math.isnan(timing.stolen):
-        return "nobody watched what it gave"
+        return "its processor time was not measured"
     return _kept_from(timing.stolen, STOLEN, timing.waited, WAITED, "of the time")
 
 
 def starved_moment(timing: Timing) -> str:
-    """The same of the worst second: it explains what was late, and says nothing against what was not."""
+    """The same for the worst second, as text; it can explain a late tick."""
     return _kept_from(timing.worst_stolen, MOMENT, timing.worst_waited, MOMENT, "of its worst second")
 
 
 def longest_wait_text(timing: Timing) -> str:
-    """How long and who; – where nobody noted it or nobody waited a millisecond."""
+    """Duration and process of the longest wait; – if none was recorded or none lasted a millisecond."""
     wait = timing.longest_wait
     return "–" if wait is None else f"{wait.waited_ns * 1e-6:.1f} ms ({wait.process})"
 
@@ -321,7 +311,7 @@ def _misses(timing: Timing, period_ns: int) -> list[str]:
 
 
 def _task_misses(timing: Timing, name: str, period_ns: int) -> list[str]:
-    """What is held against one process."""
+    """The misses of one process, as text."""
     misses = [f"skipped {count} ticks"] if (count := timing.overruns.get(name)) else []
     for what, spreads, share in (
         ("starts late", timing.lateness, LATEST_START),

@@ -1,4 +1,4 @@
-"""How a real-time run kept its times: every message on every bus, every task; as run.json holds it."""
+"""The timing verdicts of a real-time run, in the form that run.json holds."""
 
 from dataclasses import dataclass
 
@@ -9,9 +9,9 @@ from hil.verdict import Verdict
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Punctuality:
-    """frames: the verdict on all messages; ticks: that on all tasks and the reaction."""
+    """Verdicts on messages and tasks of one run."""
 
-    frames: Verdict
-    ticks: Verdict
+    frames: Verdict  # on all messages
+    ticks: Verdict  # on all tasks and the reaction
     messages: tuple[Judged, ...]
     tasks: tuple[TaskVerdict, ...]

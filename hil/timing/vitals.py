@@ -1,8 +1,8 @@
 """Memory of the processes of a real-time run, and the time that they waited for a processor.
 
-Read from /proc once a second, from when a process is ready: what it loads and compiles before belongs to no
-period. A process that was killed and started again has two lives. Only the last sample before its end
-is known, so the last second of a life is not in it. The first MINUTE of a life fills buffers of fixed size; what grows after it grows for ever.
+Read from /proc once a second, from when a process is ready: loading and compiling are not measured. A process that was
+killed and started again has two lives. The last second of a life is not in it, because only samples before its end
+exist. The first MINUTE of a life fills buffers of fixed size; memory that grows after it grows for ever.
 
 Sources: proc(5): /proc/PID/statm (resident pages), /proc/PID/task/TID/children; /proc/PID/schedstat, see `hil.timing.host`.
 """
@@ -18,7 +18,7 @@ from hil.verdict import Result, Verdict
 SAMPLE_S = 1.0
 MINUTE_S = 60.0
 OBSERVED_S = 120.0
-"""A shorter life says nothing about growth: a minute to settle, another to grow."""
+"""Shortest life that is judged [s]: a minute to fill buffers, another one to show growth."""
 GROWTH_BYTES = 1 << 20
 """Permitted after the first minute. 100 ticks/s over nine more minutes: 19 bytes each, less than one Python number."""
 QUESTION = "memory of every process flat after its first minute"
@@ -26,33 +26,29 @@ QUESTION = "memory of every process flat after its first minute"
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """Of one process at one moment: resident memory [bytes], time it has waited for a processor [ns]."""
+    """One sample of one process."""
 
-    resident: int
-    waited_ns: int
+    resident: int  # memory [bytes]
+    waited_ns: int  # time ready to run without a processor, since its start
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Life:
-    """One process from its first to its last sample.
-
-    Memory [bytes]: settled_bytes after the first minute, None in a shorter life; largest_bytes from then on.
-    waited, worst_waited: share of the time ready to run without a processor, of the life and of its worst second.
-    """
+    """One process from its first to its last sample."""
 
     process: str
     pid: int
-    seconds: float
+    seconds: float  # [s]
     start_bytes: int
-    settled_bytes: int | None
+    settled_bytes: int | None  # memory after the first minute; None in a shorter life
     end_bytes: int
-    largest_bytes: int
-    waited: float
-    worst_waited: float
+    largest_bytes: int  # after the first minute
+    waited: float  # share of the time ready to run without a processor, 0 to 1
+    worst_waited: float  # the same in the worst second
 
     @property
     def growth_bytes(self) -> int | None:
-        """The most it held after its first minute, above what it held then; None for a life too short to judge."""
+        """Largest memory after the first minute minus the memory then [bytes]; None for a life too short to judge."""
         if self.settled_bytes is None or self.seconds < OBSERVED_S:
             return None
         return self.largest_bytes - self.settled_bytes
@@ -60,10 +56,10 @@ class Life:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vitals:
-    """stolen, worst_stolen: share of the machine's processor time given to other guests, and in the worst second."""
+    """The state of host and processes over one run."""
 
-    stolen: float
-    worst_stolen: float
+    stolen: float  # share of the machine's processor time given to other guests, 0 to 1
+    worst_stolen: float  # the same in the worst second
     lives: tuple[Life, ...]
 
 
@@ -75,12 +71,12 @@ def read(pid: int) -> Reading | None:
     except (OSError, IndexError):
         return None
     if not pages:
-        return None  # dead, but its parent has not looked
+        return None  # a zombie: ended, but its parent has not waited for it yet
     return Reading(pages * os.sysconf("SC_PAGE_SIZE"), waited)
 
 
 def with_children(processes: Iterable[tuple[str, int]]) -> list[tuple[str, int]]:
-    """The processes, and those that they started themselves as NAME/child."""
+    """The processes, and their own children as NAME/child."""
     found = []
     for name, pid in processes:
         found.append((name, pid))
@@ -129,7 +125,7 @@ class _Watched:
 
 
 class Watch:
-    """Keeps what the samples of a run say; a few numbers per process, however long the run."""
+    """Collects the samples of a run in a few numbers per process, however long the run lasts."""
 
     def __init__(
         self,
@@ -142,7 +138,7 @@ class Watch:
         self._worst_stolen = 0.0
 
     def sample(self, processes: Iterable[tuple[str, int]], now_ns: int) -> None:
-        """Look at the processes (name, pid) that are ready; a stamp of the monotonic clock."""
+        """Sample the processes (name, pid) that are ready; now_ns: monotonic clock."""
         for name, pid in processes:
             reading = self._read(pid)
             if reading is None:

@@ -1,8 +1,7 @@
-"""Waits of processes for a processor, and whether one of them explains that something was late. Pure.
+"""Waits of processes for a processor, and whether one of them explains a delay. Pure.
 
-Each process looks at its own clock of waiting once per tick or round (`hil.timing.host.OwnWaits`). A row is one look: when the look
-before was, when this one, and how long the process waited in between [ns]. Where in between is not known, so a
-wait counts for a stretch of time only as far as it may lie in it.
+Each process reads its own waiting time once per tick or round (`hil.timing.host.OwnWaits`). A row is one reading: the time
+of the reading before, the time of this one, and the wait in between [ns].
 """
 
 from collections.abc import Iterable, Mapping
@@ -17,14 +16,14 @@ Rows = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Wait:
-    """One process that waited so long for a processor [ns], as it saw at `until_ns`."""
+    """One wait of one process for a processor."""
 
     process: str
     waited_ns: int
-    until_ns: int
+    until_ns: int  # time of the reading that shows it
 
     def describe(self, zero_ns: int) -> str:
-        """In words; zero_ns: where the run's time begins."""
+        """The wait as text. zero_ns: begin of the run's time."""
         at_s = (self.until_ns - zero_ns) * 1e-9
         return f"{self.process} was kept waiting {self.waited_ns * 1e-6:.1f} ms at {at_s:.2f} s"
 
@@ -32,9 +31,9 @@ class Wait:
 def explaining(
     waits: Mapping[str, Rows], from_ns: int, until_ns: int, needed_ns: int, *, beyond_ns: int | None = None
 ) -> Wait | None:
-    """The longest wait of which at least `needed_ns` may lie between the two times; None if there is none.
+    """The longest wait of which at least `needed_ns` can lie between the two times; None if there is none.
 
-    waits: by process. beyond_ns: it may not be over before. One wait has to be long enough by itself: those of several looks or processes are not added up.
+    waits: by process. beyond_ns: the wait must not have ended before this time.
     """
     found = []
     for process, rows in waits.items():
@@ -42,6 +41,8 @@ def explaining(
         last = int(np.searchsorted(rows[:, 0], until_ns, side="left"))
         near = rows[first:last]
         within = np.minimum(near[:, 1], until_ns) - np.maximum(near[:, 0], from_ns)
+        # The place of a wait between two readings is not known, so it counts as far as it can lie in the interval. Waits of
+        # several readings or processes are not added up: many small ones are the normal load of the host.
         enough = near[np.minimum(near[:, 2], within) >= needed_ns]
         if enough.size:
             _, seen_ns, waited_ns = enough[np.argmax(enough[:, 2])].tolist()
@@ -50,11 +51,11 @@ def explaining(
 
 
 def longest_of(waits: Mapping[str, Rows]) -> Wait | None:
-    """The longest of all; None if nobody waited."""
+    """The longest wait of all processes; None if there is none."""
     rows = [(name, of[np.argmax(of[:, 2])].tolist()) for name, of in waits.items() if of.size]
     return longest([Wait(name, row[2], row[1]) for name, row in rows])
 
 
 def longest(waits: Iterable[Wait]) -> Wait | None:
-    """The longest of some; None of none."""
+    """The longest of the given waits; None if there is none."""
     return max(waits, key=lambda wait: wait.waited_ns, default=None)

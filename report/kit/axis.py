@@ -1,4 +1,4 @@
-"""Axes: round ticks, readable numbers, positions in parts of the whole."""
+"""Axes of plots: round ticks, readable tick labels, positions as a share of the axis."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -32,6 +32,7 @@ class Axis:
         rough = (self.end - self.start) / count
         power = 10.0 ** math.floor(math.log10(rough))
         steps = [m * power for m in (1.0, 2.0, 5.0, 10.0)]
+        # 1e-9: a rough step of exactly 2 or 5 must not be rounded up to the next one
         wide = next(i for i, step in enumerate(steps) if step >= rough * (1 - 1e-9))
         found = self._multiples(steps[wide])
         return found if len(found) > 1 or wide == 0 else self._multiples(steps[wide - 1])
@@ -50,6 +51,7 @@ def around(values: Iterable[NDArray[np.float64]], always: Sequence[float] = ()) 
     if every.size == 0:
         every = np.zeros(1)
     low, high = float(every.min()), float(every.max())
+    # 6 % on either side, so that a curve does not touch the frame; a constant gets a tenth of its value
     room = 0.06 * (high - low) if high > low else 0.1 * max(abs(high), 1.0)
     return Axis(low - room, high + room)
 

@@ -1,4 +1,4 @@
-"""The shell of every HTML page: one self-contained file, without a script, style or font from elsewhere."""
+"""The frame of every HTML page: one self-contained file that loads no script, style or font from elsewhere."""
 
 from collections.abc import Iterable
 from html import escape
@@ -21,7 +21,7 @@ def resource(package: str, name: str) -> str:
 
 
 def bar(stages: str = "") -> str:
-    """The bar that stays in sight while plots are read: time and zoom; stages: pictures that show the same time."""
+    """The bar with time and zoom that stays visible while the page scrolls. stages: pictures that show the same time."""
     return (
         f'<aside class="bar" hidden aria-label="Time cursor and zoom">{stages}<output class="now" aria-live="off"></output>'
         f"{ZOOM}</aside>"
@@ -43,6 +43,7 @@ def document(
     kicker: the line above the title; head: markup of the header below it; aside: markup of what stays in sight (`bar`), with the script that
     drives it; style: rules beyond those of style.css.
     """
+    # an empty chapter would be a heading without content, and an entry in the contents that leads nowhere
     shown = [chapter for chapter in chapters if chapter[2]]
     contents = "".join(f'<a href="#{key}">{escape(name)}</a>' for key, name, _ in shown)
     body = "".join(

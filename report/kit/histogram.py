@@ -1,4 +1,4 @@
-"""Histograms of times within a period: counts on a logarithmic scale, so that single outliers show."""
+"""Draws histograms of times, for the report: counts on a logarithmic scale, so that single outliers are visible."""
 
 import math
 from collections.abc import Sequence
@@ -16,11 +16,11 @@ BARS = 48
 
 @dataclass(frozen=True, slots=True)
 class Histogram:
-    """A sample [ms] with its limit [ms], NaN if none is set."""
+    """A sample of times with its limit."""
 
     title: str
     values_ms: NDArray[np.float64]
-    permitted_ms: float
+    permitted_ms: float  # NaN: no limit
 
 
 def common_end(histograms: Sequence[Histogram]) -> float:
@@ -44,6 +44,7 @@ def markup(histogram: Histogram, end_ms: float) -> str:
         return f'<figure class="plot histogram empty">{heading}<p>not measured</p></figure>'
     across = Axis(min(0.0, float(values.min())), end_ms)
     counts, edges = np.histogram(values, BARS, (across.start, across.end))
+    # from 0.7, so that a bar of one value has a visible height
     upward = Axis(math.log10(0.7), math.log10(max(counts.max(), 10) * 1.4))
     lines = _lines(histogram)
     bars = "".join(_bar(int(n), edges[i], edges[i + 1], across, upward) for i, n in enumerate(counts) if n)

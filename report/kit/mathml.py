@@ -1,7 +1,7 @@
-"""Equations written as text ('F = -1/2 rho cd v |v|') as MathML, which browsers draw without a font or a script from elsewhere.
+"""Converts equations written as text ('F = -1/2 rho cd v |v|') to MathML, which browsers draw without a font or script.
 
-Reads sums, products (also without a sign between factors), fractions, powers, functions, absolute values; names of Greek letters, and
-indices after '_' or as digits. What it cannot read stays text, so that no equation is ever lost.
+Reads sums, products (also without a sign between factors), fractions, powers, functions, absolute values; names of Greek
+letters, and indices after '_' or as digits. Text that it cannot read stays text, so that no equation is lost.
 """
 
 import re
@@ -51,6 +51,7 @@ def _pieces(text: str) -> list[str]:
     """Split at commas and semicolons outside of brackets."""
     found, depth, start = [], 0, 0
     for i, letter in enumerate(text):
+        # commas inside of brackets separate arguments of a function
         depth += (letter == "(") - (letter == ")")
         if letter in ",;" and depth == 0:
             found.append(text[start:i].strip())

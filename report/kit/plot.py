@@ -1,8 +1,7 @@
 """Time plots as HTML and SVG: pure functions from arrays to markup.
 
 The drawing is stretched to its box while lines and letters keep their size, so one markup serves a
-wide screen, a telephone and paper. Long signals are reduced to the smallest and largest sample of
-each of BINS stretches, so that no spike is lost. The script reads values back from the drawn paths,
+wide screen, a telephone and paper. The script reads values back from the drawn paths,
 which resolve a ten-thousandth of either axis.
 """
 
@@ -24,49 +23,43 @@ TOUCHING = 0.035  # and nearer than this would cover one another
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """One line of a plot. style: a class name of the style sheet, which gives colour and dash.
-
-    silent: drawn, but in neither legend nor readout (the lower of a pair of limits).
-    """
+    """One line of a plot."""
 
     name: str
     time_s: NDArray[np.float64]
-    value: NDArray[np.float64]
-    style: str
+    value: NDArray[np.float64]  # in the plot's unit; NaN breaks the line
+    style: str  # class name of the style sheet, for colour and dash
     steps: bool = False  # hold the value until the next sample
-    silent: bool = False
+    silent: bool = False  # drawn, but in neither legend nor readout: the lower of a pair of limits
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A moment drawn as a vertical line. word: one or two; sentence: in full."""
+    """A moment drawn as a vertical line."""
 
     time_s: float
-    word: str
-    sentence: str
-    style: str
+    word: str  # label in the plot: one or two words
+    sentence: str  # for the tooltip and the list of moments
+    style: str  # class name of the style sheet
 
 
 @dataclass(frozen=True, slots=True)
 class Timeline:
-    """The time axis of one run: what all its plots share.
-
-    end_s: where the run's recording ends, maybe before the axis does.
-    """
+    """The time axis that all plots of one run share."""
 
     axis: Axis
-    end_s: float
+    end_s: float  # end of the run's recording, which may be before the end of the axis
     marks: Sequence[Mark] = field(default=())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plot:
-    """What one plot shows. always: values that have to be visible even if no sample reaches them."""
+    """The content of one plot."""
 
     title: str
     unit: str
     curves: Sequence[Curve]
-    always: Sequence[float] = ()
+    always: Sequence[float] = ()  # values that are visible even if no sample reaches them
 
     @property
     def drawn(self) -> list[Curve]:
@@ -92,6 +85,7 @@ def reduce(
         if np.isnan(part).all():
             kept.append(start)
             continue
+        # both extremes of each bin, so that no spike is lost; thinning by every n-th sample would lose it
         kept.extend(sorted({start + int(np.nanargmin(part)), start + int(np.nanargmax(part))}))
     index = np.array(kept)
     return time[index], values[index]
@@ -117,7 +111,7 @@ def markup(plot: Plot, upward: Axis, timeline: Timeline) -> str:
 
 
 def canvas(behind: str, moving: str, across: Axis) -> str:
-    """The stretched drawing: what stays in place, and what moves when the time axis is zoomed."""
+    """The stretched drawing. behind: stays in place; moving: follows a zoom of the time axis."""
     upright = "".join(f"M{x(across, tick)} 0v{UNITS}" for tick in across.ticks(8))
     return (
         f'<svg viewBox="0 0 {UNITS} {UNITS}" preserveAspectRatio="none" aria-hidden="true">'
@@ -134,18 +128,18 @@ def time_labels(across: Axis) -> str:
 
 
 def marked(timeline: Timeline) -> str:
-    """Lines at the marks, and a veil where the run has ended."""
+    """Lines at the marks, and a grey area after the end of the run."""
     lines = "".join(
         f'<path class="mark {mark.style}" d="M{x(timeline.axis, mark.time_s)} 0v{UNITS}"/>'
         for mark in timeline.marks
     )
     end = x(timeline.axis, timeline.end_s)
-    veil = f'<rect class="over" x="{end}" width="{UNITS - end}" height="{UNITS}"/>' if end < UNITS else ""
-    return veil + lines
+    ended = f'<rect class="over" x="{end}" width="{UNITS - end}" height="{UNITS}"/>' if end < UNITS else ""
+    return ended + lines
 
 
 def events(timeline: Timeline) -> str:
-    """Numbered flags above the marks; those with room also say a word."""
+    """Numbered flags above the marks; those with enough room also show their word."""
     parts = []
     places = [float(timeline.axis.share(mark.time_s)) for mark in timeline.marks]
     free = -1.0
@@ -167,7 +161,7 @@ def x(across: Axis, time_s: float) -> int:
 
 
 def path(curve: Curve, across: Axis, upward: Axis) -> str:
-    """A curve in whole units: M for a new stretch, then relative steps."""
+    """A curve as an SVG path in whole units: M after each gap, then relative steps, which are shorter."""
     time, value = reduce(curve.time_s, curve.value)
     column = np.rint(UNITS * across.share(time))
     row = np.rint(UNITS * (1 - upward.share(value)))
@@ -191,7 +185,7 @@ def _line(xs: NDArray[np.int64], ys: NDArray[np.int64]) -> str:
 
 
 def _stairs(xs: NDArray[np.int64], ys: NDArray[np.int64]) -> str:
-    """Only where the value changes, and the end."""
+    """Steps only where the value changes, and at the end."""
     turns = np.concatenate((np.flatnonzero(np.diff(ys)) + 1, [xs.size - 1]))
     words, at, level = [], int(xs[0]), int(ys[0])
     for i in turns.tolist():

@@ -1,4 +1,4 @@
-"""What is written on a frame: time, speed, the ECU's warning, and each wheel's load as a bar."""
+"""Writes time, speed, the ECU's warning and each wheel's load onto a rendered frame."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,13 +22,14 @@ COLOURS = {
     "not recorded": (110, 115, 120),
 }
 INK, PALE, BAR, EMPTY = (28, 30, 33), (250, 250, 250), (0, 115, 204), (214, 61, 13)
+# Length of a full bar [N]: about the load of one front wheel with a full bucket.
 FULL_BAR_N = 60e3
 WHEELS = ("FL", "FR", "RL", "RR")
 
 
 @dataclass(frozen=True, slots=True)
 class WarningLine:
-    """The ECU's roll-over state over time: words[i] holds from time_s[i] on."""
+    """The ECU's roll-over state over time; words[i] is valid from time_s[i] on."""
 
     time_s: np.ndarray[Any, np.dtype[np.float64]]
     words: tuple[str, ...]
@@ -47,13 +48,13 @@ class WarningLine:
         return cls(np.asarray(columns.time_s, float), words)
 
     def at(self, time_s: float) -> str:
-        """The word that held at a time [s]."""
+        """The state at a time [s]."""
         index = int(np.searchsorted(self.time_s, time_s, side="right")) - 1
         return self.words[index] if index >= 0 else "not recorded" if not self.words else "no estimate"
 
 
 def written(pixels: Pixels, time_s: float, instant: Mapping[str, Any], speed: float, warning: str) -> Pixels:
-    """The frame with its board; speed [m/s]. A frame under a warning has a border in its colour."""
+    """The frame with its texts. speed [m/s]. During a warning the frame has a border in the warning's colour."""
     image = Image.fromarray(pixels)
     draw = ImageDraw.Draw(image)
     unit = max(image.height // 30, 9)  # height of a letter

@@ -1,4 +1,4 @@
-"""Where the camera stands: the views that a picture or a video can have."""
+"""The camera views that a picture or a video can have."""
 
 from collections.abc import Mapping
 from enum import StrEnum
@@ -10,7 +10,7 @@ from report.render.scene import Scene
 
 
 class View(StrEnum):
-    """From where the machine is seen."""
+    """The side from which the machine is seen."""
 
     FRONT_LEFT = "front-left"
     FRONT_RIGHT = "front-right"
@@ -19,7 +19,7 @@ class View(StrEnum):
     ABOVE = "above"
 
 
-ROOM = 1.15  # a frame needs room for what is written on it
+ROOM = 1.15  # the view is larger than the machine by this factor: room for the texts on the frame
 _FLAT = dict(zip((View.BEHIND, View.LEFT, View.ABOVE), zip(VIEWS, VIEW_METRES, strict=True), strict=True))
 
 
@@ -29,7 +29,7 @@ def scene_in(
     """One instant in a view.
 
     heading: of the machine when the camera was set up [rad]; from behind and from the left the camera
-    turns with the machine, otherwise it goes along without turning. size: width and height [pixels].
+    turns with the machine, otherwise it follows without turning. size: width and height [pixels].
     """
     if view in _FLAT:
         turning = view is not View.ABOVE

@@ -1,4 +1,4 @@
-"""`loaderhil render`: a picture or a video of a run."""
+"""`loaderhil render`: the command that draws a picture or a video of a run."""
 
 from pathlib import Path
 from typing import Annotated
@@ -21,16 +21,22 @@ def render(
     start: Annotated[
         float | None,
         typer.Option(
-            "--from", metavar="S", help="Begin here; of a picture, its moment: by default the telling one."
+            "--from",
+            metavar="S",
+            help="Time to begin [s]; of a picture, its time: by default the lift-off or the smallest wheel load.",
         ),
     ] = None,
-    end: Annotated[float | None, typer.Option("--to", metavar="S", help="End here.")] = None,
+    end: Annotated[float | None, typer.Option("--to", metavar="S", help="Time to end [s].")] = None,
     fps: Annotated[
         float | None,
-        typer.Option("--fps", min=1.0, max=100.0, help="Pictures per second: 25, in a GIF 12.5."),
+        typer.Option("--fps", min=1.0, max=100.0, help="Pictures per second; by default 25, in a GIF 12.5."),
     ] = None,
-    view: Annotated[View, typer.Option("--view", help="From where.")] = View.FRONT_LEFT,
-    width: Annotated[int, typer.Option("--width", min=160, max=3840, help="Pixels; 16:9.")] = 960,
+    view: Annotated[
+        View, typer.Option("--view", help="Side from which the machine is seen.")
+    ] = View.FRONT_LEFT,
+    width: Annotated[
+        int, typer.Option("--width", min=160, max=3840, help="Width in pixels; the format is 16:9.")
+    ] = 960,
 ) -> None:
     """Draw a run: the machine, its wheel loads as arrows, the ECU's warning. No display needed.
 
@@ -40,7 +46,7 @@ def render(
     from rich.progress import track
 
     from hil.rundir import RunDirectory
-    from report.render.film import RenderError, Shot, checked, frames, suffix_checked, telling_moment, write
+    from report.render.film import RenderError, Shot, checked, decisive_moment, frames, suffix_checked, write
 
     file = out or run / "render.png"
     suffix_checked(file)
@@ -48,7 +54,7 @@ def render(
     still = file.suffix == ".png"
     first, last = (float(seen.truth["time_s"][i]) for i in (0, -1))
     if still:
-        begin = telling_moment(seen) if start is None else start
+        begin = decisive_moment(seen) if start is None else start
         finish = begin
     else:
         begin = first if start is None else start
@@ -57,6 +63,7 @@ def render(
         raise RenderError(
             f"--from {begin:g} s --to {finish:g} s is not within the run, {first:g}..{last:g} s, in this order"
         )
+    # even numbers: H.264 with 4:2:0 colour cannot hold odd ones
     size = (width - width % 2, width * 9 // 16 - width * 9 // 16 % 2)
     rate = fps or (GIF_FPS if file.suffix == ".gif" else DEFAULT_FPS)
     shot = Shot(start_s=begin, end_s=finish, fps=rate, view=view, size=size)

@@ -1,4 +1,4 @@
-"""A run as pictures in time, into a PNG, a GIF or an MP4 file.
+"""Renders a run into a PNG, a GIF or an MP4 file, for `loaderhil render`.
 
 MP4 is H.264 by PyAV, whose wheel brings its encoder; everything else needs no more than Pillow. Nothing is drawn by a
 graphics driver: no display is needed.
@@ -33,13 +33,13 @@ class RenderError(UserError, ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shot:
-    """What is drawn: from, to [s] of the run's clock, pictures per second of it, view, size [pixels]."""
+    """The part of a run that is drawn, and how."""
 
-    start_s: float
+    start_s: float  # on the run's clock [s]
     end_s: float
-    fps: float
+    fps: float  # pictures per second
     view: View
-    size: tuple[int, int]
+    size: tuple[int, int]  # width and height [pixels]
 
     @property
     def times_s(self) -> list[float]:
@@ -49,7 +49,7 @@ class Shot:
 
 
 def checked(run: RunDirectory) -> RunDirectory:
-    """The run, if it has what a picture needs."""
+    """The run, if its truth has the columns that a picture needs. RenderError otherwise."""
     missing = [name for name in NEEDED if name not in run.truth]
     if missing or not run.truth["time_s"].size:
         cause = f"no {', '.join(missing)}" if missing else "no sample"
@@ -62,8 +62,8 @@ def checked(run: RunDirectory) -> RunDirectory:
     return run
 
 
-def telling_moment(run: RunDirectory) -> float:
-    """The moment that a picture of the run should show [s]: just after a lift-off, else where a wheel carries least."""
+def decisive_moment(run: RunDirectory) -> float:
+    """The time that a single picture should show [s]: just after a lift-off, else at the smallest wheel load."""
     time, force = run.truth["time_s"], run.truth["normal_force"]
     least = float(time[np.argmin((force / force[0]).min(axis=1))])
     return moments(judge_run(run), float(time[-1]), least)[0][0]
@@ -83,7 +83,8 @@ def frames(run: RunDirectory, shot: Shot) -> Iterator[Pixels]:
 
 
 def write(file: Path, pictures: Iterator[Pixels], fps: float) -> None:
-    """All pictures into `file`, whole or not at all; its suffix says how."""
+    """Write all pictures into `file`, complete or not at all; its suffix chooses the format."""
+    # the suffix stays last: Pillow and PyAV choose the format by it
     part = file.with_name(f".{file.stem}.part{file.suffix}")
     file.parent.mkdir(parents=True, exist_ok=True)
     try:
@@ -94,7 +95,7 @@ def write(file: Path, pictures: Iterator[Pixels], fps: float) -> None:
 
 
 def suffix_checked(file: Path) -> None:
-    """Refuse a file that is none of the kinds that can be written, before anything is drawn."""
+    """Refuse a suffix that cannot be written, before anything is drawn: drawing takes minutes."""
     if file.suffix not in _WRITERS:
         raise RenderError(f"{file}: is none of {', '.join(_WRITERS)}")
     if file.suffix == ".mp4":

@@ -1,4 +1,4 @@
-"""A wheel loader as solids, posed from one instant of the plant's truth.
+"""Models a wheel loader as solids, posed by one instant of the plant's truth.
 
 Proportions follow the machine file where it has them (axles, track, tyre, arm), else a loader of this
 class; they carry no physics. Wheel loads are arrows of a length proportional to the force.
@@ -36,7 +36,7 @@ FIELDS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dimensions:
-    """What the drawing needs of a machine [m]; heights above the ground of the standing machine."""
+    """Dimensions of a machine for the drawing [m]; heights are above the ground, of the standing machine."""
 
     joint_height: float = 0.80
     pivot_height: float = 0.80
@@ -63,12 +63,13 @@ class Frames:
 
 
 def frames(instant: Mapping[str, Any], d: Dimensions) -> Frames:
-    """Where the parts are at one instant of the truth."""
+    """The frames of the parts at one instant of the truth."""
     rear = Pose(np.asarray(instant["position"], float), from_quaternion(instant["attitude"]))
     front = rear.turned((0, 0, 0), about_z(float(instant["articulation_angle"])))
     pivot = (d.rear_axle, 0, d.pivot_height - d.joint_height)
     axle = rear.turned(pivot, about_x(float(instant["oscillation_angle"])))
     arm = front.turned((d.arm_x, 0, d.arm_z - d.joint_height), about_y(-float(instant["lift_arm_angle"])))
+    # turned from the front frame, not from the arm: the tilt angle is measured against the horizontal
     bucket = Pose(arm.points((d.arm_length, 0, 0)), front.rotation @ about_y(-float(instant["tilt_angle"])))
     half, straight = d.track / 2, np.eye(3)
     wheels = (

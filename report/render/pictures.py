@@ -1,4 +1,4 @@
-"""Which pictures a run gets: stills at the moments that matter, three views, and the run as a film."""
+"""The pictures of a run for its report: stills at the decisive moments, three views, and the run as a film."""
 
 import io
 from collections.abc import Iterable, Mapping, Sequence
@@ -19,39 +19,39 @@ from report.render.scene import Scene
 AFTER_LIFT_OFF_S = 0.25
 """The picture of a lift-off is taken this long after the wheel lost contact, so that the gap can be seen."""
 QUARTER_DEG = 64.0
-"""How far the camera stands from straight ahead of the machine."""
+"""Angle between the camera and the direction ahead of the machine [deg]."""
 FILM_FRAMES, FILM_COLUMNS, FILM_SIZE = 48, 8, (400, 225)
 QUALITY = 82
 VIEWS = (("from behind", 0.0, 0.0), ("from the left", -90.0, 0.0), ("from above", 0.0, -90.0))
 VIEW_SIZE = (420, 300)
-VIEW_METRES = (4.9, 5.4, 7.4)  # what each of the views shows from top to bottom
+VIEW_METRES = (4.9, 5.4, 7.4)  # height of the picture in each of the views [m]
 
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A picture, its media type, its size in pixels, and the sentence below it."""
+    """A picture for the report."""
 
     data: bytes
-    kind: str
-    size: tuple[int, int]
+    kind: str  # media type
+    size: tuple[int, int]  # width and height [pixels]
     caption: str
 
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """Frames of a run side by side in one picture, row by row; times_s: (n,) of each frame; start: the one to begin with."""
+    """Frames of a run in one picture, row by row: one data URL, of which the script shows a part."""
 
     sheet: bytes
     columns: int
     rows: int
-    size: tuple[int, int]
-    times_s: tuple[float, ...]
-    start: int
+    size: tuple[int, int]  # of one frame [pixels]
+    times_s: tuple[float, ...]  # of each frame
+    start: int  # index of the frame to begin with
 
 
 @dataclass(frozen=True, slots=True)
 class Pictures:
-    """What was drawn of a run, or why nothing was."""
+    """The pictures of a run, or the reason why there are none."""
 
     stills: Sequence[Picture] = ()
     views: Picture | None = None
@@ -60,7 +60,7 @@ class Pictures:
 
 
 def dimensions_of(machine: str, words: Sequence[str] = ()) -> Dimensions:
-    """Dimensions for the drawing, from the machine file with a run's KEY=VALUE words; a typical loader's where it cannot be read."""
+    """Dimensions for the drawing, from the machine file and a run's KEY=VALUE changes; a typical loader's if it cannot be read."""
     try:
         m = load_machine(machine, Changes.of(words).machine)
     except (ValueError, OSError):
@@ -166,7 +166,7 @@ def clearance(instant: Mapping[str, Any], dimensions: Dimensions) -> list[float]
 
 
 def moments(verdict: RunVerdict, end_s: float, lowest_s: float) -> list[tuple[float, str]]:
-    """Which moments are worth a picture, and what they show.
+    """Times of the stills [s], each with a description.
 
     lowest_s: when the least loaded wheel carried least.
     """
@@ -233,7 +233,7 @@ def _caption(at_s: float, what: str, instant: Mapping[str, Any], dimensions: Dim
 
 
 def arrow_key() -> str:
-    """What arrows and colours mean."""
+    """The legend of arrows and colours."""
     return (
         f"Blue arrows are wheel loads, 1 m for {1e-3 / METRES_PER_NEWTON:.0f} kN; "
         "an orange-red wheel carries none. Ground grid: 1 m."
@@ -241,7 +241,7 @@ def arrow_key() -> str:
 
 
 def _film(run: RunDirectory, dimensions: Dimensions, side: int, heading: float, start_s: float) -> Film:
-    """The whole run, the camera going along and looking the same way throughout."""
+    """The whole run; the camera follows without turning, so that the machine's own turning is visible."""
     time = run.truth["time_s"]
     times = np.linspace(float(time[0]), float(time[-1]), FILM_FRAMES)
     drawn = [

@@ -1,4 +1,4 @@
-"""Draws a scene without any graphics library: a depth buffer, filled triangle by triangle, compiled.
+"""Draws a scene without a graphics library, so that no display is needed: a depth buffer, filled triangle by triangle.
 
 Flat shading by one sun and the eye, a shadow on the ground, a metre grid. Four samples per pixel.
 """
@@ -37,6 +37,7 @@ def draw(scene: Scene) -> Pixels:
         _darken(_fine(_on_ground(solid), scene), SHADOW, colour, near)
     shade = _shade(corners, view_of(scene)[1][2])
     _fill(_fine(corners, scene), paint * shade[:, None], colour, near)
+    # the mean of SAMPLES x SAMPLES samples smooths the edges
     coarse = colour.reshape(scene.height, SAMPLES, scene.width, SAMPLES, 3).mean(axis=(1, 3))
     return np.rint(255 * np.clip(coarse, 0, 1)).astype(np.uint8)
 
@@ -54,7 +55,7 @@ def _on_ground(corners: Array) -> Array:
 
 
 def _shade(corners: Array, forward: Array) -> Array:
-    """Brightness of each triangle, seen from either side."""
+    """Brightness of each triangle, the same from both sides: the solids are not closed everywhere."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normal, axis=1)
     normal /= np.where(length > 0, length, 1.0)[:, None]
@@ -82,7 +83,7 @@ def _on_line(x: float, y: float) -> bool:
 
 @njit(cache=True)
 def _landscape(eye: Array, view: Array, up: Array, right: Array) -> tuple[Array, Array]:
-    """up, right: slopes of the rays against the direction of view."""
+    """Sky, ground and grid in perspective, and their nearness. up, right: slopes of the rays against the view direction."""
     colour = np.empty((up.size, right.size, 3))
     near = np.zeros((up.size, right.size))
     for i in range(up.size):

@@ -11,20 +11,16 @@ FIELD_OF_VIEW_DEG = 30.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """look_at: point in the world [m] in the middle of the picture. width, height [pixels].
-
-    azimuth: where the camera looks, from +x to the left [deg]; elevation below 0 looks down.
-    parallel: metres that a drawing without perspective shows from top to bottom; None for perspective.
-    """
+    """Solids and the camera."""
 
     meshes: tuple[Mesh, ...]
-    look_at: Array
-    distance: float = 11.0
-    azimuth_deg: float = 0.0
-    elevation_deg: float = -8.0
-    width: int = 960
+    look_at: Array  # point in the world in the middle of the picture [m]
+    distance: float = 11.0  # of the eye from that point [m]
+    azimuth_deg: float = 0.0  # direction of view, from +x to the left
+    elevation_deg: float = -8.0  # below 0 the camera looks down
+    width: int = 960  # [pixels]
     height: int = 540
-    parallel: float | None = None
+    parallel: float | None = None  # height of a drawing without perspective [m]; None: with perspective
 
 
 def view_of(scene: Scene) -> tuple[Array, Array]:

@@ -13,19 +13,19 @@ Colour = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """Triangles of one colour. corners: (n, 3 corners, 3) in the world [m]; shadow: whether it casts one."""
+    """Triangles of one colour."""
 
-    corners: Array
-    colour: Colour
-    shadow: bool = True
+    corners: Array  # (n, 3 corners, 3) in the world [m]
+    colour: Colour  # red, green, blue, 0 to 1
+    shadow: bool = True  # whether it casts a shadow
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A frame of reference: origin in the world and rotation, world from frame."""
+    """A frame of reference."""
 
-    origin: Array
-    rotation: Array
+    origin: Array  # (3,) in the world [m]
+    rotation: Array  # (3, 3), world from frame
 
     def points(self, local: ArrayLike) -> Array:
         """World positions of points (..., 3) given in this frame."""

@@ -1,4 +1,4 @@
-"""A run, or several side by side, as one HTML file that can be handed on."""
+"""The report of a run, or of several side by side, as one self-contained HTML file."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +11,7 @@ from report.run.section import sections_of
 def write_report(run_dirs: Sequence[Path], out: Path) -> Path:
     """Write the report of `run_dirs` (at least one) to `out` and return it.
 
-    What a directory does not hold is left out and named. RunError when a folder is no run directory.
+    Parts that a directory does not hold are left out and listed. RunError when a folder is no run directory.
     """
     if not run_dirs:
         raise RunError("no run to report on; name at least one run directory")

@@ -1,4 +1,4 @@
-"""The chapter on deadlines: how each message and each task of a real-time run kept its times."""
+"""The report's chapter on deadlines: how each message and each task of a real-time run kept its times."""
 
 from collections.abc import Sequence
 
@@ -15,7 +15,7 @@ TASKS = ("task", "cycle [ms]", "start after due time", "execution", "skipped", "
 
 
 def markup(sections: Sequence[Section]) -> str:
-    """Of every run that was judged at its end, below one another: the tables are wide."""
+    """The chapter's markup, for the runs that were judged; below one another, because the tables are wide."""
     return "".join(
         columns([(section.name, _of_run(kept))])
         for section in sections

@@ -1,4 +1,4 @@
-"""Figures of a run for the tables: what happened, how well it was estimated, traffic, conditions."""
+"""Computes the figures of a run for the report's tables: events, estimation errors, traffic, conditions, timing."""
 
 import shlex
 from dataclasses import dataclass
@@ -31,37 +31,34 @@ BIT_RATE = 500_000
 SHOWN = {"plant": "plant", "ecu": "ECU", "gateway": "gateway"}
 PERIOD_MS = PERIOD_NS * 1e-6
 Figures = dict[str, str]
-"""What, and its value as text, in the order of the table."""
+"""Name of a figure -> its value as text, in the order of the table."""
 
 
 @dataclass(frozen=True, slots=True)
 class LoadError:
-    """Estimated against true normal force of one wheel [N]; share of its standing load."""
+    """Error of the estimated normal force of one wheel."""
 
     wheel: str
-    rms: float
-    mean: float
-    share: float
+    rms: float  # [N]
+    mean: float  # estimate minus truth [N]
+    share: float  # RMS over the standing load of the wheel
 
 
 @dataclass(frozen=True, slots=True)
 class Traffic:
-    """One message on the bus. Periods [ms]; load: share of the bit rate, stuff bits not counted.
-
-    lost: frames missing by the alive counter, None for a message without one.
-    """
+    """Traffic of one message."""
 
     name: str
     sender: str
-    cycle_ms: float | None
+    cycle_ms: float | None  # of the DBC
     frames: int
-    period_ms: float
-    load: float
-    lost: int | None
+    period_ms: float  # mean of the recording
+    load: float  # share of the bit rate, stuff bits not counted
+    lost: int | None  # frames missing by the alive counter; None for a message without one
 
 
 def what_happened(verdict: RunVerdict | None) -> Figures:
-    """What a reader wants to know first."""
+    """The figures at the top of the report: warning, lift-off, roll-over, smallest load."""
     if verdict is None:
         return {}
     wheel = WHEELS[verdict.lifting_wheel] if verdict.lifting_wheel is not None else ""
@@ -87,10 +84,8 @@ def lead_text(verdict: RunVerdict) -> str:
 
 
 def load_errors(run: RunDirectory) -> list[LoadError]:
-    """Per wheel, up to the first lift-off.
-
-    After it the estimate is the pull that would hold the wheel down, and the truth is zero.
-    """
+    """Errors per wheel up to the first lift-off; [] without truth or estimate."""
+    # after a lift-off the estimate is the pull that would hold the wheel down, and the truth is zero
     columns = run.messages.get("NormalForces")
     if columns is None or "normal_force" not in run.truth or not run.truth["time_s"].size:
         return []
@@ -110,10 +105,10 @@ def load_errors(run: RunDirectory) -> list[LoadError]:
 
 
 def warnings_raised(run: RunDirectory) -> list[tuple[str, str, float, float]]:
-    """Each warning that was raised: name, what it means, when first [s], for how long in all [s]."""
+    """Each warning that was raised: name, meaning, first time [s], total duration [s]."""
     rows = []
     for band in warning_bands(run):
-        raised = [s for s in band.stretches if s.severity]
+        raised = [s for s in band.intervals if s.severity]
         rows.append((band.name, band.meaning, raised[0].start_s, sum(s.end_s - s.start_s for s in raised)))
     return sorted(rows, key=lambda row: row[2])
 
@@ -145,13 +140,13 @@ def traffic(run: RunDirectory) -> list[Traffic]:
 
 
 def _skipped(counter: np.ndarray[tuple[int], np.dtype[np.int64]]) -> int:
-    """Counts that were left out; a counter that stands still left out none."""
+    """Number of counts that an alive counter skipped; a counter that stands still skipped none."""
     step = np.diff(counter) % COUNTER_MODULUS
     return int(np.maximum(step - 1, 0).sum())
 
 
 def conditions(run: RunDirectory) -> Figures:
-    """What was run, on what, with which versions."""
+    """Scenario, machine, options and versions of a run."""
     r = run.record
     where = "lockstep, on a virtual clock" if r.mode == "lockstep" else "processes on a hub, in real time"
     return {
@@ -172,7 +167,7 @@ def conditions(run: RunDirectory) -> Figures:
 
 
 def command(run: RunDirectory) -> str:
-    """The command line that makes the same run again."""
+    """The command line that repeats the run."""
     r = run.record
     known = {summary.name for summary in list_scenarios()}
     words = ["loaderhil", "run", r.scenario if r.scenario in known else f"{r.scenario}.toml"]
@@ -204,7 +199,7 @@ def timing_figures(timing: Timing) -> Figures:
 
 
 def memory_figures(vitals: Vitals | None) -> Figures:
-    """Resident memory of each process of a real-time run, at its start and its end; the later life of one started again."""
+    """Resident memory of each process of a real-time run at start and end; of a restarted process its last life."""
     return {
         f"Memory of the {SHOWN.get(life.process, life.process)}, start / end": (
             f"{life.start_bytes / 2**20:.1f} / {life.end_bytes / 2**20:.1f} MiB"
@@ -247,7 +242,7 @@ def _reactions(run: RunDirectory) -> np.ndarray[tuple[int], np.dtype[np.float64]
 
 
 def findings(run: RunDirectory) -> Figures:
-    """What plant and ECU reported about their inputs, and how often."""
+    """Findings of plant and ECU about their inputs, with their counts."""
     counts = run.record.statistics
     return {
         f"{SHOWN[who]}: {signals.spaced(name).lower()}": str(count)

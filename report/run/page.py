@@ -1,4 +1,4 @@
-"""The report's page: one self-contained HTML file, no script, style or font from elsewhere."""
+"""The report's page: assembles all chapters into one self-contained HTML file."""
 
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Sequence
@@ -56,7 +56,7 @@ def _title(sections: Sequence[Section]) -> str:
 
 def _subtitle(sections: Sequence[Section]) -> str:
     records = [s.run.record for s in sections]
-    told = [
+    parts = [
         ", ".join(dict.fromkeys(values))
         for values in (
             [f"machine {r.machine}" for r in records],
@@ -66,7 +66,7 @@ def _subtitle(sections: Sequence[Section]) -> str:
             [r.started[:10] for r in records],
         )
     ]
-    return f'<p class="soft">{escape(" · ".join(told))}</p>'
+    return f'<p class="soft">{escape(" · ".join(parts))}</p>'
 
 
 def _timelines(sections: Sequence[Section]) -> list[Timeline]:
@@ -80,10 +80,10 @@ def _headlines(sections: Sequence[Section]) -> str:
     return f'<div class="cards">{cards}</div>'
 
 
-def _card(name: str, told: Headline) -> str:
+def _card(name: str, outcome: Headline) -> str:
     return (
-        f'<div class="card {told.kind}"><p class="run">{escape(name)}</p>'
-        f'<p class="outcome">{escape(told.words)}</p><p>{escape(told.story)}</p></div>'
+        f'<div class="card {outcome.kind}"><p class="run">{escape(name)}</p>'
+        f'<p class="outcome">{escape(outcome.words)}</p><p>{escape(outcome.story)}</p></div>'
     )
 
 
@@ -116,7 +116,7 @@ def _picture(picture: Picture) -> str:
 
 
 def _sheets(sections: Sequence[Section]) -> str:
-    """One style rule per film, so that its frames are in the page once."""
+    """One style rule per film: its frames are used twice, in the chapter and in the bar, but stored once."""
     return "".join(
         f".film{i}{{background-image:url(data:image/webp;base64,{b64encode(film.sheet).decode('ascii')});"
         f"background-size:{100 * film.columns}% {100 * film.rows}%}}"
@@ -126,7 +126,7 @@ def _sheets(sections: Sequence[Section]) -> str:
 
 
 def _film(film: Film, index: int, name: str) -> str:
-    """The frames, and controls that the script brings to life."""
+    """The frames, with controls that are hidden until the script runs."""
     start, end = film.times_s[0], film.times_s[-1]
     return (
         f'<figure class="film" data-film="{index}"><div class="stage film{index}" role="img" '
@@ -153,7 +153,7 @@ def _frame_position(film: Film, frame: int) -> str:
 
 
 def _bar(sections: Sequence[Section]) -> str:
-    """What stays in sight while plots are read: the time, the machine at that time, the zoom."""
+    """The bar that stays visible: the time, the machine at that time, the zoom."""
     stages = "".join(
         f'<div class="stage film{i}" role="img" aria-label="{escape(s.name)}: the machine at the cursor" '
         f"{_frames(s.pictures.film)}></div>"
@@ -214,20 +214,16 @@ def _plots(sections: Sequence[Section], lines: Sequence[Timeline]) -> Iterable[t
 
 def _key(name: str, timeline: Timeline) -> str:
     """A run's name with its numbered moments."""
-    told = "".join(
+    moments = "".join(
         f'<span class="{mark.style}"><b>{i + 1}</b> {escape(mark.sentence)}</span>'
         for i, mark in enumerate(timeline.marks)
     )
-    return f'<p class="run key">{escape(name)}{told}</p>'
+    return f'<p class="run key">{escape(name)}{moments}</p>'
 
 
 def _figures(sections: Sequence[Section], of: Callable[[Section], Figures] | Callable[..., Figures]) -> str:
     """A row per figure, a column per run."""
-    told = [of(s.run) if of is figures.conditions else of(s) for s in sections]
-    rows = [
-        (name, *(figure.get(name, "–") for figure in told))
-        for name in dict.fromkeys(name for figure in told for name in figure)
-    ]
+    rows = _rows([of(s.run) if of is figures.conditions else of(s) for s in sections])
     return table(("", *(s.name for s in sections)), rows) if rows else ""
 
 
@@ -278,9 +274,10 @@ def _timing_figures(section: Section) -> Figures:
     return timing | figures.memory_figures(section.run.record.vitals)
 
 
-def _rows(told: Sequence[Figures]) -> list[tuple[str, ...]]:
-    names = dict.fromkeys(name for figure in told for name in figure)
-    return [(name, *(figure.get(name, "–") for figure in told)) for name in names]
+def _rows(per_run: Sequence[Figures]) -> list[tuple[str, ...]]:
+    """A row per figure that any run has, a column per run."""
+    names = dict.fromkeys(name for figure in per_run for name in figure)
+    return [(name, *(figure.get(name, "–") for figure in per_run)) for name in names]
 
 
 def _traffic(sections: Sequence[Section]) -> str:

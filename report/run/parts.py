@@ -1,4 +1,4 @@
-"""Pieces of the report's page that several chapters are made of."""
+"""Pieces of markup that several chapters of the report share."""
 
 from collections.abc import Iterable, Sequence
 from html import escape

@@ -1,4 +1,4 @@
-"""A run as a part of the page: its name beside the others, its verdict, its headline."""
+"""Prepares a run for the report: its name beside the others, its verdicts, its headline."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -24,18 +24,18 @@ _TRAITS: tuple[Callable[[RunRecord], str], ...] = (
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """One run with everything the page says of it; doubt: why it could not be judged."""
+    """One run with everything that the page shows of it."""
 
-    name: str
+    name: str  # by which it differs from the other runs of the page
     run: RunDirectory
-    verdict: RunVerdict | None
-    doubt: str
-    timing: Timing | None
+    verdict: RunVerdict | None  # None: not judged
+    doubt: str  # why it could not be judged
+    timing: Timing | None  # of a real-time run
     pictures: Pictures
 
     @property
     def end_s(self) -> float:
-        """Where its recording ends; 0 when nothing says so."""
+        """End of its recording [s]; 0 if it is not known."""
         truth = self.run.truth
         ends = [float(c.time_s[-1]) for c in self.run.messages.values() if len(c.time_s)]
         known = float(truth["time_s"][-1]) if "time_s" in truth and truth["time_s"].size else 0.0
@@ -53,7 +53,7 @@ class Section:
 
 
 def sections_of(runs: Sequence[RunDirectory]) -> list[Section]:
-    """One section per run, named by what tells them apart."""
+    """One section per run, named by the traits in which the runs differ."""
     return [_section(name, run) for name, run in zip(names([run.record for run in runs]), runs, strict=True)]
 
 
@@ -68,21 +68,21 @@ def _section(name: str, run: RunDirectory) -> Section:
 
 
 def names(records: Sequence[RunRecord]) -> list[str]:
-    """The traits in which runs differ; a single run goes by its limits."""
+    """A name per run, from the traits in which they differ; a single run is named by its limits."""
     if len(records) == 1:
         return [_TRAITS[4](records[0])]
     differing = [trait for trait in _TRAITS if len({trait(r) for r in records}) > 1]
-    told = [", ".join(trait(r) for trait in differing) or "run" for r in records]
+    found = [", ".join(trait(r) for trait in differing) or "run" for r in records]
     seen: Counter[str] = Counter()
     result = []
-    for name in told:
+    for name in found:
         seen[name] += 1
-        result.append(name if told.count(name) == 1 else f"{name} ({seen[name]})")
+        result.append(name if found.count(name) == 1 else f"{name} ({seen[name]})")
     return result
 
 
 def partner(section: Section, others: Sequence[Section]) -> Section | None:
-    """The same drive case with the ECU's limits the other way round."""
+    """The run of the same case with the opposite setting of the ECU's limits; None if there is none."""
 
     def case(s: Section) -> tuple[object, ...]:
         r = s.run.record
@@ -132,11 +132,11 @@ def _named(verdict: Verdict, name: str) -> Verdict:
 
 @dataclass(frozen=True, slots=True)
 class Headline:
-    """What happened: a few words, how grave (good, warned, lifted, unknown), and a sentence or two."""
+    """The outcome of a run for the top of the page."""
 
-    words: str
-    kind: str
-    story: str
+    words: str  # a few words
+    kind: str  # good, warned, lifted or unknown; chooses the colour
+    story: str  # one or two sentences
 
 
 def headline(section: Section, others: Sequence[Section]) -> Headline:

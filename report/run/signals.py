@@ -1,6 +1,6 @@
-"""Which signals of a run are shown: truth against estimate, demand against limit, states.
+"""Selects the signals of a run for the report: truth against estimate, demand against limit, states.
 
-Reads a run as it is; a signal that was not recorded leaves its curve out, not the plot.
+A signal that was not recorded leaves out its curve, not the plot, so that the plots of several runs stay side by side.
 """
 
 import math
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dbc import loader_database
 from hil.rundir import RunDirectory
 from hil.verdict import WHEELS, RunVerdict
-from report.kit.bands import Band, stretches
+from report.kit.bands import Band, intervals
 from report.kit.plot import Curve, Mark, Plot
 
 WHEEL_SIGNALS = ("FrontLeft", "FrontRight", "RearLeft", "RearRight")
@@ -52,7 +52,7 @@ class Group:
 
 
 def marks(verdict: RunVerdict | None) -> list[Mark]:
-    """The moments every plot shows, in the order of time."""
+    """The moments that every plot marks, in the order of time."""
     if verdict is None:
         return []
     found = []
@@ -103,7 +103,7 @@ class Signals:
         steps: bool = False,
         keep: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None,
     ) -> list[Curve]:
-        """A signal as it went over the bus, in the DBC's unit times `scale`; gaps where it was not valid."""
+        """A signal of the bus, in the DBC's unit times `scale`; gaps where it was not valid."""
         columns = self._run.messages.get(message)
         if columns is None or signal not in columns.signals:
             return []
@@ -117,7 +117,8 @@ class Signals:
         return [Curve(label, time[within], value[within], style, steps)] if within.any() else []
 
     def limit(self, signal: str, label: str, *, either_way: bool = False) -> list[Curve]:
-        """A limit where it stands below the top of its range; either way: for both signs."""
+        """A limit, where it is below the top of its range; either_way: drawn for both signs."""
+        # the top of the range means "no limit"; 0.999, because decoded floats are not exact
         top = 0.999 * (loader_database().by_name["Limits"].by_signal[signal].maximum or math.inf)
         found = self.frame("Limits", signal, label, "limit", steps=True, keep=lambda v: v < top)
         return [*found, *(replace(c, value=-c.value, silent=True) for c in found if either_way)]
@@ -280,9 +281,9 @@ def state_bands(run: RunDirectory) -> list[Band]:
     for name, message, signal, words in STATES:
         if (columns := run.messages.get(message)) is not None:
             found.append(
-                Band(name, stretches(columns.time_s, columns.signals[signal], words, window_of(run)))
+                Band(name, intervals(columns.time_s, columns.signals[signal], words, window_of(run)))
             )
-    return [band for band in found if band.stretches] + warning_bands(run)
+    return [band for band in found if band.intervals] + warning_bands(run)
 
 
 def warning_bands(run: RunDirectory) -> list[Band]:
@@ -294,13 +295,13 @@ def warning_bands(run: RunDirectory) -> list[Band]:
     found = [
         Band(
             spaced(signal),
-            stretches(warnings.time_s, values, FLAG, window_of(run)),
+            intervals(warnings.time_s, values, FLAG, window_of(run)),
             layout[signal].comment or "",
         )
         for signal, values in warnings.signals.items()
         if signal not in ("Crc", "AliveCounter", "Level")
     ]
-    return [band for band in found if any(s.severity for s in band.stretches)]
+    return [band for band in found if any(s.severity for s in band.intervals)]
 
 
 def spaced(name: str) -> str:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from report.kit import bands, histogram
 from report.kit.axis import Axis, around, number
-from report.kit.bands import Band, Stretch, stretches
+from report.kit.bands import Band, Interval, intervals
 from report.kit.histogram import Histogram, common_end, milliseconds
 from report.kit.plot import (
     BINS,
@@ -140,7 +140,7 @@ def test_names_cannot_break_the_page():
     nasty = '</svg><script>"&'
     plot = Plot(title=nasty, unit=nasty, curves=[Curve(nasty, np.arange(3.0), np.arange(3.0), "truth")])
     timeline = Timeline(WIDE, 10.0, [Mark(1.0, nasty, nasty, "warned")])
-    found = bands.markup([Band(nasty, (Stretch(0, 9, nasty, 1),), nasty)], timeline)
+    found = bands.markup([Band(nasty, (Interval(0, 9, nasty, 1),), nasty)], timeline)
     for text in (
         markup(plot, WIDE, timeline),
         found,
@@ -171,20 +171,20 @@ def test_a_curve_without_values_is_left_out_and_an_empty_plot_says_so():
     assert "some" in text
 
 
-def test_stretches_cover_the_time_without_overlap():
+def test_intervals_cover_the_time_without_overlap():
     words = {0: ("quiet", 0), 1: ("odd", 1), 2: ("loud", 2)}
-    found = stretches([0, 1, 2, 3, 4], [0, 0, 2, 2, 7], words)
+    found = intervals([0, 1, 2, 3, 4], [0, 0, 2, 2, 7], words)
     assert found == (
-        Stretch(0.0, 2.0, "quiet", 0),
-        Stretch(2.0, 4.0, "loud", 2),
-        Stretch(4.0, 4.0, "not available", 0),
+        Interval(0.0, 2.0, "quiet", 0),
+        Interval(2.0, 4.0, "loud", 2),
+        Interval(4.0, 4.0, "not available", 0),
     )
 
 
 @given(st.lists(st.booleans(), min_size=1, max_size=80))
-def test_the_stretches_of_a_flag_are_the_flag(flags):
-    """End to end, alternating, and each sample in the stretch that says its value."""
-    found = stretches(range(len(flags)), flags, {0: ("", 0), 1: ("set", 2)})
+def test_the_intervals_of_a_flag_are_the_flag(flags):
+    """End to end, alternating, and each sample in the interval with its value."""
+    found = intervals(range(len(flags)), flags, {0: ("", 0), 1: ("set", 2)})
     assert found[0].start_s == 0
     assert found[-1].end_s == len(flags) - 1
     assert all(a.end_s == b.start_s and a.word != b.word for a, b in itertools.pairwise(found))
@@ -194,14 +194,14 @@ def test_the_stretches_of_a_flag_are_the_flag(flags):
 
 
 def test_a_window_cuts_the_samples_outside():
-    found = stretches([0, 1, 2, 3], [1, 0, 0, 1], {0: ("a", 0), 1: ("b", 1)}, (0.5, 2.5))
-    assert found == (Stretch(1.0, 2.0, "a", 0),)
-    assert stretches([0, 1], [1, 1], {}, (5, 6)) == ()
+    found = intervals([0, 1, 2, 3], [1, 0, 0, 1], {0: ("a", 0), 1: ("b", 1)}, (0.5, 2.5))
+    assert found == (Interval(1.0, 2.0, "a", 0),)
+    assert intervals([0, 1], [1, 1], {}, (5, 6)) == ()
 
 
-def test_bars_lie_where_their_stretch_is():
+def test_bars_lie_where_their_interval_is():
     text = bands.markup(
-        [Band("b", (Stretch(2.0, 5.0, "up", 1), Stretch(5.0, 20.0, "down", 0)))], Timeline(WIDE, 10.0)
+        [Band("b", (Interval(2.0, 5.0, "up", 1), Interval(5.0, 20.0, "down", 0)))], Timeline(WIDE, 10.0)
     )
     parser = Titles()
     parser.feed(text)

@@ -17,7 +17,7 @@ from hil.verdict import roll_over_warning
 from report.render import command, film
 from report.render.board import COLOURS, WarningLine, written
 from report.render.camera import View, scene_in
-from report.render.film import RenderError, Shot, checked, frames, telling_moment, write
+from report.render.film import RenderError, Shot, checked, decisive_moment, frames, write
 from report.render.loader import Dimensions
 from report.render.pictures import AFTER_LIFT_OFF_S, dimensions_of, instant_at
 from report.render.scene import view_of
@@ -59,8 +59,8 @@ def test_pictures_are_taken_from_the_first_moment_to_the_last():
     assert shot(2.0, 2.0).times_s == [2.0]
 
 
-def test_the_telling_moment_is_just_after_lift_off(run):
-    assert telling_moment(run) == pytest.approx(judge_run(run).lift_off_s + AFTER_LIFT_OFF_S)
+def test_the_decisive_moment_is_just_after_lift_off(run):
+    assert decisive_moment(run) == pytest.approx(judge_run(run).lift_off_s + AFTER_LIFT_OFF_S)
 
 
 def test_the_warning_is_the_frame_that_stood_on_the_bus(run):
@@ -131,7 +131,7 @@ def test_nothing_is_left_of_a_file_that_could_not_be_finished(run, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_command_draws_the_telling_moment(folder, tmp_path):
+def test_the_command_draws_the_decisive_moment(folder, tmp_path):
     done = render(folder, "--out", tmp_path / "a.png", "--width", 320, "--view", "above")
     assert done.exit_code == 0, done.output
     with Image.open(tmp_path / "a.png") as image:
