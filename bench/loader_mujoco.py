@@ -1,7 +1,7 @@
-"""A motion for the bench's unit whose bodies and integration are MuJoCo's: a second body of truth for the loader's diagnosis.
+"""A motion of the loader with MuJoCo's bodies and integration: an independent truth for the loader's diagnosis.
 
-Ours are the tyre's force law and the servo law, called at MuJoCo's state, and the lags of motor and brake. A brake's friction is smoothed
-about standstill, where the plant's own holds the wheel. Of the effects only those act that change the plant's parameter vector or the payload,
+The tyre's force law, the servo law, and the lags of motor and brake are ours, called at MuJoCo's state. A brake's friction is smoothed
+about standstill, whereas the plant's own holds the wheel. Possible effects are those that change the plant's parameter vector or the payload,
 and the drag of released brakes; others raise ValueError.
 """
 
@@ -58,7 +58,7 @@ class MujocoMotion:
         p[P_FRICTION] *= grip
         self._oracle = MujocoLoader(self._machine, p, payload_mass=self._payload, step=STEP_S)
         self._oracle.set_state(state)
-        self._told_payload = payload_mass
+        self._stated_payload = payload_mass
         self._drive, self._brake = state[s.DRIVE : s.DRIVE + 4].copy(), state[s.BRAKE : s.BRAKE + 4].copy()
         self._rates = np.zeros(3)
         self._steps = 0
@@ -142,7 +142,7 @@ class MujocoMotion:
             "lift_pressure": in_lift,
             "tilt_pressure": in_tilt,
             "steering_pressure": steering,
-            "payload_mass": self._told_payload,
+            "payload_mass": self._stated_payload,
         }
         for name, body in (
             ("articulation", s.FRONT_FRAME),

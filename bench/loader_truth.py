@@ -1,10 +1,10 @@
-"""Bodies of truth for the loader's diagnosis: random drives on the bench, with what is hidden in them.
+"""Bodies of truth for the loader's diagnosis: random drives on the bench with hidden effects.
 
     record(Arm("payload_mass", seed=3, scale=1.0), Path("out/run"))   writes a run directory and returns what is true
     loader.load_run(Path("out/run"))                                   reads it as the diagnosis does
 
 Everything passes what a real drive passes: the driver, the limits of the ECU, sensors with noise, bias, lag and resolution, and the
-CAN encoding. The motion is the plant's with another integrator and step than the led plant of the diagnosis has (`truth="rk4"`), or
+CAN encoding. The motion is the plant's with another integrator and step than the measurement-driven replay of the diagnosis has (`truth="rk4"`), or
 MuJoCo's (`truth="mujoco"`: bodies and integration are MuJoCo's, tyre and servo laws ours). Masses, height, tyres and the
 zero points of sensors differ from the sheet by what the model's priors say.
 
@@ -51,20 +51,17 @@ SPREAD: Mapping[str, float] = {
     "tyre_stiffness": 0.03,
     "wheel_radius": 0.001,
 }
-"""Standard deviation of what the machine is off its sheet by: within the priors of the model's nuisances."""
+"""Standard deviation of the machine's deviations from its sheet: those of the priors of the model's nuisances."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arm:
-    """One recording to be made and diagnosed.
+    """One recording to be made and diagnosed."""
 
-    effects: names in the model's library, physics or sensor; none for a null. scale: of each effect's typical change, where
-    `values` does not give a parameter by name ('rolling_resistance.coefficient'), in its own unit.
-    """
-
-    effects: tuple[str, ...] = ()
+    effects: tuple[str, ...] = ()  # names in the model's library, physics or sensor; () for a null
     seed: int = 0
-    scale: float = 1.0
+    scale: float = 1.0  # size of each effect in its typical change
+    # sizes by parameter name ('rolling_resistance.coefficient'), in its unit; they override `scale`
     values: Mapping[str, float] | None = None
     truth: Body = "rk4"
     duration_s: float = 40.0
@@ -187,7 +184,7 @@ def _motion(arm: Arm, machine: Machine, scenario: Scenario) -> Motion:
 
 
 def drive(arm: Arm, rng: np.random.Generator, payload_kg: float, equipment: Equipment) -> Scenario:
-    """Some seconds each of a speed, a turn, now and then the linkage and the brake, all by chance."""
+    """A random drive: each few seconds another speed and turn, sometimes the linkage and the brake."""
     end, at = arm.duration_s, 0.0
     start = float(rng.choice(SPEEDS_M_S[2:]))
     speed, turn, brake = [(0.0, start)], [(0.0, 0.0)], [(0.0, 0.0)]

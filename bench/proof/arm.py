@@ -29,30 +29,28 @@ NEAR = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arm:
-    """body: of truth. kind: null, effect, outside (no effect of the library is the cause), pair, stretch (acts between start_s and
+    """One recording of the proof, with what is hidden in it."""
 
-    end_s only), real. strength: wanted lambda (infinite: as strong as it is, of what is there or not), or for the loader the size in typical
-    changes.
-    """
-
-    body: str
+    body: str  # of truth
+    # null, effect, outside (no effect of the library is the cause), pair, stretch (acts between start_s and end_s only), real
     kind: str
     seed: int
     effects: tuple[str, ...] = ()
     noise: str = ""
+    # wanted lambda; infinite: the effect has one size only. For the loader: the size in typical changes.
     strength: float = 0.0
-    what: str = ""
+    what: str = ""  # name of the case where no effect of the library is hidden
     start_s: float | None = None
     end_s: float | None = None
 
     @property
     def key(self) -> str:
         """Unique, and fit for a file."""
-        told = "+".join(self.effects) or self.what
+        hidden = "+".join(self.effects) or self.what
         parts = (
             self.body,
             self.kind,
-            told,
+            hidden,
             self.noise,
             f"{self.strength:g}" if self.strength else "",
             str(self.seed),
@@ -62,15 +60,14 @@ class Arm:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Truth:
-    """What an arm hid: parameters, lambda that was reached, and where the effect shows.
+    """What an arm hid, and how visible it is."""
 
-    channels: share of lambda per channel; beyond: what else is to be kept (a peer's answer).
-    """
-
-    values: Mapping[str, float] = field(default_factory=dict)
-    reached: float | None = None
-    channels: Mapping[str, float] = field(default_factory=dict)
-    beyond: Mapping[str, str] = field(default_factory=dict)
+    values: Mapping[str, float] = field(default_factory=dict)  # true parameters
+    reached: float | None = None  # lambda on this recording
+    channels: Mapping[str, float] = field(default_factory=dict)  # share of lambda per channel
+    beyond: Mapping[str, str] = field(
+        default_factory=dict
+    )  # further results to keep, such as a peer's answer
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +99,7 @@ class Done:
 
     @property
     def lam(self) -> float:
-        """lambda with which the arm counts: the one that was wanted and reached, or what the loader's came to."""
+        """The lambda with which the arm counts: the wanted one if it was reached; for the loader the measured one."""
         if self.arm.body in LOADERS:
             return self.truth.reached or 0.0
         return self.arm.strength if self.reached else 0.0
@@ -116,7 +113,7 @@ def diagnosed(arm: Arm, model: Model, recordings: list[Recording], truth: Truth)
 
 
 def row(arm: Arm, truth: Truth, found: Findings, seconds: float) -> Row:
-    """What is kept: columns to look at, and everything as JSON."""
+    """The row that is stored: columns for a reader, and everything as JSON."""
     return {
         "body": arm.body,
         "kind": arm.kind,

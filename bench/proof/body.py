@@ -1,4 +1,4 @@
-"""A body of truth: a way to make recordings that owes nothing to the model they are diagnosed with."""
+"""A body of truth: makes recordings independently of the model with which they are diagnosed."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -25,30 +25,29 @@ BOUND = 0.9  # of the way to a parameter's bound, as far as effects go
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Body:
-    """How one small model is put to the test.
-
-    noises; nulls: arms per noise and seed; outside: parameters of truths that no effect of the library is; pairs; stretches: effects that act
-    for a part of the time; peer: another tool's answer on the same recordings.
-    """
+    """The test plan of one small model."""
 
     name: str
     model: Callable[[], Model]
     record: Record
     noises: tuple[str, ...]
-    nulls: int
-    outside: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    nulls: int  # arms per noise and seed
+    outside: Mapping[str, Mapping[str, float]] = field(
+        default_factory=dict
+    )  # truths that no effect of the library can be
     pairs: tuple[tuple[str, str], ...] = ()
-    stretches: tuple[str, ...] = ()
-    peer: Callable[[list[Recording]], Mapping[str, str]] | None = None
+    stretches: tuple[str, ...] = ()  # effects that act for a part of the time
+    peer: Callable[[list[Recording]], Mapping[str, str]] | None = (
+        None  # another tool's answer on the same recordings
+    )
 
     def arms(self, seeds: int) -> Iterator[Arm]:
         """The whole plan."""
         library = self.model().effects
         for seed in range(seeds):
             for number, noise in enumerate(self.noises):
-                for repeat in range(
-                    self.nulls
-                ):  # every one another drive: one chance would be counted thrice
+                # every null is another drive: otherwise one random event would be counted once per noise
+                for repeat in range(self.nulls):
                     own = 10_000 + 1_000 * seed + len(self.noises) * repeat + number
                     yield self._arm("null", own, noise=noise)
                 for place, what in enumerate(self.outside):
@@ -133,4 +132,4 @@ class Body:
         """lambda and its shares by channel on a recording that holds the effect throughout."""
         whole = Arm(body=arm.body, kind="effect", seed=arm.seed, noise=arm.noise)
         problem = Problem(self.model(), self.record(values, whole, np.random.default_rng(arm.seed)))
-        return oracle.told(problem, [effect], values)
+        return oracle.measured(problem, [effect], values)

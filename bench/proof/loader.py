@@ -1,4 +1,4 @@
-"""The wheel loader: drives by chance through driver, limits, sensors, CAN encoding and ECU (bench.loader_truth), the whole library as candidates."""
+"""The loader's arms of the proof: random drives through driver, limits, sensors, CAN and ECU, the whole library as candidates."""
 
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -55,4 +55,4 @@ def _shown(arm: Arm, model: Model, recording: Recording, values: Mapping[str, fl
         return Truth(values=values)
     problem = Problem(replace(model, effects=tuple(effects)), [recording])
     hidden = {p.name: values[p.name] for effect in effects for p in effect.parameters}
-    return replace(oracle.told(problem, effects, hidden), values=values)
+    return replace(oracle.measured(problem, effects, hidden), values=values)

@@ -1,7 +1,7 @@
-"""How plainly a recording shows what was hidden in it, as told by one who knows the effect and its size.
+"""Measures how visible a hidden effect is in a recording, with knowledge of the effect and its size.
 
-lambda: what the effect changes beyond all refitted nuisances and initial states, squared, over the noise, and by how much those strain their
-priors for it; correlation of the scores counted.
+lambda: squared change of the outputs that refitted nuisances and initial states cannot absorb, over the noise, plus the increase of the
+prior conflict of the refitted nuisances; the correlation of the scores is taken into account.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,11 +19,8 @@ from discrepancy.selection.state import Settings
 LEAST = 1e-9  # lambda that counts as none
 
 
-def told(problem: Problem, effects: Sequence[Effect], values: Mapping[str, float]) -> Truth:
-    """The truth with the lambda of that effect which shows least, the others known; values: of all parameters of the effects.
-
-    channels: shares of it.
-    """
+def measured(problem: Problem, effects: Sequence[Effect], values: Mapping[str, float]) -> Truth:
+    """The truth with the lambda of the least visible effect, the others known. values: of all parameters of the effects."""
     names = tuple(effect.name for effect in effects)
     state = assess(problem, names, problem.start().having(**values), Settings())
     least: Truth | None = None
@@ -34,8 +31,8 @@ def told(problem: Problem, effects: Sequence[Effect], values: Mapping[str, float
         change = without.residual - state.fit.residual
         power = np.bincount(state.noise.row_channel, change**2, len(problem.channels))
         whole = max(float(np.sum(power)), LEAST)
-        strained = max(_strain(without) - _strain(state.fit), 0.0)
-        reached = (float(np.sum(power)) + strained) / spread(
+        conflict = max(_prior_conflict(without) - _prior_conflict(state.fit), 0.0)
+        reached = (float(np.sum(power)) + conflict) / spread(
             state.fit, effect.names, time_blocks_of(state.noise)
         )
         channels = {n: float(p / whole) for n, p in zip(problem.channels, power, strict=True)}
@@ -44,6 +41,6 @@ def told(problem: Problem, effects: Sequence[Effect], values: Mapping[str, float
     return least or Truth(values=values)
 
 
-def _strain(fitted: Fit) -> float:
-    """What the priors say of a fit, in SSE."""
+def _prior_conflict(fitted: Fit) -> float:
+    """The part of a fit's SSE that comes from the priors."""
     return fitted.sse - fitted.data_sse

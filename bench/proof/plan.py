@@ -1,4 +1,4 @@
-"""Which arms there are, and who carries each out."""
+"""The plan of the proof: all arms, and the module that carries out each."""
 
 from collections.abc import Iterable, Iterator
 
@@ -29,14 +29,14 @@ def plan(groups: Iterable[str], seeds: int) -> Iterator[Arm]:
 
 
 def carried_out(arm: Arm) -> Row:
-    """One arm, wherever it is carried out."""
+    """Carry out one arm."""
     if arm.body in BODIES:
         return BODIES[arm.body].carried_out(arm)
     return {"loader": loader, "mujoco": loader, "real": real, "thesis": thesis}[arm.body].carried_out(arm)
 
 
 def sampled(arms: list[Arm], share: float) -> list[Arm]:
-    """Evenly every so many-th arm of each body and kind, at least one of each, and FEWEST_NULLS: a share of few nulls would say nothing."""
+    """An even sample of the arms of each body and kind: at least one, and FEWEST_NULLS nulls, because a rate over fewer has no meaning."""
     kept = []
     for body, kind in dict.fromkeys((a.body, a.kind) for a in arms):
         some = [a for a in arms if (a.body, a.kind) == (body, kind)]

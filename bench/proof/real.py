@@ -1,4 +1,4 @@
-"""Recordings of real things with the effect concealed: balls, a small car, a road vehicle's raw CAN, a tractor's traffic."""
+"""Real recordings with a known cause: balls, a small car, a road vehicle's raw CAN, a tractor's traffic."""
 
 import os
 import time
@@ -32,7 +32,7 @@ def folder() -> Path:
 
 
 def cases(data: Path) -> dict[str, tuple[str, Case]]:
-    """By name: what is expected, and how model and recordings are had."""
+    """Name -> expected result, and a function that gives model and recordings."""
     found: dict[str, tuple[str, Case]] = {}
     for name in (*LIGHT, *HEAVY):
         expected = "drag, cd 0.46-0.69" if name in LIGHT else "no finding"

@@ -1,4 +1,4 @@
-"""The proof as a page of Markdown."""
+"""Writes the report of the proof as a page of Markdown, docs/results/proof.md."""
 
 import platform
 import subprocess
@@ -34,22 +34,22 @@ REMARKS = (
 def commit() -> str:
     """The last commit that touched more than documents, marked where files differ from it."""
     rest = ("--", ".", ":!docs")
-    told = subprocess.run(
+    head = subprocess.run(
         ["git", "log", "-1", "--format=%h", *rest], capture_output=True, text=True, check=False
     )
     changed = subprocess.run(["git", "diff", "--quiet", "HEAD", *rest], check=False)
-    return (told.stdout.strip() or "unknown") + ("-dirty" if changed.returncode else "")
+    return (head.stdout.strip() or "unknown") + ("-dirty" if changed.returncode else "")
 
 
 def report(
-    done: Sequence[Done], broken: Mapping[str, str], planned: int, command: str, told: Mapping[str, str]
+    done: Sequence[Done], broken: Mapping[str, str], planned: int, command: str, about: Mapping[str, str]
 ) -> str:
-    """The whole page. broken: arms that did not finish, with the reason; planned: arms in all; told: what else was said of the run."""
+    """The whole page. broken: arms that did not finish, with the reason; planned: number of arms; about: commit and note of the run."""
     lines = [
         "# Proof of the discrepancy engine",
         "",
-        f"`{command}`, commit {told['commit']}, Python {platform.python_version()}, numpy {np.__version__}; {len(done)} of {planned} arms,"
-        f" {sum(d.seconds for d in done) / 3600.0:.1f} h of diagnosis. {told['note']}",
+        f"`{command}`, commit {about['commit']}, Python {platform.python_version()}, numpy {np.__version__}; {len(done)} of {planned} arms,"
+        f" {sum(d.seconds for d in done) / 3600.0:.1f} h of diagnosis. {about['note']}",
         "",
         "Every arm is seeded; the same command gives the same figures. What the words mean: [explanation](../explanation/discrepancy.md).",
         "",
@@ -83,7 +83,7 @@ def _real(done: Sequence[Done]) -> list[str]:
         return []
     rows = []
     for d in done:
-        said = "; ".join(_told(f) for f in d.findings.findings) or "none"
+        said = "; ".join(_shown(f) for f in d.findings.findings) or "none"
         rest = d.findings.open_ended.equation.replace("|", "\\|") if d.findings.open_ended else "-"
         extra = "; ".join(d.truth.beyond.values())
         rows.append(f"| {d.arm.what} | {extra} | {d.findings.status} | {said} | {rest} | {d.seconds:.0f} |")
@@ -100,7 +100,7 @@ def _real(done: Sequence[Done]) -> list[str]:
     ]
 
 
-def _told(f) -> str:
+def _shown(f) -> str:
     e = f.parameters[0]
     value = (
         f"{len(f.parameters)} values"

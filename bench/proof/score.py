@@ -1,4 +1,4 @@
-"""From rows to the figures of the benchmark, beside their targets."""
+"""Computes the figures of the proof from its rows, beside their targets."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -44,8 +44,8 @@ class Line:
     met: bool | None = None
 
     def __str__(self) -> str:
-        told = "" if self.met is None else "yes" if self.met else "**no**"
-        return f"| {self.metric} | {self.target} | {self.measured} | {told} |"
+        met = "" if self.met is None else "yes" if self.met else "**no**"
+        return f"| {self.metric} | {self.target} | {self.measured} | {met} |"
 
 
 def wilson(hits: int, of: int) -> tuple[float, float]:
@@ -64,8 +64,8 @@ def upper_bound(hits: int, of: int) -> float:
 
 def share(runs: Iterable[Done], hit: Callable[[Done], bool]) -> Share:
     """How many of the runs are as they should be."""
-    told = [hit(run) for run in runs]
-    return Share(sum(told), len(told))
+    hits = [hit(run) for run in runs]
+    return Share(sum(hits), len(hits))
 
 
 def found(run: Done) -> bool:
@@ -233,9 +233,9 @@ def parameters(run: Done) -> Iterator[tuple[float, bool]]:
 
 def _places(strong: Sequence[Done], stretches: Sequence[Done]) -> Iterator[Line]:
     channels = [channel_right(d) for d in strong]
-    told = [c for c in channels if c is not None]
-    if told:
-        hits = Share(sum(told), len(told))
+    judged = [c for c in channels if c is not None]
+    if judged:
+        hits = Share(sum(judged), len(judged))
         yield Line(
             "location: the channel, of effects found", ">= 95 %", str(hits), hits.hits >= 0.95 * hits.of
         )
@@ -261,12 +261,12 @@ def channel_right(run: Done) -> bool | None:
     f = next((f for f in run.findings.findings if f.effect in run.arm.effects), None)
     if f is None or not run.truth.channels:
         return None
-    told = next(iter(f.where.channels))
-    return run.truth.channels.get(told, 0.0) >= NEARLY * max(run.truth.channels.values())
+    strongest = next(iter(f.where.channels))
+    return run.truth.channels.get(strongest, 0.0) >= NEARLY * max(run.truth.channels.values())
 
 
 def overlap(run: Done) -> float:
-    """Intersection over union of the reported stretch with that in which the effect acts; 0 where it was not found."""
+    """Intersection over union of the reported active interval with the true one; 0 where the effect was not found."""
     f = next(
         (f for f in run.findings.findings if run.arm.effects[0] in (f.effect, *(m.effect for m in f.group))),
         None,
@@ -274,9 +274,9 @@ def overlap(run: Done) -> float:
     start, end = run.arm.start_s, run.arm.end_s
     if f is None or not f.where.intervals or start is None or end is None:
         return 0.0
-    told = f.where.intervals[0]
-    common = max(0.0, min(end, told.end_s) - max(start, told.start_s))
-    return common / (max(end, told.end_s) - min(start, told.start_s))
+    found_at = f.where.intervals[0]
+    common = max(0.0, min(end, found_at.end_s) - max(start, found_at.start_s))
+    return common / (max(end, found_at.end_s) - min(start, found_at.start_s))
 
 
 def regime_right(run: Done) -> bool | None:
@@ -338,7 +338,7 @@ def failures(done: Sequence[Done]) -> Iterator[str]:
         if d.arm.kind == "real":
             continue
         if not right(d) or (d.arm.body in LOADERS and not found(d)):
-            told = "; ".join(
+            findings = "; ".join(
                 f"{f.effect}{'' if f.named else ' (proxy)'}"
                 + (f" [or {', '.join(m.effect for m in f.group)}]" if f.group else "")
                 + (f" because {'; '.join(f.caveats)}" if f.caveats else "")
@@ -346,14 +346,14 @@ def failures(done: Sequence[Done]) -> Iterator[str]:
             )
             hidden = ", ".join(f"{k} = {v:.4g}" for k, v in d.truth.values.items()) or "nothing"
             lam = f"{d.truth.reached:.0f}" if d.truth.reached is not None else f"{d.arm.strength:g}"
-            yield f"| {d.arm.key} | {lam} | {hidden} | {d.findings.status}: {told or reason(d)} |".replace(
+            yield f"| {d.arm.key} | {lam} | {hidden} | {d.findings.status}: {findings or reason(d)} |".replace(
                 "\n", " "
             )
 
 
 def reason(run: Done) -> str:
     """Why a hidden effect was not taken, by the results of the screen."""
-    told = [
+    reasons = [
         f"{c.effect}: {c.verdict}, {c.reason}" for c in run.findings.candidates if c.effect in run.arm.effects
     ]
-    return f"no effect ({'; '.join(told)})" if told else "no effect"
+    return f"no effect ({'; '.join(reasons)})" if reasons else "no effect"

@@ -32,8 +32,8 @@ class Noise:
 
 
 STANDING = ("mass", "viscous")
-"""Parameters that act all the time; the others are effects, which may act for a stretch only."""
-WARM_S = 40.0  # in which a warming driveline loses most of what it will
+"""Parameters that act all the time; the others are effects, which may act in an interval only."""
+WARM_S = 40.0  # time constant of a warming driveline
 
 WHITE = Noise(quantised=False)
 COLOURED = Noise(force_sd=600.0, quantised=False)

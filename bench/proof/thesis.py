@@ -1,4 +1,4 @@
-"""The thesis' printed estimators against the plant: what do they leave out? Drives through CAN as hil.thesis makes them."""
+"""The thesis' printed estimators diagnosed against the plant, on drives through CAN as studies.thesis makes them."""
 
 import tempfile
 import time

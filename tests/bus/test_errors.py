@@ -59,6 +59,6 @@ def test_other_frames_say_nothing(frame: Frame) -> None:
 
 
 @given(st.integers(1, 0x3FF), st.binary(max_size=8))
-def test_every_class_that_is_set_is_told(error_class: int, data: bytes) -> None:
+def test_every_class_that_is_set_is_reported(error_class: int, data: bytes) -> None:
     found = findings(Frame(ERROR | error_class, data))
     assert len(found) >= error_class.bit_count()

@@ -13,7 +13,7 @@ def lines(caplog: pytest.LogCaptureFixture, findings: list[BusFinding]) -> list[
     return caplog.messages
 
 
-def test_what_is_new_is_told_at_once_even_at_time_zero(caplog: pytest.LogCaptureFixture) -> None:
+def test_what_is_new_is_reported_at_once_even_at_time_zero(caplog: pytest.LogCaptureFixture) -> None:
     found = [
         BusFinding(Fault.PASSIVE, 0, "receive errors"),
         BusFinding(Fault.PASSIVE, 0, "transmit errors"),
@@ -37,7 +37,7 @@ def test_a_storm_is_one_line_a_second_with_its_count(caplog: pytest.LogCaptureFi
     ]
 
 
-def test_error_counters_alone_are_not_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_error_counters_alone_are_not_reported(caplog: pytest.LogCaptureFixture) -> None:
     assert (
         lines(caplog, [BusFinding(Fault.COUNTERS, number, f"transmit {number}") for number in (1, 2)]) == []
     )

@@ -162,7 +162,7 @@ def test_what_a_broken_frame_hides_counts_as_lost():
     assert checker.lost == 1
 
 
-def test_counter_15_and_a_wrong_length_are_told():
+def test_counter_15_and_a_wrong_length_are_reported():
     frame = bytearray(sent(1)[0])
     frame[1] |= 0x0F
     frame[0] = profile_1(ARTICULATION.e2e_data_id, bytes(frame))

@@ -63,13 +63,13 @@ def test_an_undisturbed_message_is_valid_from_its_first_frame_on():
         (sent(20)[:-1], 1, Trouble.WRONG_LENGTH),
     ],
 )
-def test_each_trouble_is_told_apart(data, after, trouble):
+def test_each_trouble_is_reported_apart(data, after, trouble):
     watch = watched()
     assert watch.receive(data, (19 + after) * CYCLE) is trouble
     assert set(watch.counts) == {trouble}
 
 
-def test_a_wrong_crc_is_told():
+def test_a_wrong_crc_is_reported():
     watch = watched()
     found = watch.receive(broken(20), 20 * CYCLE)
     assert found in (Trouble.WRONG_CRC, Trouble.MASQUERADED)  # the CRC of one of n others fits by chance
@@ -97,7 +97,7 @@ def test_late_begins_at_one_and_a_half_cycles(gap_ns):
     assert (found is Trouble.LATE) == (gap_ns > 15_000_000)
 
 
-def test_silence_is_told_once_and_ends_with_the_next_frame():
+def test_silence_is_reported_once_and_ends_with_the_next_frame():
     watch = watched()
     heard_ns = 19 * CYCLE
     assert watch.overdue(heard_ns + round(SILENT * CYCLE)) is None

@@ -113,7 +113,7 @@ def test_a_run_that_cannot_start_leaves_the_earlier_one(turn, tmp_path):
     assert bytes_of(out) == before
 
 
-def test_a_place_that_cannot_be_written_is_told_in_one_line(turn):
+def test_a_place_that_cannot_be_written_is_reported_in_one_line(turn):
     with pytest.raises(RunError, match=r"/proc/run: cannot be written: No such file or directory"):
         run_lockstep(Choice(scenario=turn), Path("/proc/run"))
 

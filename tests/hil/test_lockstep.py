@@ -38,7 +38,7 @@ def test_nobody_hears_what_it_sent_itself_and_everybody_hears_the_rest():
     assert len(recording.bus) == len(plant.heard) + len(ecu.heard)
 
 
-def test_stamps_increase_strictly_and_are_those_that_the_receiver_was_told():
+def test_stamps_increase_strictly_and_are_those_that_the_receiver_was_given():
     plant, ecu, recording = run()
     stamps = [f.at_ns for f in recording.bus]
     assert all(a < b for a, b in itertools.pairwise(stamps))

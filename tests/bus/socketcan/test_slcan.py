@@ -45,7 +45,7 @@ class Adapter:
         threading.Thread(target=self._listen, name="adapter", daemon=True).start()
         ip("link", "set", self.interface, "type", "can", "bitrate", "500000")
         ip("link", "set", self.interface, "up")
-        self.until_told(b"S6\rO\r")
+        self.read_until(b"S6\rO\r")
 
     def _listen(self) -> None:
         while self._listening.wait():
@@ -54,7 +54,7 @@ class Adapter:
             except OSError:  # closed
                 return
 
-    def until_told(self, text: bytes) -> None:
+    def read_until(self, text: bytes) -> None:
         """Wait until the driver has sent this, and forget it."""
         deadline = time.monotonic() + WAIT_S
         while text not in self.told:
@@ -108,14 +108,14 @@ def test_frames_pass_both_ways(adapter: Adapter) -> None:
         before_ns = time.monotonic_ns()
         sent = Frame(0x18FF1234 | EXTENDED, b"\1\2")
         assert bus.send(sent)
-        adapter.until_told(b"T18FF123420102\r")
+        adapter.read_until(b"T18FF123420102\r")
         assert bus.drain() == []
         (confirmed,) = bus.confirmations()
         assert confirmed._replace(at_ns=0) == sent
         assert before_ns - 200_000 < confirmed.at_ns < time.monotonic_ns() + 200_000
 
 
-def test_states_of_the_controller_are_told_in_words(adapter: Adapter) -> None:
+def test_states_of_the_controller_are_reported_in_words(adapter: Adapter) -> None:
     with SocketCanTransport(adapter.interface) as bus:
         adapter.says(b"sw100099\r")
         assert told(bus) == [
@@ -128,7 +128,7 @@ def test_states_of_the_controller_are_told_in_words(adapter: Adapter) -> None:
         assert told(bus)[0] == "controller is error active again"
 
 
-def test_errors_on_the_wire_are_told_in_words(adapter: Adapter) -> None:
+def test_errors_on_the_wire_are_reported_in_words(adapter: Adapter) -> None:
     with SocketCanTransport(adapter.interface) as bus:
         adapter.says(b"e1a\r")
         assert told(bus)[:2] == ["no acknowledgement", "bus error"]
@@ -136,7 +136,7 @@ def test_errors_on_the_wire_are_told_in_words(adapter: Adapter) -> None:
         assert any("buffer overflowed" in line for line in told(bus))
 
 
-def test_bus_off_is_told_and_what_is_sent_meanwhile_is_counted_as_dropped(adapter: Adapter) -> None:
+def test_bus_off_is_reported_and_what_is_sent_meanwhile_is_counted_as_dropped(adapter: Adapter) -> None:
     """The kernel itself takes such frames without a word, and shows them to others as if they were sent."""
     with SocketCanTransport(adapter.interface) as bus, SocketCanTransport(adapter.interface) as other:
         adapter.says(b"sb255255\r")
@@ -152,10 +152,10 @@ def test_bus_off_is_told_and_what_is_sent_meanwhile_is_counted_as_dropped(adapte
         wait_until(bus, up=True)
         assert kinds(bus.findings())[-1] is Fault.LINK_UP
         assert bus.send(Frame(1, b"\7"))
-        adapter.until_told(b"t001107\r")
+        adapter.read_until(b"t001107\r")
 
 
-def test_a_controller_that_is_bus_off_already_is_told_at_once(adapter: Adapter) -> None:
+def test_a_controller_that_is_bus_off_already_is_reported_at_once(adapter: Adapter) -> None:
     with SocketCanTransport(adapter.interface) as witness:
         adapter.says(b"sb255255\r")
         collect(witness, 1)
@@ -164,7 +164,7 @@ def test_a_controller_that_is_bus_off_already_is_told_at_once(adapter: Adapter) 
             assert not bus.send(Frame(1, b"lost"))
 
 
-def test_a_burst_that_the_queue_does_not_hold_is_told_once_with_its_remedy(adapter: Adapter) -> None:
+def test_a_burst_that_the_queue_does_not_hold_is_reported_once_with_its_remedy(adapter: Adapter) -> None:
     with SocketCanTransport(adapter.interface) as bus:
         for _ in range(2):
             adapter.stall()
@@ -182,11 +182,11 @@ def test_a_burst_that_the_queue_does_not_hold_is_told_once_with_its_remedy(adapt
             while not bus.send(Frame(2, b"\7")):
                 assert time.monotonic() < deadline
                 time.sleep(0.01)
-            adapter.until_told(b"t002107\r")
+            adapter.read_until(b"t002107\r")
         assert bus.findings() == []
 
 
-def test_an_adapter_that_is_unplugged_is_told(adapter: Adapter) -> None:
+def test_an_adapter_that_is_unplugged_is_reported(adapter: Adapter) -> None:
     with SocketCanTransport(adapter.interface) as bus:
         adapter.unplug()
         assert readable(bus, WAIT_S)

@@ -103,7 +103,7 @@ def in_a_process(work: Callable[[], int]) -> int:
     return result
 
 
-def test_an_interface_that_goes_down_and_up_again_is_told_and_survived(spare: str) -> None:
+def test_an_interface_that_goes_down_and_up_again_is_reported_and_survived(spare: str) -> None:
     with SocketCanTransport(spare) as sender, SocketCanTransport(spare) as receiver:
         descriptor = receiver.fileno()
         ip("link", "set", spare, "down")

@@ -67,7 +67,7 @@ def test_every_form_of_line(line, expected):
         ("(1.0) can0 123#11 and more", "follows"),
     ],
 )
-def test_a_damaged_line_is_told_and_skipped(line, word):
+def test_a_damaged_line_is_reported_and_skipped(line, word):
     good = "(1.0) can0 123#11"
     table = parse_candump(f"{good}\n{line}\n\n{good}\n".encode())
     assert len(table) == 2

@@ -125,7 +125,7 @@ def test_a_file_cut_off_anywhere_gives_what_is_before_the_cut(files, tmp_path, f
     assert len(found) > 6  # the longer the file the more frames
 
 
-def test_a_damaged_line_of_an_asc_is_told_and_the_rest_read(files, tmp_path):
+def test_a_damaged_line_of_an_asc_is_reported_and_the_rest_read(files, tmp_path):
     lines = files["asc"].read_text().splitlines(keepends=True)
     first = next(i for i, line in enumerate(lines) if "Rx" in line)
     lines[first + 10] = lines[first + 10].replace(" d 8 ", " d 8 XX ", 1)
@@ -139,7 +139,7 @@ def test_a_damaged_line_of_an_asc_is_told_and_the_rest_read(files, tmp_path):
     assert "5 bytes of data where 8 are announced" in table.damaged[1].reason
 
 
-def test_damage_inside_a_blf_is_told_with_its_byte(files, tmp_path):
+def test_damage_inside_a_blf_is_reported_with_its_byte(files, tmp_path):
     content = bytearray(files["blf"].read_bytes())
     content[144:148] = b"XXXX"  # the first object after the file's header
     file = tmp_path / "damaged.blf"

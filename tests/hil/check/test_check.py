@@ -157,7 +157,7 @@ def test_the_same_message_on_two_channels_is_judged_on_each(table):
     ]
 
 
-def test_two_sources_of_a_j1939_group_are_told_apart(table, tmp_path):
+def test_two_sources_of_a_j1939_group_are_reported_apart(table, tmp_path):
     dbc = tmp_path / "two.dbc"
     dbc.write_text(GROUP)
     frames = [
@@ -241,7 +241,7 @@ def test_a_wrong_option_is_one_clear_error(log, words, named):
     assert named in str(result.exception)
 
 
-def test_an_empty_recording_is_told(tmp_path):
+def test_an_empty_recording_is_reported(tmp_path):
     empty = tmp_path / "empty.log"
     empty.touch()
     result = invoke(empty)

@@ -49,7 +49,7 @@ def test_faults_act_one_after_the_other():
     assert [at // MS for at, _ in both] == [3, 5]
 
 
-def test_beginnings_and_ends_are_told_with_the_number_of_frames_struck():
+def test_beginnings_and_ends_are_reported_with_the_number_of_frames_struck():
     one = injector(
         {"kind": "drop", "message": SPEEDS, "at_s": 0.1, "for_s": 0.1},
         {"kind": "corrupt", "message": SPEEDS, "at_s": 0.15},
@@ -69,7 +69,7 @@ def test_a_kill_is_an_action_and_its_end_a_restart():
     assert one.actions(1600 * MS) == [Action("restart", "ecu")]
 
 
-def test_a_bus_off_is_told_to_the_shell_too():
+def test_a_bus_off_is_reported_to_the_shell_too():
     one = injector({"kind": "bus_off", "node": "plant", "for_s": 1.0})
     assert one.actions(0) == [Action("bus_off", "plant")]
     assert one.actions(1000 * MS) == [Action("bus_on", "plant")]

@@ -31,7 +31,7 @@ def test_own_frames_and_those_of_the_other_node_are_no_duplicates():
     assert (ours.figures(), told) == ({}, [])
 
 
-def test_a_second_sender_is_told_once_and_counted():
+def test_a_second_sender_is_reported_once_and_counted():
     ours, told = heard(LIMITS, SPEEDS, LIMITS)
     assert told == ["Limits"]
     assert ours.figures() == {

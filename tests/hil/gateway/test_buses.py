@@ -25,13 +25,13 @@ def test_a_bus_that_is_there_already_needs_no_hub(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("chosen", "told"),
+    ("chosen", "message"),
     [
         ({"plant": "socketcan:can0"}, "--plant-bus"),
         ({"ecu": "socketcan:can0"}, "--ecu-bus"),
         ({"gateway": True, "plant": "hub:a", "ecu": "hub:a"}, "both hub:a"),
     ],
 )
-def test_what_does_not_go_together_is_told(chosen, told):
-    with pytest.raises(BusesError, match=told):
+def test_what_does_not_go_together_is_reported(chosen, message):
+    with pytest.raises(BusesError, match=message):
         Buses(**chosen)

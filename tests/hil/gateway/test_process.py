@@ -114,7 +114,7 @@ def test_faults_come_and_go_by_live_command(hubs, gateway, control):
             ask(control, {"command": "inject", "fault": {"kind": "smash"}})
 
 
-def test_a_lost_hub_is_told_in_one_line(hubs, gateway):
+def test_a_lost_hub_is_reported_in_one_line(hubs, gateway):
     hubs["ecu"].close()
     assert gateway.wait(WAIT_S) == Ending.HUB_LOST
     assert gateway.stderr.read() == f"loaderhil: lost the bus: {hubs['ecu'].path}: the hub is gone\n"

@@ -130,7 +130,7 @@ def test_without_a_file_nothing_unknown_passes():
         ('[nodes]\nplant = ["Machine"]\necu = ["Machine"]', ("nodes", "'Machine' is on both sides")),
     ],
 )
-def test_what_a_file_may_not_say_is_told_in_one_line(text, told, tmp_path):
+def test_what_a_file_may_not_say_is_reported_in_one_line(text, told, tmp_path):
     with pytest.raises(SettingsError) as caught:
         routes(text, tmp_path)
     message = str(caught.value)
@@ -140,7 +140,7 @@ def test_what_a_file_may_not_say_is_told_in_one_line(text, told, tmp_path):
         assert part in message
 
 
-def test_a_missing_file_is_told(tmp_path):
+def test_a_missing_file_is_reported(tmp_path):
     with pytest.raises(SettingsError, match=r"nothing\.toml: cannot be read: No such file"):
         read_settings(tmp_path / "nothing.toml")
 

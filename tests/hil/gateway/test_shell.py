@@ -116,7 +116,7 @@ def test_the_end_of_either_bus_is_not_silence(stack):
         serve_until(loop, lambda: False)
 
 
-def test_findings_are_told(stack, tmp_path):
+def test_findings_are_reported(stack, tmp_path):
     plant, machine = an_end(stack, "virtual", tmp_path, "plant")
     ecu, _ = an_end(stack, "virtual", tmp_path, "ecu")
     told = []

@@ -44,7 +44,7 @@ def test_a_sound_stream_is_no_news():
     assert not watcher.troubles("plant")
 
 
-def test_a_trouble_is_told_once_and_counted_each_time():
+def test_a_trouble_is_reported_once_and_counted_each_time():
     frames = stream(SENSOR, 60)
     for n in (20, 40):
         frames[n] = frames[n - 1]._replace(at_ns=frames[n].at_ns)
@@ -55,7 +55,7 @@ def test_a_trouble_is_told_once_and_counted_each_time():
     assert not watcher.troubles("ecu")
 
 
-def test_a_masquerade_is_told_with_the_message_it_really_is():
+def test_a_masquerade_is_reported_with_the_message_it_really_is():
     frames = stream(SENSOR, 20)
     foreign = stream(OTHER, 21)[-1]
     frames.append(Frame(SENSOR.can_id, foreign.data, 20 * CYCLE))
@@ -63,7 +63,7 @@ def test_a_masquerade_is_told_with_the_message_it_really_is():
     assert found.what == "CRC is that of another message (BodyRates)"
 
 
-def test_a_message_that_becomes_invalid_is_told_and_that_it_is_valid_again():
+def test_a_message_that_becomes_invalid_is_reported_and_that_it_is_valid_again():
     frames = stream(SENSOR, 400)
     frames[100:110] = [broken(frame) for frame in frames[100:110]]
     told = [finding.what for finding in fed(frames).findings()]

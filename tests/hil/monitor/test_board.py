@@ -54,7 +54,7 @@ def test_silence_is_late_from_one_and_a_half_periods_and_stale_from_three(
 @pytest.mark.parametrize(
     ("period_ms", "expected"), [(4, Pace.FAST), (6, Pace.NONE), (14, Pace.NONE), (16, Pace.SLOW)]
 )
-def test_a_steady_wrong_period_is_told(period_ms: int, expected: Pace) -> None:
+def test_a_steady_wrong_period_is_reported(period_ms: int, expected: Pace) -> None:
     assert pace(CYCLE, period_ms * MS, 0) is expected
 
 

@@ -122,7 +122,7 @@ def test_unknown_and_short_frames_and_error_frames_are_shown_as_they_are() -> No
     assert "message" not in objects[2]
 
 
-def test_broken_protection_is_told_per_bus() -> None:
+def test_broken_protection_is_reported_per_bus() -> None:
     codec = loader_database().by_name["Articulation"]
     protector = Protector(codec)
     good = [protector.protect(bytes(8)) for _ in range(5)]

@@ -140,7 +140,7 @@ def test_count_and_silence_end_it(hub: RunningHub) -> None:
     assert ended(patient, 0)[0].count("\n") == 8
 
 
-def test_the_end_of_the_bus_is_told(tmp_path: Path) -> None:
+def test_the_end_of_the_bus_is_reported(tmp_path: Path) -> None:
     hub = RunningHub(str(tmp_path / "ending.hub"))
     process = start("--raw", f"hub:{hub.path}")
     wait_for_monitors(hub)

@@ -112,7 +112,7 @@ def test_several_buses_come_in_the_order_of_their_stamps(stop: Stop) -> None:
     assert [name for name, _ in seen] == ["one", "two"] * 10
 
 
-def test_the_end_of_a_hub_is_told_after_its_last_frame(tmp_path: Path, stop: Stop) -> None:
+def test_the_end_of_a_hub_is_reported_after_its_last_frame(tmp_path: Path, stop: Stop) -> None:
     hub = RunningHub(str(tmp_path / "ending.hub"))
     seen: list = []
     with Buses([Target.parse(f"hub:{hub.path}")]) as source:
@@ -182,7 +182,7 @@ def test_compressed_recordings_and_several_of_them(tmp_path: Path, stop: Stop) -
     assert unstamped([frame for _, frame in seen]) == numbered(3) * 2
 
 
-def test_damaged_lines_are_told_with_their_number_in_the_file(
+def test_damaged_lines_are_reported_with_their_number_in_the_file(
     tmp_path: Path, stop: Stop, monkeypatch
 ) -> None:
     monkeypatch.setattr("hil.monitor.recordings.CHUNK", 64)

@@ -192,7 +192,7 @@ def test_however_it_ends_the_broker_says_offline(
         assert bridge.process.returncode == 130
 
 
-def test_a_broker_that_comes_back_without_memory_is_told_everything_again(
+def test_a_broker_that_comes_back_without_memory_is_reported_everything_again(
     bridge: RunningBridge, hub: RunningHub, broker: RunningBroker
 ) -> None:
     topic, can_id = "loaderhil/bus/bench/LiftPressure", can_id_of("LiftPressure")

@@ -154,7 +154,7 @@ def test_the_socket_of_a_killed_hub_is_in_nobodys_way(path: str) -> None:
 
 @pytest.mark.processes
 @pytest.mark.parametrize("command", [("ecu",), ("plant", "standstill")])
-def test_a_bus_that_is_not_there_is_told_before_anything_is_compiled(
+def test_a_bus_that_is_not_there_is_reported_before_anything_is_compiled(
     path: str, command: tuple[str, ...]
 ) -> None:
     says = one_line(*command, "--bus", f"hub:{path}")
@@ -162,7 +162,7 @@ def test_a_bus_that_is_not_there_is_told_before_anything_is_compiled(
 
 
 @pytest.mark.processes
-def test_plant_without_can_is_told_what_is_missing() -> None:
+def test_plant_without_can_is_reported_what_is_missing() -> None:
     """Either this kernel has no CAN, or no such interface; both in one line with its remedy."""
     says = one_line("plant", "standstill", "--bus", "socketcan:nocan0")
     missing = "no such CAN interface" if kernel_has_can() else "this kernel has no CAN; load its modules"
@@ -170,7 +170,7 @@ def test_plant_without_can_is_told_what_is_missing() -> None:
 
 
 @pytest.mark.processes
-def test_plant_ecu_and_hub_run_where_they_are_told_to(path: str) -> None:
+def test_plant_ecu_and_hub_run_where_they_are_reported_to(path: str) -> None:
     """The kernel says where each may run, once all are on the bus; their options are parsed and applied."""
     cpu = min(os.sched_getaffinity(0))
     options = ("--bus", f"hub:{path}", "--cpu", str(cpu))

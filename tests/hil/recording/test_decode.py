@@ -87,7 +87,7 @@ def test_several_recordings_get_a_folder_each(log, tmp_path):
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["drive", "second"]
 
 
-def test_damage_and_strangers_are_told_and_skipped(log, tmp_path):
+def test_damage_and_strangers_are_reported_and_skipped(log, tmp_path):
     file = tmp_path / "damaged.log"
     lines = log.read_text().splitlines()
     lines[7:7] = ["(0.1) can0 123#11", "(0.1) can0 18FEF200#00", "rubbish"]

@@ -146,7 +146,7 @@ def test_wherever_a_kill_cuts_the_batches_before_it_are_there(tmp_path, monkeypa
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_a_recording_without_a_frame_is_told(tmp_path, suffix):
+def test_a_recording_without_a_frame_is_reported(tmp_path, suffix):
     path = written(tmp_path, suffix, [])
     with pytest.raises(LogError, match=r"empty|not one frame"):
         read_frames(path)

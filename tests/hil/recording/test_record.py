@@ -58,7 +58,7 @@ class TestSources:
             ("hub:/tmp/a=b.hub", "a=b", "hub:/tmp/a=b.hub"),
         ],
     )
-    def test_a_bus_is_called_after_its_address_or_as_told(self, text, name, address):
+    def test_a_bus_is_called_after_its_address_or_as_named(self, text, name, address):
         assert Source.parse(text) == Source(name, address)
 
     @pytest.mark.parametrize("text", ["socketcan:", "my bus=socketcan:can0", "=socketcan:can0"])
@@ -66,12 +66,12 @@ class TestSources:
         with pytest.raises(SourceError, match="cannot be the name of a channel"):
             Source.parse(text)
 
-    def test_two_buses_of_one_name_are_told(self):
+    def test_two_buses_of_one_name_are_reported(self):
         with pytest.raises(SourceError, match="hub:/a/x and hub:/b/x would both be called 'x'"):
             parse_sources(["hub:/a/x", "hub:/b/x"])
 
 
-def test_losses_are_told_with_their_cause():
+def test_losses_are_reported_with_their_cause():
     assert str(Lost(0, 0)) == "none lost"
     assert str(Lost(2, 3)).startswith("5 lost (2 before us")
     assert "in the ring" not in str(Lost(2, 0))
@@ -219,7 +219,7 @@ class TestRecord:
         assert len(table) >= seen
         assert table.damaged_count == 0
 
-    def test_a_lost_hub_is_told_and_the_other_bus_recorded_on(self, hubs, tmp_path):
+    def test_a_lost_hub_is_reported_and_the_other_bus_recorded_on(self, hubs, tmp_path):
         path = tmp_path / "one.log"
         with recorder(*(f"hub:{hub.path}" for hub in hubs), "--out", path) as process:
             with hubs[0].connect() as front, hubs[1].connect() as rear:

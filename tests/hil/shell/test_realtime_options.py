@@ -107,7 +107,9 @@ def test_all_memory_is_locked() -> None:
         (RealtimeOptions(lock_memory=True), "--lock-memory: this user may lock 64 KiB, and the process is"),
     ],
 )
-def test_a_user_without_the_right_is_told_which_limit_to_raise(options: RealtimeOptions, says: str) -> None:
+def test_a_user_without_the_right_is_reported_which_limit_to_raise(
+    options: RealtimeOptions, says: str
+) -> None:
     def work() -> None:
         give_up_privileges()
         options.apply()

@@ -81,7 +81,7 @@ def test_a_message_that_never_came_fails():
     assert verdict.missing == FRAMES
 
 
-def test_late_and_early_are_told_apart():
+def test_late_and_early_are_reported_apart():
     at, counters = punctual()
     at[10] += 6 * MS  # gap before 16 ms, gap after 4 ms
     verdict = judge_message(observation(at, counters), OBSERVER)

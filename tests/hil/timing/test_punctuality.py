@@ -95,7 +95,7 @@ def test_frames_lost_behind_the_gateway_fail_there_and_are_named(run, frames):
     assert late == [(ECU_BUS, "Articulation")]
 
 
-def test_injected_faults_may_be_why_so_it_cannot_be_told(run, frames):
+def test_injected_faults_may_be_why_so_it_is_inconclusive(run, frames):
     write(run / rundir.ECU_BUS, without_some(frames, "Articulation"))
     write_faults(run, [Injected(1, "drop Articulation", 0.5, 0.6, 0)])
     assert judged(run).frames.result is Result.FAILED  # it struck nothing

@@ -231,7 +231,7 @@ def test_a_reaction_is_explained_by_a_wait_as_long_as_all_beyond_two_periods():
     assert wait is None
 
 
-def test_only_waits_worth_it_are_told(tmp_path):
+def test_only_waits_worth_it_are_reported(tmp_path):
     file = tmp_path / "schedstat"
     told = []
 

@@ -146,13 +146,13 @@ def test_the_command_draws_the_decisive_moment(folder, tmp_path):
         (("--out", "a.png", "--from", "99"), "--from 99 s"),
     ],
 )
-def test_what_is_wrong_is_told_in_one_line(folder, words, told):
+def test_what_is_wrong_is_reported_in_one_line(folder, words, told):
     problem = render(folder, *words).exception
     assert told in str(problem)
     assert "\n" not in str(problem)
 
 
-def test_a_run_without_truth_is_told(run):
+def test_a_run_without_truth_is_reported(run):
     with pytest.raises(RenderError, match="its truth has no"):
         checked(replace(run, truth=Table(run.path, {})))
     broken = {name: run.truth[name].copy() for name in run.truth}
@@ -162,7 +162,7 @@ def test_a_run_without_truth_is_told(run):
         checked(replace(run, truth=Table(run.path, broken)))
 
 
-def test_without_pyav_the_remedy_is_told(monkeypatch, tmp_path):
+def test_without_pyav_the_remedy_is_reported(monkeypatch, tmp_path):
     import sys
 
     monkeypatch.setitem(sys.modules, "av", None)

@@ -80,7 +80,7 @@ def test_before_the_first_frame_a_value_is_nan(standing):
         assert math.isnan(bench.value("EcuStatus.State"))
 
 
-def test_a_test_that_waits_beyond_the_scenario_is_told(bench):
+def test_a_test_that_waits_beyond_the_scenario_is_reported(bench):
     with pytest.raises(BenchEnded, match=r"ended at 3\.0"):
         bench.run_for(5.0)
 
