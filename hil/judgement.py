@@ -124,8 +124,10 @@ def _explained(
     own, explained = timing, {}
     for name in timing.lateness:
         ticks = Ticks(*(run.timing[f"{name}_{what}_ns"] for what in ("due", "lateness", "execution")))
+        # only its own waits: another process that waited cannot delay the tick itself
         found = explain_ticks(ticks, {of: rows for of, rows in waits.items() if of == name})
         during = (ticks.due_ns >= due[0]) & (ticks.due_ns <= due[-1])  # as those that were counted
+        # skipped ticks that no gap in the recorded ticks shows, such as those after the last one, stay unexplained
         unknown = max(timing.overruns[name] - int(found.skipped[during].sum()), 0)
         left = unknown + int(found.skipped[during & ~found.by_wait].sum())
         own = replace(
@@ -136,6 +138,7 @@ def _explained(
         )
         explained[name] = found.longest
     if "time_s" in run.truth and (known := min(due.size, run.truth["time_s"].size)):
+        # reactions are on the run's clock, waits on the monotonic one: converted by the due times of the plant's ticks
         sample_ns = np.rint(np.interp(sample_s, run.truth["time_s"][:known], due[:known])).astype(np.int64)
         # a reaction begins when the plant sends its sample: its waits before that are not in it
         others = {name: rows for name, rows in waits.items() if name != "plant"}

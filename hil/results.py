@@ -44,6 +44,7 @@ class Suite:
 
 def as_json(command: str, ending: Ending, suites: Sequence[Suite], **more: Any) -> str:
     """The whole as one JSON object: the command, its exit code, and each suite with its cases; more: further keys of the command."""
+    # no time stamp and no host name: equal runs give equal files
     content = {
         "command": command,
         "exit_code": int(ending),

@@ -16,6 +16,7 @@ class _ListUnlessAsked(TyperGroup):
     """A group whose first word may be the name of an effect; then, and without any word, the listing is used."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        # `loaderhil effects NAME` is shorter to type than `effects list NAME`
         if not args or (args[0] not in self.commands and args[0] != "--help"):
             args = [LISTING, *args]
         return super().parse_args(ctx, args)
@@ -72,6 +73,7 @@ def effects(
 
     Examples: `loaderhil effects --felt-in "joint torque"`, `loaderhil effects rolling_resistance`.
     """
+    # imported here: loads numba, which `--help` does not need
     from plant.effects import effects as library
 
     known = library()

@@ -157,6 +157,7 @@ def run(
         for scenario in scenarios
     ]
     if machine is not None:
+        # equipment and calibration that belong to the machine are taken with it
         choices = [choice.on(machine) for choice in choices]
     buses = Buses(
         gateway=gateway,

@@ -29,6 +29,7 @@ def _needs(scenario: Scenario) -> str:
     needs = [Path(scenario.machine).stem]
     if scenario.payload_mass:
         needs.append(f"{scenario.payload_mass:.0f} kg")
+    # on one bus in real time nothing could inject them
     if Choice(scenario=str(scenario.path)).injector() is not None:
         needs.append("lockstep or a gateway")
     return ", ".join(needs)

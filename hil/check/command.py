@@ -32,6 +32,7 @@ def windowed(observer: Observer, from_s: float | None, to_s: float | None) -> Ob
     """The observer with its window narrowed to [from_s, to_s] after its start; LogError if the window is then empty."""
     start_ns, end_ns = observer.start_ns, observer.end_ns
     begin_ns = start_ns + round(from_s * 1e9) if from_s is not None else start_ns
+    # the end of the recording bounds the window: silence beyond it would count as missing frames
     stop_ns = min(start_ns + round(to_s * 1e9), end_ns) if to_s is not None else end_ns
     if begin_ns >= stop_ns:
         length_s = (end_ns - start_ns) * 1e-9
@@ -160,6 +161,7 @@ def check_recording(
     Exit code 0: every message was judged, in time and intact; 1: one was not, or could not be judged. Example:
     `loaderhil check drive.blf --dbc car.dbc --from-s 10`
     """
+    # not strict: signals that overlap do not matter here, and DBC files of third parties often have some
     databases = [Database.from_file(file, strict=False) for file in dbc or [FOLDER / d for d in DEFAULT_DBCS]]
     if protection is not None:
         protect(databases, read_protections(protection))
@@ -173,6 +175,7 @@ def check_recording(
         table, observer = read_observed(recording)
     except LogError as error:
         Console(stderr=True, highlight=False, soft_wrap=True).print(f"loaderhil: {escape(str(error))}")
+        # FAILED, not MISUSED: an unreadable recording is a result, and a build server must not take it for a wrong option
         raise typer.Exit(Ending.FAILED) from None
     if channel is not None:
         table = table.on_channel(channel, recording)
@@ -183,6 +186,7 @@ def check_recording(
     if json_output:
         print(as_json(recording, done))
     else:
+        # without a terminal rich assumes 80 columns and would cut the table
         width = None if sys.stdout.isatty() else WIDTH
         print_summary(Console(highlight=False, soft_wrap=True, width=width), recording, done)
     raise typer.Exit(Ending.PASSED if done.passed else Ending.FAILED)

@@ -34,6 +34,7 @@ class _Delaying(Effect):
 
     def passed(self, planned: Planned, side: Side, codec: MessageCodec | None) -> Sequence[Planned]:
         least_ns, most_ns = self._settings.least_ns, self._settings.most_ns
+        # a fixed delay draws no random number, so that it does not depend on the seed
         delay_ns = least_ns if least_ns == most_ns else self._generator.randint(least_ns, most_ns)
         behind = self.follow(Planned(planned.at_ns + delay_ns, planned.frame))
         self._last_ns[planned.frame.can_id] = behind.at_ns
@@ -41,6 +42,7 @@ class _Delaying(Effect):
 
     def follow(self, planned: Planned) -> Planned:
         last_ns = self._last_ns.get(planned.frame.can_id, 0)
+        # also a jittered frame stays behind its predecessor: the order within a message is that of a real bus
         return planned if planned.at_ns >= last_ns else Planned(last_ns, planned.frame)
 
     @property
@@ -80,6 +82,7 @@ class _Reordering(Effect):
         can_id = planned.frame.can_id
         held = self._held.get(can_id)
         if held is not None:
+            # counts the frames that overtake; the last of them takes the held frame with it
             held.ahead -= 1
             if held.ahead > 0:
                 return (planned,)

@@ -81,6 +81,7 @@ def acting_on(plant: RestartablePlant, ecu: RestartableEcu) -> Callable[[Action,
     """A function that carries out an injector's actions on these two; bus_off and bus_on are handled by the wire."""
 
     def act(action: Action, now_ns: int) -> None:
+        # lockstep has no processes: the two objects are their stand-ins
         (plant if action.target == "plant" else ecu).act(action.kind)
 
     return act

@@ -29,6 +29,7 @@ class Freeze:
         def freeze(codec: MessageCodec, data: bytes) -> bytes:
             raw = RawSignal(codec, self.signal)
             if self.value is None:
+                # the first frame of the fault decides; frames of several messages are held separately
                 return raw.write(data, held.setdefault(codec.can_id, raw.read(data)))
             # Saturated to the signal's bits, not to its range: a stuck sensor may say what it must not.
             lowest, highest = raw.signal.raw_limits
@@ -64,6 +65,7 @@ class Offset:
 def shifted(signal: Signal, number: int, value: float) -> int:
     """The raw integer moved by a physical value, within the signal's range; one outside it stays."""
     lowest, highest = signal.raw_range
+    # codes outside the range mean "not available" or "error": a broken sensor line still reports them
     if not lowest <= number <= highest:
         return number
     return min(max(number + round(value / signal.scale), lowest), highest)
@@ -95,6 +97,7 @@ class _Rewriting(Effect):
         if codec is None or len(frame.data) != codec.length:
             return (planned,)
         data = self._rewrite(codec, frame.data)
+        # unchanged frames are passed as the same object, which is how the injector counts affected ones
         if data == frame.data:
             return (planned,)
         return (Planned(at_ns, Frame(frame.can_id, signed_again(codec, data), frame.at_ns, frame.flags)),)
@@ -137,6 +140,7 @@ def read_swap(table: CheckedTable, selection: Selection) -> Swap:
     ones = _signals(table, "signals", names[0], selection)
     others = _signals(table, "signals", names[1], selection)
     for one, other in zip(ones, others, strict=True):
+        # raw bits are exchanged, so both must be coded alike; otherwise the values would change as well
         if (one.length, one.signed, one.scale, one.offset) != (
             other.length,
             other.signed,

@@ -56,6 +56,7 @@ def read_fault(table: CheckedTable, database: Database) -> Fault:
     read, kind = reader_of(table, KINDS, "fault"), table.text("kind")
     at_s = table.number("at_s", unit="s", low=0.0, high=LONGEST_S, default=0.0)
     for_s = table.number("for_s", unit="s", low=1e-3, high=LONGEST_S) if "for_s" in table else None
+    # these kinds have no key `message`: finish() then refuses it as unknown
     selection = Selection() if kind in WITHOUT_MESSAGES else _selection(table, database)
     settings = read(table, selection)
     table.finish()
@@ -92,6 +93,7 @@ def _selection(table: CheckedTable, database: Database) -> Selection:
         raise table.error(
             "message", f"= {pattern!r} is no message of {database.source}{_hint(pattern, database)}"
         )
+    # a message of the ECU cannot come from the plant: the fault would silently never act
     senders = {NODES[node] for codec in codecs for node in codec.senders if node in NODES}
     if side is not None and senders and side not in senders:
         raise table.error("from", f"= {side!r}, but {pattern} comes from {' and '.join(sorted(senders))}")

@@ -69,6 +69,7 @@ class FaultyWire:
         """Whether a frame waits for the wire; an idle time before the next request is skipped."""
         self._admit()
         if not self._waiting and self._requests and self._requests[0][0] <= until_ns:
+            # the wire was idle: it is free since then, and the next frame starts when it is requested
             self._free_ns = max(self._free_ns, self._requests[0][0])
             self._admit()
         return bool(self._waiting)
@@ -77,6 +78,7 @@ class FaultyWire:
         """Let the frames that were requested before the wire is free take part in the arbitration."""
         while self._requests and self._requests[0][0] <= self._free_ns:
             _, order, side, frame = heapq.heappop(self._requests)
+            # without a bound a babbling node of low priority would queue frames without end
             if self._depth[frame.can_id] >= WAITING_LIMIT:
                 self._lose_oldest(frame.can_id)
             self._depth[frame.can_id] += 1

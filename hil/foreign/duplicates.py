@@ -89,6 +89,7 @@ def senders_on(address: str, without: Iterable[str] = ()) -> str:
         except BusUnavailable:
             return f"another client of {address}"
         ours = set(without)
+        # only clients that have sent: recorder and monitor listen on every bus
         names = [f"{c.name!r} (process {c.pid})" for c in status.clients if c.sent and c.name not in ours]
         if names:
             return f"{' or '.join(names)} on {address}"

@@ -106,6 +106,7 @@ def hops(way: Columns) -> dict[str, NDArray[np.int64]]:
 
 def _unwrapped(numbers: Stamps) -> Stamps:
     """Sequence numbers made continuous over the wrap at 16 bits; the first is in the first turn."""
+    # frames are recorded in order, so two neighbours differ by far less than half a turn
     return np.rint(np.unwrap(numbers.astype(float), period=SEQUENCES)).astype(np.int64)
 
 
@@ -130,6 +131,7 @@ def _answers(rows: Stamps, limits: Kind, columns: Mapping[str, int]) -> dict[str
     waiting: int | None = None  # echo whose tick has no row yet
     place = 0
     for row in rows.tolist():
+        # rows of one process in the order of time: limits, then the status that belongs to them, then the tick
         if row[0] == limits:
             latest = row
         elif row[0] == status:
@@ -139,6 +141,7 @@ def _answers(rows: Stamps, limits: Kind, columns: Mapping[str, int]) -> dict[str
                 for name, column in columns.items():
                     if column < 4:
                         result[name].setdefault(echo, latest[column])
+                # the row of the tick is written at its end, after its frames: the next TICK row is the one that sent them
                 waiting = echo
             latest = None
         elif row[0] == Kind.TICK and waiting is not None:

@@ -69,6 +69,7 @@ class Routes:
         fate = known.get(can_id)
         if fate is None:
             fate = self._decide(side_from, can_id)
+            # beyond it the decision is made anew for each frame: slower, but a flood cannot exhaust the memory
             if len(known) < KNOWN_LIMIT:
                 known[can_id] = fate
         return fate
@@ -84,6 +85,7 @@ class Routes:
         return self._unknown if codec is None else self._by_database(side_from, codec)
 
     def _by_database(self, side_from: Side, codec: MessageCodec) -> Fate:
+        # sender before receiver: two copies of one message on the other bus would break its alive counter
         if self._nodes[OTHER[side_from]].intersection(codec.senders):
             return Fate.WRONG_SIDE
         if self._nodes[OTHER[side_from]].intersection(codec.receivers):

@@ -32,6 +32,7 @@ class SettingsError(UserError, ValueError):
 
 
 class _Table(BaseModel):
+    # strict: TOML has types, so "4096" in quotes or 1 for true is a mistake
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
@@ -64,6 +65,7 @@ def read_settings(file: Path) -> Settings:
     try:
         return Settings.model_validate(content)
     except ValidationError as error:
+        # one error at a time: the following ones are often consequences of the first
         first = error.errors(include_url=False)[0]
         message = _plain(first["type"], first["msg"], first["input"])
         raise SettingsError(f"{file}: {_key(first['loc'])}: {message}") from None

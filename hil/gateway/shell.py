@@ -104,6 +104,7 @@ class GatewayLoop(Closing):
             if not send(frame):
                 counts.held += 1
                 return True
+            # removed only after the bus has accepted it: a refused frame is offered again, in its place
             queue.popleft()
             counts.sent += 1
             if passed is not None and frame.at_ns:

@@ -73,6 +73,7 @@ def read_stamps(file: Path) -> NDArray[np.int64]:
     if not file.exists():
         return np.empty((0, 4), np.int64)
     content = file.read_bytes()
+    # a kill may have cut the last row
     whole = len(content) // ROW.size * ROW.size
     return np.frombuffer(content[:whole], np.int64).reshape(-1, 4)
 
@@ -91,6 +92,7 @@ class Tap(Closing):
 
     def _note(self, frame: Frame, sent: bool, now_ns: int) -> None:
         kind, codec, place = self._traced[frame.can_id]
+        # a frame that an injected fault has shortened carries no number
         if len(frame.data) >= codec.length:
             number = int(codec.decode(frame.data)[place]) if place is not None else 0
             self._stamps.add(kind + sent, number, 0 if sent else frame.at_ns, now_ns)
@@ -157,6 +159,7 @@ class TappedTiming(TickTiming):
 
     def add(self, due_ns: int, started_ns: int, ended_ns: int) -> None:
         """Add one tick. Called at the end of the tick."""
+        # in the order due, end, start: column 2 is that of the bus' stamp, which a tick does not have
         self._stamps.add(Kind.TICK, due_ns, ended_ns, started_ns)
         if self._waits is not None:
             self._waits.look(ended_ns, due_ns)

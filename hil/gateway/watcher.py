@@ -66,6 +66,7 @@ class Watcher:
             self._reported.add((side, can_id, trouble))
             claimed = f" ({watch.claimed})" if trouble is Trouble.MASQUERADED else ""
             self._findings.append(Finding(side, can_id, name, f"{trouble.value}{claimed}", now_ns))
+        # a message that starts (INIT to VALID) is no finding
         changed = watch.state is not before and {watch.state, before} == _REPORTED_STATES
         if changed and now_ns >= self._reported_ns.get((side, can_id), now_ns):
             self._reported_ns[side, can_id] = now_ns + QUIET_NS

@@ -144,6 +144,7 @@ def monitor(
     from hil.monitor.run import monitor
     from hil.shell.process import ending_of
 
+    # the letters of candump's options are kept, so that its users need not learn others
     form = _form(raw=raw, lines=lines, json=json, table=table)
     used = (log_format, log, extra, text, binary, swapped, drops, colour)
     _check_raw_options(form, [name for name, value in zip(_RAW_ONLY, used, strict=True) if value])
@@ -169,7 +170,12 @@ def monitor(
     else:
         stamps = Stamp.ABSOLUTE if stamp is None else style.stamp
         known = known_messages(
-            dbc or [], names(message), names(sender), names(signals), protection=form is not Form.TABLE
+            # the table has no room for CRC and counter of every message; lines and JSON show them
+            dbc or [],
+            names(message),
+            names(sender),
+            names(signals),
+            protection=form is not Form.TABLE,
         )
         view_of = _decoded_view(form, known, stamps, plan)
     raise typer.Exit(ending_of(lambda _: monitor(plan, view_of)))
@@ -186,6 +192,7 @@ def _form(*, raw: bool, lines: bool, json: bool, table: bool) -> Form:
 
 
 def _on_terminal() -> bool:
+    # a dumb terminal cannot move the cursor: the table would be printed again and again
     return sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb"
 
 
@@ -233,6 +240,7 @@ def _table_view(messages: "Messages", source: Source, plan: Plan) -> View:
     from hil.monitor.live import LiveView, TableView
 
     console = Console(highlight=False)
+    # a finished recording is read in a moment: a live table of it would flicker once
     lasting = plan.follow or all(target.path is None for target in plan.targets)
     title = ", ".join(target.name for target in plan.targets)
     kind = LiveView if lasting and _on_terminal() else TableView

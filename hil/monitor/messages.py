@@ -29,6 +29,7 @@ class Field:
     def __init__(self, signal: Signal) -> None:
         self.signal = signal
         self.name, self.unit = signal.name, signal.unit
+        # by physical value: the codec decodes value tables as numbers
         self._labels = {raw * signal.scale + signal.offset: text for raw, text in signal.choices.items()}
         raw = signal.not_available
         if raw is not None:
@@ -146,6 +147,7 @@ class Messages:
         return self._known[can_id]
 
     def _codec(self, can_id: int) -> MessageCodec | None:
+        # exact identifiers of all files before parameter groups: an own message must not be taken for a J1939 one
         exact = (database.by_id.get(can_id) for database in self._databases)
         grouped = (database.match(can_id) for database in self._databases)
         return next((codec for codec in (*exact, *grouped) if codec is not None), None)

@@ -64,12 +64,14 @@ class Recordings:
             yield table
             return
         with _opened(target.path) as file:
+            # candump logs alone are read in pieces: the other formats have tables or blocks that need the whole file
             yield from self._pieces(target.name, file, stop, every_s)
 
     def _is_candump_log(self, path: Path) -> bool:
         """Whether it can be read in pieces; FollowError if it has to be, and cannot."""
         with _opened(path) as file:
             start = file.read(_LOOKED_AT).lstrip()
+        # an empty file may become a log: a recorder that has just been started
         if start[:1] == b"(" or (self._follow and not start):
             return True
         if self._follow:

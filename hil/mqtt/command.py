@@ -155,12 +155,14 @@ def mqtt(
         raise PrefixError(
             f"--prefix '{prefix}': a topic must not be empty, contain + or #, start with $ or end with /"
         )
+    # a control socket without a key would let every client of the broker inject faults
     if (control is None) != (command_key is None):
         raise CommandsError("--control and --command-key belong together: who has the key may give commands")
     commands = None
     if control is not None and command_key is not None:
         commands = Commands(control, read_secret("--command-key", command_key))
     certificates = (tls_authority, tls_certificate, tls_key)
+    # a certificate on an unencrypted connection would be ignored silently
     encrypted = tls or any(file is not None for file in certificates)
     where = Broker.parse(
         broker,

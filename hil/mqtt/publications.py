@@ -98,9 +98,11 @@ class Publisher:
             key = row.bus, row.identifier
             published = self._published.setdefault(key, _Published())
             yield from self._events(row, published, wall_ns)
+            # error frames and missing messages have no state to publish, only events
             if row.shown is None or row.age_ns is None:
                 continue
             if row.count != published.count or key in self._renewed:
+                # frames between two publications that no subscriber sees
                 self.superseded += max(0, row.count - published.count - 1)
                 published.count = row.count
                 self._renewed.discard(key)

@@ -51,6 +51,7 @@ def run(line: Lifeline, address: str, rates: BitRates, realtime: RealtimeOptions
             bit_rate=rates.nominal,
             data_bit_rate=rates.data,
             on_ready=line.ready,
+            # only under a supervisor somebody collects the waits
             after_round=(lambda: waits.look(time.monotonic_ns())) if line.supervised else None,
         )
     dropped = sum(client.dropped for client in status.clients)

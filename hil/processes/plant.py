@@ -37,6 +37,7 @@ def run(
     scenario = choice.load()
     reach(address)
     unit = plant_unit(scenario)
+    # before `ready`: numba compiles for up to a minute, and the run must not begin meanwhile
     _warm_plant(scenario)
     realtime.apply()
     line.ready()
@@ -52,12 +53,14 @@ def run(
         bus = OwnIdentifiers(
             tap, NODE, loader_database(), lambda name: other_sender(line, "plant", address, name)
         )
+        # written here, not on the bus: the ECU must not see the test instrumentation
         reference = out and stack.enter_context(CandumpWriter(out / rundir.REFERENCE))
 
         def on_tick(ticked: PlantUnit) -> None:
             if reference:
                 for frame in ticked.reference_frames():
                     reference.write(frame, REFERENCE_CHANNEL)
+            # five times a second is enough for a progress bar
             if ticked.sequence % PROGRESS_TICKS == 0:
                 line.progress(ticked.truth.time_s, scenario.duration_s)
 

@@ -76,6 +76,7 @@ def run_realtime(
 ) -> RunResult:
     """Run `choice` as processes and write the run directory `out`. options: for all processes but the recorders."""
     scenario = choice.load()
+    # on one bus nothing stands between the sides that could change frames
     if not buses.gateway and choice.injector() is not None:
         raise ChoiceError(
             f"{choice.scenario}: has faults to inject; add --gateway to do so in real time, or run in lockstep"
@@ -104,6 +105,7 @@ def run_realtime(
         rundir.write_table(rundir.part_of_timing(out, "waits"), waits)
     rundir.merge_timing(out)
     rundir.write_record(out, record)
+    # judged from the files, after they are complete; then written into run.json
     record = replace(record, punctuality=punctuality_of(RunDirectory.read(out)))
     rundir.write_record(out, record)
     return RunResult(ending, reason, record)
@@ -151,6 +153,7 @@ class _Bench:
                 return Ending.FAILED, (
                     f"the plant's time has stood still at {reached_s:.1f} s for {STUCK_S:.0f} s"
                 )
+        # the plant decides the end: its scenario is over
         if first is plant and plant.finished:
             return Ending.PASSED, ""
         return _cause(supervisor, hubs, first)

@@ -72,6 +72,7 @@ def record(
     plan = Plan(
         path=out,
         channels=tuple(source.name for source in sources),
+        # buses stamp with the monotonic clock; other tools expect wall-clock time
         offset_ns=0 if monotonic else SHARED.ahead_ns,
         flush_s=flush_s,
         rotate_bytes=round(rotate_mib * MEBIBYTE),

@@ -256,6 +256,7 @@ def decode(
     J1939 messages are matched by their parameter group, from any source address. Example:
     `loaderhil decode drive.log --dbc car.dbc --out tables --format parquet`
     """
+    # soft_wrap: long lines are not broken, so that grep finds them
     console = Console(highlight=False, soft_wrap=True)
     errors = Console(stderr=True, highlight=False, soft_wrap=True)
     try:

@@ -150,6 +150,7 @@ class AscWriter:
     def close(self) -> None:
         """Write the last line and close the file."""
         if self._start_ns is not None:
+            # readers accept a file without it: after a kill it is missing
             self._file.append(b"End TriggerBlock\n")
             self._start_ns = None
         self._file.close()

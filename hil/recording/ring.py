@@ -86,6 +86,7 @@ class Ring:
 
     def put(self, frames: Sequence[Frame], channel: int) -> None:
         """Append frames; those that find no room are dropped and counted."""
+        # the tail may grow meanwhile: the room is then larger than computed, never smaller
         room = self._slots - (self._head - self._read(_TAIL))
         if len(frames) > room:
             self._dropped += len(frames) - room
@@ -99,6 +100,7 @@ class Ring:
             _LAYOUT.pack_into,
         )
         for can_id, data, at_ns, flags in frames:
+            # written in place: no intermediate object per frame
             pack(target, _RECORDS + head % slots * size, at_ns, can_id, len(data), flags, channel, data)
             head += 1
         self._head = head

@@ -70,6 +70,7 @@ def play(
 
 def _run(player: Player, buses: Sequence[Transport], stop: Stop, alarm: Alarm) -> bool:
     """Whether the recording was played to its end."""
+    # a time in the past fires at once: the first frame is due now
     alarm.set(1)
     for _ in stop.readable(alarm.fileno()):
         for bus in buses:
@@ -223,6 +224,7 @@ def replay(
     if ecu == bool(buses):
         raise ReplayError("no destination: give one or more buses, or --into-ecu")
     faults: Sequence[Injected] = ()
+    # the run's own form, limits and calibration: others would differ from the recorded answers at once
     if recording.is_dir() and ecu:
         from hil.rundir import read_record
 

@@ -69,6 +69,7 @@ def run_until_signal(work: Coroutine[Any, Any, None], sleeps: Sleeps | None = No
     async def guarded() -> bool:
         task = asyncio.ensure_future(work)
         for number in (signal.SIGINT, signal.SIGTERM):
+            # cancelling, not raising KeyboardInterrupt: `finally` blocks of the task then run in order
             asyncio.get_running_loop().add_signal_handler(number, task.cancel)
         try:
             await task
@@ -114,6 +115,7 @@ class Stop:
             while True:
                 ready = {key.fd for key, _ in selector.select()}
                 yield
+                # once more after the signal, so that frames that arrived before it are still handled
                 if self._reader in ready:
                     return
 

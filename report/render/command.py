@@ -54,6 +54,7 @@ def render(
     still = file.suffix == ".png"
     first, last = (float(seen.truth["time_s"][i]) for i in (0, -1))
     if still:
+        # a picture has one time; a film has two
         begin = decisive_moment(seen) if start is None else start
         finish = begin
     else:

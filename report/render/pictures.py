@@ -194,8 +194,10 @@ def pictures_of(run: RunDirectory, verdict: RunVerdict | None) -> Pictures:
     if not all(np.isfinite(run.truth[name]).all() for name in FIELDS):
         return Pictures(missing="the truth has values that are not finite")
     dimensions = dimensions_of(run.record.machine, run.record.changes)
+    # without a lift-off the wheel that came closest to it is shown
     sample, wheel = np.unravel_index(np.argmin(force / force[0]), force.shape)
     lifting = verdict.lifting_wheel if verdict.lifting_wheel is not None else int(wheel)
+    # the camera stands on the side of the lifting wheel
     side = 1 if lifting in (0, 2) else -1
     shown = moments(verdict, float(time[-1]), float(time[sample]))
     stills = [

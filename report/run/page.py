@@ -199,8 +199,10 @@ def _plots(sections: Sequence[Section], lines: Sequence[Timeline]) -> Iterable[t
     for same_group in zip(*per_run, strict=True):
         rows = []
         for same_plot in zip(*(group.plots for group in same_group), strict=True):
+            # a plot without data in any run is left out; with data in one run the others show "not recorded", so that rows align
             if not any(p.drawn for p in same_plot):
                 continue
+            # one range for all runs, so that heights can be compared by eye
             upward = plot.common_range(same_plot)
             rows.append("".join(plot.markup(p, upward, t) for p, t in zip(same_plot, lines, strict=True)))
         if rows:
@@ -258,6 +260,7 @@ def _timing(sections: Sequence[Section]) -> str:
     shown = [figures.histograms(s.run) for s in timed]
     rows = []
     for same in zip(*shown, strict=True):
+        # one axis for all runs, as for the plots
         end = histogram.common_end(same)
         rows.append("".join(histogram.markup(h, end) for h in same))
     several = len(timed) > 1
@@ -299,6 +302,7 @@ def _traffic_of(section: Section) -> str:
         )
         for t in found
     ]
+    # a single frame has no period, and so no load
     total = sum(t.load for t in found if t.frames > 1)
     rows.append(
         (

@@ -196,6 +196,7 @@ def _roll_over(s: Signals, verdict: RunVerdict | None) -> tuple[Plot, ...]:
 
 def _true_margin(s: Signals) -> list[Curve]:
     wheels = [c for i in range(4) for c in s.truth("normal_force", "true", "truth", index=i)]
+    # the margin is relative to the standing load: a run that starts with a lifted wheel has none
     if not wheels or any(c.value.size == 0 or not c.value[0] > 0 for c in wheels):
         return []
     return [replace(wheels[0], value=np.min([c.value / c.value[0] for c in wheels], axis=0))]
@@ -205,6 +206,7 @@ def _true_time_to_lift_off(verdict: RunVerdict | None) -> list[Curve]:
     """The line on which a perfect prediction would lie."""
     if verdict is None or verdict.lift_off_s is None:
         return []
+    # a straight line of slope -1 down to zero at lift-off
     ends = np.array((max(verdict.lift_off_s - SHOWN_AHEAD_S, 0.0), verdict.lift_off_s))
     return [Curve("true", ends, verdict.lift_off_s - ends, "truth")]
 
