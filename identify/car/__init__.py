@@ -1,0 +1,1 @@
+"""Tyre grip, steering lag and sensor lags of a car that motion capture follows."""
