@@ -40,6 +40,7 @@ def main() -> int:
         message = theirs.get_message_by_name(codec.name)
         data = bytes(rng.integers(0, 256, codec.length, np.uint8))
         values = message.decode(data, decode_choices=False)
+        # encoded from the decoded values, so that both directions are measured on the same frame
         data = message.encode(values, strict=False)
         rows["decode"].append((codec, data))
         rows["peer decode"].append((message, data))

@@ -108,6 +108,7 @@ def send(path: str, count: int) -> np.ndarray:
             due = min(BURST * ticks.expired(), count - n)
             for frame in islice(frames, due):
                 stamps[n] = time.monotonic_ns()
+                # a refused frame is offered again: a lost one would make it unknown which frame is which
                 while not bus.send(frame):
                     time.sleep(0.0001)
                 n += 1

@@ -161,6 +161,7 @@ def load_floor(rate: int, seconds: float) -> Load:
     memory: list[int] = []
     before_s = cpu_s(mover.pid or 0)
     sent = paced(lambda frame: near.sendall(packet.pack(frame)), rate, seconds, lambda: None)
+    # what is still in the sockets belongs to the measured work
     time.sleep(0.2)
     used_s = cpu_s(mover.pid or 0) - before_s
     near.close()

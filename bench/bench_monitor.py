@@ -142,6 +142,7 @@ def run(tool: Tool, place: Place, frames: int, rate: int) -> tuple[float, int]:
             raise SystemExit(f"{' '.join(tool.command)} ended early, exit code {process.returncode}")
         time.sleep(0.05)
     time.sleep(SETTLE_S)
+    # imports and caches of a tool are paid before the count begins
     send(place.address, WARM_UP, rate)
     time.sleep(SETTLE_S)
     started_ns = cpu_ns(process.pid)
@@ -209,6 +210,7 @@ def offline(folder: Path, frames: int, rounds: int) -> None:
     for _ in range(rounds):
         for name, command in arms.items():
             short, long = (seconds(command, log) for log in logs)
+            # the difference of two logs, so that the start of the interpreter does not count
             rates[name].append(frames / (long - short))
     print(f"\n| log of {frames} frames | frames/s | range | x cantools decode |")
     print("|---|---|---|---|")

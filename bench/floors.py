@@ -18,6 +18,7 @@ CALLS = 200_000
 
 def _spread(measure: Callable[[], float]) -> tuple[float, float, float]:
     """Median, least and most of some repeats, after one that does not count."""
+    # fills caches and page tables
     measure()
     values = [measure() for _ in range(REPEATS)]
     return statistics.median(values), min(values), max(values)

@@ -164,6 +164,7 @@ def readings(bench: str, output: str) -> dict[tuple[str, str], Reading]:
             parts = match.groupdict()
             label = ", ".join(part for part in (parts.get("left"), parts["label"]) if part)
             values = tuple(float(parts[key].rstrip(".").replace(",", "")) for key in ("m", "a", "b"))
+            # the first table of a benchmark is the one that the page refers to
             found.setdefault((bench, label), (values[0], values[1], values[2]))
     return found
 
@@ -338,6 +339,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     time.sleep(IDLE_S)
     session.loads.append(Load.between("before the first", before, Host.now()))
     reasons = list(session.loads[0].reasons)
+    # figures of sources that nobody can check out cannot be repeated
     if not commit()[1]:
         reasons.append("the sources differ from the commit: commit first")
     if options.out is not None and reasons:  # some ten minutes of figures that could not be published

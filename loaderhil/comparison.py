@@ -34,6 +34,7 @@ def run_demo(out: Path, *, fast: bool) -> Ending:
             return result.ending
 
     runs = [RunDirectory.read(folder) for folder in folders.values()]
+    # without limits first: it shows what the limits prevent
     free, limited = (judge_run(run) for run in runs)
     verdicts = [judge_roll_over(free), judge_warning(free), judge_prevention(free, limited)]
     table = two_columns(*RUNS)

@@ -133,6 +133,7 @@ def hub(
     from hil.processes import hub as process
     from hil.shell.process import ending_of
 
+    # before the real-time options: a query of counters needs none
     if status:
         raise typer.Exit(ending_of(lambda line: process.print_status(bus)))
     realtime = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)

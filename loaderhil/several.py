@@ -37,6 +37,7 @@ def report_runs(
             choice, folder, realtime=realtime, title=folder.name, buses=buses, quiet=output.json
         )
         done.append(conclude(folder.name, choice, folder, result))
+        # Ctrl-C means the whole series, not only the current run
         if done[-1].ending is Ending.INTERRUPTED:
             break
     if not output.json:

@@ -65,6 +65,7 @@ def report_run(
     expectations_for(choice)  # a mistake in a table is reported before the run, not after it
     result = run_with_progress(choice, out, realtime=realtime, title=name, buses=buses, quiet=output.json)
     concluded = conclude(name, choice, out, result)
+    # of a run that was cut off the figures would be those of a part; its reason has been printed
     if result.ending is Ending.PASSED and not output.json:
         _print_run(concluded)
     return output.give([concluded], strict=strict)
@@ -95,6 +96,7 @@ def print_late_messages(run: RunDirectory) -> None:
     late = [one for one in kept.messages if one.verdict.events] if kept else []
     if not kept or not late:
         return
+    # the worst first, because only LATE_SHOWN of them are printed
     late.sort(key=lambda one: one.verdict.missing + one.verdict.late + one.verdict.early, reverse=True)
     console.print(table_of(late[:LATE_SHOWN], channels=several_channels(kept.messages)))
     if len(late) > LATE_SHOWN:

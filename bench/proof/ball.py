@@ -48,6 +48,7 @@ def _throw(values, arm: Arm, rng: np.random.Generator, name: str, ball, throw) -
         return v, force / inertia
 
     time_s = np.arange(0.0, duration, 1.0 / PICTURES_HZ)
+    # twenty times finer than the pictures: the linear interpolation between is then below the noise
     fine = np.linspace(0.0, duration, 20 * time_s.size)
     z = solve_ivp(rates, (0.0, duration), (height, speed), "DOP853", t_eval=fine, rtol=1e-9, atol=1e-9).y[0]
     seen = np.interp(np.maximum(time_s - values.get("release", 0.0), 0.0), fine, z)

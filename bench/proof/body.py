@@ -48,6 +48,7 @@ class Body:
             for number, noise in enumerate(self.noises):
                 # every null is another drive: otherwise one random event would be counted once per noise
                 for repeat in range(self.nulls):
+                    # disjoint ranges of seeds by kind, so that no two arms share their random numbers
                     own = 10_000 + 1_000 * seed + len(self.noises) * repeat + number
                     yield self._arm("null", own, noise=noise)
                 for place, what in enumerate(self.outside):
@@ -120,6 +121,7 @@ class Body:
             if abs(off) < NEAR or len(tried) == ROUNDS:
                 break
             if moved != 0.0:
+                # the power found in the last step; clipped, because a saturating effect would send the size to infinity
                 slope = float(np.clip((tried[-2][0] - off) / moved, *SLOPES))
             moved = float(np.clip(off / slope, -LONGEST, LONGEST))
             moved = min(moved, float(np.log(furthest / size)))

@@ -42,5 +42,6 @@ def sampled(arms: list[Arm], share: float) -> list[Arm]:
         some = [a for a in arms if (a.body, a.kind) == (body, kind)]
         least = FEWEST_NULLS if kind == "null" else 1
         count = min(max(least, round(share * len(some))), len(some))
+        # evenly over the plan, not its first arms
         kept += [some[int((i + 0.5) * len(some) / count)] for i in range(count)]
     return kept

@@ -46,6 +46,7 @@ def intervals(
     time, values = time[within], values[within]
     if time.size == 0:
         return ()
+    # a state is a step: it lasts until the next sample with another value
     starts = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1))
     ends = np.concatenate((time[starts[1:]], time[-1:]))
     return tuple(
@@ -75,6 +76,7 @@ def _row(band: Band, across: Axis) -> str:
 
 
 def _bar(interval: Interval, across: Axis) -> str:
+    # cut at the ends of the axis: an ECU runs before and after its machine
     start, end = (min(max(t, across.start), across.end) for t in (interval.start_s, interval.end_s))
     left, width = 100 * float(across.share(start)), 100 * (end - start) / (across.end - across.start)
     return (

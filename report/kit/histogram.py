@@ -42,6 +42,7 @@ def markup(histogram: Histogram, end_ms: float) -> str:
     values = histogram.values_ms
     if values.size == 0:
         return f'<figure class="plot histogram empty">{heading}<p>not measured</p></figure>'
+    # from zero, so that the share of the permitted time can be seen; below it only if a tick started early
     across = Axis(min(0.0, float(values.min())), end_ms)
     counts, edges = np.histogram(values, BARS, (across.start, across.end))
     # from 0.7, so that a bar of one value has a visible height
@@ -49,6 +50,7 @@ def markup(histogram: Histogram, end_ms: float) -> str:
     lines = _lines(histogram)
     bars = "".join(_bar(int(n), edges[i], edges[i + 1], across, upward) for i, n in enumerate(counts) if n)
     ticks = "".join(f'<span style="left:{across.percent(t)}">{number(t)}</span>' for t in across.ticks(6))
+    # powers of ten only: other ticks of a logarithmic axis would be too dense for a plot of this height
     levels = [10**n for n in range(math.floor(upward.end) + 1)]
     labels = "".join(f'<span style="bottom:{upward.percent(math.log10(n))}">{n}</span>' for n in levels)
     drawn = "".join(

@@ -82,6 +82,7 @@ def reduce(
     kept: list[int] = []
     for start, stop in pairwise(np.linspace(0, time.size, bins + 1).astype(int).tolist()):
         part = values[start:stop]
+        # one sample stays, so that the gap is visible in the line
         if np.isnan(part).all():
             kept.append(start)
             continue
@@ -144,6 +145,7 @@ def events(timeline: Timeline) -> str:
     places = [float(timeline.axis.share(mark.time_s)) for mark in timeline.marks]
     free = -1.0
     for i, (mark, place) in enumerate(zip(timeline.marks, places, strict=True)):
+        # the last mark has the end of the axis as its neighbour
         following = places[i + 1] if i + 1 < len(places) else 1.0 + TIGHT / 2
         word = f"<em>{escape(mark.word)}</em>" if following - place > TIGHT else ""
         place = max(place, free)
@@ -168,6 +170,7 @@ def path(curve: Curve, across: Axis, upward: Axis) -> str:
     known = np.isfinite(column) & np.isfinite(row)
     words = []
     for start, stop in _unbroken(known):
+        # whole units keep the page small
         xs, ys = column[start:stop].astype(int), row[start:stop].astype(int)
         words.append(f"M{xs[0]} {ys[0]}" + (_stairs(xs, ys) if curve.steps else _line(xs, ys)))
     kind = f"{curve.style}{' silent' if curve.silent else ''}"
@@ -222,6 +225,7 @@ def _legend(curves: Sequence[Curve]) -> str:
 
 
 def _described(plot: Plot, timeline: Timeline) -> str:
+    # for screen readers, which cannot see the drawing
     spans = ", ".join(
         f"{c.name} from {np.nanmin(c.value):.3g} to {np.nanmax(c.value):.3g} {plot.unit}".rstrip()
         for c in plot.drawn

@@ -49,6 +49,7 @@ class WarningLine:
 
     def at(self, time_s: float) -> str:
         """The state at a time [s]."""
+        # the newest frame at that time: what a driver would have seen
         index = int(np.searchsorted(self.time_s, time_s, side="right")) - 1
         return self.words[index] if index >= 0 else "not recorded" if not self.words else "no estimate"
 

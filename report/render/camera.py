@@ -31,6 +31,7 @@ def scene_in(
     heading: of the machine when the camera was set up [rad]; from behind and from the left the camera
     turns with the machine, otherwise it follows without turning. size: width and height [pixels].
     """
+    # drawings without perspective: lengths can be compared
     if view in _FLAT:
         turning = view is not View.ABOVE
         looking, metres = _FLAT[view]

@@ -73,6 +73,7 @@ def frames(run: RunDirectory, shot: Shot) -> Iterator[Pixels]:
     """The pictures of a shot, (height, width, 3) each."""
     dimensions = dimensions_of(run.record.machine, run.record.changes)
     warnings = WarningLine.of(run)
+    # the camera is set up once: a picture in which it turned would hide the motion
     heading = float(instant_at(run, shot.start_s)["yaw"])
     time = run.truth["time_s"]
     for at in shot.times_s:
@@ -117,6 +118,7 @@ def _write_mp4(file: Path, pictures: Iterator[Pixels], fps: float) -> None:
         stream = None
         for pixels in pictures:
             if stream is None:
+                # made with the first picture, whose size it needs
                 stream = container.add_stream("libx264", rate=Fraction(fps).limit_denominator(1000))
                 stream.height, stream.width = pixels.shape[0], pixels.shape[1]
                 stream.pix_fmt = "yuv420p"
@@ -124,11 +126,13 @@ def _write_mp4(file: Path, pictures: Iterator[Pixels], fps: float) -> None:
             for packet in stream.encode(_av().VideoFrame.from_ndarray(pixels, format="rgb24")):
                 container.mux(packet)
         if stream is not None:
+            # the encoder holds back some frames; encoding nothing gives them out
             for packet in stream.encode():
                 container.mux(packet)
 
 
 def _write_gif(file: Path, pictures: Iterator[Pixels], fps: float) -> None:
+    # no dithering: its noise defeats the compression of GIF
     images: Sequence[Image.Image] = [
         Image.fromarray(pixels).quantize(128, dither=Image.Dither.NONE) for pixels in pictures
     ]

@@ -63,6 +63,7 @@ def dimensions_of(machine: str, words: Sequence[str] = ()) -> Dimensions:
     """Dimensions for the drawing, from the machine file and a run's KEY=VALUE changes; a typical loader's if it cannot be read."""
     try:
         m = load_machine(machine, Changes.of(words).machine)
+    # an old run may name a machine file that has moved: a typical loader is drawn instead of nothing
     except (ValueError, OSError):
         return Dimensions()
     return Dimensions(
@@ -252,6 +253,7 @@ def _film(run: RunDirectory, dimensions: Dimensions, side: int, heading: float, 
     ]
     sheet = np.concatenate([np.concatenate(row, axis=1) for row in _rows(drawn, FILM_COLUMNS)])
     out = io.BytesIO()
+    # WEBP with loss: smaller than PNG, and every browser reads it
     Image.fromarray(sheet).save(out, "WEBP", quality=QUALITY)
     return Film(
         sheet=out.getvalue(),

@@ -32,6 +32,7 @@ def draw(scene: Scene) -> Pixels:
     corners = np.concatenate([mesh.corners for mesh in scene.meshes])
     counts = [len(mesh.corners) for mesh in scene.meshes]
     paint = np.repeat(np.array([mesh.colour for mesh in scene.meshes]), counts, axis=0)
+    # a camera that looks level sees the ground as a line: no shadow on it
     if scene.elevation_deg < 0:
         solid = np.concatenate([mesh.corners for mesh in scene.meshes if mesh.shadow])
         _darken(_fine(_on_ground(solid), scene), SHADOW, colour, near)
@@ -124,6 +125,7 @@ def _paper(eye: Array, view: Array, up: Array, right: Array) -> tuple[Array, Arr
 @njit(cache=True)
 def _bounds(corners: Array, shape: tuple[int, int]) -> tuple[int, int, int, int, float]:
     """Rows and columns that a triangle can cover, and twice its signed area; empty behind the eye."""
+    # behind the eye the projection is not defined; the camera stands outside of the machine, so nothing is lost
     if min(corners[0, 2], corners[1, 2], corners[2, 2]) <= 0:
         return 0, 0, 0, 0, 0.0
     x, y = corners[:, 0], corners[:, 1]

@@ -22,6 +22,7 @@ def write_report(run_dirs: Sequence[Path], out: Path) -> Path:
         out.parent.mkdir(parents=True, exist_ok=True)
         try:
             partial.write_text(text, encoding="utf-8")
+            # renamed when complete: a reader never sees half a page
             partial.replace(out)
         finally:
             partial.unlink(missing_ok=True)

@@ -116,12 +116,14 @@ def warnings_raised(run: RunDirectory) -> list[tuple[str, str, float, float]]:
 def traffic(run: RunDirectory) -> list[Traffic]:
     """Every message of the bus, in the order of the database."""
     rows = []
+    # in the order of the database, which is by sender and rate, not in the order of arrival
     for name, codec in loader_database().by_name.items():
         columns = run.messages.get(name)
         if columns is None or not len(columns.time_s):
             continue
         count = len(columns.time_s)
         span = float(columns.time_s[-1] - columns.time_s[0])
+        # of the whole run: one missing frame changes it little, and the deadlines are judged elsewhere
         period = span / (count - 1) if count > 1 and span > 0 else float("nan")
         counter = columns.signals.get("AliveCounter")
         bits = wire_bits(Frame(codec.can_id, bytes(codec.length)))
@@ -141,6 +143,7 @@ def traffic(run: RunDirectory) -> list[Traffic]:
 
 def _skipped(counter: np.ndarray[tuple[int], np.dtype[np.int64]]) -> int:
     """Number of counts that an alive counter skipped; a counter that stands still skipped none."""
+    # a step of a whole turn or more looks like a smaller one: a lower bound of the lost frames
     step = np.diff(counter) % COUNTER_MODULUS
     return int(np.maximum(step - 1, 0).sum())
 
@@ -169,6 +172,7 @@ def conditions(run: RunDirectory) -> Figures:
 def command(run: RunDirectory) -> str:
     """The command line that repeats the run."""
     r = run.record
+    # a scenario of the user is named by its file
     known = {summary.name for summary in list_scenarios()}
     words = ["loaderhil", "run", r.scenario if r.scenario in known else f"{r.scenario}.toml"]
     if not r.limits:

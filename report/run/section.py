@@ -61,6 +61,7 @@ def _section(name: str, run: RunDirectory) -> Section:
     verdict, doubt = None, ""
     try:
         verdict = judge_run(run)
+    # a run without a verdict still has signals, timing and faults to report
     except (RunError, ValueError) as error:
         doubt = str(error)
     timing = timing_of(run) if run.record.mode == "realtime" else None

@@ -91,7 +91,8 @@ class Tried:
     """The result of one fault."""
 
     fault: Fault
-    first_ms: Mapping[tuple[Witness, Mechanism], float]  # from the first frame struck to the first detection
+    # from the first affected frame to the first detection
+    first_ms: Mapping[tuple[Witness, Mechanism], float]
     degraded: bool  # the ECU went into its degraded state
     safe_values: bool  # the ECU sent its safe limits
 
