@@ -20,6 +20,7 @@ from ecu.estimators.parameters import (
     Cylinders,
     Digging,
     Geometry,
+    LinkageDrive,
     MagicFormula,
     Parameters,
     PredictionRules,
@@ -28,91 +29,11 @@ from ecu.estimators.parameters import (
     Wheel,
 )
 from ecu.quantity import Quantity, read_section
+from ecu.rules import AlarmRules, InputRules, LimitRules, WarningRules
 
 CALIBRATIONS = Path(__file__).resolve().parent / "calibrations"
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LimitRules:
-    """How the limits answer to the margin, SI."""
-
-    front_torque: float  # no limit [N m]
-    rear_torque: float
-    torque_full_margin: float  # full torque from this predicted margin on
-    torque_least_margin: float  # least torque at and below this one
-    torque_least_share: float
-    engage_margin: float  # prevention begins below
-    release_margin: float  # and ends above
-    creep_speed: float  # the speed is never limited below this by prevention
-    safe_torque: float  # values when the roll-over state is unknown
-    safe_speed: float
-    safe_rate: float
-    speed_fall: float  # how fast the speed limit may fall [m/s2]
-    speed_rise: float
-    rate_rise: float  # how fast the rate limit may rise [rad/s2]
-    torque_rise: float  # [N m/s]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WarningRules:
-    """Thresholds of the warnings, SI."""
-
-    attention_margin: float
-    warning_margin: float
-    imminent_margin: float
-    margin_hysteresis: float  # a threshold of these three lies higher by this while its alarm is on
-    imminent_time: float
-    spin_slip: float
-    lock_slip: float
-    lock_speed: float
-    axle_rating: float
-    stop_distance: float
-    slope: float
-    payload: float
-    payload_arm: float
-    payload_speed: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AlarmRules:
-    """How long a condition has to hold or to be gone before the driver sees it [s]."""
-
-    short_delay: float  # roll-over
-    usual_delay: float  # every other condition found from estimates
-    least_on: float  # an alarm stays on at least this long
-    off_delay: float  # and until its condition has been gone this long
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InputRules:
-    """When an input is stale or implausible, SI; steps are per frame."""
-
-    stale_cycles: float
-    articulation: float
-    articulation_rate: float
-    wheel_speed: float
-    wheel_torque: float
-    acceleration: float
-    rate: float
-    slope: float
-    pressure: float
-    arm: float
-    tilt: float
-    articulation_step: float
-    wheel_speed_step: float
-    linkage_step: float
-    slope_step: float
-    frozen_frames: float  # identical values in a row that a sensor with noise does not send; 0: not judged
-    exchanged_frames: float  # in a row in which left and right wheels turn the wrong way round; 0: not judged
-    turning: float  # least yaw rate of an axle to judge that by
-    carried: (
-        float  # largest lateral specific force to judge it at: no wheel is near to lifting and spinning free
-    )
-    start_up: float  # inputs may be missing this long after the start [s]
-    recovery: float  # after a fault every input has to be good for this long [s]
-    least_specific_force: float  # a machine on the ground feels more [m/s2]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,6 +108,21 @@ _TABLES: Mapping[str, tuple[type, Mapping[str, Quantity]]] = {
             "force": _q("force_kn", 0.1, 500),
             "speed": _q("speed_kmh", 0, 50),
             "settling_time": _q("settling_time_s", 0, 10),
+        },
+    ),
+    "linkage_drive": (
+        LinkageDrive,
+        {
+            "lift_up": _q("lift_up_deg_s", 1, 102),
+            "lift_down": _q("lift_down_deg_s", 1, 102),
+            "tilt_back": _q("tilt_back_deg_s", 1, 102),
+            "tilt_forward": _q("tilt_forward_deg_s", 1, 102),
+            "lag": _q("lag_ms", 1, 1000),
+            "cushion": _q("cushion_ms", 1, 2000),
+            "lift_low": _q("lift_low_deg", -90, 90),
+            "lift_high": _q("lift_high_deg", -90, 90),
+            "tilt_low": _q("tilt_low_deg", -120, 120),
+            "tilt_high": _q("tilt_high_deg", -120, 120),
         },
     ),
     "axle": (
@@ -308,9 +244,12 @@ _TABLES: Mapping[str, tuple[type, Mapping[str, Quantity]]] = {
             "safe_torque": _q("safe_torque_kn_m", 0, 50.8),
             "safe_speed": _q("safe_speed_kmh", 0, 51),
             "safe_rate": _q("safe_rate_deg_s", 0, 51),
+            "safe_lift_rate": _q("safe_lift_rate_deg_s", 0, 102),
+            "safe_tilt_rate": _q("safe_tilt_rate_deg_s", 0, 102),
             "speed_fall": _q("speed_fall_m_s2", 0.1, 100),
             "speed_rise": _q("speed_rise_m_s2", 0.1, 100),
             "rate_rise": _q("rate_rise_deg_s2", 1, 1e4),
+            "linkage_rise": _q("linkage_rise_deg_s2", 1, 1e4),
             "torque_rise": _q("torque_rise_kn_m_s", 0.1, 1e4),
         },
     ),
@@ -431,6 +370,7 @@ def load_calibration(name_or_path: str | Path = "l60") -> Calibration:
         cylinders=Cylinders(**_with_areas(top, "cylinders", _CYLINDERS)),
         tilt_linkage=TiltLinkage(**_with_areas(top, "tilt_linkage", _TILT_LINKAGE)),
         digging=part("digging", Digging),
+        linkage_drive=part("linkage_drive", LinkageDrive),
         wheel=part("wheel", Wheel),
         magic_formula=part("magic_formula", MagicFormula),
         sensors=part("sensors", Sensors),
@@ -475,6 +415,18 @@ def _check(calibration: Calibration, path: Path) -> None:
             limits.torque_least_margin,
             "limits.torque_full_margin",
             limits.torque_full_margin,
+        ),
+        (
+            "linkage_drive.lift_low_deg",
+            p.linkage_drive.lift_low,
+            "linkage_drive.lift_high_deg",
+            p.linkage_drive.lift_high,
+        ),
+        (
+            "linkage_drive.tilt_low_deg",
+            p.linkage_drive.tilt_low,
+            "linkage_drive.tilt_high_deg",
+            p.linkage_drive.tilt_high,
         ),
         ("limits.engage_margin", limits.engage_margin, "limits.release_margin", limits.release_margin),
         (

@@ -28,13 +28,9 @@ from ecu.validity import NOTHING, valid_without
 Form = Literal["corrected", "printed"]
 NO_ESTIMATES: Final = Estimates(*([0.0] * len(Estimates._fields)))
 MOST_OVERRUNS: Final = 1023
-LINKAGE_UNLIMITED: Final[Mapping[str, float]] = {
-    **dict.fromkeys(
-        (f"limit {way} rate" for way in ("lift up", "lift down", "tilt back", "tilt forward")), math.inf
-    ),
-    "linkage limit cause": 0.0,
-}
-"""The rates of the linkage are not limited yet; infinity goes out as the top of the signal's range."""
+LEVER_LIMITS: Final = tuple(
+    f"limit {way} rate" for way in ("lift up", "lift down", "tilt back", "tilt forward")
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +165,7 @@ class EcuCycle:
         """Estimates, which of them are valid, and findings. Estimators that fail start anew after a fault."""
         if self._state not in (State.RUNNING, State.DEGRADED):
             return NO_ESTIMATES, NOTHING, []
-        inputs = estimator_inputs(received, self._period(now_ns), self._limits.rate)
+        inputs = estimator_inputs(received, self._period(now_ns), self._limits.rate, self._limits.levers)
         error = "an estimate is not a number"
         try:
             estimates = self._estimator.estimate(inputs)
@@ -190,7 +186,8 @@ class EcuCycle:
         if not flags["roll_over"]:
             return limits.safe(rules)
         dt, times = self._period(now_ns), self._times[reasons.PREVENTION]
-        return limits.next_limits(self._limits, estimates, now_ns, dt, times, rules, prediction)
+        drive = self._parameters.linkage_drive
+        return limits.next_limits(self._limits, estimates, now_ns, dt, times, rules, prediction, drive)
 
     def _next_alarms(
         self,
@@ -229,7 +226,8 @@ class EcuCycle:
             "limit speed": acting.speed,
             "limit rate": acting.rate,
             "limit cause": float(acting.cause),
-            **LINKAGE_UNLIMITED,
+            **dict(zip(LEVER_LIMITS, acting.levers, strict=True)),
+            "linkage limit cause": float(acting.lever_cause),
             **self._troubles.codes.values(
                 self._ticks, invalid=not all(valid.values()), stopped=self._state is State.FAULT
             ),

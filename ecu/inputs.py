@@ -20,11 +20,12 @@ from dbc.database import Database, MessageCodec
 from dbc.protection import Checker
 from dbc.protection import Finding as Check
 from ecu.bus_signals import Received, Usable, rows
-from ecu.calibration import Calibration, InputRules
+from ecu.calibration import Calibration
 from ecu.coherence import AxleSides
 from ecu.estimators.parameters import GRAVITY
 from ecu.estimators.signals import Inputs
 from ecu.findings import Finding, Implausible, ProtectionFailed
+from ecu.rules import InputRules
 
 FROZEN: Final = "stands still to the bit while others move"
 EXCHANGED: Final = "left and right are exchanged, by the yaw rate"
@@ -300,11 +301,18 @@ class InputReceiver:
 FLAGS: Final = tuple((name, flag.inputs) for name, flag in rows(Inputs, Usable))
 """The estimators' flags, each with the inputs that it vouches for."""
 _RECEIVED: Final = tuple(name for name, _ in rows(Inputs, Received))
-if Inputs._fields != ("dt", *_RECEIVED, *(name for name, _ in FLAGS), "rate_limit"):
-    raise TypeError("the rows of Inputs stand in the order dt, received signals, flags, rate_limit")
+_LEVERS: Final = ("lift_up_limit", "lift_down_limit", "tilt_back_limit", "tilt_forward_limit")
+if Inputs._fields != ("dt", *_RECEIVED, *(name for name, _ in FLAGS), "rate_limit", *_LEVERS):
+    raise TypeError("the rows of Inputs stand in the order dt, received signals, flags, limits")
+NO_LIMITS: Final = (math.inf,) * len(_LEVERS)
 
 
-def estimator_inputs(received: CycleInputs, dt: float, rate_limit: float) -> Inputs:
-    """The estimators' inputs: values, and flags for those that can be relied on. dt [s]; rate_limit [rad/s]."""
+def estimator_inputs(
+    received: CycleInputs, dt: float, rate_limit: float, lever_limits: tuple[float, ...] = NO_LIMITS
+) -> Inputs:
+    """The estimators' inputs: values, and flags for those that can be relied on.
+
+    dt [s]; rate_limit: of the articulation [rad/s]; lever_limits: arm up, arm down, bucket back, bucket forward [rad/s].
+    """
     flags = (1.0 if received.unusable.isdisjoint(names) else 0.0 for _, names in FLAGS)
-    return Inputs._make((dt, *map(received.values.__getitem__, _RECEIVED), *flags, rate_limit))
+    return Inputs._make((dt, *map(received.values.__getitem__, _RECEIVED), *flags, rate_limit, *lever_limits))

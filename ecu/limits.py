@@ -1,24 +1,30 @@
-"""Limits on wheel torque, speed and articulation rate that keep the machine on its wheels.
+"""Limits on wheel torque, speed, articulation rate and the rates of lift arm and bucket that keep the machine on its wheels.
 
-The estimators say which articulation rate and which speed leave a margin over the prediction horizon;
+The estimators say which rates and which speed leave a margin over the prediction horizon;
 here they become limits that fall at once (or as fast as the machine can brake) and rise slowly, so that
 the driver feels one intervention and not a flutter. Where the roll-over margin is not valid, safe values hold.
 """
 
 import enum
+import math
 from dataclasses import dataclass, replace
 
 from ecu.alarms import SILENT, Alarm, Times, after, below
-from ecu.calibration import LimitRules
-from ecu.estimators.parameters import PredictionRules
+from ecu.estimators.parameters import LinkageDrive, PredictionRules
 from ecu.estimators.signals import Estimates
+from ecu.rules import LimitRules
 
 SPEED_HEADROOM = 0.3
 """A falling speed limit starts this far above the present speed [m/s]: a higher start would not limit anything."""
 
 
+Levers = tuple[float, float, float, float]
+"""Rates of lift arm up and down, bucket back and forward [rad/s]; infinity does not limit."""
+NO_LEVER_LIMITS: Levers = (math.inf,) * 4
+
+
 class Cause(enum.IntEnum):
-    """Values are those of Limits.Cause in the DBC."""
+    """Values are those of Limits.Cause and LinkageLimits.Cause in the DBC."""
 
     NO_LIMIT = 0
     PRECAUTION = 1
@@ -36,6 +42,8 @@ class Limits:
     rate: float  # of articulation, to either side [rad/s]
     cause: Cause
     direction: float = 0.0  # side that the rate was found for: +1 left, -1 right, 0 both
+    levers: Levers = NO_LEVER_LIMITS
+    lever_cause: Cause = Cause.NO_LIMIT
     prevention: Alarm = SILENT  # whether prevention acts; carried to the next cycle
 
 
@@ -57,6 +65,8 @@ def safe(rules: LimitRules) -> Limits:
         rear_torque=min(rules.safe_torque, rules.rear_torque),
         speed=rules.safe_speed,
         rate=rules.safe_rate,
+        levers=(rules.safe_lift_rate, rules.safe_lift_rate, rules.safe_tilt_rate, rules.safe_tilt_rate),
+        lever_cause=Cause.SAFE_VALUES,
         cause=Cause.SAFE_VALUES,
     )
 
@@ -68,6 +78,22 @@ def torque_share(margin: float, rules: LimitRules) -> float:
     return rules.torque_least_share + (1.0 - rules.torque_least_share) * place
 
 
+def next_levers(
+    before: Levers, estimates: Estimates, dt: float, rules: LimitRules, drive: LinkageDrive
+) -> Levers:
+    """The limits of the levers' motions; the estimates bring one of them, the others stay as they are.
+
+    A limit rises no faster than it may; where it comes to what the drive can do, it is none.
+    """
+    motion = int(estimates.permitted_motion)
+    rise = rules.linkage_rise * dt * len(before)  # once in so many cycles
+    reached = min(estimates.permitted_lever, before[motion] + rise)
+    full = (drive.lift_up, drive.lift_down, drive.tilt_back, drive.tilt_forward)[motion]
+    new = math.inf if reached >= full else reached
+    up, down, back, forward = (new if k == motion else limit for k, limit in enumerate(before))
+    return up, down, back, forward
+
+
 def next_limits(
     before: Limits,
     estimates: Estimates,
@@ -76,6 +102,7 @@ def next_limits(
     times: Times,
     rules: LimitRules,
     prediction: PredictionRules,
+    drive: LinkageDrive,
 ) -> Limits:
     """The limits of this cycle from a valid prediction. times: those of the prevention; dt [s]."""
     none = unlimited(rules, prediction)
@@ -94,11 +121,17 @@ def next_limits(
     share = torque_share(margin, rules)
     front = min(share * none.front_torque, before.front_torque + rules.torque_rise * dt)
     rear = min(share * none.rear_torque, before.rear_torque + rules.torque_rise * dt)
+    levers = next_levers(before.levers, estimates, dt, rules, drive)
+    lever_cause = Cause.NO_LIMIT
+    if min(levers) < math.inf:
+        lever_cause = Cause.ROLL_OVER_PREVENTION if prevention.on else Cause.PRECAUTION
     now = Limits(
         front_torque=front,
         rear_torque=rear,
         speed=speed,
         rate=rate,
+        levers=levers,
+        lever_cause=lever_cause,
         direction=side or before.direction,
         cause=Cause.NO_LIMIT,
         prevention=prevention,

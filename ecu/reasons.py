@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from ecu.alarms import Alarm, Times, below
-from ecu.calibration import AlarmRules, WarningRules
 from ecu.estimators.signals import NEVER, Estimates
 from ecu.inputs import CycleInputs
+from ecu.rules import AlarmRules, WarningRules
 from ecu.validity import WHEELS
 
 

@@ -11,7 +11,14 @@ from ecu.estimators.balance import balance, longitudinal_forces
 from ecu.estimators.compiled import compiled
 from ecu.estimators.loads.arm_forces import arm_forces
 from ecu.estimators.loads.cog import front_unit, machine_centre
-from ecu.estimators.loads.payload import BucketLoad, followed_load, lift_acceleration, push_of
+from ecu.estimators.loads.payload import (
+    BucketLoad,
+    Residual,
+    followed_load,
+    lift_acceleration,
+    push_of,
+    residual,
+)
 from ecu.estimators.motion.acceleration import gravity_reaction, yaw_rate
 from ecu.estimators.motion.arm import Turning, tracked
 from ecu.estimators.motion.motion import (
@@ -28,8 +35,10 @@ from ecu.estimators.next_state import next_state
 from ecu.estimators.parameters import GRAVITY, Body, Parameters
 from ecu.estimators.quantities import NormalForces, Vector, WheelForces
 from ecu.estimators.signals import Estimates, Inputs
-from ecu.estimators.stability import permitted, rollover, turning
-from ecu.estimators.stability.rollover import LoadedMachine, Margin, Prediction, PredictionState
+from ecu.estimators.stability import permitted, permitted_levers, prediction, rollover, turning
+from ecu.estimators.stability.levers import MOTIONS, Levers, demanded
+from ecu.estimators.stability.prediction import Prediction, PredictionState
+from ecu.estimators.stability.rollover import LoadedMachine, Margin
 from ecu.estimators.state import State
 from ecu.estimators.tyres import contact
 from ecu.estimators.tyres.contact import Followed, Tilt
@@ -50,6 +59,7 @@ class Present(NamedTuple):
     force: Vector  # specific force at the centre of gravity
     payload: float
     start: PredictionState
+    motion: int  # of the levers, whose limit is looked for in this cycle
     machine: LoadedMachine
 
 
@@ -60,9 +70,11 @@ class Future(NamedTuple):
     permitted_rate: float  # articulation rate [rad/s]
     permitted_direction: float  # the demanded one: +1 left, -1 right, 0 none
     permitted_speed: float  # [m/s]
+    permitted_lever: float  # [rad/s]
+    permitted_motion: float
 
 
-NOT_PREDICTED = Future(Prediction(math.nan, math.nan, math.nan, math.nan), math.nan, math.nan, math.nan)
+NOT_PREDICTED = Future(Prediction(*[math.nan] * 4), *[math.nan] * 5)
 """The prediction was left out."""
 
 
@@ -75,13 +87,20 @@ def in_front_axes(i: Inputs, v: Vector) -> Vector:
 
 @compiled
 def bucket_load(
-    i: Inputs, s: State, a: Accelerations, x: WheelForces, front: Body, lift: Turning, p: Parameters
+    i: Inputs,
+    s: State,
+    r: Residual,
+    a: Accelerations,
+    x: WheelForces,
+    front: Body,
+    lift: Turning,
+    p: Parameters,
 ) -> BucketLoad:
     """What the bucket carries and pushes, from the pressures and the traction that the motion does not explain."""
     c = math.cos(i.articulation_angle)
     traction = (x.x1 + x.x2) * c + x.x3 + x.x4
     traction -= front.mass * a.front.x + p.rear.mass * a.rear.x + p.axle.mass * a.axle.x
-    return followed_load(i, s, in_front_axes(i, a.front), traction, s.speed, lift, p)
+    return followed_load(i, s, r, in_front_axes(i, a.front), traction, s.speed, lift, p)
 
 
 @compiled
@@ -130,9 +149,11 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
         a = kinematic_accelerations(i, s, m, front, p)
     x = longitudinal_forces(i, s, m, a, front, p)
     arm, bucket = arm_motion(i, s)
-    load = bucket_load(i, s, a, x, front, arm, p)
+    along = in_front_axes(i, a.front)
+    moments = residual(i, along.x, along.z, p)
+    load = bucket_load(i, s, moments, a, x, front, arm, p)
     front = front_unit(i.lift_arm_angle, i.tilt_angle, load.payload, p.front, p.arm, p.bucket)
-    machine = rollover.loaded_machine(front, p)
+    machine = rollover.loaded_machine(front, load.payload, p)
 
     r1 = radius(s.normal_1, w.front_stiffening, w)
     r2 = radius(s.normal_2, w.front_stiffening, w)
@@ -143,10 +164,8 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     trail = w.pneumatic_trail * min(max(v / 0.5, -1.0), 1.0)
 
     front_yaw = m.rate.z + i.articulation_rate
-    quick = Turning(
-        arm.angle, arm.rate, lift_acceleration(i, in_front_axes(i, a.front), load, arm, p), arm.sample
-    )
-    moved = arm_forces(quick, bucket, front_yaw, load.payload, p)
+    quick = Turning(arm.angle, arm.rate, lift_acceleration(i, moments, along, load, arm, p), arm.sample)
+    moved = arm_forces(quick, bucket, front_yaw, load.payload, p.arm, p.bucket)
     lateral, balanced = balance(i, m, a, front, push_of(i, load, p), moved, x, trail, p)
     n, tilt = follow_tilt(i, s, m, balanced, p)
 
@@ -155,7 +174,11 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
         rest = gravity_reaction(i.pitch, i.roll, GRAVITY)
     acceleration = (a.axle.x - rest.x) if i.acceleration_usable != 0.0 else axle_acceleration
     front_load, rear_load = n.front_left + n.front_right, n.rear_left + n.rear_right
-    steering = Steering(d, i.articulation_rate, m.articulation_acceleration, v, acceleration, rest.x, rest.y)
+    c, across = math.cos(d), math.sin(d)
+    steering = Steering(
+        d, i.articulation_rate, m.articulation_acceleration, v, acceleration, rest.x, rest.y,
+        moved.x * across + moved.y * c, moved.yawing,
+    )  # fmt: skip
     slide = lateral_step(
         s.drift, m.rate.z, steering, front_load, rear_load, i.dt, front, machine.rear_unit, w, g
     )
@@ -165,6 +188,7 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     start = PredictionState(
         d, i.articulation_rate, demand, v, acceleration, rest.x, rest.y, rest.z, ground, slide.drift,
         m.rate.z, front_load, rear_load, over.y, contact.support_rate(n, tilt.rate, d, i.articulation_rate, w, g),
+        lever_demands(i, arm, bucket, p),
     )  # fmt: skip
 
     y1, y2 = shared(lateral.front, n.front_left, n.front_right)
@@ -178,7 +202,7 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     now = Present(
         n, forces, slips, models,
         rollover.margin(n, machine.standing), turn, lateral.joint_torque, v,
-        centre_force(a, front, p.rear, p.axle.mass), load.payload, start, machine,
+        centre_force(a, front, p.rear, p.axle.mass), load.payload, start, int(s.cycles) % MOTIONS, machine,
     )  # fmt: skip
     state = next_state(
         i, s, m, load, v, axle_speed, axle_acceleration, n, forces,
@@ -188,20 +212,40 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
 
 
 @compiled
-def predict_and_permit(start: PredictionState, rate_limit: float, machine: LoadedMachine) -> Future:
-    """The prediction at the rate that the driver demands and is permitted, and what will be permitted next."""
+def lever_demands(i: Inputs, arm: Turning, bucket: Turning, p: Parameters) -> Levers:
+    """Lift arm and bucket, and what the driver asks of them as far as it is permitted; their motion goes on where the demand is not known."""
+    drive = p.linkage_drive
+    if i.demand_usable == 0.0:
+        return Levers(arm.angle, arm.rate, arm.rate, bucket.angle, bucket.rate, bucket.rate)
+    lift = demanded(i.lift_demand, drive.lift_up, drive.lift_down, i.lift_up_limit, i.lift_down_limit)
+    tilt = demanded(
+        i.tilt_demand, drive.tilt_back, drive.tilt_forward, i.tilt_back_limit, i.tilt_forward_limit
+    )
+    return Levers(arm.angle, arm.rate, lift, bucket.angle, bucket.rate, tilt)
+
+
+@compiled
+def predict_and_permit(
+    start: PredictionState, motion: int, rate_limit: float, machine: LoadedMachine
+) -> Future:
+    """The prediction at the rates that the driver demands and is permitted, and what will be permitted next.
+
+    motion: of the levers, the one whose limit is looked for.
+    """
     g, rules, rate = machine.geometry, machine.prediction, start.articulation_rate
-    asked = rollover.with_demand(start, min(max(start.demanded_rate, -rate_limit), rate_limit))
-    prediction = rollover.predict(asked, rules.demand_hold, 0.0, machine)
+    asked = prediction.with_demand(start, min(max(start.demanded_rate, -rate_limit), rate_limit))
+    ahead = prediction.predict(asked, rules.demand_hold, 0.0, machine)
     turned = start.articulation_angle + rate * rules.limit_hold
     turned = min(max(turned, -g.articulation_stop), g.articulation_stop)
     direction = 1.0 if start.speed >= 0.0 else -1.0
     speed = permitted.permitted_speed(turned, start.ground, direction, machine)
     return Future(
-        prediction,
+        ahead,
         permitted.permitted_rate(start, machine),
         math.copysign(1.0, start.demanded_rate) if start.demanded_rate != 0.0 else 0.0,
         permitted.limit_for(speed, start.ground, direction, machine),
+        permitted_levers.permitted_lever(asked, motion, ahead.margin, machine),
+        float(motion),
     )
 
 
@@ -248,6 +292,8 @@ def estimates_of(now: Present, future: Future, p: Parameters) -> Estimates:
         permitted_rate=future.permitted_rate,
         permitted_direction=future.permitted_direction,
         permitted_speed=future.permitted_speed,
+        permitted_lever=future.permitted_lever,
+        permitted_motion=future.permitted_motion,
     )
 
 
@@ -255,7 +301,7 @@ def estimates_of(now: Present, future: Future, p: Parameters) -> Estimates:
 def corrected(i: Inputs, s: State, p: Parameters) -> tuple[Estimates, State]:
     """One cycle of the corrected estimators."""
     now, state = present(i, s, p)
-    return estimates_of(now, predict_and_permit(now.start, i.rate_limit, now.machine), p), state
+    return estimates_of(now, predict_and_permit(now.start, now.motion, i.rate_limit, now.machine), p), state
 
 
 @compiled

@@ -205,6 +205,21 @@ class PredictionRules(NamedTuple):
     largest_speed: float  # speed of the unlimited machine [m/s]
 
 
+class LinkageDrive(NamedTuple):
+    """How fast and how far lift arm and bucket are driven; angles above the front frame's horizontal."""
+
+    lift_up: float  # rate at a full lever [rad/s]
+    lift_down: float
+    tilt_back: float
+    tilt_forward: float
+    lag: float  # a rate follows its demand with this time constant [s]
+    cushion: float  # before the end of its stroke a part slows down with this time constant [s]
+    lift_low: float  # ends of the strokes [rad]
+    lift_high: float
+    tilt_low: float
+    tilt_high: float
+
+
 class Parameters(NamedTuple):
     """Everything the estimators know of one machine."""
 
@@ -217,6 +232,7 @@ class Parameters(NamedTuple):
     cylinders: Cylinders
     tilt_linkage: TiltLinkage
     digging: Digging
+    linkage_drive: LinkageDrive
     wheel: Wheel
     magic_formula: MagicFormula
     sensors: Sensors

@@ -14,7 +14,7 @@ from ecu.bus_signals import Received, Sent, Usable
 class Inputs(NamedTuple):
     """What the machine reports, and which of it is usable (1) or not (0).
 
-    In this order: the period, the inputs from the bus, their flags, the ECU's own limit.
+    In this order: the period, the inputs from the bus, their flags, the ECU's own limits.
     """
 
     dt: float  # time since the previous cycle [s]
@@ -29,6 +29,9 @@ class Inputs(NamedTuple):
         float,
         Received("DriverDemand", "ArticulationRateDemand", "rad/s", "articulation_rate", sensed=False),
     ]
+    # the levers' shares of their way; up and back positive
+    lift_demand: Annotated[float, Received("DriverDemand", "LiftDemand", "1", sensed=False)]
+    tilt_demand: Annotated[float, Received("DriverDemand", "TiltDemand", "1", sensed=False)]
     wheel_speed_1: Annotated[
         float, Received("WheelSpeedsFront", "Left", "rad/s", "wheel_speed", "wheel_speed_step", "LeftState")
     ]
@@ -77,7 +80,7 @@ class Inputs(NamedTuple):
     tilt_angle: Annotated[
         float, Received("LinkageAngles", "TiltAngle", "rad", "tilt", "linkage_step", "State")
     ]
-    demand_usable: Annotated[float, Usable(("articulation_rate_demand",))]
+    demand_usable: Annotated[float, Usable(("articulation_rate_demand", "lift_demand", "tilt_demand"))]
     wheel_1_usable: Annotated[float, Usable(("wheel_speed_1",))]
     wheel_2_usable: Annotated[float, Usable(("wheel_speed_2",))]
     wheel_3_usable: Annotated[float, Usable(("wheel_speed_3",))]
@@ -91,7 +94,12 @@ class Inputs(NamedTuple):
     rates_usable: Annotated[float, Usable(("roll_rate", "pitch_rate", "yaw_rate"))]
     slope_usable: Annotated[float, Usable(("pitch", "roll"))]
     pressure_usable: Annotated[float, Usable(("lift_pressure", "tilt_pressure"))]
-    rate_limit: float  # articulation rate the machine is permitted at present [rad/s]
+    # rates that the machine is permitted at present, infinity: any [rad/s]
+    rate_limit: float  # of the articulation
+    lift_up_limit: float
+    lift_down_limit: float
+    tilt_back_limit: float
+    tilt_forward_limit: float
 
 
 class Estimates(NamedTuple):
@@ -141,6 +149,8 @@ class Estimates(NamedTuple):
     permitted_rate: float  # articulation rate that leaves a margin [rad/s]
     permitted_direction: float  # ... to the side that the driver demands: +1 left, -1 right, 0 none
     permitted_speed: float  # [m/s]
+    permitted_lever: float  # rate of lift arm or bucket that leaves a margin [rad/s]
+    permitted_motion: float  # ... in this motion: 0 arm up, 1 arm down, 2 bucket back, 3 bucket forward
 
 
 NEVER = 10.23  # TimeToLiftOff of the DBC: none within the horizon [s]

@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import math
 
 import pytest
 from hypothesis import given
@@ -10,17 +11,27 @@ from hypothesis import strategies as st
 from ecu.alarms import Times
 from ecu.calibration import load_calibration
 from ecu.estimators.signals import NEVER, Estimates
-from ecu.limits import Cause, Limits, next_limits, safe, torque_share, unlimited
+from ecu.limits import (
+    NO_LEVER_LIMITS,
+    Cause,
+    Limits,
+    next_levers,
+    next_limits,
+    safe,
+    torque_share,
+    unlimited,
+)
 from ecu.reasons import PREVENTION, times
 
 CALIBRATION = load_calibration()
 RULES, PREDICTION = CALIBRATION.limits, CALIBRATION.parameters.prediction
+DRIVE = CALIBRATION.parameters.linkage_drive
 TIMES = times(CALIBRATION.alarms)[PREVENTION]
 NONE = unlimited(RULES, PREDICTION)
 DT, TICK = 0.01, 10_000_000
 CALM = Estimates(*([0.0] * len(Estimates._fields)))._replace(
     lift_off_margin=1.0, predicted_margin=1.0, time_to_lift_off=NEVER, speed=5.0,
-    permitted_rate=PREDICTION.largest_rate, permitted_speed=PREDICTION.largest_speed,
+    permitted_rate=PREDICTION.largest_rate, permitted_speed=PREDICTION.largest_speed, permitted_lever=math.inf,
 )  # fmt: skip
 VALUES = ("front_torque", "rear_torque", "speed", "rate")
 
@@ -40,7 +51,7 @@ def limited(seen, start=NONE):
     """The limits after each cycle."""
     now, found = start, []
     for k, e in enumerate(seen):
-        now = next_limits(now, e, k * TICK, DT, TIMES, RULES, PREDICTION)
+        now = next_limits(now, e, k * TICK, DT, TIMES, RULES, PREDICTION, DRIVE)
         found.append(now)
     return found
 
@@ -139,8 +150,8 @@ def test_safe_values_are_within_the_machines_own():
 
 def test_a_repeated_cycle_changes_the_prevention_no_further():
     close = CALM._replace(predicted_margin=0.0)
-    once = next_limits(NONE, close, 0, DT, TIMES, RULES, PREDICTION)
-    twice = next_limits(once, close, 0, DT, TIMES, RULES, PREDICTION)
+    once = next_limits(NONE, close, 0, DT, TIMES, RULES, PREDICTION, DRIVE)
+    twice = next_limits(once, close, 0, DT, TIMES, RULES, PREDICTION, DRIVE)
     assert isinstance(once, Limits)
     assert once.prevention == twice.prevention
     assert Times(on_delay_ns=0, least_on_ns=TIMES.least_on_ns, off_delay_ns=TIMES.off_delay_ns) == TIMES
@@ -162,3 +173,36 @@ def test_without_a_demand_the_rate_limit_still_rises_slowly():
     freed = limited([none], held)[-1]
     assert 0.0 < freed.rate <= RULES.rate_rise * DT + 1e-12
     assert freed.direction == -1.0
+
+
+motions = st.integers(0, 3)
+lever_rates = st.floats(0.0, 2.0)
+
+
+@given(st.tuples(lever_rates, lever_rates, lever_rates, lever_rates), motions, lever_rates)
+def test_one_motion_of_the_levers_changes_and_the_others_stay(before, motion, permitted):
+    e = CALM._replace(permitted_motion=float(motion), permitted_lever=permitted)
+    after = next_levers(before, e, DT, RULES, DRIVE)
+    assert [a == b for k, (a, b) in enumerate(zip(after, before, strict=True)) if k != motion] == [True] * 3
+    assert after[motion] <= permitted or after[motion] == math.inf
+    rise = RULES.linkage_rise * DT * 4
+    assert after[motion] <= before[motion] + rise + 1e-12 or after[motion] == math.inf
+
+
+def test_a_lever_limit_falls_at_once_and_comes_back_slowly_until_it_is_none():
+    held = CALM._replace(permitted_motion=1.0, permitted_lever=0.05)
+    free = CALM._replace(permitted_motion=1.0, permitted_lever=DRIVE.lift_down)
+    found = limited([held] + [free] * 100)
+    down = [now.levers[1] for now in found]
+    assert down[0] == 0.05
+    assert found[0].lever_cause is Cause.PRECAUTION
+    steps = [b - a for a, b in itertools.pairwise(down) if b < math.inf]
+    assert max(steps) == pytest.approx(RULES.linkage_rise * DT * 4)
+    assert found[-1].levers == NO_LEVER_LIMITS
+    assert found[-1].lever_cause is Cause.NO_LIMIT
+
+
+def test_levers_are_safe_where_the_margin_is_not_known():
+    values = safe(RULES)
+    assert max(values.levers) < math.inf
+    assert values.lever_cause is Cause.SAFE_VALUES

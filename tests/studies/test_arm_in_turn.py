@@ -47,3 +47,22 @@ def test_loads_follow_an_arm_that_moves_in_a_turn(name, tmp_path):
     true = np.array([np.interp(series.time_s[moves], time, force[:, wheel]) for wheel in range(4)]).T
     rms = np.sqrt(np.mean((series.force[moves] - true) ** 2, axis=0))
     assert np.all(rms < 1.7e3)
+
+
+FULL_LEVER = {"speed": 17, "arm": 46, "angle": 24, "lever": "[[4.0, 0.0], [4.01, -100.0]]"}
+
+
+def test_a_full_lever_at_speed_lifts_no_wheel_while_the_limits_act(tmp_path):
+    """Without limits the front left wheel is in the air after 0.1 s. Every wheel keeps a fifth of its load, and the loads are known."""
+    path = tmp_path / "full_lever.toml"
+    path.write_text(SCENARIO.format(name="full_lever", **FULL_LEVER), encoding="utf-8")
+    recording = lockstep(Choice(scenario=str(path)).load(), reference=False).run()
+    time = np.array([truth.time_s for truth in recording.truth])
+    force = np.array([truth.normal_force for truth in recording.truth])
+    assert (force / force[0]).min() > 0.2
+    assert recording.truth[-1].lift_arm_angle < recording.truth[0].lift_arm_angle - 0.25, "it comes down"
+    series = estimates_of(recording)
+    moves = series.time_s > 3.9
+    assert series.valid[moves].all()
+    true = np.array([np.interp(series.time_s[moves], time, force[:, wheel]) for wheel in range(4)]).T
+    assert np.abs(series.force[moves] - true).max() < 3e3

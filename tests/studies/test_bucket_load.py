@@ -110,7 +110,9 @@ def follow(machine, told, state, *, cycles, traction):
     """The load after some cycles of the same inputs."""
     p = load_calibration(machine.family).parameters
     for _ in range(cycles):
-        load = followed_load(told, state, Vector(0.0, 0.0, G), traction, 0.5, STILL, p)
+        load = followed_load(
+            told, state, residual(told, 0.0, G, p), Vector(0.0, 0.0, G), traction, 0.5, STILL, p
+        )
         state = state._replace(
             cycles=state.cycles + 1, payload=load.payload, couple=load.couple, calm_payload=load.calm_payload,
             calm_couple=load.calm_couple, digging=load.digging, push_x=load.x, push_z=load.z, traction=load.traction,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from ecu.estimators.compiled import compiled
 from ecu.estimators.loads.cog import rotated
 from ecu.estimators.motion.arm import Turning, moving
-from ecu.estimators.parameters import Parameters
+from ecu.estimators.parameters import Arm, Bucket
 
 
 class ArmForces(NamedTuple):
@@ -57,11 +57,12 @@ def lump(mass: float, x: float, z: float, spin: float, motion: Relative, yaw_rat
 
 
 @compiled
-def arm_forces(lift: Turning, tilt: Turning, yaw_rate: float, payload: float, p: Parameters) -> ArmForces:
+def arm_forces(
+    lift: Turning, tilt: Turning, yaw_rate: float, payload: float, arm: Arm, bucket: Bucket
+) -> ArmForces:
     """Forces of the lumps while one of them moves; yaw_rate: of the front frame [rad/s]; payload [kg]."""
     if not (moving(lift) or moving(tilt)):
         return NO_ARM_FORCES
-    arm, bucket = p.arm, p.bucket
     ax, az = rotated(arm.along, arm.above, lift.angle)
     px, pz = rotated(arm.length, 0.0, lift.angle)
     bx, bz = rotated(bucket.forward, bucket.above, tilt.angle - bucket.carried)

@@ -107,18 +107,24 @@ def pushed(
 
 @compiled
 def followed_load(
-    i: Inputs, s: State, along: Vector, traction: float, speed: float, lift: Turning, p: Parameters
+    i: Inputs,
+    s: State,
+    r: Residual,
+    along: Vector,
+    traction: float,
+    speed: float,
+    lift: Turning,
+    p: Parameters,
 ) -> BucketLoad:
     """One cycle: what the bucket carries and pushes; the last known without pressures.
 
-    along: specific force at the front unit, front frame's axes [m/s2]; traction: of all tyres less what the
+    r: `residual` at `along`; along: specific force at the front unit, front frame's axes [m/s2]; traction: of all tyres less what the
     motion takes [N]; speed: of the rear axle [m/s].
     """
     if i.pressure_usable == 0.0:
         return BucketLoad(
             s.payload, s.couple, s.calm_payload, s.calm_couple, s.digging, s.push_x, s.push_z, s.traction
         )
-    r = residual(i, along.x, along.z, p)
     fresh, couple = loaded(i, r, along.x, along.z, p)
     if s.cycles == 0.0:
         return BucketLoad(fresh, couple, fresh, couple, 0.0, 0.0, 0.0, 0.0)
@@ -159,7 +165,9 @@ def standing_payload(i: Inputs, gravity: float, p: Parameters) -> float:
 
 
 @compiled
-def lift_acceleration(i: Inputs, along: Vector, load: BucketLoad, lift: Turning, p: Parameters) -> float:
+def lift_acceleration(
+    i: Inputs, r: Residual, along: Vector, load: BucketLoad, lift: Turning, p: Parameters
+) -> float:
     """Angular acceleration of the lift arm [rad/s2] from the cylinders' forces, without delay.
 
     The moment that neither weight nor payload explains turns arm, bucket and load about the arm's pivot; the bucket keeps
@@ -168,7 +176,6 @@ def lift_acceleration(i: Inputs, along: Vector, load: BucketLoad, lift: Turning,
     if i.pressure_usable == 0.0 or load.digging != 0.0 or i.tilt_pressure < EMPTY:
         return lift.acceleration
     arm = p.arm
-    r = residual(i, along.x, along.z, p)
     px, pz = rotated(arm.length, 0.0, i.lift_arm_angle)
     unexplained = r.weight - load.payload * (px * along.z - pz * along.x)
     about_pivot = arm.mass * (arm.along * arm.along + arm.above * arm.above) + arm.pitch_inertia

@@ -24,6 +24,8 @@ class Steering(NamedTuple):
     acceleration: float  # [m/s2]
     gravity_x: float  # [m/s2]
     gravity_y: float
+    arm_side: float  # force to the left that arm and bucket need to move on the front frame, rear axes [N]
+    arm_yaw: float  # ... and moment about the joint [N m]
 
 
 class LateralState(NamedTuple):
@@ -95,9 +97,9 @@ def lateral_step(
     aside = yaw_rate * u + steering.gravity_y
     push = mass * ahead / (2.0 + 2.0 * c)  # of each wheel; the front pair's part to the side is 2 push s
     side = f.force * c + r.force + 2.0 * push * s
-    side -= mass * aside + first * (steering.change * c - turn * turn * s)
+    side -= mass * aside + first * (steering.change * c - turn * turn * s) + steering.arm_side
     moment = front_arm * f.force - rear_arm * r.force
-    moment -= balance * aside + front_second * steering.change - first * s * ahead
+    moment -= balance * aside + front_second * steering.change - first * s * ahead + steering.arm_yaw
 
     a11 = mass / dt - f.slope * c * c - r.slope
     a12 = balance / dt - f.slope * c * lf + r.slope * lr + mass * u

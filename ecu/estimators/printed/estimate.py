@@ -126,6 +126,8 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
         permitted_rate=p.prediction.largest_rate,
         permitted_direction=0.0,
         permitted_speed=p.prediction.largest_speed,
+        permitted_lever=math.inf,
+        permitted_motion=0.0,
     )
     state = PrintedState(
         s.cycles + 1.0, load, i.wheel_speed_1, i.wheel_speed_2, i.wheel_speed_3, i.wheel_speed_4,

@@ -10,15 +10,8 @@ import math
 from ecu.estimators.compiled import compiled
 from ecu.estimators.loads.normal_force import normal_forces
 from ecu.estimators.quantities import NormalForces, Vector
-from ecu.estimators.stability.rollover import (
-    LoadedMachine,
-    PredictionState,
-    margin,
-    predict,
-    steady_loads,
-    steady_rate,
-    with_demand,
-)
+from ecu.estimators.stability.prediction import PredictionState, predict, with_demand
+from ecu.estimators.stability.rollover import LoadedMachine, margin, steady_loads, steady_rate
 from ecu.estimators.tyres.contact import Tilt, tilt_of
 
 TURN_STEP = 0.5

@@ -76,7 +76,7 @@ def test_the_forces_are_the_change_of_momentum_beyond_the_rigid_machines(lift, t
     still = (Turning(part.angle, 0.0, 0.0, 0.0) for part in (lift, tilt))
     moved, rigid = change(lift, tilt, payload, yaw_rate), change(*still, payload, yaw_rate)
     force, moment = moved[0] - rigid[0], moved[1] - rigid[1]
-    found = arm_forces(lift, tilt, yaw_rate, payload, P)
+    found = arm_forces(lift, tilt, yaw_rate, payload, ARM, BUCKET)
     scale = 1e4
     assert (found.x, found.y, found.z) == pytest.approx(tuple(force), abs=1e-4 * scale)
     # r x F: x = -z a_y, y = z a_x - x a_z, z = x a_y
@@ -86,14 +86,16 @@ def test_the_forces_are_the_change_of_momentum_beyond_the_rigid_machines(lift, t
 
 def test_arm_and_bucket_at_rest_exert_nothing():
     rest = Turning(0.5, 0.0, 0.0, 0.5)
-    assert arm_forces(rest, rest, 0.8, 3000.0, P) == NO_ARM_FORCES
+    assert arm_forces(rest, rest, 0.8, 3000.0, ARM, BUCKET) == NO_ARM_FORCES
 
 
 def test_lowering_a_raised_arm_in_a_left_turn_pushes_to_the_left():
     """The parts move ahead, and the turn carries what moves ahead to the outside: the ground has to push inwards."""
-    found = arm_forces(Turning(0.7, -0.5, 0.0, 0.0), Turning(0.0, 0.0, 0.0, 0.0), 0.8, 3000.0, P)
+    found = arm_forces(Turning(0.7, -0.5, 0.0, 0.0), Turning(0.0, 0.0, 0.0, 0.0), 0.8, 3000.0, ARM, BUCKET)
     assert found.y > 1e3
-    mirrored = arm_forces(Turning(0.7, -0.5, 0.0, 0.0), Turning(0.0, 0.0, 0.0, 0.0), -0.8, 3000.0, P)
+    mirrored = arm_forces(
+        Turning(0.7, -0.5, 0.0, 0.0), Turning(0.0, 0.0, 0.0, 0.0), -0.8, 3000.0, ARM, BUCKET
+    )
     assert (mirrored.y, mirrored.rolling, mirrored.yawing) == pytest.approx(
         (-found.y, -found.rolling, -found.yawing)
     )
@@ -147,6 +149,11 @@ def standing(lift, tilt, tilt_pressure=2e6):
     return i._replace(lift_pressure=-low / (high - low) * 1e7)
 
 
+def acceleration_of(i, load, part):
+    """The lift arm's acceleration by the pressures of a machine at rest on the level."""
+    return lift_acceleration(i, residual(i, UP.x, UP.z, P), UP, load, part, P)
+
+
 @pytest.mark.parametrize("lift", [-0.5, 0.0, 0.5])
 @pytest.mark.parametrize("acceleration", [-2.0, 0.0, 1.5])
 def test_pressure_beyond_the_weight_turns_the_arm(lift, acceleration):
@@ -155,16 +162,16 @@ def test_pressure_beyond_the_weight_turns_the_arm(lift, acceleration):
     inertia = ARM.mass * (ARM.along**2 + ARM.above**2) + ARM.pitch_inertia + BUCKET.mass * ARM.length**2
     lever = levers(lift, 0.0, ARM, BUCKET, P.cylinders, P.tilt_linkage).lift
     more = inertia * acceleration / (lever * P.cylinders.head_area)
-    found = lift_acceleration(i._replace(lift_pressure=i.lift_pressure + more), UP, EMPTY_BUCKET, rest, P)
+    found = acceleration_of(i._replace(lift_pressure=i.lift_pressure + more), EMPTY_BUCKET, rest)
     assert found == pytest.approx(acceleration, rel=1e-6, abs=1e-6)
 
 
 def test_in_a_pile_and_without_pressures_the_tracked_acceleration_stands_in():
     part = Turning(0.0, 0.3, 0.7, 0.0)
     i = standing(0.0, 0.0)
-    assert lift_acceleration(i, UP, EMPTY_BUCKET._replace(digging=1.0), part, P) == 0.7
-    assert lift_acceleration(i._replace(pressure_usable=0.0), UP, EMPTY_BUCKET, part, P) == 0.7
-    assert lift_acceleration(i._replace(tilt_pressure=0.0), UP, EMPTY_BUCKET, part, P) == 0.7
+    assert acceleration_of(i, EMPTY_BUCKET._replace(digging=1.0), part) == 0.7
+    assert acceleration_of(i._replace(pressure_usable=0.0), EMPTY_BUCKET, part) == 0.7
+    assert acceleration_of(i._replace(tilt_pressure=0.0), EMPTY_BUCKET, part) == 0.7
 
 
 def test_the_payload_stands_still_while_the_arm_accelerates():
@@ -173,5 +180,6 @@ def test_the_payload_stands_still_while_the_arm_accelerates():
     heavier = i._replace(lift_pressure=i.lift_pressure + 1e6)
     state = INITIAL._replace(cycles=100.0)
     even, uneven = Turning(0.0, 0.3, 0.0, 0.0), Turning(0.0, 0.3, 1.0, 0.0)
-    assert followed_load(heavier, state, UP, 0.0, 3.0, uneven, P).payload == 0.0
-    assert followed_load(heavier, state, UP, 0.0, 3.0, even, P).payload > 1.0
+    moments = residual(heavier, UP.x, UP.z, P)
+    assert followed_load(heavier, state, moments, UP, 0.0, 3.0, uneven, P).payload == 0.0
+    assert followed_load(heavier, state, moments, UP, 0.0, 3.0, even, P).payload > 1.0

@@ -8,6 +8,7 @@ from ecu.calibration import load_calibration
 from ecu.estimators.loads.cog import front_unit
 from ecu.estimators.loads.normal_force import normal_forces
 from ecu.estimators.quantities import Vector
+from ecu.estimators.stability.levers import Levers
 from ecu.estimators.stability.permitted import (
     LEANING,
     helps,
@@ -21,8 +22,8 @@ from ecu.estimators.stability.permitted import (
     steady_forces,
     turned_gravity,
 )
+from ecu.estimators.stability.prediction import PredictionState
 from ecu.estimators.stability.rollover import (
-    PredictionState,
     loaded_machine,
     margin,
     steady_loads,
@@ -39,7 +40,7 @@ LEVEL = Vector(0.0, 0.0, G)
 def machine(wheel=P.wheel, **prediction):
     """The empty machine with the bucket carried, other numbers of its prediction."""
     given = P._replace(wheel=wheel, prediction=P.prediction._replace(**prediction))
-    return loaded_machine(front_unit(-0.65, 0.82, 0.0, P.front, P.arm, P.bucket), given)
+    return loaded_machine(front_unit(-0.65, 0.82, 0.0, P.front, P.arm, P.bucket), 0.0, given)
 
 
 MACHINE = machine()
@@ -159,8 +160,9 @@ def start(speed, angle, demanded, ground, m=MACHINE):
     front, rear = forces.front_left + forces.front_right, forces.rear_left + forces.rear_right
     support = support_of(forces, angle, m.geometry).y
     return PredictionState(
-        angle, 0.0, demanded, speed, 0.0, *ground, ground, 0.0, turn, front, rear, support, 0.0
-    )
+        angle, 0.0, demanded, speed, 0.0, *ground, ground, 0.0, turn, front, rear, support, 0.0,
+        Levers(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("ground", [LEVEL, turned_gravity(uphill(0.15), math.pi / 2)])
@@ -206,7 +208,7 @@ def test_the_limit_is_lowered_by_what_pushes_downhill_and_by_nothing_else():
 def raised(payload, **prediction):
     """The machine with its arm up."""
     given = P._replace(prediction=P.prediction._replace(**prediction))
-    return loaded_machine(front_unit(0.7, 0.0, payload, P.front, P.arm, P.bucket), given)
+    return loaded_machine(front_unit(0.7, 0.0, payload, P.front, P.arm, P.bucket), payload, given)
 
 
 def on_bank(angle):

@@ -18,15 +18,14 @@ from ecu.estimators.motion.acceleration import yaw_rate
 from ecu.estimators.parameters import GRAVITY, Body
 from ecu.estimators.quantities import NormalForces, Vector
 from ecu.estimators.signals import NEVER
+from ecu.estimators.stability.levers import Levers
+from ecu.estimators.stability.prediction import PredictionState, predict, with_demand
 from ecu.estimators.stability.rollover import (
-    PredictionState,
     load_transfer_ratio,
     loaded_machine,
     margin,
-    predict,
     steady_loads,
     support_of,
-    with_demand,
 )
 
 unhurried = settings(deadline=None, max_examples=40)  # the first example compiles
@@ -42,7 +41,7 @@ wheels = st.builds(NormalForces, newtons, newtons, newtons, newtons, newtons)
 def machine(payload=0.0, arm=LOW, parameters=P):
     return loaded_machine(
         front_unit(arm, 0.82 if arm == LOW else 0.0, payload, parameters.front, parameters.arm, parameters.bucket),
-        parameters,
+        payload, parameters,
     )  # fmt: skip
 
 
@@ -77,6 +76,7 @@ def start(speed, angle, given=EMPTY, gravity=LEVEL, rate=0.0):
         rear_load=n.rear_left + n.rear_right,
         support=support_of(n, angle, given.geometry).y,
         support_rate=0.0,
+        levers=Levers(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     )
 
 
@@ -314,7 +314,7 @@ def test_the_prediction_does_not_depend_on_the_unit_of_mass():
     rules = P.prediction._replace(tyre_stiffness=P.prediction.tyre_stiffness / 1e3)
     front = tonnes(RAISED.front)
     axle = P.axle._replace(mass=P.axle.mass / 1e3, roll_inertia=P.axle.roll_inertia / 1e3)
-    light = loaded_machine(front, P._replace(rear=tonnes(P.rear), axle=axle, prediction=rules))
+    light = loaded_machine(front, 2.0, P._replace(rear=tonnes(P.rear), axle=axle, prediction=rules))
     begin = start(4.0, 0.2, RAISED, rate=0.4)
     kilograms = predict(begin, HOLD, -9.0, RAISED)
     scaled = begin._replace(front_load=begin.front_load / 1e3, rear_load=begin.rear_load / 1e3)

@@ -1,0 +1,138 @@
+"""Which rates of lift arm and bucket are permitted: those that keep the margins while the machine turns.
+
+A raised load that is lowered in a turn moves ahead, and what moves ahead in a turn is carried to the outside (Coriolis): of a
+loaded L60 at 17 km/h half of the inner wheel's load. Starting and stopping the arm takes weight off the front or the rear wheels. One
+of the four motions is looked at in a cycle: the limits are as old as four cycles.
+"""
+
+import math
+
+from ecu.estimators.compiled import compiled
+from ecu.estimators.loads.arm_forces import ArmForces, arm_forces
+from ecu.estimators.motion.arm import Turning
+from ecu.estimators.stability.levers import (
+    LIFT_DOWN,
+    LIFT_UP,
+    TILT_BACK,
+    Levers,
+    driven,
+    largest,
+    with_motion,
+)
+from ecu.estimators.stability.permitted import BETTER, RECOVERY_RATES, TRANSIENT, least_margin
+from ecu.estimators.stability.prediction import PredictionState, predict, with_levers
+from ecu.estimators.stability.rollover import LoadedMachine, posed, share_lost
+
+AMPLE = 0.25
+"""A motion counts as harmless if its estimated cost leaves the floor and this much margin: the estimate may be 0.20 too small."""
+SWING = 2.0
+"""A step of force on an undamped spring: twice its size."""
+DRIVEN_STEP = 0.05
+"""The pose after a motion is found in steps of this length [s], half of the drive's lag."""
+LEVER_TRIALS = 3
+"""Halvings between no motion and the full one: the limit is known to an eighth of it."""
+
+
+@compiled
+def at_rate(levers: Levers, motion: int, rate: float, change: float) -> tuple[Turning, Turning]:
+    """Lift arm and bucket where they are, one of them in this motion; rate [rad/s] and change [rad/s2] along it."""
+    sign = 1.0 if motion in (LIFT_UP, TILT_BACK) else -1.0
+    turning = Turning(levers.lift_angle, sign * rate, sign * change, 0.0)
+    if motion in (LIFT_UP, LIFT_DOWN):
+        return turning, Turning(levers.tilt_angle, 0.0, 0.0, 0.0)
+    return Turning(levers.lift_angle, 0.0, 0.0, 0.0), Turning(
+        levers.tilt_angle, sign * rate, sign * change, 0.0
+    )
+
+
+@compiled
+def exerted(start: PredictionState, motion: int, rate: float, change: float, m: LoadedMachine) -> ArmForces:
+    """Forces of the parts in this motion in the present turn."""
+    lift, tilt = at_rate(start.levers, motion, rate, change)
+    return arm_forces(lift, tilt, start.yaw_rate + start.articulation_rate, m.payload, m.arm, m.bucket)
+
+
+@compiled
+def largest_loss(start: PredictionState, motion: int, machine: LoadedMachine) -> float:
+    """What the full motion may cost of the margin: an even motion on springs, its start and its end.
+
+    A push that fades with the drive's lag T swings a mode of frequency w by wT / sqrt(1 + (wT)^2) of its size, to both
+    sides; start and end may come half a period apart.
+    """
+    rate, angle = largest(motion, machine.drive), start.articulation_angle
+    change = rate / machine.drive.lag
+    quick = machine.pitch_frequency * machine.drive.lag
+    swing = quick / math.sqrt(1.0 + quick * quick)
+    even = share_lost(exerted(start, motion, rate, 0.0, machine), angle, machine)
+    begun = share_lost(exerted(start, motion, 0.0, change, machine), angle, machine)
+    ended = share_lost(exerted(start, motion, 0.0, -change, machine), angle, machine)
+    return SWING * even + swing * (begun + ended)
+
+
+@compiled
+def pose_after(start: PredictionState, levers: Levers, m: LoadedMachine) -> LoadedMachine:
+    """The machine with the pose that these demands lead to while a limit holds."""
+    lift = Turning(levers.lift_angle, levers.lift_rate, 0.0, 0.0)
+    tilt = Turning(levers.tilt_angle, levers.tilt_rate, 0.0, 0.0)
+    for _ in range(int(m.prediction.limit_hold / DRIVEN_STEP + 0.5)):
+        lift, tilt = driven(lift, tilt, levers, True, DRIVEN_STEP, m.drive)
+    return posed(m, lift.angle, tilt.angle)
+
+
+@compiled
+def keeps_with_lever(start: PredictionState, motion: int, rate: float, m: LoadedMachine) -> bool:
+    """Whether the motion at this rate [rad/s] keeps `margin_floor` over the horizon, and `turn_floor` in the pose it leads to."""
+    rules, levers = m.prediction, with_motion(start.levers, motion, rate)
+    ahead = predict(with_levers(start, levers), rules.limit_hold, rules.margin_floor, m)
+    if ahead.margin <= rules.margin_floor:
+        return False
+    then = pose_after(start, levers, m)
+    floor = rules.turn_floor
+    return least_margin(floor, start.speed, start.articulation_angle, start.ground, then) >= floor
+
+
+@compiled
+def lever_helps(start: PredictionState, motion: int, rate: float, m: LoadedMachine) -> bool:
+    """Whether the motion at this rate [rad/s] brings the machine further from roll-over than the arm's rest does.
+
+    As of an articulation rate: better loads in the pose that it leads to, and on the way not much worse ones.
+    """
+    hold, none = m.prediction.limit_hold, -1e9
+    levers, rest = with_motion(start.levers, motion, rate), with_motion(start.levers, motion, 0.0)
+    moving, still = (
+        predict(with_levers(start, levers), hold, none, m),
+        predict(with_levers(start, rest), hold, none, m),
+    )
+    if moving.margin < still.margin - TRANSIENT:
+        return False
+    angle, ground, speed = start.articulation_angle, start.ground, start.speed
+    after_move = least_margin(none, speed, angle, ground, pose_after(start, levers, m))
+    after_rest = least_margin(none, speed, angle, ground, pose_after(start, rest, m))
+    return after_move > after_rest + BETTER
+
+
+@compiled
+def permitted_lever(start: PredictionState, motion: int, margin: float, m: LoadedMachine) -> float:
+    """Largest rate [rad/s] of this motion that keeps the margins; the full one where it is harmless.
+
+    margin: the smallest predicted one without this motion. Where even the arm's rest violates a floor only a rate that
+    helps is permitted.
+    """
+    high, floor = largest(motion, m.drive), m.prediction.margin_floor
+    if margin - largest_loss(start, motion, m) > floor + AMPLE and margin > m.prediction.turn_floor + AMPLE:
+        return high
+    if keeps_with_lever(start, motion, high, m):
+        return high
+    if not keeps_with_lever(start, motion, 0.0, m):
+        for k in range(RECOVERY_RATES):
+            if lever_helps(start, motion, high / 2.0**k, m):
+                return high / 2.0**k
+        return 0.0
+    low = 0.0
+    for _ in range(LEVER_TRIALS):
+        trial = (low + high) / 2.0
+        if keeps_with_lever(start, motion, trial, m):
+            low = trial
+        else:
+            high = trial
+    return low

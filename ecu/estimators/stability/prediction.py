@@ -1,0 +1,224 @@
+"""What will happen to the wheels' loads within the horizon, for warnings and limits.
+
+The prediction propagates articulation, speed, the slide of the tyres and the roll of the machine on its front
+tyres over a horizon, so that a warning does not wait for the tilt that the thesis' estimator has to
+see first (thesis 2.4.5, results 4.5.6). ISO 8855, joint origin, rear frame axes.
+"""
+
+import math
+from typing import NamedTuple
+
+from ecu.estimators.compiled import compiled
+from ecu.estimators.loads.arm_forces import NO_ARM_FORCES, arm_forces
+from ecu.estimators.loads.cog import front_unit
+from ecu.estimators.loads.normal_force import Support, normal_forces
+from ecu.estimators.motion.arm import Turning
+from ecu.estimators.motion.planar import Steering, lateral_step
+from ecu.estimators.parameters import Geometry, PredictionRules
+from ecu.estimators.quantities import NormalForces, Vector
+from ecu.estimators.signals import NEVER
+from ecu.estimators.stability.levers import Levers, driven, moved
+from ecu.estimators.stability.rollover import LoadedMachine, load_transfer_ratio, loads_of, margin
+
+
+class PredictionState(NamedTuple):
+    """The machine's motion and the driver's demand at the beginning of a prediction."""
+
+    articulation_angle: float  # [rad]
+    articulation_rate: float  # [rad/s]
+    demanded_rate: float  # articulation rate that the driver asks for [rad/s]
+    speed: float  # of the rear axle [m/s], reverse negative
+    acceleration: float  # of it, along the rear frame [m/s2]
+    gravity_x: float  # specific force of rest on this ground, rear axes [m/s2]
+    gravity_y: float
+    gravity_z: float
+    ground: Vector  # the same in axes of the ground, on which the machine leans [m/s2]
+    drift: float  # velocity of the joint to the left [m/s]
+    yaw_rate: float  # of the rear frame [rad/s]
+    front_load: float  # normal force of the front wheels together [N]
+    rear_load: float
+    support: float  # present support point along y [m]
+    support_rate: float  # [m/s]
+    levers: Levers  # lift arm and bucket, and what is demanded of them
+
+
+class Prediction(NamedTuple):
+    """What happens within the horizon, up to the moment when the margin is used up."""
+
+    time_to_lift_off: float  # [s]; NEVER if no wheel lifts
+    margin: float  # the smallest over the time looked at
+    wheel: float  # the wheel of that margin (1..4)
+    load_transfer_ratio: float  # at the end of that time
+
+
+@compiled
+def steered(
+    rate: float,
+    target: float,
+    angle: float,
+    share: float,
+    dt: float,
+    geometry: Geometry,
+    prediction: PredictionRules,
+) -> float:
+    """Articulation rate after `dt` [s]: it follows the target with the steering's lag (`share` of the way in
+    a step), no faster than the steering can, and fades as the cushion of the end stop makes it."""
+    follow = (target - rate) * share
+    most = prediction.steering_acceleration * dt
+    then = rate + min(max(follow, -most), most)
+    left = geometry.articulation_stop - abs(angle)
+    if then * angle > 0.0:
+        cushioned = max(left, 0.0) / prediction.cushion
+        then = min(max(then, -cushioned), cushioned)
+    return then
+
+
+@compiled
+def predict(start: PredictionState, hold: float, floor: float, machine: LoadedMachine) -> Prediction:
+    """Margin and time to lift-off if the demanded rates last `hold` seconds and then end.
+
+    It looks no further than the moment when the margin falls to `floor`; 0 is lift-off.
+
+    The articulation rate follows the demand as the steering can and fades before the stop; so do lift arm and bucket. The
+    longitudinal acceleration fades; the tyres slip sideways and give what their grip allows; the support
+    point follows the quasi-static one as a lightly damped roll mode does, overshoot included. The ground
+    keeps its slope while the machine turns on it.
+    """
+    geometry, prediction = machine.geometry, machine.prediction
+    dt = prediction.step
+    fade = math.exp(-dt / prediction.acceleration_memory)
+    omega = machine.roll_frequency
+    damping = 2.0 * prediction.roll_damping * omega
+    share = 1.0 - math.exp(-dt / prediction.steering_lag)
+    stop = geometry.articulation_stop
+    angle, rate = start.articulation_angle, start.articulation_rate
+    speed, acceleration = start.speed, start.acceleration
+    drift, yaw = start.drift, start.yaw_rate
+    front_load, rear_load = start.front_load, start.rear_load
+    gx, gy = start.gravity_x, start.gravity_y
+    offset, support_rate, before = 0.0, start.support_rate, 0.0
+    front, arm, levers = machine.front, NO_ARM_FORCES, start.levers
+    lift = Turning(levers.lift_angle, levers.lift_rate, 0.0, levers.lift_angle)
+    tilt = Turning(levers.tilt_angle, levers.tilt_rate, 0.0, levers.tilt_angle)
+    arm_moves, bounce = moved(levers), STILL
+    lift_off, worst, lifting, transfer = NEVER, 1e9, 0.0, 0.0
+    for k in range(int(prediction.horizon / dt + 0.5) + 1):
+        change = 0.0
+        if k > 0:
+            target = start.demanded_rate if k * dt < hold else 0.0
+            steered_rate = steered(rate, target, angle, share, dt, geometry, prediction)
+            change = (steered_rate - rate) / dt
+            rate = steered_rate
+        if arm_moves:
+            if k > 0:
+                lift, tilt = driven(lift, tilt, levers, k * dt < hold, dt, machine.drive)
+                front = front_unit(
+                    lift.angle, tilt.angle, machine.payload, machine.frame, machine.arm, machine.bucket
+                )
+            arm = arm_forces(lift, tilt, yaw + rate, machine.payload, machine.arm, machine.bucket)
+        c, s = math.cos(angle), math.sin(angle)
+        steering = Steering(
+            angle, rate, change, speed, acceleration, gx, gy, arm.x * s + arm.y * c, arm.yawing
+        )
+        slide = lateral_step(
+            drift, yaw, steering, front_load, rear_load, dt, front, machine.rear_unit, machine.wheel, geometry
+        )  # fmt: skip
+        loads = loads_of(
+            acceleration - yaw * drift, slide.drift_change + yaw * speed, yaw, slide.yaw_change, angle, rate, change,
+            Vector(gx, gy, start.gravity_z), front, machine.rear, machine.axle, geometry, arm,
+        )  # fmt: skip
+        drift, yaw = slide.drift, slide.yaw_rate
+        # the roll mode answers to changes of the quasi-static support point
+        if k > 0:
+            offset -= loads.support.y - before
+            support_rate += (-omega * omega * offset - damping * support_rate) * dt
+            offset += support_rate * dt
+        else:
+            offset = start.support - loads.support.y
+        before = loads.support.y
+        support = Support(loads.support.load, loads.support.x, loads.support.y + offset)
+        forces = normal_forces(support, angle, loads.axle_load, loads.axle_moment, geometry)
+        if arm_moves:
+            bounce = bounced(bounce, forces, front_load, rear_load, k == 0, dt, machine)
+            forces = with_bounce(forces, bounce)
+        front_load = forces.front_left + forces.front_right
+        rear_load = forces.rear_left + forces.rear_right
+        transfer = load_transfer_ratio(forces)
+        now = margin(forces, machine.standing)
+        if now.ratio < worst:
+            worst, lifting = now.ratio, now.wheel
+        if worst <= floor:
+            if worst <= 0.0:
+                lift_off = k * dt
+            break
+        turn = yaw * dt
+        gx, gy = gx * math.cos(turn) + gy * math.sin(turn), gy * math.cos(turn) - gx * math.sin(turn)
+        angle = min(max(angle + rate * dt, -stop), stop)
+        faster = speed + acceleration * dt
+        speed = faster if faster * speed > 0.0 else 0.0
+        acceleration *= fade
+    return Prediction(lift_off, worst, lifting, transfer)
+
+
+class Bounce(NamedTuple):
+    """How far the loads of the axles are from the quasi-static ones, and how fast that changes."""
+
+    front: float  # [N]
+    front_rate: float  # [N/s]
+    rear: float
+    rear_rate: float
+    front_load: float  # the quasi-static ones of the step before [N]
+    rear_load: float
+
+
+STILL = Bounce(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""The tyres carry what rests on them."""
+
+
+@compiled
+def bounced(
+    b: Bounce, forces: NormalForces, front: float, rear: float, first: bool, dt: float, m: LoadedMachine
+) -> Bounce:
+    """The axles' loads on tyres that give way: they follow the quasi-static `forces` as the pitch mode does.
+
+    front, rear: the loads that the axles have now [N], from which the first step starts. An arm that starts in a tenth of a
+    second is faster than the tyres: they see part of the push, and swing after it.
+    """
+    ahead, behind = forces.front_left + forces.front_right, forces.rear_left + forces.rear_right
+    if first:
+        return Bounce(front - ahead, 0.0, rear - behind, 0.0, ahead, behind)
+    square = m.pitch_frequency * m.pitch_frequency
+    damping = 2.0 * m.prediction.roll_damping * m.pitch_frequency
+    f, r = b.front - (ahead - b.front_load), b.rear - (behind - b.rear_load)
+    front_rate = b.front_rate - (square * f + damping * b.front_rate) * dt
+    rear_rate = b.rear_rate - (square * r + damping * b.rear_rate) * dt
+    return Bounce(f + front_rate * dt, front_rate, r + rear_rate * dt, rear_rate, ahead, behind)
+
+
+@compiled
+def with_bounce(n: NormalForces, b: Bounce) -> NormalForces:
+    """Both wheels of an axle swing alike."""
+    front, rear = b.front / 2.0, b.rear / 2.0
+    return NormalForces(
+        n.front_left + front, n.front_right + front, n.pivot + b.rear, n.rear_left + rear, n.rear_right + rear
+    )
+
+
+@compiled
+def with_demand(start: PredictionState, rate: float) -> PredictionState:
+    """The same state with another demanded articulation rate [rad/s]."""
+    return PredictionState(
+        start.articulation_angle, start.articulation_rate, rate, start.speed, start.acceleration,
+        start.gravity_x, start.gravity_y, start.gravity_z, start.ground, start.drift, start.yaw_rate,
+        start.front_load, start.rear_load, start.support, start.support_rate, start.levers,
+    )  # fmt: skip
+
+
+@compiled
+def with_levers(start: PredictionState, levers: Levers) -> PredictionState:
+    """The same state with other demands on lift arm and bucket."""
+    return PredictionState(
+        start.articulation_angle, start.articulation_rate, start.demanded_rate, start.speed, start.acceleration,
+        start.gravity_x, start.gravity_y, start.gravity_z, start.ground, start.drift, start.yaw_rate,
+        start.front_load, start.rear_load, start.support, start.support_rate, levers,
+    )  # fmt: skip

@@ -1,0 +1,181 @@
+"""Permitted rates of lift arm and bucket: what they lead to, and how the axles swing on their tyres meanwhile."""
+
+import itertools
+import math
+
+import pytest
+
+from ecu.calibration import load_calibration
+from ecu.estimators.loads.arm_forces import ArmForces
+from ecu.estimators.loads.cog import front_unit
+from ecu.estimators.loads.normal_force import Support, normal_forces
+from ecu.estimators.motion.arm import Turning
+from ecu.estimators.quantities import NormalForces, Vector
+from ecu.estimators.stability.levers import (
+    LIFT_DOWN,
+    LIFT_UP,
+    MOTIONS,
+    TILT_FORWARD,
+    Levers,
+    demanded,
+    followed,
+    largest,
+    with_motion,
+)
+from ecu.estimators.stability.permitted import steady_forces
+from ecu.estimators.stability.permitted_levers import AMPLE, keeps_with_lever, largest_loss, permitted_lever
+from ecu.estimators.stability.prediction import (
+    STILL,
+    Bounce,
+    PredictionState,
+    bounced,
+    predict,
+    with_bounce,
+    with_levers,
+)
+from ecu.estimators.stability.rollover import loaded_machine, share_lost, steady_rate, support_of
+
+P = load_calibration().parameters
+DRIVE, RULES = P.linkage_drive, P.prediction
+G = 9.81
+LEVEL = Vector(0.0, 0.0, G)
+UP, CARRIED = 0.8, -0.65
+TURNS = ((0.0, 0.3), (3.0, 0.3), (3.0, -0.5), (6.0, 0.15))
+
+
+def machine(arm, payload, **prediction):
+    given = P._replace(prediction=RULES._replace(**prediction))
+    return loaded_machine(front_unit(arm, 0.2, payload, P.front, P.arm, P.bucket), payload, given)
+
+
+def start(speed, angle, arm, m, ground=LEVEL):
+    """A steady turn with the arm at rest."""
+    n = steady_forces(speed, angle, ground, m)
+    turn = steady_rate(speed, angle, m.wheel.lateral_peak, m.geometry)
+    return PredictionState(
+        angle, 0.0, 0.0, speed, 0.0, *ground, ground, m.geometry.rear_length * turn, turn,
+        n.front_left + n.front_right, n.rear_left + n.rear_right, support_of(n, angle, m.geometry).y, 0.0,
+        Levers(arm, 0.0, 0.0, 0.2, 0.0, 0.0),
+    )  # fmt: skip
+
+
+def permitted(now, motion, m):
+    """The permitted rate over the full one."""
+    ahead = predict(now, RULES.demand_hold, 0.0, m)
+    return permitted_lever(now, motion, ahead.margin, m) / largest(motion, m.drive)
+
+
+@pytest.mark.parametrize("payload", [0.0, 3204.0])
+@pytest.mark.parametrize("motion", range(MOTIONS))
+def test_straight_ahead_every_lever_is_free(motion, payload):
+    m = machine(CARRIED, payload)
+    assert permitted(start(5.0, 0.0, CARRIED, m), motion, m) == 1.0
+
+
+@pytest.mark.parametrize("angle", [0.35, -0.35])
+def test_a_raised_load_comes_down_slower_in_a_turn(angle):
+    """But not never; alike to either side. Where it stands, too, a full lever let go lifts the rear wheels of this machine."""
+    m, empty = machine(UP, 3204.0), machine(UP, 0.0)
+    assert permitted(start(0.5, angle, UP, empty), LIFT_DOWN, empty) == 1.0
+    standing, turning = (permitted(start(v, angle, UP, m), LIFT_DOWN, m) for v in (0.0, 4.2))
+    assert 0.0 < turning < standing < 1.0
+    assert permitted(start(4.2, -angle, UP, m), LIFT_DOWN, m) == turning
+
+
+@pytest.mark.parametrize(("speed", "angle", "arm"), [(4.0, 0.35, 0.8), (5.0, 0.2, 0.7), (4.5, -0.3, 0.5)])
+@pytest.mark.parametrize("motion", [LIFT_DOWN, TILT_FORWARD])
+def test_at_the_permitted_rate_the_margins_are_kept(speed, angle, arm, motion):
+    m = machine(arm, 3204.0)
+    now = start(speed, angle, arm, m)
+    rate = permitted(now, motion, m) * largest(motion, m.drive)
+    assert keeps_with_lever(now, motion, rate, m)
+    assert (
+        predict(with_levers(now, with_motion(now.levers, motion, rate)), RULES.limit_hold, 0.0, m).margin
+        > RULES.margin_floor
+    )
+
+
+@pytest.mark.parametrize("arm", [-0.65, 0.0, 0.8])
+@pytest.mark.parametrize("payload", [0.0, 1600.0, 3204.0])
+def test_what_counts_as_harmless_keeps_the_margins(arm, payload):
+    """The cheap estimate never passes what the whole prediction refuses; in turns to both sides."""
+    m = machine(arm, payload)
+    for motion, (speed, angle) in itertools.product(range(MOTIONS), TURNS):
+        now = start(speed, angle, arm, m)
+        margin = predict(now, RULES.demand_hold, 0.0, m).margin
+        if margin - largest_loss(now, motion, m) > RULES.margin_floor + AMPLE:
+            assert keeps_with_lever(now, motion, largest(motion, m.drive), m)
+
+
+def test_something_counts_as_harmless():
+    m = machine(CARRIED, 0.0)
+    now = start(6.0, 0.15, CARRIED, m)
+    assert predict(now, RULES.demand_hold, 0.0, m).margin > RULES.margin_floor + AMPLE
+    assert largest_loss(now, LIFT_UP, m) < 0.25
+
+
+def test_on_a_bank_a_raised_load_may_come_down_and_not_go_up():
+    """Right side up by 17 deg, arm up, 3204 kg: standing still already violates the floor."""
+    m, ground = machine(0.7, 3204.0), Vector(0.0, -G * math.sin(0.3), G * math.cos(0.3))
+    now = start(0.0, 0.0, 0.7, m, ground)
+    assert not keeps_with_lever(now, LIFT_DOWN, 0.0, m)
+    assert permitted(now, LIFT_DOWN, m) > 0.0
+    assert permitted(now, LIFT_UP, m) == 0.0
+
+
+def test_a_step_of_load_swings_to_twice_its_size_in_half_a_period():
+    """An undamped mode; to the error of the step in time, a hundredth of the period."""
+    m = machine(UP, 3204.0, roll_damping=0.0)
+    dt = 2.0 * math.pi / m.pitch_frequency / 100.0
+    rest, pushed = (NormalForces(5e4, 5e4, 2e4, 2e4, 2e4), NormalForces(4.5e4, 4.5e4, 1.8e4, 1.9e4, 1.9e4))
+    now, seen = bounced(STILL, rest, 1e5, 4e4, True, dt, m), []
+    for _ in range(101):
+        now = bounced(now, pushed, 0.0, 0.0, False, dt, m)
+        seen.append(with_bounce(pushed, now))
+    assert seen[49].front_left == pytest.approx(4e4, abs=200.0)
+    assert seen[49].rear_left == pytest.approx(1.8e4, abs=50.0)
+    assert seen[99].front_left == pytest.approx(5e4, abs=300.0)
+
+
+def test_loads_that_do_not_change_do_not_swing():
+    m, n = machine(UP, 0.0), NormalForces(5e4, 5e4, 2e4, 2e4, 2e4)
+    now = bounced(STILL, n, 1e5, 4e4, True, 0.04, m)
+    for _ in range(10):
+        now = bounced(now, n, 0.0, 0.0, False, 0.04, m)
+    assert now == Bounce(0.0, 0.0, 0.0, 0.0, 1e5, 4e4)
+
+
+@pytest.mark.parametrize("angle", [-0.5, 0.0, 0.4])
+def test_the_share_lost_is_that_of_the_balance(angle):
+    """Forces of the arm added to a standing machine: the same change as by support point and triangle."""
+    m = machine(UP, 3204.0)
+    arm = ArmForces(2e3, 3e3, -8e3, -2.5e4, -1.2e4, 9e3)
+    n = m.standing
+    c, s = math.cos(angle), math.sin(angle)
+    load = n.front_left + n.front_right + n.pivot
+    base = normal_forces(Support(load, 0.4, 0.0), angle, 0.0, 0.0, m.geometry)
+    more = load + arm.z
+    x = (load * 0.4 + arm.pitching * c - arm.rolling * s) / more
+    y = (arm.pitching * s + arm.rolling * c) / more
+    then = normal_forces(Support(more, x, y), angle, 0.0, 0.0, m.geometry)
+    lost = [(b - t) / w for b, t, w in zip(base, then, n, strict=True)]
+    del lost[2]  # the pivot
+    assert share_lost(arm, angle, m) == pytest.approx(max(lost), rel=1e-9)
+
+
+def test_a_part_follows_its_demand_and_stops_at_the_end_of_its_stroke():
+    part, dt = Turning(0.0, 0.0, 0.0, 0.0), 0.01
+    for _ in range(20):
+        part = followed(part, 0.4, dt, -0.8, 0.8, DRIVE)
+    assert part.rate == pytest.approx(0.4 * (1.0 - math.exp(-0.2 / DRIVE.lag)))
+    for _ in range(2000):
+        part = followed(part, 0.4, dt, -0.8, 0.8, DRIVE)
+    assert part.angle <= 0.8
+    assert part.rate == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("lever", "rate"), [(1.0, 0.2), (0.5, 0.15), (-1.0, -0.1), (-0.1, -0.05), (0.0, 0.0)]
+)
+def test_a_lever_asks_for_its_share_and_gets_what_is_permitted(lever, rate):
+    assert demanded(lever, 0.3, 0.5, 0.2, 0.1) == pytest.approx(rate)
