@@ -27,9 +27,11 @@ from hil.faults.table import faults_of
 from hil.faults.wire import FaultyWire
 from hil.lockstep import Lockstep
 from hil.rundir import Mode, RunRecord
+from plant.plant import Plant
 from plant.sheets.changes import Changes
 from plant.sheets.machine import Machine, load_machine
 from plant.truth import Truth, columns_of
+from plant.unit.actuators import Four, four
 from plant.unit.equipment import find_file
 from plant.unit.scenario import FOLDER, Scenario, load_scenario
 from plant.unit.unit import PlantUnit
@@ -124,6 +126,18 @@ def calibration_of(scenario: Scenario, chosen: str | None = None) -> str:
     return machine.family if chosen is None else chosen
 
 
+def standing_loads(scenario: Scenario) -> Four:
+    """What each wheel carries [N] while the scenario's machine, laden and posed as at its start, stands straight on level ground."""
+    start = scenario.start
+    at_rest = Plant(
+        machine_of(scenario),
+        payload_mass=scenario.payload_mass,
+        lift_arm_angle=start.lift_arm_angle,
+        tilt_angle=start.tilt_angle,
+    )
+    return four(at_rest.truth().normal_force.tolist())
+
+
 def plant_unit(scenario: Scenario) -> PlantUnit:
     """The machine of a scenario, in equilibrium and ready for its first tick."""
     return PlantUnit(machine_of(scenario), scenario, seed=scenario.seed)
@@ -174,6 +188,7 @@ def record_of(
         changes=scenario.changes.words,
         started=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         versions=versions(),
+        standing_load_n=standing_loads(scenario),
     )
 
 

@@ -32,6 +32,7 @@ def judge_run(run: RunDirectory) -> RunVerdict:
         roll=truth["roll"],
         load_transfer_ratio=truth["load_transfer_ratio"],
         warned_s=first_warning(run.messages),
+        standing=run.record.standing_load_n or truth["normal_force"][0],  # older runs do not say it
     )
 
 

@@ -10,7 +10,7 @@ Pure: arrays in, a verdict out. Definitions:
   first frame, provided that it then stands for at least 50 ms; a shorter one is flicker, which no driver
   sees and which must not be taken for foresight.
 - The *margin* is the smallest true normal force of any wheel over the whole run, as a fraction
-  of what that wheel carried standing still.
+  of what that wheel carries while the straight machine stands on level ground.
 - A *false alarm* is a run that warns although no wheel lifts and the margin stays above 0.30.
   A warning at a smaller margin without lift-off counts as justified.
 """
@@ -144,10 +144,12 @@ def judge(
     roll: ArrayLike,
     load_transfer_ratio: ArrayLike,
     warned_s: float | None,
+    standing: ArrayLike,
 ) -> RunVerdict:
     """The verdict of one run from the plant's truth and the time of the first warning.
 
-    time_s, roll [rad], load_transfer_ratio: (n,); normal_force: (n, 4) [N]. The first sample stands.
+    time_s, roll [rad], load_transfer_ratio: (n,); normal_force: (n, 4) [N]; standing: (4,), the loads of the straight machine
+    at rest on level ground [N]. A run that starts on a bank or in a turn begins with other loads.
     """
     time, force = np.asarray(time_s, float), np.asarray(normal_force, float)
     if time.size == 0:
@@ -158,13 +160,16 @@ def judge(
         raise ValueError(
             f"the run starts with normal forces {force[0]} N; every wheel has to stand on the ground"
         )
+    level = np.asarray(standing, float)
+    if not np.all(level > 0):
+        raise ValueError(f"standing loads {level} N: every wheel has to carry some on level ground")
     lift = first_lift_off(time, force)
     return RunVerdict(
         lift_off_s=lift[0] if lift else None,
         lifting_wheel=lift[1] if lift else None,
         rolled_over_s=first_true(time, np.abs(np.asarray(roll, float)) > ROLLED_RAD),
         warned_s=warned_s,
-        margin=float(np.min(force / force[0])),
+        margin=float(np.min(force / level)),
         largest_roll=float(np.max(np.abs(np.asarray(roll, float)))),
         largest_load_transfer=float(np.max(np.abs(np.asarray(load_transfer_ratio, float)))),
     )

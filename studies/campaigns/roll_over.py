@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from dbc.columns import Columns
-from hil.compose import lockstep
+from hil.compose import lockstep, standing_loads
 from hil.ecu_side import Form
 from hil.judgement import first_warning, warning_flickers
 from hil.verdict import RunVerdict, judge
@@ -189,6 +189,7 @@ def observed(scenario: Scenario, form: Form, *, limits: bool) -> tuple[RunVerdic
         roll=np.array([row.roll for row in truth]),
         load_transfer_ratio=np.array([row.load_transfer_ratio for row in truth]),
         warned_s=first_warning(messages),
+        standing=standing_loads(scenario),
     )
     return verdict, messages
 

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hil.compose import standing_loads
 from hil.verdict import (
     WARNING_MIN_S,
     Result,
@@ -20,6 +21,7 @@ from hil.verdict import (
     lasting,
     roll_over_warning,
 )
+from plant.unit.scenario import load_scenario
 
 TIME = np.arange(0, 5, 0.01)
 STANDING = np.array([30e3, 31e3, 28e3, 29e3])
@@ -32,11 +34,12 @@ def forces(wheel=None, start=0, stop=0):
     return force
 
 
-def run(force, warned_s=None, roll=0.0, ratio=0.0) -> RunVerdict:
+def run(force, warned_s=None, roll=0.0, ratio=0.0, standing=STANDING) -> RunVerdict:
     fill = np.full(TIME.size, 1.0)
     return judge(
-        time_s=TIME, normal_force=force, roll=roll * fill, load_transfer_ratio=ratio * fill, warned_s=warned_s
-    )
+        time_s=TIME, normal_force=force, roll=roll * fill, load_transfer_ratio=ratio * fill, warned_s=warned_s,
+        standing=standing,
+    )  # fmt: skip
 
 
 @given(st.integers(0, 3), st.integers(10, 400), st.integers(7, 50))
@@ -100,6 +103,26 @@ def test_margin_is_the_smallest_share_of_standing_load():
     assert run(force).margin == pytest.approx(0.4)
 
 
+def test_a_run_that_starts_on_a_bank_is_measured_by_level_ground():
+    """The wheel on the upper side carries half from the first sample on: a margin of a half, not of one."""
+    start = STANDING * np.array((0.5, 1.5, 0.5, 1.5))
+    assert run(np.tile(start, (TIME.size, 1))).margin == pytest.approx(0.5)
+
+
+def test_standing_loads_do_not_know_the_slope_where_a_run_starts():
+    """27.0 and 31.1 kN a wheel, front and rear: the sheet of the empty machine."""
+    level = load_scenario("standstill")
+    bank = replace(level, surface=replace(level.surface, bank=0.2))
+    assert standing_loads(bank) == standing_loads(level)
+    assert standing_loads(bank) == pytest.approx((27.0e3, 27.0e3, 31.1e3, 31.1e3), rel=0.01)
+
+
+@pytest.mark.parametrize("level", [np.zeros(4), np.array((3e4, 3e4, -1.0, 3e4))])
+def test_loads_that_no_machine_has_standing_are_refused(level):
+    with pytest.raises(ValueError, match="level ground"):
+        run(forces(), standing=level)
+
+
 @pytest.mark.parametrize("roll", [0.80, -0.80])
 def test_beyond_45_degrees_it_has_rolled_over_on_either_side(roll):
     assert run(forces(), roll=roll).rolled_over
@@ -150,6 +173,13 @@ def test_prevention_needs_something_to_prevent():
 
 def test_an_empty_run_or_one_that_starts_in_the_air_cannot_be_judged():
     with pytest.raises(ValueError, match="no sample"):
-        judge(time_s=[], normal_force=np.empty((0, 4)), roll=[], load_transfer_ratio=[], warned_s=None)
+        judge(
+            time_s=[],
+            normal_force=np.empty((0, 4)),
+            roll=[],
+            load_transfer_ratio=[],
+            warned_s=None,
+            standing=STANDING,
+        )
     with pytest.raises(ValueError, match="stand on the ground"):
         run(forces(0, 0, 100))
