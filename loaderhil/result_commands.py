@@ -20,6 +20,7 @@ def register(app: typer.Typer) -> None:
     )
     campaign.command("normal-force")(campaign_normal_force)
     campaign.command("roll-over")(campaign_roll_over)
+    campaign.command("prevention")(campaign_prevention)
     app.add_typer(campaign, name="campaign")
 
 
@@ -74,3 +75,29 @@ def campaign_roll_over(
     from studies.campaigns import roll_over, roll_over_extended
 
     print((roll_over_extended if extended else roll_over).run_campaign(out, jobs))
+
+
+def campaign_prevention(
+    out: ResultsOption = Path("docs/results"),
+    jobs: JobsOption = None,
+    runs: Annotated[int, typer.Option("--runs", min=1, help="Number of drives.")] = 1000,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Draws the drives and their calibrations.")] = 1,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the verdicts as JSON.")] = False,
+    junit: Annotated[
+        Path | None, typer.Option("--junit", metavar="FILE", help="Write the verdicts as JUnit XML.")
+    ] = None,
+) -> None:
+    """Drive random manoeuvres with the limits on, half of them with a wrong calibration, and explain every wheel that lifts.
+
+    The exit code is 1 when a wheel lifts that a limit could have kept down. An interrupted campaign goes on where it stopped.
+    """
+    from hil.results import as_json as json_of
+    from hil.results import write_junit
+    from studies.campaigns.prevention import ending_of, run_campaign
+
+    file, suite = run_campaign(out, runs=runs, seed=seed, jobs=jobs)
+    ending = ending_of(suite)
+    if junit is not None:
+        write_junit(junit, "campaign prevention", [suite])
+    print(json_of("campaign prevention", ending, [suite], page=str(file)) if as_json else file)
+    raise typer.Exit(ending)

@@ -14,6 +14,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
 from rich.progress import track
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -32,19 +33,21 @@ def results_of(
     cache: Path,
     jobs: int | None = None,
     title: str = "",
+    also: Sequence[Path] = (),
 ) -> list[Result]:
     """The result of every case, in their order.
 
     cases: frozen dataclasses of plain values; run: a function of a module, deterministic, whose
-    result is plain values too. Results are kept in `cache`, one small file per case.
+    result is plain values too. Results are kept in `cache`, one small file per case; also: more modules that they depend on.
     """
-    code = digest_of_sources(Path(run.__code__.co_filename))
+    code = digest_of_sources(Path(run.__code__.co_filename), *also)
     files = [cache / f"{_key(case, code)}.json" for case in cases]
     missing = [index for index, file in enumerate(files) if not file.exists()]
     cache.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(jobs or os.cpu_count(), mp_context=get_context("spawn")) as pool:
         pending = {pool.submit(run, cases[index]): files[index] for index in missing}
-        for future in track(as_completed(pending), description=title, total=len(pending)):
+        console = Console(stderr=True)  # the command's result goes to standard output alone
+        for future in track(as_completed(pending), description=title, total=len(pending), console=console):
             _keep(pending[future], future.result())
     return [json.loads(file.read_text()) for file in files]
 
@@ -60,10 +63,10 @@ def _keep(file: Path, result: Result) -> None:
     part.replace(file)
 
 
-def digest_of_sources(campaign: Path) -> str:
-    """A digest of everything a case depends on except the Python packages: the cores and the campaign's module."""
+def digest_of_sources(*campaign: Path) -> str:
+    """A digest of everything a case depends on except the Python packages: the cores and the campaign's modules."""
     digest = hashlib.sha256()
-    for file in sorted({campaign, *_source_files()}):
+    for file in sorted({*campaign, *_source_files()}):
         digest.update(str(file.relative_to(ROOT)).encode() + b"\0" + file.read_bytes())
     return digest.hexdigest()
 

@@ -1,0 +1,235 @@
+"""Do the limits keep every wheel down? Many random drives, half of them with a calibration that is wrong as real ones are.
+
+A wheel that lifts although the limits act is explained by counterfactuals: the same ground and load driven straight with the levers
+at rest (no limit of these could help), the right calibration, dry ground. What none of them explains is a failure of the limits.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from ecu.calibration import load_calibration
+from ecu.cycle import EcuCycle
+from hil.compose import calibration_of, plant_unit, standing_loads
+from hil.ending import Ending
+from hil.judgement import first_warning
+from hil.lockstep import Lockstep, Recording
+from hil.results import Case, Suite
+from hil.verdict import WHEELS, Result, RunVerdict, judge
+from plant.unit.scenario import Scenario
+from studies.campaigns import manoeuvres, wrong_calibration
+from studies.campaigns.batch import Result as Found
+from studies.campaigns.batch import header, markdown_table, results_of
+from studies.campaigns.manoeuvres import DRY, KINDS, Manoeuvre, drawn, scenario_of, straight
+from studies.campaigns.memory import columns_of
+
+COMMAND: Final = "loaderhil campaign prevention"
+FILE: Final = "prevention.md"
+CACHE: Final = Path("out/campaign/prevention")
+RUNS, SEED = 1000, 1
+FREE_EVERY: Final = 4
+"""One drive of so many is also driven without limits, to see whether there is anything to prevent."""
+
+GROUND: Final = "ground and load alone: driven straight with the levers at rest it lifts a wheel as well"
+CALIBRATION: Final = "the wrong calibration: with the right one no wheel lifts"
+SLIPPERY: Final = "slippery ground: on a dry road no wheel lifts"
+UNEXPLAINED: Final = "not explained"
+CAUSES: Final = (GROUND, CALIBRATION, SLIPPERY, UNEXPLAINED)
+
+
+def cycle_of(m: Manoeuvre, scenario: Scenario, *, limits: bool) -> EcuCycle:
+    """The ECU of a drive, with the drive's calibration."""
+    name = calibration_of(scenario)
+    if m.calibration_seed is None:
+        return EcuCycle(load_calibration(name), limits_enabled=limits)
+    return EcuCycle(wrong_calibration.wrong_calibration(name, m.calibration_seed), limits_enabled=limits)
+
+
+def driven(m: Manoeuvre, *, limits: bool) -> tuple[RunVerdict, Recording]:
+    """One drive in lockstep, and its verdict."""
+    scenario = scenario_of(m)
+    bench = Lockstep(plant_unit(scenario), cycle_of(m, scenario, limits=limits), reference=False)
+    recording = bench.run()
+    truth = recording.truth
+    verdict = judge(
+        time_s=np.array([row.time_s for row in truth]),
+        normal_force=np.array([row.normal_force for row in truth]),
+        roll=np.array([row.roll for row in truth]),
+        load_transfer_ratio=np.array([row.load_transfer_ratio for row in truth]),
+        warned_s=first_warning(columns_of(recording.bus)),
+        standing=standing_loads(scenario),
+    )
+    return verdict, recording
+
+
+def lifts(m: Manoeuvre) -> bool:
+    """Whether a wheel lifts although the limits act."""
+    return driven(m, limits=True)[0].lifted
+
+
+def cause_of(m: Manoeuvre) -> str:
+    """Why a wheel lifted although the limits acted: the first counterfactual that tells."""
+    if lifts(straight(m)):
+        return GROUND
+    if m.calibration_seed is not None and not lifts(dataclasses.replace(m, calibration_seed=None)):
+        return CALIBRATION
+    if m.friction < DRY and not lifts(dataclasses.replace(m, friction=DRY)):
+        return SLIPPERY
+    return UNEXPLAINED
+
+
+def run_case(m: Manoeuvre) -> Found:
+    """One drive with the limits on, as plain values; with its cause where it lifts a wheel."""
+    verdict, _ = driven(m, limits=True)
+    return {
+        "lifts": verdict.lifted,
+        "rolls_over": verdict.rolled_over,
+        "wheel": verdict.lifting_wheel,
+        "lead_s": verdict.lead_s,
+        "margin": verdict.margin,
+        "cause": cause_of(m) if verdict.lifted else "",
+    }
+
+
+def run_free(m: Manoeuvre) -> Found:
+    """Whether the same drive lifts a wheel without limits."""
+    return {"lifts": driven(m, limits=False)[0].lifted}
+
+
+def run_campaign(
+    out: Path, *, runs: int = RUNS, seed: int = SEED, jobs: int | None = None
+) -> tuple[Path, Suite]:
+    """Drive them all and write the page; with one verdict per kind of drive for machines that read them."""
+    cases = drawn(runs, seed)
+    modules = [Path(module.__file__) for module in (manoeuvres, wrong_calibration) if module.__file__]
+    found = results_of(cases, run_case, cache=CACHE, jobs=jobs, title="drives with limits", also=modules)
+    some = cases[::FREE_EVERY]
+    free = results_of(some, run_free, cache=CACHE / "free", jobs=jobs, title="without limits", also=modules)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / FILE).write_text(page(cases, found, free, seed), encoding="utf-8")
+    return out / FILE, suite_of(cases, found)
+
+
+def suite_of(cases: Sequence[Manoeuvre], found: Sequence[Found]) -> Suite:
+    """One question per kind of drive: does a wheel lift that a limit could have kept down?"""
+    return Suite(name="prevention", cases=tuple(_question(kind, cases, found) for kind in KINDS))
+
+
+def ending_of(suite: Suite) -> Ending:
+    """Exit code: failed if one kind failed, inconclusive if one was not driven."""
+    results = {case.result for case in suite.cases}
+    if Result.FAILED in results:
+        return Ending.FAILED
+    return Ending.INCONCLUSIVE if Result.INCONCLUSIVE in results else Ending.PASSED
+
+
+def _question(kind: str, cases: Sequence[Manoeuvre], found: Sequence[Found]) -> Case:
+    of_kind = [r for c, r in zip(cases, found, strict=True) if c.kind == kind]
+    failed = sum(bool(r["lifts"]) and r["cause"] != GROUND for r in of_kind)
+    question = f"{kind}: no wheel lifts that a limit could keep down"
+    if not of_kind:
+        return Case(name=question, result=Result.INCONCLUSIVE, reason="no drive of this kind was drawn")
+    result = Result.FAILED if failed else Result.PASSED
+    return Case(name=question, result=result, reason=f"{failed} of {len(of_kind)} drives lift a wheel")
+
+
+INTRODUCTION = """
+Random drives of the L60 with the limits on. A drive starts straight at 6 to 24 km/h (reverse up to 18), with 0 to 3204 kg, the arm low or up to
+its top. Its kind says what comes then: a *lever* moved in a turn, steering one way and the other (*counter-steer*), a turn in *reverse*, a step of 5 to 20 cm up
+(*kerb*) or down (*drop*) under one side with steering both ways after it, a turn on a *slope* (grade up to 18 %, bank up to 9°). Half of the drives have a *wrong
+calibration*: masses ±3 %, centres of gravity ±5 cm, tyre radius ±1 %, stiffnesses ±15 %, each drawn evenly. The friction of the ground is 0.4 to 0.85, which the ECU does not know.
+A wheel *lifts* when its true load is zero for more than 50 ms. *Margin*: smallest load of a wheel over what it carries on level ground.
+
+"""
+
+
+def page(cases: Sequence[Manoeuvre], found: Sequence[Found], free: Sequence[Found], seed: int) -> str:
+    """The document."""
+    command = f"{COMMAND} --runs {len(cases)} --seed {seed}"
+    without = sum(bool(r["lifts"]) for r in free)
+    lifted = [(c, r) for c, r in zip(cases, found, strict=True) if r["lifts"]]
+    return "\n".join(
+        (
+            header("Prevention: random drives with the limits on", command, f"seed {seed}") + INTRODUCTION,
+            f"Of {len(cases)} drives **{len(lifted)}** lift a wheel. Of {len(free)} that were also driven without limits {without} lift one.\n",
+            kinds_table(cases, found),
+            "## Why the others lift a wheel\n",
+            "The first of these that holds when the drive is driven again.\n",
+            causes_table([r for _, r in lifted]),
+            "## Drives that lift a wheel\n",
+            lifted_table(lifted),
+        )
+    )
+
+
+def kinds_table(cases: Sequence[Manoeuvre], found: Sequence[Found]) -> str:
+    """Drives, lift-offs and margins by kind and by calibration."""
+    pairs = list(zip(cases, found, strict=True))
+    groups = {kind: [r for c, r in pairs if c.kind == kind] for kind in KINDS}
+    groups |= {
+        "right calibration": [r for c, r in pairs if c.calibration_seed is None],
+        "wrong calibration": [r for c, r in pairs if c.calibration_seed is not None],
+        "all": list(found),
+    }
+    rows = [_kind_row(name, group) for name, group in groups.items() if group]
+    heads = (
+        "drives",
+        "number",
+        "lift a wheel",
+        "... that a limit could keep down",
+        "roll over",
+        "margin, median",
+        "5 %",
+    )
+    return markdown_table(heads, rows)
+
+
+def _kind_row(name: str, group: Sequence[Found]) -> list[str]:
+    lifted = [r for r in group if r["lifts"]]
+    margins = np.array([r["margin"] for r in group])
+    return [
+        name,
+        str(len(group)),
+        str(len(lifted)),
+        str(sum(r["cause"] != GROUND for r in lifted)),
+        str(sum(bool(r["rolls_over"]) for r in group)),
+        f"{np.median(margins):.2f}",
+        f"{np.quantile(margins, 0.05):.2f}",
+    ]
+
+
+def causes_table(lifted: Sequence[Found]) -> str:
+    """How many lift-offs each cause explains."""
+    return markdown_table(
+        ("cause", "drives"), [[cause, str(sum(r["cause"] == cause for r in lifted))] for cause in CAUSES]
+    )
+
+
+def lifted_table(lifted: Sequence[tuple[Manoeuvre, Found]]) -> str:
+    """Every drive that lifts a wheel, with what repeats it."""
+    rows = [
+        [
+            m.kind,
+            f"{m.speed_kmh:g}",
+            f"{m.payload_kg:g}",
+            f"{m.arm_deg:g}",
+            f"{m.angle_deg:g} at {m.rate_deg_s:g}",
+            f"{m.lift_percent:g}, {m.tilt_percent:g}",
+            f"{m.left_m:g}, {m.right_m:g}",
+            f"{m.grade_percent:g} %, {m.bank_deg:g}°",
+            f"{m.friction:g}",
+            "right" if m.calibration_seed is None else str(m.calibration_seed),
+            WHEELS[r["wheel"]],
+            "none" if r["lead_s"] is None else f"{r['lead_s']:.2f}",
+            r["cause"],
+        ]
+        for m, r in lifted
+    ]
+    heads = (
+        "kind", "km/h", "kg", "arm [°]", "turn [°, °/s]", "lift, tilt [%]", "step left, right [m]", "slope", "friction",
+        "calibration", "wheel", "warned before [s]", "cause",
+    )  # fmt: skip
+    return markdown_table(heads, rows)

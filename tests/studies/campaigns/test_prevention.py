@@ -1,0 +1,133 @@
+"""Random drives against the limits: what is drawn, how wrong calibrations are, how lift-offs are counted and explained."""
+
+import dataclasses
+import json
+import random
+
+import pytest
+from typer.testing import CliRunner
+
+from ecu.calibration import load_calibration
+from hil.ending import Ending
+from hil.verdict import Result
+from studies.campaigns import prevention
+from studies.campaigns.manoeuvres import DRY, KINDS, drawn, manoeuvre, scenario_of, straight
+from studies.campaigns.wrong_calibration import MASS, PLACE, RADIUS, STIFFNESS, wrong_calibration
+
+RIGHT = load_calibration("l60")
+KEPT = {"lifts": False, "rolls_over": False, "wheel": None, "lead_s": None, "margin": 0.4, "cause": ""}
+
+
+def lifting(cause):
+    return KEPT | {"lifts": True, "wheel": 0, "margin": 0.0, "cause": cause}
+
+
+def test_every_kind_is_drawn_as_often_and_a_seed_gives_the_same_drives():
+    some = drawn(60, 5)
+    assert {kind: sum(m.kind == kind for m in some) for kind in KINDS} == dict.fromkeys(KINDS, 10)
+    assert some == drawn(60, 5)
+    assert some != drawn(60, 6)
+    assert 0.2 < sum(m.calibration_seed is None for m in some) / 60 < 0.8
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_drive_is_a_scenario_that_lasts_beyond_its_last_demand(kind):
+    draw = random.Random(3)
+    for _ in range(5):
+        m = manoeuvre(kind, draw)
+        scenario = scenario_of(m)
+        script = scenario.script
+        last = max(p.points[-1][0] for p in (script.articulation_angle, script.lift, script.tilt) if p)
+        assert scenario.duration_s >= last + 2.4
+        assert scenario.payload_mass == m.payload_kg
+        assert scenario.surface.friction == m.friction
+
+
+def test_the_ground_alone_has_neither_steering_nor_levers():
+    script = scenario_of(straight(manoeuvre("levers", random.Random(1)))).script
+    assert script.lift is None
+    assert script.tilt is None
+    assert {script.articulation_angle.at(t / 10) for t in range(80)} == {0.0}
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_wrong_calibration_is_wrong_within_its_errors(seed):
+    p, right = wrong_calibration("l60", seed).parameters, RIGHT.parameters
+    for part in ("front", "rear", "axle", "arm", "bucket"):
+        assert getattr(p, part).mass == pytest.approx(getattr(right, part).mass, rel=MASS)
+        assert getattr(p, part).mass != getattr(right, part).mass
+    for part in ("front", "rear"):
+        assert getattr(p, part).x == pytest.approx(getattr(right, part).x, abs=PLACE)
+        assert getattr(p, part).z == pytest.approx(getattr(right, part).z, abs=PLACE)
+    assert p.wheel.unloaded_radius == pytest.approx(right.wheel.unloaded_radius, rel=RADIUS)
+    assert p.wheel.radial_linear == pytest.approx(right.wheel.radial_linear, rel=STIFFNESS)
+    assert p.wheel.friction == right.wheel.friction
+    assert p == wrong_calibration("l60", seed).parameters
+
+
+def test_drawn_errors_fill_their_ranges():
+    """Uniform: of forty draws the largest lies in the outer fifth, on either side."""
+    ratios = [
+        wrong_calibration("l60", s).parameters.rear.mass / RIGHT.parameters.rear.mass - 1 for s in range(40)
+    ]
+    assert max(ratios) > 0.8 * MASS
+    assert min(ratios) < -0.8 * MASS
+
+
+@pytest.mark.parametrize(
+    ("lifting_drives", "cause"),
+    [
+        (lambda m: True, prevention.GROUND),
+        (lambda m: m.angle_deg != 0.0 and m.calibration_seed is not None, prevention.CALIBRATION),
+        (lambda m: m.angle_deg != 0.0 and m.friction < DRY, prevention.SLIPPERY),
+        (lambda m: m.angle_deg != 0.0, prevention.UNEXPLAINED),
+    ],
+)
+def test_a_lift_off_is_explained_by_what_takes_it_away(lifting_drives, cause, monkeypatch):
+    monkeypatch.setattr(prevention, "lifts", lifting_drives)
+    m = dataclasses.replace(drawn(1, 1)[0], calibration_seed=4, friction=0.5, angle_deg=20.0)
+    assert prevention.cause_of(m) == cause
+
+
+def test_only_what_a_limit_could_keep_down_fails():
+    cases = drawn(len(KINDS), 1)
+    found = [KEPT for _ in cases]
+    found[KINDS.index("kerb")] = lifting(prevention.GROUND)
+    suite = prevention.suite_of(cases, found)
+    assert {case.result for case in suite.cases} == {Result.PASSED}
+    assert prevention.ending_of(suite) is Ending.PASSED
+    found[KINDS.index("slope")] = lifting(prevention.UNEXPLAINED)
+    assert prevention.ending_of(prevention.suite_of(cases, found)) is Ending.FAILED
+    assert prevention.ending_of(prevention.suite_of(cases[:2], found[:2])) is Ending.INCONCLUSIVE
+
+
+def test_the_page_counts_lift_offs_and_says_how_to_repeat_them():
+    cases = drawn(12, 9)
+    found = [lifting(prevention.GROUND), lifting(prevention.UNEXPLAINED), *[KEPT] * 10]
+    text = prevention.page(cases, found, [{"lifts": True}] * 3, 9)
+    assert "loaderhil campaign prevention --runs 12 --seed 9" in text
+    assert "Of 12 drives **2** lift a wheel. Of 3 that were also driven without limits 3 lift one." in text
+    assert "| all | 12 | 2 | 1 | 0 | 0.40 | 0.00 |" in text
+    assert f"| {prevention.UNEXPLAINED} | 1 |" in text
+
+
+def test_the_command_gives_verdicts_for_machines(monkeypatch, tmp_path):
+    import typer
+
+    from loaderhil.result_commands import campaign_prevention
+
+    suite = prevention.suite_of(drawn(6, 1), [lifting(prevention.SLIPPERY), *[KEPT] * 5])
+    monkeypatch.setattr(prevention, "run_campaign", lambda out, **_: (tmp_path / "page.md", suite))
+    app = typer.Typer()
+    app.command()(campaign_prevention)
+    done = CliRunner().invoke(app, ["--json", "--junit", str(tmp_path / "x.xml"), "--runs", "6"])
+    assert done.exit_code == Ending.FAILED
+    assert json.loads(done.stdout)["suites"][0]["cases"][0]["result"] == "FAILED"
+    assert b"levers: no wheel lifts" in (tmp_path / "x.xml").read_bytes()
+
+
+def test_a_drive_with_a_wrong_calibration_runs():
+    m = dataclasses.replace(drawn(1, 1)[0], calibration_seed=3, speed_kmh=6.0, angle_deg=12.0)
+    verdict, recording = prevention.driven(m, limits=True)
+    assert not verdict.lifted
+    assert len(recording.truth) > 400
