@@ -257,6 +257,8 @@ def test_without_the_prediction_the_present_is_the_same():
         "permitted_rate",
         "permitted_direction",
         "permitted_speed",
+        "permitted_lever",
+        "permitted_motion",
     }
     for k, name in enumerate(Estimates._fields):
         if name in later:
