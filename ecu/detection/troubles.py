@@ -5,11 +5,11 @@ from typing import Final
 
 from dbc.database import Database
 from ecu.bus_signals import Received, rows
-from ecu.calibration import InputRules
 from ecu.detection.codes import ESTIMATORS, FreezeFrame, Mode, TroubleCodes
 from ecu.estimators.signals import Inputs
 from ecu.findings import EstimatorFailed, Finding, Implausible, ProtectionFailed
 from ecu.inputs import EXCHANGED, FROZEN, MOVED, OUTSIDE, CycleInputs, Echoed
+from ecu.rules import InputRules
 
 _OF_REASON: Final[Mapping[str, Mode]] = {
     FROZEN: Mode.NOT_RESPONDING,
