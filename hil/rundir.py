@@ -96,7 +96,9 @@ class RunRecord:
     vitals: Vitals | None = None  # of a real-time run that ended
     expectations: tuple[Verdict, ...] = ()  # on the [[expect]] tables
     foreign: dict[str, str] = field(default_factory=dict)  # side -> bus of a node that replaced ours
-    standing_load_n: tuple[float, float, float, float] | None = None  # straight on level ground; None in older runs
+    standing_load_n: tuple[float, float, float, float] | None = (
+        None  # straight on level ground; None in older runs
+    )
 
 
 _record = TypeAdapter(RunRecord)
