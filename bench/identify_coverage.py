@@ -19,7 +19,7 @@ from identify.field.chain import processed
 from identify.field.fit import fit_points
 from identify.make.field import make_field
 from identify.make.rig import make_rig
-from identify.rig.chain import doubts, fitted, prepare
+from identify.rig.chain import fitted, inconsistent_runs, prepare
 from identify.tyre.parameters import curve, vector
 from identify.tyre.rig_problem import CARCASS_NAME
 from plant.sheets.machine import Machine, load_machine
@@ -53,7 +53,7 @@ def rig_case(seed: int) -> dict:
         "seconds": time.process_time() - made,
         "making_s": made - started,
         "unusable": list(ready.unusable),
-        "doubts": len(doubts(ready, found)),
+        "inconsistent_runs": len(inconsistent_runs(ready, found)),
     }
     for name in JUDGED:
         i = found.interval(name)
@@ -131,7 +131,7 @@ def report(rows: list[dict], commit: str, command: str) -> str:
                 f"Relaxation length at small slip, three loads: largest error {lengths.max():.1%}; within 10 % in {np.mean(np.all(lengths < 0.1, axis=1)):.1%} of cases.",
             ]
             out.append(
-                f"Processor: {np.median([r['seconds'] for r in own]):.1f} s per fit (median). Cases in which a run does not follow the fitted tyre: {sum(r['doubts'] > 0 for r in own)}."
+                f"Processor: {np.median([r['seconds'] for r in own]):.1f} s per fit (median). Cases in which a run does not follow the fitted tyre: {sum(r['inconsistent_runs'] > 0 for r in own)}."
             )
         else:
             clocks = [r["sync_s"] for r in own]

@@ -6,16 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the results go.")]
-SeedOption = Annotated[
-    int, typer.Option("--seed", min=0, max=2**32 - 1, help="Of all that is left to chance.")
-]
+OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, max=2**32 - 1, help="Seed of all random numbers.")]
 WithoutOption = Annotated[
     list[str] | None,
     typer.Option(
         "--without",
         metavar="DEFECT",
-        help="A defect that is switched off; repeatable. 'all' for a clean recording.",
+        help="Switch this defect off; may be repeated. 'all' gives a clean recording.",
     ),
 ]
 FormatOption = Annotated[str, typer.Option("--format", metavar="KIND", help="parquet, csv or mat.")]
@@ -46,7 +44,7 @@ def rig(
         Path,
         typer.Argument(
             metavar="RIG.toml",
-            help="What was recorded: runs, loads, calibration; or the folder that holds it.",
+            help="Description of the log (runs, loads, calibration), or the folder that contains it.",
         ),
     ],
     out: OutOption = Path("out/identify"),
@@ -58,7 +56,7 @@ def rig(
         bool,
         typer.Option(
             "--search/--no-search",
-            help="Whether differential evolution checks the trust region (half a minute).",
+            help="Whether a global search (differential evolution) checks the result of the fit (half a minute).",
         ),
     ] = True,
 ) -> None:
@@ -78,8 +76,8 @@ def rig(
         OF_LOADS,
         OF_PRESSURE,
         OF_PRESSURES,
-        doubts,
         fitted,
+        inconsistent_runs,
         prepare,
         problem_of,
     )
@@ -108,6 +106,7 @@ def rig(
         and t.piston_pressure == min(x.piston_pressure for x in ready.fitted)
     ]
     base = tuple(n for n in BASE if n in problem.tyre)
+    # the global search costs thousands of evaluations, so it gets four nominal runs and the four basic parameters only
     check = searched(problem_of(ready, base, traces=nominal[:4])) if search and nominal else None
     steps = [
         s
@@ -134,12 +133,12 @@ def rig(
             print(f"{name:20} {i.value:12.5g}   95 % {i.lower:.5g} to {i.upper:.5g}")
     for o in opened:
         print(f"not determined: {o.name}: {o.reason}; {o.step}")
-    for text in [*ready.unusable, *ready.warnings, *doubts(ready, found)]:
+    for text in [*ready.unusable, *ready.warnings, *inconsistent_runs(ready, found)]:
         print(f"warning: {text}")
     for path in write("--out", out, texts):
         print(f"written: {path}")
     if check is not None and not check.agree:
-        print("the trust region and differential evolution disagree: the tyre is doubtful")
+        print("fit and global search disagree: the tyre may be wrong")
         raise typer.Exit(Ending.INCONCLUSIVE)
 
 
@@ -152,7 +151,7 @@ def make_rig_command(
     without: WithoutOption = None,
     kind: FormatOption = "parquet",
 ) -> None:
-    """The raw log of a rig, made from the plant's tyre with the protocol and the defects of the thesis; the truth is sealed apart.
+    """The raw log of a rig, made from the plant's tyre with the protocol and the defects of the thesis; the truth is sealed in a separate file.
 
     Defects: spikes, oscillation (15 Hz), dropouts, gain, tare, noise, calibration. Example: `loaderhil identify make-rig out/rig --seed 1 --without spikes`
     """
@@ -188,7 +187,8 @@ def field(
     description: Annotated[
         Path,
         typer.Argument(
-            metavar="FIELD.toml", help="Both recordings and the ground; or the folder that holds it."
+            metavar="FIELD.toml",
+            help="Description of both recordings and the ground, or the folder that contains it.",
         ),
     ],
     out: OutOption = Path("out/identify"),
@@ -198,7 +198,7 @@ def field(
             "--friction",
             min=0.05,
             max=2.0,
-            help="Of the surface, where slips are too small to tell of it: asphalt 0.75, gravel 0.6.",
+            help="Friction of the surface, used where the slips are too small to identify it: asphalt 0.75, gravel 0.6.",
         ),
     ] = 0.75,
     dbc: Annotated[
@@ -217,7 +217,7 @@ def field(
     from identify.field.files import read_field
     from identify.field.fit import fit_points
     from identify.page.field_page import field_page
-    from identify.results import spoken
+    from identify.results import interval_text
     from identify.tyre.advice import not_fitted, undetermined
     from identify.tyre.parameters import INDEX
     from identify.tyre.tir_file import tir_text
@@ -258,12 +258,12 @@ def field(
     names = [n for n in found.names if n in INDEX]
     stiffness = (
         20.0 * log.nominal.load / log.nominal.radius
-    )  # not measured; readers of the file demand a number
+    )  # not measured, but readers of .tir files require a value
     tir = tir_text(
         {n: found.values[n] for n in names},
         log.nominal,
         vertical_stiffness=stiffness,
-        told={n: spoken(found, n) for n in names},
+        notes={n: interval_text(found, n) for n in names},
         comments=(origin, "VERTICAL_STIFFNESS is not identified"),
     )
     for name, i in intervals.items():
@@ -324,7 +324,7 @@ def machine_command(
     for name, step in opened.items():
         print(f"not determined: {name}: {step}")
     print(
-        "not determined: mass of each frame by itself, inertias: weighings at rest tell first moments only; weigh one frame, or drive turns with yaw rate and forces recorded"
+        "not determined: mass of each frame by itself, inertias: weighings at rest determine first moments only; weigh one frame alone, or record turns with yaw rate and forces"
     )
     for number in found.odd:
         print(f"warning: weighing {number} does not fit the others: is its angle or a load wrong?")
@@ -339,7 +339,7 @@ def make_field_command(
     without: WithoutOption = None,
     kind: FormatOption = "parquet",
 ) -> None:
-    """Raw recordings of a field test, made from the plant's tyre with every defect of the thesis; the truth is sealed apart.
+    """Raw recordings of a field test, made from the plant's tyre with every defect of the thesis; the truth is sealed in a separate file.
 
     Defects: no_pulse, drift, delay, duplicates, uneven, wrap, spikes, oscillation (15 Hz), dropouts, lost_event, gain, tare, radius, noise.
     Example: `loaderhil identify make-field out/field --seed 1 --without no_pulse`
@@ -386,7 +386,7 @@ def _check_format(kind: str, known: tuple[str, ...]) -> None:
 
 
 def _defects(known: tuple[str, ...], without: list[str] | None) -> "Defects":
-    """All defects but those that are switched off; a name that is none is a misuse of the command line."""
+    """All defects except those that are switched off. Raises typer.BadParameter for an unknown name."""
     from identify.make.defects import chosen
 
     try:

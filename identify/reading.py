@@ -1,6 +1,6 @@
-"""Raw recordings as columns in SI on the stamps of the file: CSV, Parquet, MATLAB .mat, and CAN frames through a DBC file.
+"""Reads raw recordings as columns in SI at the time stamps of the file: CSV, Parquet, MATLAB .mat, and CAN frames with a DBC file.
 
-Reading of tables and CAN is that of `loaderhil diagnose`. A missing sample is NaN, so that a gap stays where it was.
+Tables and CAN logs are read as by `loaderhil diagnose`. A missing sample is NaN, so that a gap keeps its place.
 """
 
 from collections.abc import Mapping, Sequence
@@ -58,7 +58,7 @@ def _common(found: Mapping[str, Column]) -> Array:
 
 
 def _rows(path: Path, time: Array, column: Column) -> NDArray[np.intp]:
-    """Row of each sample of a column; stamps may repeat, so that they are matched in their order."""
+    """Row of each sample of a column. Stamps may repeat, so they are matched in their order and not by value."""
     if column.time_s.size == time.size:
         return np.arange(time.size)
     if bool(np.all(np.diff(time) > 0.0)):
@@ -69,7 +69,7 @@ def _rows(path: Path, time: Array, column: Column) -> NDArray[np.intp]:
             at += 1
         if at == len(stamps):
             raise BadRecording(
-                f"{path}: stamps repeat or go back, and no channel is complete: rows of '{column.name}' cannot be told apart; "
+                f"{path}: stamps repeat or go back, and no channel is complete: rows of '{column.name}' cannot be assigned; "
                 "write 'nan' into empty cells"
             )
         rows[i] = at
@@ -104,7 +104,7 @@ def _columns(path: Path, dbcs: Sequence[Path]) -> Sequence[Column]:
             return read_table(path).columns
         if not dbcs:
             raise BadRecording(
-                f"{path}: is no table (.csv, .csv.gz, .parquet, .mat); a recording of CAN frames needs --dbc FILE"
+                f"{path}: is not a table (.csv, .csv.gz, .parquet, .mat); a recording of CAN frames needs --dbc FILE"
             )
         return read_can(path, decoder(dbcs)).columns
     except Unreadable as error:
@@ -116,7 +116,7 @@ def _mat(path: Path) -> list[Column]:
     try:
         content = loadmat(path, squeeze_me=True)
     except NotImplementedError as error:
-        raise BadRecording(f"{path}: is of MATLAB 7.3 (HDF5); save it with '-v7'") from error
+        raise BadRecording(f"{path}: is a file of MATLAB 7.3 (HDF5); save it with '-v7'") from error
     except (ValueError, OSError, TypeError) as error:
         raise BadRecording(f"{path}: cannot be read as a MATLAB file: {error}") from error
     vectors = {
@@ -127,7 +127,7 @@ def _mat(path: Path) -> list[Column]:
     time = next((vectors.pop(name) for name in list(vectors) if name.lower() in TIME), None)
     if time is None:
         raise BadRecording(
-            f"{path}: has no vector of time ({', '.join(TIME)}); it has {', '.join(vectors) or 'no vectors'}"
+            f"{path}: has no time vector ({', '.join(TIME)}); it has {', '.join(vectors) or 'no vectors'}"
         )
     odd = [name for name, v in vectors.items() if v.size != time.size]
     if odd:

@@ -1,4 +1,4 @@
-"""What an identification leaves behind: numbers with intervals (JSON), a .tir file, and a machine with calibration that plant and ECU run with."""
+"""Results of an identification as files: values with intervals (JSON), a .tir file, and a machine with calibration for plant and ECU."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -34,14 +34,14 @@ FOR_PLANT = (
 )
 
 
-def spoken(found: Estimate, name: str) -> str:
+def interval_text(found: Estimate, name: str) -> str:
     """'identified, 95 % 7.1 to 7.9'."""
     i = found.interval(name)
     return f"identified, 95 % {i.lower:.4g} to {i.upper:.4g}"
 
 
 def as_json(ready: Prepared, found: Estimate, opened: Sequence[Open], origin: str) -> str:
-    """Everything a program would ask for."""
+    """The text of identification.json, for programs."""
     intervals = {n: found.interval(n) for n in found.names}
     content = {
         "origin": origin,
@@ -63,7 +63,8 @@ def as_json(ready: Prepared, found: Estimate, opened: Sequence[Open], origin: st
 
 
 def tyre_file(ready: Prepared, found: Estimate, origin: str) -> str:
-    """The .tir file. Its vertical stiffness is that at nominal load by the calibration's law."""
+    """The text of the .tir file."""
+    # vertical stiffness: the slope dF/dz of the calibration's law (118) at nominal load
     n, c = ready.log.nominal, ready.log.calibration
     depth = (-c.q1 + (c.q1**2 + 4.0 * c.q2) ** 0.5) / (2.0 * c.q2) if c.q2 > 0.0 else 1.0 / c.q1
     stiffness = n.load / n.radius * (c.q1 + 2.0 * c.q2 * depth)
@@ -73,13 +74,13 @@ def tyre_file(ready: Prepared, found: Estimate, origin: str) -> str:
         values,
         n,
         vertical_stiffness=float(stiffness),
-        told={name: spoken(found, name) for name in names},
+        notes={name: interval_text(found, name) for name in names},
         comments=(origin,),
     )
 
 
 def machine_files(ready: Prepared, found: Estimate, base: str, out: Path, origin: str) -> Mapping[Path, str]:
-    """MACHINE.toml on the identified tyre, and the ECU's calibration beside it. Values that the plant would refuse raise its ConfigurationError."""
+    """MACHINE.toml on the identified tyre, and the ECU's calibration beside it. Raises the plant's ConfigurationError for values that it refuses."""
     machine = load_machine(base)
     n = ready.log.nominal
     text = (
@@ -92,7 +93,7 @@ def machine_files(ready: Prepared, found: Estimate, base: str, out: Path, origin
             ("tyre",),
             name.lower(),
             found.values.get(name, 0.0),
-            spoken(found, name) if name in found.names else "not determined: 0",
+            interval_text(found, name) if name in found.names else "not determined: 0",
         )
         for name in FOR_PLANT
     ]
@@ -102,14 +103,14 @@ def machine_files(ready: Prepared, found: Estimate, base: str, out: Path, origin
                 ("tyre",),
                 "longitudinal_stiffness_N_per_m",
                 found.values[CARCASS_NAME],
-                spoken(found, CARCASS_NAME),
+                interval_text(found, CARCASS_NAME),
             )
         )
     given = {"radius_m": n.radius, "nominal_load_N": n.load, "nominal_pressure_bar": n.pressure / BAR}
     lines += [Line(("tyre",), key, value, "of the rig's log") for key, value in given.items()]
     calibration = (CALIBRATIONS / f"{machine.family}.toml").read_text(encoding="utf-8")
     ecu = [
-        Line(("wheel",), "slip_stiffness", found.values["PKX1"], spoken(found, "PKX1")),
+        Line(("wheel",), "slip_stiffness", found.values["PKX1"], interval_text(found, "PKX1")),
         Line(("wheel",), "unloaded_radius_m", n.radius, "of the rig's log"),
         Line(("wheel",), "nominal_load_kn", n.load / 1e3, "of the rig's log"),
     ]

@@ -1,4 +1,4 @@
-"""From motion capture and a wheel transducer to points of slip and force, each with the reason why others were rejected."""
+"""The chain from motion capture and a wheel transducer to points of slip and force, with counts of rejected samples by reason."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,13 +16,13 @@ from identify.signals.rejection import Rejection, added
 
 Array = NDArray[np.float64]
 
-SHORTEST_EVENT = 200  # readings inside the scope
-START_UP_S = 0.3  # at both ends of an event, where a smoother has one side only
-WINDOW_S = 0.4  # of which the means make one point
-SETTLED = 0.1  # share of the slip, beside 0.003, by which it may change within a window
-SETTLING_M = 1.2  # of road after a change of slip: three relaxation lengths
-BEYOND_FRICTION = 1.6  # force over load
-LIGHTEST = 2e3  # load [N] below which the wheel has no contact
+SHORTEST_EVENT = 200  # readings inside the scope of the cameras: one second
+START_UP_S = 0.3  # at both ends of an event, where the smoother has data on one side only
+WINDOW_S = 0.4  # whose means make one point
+SETTLED = 0.1  # permitted change of the slip within a window: this share of it plus 0.003
+SETTLING_M = 1.2  # distance after a change of slip: three relaxation lengths
+BEYOND_FRICTION = 1.6  # force over load; no tyre reaches it
+LIGHTEST = 2e3  # load [N] below which the wheel is taken to have no contact
 RATE_HZ = 200.0  # of the common time base
 ASPHALT_GROUPS = ((19e3, 29e3), (29e3, 39e3), (39e3, 49e3), (59e3, 69e3), (79e3, 89e3))
 """(114), loads on the hub [N]."""
@@ -88,7 +88,9 @@ def processed(log: FieldLog) -> FieldResult:
     markers = [_marker_angle(log.vicon, s) for s in spans]
     pulse = first_pulse(log.vicon.time, log.vicon.sync)
     warnings = (
-        [] if pulse is not None else ["the sync vector has no pulse: the clocks are matched by content alone"]
+        []
+        if pulse is not None
+        else ["the sync vector has no pulse: the clocks are synchronised by their content alone"]
     )
     try:
         sync = synchronised([m[:2] for m in markers], log.somat.time, angle, wheel, pulse)
@@ -96,7 +98,7 @@ def processed(log: FieldLog) -> FieldResult:
         raise Unusable(f"{log.name}: {error}") from error
     if pulse is not None and abs(sync.offset - pulse) > 0.1:
         warnings.append(
-            f"pulse and content differ by {sync.offset - pulse:+.3f} s: the positions are late by this, or the pulse is another one"
+            f"pulse and content differ by {sync.offset - pulse:+.3f} s: either the positions are delayed by this time, or the pulse is another one"
         )
     tare, tare_warning = _tare(log)
     warnings += tare_warning
@@ -127,7 +129,7 @@ _COLUMNS = ("slip_markers", "slip", "slip_sd", "force", "force_sd", "load", "spe
 
 
 def events_of(vicon: Vicon) -> tuple[list[slice], dict[str, int]]:
-    """Stretches of readings inside the scope, and counts of those outside; gaps of a reading or two do not end an event."""
+    """Intervals of readings inside the scope, and counts of those outside; a gap of up to five readings does not end an event."""
     inside = ~(vicon.y == 0.0)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], inside, [False])).astype(np.int8)))
     spans: list[slice] = []
@@ -296,7 +298,7 @@ def _points(event: Event) -> tuple[list[tuple[float, ...]], dict[str, int]]:
             counts["slip not settled"] += n
             continue
         force = event.force[part]
-        # a filter at 5 Hz leaves some four independent values in a window of 0.4 s
+        # after a filter of 5 Hz a window of 0.4 s has about four independent values, so a mean has half the standard deviation
         spread = float(np.std(force)) / 2.0
         difference = event.slip[part] - event.slip_markers[part]
         out.append((

@@ -15,9 +15,9 @@ from identify.tyre.rig_problem import Part, Unknown
 
 Array = NDArray[np.float64]
 
-SMALL_SLIP = 0.1  # largest slip up to which only the stiffness can be told
-HUBER = 3.0
-SHIFT = "slip zero"
+SMALL_SLIP = 0.1  # up to this largest slip the data determine only the stiffness
+HUBER = 3.0  # standard deviations beyond which a residual counts in proportion, not squared
+SHIFT = "slip zero"  # an error of the effective radius acts as a shift of all slips
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +99,7 @@ class PointProblem:
 
 
 def parameters_for(points: Points) -> tuple[str, ...]:
-    """What the points can tell: the stiffness alone at small slips, else the whole curve; changes with load where loads differ."""
+    """Parameters that the points determine: only the stiffness at small slips, else the whole curve; changes with load where loads differ."""
     names = ["PKX1"]
     if float(np.max(np.abs(points.slip))) > SMALL_SLIP:
         names = ["PCX1", "PDX1", "PEX1", "PKX1"]
@@ -109,7 +109,7 @@ def parameters_for(points: Points) -> tuple[str, ...]:
 
 
 def fit_points(result: FieldResult, *, friction: float = 0.75) -> tuple[PointProblem, Estimate]:
-    """The tyre of greatest likelihood. friction: held where the slips are too small to tell of it."""
+    """The tyre of maximum likelihood. friction: assumed where the slips are too small to determine it."""
     points = result.points
     names = parameters_for(points)
     force_sd, slip_sd = _pooled(points)
@@ -124,6 +124,7 @@ def fit_points(result: FieldResult, *, friction: float = 0.75) -> tuple[PointPro
             gain_sd=result.log.gain_sd,
         )
 
+    # first weights: 8 is a plausible slip stiffness per load, until the fit gives the slope itself
     problem = problem_with(np.hypot(force_sd, 8.0 * points.load * slip_sd))
     found = estimate(problem, noise=_plain(problem, None))
     # the slope of the curve where a point lies weighs the error of its slip
@@ -133,6 +134,7 @@ def fit_points(result: FieldResult, *, friction: float = 0.75) -> tuple[PointPro
         expected = np.hypot(force_sd, slope * slip_sd)
         # the scatter about the curve sets the size of all; the fit has bent towards the points
         free = np.sqrt(points.slip.size / max(points.slip.size - len(found.names), 1))
+        # (1.4826 x median of |e| is the standard deviation of Gaussian errors, and outliers do not move it)
         size = 1.4826 * free * float(np.median(np.abs(part.residual * problem.scale / expected)))
         problem = problem_with(expected * max(size, 0.2))
         weights = _plain(problem, problem.parts(dict(found.values))[0].residual)

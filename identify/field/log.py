@@ -1,4 +1,4 @@
-"""What a field test records: motion capture outside, a wheel transducer inside, each by its own clock. SI."""
+"""The log of a field test as plain data: motion capture beside the machine and a wheel transducer on it, each with its own clock. SI."""
 
 from dataclasses import dataclass
 
@@ -36,7 +36,7 @@ class Somat:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FieldLog:
-    """One measurement on one surface, and what is known of its tyre."""
+    """One measurement on one surface, and the data sheet of its tyre."""
 
     name: str
     nominal: Nominal

@@ -1,7 +1,7 @@
-"""Mass and first moments of both frames, and the height of the centre of gravity, from wheel loads of a machine that stands.
+"""Mass, first moments of both frames, and height of the centre of gravity, from the wheel loads of a standing machine.
 
-Every weighing gives three balances: of weight, of moments across and along the rear frame. They are linear in the unknowns, so that the estimate is
-one least squares with its covariance. Axes: x forward along the rear frame from the joint, y to the left; articulation and bank positive to the left (ISO 8855).
+Every weighing gives three balances: weight, and moments about two axes of the rear frame. They are linear in the unknowns, so the estimate is
+a single least-squares problem with its covariance. Axes: x forward along the rear frame from the joint, y to the left; articulation and bank positive to the left (ISO 8855).
 """
 
 from collections.abc import Sequence
@@ -16,6 +16,7 @@ G = 9.81
 NAMES = ("mass", "rear moment", "front moment", "height moment", "roll zero", "scale zero")
 UNITS = ("kg", "kg m", "kg m", "kg m", "rad", "N")
 """Mass; m_r x_r and m_f x_f of the frames; mass times height; zero of the bank's sensor; common zero of the four scales."""
+# nothing is known of the first four; zeros of a slope sensor and of scales are small
 PRIOR_SD = (1e6, 1e6, 1e6, 1e6, 0.05, 30.0)
 DETERMINED = (0.02, 0.05, 0.05, 0.15)
 """Half width of a 95 % interval over the typical size of the first four, beyond which they count as not determined."""
@@ -30,36 +31,36 @@ STEPS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Geometry:
-    """Distances of the axles from the joint and the track [m]."""
+    """Geometry of the machine [m]."""
 
-    front: float
-    rear: float
+    front: float  # distance of the front axle from the joint
+    rear: float  # distance of the rear axle from the joint
     track: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weighing:
-    """Loads on front left, front right, rear left, rear right (4,) [N], square to the ground; angles [rad]; grade positive nose up, bank left side up."""
+    """One weighing."""
 
-    loads: Array
-    articulation: float = 0.0
-    grade: float = 0.0
-    bank: float = 0.0
+    loads: Array  # front left, front right, rear left, rear right (4,) [N], perpendicular to the ground
+    articulation: float = 0.0  # [rad], left positive
+    grade: float = 0.0  # [rad], nose up positive
+    bank: float = 0.0  # [rad], left side up positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weighed:
-    """Estimates in the order of NAMES, standard deviations, scatter of the balances over its expectation, and what stays open."""
+    """The result of all weighings."""
 
-    value: Array
+    value: Array  # in the order of NAMES
     sd: Array
-    excess: float
-    undetermined: tuple[tuple[str, str], ...]
-    odd: tuple[int, ...]
+    excess: float  # scatter of the balances over its expected value
+    undetermined: tuple[tuple[str, str], ...]  # name, and the weighing that would determine it
+    odd: tuple[int, ...]  # numbers of weighings that do not fit the others
 
     @property
     def height(self) -> float:
-        """Of the centre of gravity over the ground [m]."""
+        """Height of the centre of gravity above the ground [m]."""
         return float(self.value[3] / self.value[0])
 
 
@@ -75,7 +76,7 @@ def positions(geometry: Geometry, articulation: float) -> Array:
 
 
 def weighed(weighings: Sequence[Weighing], geometry: Geometry, load_sd: float) -> Weighed:
-    """Least squares over all balances; load_sd: of one scale [N]. Raises ValueError for loads that no standing machine has."""
+    """Least squares over all balances; load_sd: of one scale [N]. Raises ValueError for loads that a standing machine cannot have."""
     if not weighings:
         raise ValueError("no weighings were given")
     rows, targets, sizes = [], [], []
@@ -92,7 +93,8 @@ def weighed(weighings: Sequence[Weighing], geometry: Geometry, load_sd: float) -
         down = G * np.cos(w.grade) * np.cos(w.bank)
         total = float(w.loads.sum())
         c, s = np.cos(w.articulation), np.sin(w.articulation)
-        # weight; moments of the loads are those of gravity: first moments, and the height times the slope
+        # Balances of weight, and of moments about two axes: the moments of the wheel loads equal those of gravity, which come from the first
+        # moments and, on a slope, from the height.
         rows += [
             [down, 0.0, 0.0, 0.0, 0.0, 4.0],
             [0.0, down, down * c, -G * np.sin(w.grade), 0.0, float(place[:, 0].sum())],
@@ -104,12 +106,12 @@ def weighed(weighings: Sequence[Weighing], geometry: Geometry, load_sd: float) -
             load_sd * float(np.linalg.norm(place[:, 0])),
             load_sd * float(np.linalg.norm(place[:, 1])),
         ]
-    # the zero of the roll sensor acts through the height, near one metre: close enough for an angle that small
+    # The zero of the roll sensor acts through the height of the centre of gravity, taken as 1 m here: exact enough for so small an angle.
     A, b, size = np.array(rows), np.array(targets), np.array(sizes)
     prior = np.array(PRIOR_SD)
     scaled = (
         A * prior / size[:, None]
-    )  # in units of the priors, so that what nothing tells of keeps its prior
+    )  # in units of the priors, so that an unknown without data keeps its prior
     spread = np.linalg.inv(scaled.T @ scaled + np.eye(len(prior)))
     covariance = spread * np.outer(prior, prior)
     value = prior * (spread @ (scaled.T @ (b / size)))

@@ -1,7 +1,4 @@
-"""Defects of measuring systems that the thesis met, each of which can be switched on or off.
-
-All are functions from an array to an array; what was done to it is returned where it belongs to the truth.
-"""
+"""Defects of the thesis' measuring systems, for made recordings; each can be switched on or off."""
 
 from dataclasses import dataclass
 
@@ -56,7 +53,7 @@ def dropped(
 
 
 def ringing(time_s: Array, frequency_hz: float, amplitude: float, random: np.random.Generator) -> Array:
-    """An oscillation whose amplitude and phase wander, as that of a structure excited by a road does: sum of a narrow band."""
+    """A narrow-band oscillation (n,): its amplitude and phase vary as in a structure excited by a road."""
     total = np.zeros(time_s.size)
     if amplitude == 0.0:
         return total

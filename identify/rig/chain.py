@@ -1,4 +1,4 @@
-"""From the log of a rig to a tyre: runs prepared, all fitted together, models compared, and what stays open said."""
+"""The chain from the log of a rig to a tyre: prepare the runs, fit all together, compare models, list undetermined parameters."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,17 +20,17 @@ OF_PRESSURE = ("PPX1", "PPX3")
 OF_PRESSURES = ("PPX2", "PPX4")  # with three or more pressures
 VALIDATION = "validation"
 STAGE_SLOWER = 5  # times fewer samples in a stage than in the joint fit, which corrects it
-DOUBTFUL = 0.05  # error of a simulation over the force, beyond which a run does not belong to the tyre
+DOUBTFUL = 0.05  # error of a simulation over the force, above which a run does not fit the tyre
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prepared:
-    """A log made ready: traces, the load, and what could not be used."""
+    """A log prepared for a fit."""
 
     log: RigLog
     traces: Sequence[Trace]
     loads: LoadLine
-    unusable: Sequence[str]
+    unusable: Sequence[str]  # one sentence per run that cannot be used
     warnings: Sequence[str]
 
     @property
@@ -73,7 +73,7 @@ def prepare(log: RigLog) -> Prepared:
 
 
 def _odd_scales(traces: Sequence[Trace]) -> list[str]:
-    """Runs whose scale factor is far from that of the others: the gear was another, or they did not begin free of slip."""
+    """Warnings about runs whose scale factor differs from that of the others: another gear, or slip at their start."""
     ordered = sorted(t.scale for t in traces)
     middle = ordered[len(ordered) // 2]
     return [
@@ -84,7 +84,7 @@ def _odd_scales(traces: Sequence[Trace]) -> list[str]:
 
 
 def parameters_for(traces: Sequence[Trace]) -> tuple[str, ...]:
-    """Parameters of the tyre that the loads, pressures and directions of some runs can tell."""
+    """Parameters of the tyre that the loads, pressures and directions of these runs can determine."""
     main = [t for t in traces if t.kind in ("drive", "brake")]
     loads = {round(t.piston_pressure) for t in main}
     pressures = {round(t.inflation) for t in main}
@@ -154,8 +154,8 @@ def fitted(ready: Prepared) -> Estimate:
     return estimate(problem_of(ready), first_stage(ready))
 
 
-def doubts(ready: Prepared, found: Estimate) -> list[str]:
-    """Runs that the fitted tyre does not follow when it is simulated from their slip: a fit that ended wrongly, or another tyre."""
+def inconsistent_runs(ready: Prepared, found: Estimate) -> list[str]:
+    """Warnings about runs that the fitted tyre, simulated from their slip, does not reproduce: a wrong fit, or another tyre."""
     problem = problem_of(ready, predictor=False)
     out = []
     for trace, part in zip(problem.traces, problem.parts(dict(found.values)), strict=True):

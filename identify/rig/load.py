@@ -1,7 +1,8 @@
 """Load on the wheel from the pressure of the rig's piston, with the uncertainty of its calibration.
 
-The loaded radius was read at some pressures, and the tyre's vertical stiffness (118) makes loads of the readings. A line through
-them gives the load at every pressure. Readings err by themselves, the stiffness for all alike: the line's errors are correlated.
+The loaded radius was read at some pressures, and the tyre's vertical stiffness (118) converts the readings to loads. A line through
+them gives the load at every pressure. The readings have independent errors, the stiffness one common error: the errors of the line are
+correlated.
 """
 
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from identify.tyre.parameters import Nominal
 
 Array = NDArray[np.float64]
 
-PER = 1e5  # the line is written per bar
+PER = 1e5  # [Pa]: the line is per bar, so that both coefficients have similar size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

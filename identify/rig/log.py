@@ -1,4 +1,4 @@
-"""What a rig records: runs of cylinder speed, force and shaft speed, and the calibration of its piston. SI."""
+"""The log of a rig as plain data: runs of cylinder speed, force and shaft speed, and the calibration of its piston. SI."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ KINDS = ("drive", "brake", "steps", "validation")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigRun:
-    """One run as it was recorded; NaN where nothing was."""
+    """One run as it was recorded; NaN where a sample is missing."""
 
     name: str
-    kind: str  # one of KINDS, or empty if nothing is said
+    kind: str  # one of KINDS, or empty if the description does not state it
     time: Array  # (n,) [s]
     cylinder_speed: Array  # V_cyl, tangential (n,) [m/s]
     force: Array  # F_x on the cylinder, positive when the tyre drives it (n,) [N]
@@ -41,7 +41,7 @@ class PistonCalibration:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigLog:
-    """All runs of one tyre, and what its certificates say."""
+    """All runs of one tyre, and the accuracies of its certificates."""
 
     name: str
     nominal: Nominal

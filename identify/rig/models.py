@@ -1,4 +1,4 @@
-"""Tyre models compared on runs that none of them was fitted to."""
+"""Compares tyre models on runs to which none of them was fitted."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,15 +20,15 @@ INSTANT = 1e-3  # relaxation length [m] of a tyre without one
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compared:
-    """A model: root mean square of its error on held-out runs [N], over their root mean square of the force."""
+    """The error of one model on held-out runs."""
 
     model: str
-    rms: float
-    share: float
+    rms: float  # root mean square of the error [N]
+    share: float  # over the root mean square of the force
 
 
 def simulated(problem: RigProblem, trace: Trace, values: dict[str, float]) -> Array:
-    """Force (n,) that a model says of a run, its zero and scale factor fitted to the free rolling at its start only."""
+    """Force (n,) [N] that a model simulates for a run; zero and scale factor come from the free rolling at its start only."""
     tare = float(np.nanmedian(trace.force[: round(1.0 / trace.step)]))
     single = replace(problem, traces=[trace], predictor=False)
     own = {u.name: u.start for u in single.unknowns} | {
@@ -64,7 +64,7 @@ def compared(ready: Prepared) -> list[Compared]:
     ):
         found = estimate(
             problem, start, rounds=1
-        )  # coloured noise would forgive a wrong model its slow errors
+        )  # white noise: an autoregression would explain the slow errors of a wrong model
         best = best or found
         rms = _rms([simulated(problem, t, dict(found.values)) for t in held], held)
         out.append(Compared(model=name, rms=rms, share=rms / size))

@@ -13,13 +13,17 @@ from identify.signals.rejection import Rejection
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-BLOCK_HZ = 100.0  # samples are averaged to this rate: far above what a tyre follows, and a fifth of the rows
-LONGEST_GAP_S = 0.2  # that speeds may be interpolated over
-SETTLING_M = 1.0  # of road after a longer gap in which the transient slip is not known
+BLOCK_HZ = (
+    100.0  # samples are averaged to this rate: far above the bandwidth of a tyre, with a fifth of the rows
+)
+LONGEST_GAP_S = 0.2  # over which speeds are interpolated
+SETTLING_M = (
+    1.0  # distance after a longer gap until the transient slip is known again: some relaxation lengths
+)
 SLOWEST = 0.1  # cylinder speed [m/s] below which no slip is defined
-FREE_S = 1.0  # of rolling at the start that a scale factor needs
-DEPARTED = 5.0  # standard deviations of slip that end the free rolling
-BEYOND_FRICTION = 1.6  # force over load that no tyre has on a dry cylinder
+FREE_S = 1.0  # free rolling at the start of a run that a scale factor needs
+DEPARTED = 5.0  # slip, in standard deviations, that ends the free rolling
+BEYOND_FRICTION = 1.6  # force over load; no tyre reaches it on a dry cylinder
 
 
 class Unusable(ValueError):
@@ -114,6 +118,7 @@ def prepared(run: RigRun, load: float) -> Trace:
 def noise_sd(value: Array) -> float:
     """Standard deviation of white noise (n,) on a slow signal, by its second differences; 0 for fewer than three samples."""
     second = np.diff(value, 2)
+    # second differences of white noise have the variance 1 + 4 + 1 = 6; the median is robust against steps of the signal
     return 1.4826 * float(np.median(np.abs(second))) / float(np.sqrt(6.0)) if second.size else 0.0
 
 

@@ -1,4 +1,4 @@
-"""Two clocks made one: by a pulse, and by the content of two records of the same motion, with drift and uncertainty.
+"""Synchronises two clocks, by a pulse and by the content of two records of the same motion, with drift and uncertainty.
 
 other's time = offset + clock * (1 + drift), where `clock` is that of the encoder. Content needs no pulse and also sees a delay of the positions,
 which a pulse on another wire does not.
@@ -16,9 +16,10 @@ from discrepancy.estimation.normal_equations import inverse
 Array = NDArray[np.float64]
 
 COARSE_S = 0.02  # grid of the search for a first offset
-OUTLIER = 6.0  # standard deviations, and
-LEAST_S = 0.02  # seconds, by which the offset of an event is another one
-NEED = 3  # events that a common line needs
+# An event does not follow the common clock if its offset differs by more than both of these.
+OUTLIER = 6.0  # standard deviations
+LEAST_S = 0.02
+NEED = 3  # events that a common line needs: two for the line, one to check it
 
 
 class Unsynchronised(ValueError):
@@ -33,7 +34,7 @@ class Sync:
     drift: float
     offset_sd: float
     drift_sd: float
-    event_offset: Array  # of each event by itself, at its middle, less the common line (e,) [s]; NaN where it tells nothing
+    event_offset: Array  # of each event by itself, at its middle, minus the common line (e,) [s]; NaN without information
     event_sd: Array  # (e,) [s]
     lost: tuple[int, ...]
     by_pulse: float | None  # offset that the pulse says [s]
@@ -62,7 +63,7 @@ def synchronised(
 ) -> Sync:
     """The common clock. events: stamps and unwrapped wheel angle of each event; clock, angle, speed: of the encoder, unwrapped.
 
-    Raises Unsynchronised where fewer than three events tell an offset, or where no offset fits.
+    Raises Unsynchronised if fewer than three events determine an offset, or if no offset fits.
     """
     guess = pulse if pulse is not None else _coarse(events, clock, speed)
     each = [_event(t, a, clock, angle, guess) for t, a in events]
@@ -125,6 +126,7 @@ def _coarse(events: Sequence[tuple[Array, Array]], clock: Array, speed: Array) -
 def _event(t: Array, a: Array, clock: Array, angle: Array, guess: float) -> tuple[float, float]:
     """Offset of one event by itself [s] and its standard deviation; NaN where the wheel's speed does not change."""
     best: tuple[float, float, float] | None = None
+    # several starts: an angle that turns repeats its form, so the misfit over the shift has many local minima
     for start in (0.0, -0.1, 0.1, -0.4, 0.4, -0.8, 0.8):
 
         def residual(x: Array) -> Array:
@@ -157,7 +159,7 @@ def _line(time: Array, offset: Array, sd: Array, good: NDArray[np.bool_]) -> tup
     line = np.zeros(2)
     while True:
         rows = np.stack([np.ones(int(kept.sum())), time[kept]], axis=1) / sd[kept][:, None]
-        # no clock is worse than 1e-3: without that, few events would make a drift of their noise
+        # prior of the drift, 3e-4: clocks are better than 1e-3, and few events would turn their noise into a drift
         rows = np.vstack([rows, [0.0, 1.0 / 3e-4]])
         line = np.linalg.lstsq(rows, np.append(offset[kept] / sd[kept], 0.0), rcond=None)[0]
         left = np.abs(offset - line[0] - line[1] * time)
@@ -165,6 +167,6 @@ def _line(time: Array, offset: Array, sd: Array, good: NDArray[np.bool_]) -> tup
         worst = np.where(kept, left / allowed, 0.0)
         if worst.max() <= 1.0 or kept.sum() <= NEED:
             return np.asarray(line, float), kept
-        # drop the event farthest from the median, which a single outlier does not move
+        # drop the event furthest from the median: unlike the line, a single outlier does not move the median
         away = np.where(kept, np.abs(offset - np.median(offset[kept])), 0.0)
         kept[int(np.argmax(away))] = False

@@ -1,6 +1,6 @@
-"""Filters of sampled signals. Offline ones do not delay; the causal one says by how much it does.
+"""Filters of sampled signals. Offline filters have no delay; the causal one returns its delay.
 
-Source: thesis, appendix A and section 3.6; Oppenheim and Schafer for group delay. Second-order sections, since the
+Sources: thesis, appendix A and section 3.6; Oppenheim and Schafer for group delay. All filters are second-order sections, because the
 polynomial form of a 9th-order filter at 5 Hz of 500 Hz is ill-conditioned.
 """
 
@@ -46,7 +46,7 @@ def filled(value: Array, kept: Mask) -> Array:
 
 
 def long_gaps(kept: Mask, longest: int) -> Mask:
-    """Samples inside runs of rejected ones that are longer than `longest`: interpolation there would be invention."""
+    """Samples inside runs of rejected ones that are longer than `longest`: interpolated values there would be arbitrary."""
     edges = np.diff(np.concatenate(([False], ~kept, [False])).astype(np.int8))
     out = np.zeros(kept.size, bool)
     for start, stop in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
@@ -64,7 +64,7 @@ def low_pass(value: Array, rate_hz: float, cutoff_hz: float = CUTOFF_HZ, order: 
 def causal_low_pass(
     value: Array, rate_hz: float, cutoff_hz: float = CUTOFF_HZ, order: int = ORDER
 ) -> tuple[Array, float]:
-    """Butterworth as a computer on a machine would run it, started settled, and its delay of slow signals [s]."""
+    """Butterworth as a computer on a machine would run it, started in its steady state, and its delay of slow signals [s]."""
     sos = signal.butter(order, cutoff_hz, fs=rate_hz, output="sos")
     start = signal.sosfilt_zi(sos) * value[0]
     return np.asarray(signal.sosfilt(sos, value, zi=start)[0], float), low_pass_delay(cutoff_hz, order)

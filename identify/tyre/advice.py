@@ -1,4 +1,4 @@
-"""What the data cannot determine, and the step of a rig or field test that would."""
+"""Parameters that the data do not determine, and the test on a rig or in the field that would determine them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -39,15 +39,15 @@ TOGETHER = 0.98
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Open:
-    """A parameter that the data do not determine: why, and what would."""
+    """A parameter that the data do not determine."""
 
     name: str
     reason: str
-    step: str
+    step: str  # the test that would determine it
 
 
 def undetermined(found: Estimate, problem: Problem) -> list[Open]:
-    """Parameters whose interval says little, that end at a bound, or that only their prior holds."""
+    """Parameters with a wide interval, at a bound, or without influence on the data."""
     typical = {u.name: u.typical for u in problem.unknowns}
     covariance = found.covariance
     sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
@@ -58,7 +58,7 @@ def undetermined(found: Estimate, problem: Problem) -> list[Open]:
             continue
         half = NORMAL_95 * sd[i] / typical[name]
         if sd[i] < 1e-140:
-            reason = "nothing in the data depends on it"
+            reason = "the data do not depend on it"
         elif name in found.at_bound:
             reason = f"it ends at its bound ({found.values[name]:.4g})"
         elif half > DEFINED:
@@ -76,7 +76,7 @@ def undetermined(found: Estimate, problem: Problem) -> list[Open]:
 
 
 def not_fitted(fitted: Sequence[str], wanted: Sequence[str]) -> list[Open]:
-    """Parameters that were not even tried, since the runs have nothing that depends on them."""
+    """Parameters that were not fitted, because no run depends on them."""
     return [
         Open(name=name, reason="no run depends on it by itself", step=STEPS[name])
         for name in wanted
@@ -85,13 +85,14 @@ def not_fitted(fitted: Sequence[str], wanted: Sequence[str]) -> list[Open]:
 
 
 def dominated(found: Estimate, name: str) -> dict[str, float]:
-    """Share of a variance that each nuisance with a prior is responsible for: what a better certificate would gain."""
+    """Share of a parameter's variance that each calibration causes: the gain of a better certificate."""
     i = found.names.index(name)
     full = found.covariance[i, i]
     shares: dict[str, float] = {}
     for other in ("gain", "load 0", "load 1"):
         if other in found.names:
             j = found.names.index(other)
+            # the variance if this nuisance were known exactly: a very large information on it
             known = found.information.copy()
             known[j, j] += 1e12 * max(known[j, j], 1.0)
             shares[other] = float(1.0 - inverse(known)[i, i] / full) if full > 0.0 else 0.0

@@ -24,6 +24,7 @@ def brush_force(
         )
     sigma = kappa / (1.0 + kappa)
     limit = friction * np.asarray(load, float)
+    # z: the sliding share of the contact length; by_z and the chain rule give both derivatives
     z = np.minimum(slip_stiffness * np.abs(sigma) / (3.0 * limit), 1.0)  # 1 where all of the contact slides
     sign = np.sign(sigma)
     force = sign * limit * (3.0 * z - 3.0 * z**2 + z**3)

@@ -1,4 +1,4 @@
-"""Combined slip: how much of the longitudinal force is left beside a slip angle, and the fit of its weight.
+"""Combined slip: the share of the longitudinal force that remains at a slip angle, and the fit of this weight.
 
 G = cos(C atan(B s)), B = RBX1 cos(atan(RBX2 kappa)), s = tan(alpha): the form of MF-Tyre 5.2 without curvature and shift, so that G = 1 in pure slip (E-05).
 """
@@ -29,15 +29,15 @@ def _normal(jacobian: object) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CombinedSlip:
-    """Coefficients (3,) in the order of NAMES and their standard deviations; undetermined: those that the data tell nothing of."""
+    """A fitted weight."""
 
-    value: Array
-    sd: Array
-    undetermined: tuple[str, ...]
+    value: Array  # coefficients (3,) in the order of NAMES
+    sd: Array  # (3,)
+    undetermined: tuple[str, ...]  # names of coefficients that the data do not determine
 
 
 def fit_weight(kappa: Array, tan_alpha: Array, force: Array, pure: Array) -> CombinedSlip:
-    """From forces (n,) at combined slip and what the tyre has at the same slip without an angle (n,)."""
+    """The weight that fits forces (n,) [N] at combined slip; pure: forces at the same slip without a slip angle (n,) [N]."""
 
     def residual(x: Array) -> Array:
         return pure * weight(kappa, tan_alpha, *x.tolist()) - force
@@ -51,7 +51,7 @@ def fit_weight(kappa: Array, tan_alpha: Array, force: Array, pure: Array) -> Com
     )
     variance = 2.0 * found.cost / max(kappa.size - 3, 1)
     sd = np.sqrt(np.diag(inverse(_normal(found.jac))) * variance)
-    # an angle that removes less of the force than the residual's spread tells nothing
+    # a slip angle that changes the force by less than the scatter of the residual contains no information
     open_ = tuple(
         name
         for name, s, scale in zip(NAMES, sd, (10.0, 10.0, 1.0), strict=True)

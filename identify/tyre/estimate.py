@@ -1,8 +1,8 @@
-"""Greatest likelihood of a tyre's unknowns: bounded trust region, coloured noise, robust weights, and the intervals that follow.
+"""Maximum likelihood of a tyre's unknowns: bounded trust region, coloured noise, robust weights, and intervals.
 
-Every run is compressed by a QR factorisation to as many rows as it has unknowns, plus one. The trust region then sees a problem with
-the same cost, gradient and normal matrix, but a few hundred rows in place of many thousand. Noise (autoregression, whitening) and the
-inverse of normal matrices are those of the discrepancy engine.
+A QR factorisation compresses every run to as many rows as it has unknowns, plus one. The trust region then solves a problem with the same
+cost, gradient and normal matrix, but with a few hundred rows instead of many thousand. Noise (autoregression, whitening) and inverses of
+normal matrices are those of the discrepancy engine.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 HUBER = 3.0  # standard deviations beyond which a residual counts in proportion, not squared
 ROUNDS = 3  # of noise and weights, each with a fit
 NORMAL_95 = float(norm.ppf(0.975))
-BLOCK = 100  # rows that the bootstrap keeps together: a second, longer than the noise remembers
+BLOCK = 100  # rows that the bootstrap keeps together: one second, longer than the memory of the noise
 
 
 class Problem(Protocol):
@@ -36,7 +36,7 @@ class Problem(Protocol):
     def parts(self, values: Mapping[str, float]) -> Sequence[Part]: ...
 
     def held_at(self, values: Mapping[str, float]) -> "Problem":
-        """The problem with all that a fit must not move (gains of a predictor) as it is at these values."""
+        """The problem with everything that a fit must not change (gains of a predictor) computed at these values."""
         ...
 
 
@@ -52,19 +52,19 @@ class Interval:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """The unknowns at greatest likelihood. sse: whitened, of the data alone; information: with priors (k, k)."""
+    """The unknowns at maximum likelihood."""
 
     names: tuple[str, ...]
     values: Mapping[str, float]
-    sse: float
-    rows: int
-    information: Array
+    sse: float  # of whitened residuals, without priors
+    rows: int  # that count
+    information: Array  # normal matrix with priors (k, k)
     of_data: Array  # information without priors (k, k)
     scores: Array  # of blocks of rows (blocks, k), for the bootstrap
     at_bound: tuple[str, ...]
-    downweighted: int
-    noise_order: int
-    evaluations: int
+    downweighted: int  # rows whose weight is reduced as outliers
+    noise_order: int  # of the autoregression
+    evaluations: int  # of the model
     noise: "Noise"
     inflation: float = 1.0  # of the variance, for errors that rows share beyond the noise's memory
 
@@ -90,7 +90,8 @@ class Estimate:
         return Interval(value=value, sd=sd, lower=value - NORMAL_95 * sd, upper=value + NORMAL_95 * sd)
 
     def bootstrap_sd(self, name: str, random: np.random.Generator, draws: int = 400) -> float:
-        """Spread of one Newton step from resampled blocks of rows: it needs no model of the noise."""
+        """Standard deviation from a block bootstrap, as the spread of one Newton step. It needs no model of the noise."""
+        # Random signs instead of resampled blocks (wild bootstrap): the scores sum to zero at the optimum, so both spread alike.
         i = self.names.index(name)
         signs = random.choice([-1.0, 1.0], (draws, self.scores.shape[0]))
         return float(np.std((signs @ self.scores) @ inverse(self.information)[:, i]))
@@ -112,13 +113,14 @@ def estimate(
     noise: Noise | None = None,
     white: bool = False,
 ) -> Estimate:
-    """Fit all unknowns. start: where to begin, by name; noise: that of another fit, then kept; white: never coloured."""
+    """The fit of all unknowns. start: initial values by name; noise: of another fit, then kept; white: no autoregression."""
     unknowns = problem.unknowns
     x = np.array([(start or {}).get(u.name, u.start) for u in unknowns])
     low, high = np.array([u.lower for u in unknowns]), np.array([u.upper for u in unknowns])
     x = np.clip(x, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
     names, calls = [u.name for u in unknowns], 0
     known = noise
+    # noise and fit depend on each other: each round estimates the noise at the fit of the one before
     for _ in range(rounds if noise is None else 1):
         values = dict(zip(names, x.tolist(), strict=True))
         problem = problem.held_at(values)
@@ -141,7 +143,7 @@ def estimate(
 
 
 class _Compressed:
-    """The whitened problem as a trust region wants it: residual and Jacobian of a few rows, computed together."""
+    """The whitened, compressed problem for scipy: residual and Jacobian, computed together and kept for the second call."""
 
     def __init__(self, problem: Problem, unknowns: Sequence[Unknown], noise: Noise) -> None:
         self._problem, self._unknowns, self._noise = problem, unknowns, noise
@@ -163,6 +165,7 @@ class _Compressed:
             residuals, jacobians = [rows], [columns]
             parts = self._problem.parts(values)
             for part, white in zip(parts, _whitened(parts, self._noise), strict=True):
+                # R of [J e] has the same products J'J, J'e and e'e as the full matrix: all that a least-squares step needs
                 triangle: Array = np.asarray(np.linalg.qr(white, mode="r"))
                 wide = np.zeros((triangle.shape[0], len(self._unknowns)))
                 wide[:, part.columns] = triangle[:, :-1] @ part.to
@@ -197,14 +200,14 @@ def _noise(parts: Sequence[Part], before: Noise | None, used: int) -> Noise:
         blocks.append(Run(0, 0, ("force",), np.arange(values.size, dtype=float), start))
         start += values.size
     rows = np.concatenate(series)
-    if before is None:  # far from the optimum misfit is not noise: only its size is taken, robustly
+    if before is None:  # far from the optimum the misfit is no noise process: take only its size, robustly
         size = 1.4826 * float(np.median(np.abs(rows - np.median(rows)))) + 1e-9
         whitener = Whitener(np.zeros((0, 1, 1)), np.array([[1.0 / size]]))
     else:
         whitener = autoregression(blocks, rows, rows.size / max(rows.size - used, 1), np.zeros(1))
     weights = []
     for part, values in zip(parts, series, strict=True):
-        if before is None:  # weights of a wrong curve would keep it where it begins
+        if before is None:  # robust weights at a wrong curve would protect that curve
             weights.append(part.kept.astype(float))
             continue
         e = np.abs(whitener.apply(values[:, None, None])[:, 0, 0])

@@ -45,7 +45,7 @@ def _fit(names: tuple[str, str], columns: Sequence[Array], value: Array, unit: f
     rows = np.stack(columns, axis=1)
     if rows.shape[0] < 3 or np.linalg.matrix_rank(rows) < 2:
         raise ValueError(
-            f"{rows.shape[0]} readings do not tell {names[0]} and {names[1]} apart: at least three at different loads are needed"
+            f"{rows.shape[0]} readings do not determine {names[0]} and {names[1]}: at least three at different loads are needed"
         )
     found, _, _, _ = np.linalg.lstsq(rows, value / unit, rcond=None)
     residual = value / unit - rows @ found

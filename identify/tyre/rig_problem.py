@@ -1,7 +1,7 @@
 """All runs of a rig and one tyre: residuals and derivatives of the likelihood, nuisances of the measurement included.
 
 Unknowns are the tyre's parameters, the carcass (or a constant relaxation length), the force's gain, the line of the load, and for each run
-its scale factor and its tare. What a certificate or a calibration says of them is a prior, so that its uncertainty reaches the tyre.
+its scale factor and its tare. Certificates and calibrations enter as priors, so that their uncertainty is part of the tyre's intervals.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,49 +18,46 @@ from identify.tyre.transient import CARCASS, COLUMNS, CONSTANT, GAIN, LAW, SCALE
 Array = NDArray[np.float64]
 
 CARCASS_NAME, LENGTH_NAME, CARCASS_PRESSURE = "carcass stiffness", "relaxation length", "PCFX3"
-TARE_SD = 3000.0  # [N]: all that a transducer's zero and the rolling resistance can be
-SCALE_SD = 2e-3  # relative: a wheel on bearings that "rolls freely" is not quite free
+TARE_SD = 3000.0  # [N]: covers any zero of a transducer plus the rolling resistance
+SCALE_SD = 2e-3  # relative: a freely rolling wheel still has the slip that overcomes its bearings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unknown:
-    """One number to be estimated. typical: a change that matters, the scale of a step; prior_sd: None if nothing is known."""
+    """One number to be estimated."""
 
     name: str
     start: float
     lower: float
     upper: float
-    typical: float
+    typical: float  # a change that matters; the scale of the fit's steps
     prior: float = 0.0
-    prior_sd: float | None = None
+    prior_sd: float | None = None  # None: no prior
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A run's residual (n,), and which rows count (n,).
+    """A run's residual and its derivatives `by @ to`, factorised because a run has fewer directions than unknowns."""
 
-    Its derivatives by the unknowns `columns` (k,) are `by` (n, m) times `to` (m, k): a run has fewer directions than unknowns.
-    """
-
-    residual: Array
-    by: Array
-    to: Array
-    columns: NDArray[np.intp]
-    kept: NDArray[np.bool_]
+    residual: Array  # (n,)
+    by: Array  # (n, m)
+    to: Array  # (m, k)
+    columns: NDArray[np.intp]  # indices of the unknowns (k,)
+    kept: NDArray[np.bool_]  # rows that count (n,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigProblem:
-    """Runs, what is unknown, and what is held. law: CARCASS or CONSTANT (of the relaxation length)."""
+    """The joint problem of all runs and one tyre."""
 
     traces: Sequence[Trace]
     nominal: Nominal
     loads: LoadLine
     tyre: Sequence[str]  # parameters of the tyre that are unknown
     fixed: Mapping[str, float] = field(default_factory=dict)  # values of others
-    law: int = CARCASS
-    shortest: float = 0.05
-    gain_sd: float = 0.005
+    law: int = CARCASS  # of the relaxation length: CARCASS or CONSTANT
+    shortest: float = 0.05  # relaxation length below which it is not resolved [m]
+    gain_sd: float = 0.005  # relative standard deviation of the force's scale, from its certificate
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=lambda: WIDE)
     carcass_pressure: bool = False
     scales: bool = True  # whether scale factors are unknown

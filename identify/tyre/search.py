@@ -1,4 +1,4 @@
-"""Global search by differential evolution beside the trust region: both must find the same tyre, or the result is said to be doubtful.
+"""Checks the trust region by a global search (differential evolution): if they find different tyres, the result may be a local minimum.
 
 Population 100, at most 100 generations, bounds of the thesis (125). Both optimise the same cost: nominal load and pressure, zeros and scale factors
 of the runs solved for at every point, since the force is linear in them.
@@ -20,17 +20,17 @@ Array = NDArray[np.float64]
 
 POPULATION, GENERATIONS = 100, 100
 AGREED = 0.02  # of a parameter's typical change, by which both may differ
-SLOWER = 5  # times fewer samples than the fit: a search that asks for 10 000 costs needs no more
+SLOWER = 5  # times fewer samples than in the fit, because the search evaluates the cost 10 000 times
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Search:
-    """What both optimisers found: parameters by name, costs, and whether they agree."""
+    """The results of both optimisers."""
 
     names: tuple[str, ...]
-    trust_region: Array
+    trust_region: Array  # its estimates, in the order of names
     evolution: Array
-    costs: tuple[float, float]
+    costs: tuple[float, float]  # of both, trust region first
     evaluations: tuple[int, int]
     agree: bool
 
@@ -75,7 +75,7 @@ def searched(problem: RigProblem, seed: int = 0) -> Search:
 
 
 class _Profiled:
-    """Compressed residuals of all runs at the best zeros and scale factors."""
+    """Residuals of all runs with the best zero and scale factor of each, which enter linearly: the search has fewer dimensions so."""
 
     def __init__(self, problem: RigProblem, main: Sequence[Unknown]) -> None:
         self._problem, self._main = problem, [u.name for u in main]

@@ -10,12 +10,12 @@ def tir_text(
     nominal: Nominal,
     *,
     vertical_stiffness: float,
-    told: Mapping[str, str],
+    notes: Mapping[str, str],
     comments: tuple[str, ...] = (),
 ) -> str:
     """The text of a .tir file, MF-Tyre 6.1, longitudinal part.
 
-    values: parameters by name; vertical_stiffness: [N/m]; told: what is said of each behind its value; comments: lines of its head.
+    values: parameters by name; vertical_stiffness: [N/m]; notes: what is said of each behind its value; comments: lines of its head.
     Lateral parameters are not in it: a rig for longitudinal slip tells nothing of them.
     """
     lines = [
@@ -28,7 +28,7 @@ def tir_text(
         "[LONGITUDINAL_COEFFICIENTS]",
     ]  # fmt: skip
     lines += [
-        f"{name} = {float(values[name])!r} ${told.get(name, MEANINGS[name])}"
+        f"{name} = {float(values[name])!r} ${notes.get(name, MEANINGS[name])}"
         for name in NAMES
         if name in values
     ]

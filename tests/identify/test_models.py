@@ -84,7 +84,11 @@ def test_tir_file_reads_back_what_was_written(tmp_path):
     file = tmp_path / "tyre.tir"
     file.write_text(
         tir_text(
-            values, NOMINAL, vertical_stiffness=7e5, told={"PCX1": "identified"}, comments=("made by a test",)
+            values,
+            NOMINAL,
+            vertical_stiffness=7e5,
+            notes={"PCX1": "identified"},
+            comments=("made by a test",),
         )
     )
     read = read_tir(file)
