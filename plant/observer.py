@@ -68,7 +68,7 @@ O_AXLE_Z: Final = 2
 
 
 class Observer:
-    """Writes down what is true of one machine."""
+    """Makes the records of one machine."""
 
     def __init__(self, machine: Machine, payload_mass: float) -> None:
         geometry = machine.geometry
@@ -111,7 +111,7 @@ def observe(
     left, right = steering_pressures(
         p[P_CYLINDERS : P_CYLINDERS + STEERING], row[ARTICULATION], row[JOINT_TORQUE]
     )
-    # a stroke end bears what the relief valves do not let the oil bear
+    # at the end of a stroke the stop carries the load beyond the relief pressure, so the oil never shows more than that
     row[LIFT_PRESSURE] = min(lift, p[P_LIFT + SERVO_RELIEF])
     row[TILT_PRESSURE] = min(tilt, p[P_TILT + SERVO_RELIEF])
     row[STEERING_PRESSURE] = min(left, p[P_STEERING + SERVO_RELIEF])
@@ -136,7 +136,7 @@ def _observe_frame(row: Array, state: Array, p: Array, work: Workspace, measures
     coriolis = _cross(turning, velocity)
     tangential, centripetal = _cross(rise[:3], imu), _cross(turning, _cross(turning, imu))
     for i in range(3):
-        at_joint = rise[3 + i] + coriolis[i]  # specific force
+        at_joint = rise[3 + i] + coriolis[i]  # specific force: the solver's acceleration excludes gravity
         row[ACCELERATION + i] = at_joint - p[P_GRAVITY] * world[2, i]
         row[IMU_FORCE + i] = at_joint + tangential[i] + centripetal[i]
 

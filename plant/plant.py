@@ -1,7 +1,6 @@
 """The plant: one machine on one road, advanced in fixed steps by compiled code.
 
-Holds until the body itself would touch the ground (a lean of about 60 degrees): bodies have no
-contact of their own, only tyres do.
+Valid until the body itself would touch the ground (a lean of about 60 degrees): only tyres have contact with the ground.
 """
 
 import math
@@ -26,14 +25,14 @@ from plant.truth import Truth
 Array = NDArray[np.float64]
 Integrator = Literal["semi-implicit", "rk4"]
 
-RESTS = 60  # trials to bring the machine and the states of its effects to rest together
+RESTS = 60  # iterations between the equilibrium of the machine and the states of its effects
 
 _STILL = (0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Commands:
-    """What the machine is asked for; beyond its own limits it gives what it can.
+    """Commands to the machine; the machine limits them to its own abilities.
 
     wheel_torque: demanded drive torque at each wheel [N m]; brake_torque: available friction torque
     of each wheel, not negative [N m]; rates [rad/s]: articulation left, lift up, tilt back positive.
@@ -132,6 +131,7 @@ class Plant:
     def advance(self, commands: Commands, duration_s: float) -> None:
         """Move on by `duration_s`, a whole number of steps, with constant commands."""
         count = round(duration_s / self.step_s)
+        # the relative part: a duration that is the difference of two long times carries their rounding
         if count < 0 or abs(count * self.step_s - duration_s) > 1e-6 * self.step_s + 1e-12 * abs(duration_s):
             raise ValueError(f"duration_s={duration_s} s is not a whole number of steps of {self.step_s} s")
         self._command = commands.vector()
@@ -171,6 +171,7 @@ class Plant:
 
     def copy(self) -> Self:
         """An independent plant in the same state."""
+        # without __init__, which would look for the equilibrium anew; what is not copied is never written to
         twin = object.__new__(type(self))
         twin.__dict__.update(self.__dict__)
         twin._parameters = self._parameters.copy()
@@ -191,6 +192,7 @@ class Plant:
             if not dispatch.start(self.machine.effects, state, self._parameters, work):
                 break
         if standing:
+            # otherwise a machine on a slope would roll while the brakes build up their torque
             state[s.BRAKE : s.BRAKE + 4] = self._parameters[P_BRAKE_CAPACITY]
             self._command[s.C_BRAKE : s.C_BRAKE + 4] = self._parameters[P_BRAKE_CAPACITY]
         else:

@@ -1,9 +1,9 @@
-"""Measurement-driven replay of the plant, for the loader's diagnosis: measured torques and joint angles in, everything else out.
+"""Measurement-driven replay of the plant, for the loader's diagnosis: measured torques and joint angles are inputs, all else is output.
 
-Steering, lift arm and bucket follow the recorded demand on their cylinders and are drawn to the measured angles. Where no demand
-was recorded they follow the measured angles alone. Cylinders lag as in the machine's sheet; motors and brakes give the measured
-torque at once. A gain draws the speed towards the measured one: an error of force then shows as a steady difference of speed and
-does not grow with time.
+Steering, lift arm and bucket follow the recorded demands of their cylinders, with a correction towards the measured angles. Without a recorded
+demand they follow the measured angles alone. Cylinders lag as in the machine sheet; motors and brakes give the measured torque at once. A
+feedback with a small gain corrects the speed towards the measured one: an error of force then shows as a steady difference of speed and does
+not grow with time.
 """
 
 import math
@@ -78,12 +78,15 @@ def _command(
     demanded: Demanded,
 ) -> None:
     """Commands that make the plant do what was measured from one row to the next."""
-    # a motor or servo that lags gets the later value; forces follow the torque of the step before
+    # The command is constant between two rows: take the measured torque in the middle of the interval, later by the lag of the motor
+    # and by half a step, since the forces of a step use the torque at its start.
     middle = 0.5 + (p[P_DRIVE_LAG] + 0.5 * step) / interval
     for wheel in range(4):
         torque = m[M_TORQUE + wheel] + middle * (after[M_TORQUE + wheel] - m[M_TORQUE + wheel])
         capacity = 0.0
         standing = abs(m[M_TURNING + wheel]) < HELD
+        # A measured torque against the motion, while the brake is applied, is friction: as a drive torque it would turn a stopped wheel
+        # backwards. A standing wheel is held by the full capacity, because its holding torque is not measured.
         if m[M_BRAKING] > 0.0 and (standing or torque * m[M_SPEED] < 0.0):
             capacity = p[P_BRAKE_CAPACITY] if standing else abs(torque)
             torque = 0.0
@@ -92,7 +95,7 @@ def _command(
         at, body, rate, cylinder = JOINTS[joint]
         error = m[at] - state[s.JOINT + body]
         if demanded[joint]:
-            # the demand in a frame is that of the tick before the frame
+            # a frame holds the demand of the tick before it: the demand of this interval stands in the next row
             command[rate] = after[at + 1] + DEMANDED_GAIN * error
         else:
             ahead = 0.5 + p[cylinder + SERVO_LAG] / interval
@@ -101,7 +104,7 @@ def _command(
 
 @compiled
 def draw(state: Array, work: Workspace, m: Array, radius: float, share: float) -> None:
-    """Draw the machine's speed towards the measured one by a share of the difference."""
+    """Correct the machine's speed towards the measured one by a share of the difference, body and rolling wheels alike."""
     turning = 0.0
     for wheel in range(4):
         turning += 0.25 * state[s.JOINT_RATE + s.WHEEL + wheel]
@@ -163,7 +166,7 @@ def replay(
 
 
 def replay_parameters(p: Array, step: float, *, demanded: Demanded) -> Array:
-    """The plant's parameters with joints, motors and brakes that do what was measured; cylinders with a recorded demand stay as they are."""
+    """The plant's parameters for a replay: joints, motors and brakes reproduce the measurements; cylinders with a recorded demand are unchanged."""
     replayed = p.copy()
     for (_, _, _, at), stays in zip(JOINTS, demanded, strict=True):
         if not stays:

@@ -1,4 +1,4 @@
-"""What is true of the machine at one instant: the record every estimate is judged against."""
+"""The true state of the machine at one instant: the record against which every estimate is judged."""
 
 from typing import ClassVar, Self, overload
 
@@ -81,16 +81,17 @@ class Truth:
     imu_specific_force = Vector(3)  # at the sensor, rear-frame axes [m/s2]
     cog_specific_force = Vector(3)  # at the machine's centre of gravity, rear-frame axes [m/s2]
     speed = Number()  # of the rear axle, forward [m/s]
-    articulation_angle = Number()
+    # joint angles [rad] and their rates [rad/s]
+    articulation_angle = Number()  # front frame to the left
     articulation_rate = Number()
-    oscillation_angle = Number()
+    oscillation_angle = Number()  # rear axle against the rear frame, left side up
     oscillation_rate = Number()
-    lift_arm_angle = Number()
+    lift_arm_angle = Number()  # up from the front frame's horizontal
     lift_arm_rate = Number()
     tilt_angle = Number()  # bucket's bottom above the front frame's horizontal, rolled back positive
     tilt_rate = Number()
     wheel_speed = Vector(4)  # against the carrier, rolling forward [rad/s]
-    wheel_torque = Vector(4)  # drive plus brake [N m]; without what effects take from it on its way
+    wheel_torque = Vector(4)  # drive plus brake [N m], before losses that effects add
     normal_force = Vector(4)  # [N]
     longitudinal_force = Vector(4)  # wheel axes [N]
     lateral_force = Vector(4)  # wheel axes [N]

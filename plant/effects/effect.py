@@ -40,7 +40,7 @@ class Parameter:
     """One number of an effect, in `unit`; the name carries the unit's suffix where there is one.
 
     low, high: permitted; typical: what is taken where the user gives none. si: SI per unit.
-    off: where the effect vanishes; shape: says how the effect acts, not how much, and has no such value.
+    off: value at which the effect vanishes; shape: the parameter describes the form of the effect, not its size, and has no such value.
     """
 
     name: str

@@ -1,9 +1,9 @@
 """Equations of motion of the loader and their two integrators, compiled.
 
-Free: the rear frame, the oscillating axle, the wheels. Driven: articulation, lift arm and bucket,
-whose cylinders follow a demanded rate with a lag and cushioned end stops; their joint efforts are
-results. A wheel held by its brake is a driven joint too, until the brake would have to give more
-than it can: so a locked wheel stays locked, and the machine stands on a slope.
+Free joints: the rear frame, the oscillating axle, the wheels. Driven joints: articulation, lift arm and bucket, whose cylinders follow a
+demanded rate with a lag and cushioned end stops; their efforts are results. A wheel held by its brake is a driven joint as well, until the
+holding torque exceeds the capacity of the brake. Therefore a locked wheel stays locked and the machine stands on a slope without creeping,
+which a friction law smoothed about zero speed would not achieve.
 """
 
 import math
@@ -80,7 +80,7 @@ from plant.physics.workspace import Workspace
 Array = NDArray[np.float64]
 
 STOPPING = 0.01  # time constant in which a stroke end stops its joint [s]
-RELEASED = 1.0  # friction torque below which a brake does not seize a wheel that changes direction [N m]
+RELEASED = 1.0  # friction torque below which a brake does not lock a wheel that changes its direction [N m]
 
 
 @compiled
@@ -88,11 +88,12 @@ def servo(angle: float, rate: float, demand: float, block: Array) -> float:
     """Acceleration of a cylinder-driven joint towards the demanded rate [rad/s²].
 
     block: lower and upper limit, falling and rising rate limit, lag, cushion lag. Near a limit the
-    rate may not exceed what the cushion brakes in time; a cylinder that a load drives beyond its stroke is
-    stopped there, and led back.
+    rate is limited so that the cushion stops the joint in time. A cylinder that a load drives beyond its stroke is
+    stopped there and returns.
     """
     lower, upper, falling, rising, lag, cushion = block[0], block[1], block[2], block[3], block[4], block[5]
     demand = min(max(demand, -falling), rising)
+    # distance to the stop over the cushion's time constant: the joint approaches the stop exponentially and never hits it
     demand = min(max(demand, (lower - angle) / cushion), (upper - angle) / cushion)
     if angle > upper and rate > 0.0:
         return min((demand - rate) / lag, -rate / STOPPING)
@@ -121,7 +122,7 @@ def axle_difference(state: Array) -> float:
 
 @compiled
 def drive_torque(state: Array, p: Array, wheel: int) -> float:
-    """Torque of the driveline on a wheel [N m]: of its motor, or of its differential."""
+    """Torque of the driveline on a wheel [N m]: from its motor, or from its differential."""
     if p[P_SHAFT] == 0.0:
         return state[DRIVE + wheel]
     wound = p[P_SHAFT_STIFFNESS] * state[SHAFT] + p[P_SHAFT_DAMPING] * axle_difference(state)
@@ -130,7 +131,7 @@ def drive_torque(state: Array, p: Array, wheel: int) -> float:
 
 @compiled
 def drive_demand(command: Array, p: Array, wheel: int) -> float:
-    """Demanded torque [N m] within what there is; a shaft shares it equally between the wheels."""
+    """Demanded torque [N m], limited to the peak torque; with a shaft all wheels get equal shares."""
     if p[P_SHAFT] != 0.0:
         total = 0.0
         for other in range(4):
@@ -167,11 +168,14 @@ def set_joints(state: Array, command: Array, p: Array, tree: Tree) -> None:
         p[P_TILT : P_TILT + SERVO_SIZE],
     )
     tree.joint_acceleration[LIFT_ARM] = lifting
-    tree.joint_acceleration[BUCKET] = tilting - lifting  # the joint turns against the arm
+    # the state holds the bucket's angle against the front frame (the Z-bar keeps it there), the joint turns against the arm
+    tree.joint_acceleration[BUCKET] = tilting - lifting
     tree.effort[REAR_AXLE] = stop_moment(state[JOINT + REAR_AXLE], state[JOINT_RATE + REAR_AXLE], p)
     for wheel in range(4):
         body = WHEEL + wheel
-        if state[STICK + wheel] == 0.0:
+        if (
+            state[STICK + wheel] == 0.0
+        ):  # held: a prescribed acceleration of zero, and the solver returns the holding torque
             tree.driven[body] = 1.0
             tree.joint_acceleration[body] = 0.0
         else:
@@ -181,7 +185,7 @@ def set_joints(state: Array, command: Array, p: Array, tree: Tree) -> None:
 
 @compiled
 def prepare_wheel(block: Array, wheel: int, work: Workspace) -> None:
-    """A copy of the tyre block and plain ground, for effects to change."""
+    """Give effects a copy of the tyre block, and even ground, which they may change."""
     for i in range(WHEEL_SIZE):
         work.local[wheel, i] = block[i]
     work.ground[wheel, G_HEIGHT] = work.ground[wheel, G_RISE] = work.ground[wheel, G_SLOPE] = 0.0
@@ -252,7 +256,7 @@ def centre_of_gravity(tree: Tree, whole: Array) -> None:
 def set_up(
     state: Array, command: Array, p: Array, ahead: float, work: Workspace, active: Array | None
 ) -> None:
-    """Everything that the tree is solved for: inertias, forces, demands of the joints."""
+    """Fill the tree for the solver: inertias, forces, demands of the joints."""
     tree = work.tree
     if active is not None:
         for i in range(EXTRA, STATES):
@@ -282,10 +286,13 @@ def derivative(
     set_up(state, command, p, ahead, work, active)
     solve_tree(tree)
     if overloaded(state, p, tree):
-        set_up(state, command, p, ahead, work, active)  # the solver has overwritten it
+        set_up(
+            state, command, p, ahead, work, active
+        )  # again, because the solver has overwritten inertias and biases
         give_way(state, p, tree)
 
-    # The solution is relative to free fall and in the moving axes; the state is in the world's.
+    # The solver works relative to free fall and in the rear frame's moving axes, so add the transport term (omega x v), turn the result
+    # to world axes, and add gravity.
     a, v = tree.acceleration[REAR_FRAME], tree.motion[REAR_FRAME]
     x = a[3] + v[1] * v[5] - v[2] * v[4]
     y = a[4] + v[2] * v[3] - v[0] * v[5]
@@ -350,9 +357,9 @@ def turn(state: Array, step: float) -> None:
 
 @compiled
 def hold_or_slip(state: Array, p: Array, work: Workspace) -> None:
-    """Let go of wheels whose brake was overpowered; hold those whose slipping brake came to rest.
+    """Release wheels whose brake was overcome; hold wheels whose slipping brake came to rest.
 
-    Uses the efforts of the last evaluation and the wheel speeds as they are now.
+    Uses the efforts of the last evaluation and the present wheel speeds.
     """
     for wheel in range(4):
         stick = state[STICK + wheel]
@@ -360,6 +367,7 @@ def hold_or_slip(state: Array, p: Array, work: Workspace) -> None:
             friction = work.tree.effort[WHEEL + wheel] - drive_torque(state, p, wheel)
             if abs(friction) > state[BRAKE + wheel]:
                 state[STICK + wheel] = -math.copysign(1.0, friction)
+        # the wheel's speed has passed zero within the step: friction stops it there, it cannot drive it backwards
         elif state[JOINT_RATE + WHEEL + wheel] * stick < 0.0:
             if state[BRAKE + wheel] > RELEASED:
                 state[JOINT_RATE + WHEEL + wheel] = 0.0
@@ -373,6 +381,8 @@ def step_semi_implicit(
     state: Array, command: Array, p: Array, step: float, work: Workspace, active: Array | None
 ) -> None:
     """One step: velocities from the forces, then positions from the new velocities."""
+    # Semi-implicit Euler is symplectic: the stiff, weakly damped tyre springs neither gain energy nor need several evaluations per step.
+    # `ahead` = step makes the transient slips implicit, since their time constant (relaxation length over speed) may be below a step.
     derivative(state, command, p, step, work, active)
     rate = work.rate
     for i in range(VELOCITY, STATES if active is not None else EXTRA):
@@ -429,5 +439,5 @@ def advance(
             step_rk4(state, command, p, step, work, scratch, active)
         else:
             step_semi_implicit(state, command, p, step, work, active)
-        normalise(state)
+        normalise(state)  # rounding, and RK4's linear steps, leave the unit sphere
         hold_or_slip(state, p, work)

@@ -1,8 +1,8 @@
-"""Where the machine rests on its tyres: Newton's method on the plant's own equations.
+"""The equilibrium of the machine on its tyres, by Newton's method on the plant's own equations.
 
-Standing, all accelerations of the rear frame and of the rear axle vanish while the brakes hold the
-wheels; the tyres' tangential forces balance the slope. A machine that is to roll rests in heave, roll, pitch and
-oscillation only: its tangential forces come with its motion (`plant.physics.rolling`).
+For a standing machine all accelerations of the rear frame and of the rear axle vanish while the brakes hold the wheels; tangential forces of
+the tyres balance the slope. A machine that will roll is in equilibrium in heave, roll, pitch and oscillation only, because its tangential
+forces come from its motion (`plant.physics.rolling`).
 """
 
 import math
@@ -32,14 +32,14 @@ Array = NDArray[np.float64]
 
 STANDING = np.arange(7)
 ROLLING = np.array((2, 3, 4, 6))
-SLIP_PER_METRE = 3.0  # of a standing tyre pulled along: decides only where the machine comes to rest [1/m]
+SLIP_PER_METRE = 3.0  # slip of a standing tyre per metre of displacement [1/m]: only affects the position of the equilibrium
 LONGEST = np.array((0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 0.05))  # change of one iteration [m, rad]
 ITERATIONS = 100
 AT_REST = 1e-9  # [m/s2, rad/s2]
 
 
 class NoEquilibriumError(ValueError):
-    """The machine cannot rest like this: it would tip over or slide."""
+    """There is no equilibrium: the machine would tip over or slide."""
 
 
 def find_equilibrium(
@@ -66,11 +66,12 @@ def find_equilibrium(
         derivative(state, command, p, 0.0, work, active)
         return accelerations(work, road, p)
 
+    # Newton's method needs a start with all wheels on the road, where the tyres' stiffness is not zero.
     rest[2] = _resting_height(residual, p, work)
     rest += _over_the_ground(work.ground[:, s.G_HEIGHT], p)
     if not solved(residual, rest, free):
         raise NoEquilibriumError(
-            "the machine finds no rest: it would tip over or slide "
+            "the machine has no equilibrium: it would tip over or slide "
             f"(road slope {math.degrees(math.acos(road[2, 2])):.1f} deg, friction scale {p[P_FRICTION]:.2f}); "
             "payload, slope or articulation is too large, or friction too small"
         )
@@ -87,7 +88,7 @@ def accelerations(work: Workspace, road: Array, p: Array) -> Array:
 
 
 def solved(residual: Callable[[Array], Array], unknowns: Array, free: NDArray[np.intp]) -> bool:
-    """Newton's method on the `free` unknowns, in place, until the residuals of the same numbers vanish; whether they did."""
+    """Solve for the `free` unknowns in place, by Newton's method, until their residuals vanish; returns whether it succeeded."""
     error = residual(unknowns)[free]
     for _ in range(ITERATIONS):
         if np.max(np.abs(error)) < AT_REST:
@@ -123,7 +124,7 @@ def _over_the_ground(heights: Array, p: Array) -> Array:
 def _best_part(
     residual: Callable[[Array], Array], at: Array, change: Array, free: NDArray[np.intp], error: Array
 ) -> tuple[Array, Array]:
-    """The first of the full, half, quarter... step that lessens the residual; wheels leave the road in too long ones."""
+    """The unknowns after the first of the full, half, quarter... steps that reduces the residual; in a longer one wheels may leave the road."""
     for part in 0.5 ** np.arange(12):
         trial = at.copy()
         trial[free] -= part * change

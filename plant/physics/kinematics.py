@@ -1,4 +1,4 @@
-"""Where the bodies of the loader are and how they move, in the rear frame's axes.
+"""Positions and motion of the loader's bodies, in the axes of the rear frame.
 
 Origin: the articulation joint. Fills the tree's inertias, joint axes, velocities and drifts.
 """
@@ -49,7 +49,7 @@ Array = NDArray[np.float64]
 
 
 class Places(NamedTuple):
-    """Where things are, in the rear frame's axes from the articulation joint."""
+    """Positions and directions in the axes of the rear frame, from the articulation joint."""
 
     world: Array  # (3, 3) the world's axes: rotation matrix, world from rear frame
     centres: Array  # (4, 3) wheel centres [m]

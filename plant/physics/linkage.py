@@ -1,8 +1,8 @@
-"""The working equipment's linkage: lift and tilt cylinders between their pins, and the pressures they need.
+"""The linkage of the working equipment: lift and tilt cylinders between their pins, and their pressures.
 
 Lift: cylinders from the front frame to the arm. Tilt: a Z-bar. A cylinder from the front frame turns a bell crank on the
-arm, a link from the crank's other end turns the bucket about its pin; extension rolls the bucket back. So the tilt
-cylinder takes part in carrying the arm. Angles are up from the front frame's horizontal, points from the arm's pivot.
+arm, a link from the crank's other end turns the bucket about its pin; extension rolls the bucket back. Therefore the tilt
+cylinder carries a part of the arm. Angles are up from the front frame's horizontal, points from the arm's pivot.
 Left out: masses of crank and link of their own, friction of pins and seals, pressure loss in the lines.
 """
 
@@ -80,6 +80,7 @@ def crank_pin(k: Array, arm_angle: float, tilt_angle: float) -> tuple[float, flo
     x = k[K_ARM_LENGTH] * c + k[K_BUCKET] * ct - k[K_BUCKET + 1] * st - crank_x
     z = k[K_ARM_LENGTH] * s + k[K_BUCKET] * st + k[K_BUCKET + 1] * ct - crank_z
     square, arm, link = x * x + z * z, k[K_LINK_ARM], k[K_LINK]
+    # law of cosines in the triangle of link arm, link, and the line between their outer ends
     opening = math.acos((arm * arm + square - link * link) / (2.0 * arm * math.sqrt(square)))
     return math.atan2(z, x) - opening, x, z
 

@@ -1,9 +1,8 @@
 """Rigid bodies in a tree: articulated-body algorithm with free and driven joints.
 
-Spatial vectors are (angular, linear), inertias 6 x 6, all in one set of axes about one origin, so
-that what belongs to a child simply adds to its parent. A free joint takes an effort and gives an
-acceleration; a driven joint takes an acceleration and gives the effort it needs. The acceleration
-of the root comes without gravity (true minus gravitational): what an accelerometer reads.
+Spatial vectors are (angular, linear), inertias 6 x 6, all in one set of axes about one origin, so that inertias and forces of a child are
+simply added to those of its parent. For a free joint the effort is given and the acceleration results; for a driven joint the acceleration is
+given and the required effort results. The acceleration of the root excludes gravity (true minus gravitational), as an accelerometer reads.
 Source: Featherstone, Rigid Body Dynamics Algorithms, 2008, chapters 2, 7 and 9 (hybrid dynamics).
 """
 
@@ -184,9 +183,11 @@ def solve_tree(tree: Tree) -> None:
                 total += inertia[i, j] * c[j]
                 upper[i, j] += inertia[i, j]
             upper_bias[i] += total
+        # A driven joint passes the whole inertia of its child on to the parent. A free joint does not resist along its axis: that direction
+        # is subtracted (rank-one update), and its effort and drift act on the parent as a force.
         if tree.driven[body] > 0.0:
             share = tree.joint_acceleration[body]
-        else:  # the joint gives way along its axis
+        else:
             along_drift = 0.0
             for i in range(6):
                 along_drift += u[i] * c[i]
@@ -218,6 +219,7 @@ def solve_tree(tree: Tree) -> None:
 @compiled
 def solve_root(tree: Tree) -> None:
     """Acceleration of the free root by a Cholesky factorisation of its articulated inertia."""
+    # By hand, for 6 x 6: np.linalg would allocate, and its overhead exceeds the arithmetic at this size.
     factor, a = tree.inertia[0], tree.acceleration[0]
     for j in range(6):
         for k in range(j):

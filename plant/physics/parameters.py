@@ -199,7 +199,7 @@ def _block(body: Body, origin: tuple[float, float]) -> NDArray[np.float64]:
 
 
 def joined(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The block of two bodies fixed to one another (parallel axes)."""
+    """The block of two bodies that are fixed to each other, by the parallel axis theorem."""
     mass = a[0] + b[0]
     centre = (a[0] * a[1:4] + b[0] * b[1:4]) / mass
     out = np.concatenate(([mass], centre, a[4:] + b[4:]))
@@ -278,7 +278,8 @@ def _tyre(w: NDArray[np.float64], tyre: Tyre, pressure: float) -> None:
 
 
 def change_pressure(w: NDArray[np.float64], tyre: Tyre, change: float) -> None:
-    """Let air into the tyre of a wheel's block, or out of it [bar]: radial and carcass stiffness follow in proportion."""
+    """Change the inflation pressure of a wheel's block by `change` [bar]: radial and carcass stiffness follow linearly."""
+    # relative to the pressure before, because several effects may change the pressure one after the other
     before = w[W_PRESSURE]
     w[W_PRESSURE] += change / tyre.nominal_pressure
     for index, slope in (

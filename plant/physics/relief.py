@@ -1,10 +1,10 @@
-"""Relief valves and stroke ends of the cylinders: a driven joint whose cylinder would need more than its valve lets through gives way.
+"""Relief valves and stroke ends of the cylinders: a driven joint yields if its cylinder would need more than the relief pressure.
 
-Up to the relief pressure a cylinder moves its joint as demanded. Beyond it the cylinder keeps the force of that pressure, and the joint's
-acceleration is what that force leaves: forces are affine in the accelerations of the three driven joints, so four solutions of the tree
-give them exactly. At the end of its stroke the cylinder's stop bears whatever presses into it. Ideal valves at the cylinders' ports: no override
-with the flow; the pump's own relief is left out.
-Steering that is free of its cylinders (effects steering_compliance, steering_play) bears the load of their spring and has no valve.
+Up to the relief pressure a cylinder moves its joint as demanded. Beyond it the cylinder keeps the force of that pressure, and the acceleration
+of the joint results. The forces are affine in the accelerations of the three driven joints, so four solutions of the tree determine them
+exactly. At the end of its stroke the stop of the cylinder carries any load. The valves are ideal and at the cylinders' ports: no dependence on
+flow; the relief valve of the pump is not modelled. Steering that is decoupled from its cylinders (effects steering_compliance, steering_play)
+carries the load of their spring and has no valve.
 """
 
 import math
@@ -115,7 +115,7 @@ def surely_within(state: Array, p: Array, tree: Tree) -> bool:
 
 @compiled
 def overloaded(state: Array, p: Array, tree: Tree) -> bool:
-    """Whether any cylinder would have to give more than its bounds; after the tree is solved."""
+    """Whether any cylinder would need a force beyond its bounds; after the tree is solved."""
     if surely_within(state, p, tree):
         return False
     steering, lift, tilt = forces(state, p, tree)
@@ -159,7 +159,7 @@ def change_at_bounds(given: Array, slope: Array, low: Array, high: Array) -> Arr
     """
     n = given.size
     rows, wanted, force, change = np.eye(n), np.zeros(n), given.copy(), np.zeros(n)
-    for _ in range(n):  # one that gives way may load another
+    for _ in range(n):  # a cylinder that yields may overload another one, so repeat
         found = False
         for i in range(n):
             bound = min(max(force[i], low[i]), high[i])

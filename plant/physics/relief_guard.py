@@ -1,7 +1,7 @@
-"""Efforts of the driven joints at which no relief valve can be open, wherever in their strokes the joints are.
+"""Bounds of the driven joints' efforts within which no relief valve can open, at any position of the joints.
 
-Bounds from the least moment arms that the cylinders have anywhere in the strokes. Below them, which is where a machine is most of
-the time, plant.physics.relief need not work out the arms of the moment.
+The bounds follow from the smallest moment arms of the cylinders within their strokes. A machine is within them most of the time;
+plant.physics.relief then need not compute the moment arms, which costs more than the comparison.
 """
 
 import math
@@ -28,14 +28,16 @@ from plant.physics.steering import S_BACK, torques_per_pressure
 Array = NDArray[np.float64]
 
 G_STROKES: Final = 0  # least and greatest angle of joint, arm and bucket [rad] that the bounds hold for
-G_STEERING: Final = 6  # torque of the joint, either way [N m]
+G_STEERING: Final = 6  # torque of the joint, in either direction [N m]
 G_TILT: Final = 7  # least and greatest torque of the bucket [N m]
 G_LIFT: Final = 9  # least and greatest torque of the arm [N m], its share in carrying the bucket's added
 G_COUPLING: Final = 11  # that share, at most: torque of the arm per torque of the bucket
 GUARD: Final = 12
 
-POINTS: Final = 65  # of each stroke at which the arms are worked out
-BETWEEN: Final = 0.99  # share of the least arm at these points that is taken, for what lies between them
+POINTS: Final = 65  # positions of each stroke at which the moment arms are computed
+BETWEEN: Final = (
+    0.99  # share of the smallest moment arm at these positions: between them it may be slightly smaller
+)
 
 
 def guard_of(strokes: Array, relief: Array, linkage: Array, cylinders: Array) -> Array:

@@ -1,7 +1,7 @@
-"""A state of one plant carried over to a plant that differs a little: by as much as its rest on the tyres differs.
+"""Transfers a state to a plant with slightly different parameters: the state is shifted by the difference of the two equilibria.
 
-A heavier machine stands deeper. Started where a lighter one was it would bounce for seconds; moved by the difference of the two
-rests it goes on as it was. Compiled, since every change of a parameter needs it.
+A heavier machine stands lower on its tyres. Started in the state of a lighter one it would bounce for seconds; shifted by the difference of
+the equilibria it continues its motion. Compiled, because every change of a parameter in a diagnosis needs it.
 """
 
 import math

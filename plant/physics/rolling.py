@@ -1,4 +1,4 @@
-"""A machine that rolls in a steady turn on a plane road: Newton's method on the plant's own equations.
+"""The state of a machine that rolls in a steady turn on a plane road, by Newton's method on the plant's own equations.
 
 Wheels turn freely, so there are no longitudinal forces and the speed itself is not held. The lateral forces of the tyres
 give the turn its centripetal acceleration and balance the slope; heave, roll, pitch and oscillation rest under these forces.
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 ACROSS, ABOVE, ROLL, PITCH, YAW, OSCILLATION = range(1, 7)
 STEADY = np.array((ACROSS, ABOVE, ROLL, PITCH, YAW, OSCILLATION))
-"""What is balanced. The unknowns ACROSS and YAW are of the motion: lateral over forward speed of the rear axle, and the yaw rate
+"""The balanced accelerations. The unknowns ACROSS and YAW are of the motion: lateral over forward speed of the rear axle, and the yaw rate
 over the speed beyond that of rolling without slip [1/m]."""
 
 

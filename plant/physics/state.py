@@ -5,7 +5,8 @@ Bodies and joints share one numbering; joint j moves body j against its parent.
 
 from typing import Final
 
-# Bodies. Their joints: articulation (z), oscillation (x), spin (y), lift (-y), tilt (-y).
+# Bodies, parents before children: the solver walks the tree by index. Their joints: articulation (z), oscillation (x), spin (y), lift (-y),
+# tilt (-y).
 REAR_FRAME: Final = 0
 FRONT_FRAME: Final = 1
 REAR_AXLE: Final = 2
@@ -56,7 +57,7 @@ T_SLIDING_X: Final = 16  # sliding velocity of the contact patch along the wheel
 T_SLIDING_Y: Final = 17  # and across it [m/s]
 T_OUTPUTS: Final = 18
 
-# What effects may do to the ground under a wheel.
+# Changes of the ground under a wheel by effects.
 G_HEIGHT: Final = 0  # above the plane of the road [m]
 G_RISE: Final = 1  # how fast it rises under the wheel [m/s]
 G_FRICTION: Final = 2  # friction over that of the road

@@ -1,8 +1,8 @@
 """Steering cylinders: one on each side of the joint, and the pressures of the two lines that feed them.
 
 The line for turning left feeds the right cylinder's head and the left one's rod side, the line for turning right the
-others. The line that does not push is at the back pressure. Left out: friction, pressure loss, and what oil and hoses give
-way (effect steering_compliance).
+others. The line that does not push is at the back pressure. Not modelled: friction, pressure loss, and the elasticity of oil and hoses
+(effect steering_compliance).
 """
 
 import math
@@ -51,7 +51,7 @@ def steering_cylinder(k: Array, angle: float) -> tuple[float, float]:
 
 @compiled
 def torques_per_pressure(k: Array, angle: float) -> tuple[float, float]:
-    """Torque about the joint of the pressures in the lines for turning left and right [m³], each its own way positive."""
+    """Torque about the joint per pressure in the lines for turning left and right [m³], each positive in its own direction."""
     _, on_left = steering_cylinder(k, angle)
     _, on_right = steering_cylinder(k, -angle)
     return k[S_HEAD] * on_right + k[S_ROD] * on_left, k[S_HEAD] * on_left + k[S_ROD] * on_right

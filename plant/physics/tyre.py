@@ -84,8 +84,8 @@ from plant.physics.state import (
 
 Array = NDArray[np.float64]
 
-SLOWEST = 0.1  # speed below which reported slip is sliding velocity over this [m/s]
-UPRIGHT = 0.2  # cosine of the lean beyond which a wheel has no defined contact: it lies on its side
+SLOWEST = 0.1  # smallest speed by which a sliding velocity is divided for the reported slip [m/s]
+UPRIGHT = 0.2  # cosine of the lean below which a wheel lies on its side and has no defined contact
 
 
 @compiled
@@ -152,7 +152,7 @@ def stiffness_and_peak(w: Array, friction: float, load: float) -> tuple[float, f
 
 @compiled
 def curvatures(w: Array, load: float, kappa: float) -> tuple[float, float]:
-    """Curvature factors of the longitudinal and the lateral curve at a load, at most 1; PEX4 tells driving from braking."""
+    """Curvature factors of the longitudinal and the lateral curve at a load, at most 1; PEX4 is the difference of driving and braking."""
     df = load / w[W_NOMINAL_LOAD] - 1.0
     along = w[W_PEX1] + w[W_PEX2] * df + w[W_PEX3] * df * df
     along *= 1.0 - math.copysign(w[W_PEX4], kappa)
@@ -225,12 +225,15 @@ def tyre_forces(
     curve = stiffness_and_peak(w, friction, load)
     stiffness_x, stiffness_y, peak_x, peak_y = curve
     curvature_x, curvature_y = curvatures(w, load, kappa)
+    # relaxation length = slope of the curve over the stiffness of the carcass: it falls with slip, as measured on tyres
     length_x = magic_slope(kappa, stiffness_x, w[W_PCX1], peak_x, curvature_x) / w[W_LONGITUDINAL_STIFFNESS]
     length_y = magic_slope(tan_alpha, stiffness_y, w[W_PCY1], peak_y, curvature_y) / w[W_LATERAL_STIFFNESS]
     out[T_KAPPA_RATE] = relax(kappa, speed, sliding_x, max(length_x, shortest), ahead)
     out[T_TAN_ALPHA_RATE] = relax(tan_alpha, speed, sliding_y, max(length_y, shortest), ahead)
     kappa += ahead * out[T_KAPPA_RATE]
     tan_alpha += ahead * out[T_TAN_ALPHA_RATE]
+    # At standstill the transient slip is an undamped spring of the carcass: the machine would rock for minutes. Damping fades in below
+    # walking speed, by a half cosine so that the force has no kink.
     if speed < w[W_CARCASS_DAMPING_SPEED]:
         share = 0.5 + 0.5 * math.cos(math.pi * speed / w[W_CARCASS_DAMPING_SPEED])
         kappa -= share * w[W_CARCASS_DAMPING] * sliding_x / stiffness_x
@@ -286,7 +289,7 @@ def wheel_contact(
     sliding_x = speed - rolling * spin + w[W_ADDED_SLIDING_X]
     sliding_y = vx * sx + vy * sy + vz * sz + w[W_ADDED_SLIDING_Y]
     rising = vx * nx + vy * ny + vz * nz
-    # the spring acts in the wheel plane; what leans out of it the stiff side of the tyre carries
+    # the spring acts in the wheel plane; the component across it is carried by the lateral stiffness of the carcass
     load = radial_force(w, deflection, (rise - rising) / upright) / upright
     tyre_forces(w, friction, load, abs(speed), sliding_x, sliding_y, kappa, tan_alpha, ahead, out)
 

@@ -1,4 +1,4 @@
-"""What one evaluation of the equations of motion works on and leaves behind."""
+"""The workspace of one evaluation of the equations of motion: intermediate and final results, allocated once."""
 
 from typing import NamedTuple
 

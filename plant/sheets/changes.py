@@ -15,7 +15,7 @@ FILES = ("machine", "equipment")
 
 @dataclass(frozen=True, slots=True)
 class Changes:
-    """What is laid over which file; words: as the user gave them."""
+    """Changes of the files' values; words: KEY=VALUE as the user gave them."""
 
     words: tuple[str, ...] = ()
     scenario: tuple[Change, ...] = ()
@@ -24,7 +24,7 @@ class Changes:
 
     @classmethod
     def of(cls, words: Iterable[str]) -> Self:
-        """From KEY=VALUE words; of two with one key the later holds. ConfigurationError quotes a word that is none."""
+        """The changes of KEY=VALUE words; of two with the same key the later one is used. Raises ConfigurationError for another form."""
         words = tuple(words)
         found: dict[str, list[Change]] = {"scenario": [], "machine": [], "equipment": []}
         for word in words:
@@ -36,7 +36,7 @@ class Changes:
         return cls(words, **{file: tuple(changes) for file, changes in found.items()})
 
     def of_machine(self, given: Iterable[Change]) -> Self:
-        """The same with more for the machine, below what the words say."""
+        """The same with more changes of the machine, which the words override."""
         return replace(self, machine=(*given, *self.machine))
 
 

@@ -1,7 +1,7 @@
 """A tyre property file (.tir: MF-Tyre 5.x, 6.x or PAC2002) as the [tyre] table of a machine file.
 
 The Magic Formula of the plant (plant/physics/tyre.py) has a part of such a file's coefficients. What it lacks and the file has is
-refused group by group, unless the machine says that it is to be left out: `tir = "tyre.tir"`, `leave_out = ["camber", ...]`.
+refused group by group, unless the machine file lists it under `leave_out`: `tir = "tyre.tir"`, `leave_out = ["camber", ...]`.
 Signs: the plant's lateral force is positive with the tangent of the slip angle, so PDY1 and PKY1 become positive.
 """
 
@@ -69,22 +69,22 @@ def read_tir(path: Path) -> TyreFile:
     tables: dict[str, list[tuple[float, ...]]] = {}
     section = ""
     for line, raw in enumerate(text.splitlines(), 1):
-        said = re.split(r"[!$]", raw, maxsplit=1)[0].strip()
-        if not said or said.startswith("{"):
+        content = re.split(r"[!$]", raw, maxsplit=1)[0].strip()
+        if not content or content.startswith("{"):
             continue
-        if said.startswith("["):
-            section = said.strip("[] ").upper()
-        elif "=" in said:
-            key, value = (part.strip() for part in said.split("=", 1))
+        if content.startswith("["):
+            section = content.strip("[] ").upper()
+        elif "=" in content:
+            key, value = (part.strip() for part in content.split("=", 1))
             if _NUMBER.fullmatch(value):
                 numbers[key.upper()] = float(re.sub("[dD]", "e", value))
             else:
                 words[key.upper()] = value.strip("'\" ")
         else:
-            parts = said.split()
+            parts = content.split()
             if not all(_NUMBER.fullmatch(part) for part in parts):
                 raise ConfigurationError(
-                    f"{path}:{line}: {said!r} is neither KEY = VALUE nor a row of numbers"
+                    f"{path}:{line}: {content!r} is neither KEY = VALUE nor a row of numbers"
                 )
             tables.setdefault(section, []).append(tuple(float(part) for part in parts))
     for key, unit in _UNITS.items():
@@ -119,9 +119,9 @@ def tyre_values(file: TyreFile, leave_out: Sequence[str] = ()) -> dict[str, floa
         if group not in known:
             raise ConfigurationError(f"tyre.leave_out: {group!r} is not one of {', '.join(known)}")
     if missing := {group: names for group, names in lacking(file).items() if group not in leave_out}:
-        told = "; ".join(f"{group} ({', '.join(names)})" for group, names in missing.items())
+        groups = "; ".join(f"{group} ({', '.join(names)})" for group, names in missing.items())
         raise ConfigurationError(
-            f"{file.path}: the plant's tyre lacks {told}; name the groups in tyre.leave_out to do without them"
+            f"{file.path}: the plant's tyre lacks {groups}; name the groups in tyre.leave_out to do without them"
         )
     radius, load = file.number("UNLOADED_RADIUS"), file.number("FNOMIN")
     values = {name.lower(): file.numbers.get(name, 0.0) for name in SAME}

@@ -1,4 +1,4 @@
-"""From the driver's demand to what is asked of the actuators.
+"""From the driver's demand to the request to the actuators.
 
 The dynamics own the lags and rate limits of motors, brakes and cylinders; here is what a full
 pedal or joystick means, and the power limit of the motors: peak torque up to the speed at which
@@ -36,13 +36,13 @@ class ActuatorParameters:
 class Abilities:
     """What full demand means, SI."""
 
-    drive_torque: Four
-    drive_power: float
-    brake_torque: Four
-    articulation_rate: float
+    drive_torque: Four  # peak at each wheel [N m]
+    drive_power: float  # of one motor [W]
+    brake_torque: Four  # full service braking [N m]
+    articulation_rate: float  # this and those below [rad/s]
     lift_up: float
     lift_down: float
-    tilt: float
+    tilt: float  # the same in both directions
 
 
 def abilities_of(machine: Machine, parameters: ActuatorParameters) -> Abilities:
@@ -51,6 +51,7 @@ def abilities_of(machine: Machine, parameters: ActuatorParameters) -> Abilities:
     return Abilities(
         drive_torque=(front, front, rear, rear),
         drive_power=parameters.peak_power,
+        # an equipment file serves a family; a smaller machine of it may have a weaker brake
         brake_torque=four(min(torque, machine.brake.capacity) for torque in parameters.service_brake),
         articulation_rate=machine.steering.rate_limit,
         lift_up=machine.lift.raise_rate_limit,
@@ -60,13 +61,13 @@ def abilities_of(machine: Machine, parameters: ActuatorParameters) -> Abilities:
 
 
 class Request(NamedTuple):
-    """What is asked of the actuators on its way through the limits, SI; in the end, the plant's Commands."""
+    """The request to the actuators, SI, before and after the limits; it becomes the plant's Commands."""
 
     wheel_torque: Four  # drive torque [N m]
     brake_torque: Four  # available friction torque, >= 0 [N m]
-    articulation_rate: float = 0.0
-    lift_rate: float = 0.0
-    tilt_rate: float = 0.0
+    articulation_rate: float = 0.0  # to the left positive [rad/s]
+    lift_rate: float = 0.0  # raising positive [rad/s]
+    tilt_rate: float = 0.0  # rolling back positive [rad/s]
 
     def commands(self) -> Commands:
         """The same for the plant."""

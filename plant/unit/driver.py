@@ -2,8 +2,8 @@
 
 Speed is held by a PI law on the measured speed; what opposes the motion goes to retardation first and to the
 brake beyond it. Articulation follows the script's angle by its slope plus a proportional correction.
-Pedals and joystick move at bounded rates. A driver whom the machine holds back presses on but does not press more and more: the integral
-rests while limits act against it. While the script itself brakes, the accelerator is up.
+Pedals and joystick move at bounded rates. While limits of the machine act against the driver, the pedal is held and the integral does not grow
+(anti-windup). While the script itself brakes, the accelerator is up.
 
 Pure: state in, state out.
 """
@@ -32,9 +32,9 @@ class DriverParameters:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Demand:
-    """What the driver asks for, before any limit."""
+    """The driver's demand, before any limit."""
 
-    torque: float = 0.0  # share of full drive torque, -1..1; negative asks for reverse
+    torque: float = 0.0  # share of full drive torque, -1..1; negative: reverse
     brake: float = 0.0  # share of full service braking, 0..1
     articulation_rate: float = 0.0  # rad/s, left +
     lift: float = 0.0  # share of full speed, -1..1, up +
@@ -61,7 +61,7 @@ def drive(
 ) -> DriverState:
     """The driver `dt` seconds later; `speed` [m/s] and `articulation_angle` [rad] as measured.
 
-    held_back: whether limits kept the machine from doing what the pedals asked for.
+    held_back: whether limits reduced the demand of the pedals.
     """
     torque, brake, integral = _pedals(state, parameters, wish, speed, dt, held_back)
     rate = _joystick(parameters, wish, articulation_angle)
@@ -81,10 +81,11 @@ def _pedals(
 ) -> tuple[float, float, float]:
     """Accelerator share, brake share and the new integral."""
     if wish.brake > 0:
-        return 0.0, 0.0, 0.0
+        return 0.0, 0.0, 0.0  # the integral starts anew: it belonged to the speed before the brake
     if wish.speed is None:
         return wish.torque or 0.0, 0.0, 0.0
     if wish.speed == 0 and abs(speed) < p.standstill_speed:
+        # a torque law would hunt about zero speed, and on a slope it would have to push for ever
         return 0.0, p.holding_brake, 0.0
     error = wish.speed - speed
     wanted = p.speed_gain * error + state.integral
@@ -93,6 +94,7 @@ def _pedals(
     integral = state.integral if saturated else state.integral + p.speed_integral * error * dt
     if wanted * speed >= 0:
         return _within(wanted, 1.0), 0.0, integral
+    # against the motion: motors first, for they do not heat, and only the rest with the brake
     return _within(wanted, p.retardation), min(max(abs(wanted) - p.retardation, 0.0), 1.0), integral
 
 
@@ -100,6 +102,7 @@ def _joystick(p: DriverParameters, wish: Wish, angle: float) -> float:
     """Wanted articulation rate [rad/s]."""
     if wish.articulation_angle is None:
         return _within(wish.articulation_rate or 0.0, p.articulation_rate)
+    # the slope of the script leads, so that a constant rate is followed without a lasting error of angle
     correction = p.articulation_gain * (wish.articulation_angle - angle)
     return _within(wish.articulation_angle_rate + correction, p.articulation_rate)
 
@@ -120,6 +123,7 @@ def read_driver(table: CheckedTable) -> DriverParameters:
 
     parameters = DriverParameters(
         speed_gain=percent("speed_gain_percent_per_m_s", 1000.0),
+        # per (m/s) and s, hence per m
         speed_integral=percent("speed_integral_percent_per_m", 1000.0),
         retardation=percent("retardation_percent", 100.0),
         accelerator_rate=percent("accelerator_rate_percent_s", 10_000.0),

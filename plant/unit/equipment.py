@@ -28,7 +28,7 @@ class Equipment:
 def load_equipment(name_or_path: str | Path, changes: Sequence[Change] = ()) -> Equipment:
     """Equipment by name (a file of plant/equipment_sets/) or by path of a TOML file, `changes` laid over it.
 
-    A file with a key `base` is another set but for what it says.
+    A file with a key `base` changes the set of that name.
     """
     path = find_file(name_or_path, FOLDER, "equipment")
     table = CheckedTable.from_file(path, changes, bases=FOLDER)

@@ -49,6 +49,7 @@ class Obedience:
     fade: float  # width below the speed limit over which drive torque fades out [m/s]
     retard: float  # width above it over which the motors come to full retardation [m/s]
     brake: float  # width above that over which the brake comes to `brake_share` [m/s]
+    # full retardation and braking against overspeed, as shares of the peak motor torque and of the full brake
     retard_share: float
     brake_share: float
 
@@ -63,7 +64,7 @@ def in_force(last: Limits | None, *, age: float, obedience: Obedience) -> Limits
     if age > obedience.stale_after:
         return safe
     if last is None:
-        return UNLIMITED
+        return UNLIMITED  # a start is not a fault: an ECU has `stale_after` to come up
     return Limits(
         wheel_torque=four(_or(value, safe.wheel_torque[i]) for i, value in enumerate(last.wheel_torque)),
         speed=_or(last.speed, safe.speed),
@@ -109,10 +110,10 @@ def obey(
     )
 
 
-def holds_back(asked: Request, done: Request) -> bool:
-    """Whether limits leave a wheel less drive torque than the driver asks for, or brake against it."""
-    less = any(abs(d) < abs(a) for a, d in zip(asked.wheel_torque, done.wheel_torque, strict=True))
-    return less or any(d > a for a, d in zip(asked.brake_torque, done.brake_torque, strict=True))
+def holds_back(demanded: Request, done: Request) -> bool:
+    """Whether limits reduce the demanded drive torque of a wheel, or brake against it."""
+    less = any(abs(d) < abs(a) for a, d in zip(demanded.wheel_torque, done.wheel_torque, strict=True))
+    return less or any(d > a for a, d in zip(demanded.brake_torque, done.brake_torque, strict=True))
 
 
 def _govern(
@@ -123,12 +124,14 @@ def _govern(
     if over <= -obedience.fade:
         return request
     direction = math.copysign(1.0, speed)
+    # three ramps in a row, each continuous, so that the governor does not hunt about the limit
     driving = min(max(-over / obedience.fade, 0.0), 1.0)
     retarding = obedience.retard_share * min(max(over / obedience.retard, 0.0), 1.0)
     braking = obedience.brake_share * min(max((over - obedience.retard) / obedience.brake, 0.0), 1.0)
 
     def permitted(torque: float, peak: float) -> float:
         forward = torque * direction
+        # only torque that drives on is faded; a driver who retards harder than the governor keeps his torque
         return direction * min(forward * driving if forward > 0 else forward, -retarding * peak)
 
     def braked(torque: float, full: float) -> float:

@@ -1,4 +1,4 @@
-"""What the machine hears from the ECU: limits to obey, and whether its frames are sound.
+"""The machine's reception of the ECU's frames: limits to obey, and checks of the frames.
 
 A frame that fails its end-to-end check is a finding and is not used. Frames lost before a good one are a
 finding, and the good one is used.
@@ -24,16 +24,16 @@ _LIMITS: Final = {
     "ArticulationRate": "rad/s",
 }
 _LINKAGE: Final = dict.fromkeys(("LiftUpRate", "LiftDownRate", "TiltBackRate", "TiltForwardRate"), "rad/s")
-_QUIET: Final = (Check.OK, Check.INITIAL)
+_QUIET: Final = (Check.OK, Check.INITIAL)  # the first frame has no counter before it to compare with
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
     """Something wrong with a frame from the ECU."""
 
-    message: str
+    message: str  # its name in the DBC
     what: Check
-    at_ns: int
+    at_ns: int  # when it was received, on the machine's clock
 
 
 class Reception:

@@ -1,4 +1,4 @@
-"""What the driver wants over time: the script of a scenario.
+"""The script of a scenario: the driver's intentions over time.
 
 Speed or torque, angle or rate: the driver either holds a speed or sets the pedal, either steers to
 an angle or holds the joystick.
@@ -16,7 +16,7 @@ DEGREE = math.pi / 180
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wish:
-    """What the driver wants now. SI; shares of full demand are -1..1. None: not this way."""
+    """The driver's intention at one time. SI; shares of full demand are -1..1. None: this quantity is not controlled."""
 
     speed: float | None = None
     torque: float | None = None

@@ -16,7 +16,7 @@ OLD_NAMES: Mapping[str, str] = {
     "acceleration": "specific_force",
     **{f"acceleration_{axis}": f"specific_force_{axis}" for axis in "xyz"},
 }
-"""Sections of equipment files written before accelerometers were said to read specific force."""
+"""Former names of sections: accelerometers measure specific force, and were once called acceleration sensors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +50,7 @@ class SensorParameters:
 
 
 def read_sensors(table: CheckedTable, base: SensorParameters) -> SensorParameters:
-    """`base` with what a [sensors] table says: a section per family or channel; a channel's own section wins."""
+    """`base` changed by a [sensors] table: one section per family or channel; a channel's own section overrides its family's."""
     channels = {name: base.of(name) for name in CHANNELS}
     for section in sorted(table.keys(), key=lambda name: OLD_NAMES.get(name, name) not in FAMILIES):
         wanted = OLD_NAMES.get(section, section)

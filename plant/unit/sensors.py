@@ -83,13 +83,15 @@ class SensorBank:
         def column(name: str) -> Floats:
             return np.array([getattr(channel, name) for channel in channels], dtype=np.float64)
 
-        lag, delay = column("lag"), np.round(column("delay") / step, 9)  # in steps; 0.03 / 0.01 is 3
+        # rounded, because 0.03 / 0.01 is 2.9999999999999996 and would interpolate between two samples
+        lag, delay = column("lag"), np.round(column("delay") / step, 9)  # in steps
         self._generator = generator
         self._axes = None if (parameters.inertial_axes == np.eye(3)).all() else parameters.inertial_axes
         self._parameters = np.array(
             (
                 1.0 + column("scale_error"),
                 column("bias"),
+                # no lag: exactly 0, without dividing by it
                 np.exp(-step / np.where(lag > 0, lag, 1.0)) * (lag > 0),
                 column("noise"),
                 column("minimum"),
@@ -151,6 +153,7 @@ def read_channels(
     """One sample of every channel into `values` and `health`; `history[newest]` becomes what the sensors feel now."""
     for i in range(values.size):
         measured = true[i] * p[GAIN, i] + p[BIAS, i]
+        # newest = 0: index -1 is the last row of the ring, which is the sample before
         history[newest, i] = measured + p[DECAY, i] * (history[newest - 1, i] - measured)
         noisy = delayed(history, newest, i, p[DELAY, i]) + p[NOISE, i] * normal[i]
         limited = min(max(noisy, p[MINIMUM, i]), p[MAXIMUM, i])
@@ -167,7 +170,9 @@ def delayed(history: Floats, newest: int, channel: int, steps: float) -> float:
     whole = int(steps)
     near = (newest - whole) % len(history)
     if steps == 0.0:
-        return history[near, channel]
+        return history[
+            near, channel
+        ]  # 1 x value + 0 x older would lose the bit-for-bit identity when older is not finite
     part = steps - whole
     return (1.0 - part) * history[near, channel] + part * history[near - 1, channel]
 

@@ -124,7 +124,7 @@ class PlantUnit:
 
     @property
     def demand(self) -> Demand:
-        """What the driver asks for."""
+        """The driver's present demand."""
         return self._driver.demand
 
     @property
@@ -148,7 +148,7 @@ class PlantUnit:
         return self._reception
 
     def receive(self, frame: Frame, now_ns: int) -> list[Finding]:
-        """Take one frame from the bus; findings if it is not as the DBC and its protection say."""
+        """Take one frame from the bus; findings if its protection (CRC, counter) fails."""
         return self._reception.receive(frame, now_ns)
 
     def limits_in_force(self, now_ns: int) -> Limits:
@@ -192,21 +192,21 @@ class PlantUnit:
             dt=TICK_S,
             held_back=self._held_back,
         )
-        asked = request_of(self.demand, self._abilities)
+        demanded = request_of(self.demand, self._abilities)
         request = obey(
-            asked,
+            demanded,
             self.limits_in_force(now_ns),
             equipment.obedience,
             self._abilities,
             speed=speed,
         )
-        self._held_back = holds_back(asked, request)
+        self._held_back = holds_back(demanded, request)
         request = within_power(request, _wheel_speed(readings), self._abilities.drive_power)
         self._plant.advance(request.commands(), TICK_S)
         self._truth = self._plant.truth()
 
     def _ground_speed(self, readings: Readings) -> float:
-        """Ground speed as the machine knows it: from the mean of its wheels [m/s]."""
+        """Ground speed as the machine measures it, from the mean of its wheels [m/s]."""
         return sum(_wheel_speed(readings)) / 4 * self._equipment.rolling_radius
 
 

@@ -1,4 +1,4 @@
-"""A ditch or bump across the way."""
+"""A ditch or bump across the path of the machine."""
 
 import math
 
@@ -21,7 +21,7 @@ def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Work
 
 EFFECT = Effect(
     name="ditch",
-    sentence="There is a ditch or a bump across the way.",
+    sentence="There is a ditch or a bump across the path of the machine.",
     equation="z = -d (1 - cos(2 pi s/l))/2",
     parameters=(
         Parameter(

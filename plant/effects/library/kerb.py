@@ -34,7 +34,7 @@ EFFECT = Effect(
         Parameter("right_m", "m", 0.1, -0.5, 0.5, "h under the right wheels"),
     ),
     acts_on="normal forces, longitudinal force, pitch, roll",
-    signature="First the front, then the rear wheels jump; the way between is the wheelbase.",
+    signature="First the front, then the rear wheels jump; the distance between is the wheelbase.",
     excited_by="driving over it",
     confusable=(
         Confusable("vertical_damping", "damping changes what rings after the obstacle, not the obstacle"),

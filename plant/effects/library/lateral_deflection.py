@@ -26,7 +26,7 @@ def after_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Works
 
 EFFECT = Effect(
     name="lateral_deflection",
-    sentence="The tyres give way sideways, so that the outer ones carry nearer to the middle.",
+    sentence="The tyres deflect sideways, so that the contacts of the outer ones move towards the middle.",
     equation="M_x = N F_y c_y",
     parameters=(
         Parameter(

@@ -9,14 +9,14 @@ from plant.sheets.machine import Machine
 
 
 def prepare(q: Mapping[str, float], p: Array, machine: Machine) -> None:
-    """A softer carcass needs a longer way to build up its force."""
+    """A softer carcass needs a longer distance to build up its force."""
     for block in wheel_blocks(p):
         block[W_LONGITUDINAL_STIFFNESS] /= q["factor"]
 
 
 EFFECT = Effect(
     name="longitudinal_relaxation",
-    sentence="The tyres need a longer or shorter way to build up their longitudinal force.",
+    sentence="The tyres need a longer or shorter distance to build up their longitudinal force.",
     equation="sigma dF/ds + F = F_steady, sigma = k C_F/c",
     parameters=(
         Parameter(
@@ -24,10 +24,12 @@ EFFECT = Effect(
         ),
     ),
     acts_on="longitudinal force, slip",
-    signature="The force lags by a way, not by a time: the lag falls with speed.",
+    signature="The force lags by a distance, not by a time: the lag falls with speed.",
     excited_by="torque steps at several speeds",
     confusable=(
-        Confusable("motor_lag", "vary the speed three to one: a lag in time stays, a lag in way shrinks"),
+        Confusable(
+            "motor_lag", "vary the speed three to one: a lag in time stays, a lag in distance becomes shorter"
+        ),
     ),
     source="Pacejka, Tire and Vehicle Dynamics, 3rd ed., chapter 7",
 )

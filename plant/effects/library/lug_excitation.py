@@ -30,7 +30,7 @@ EFFECT = Effect(
     excited_by="constant speed on hard ground",
     confusable=(
         Confusable("vertical_damping", "modes keep their frequency when the speed changes"),
-        Confusable("washboard", "waves of the ground follow the way, not the wheel's angle"),
+        Confusable("washboard", "waves of the ground follow the distance driven, not the wheel's angle"),
     ),
     source="tread pitch over the circumference",
 )

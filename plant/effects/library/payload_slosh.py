@@ -14,7 +14,7 @@ from plant.physics.workspace import Workspace
 def bodies(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """Reaction of the moving part, and its weight where it has moved to.
 
-    It feels the side acceleration of the whole machine, which the tyres' forces tell.
+    The payload is accelerated sideways with the whole machine, whose acceleration follows from the tyres' forces.
     """
     side = work.places.axes[4, :, 1]
     felt = 0.0

@@ -9,7 +9,7 @@ from plant.physics.state import BUCKET
 from plant.physics.workspace import Workspace
 
 STIFFNESS = 2.0e6  # of the packed pile [N/m]
-DAMPING = 1.0e5  # of what gives way elastically [N s/m]
+DAMPING = 1.0e5  # of the elastic part of the pile [N s/m]
 LOOSE = 1e3  # force that even the toe of the pile bears [N]
 
 

@@ -23,7 +23,7 @@ def start(q: Mapping[str, float], x: int, state: Array, p: Array, work: Workspac
 
 EFFECT = Effect(
     name="steering_compliance",
-    sentence="The steering gives way: oil, hoses and pins are a spring between cylinder and frame.",
+    sentence="The steering is elastic: oil, hoses and pins are a spring between cylinder and frame.",
     equation="J d2delta/dt2 + c (ddelta/dt - ddelta_c/dt) + k (delta - delta_c) = T",
     parameters=(
         Parameter(

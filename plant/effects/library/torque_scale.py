@@ -23,6 +23,6 @@ EFFECT = Effect(
     acts_on="wheel torque",
     signature="Torque and acceleration disagree by the same factor in traction and braking.",
     excited_by="traction and braking",
-    confusable=(Confusable("torque_error", "not to be told apart from the reported torque alone"),),
+    confusable=(Confusable("torque_error", "not distinguishable by the reported torque alone"),),
     source="linear sensor error model",
 )

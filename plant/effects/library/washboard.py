@@ -10,7 +10,7 @@ from plant.physics.workspace import Workspace
 
 @compiled
 def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
-    """A sine along the way."""
+    """A sine along the distance driven."""
     ahead = along_ground(state, work, wheel)
     number = 2.0 * math.pi / q[1]
     raise_ground(
@@ -29,6 +29,6 @@ EFFECT = Effect(
     acts_on="normal forces, longitudinal force, pitch, roll",
     signature="A tone whose frequency is the speed over the wavelength.",
     excited_by="driving over it",
-    confusable=(Confusable("lug_excitation", "lugs follow the wheel's angle, waves the way"),),
+    confusable=(Confusable("lug_excitation", "lugs follow the wheel's angle, waves the distance driven"),),
     source="geometry",
 )

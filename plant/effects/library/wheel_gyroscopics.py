@@ -35,7 +35,7 @@ EFFECT = Effect(
     excited_by="fast turns",
     confusable=(
         Confusable(
-            "mass_split", "in steady turns the same as a higher centre of gravity: not to be told apart"
+            "mass_split", "in steady turns the same as a higher centre of gravity: not distinguishable"
         ),
     ),
     source="Euler's equations of a spinning wheel",

@@ -23,7 +23,7 @@ EFFECT = Effect(
     signature="Less acceleration per torque; load transfer in proportion to the wheels' angular acceleration.",
     excited_by="torque steps, wheel spin",
     confusable=(
-        Confusable("mass_split", "wheel spin without acceleration tells them apart"),
+        Confusable("mass_split", "wheel spin without acceleration distinguishes them"),
         Confusable("torque_error", "a wrong torque shows at constant speed as well"),
     ),
     source="Newton-Euler about the axle",
