@@ -44,6 +44,7 @@ def results_of(
     files = [cache / f"{_key(case, code)}.json" for case in cases]
     missing = [index for index, file in enumerate(files) if not file.exists()]
     cache.mkdir(parents=True, exist_ok=True)
+    # spawn: a fork would copy locks that threads of this process hold, those of compiled code and of the progress bar
     with ProcessPoolExecutor(jobs or os.cpu_count(), mp_context=get_context("spawn")) as pool:
         pending = {pool.submit(run, cases[index]): files[index] for index in missing}
         console = Console(stderr=True)  # the command's result goes to standard output alone
@@ -53,11 +54,13 @@ def results_of(
 
 
 def _key(case: Any, code: str) -> str:
+    # names of the fields are in the key as well: a campaign that gains a parameter does not take old results for new ones
     text = json.dumps([type(case).__name__, dataclasses.asdict(case), code], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
 def _keep(file: Path, result: Result) -> None:
+    # renamed when complete, so that an interrupted campaign leaves no half file under the name
     part = file.with_suffix(".part")
     part.write_text(json.dumps(result))
     part.replace(file)
@@ -98,6 +101,7 @@ def commit() -> str:
     name = git("rev-parse", "--short=10", "HEAD")
     if not name:
         return "unknown (not a git checkout)"
+    # only files that decide the figures: a changed page of documentation is no reason for a warning
     changed = git("status", "--porcelain", "--", *SOURCES, "studies")
     return f"{name} with uncommitted changes" if changed else name
 

@@ -45,9 +45,9 @@ class Case:
 class Series:
     """The estimates of a run: arrival (n,) [s], normal force (n, 4) [N], valid (n, 4)."""
 
-    time_s: NDArray[np.float64]
+    time_s: NDArray[np.float64]  # arrival at the machine, not the time of the sample: age counts as error
     force: NDArray[np.float64]
-    valid: NDArray[np.bool_]
+    valid: NDArray[np.bool_]  # as the ECU marks each wheel
 
 
 def run_case(case: Case) -> Result:
@@ -69,7 +69,9 @@ def ablation(
     calibration = load_calibration(name)
     times, inputs = inputs_of(recording.bus, calibration)
     worst = {}
+    # the same recorded frames for every variant: differences come from the estimator, not from another noise
     for variant, (arrival, estimate) in estimated(inputs, calibration.parameters, times).items():
+        # recomputed without the ECU's checks, so nothing marks a value invalid
         series = Series(arrival, estimate, np.ones(estimate.shape, bool))
         result = errors_of(series, time_s, force)
         worst[variant] = float(np.max(np.array(result["rms"]) / result["standing"]))
@@ -88,16 +90,18 @@ def errors_of(series: Series, time_s: NDArray[np.float64], force: NDArray[np.flo
     """Errors of the estimates against the truth (time_s (n,), force (n, 4) [N])."""
     lift = first_lift_off(time_s, force)
     end = lift[0] if lift else float(time_s[-1])
+    # a lifted wheel has no force, and the estimate is then the pull that would hold it down: no common meaning
     judged = series.time_s <= end
     rms = []
     for wheel in range(4):
         used = judged & series.valid[:, wheel]
+        # frames arrive between the ticks of the plant, at which the truth is recorded
         true = np.interp(series.time_s[used], time_s, force[:, wheel])
         error = series.force[used, wheel] - true
         rms.append(float(np.sqrt(np.mean(error**2))) if used.any() else float("nan"))
     return {
         "rms": rms,
-        "standing": force[0].tolist(),
+        "standing": force[0].tolist(),  # every case starts in equilibrium
         "valid": float(np.mean(series.valid[judged])) if judged.any() else 0.0,
         "until": end,
         "lifts": lift is not None,
@@ -165,8 +169,8 @@ def _row(case: Case, result: dict[str, Any]) -> list[str]:
     name = case.scenario.replace("_", " ") + (" ¹" if result["lifts"] else "")
     target = target_of(case)
     met = max(np.array(result["rms"]) / result["standing"]) <= target
-    said = [f"{100 * result['valid']:.1f} %", f"{100 * target:.0f} %", "yes" if met else "no"]
-    return [name, case.form, *cells, *said]
+    outcome = [f"{100 * result['valid']:.1f} %", f"{100 * target:.0f} %", "yes" if met else "no"]
+    return [name, case.form, *cells, *outcome]
 
 
 def target_of(case: Case) -> float:

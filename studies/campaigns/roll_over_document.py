@@ -63,8 +63,10 @@ def summary(found: Mapping[str, Sequence[Result]]) -> str:
 
 def counts(results: Sequence[Result]) -> dict[str, str]:
     """Counts and lead times of one grid."""
+    # with the limits off; a turn that the limits prevent is a turn that lifts
     lifting = [result for result in results if result["lift_off_s"] is not None]
     calm = [result for result in results if result["lift_off_s"] is None]
+    # a warning near lift-off is right even where no wheel lifts; only far from it is it a false alarm
     comfortable = [result for result in calm if result["margin"] > JUSTIFIED_MARGIN]
     near = [result for result in calm if result["margin"] <= JUSTIFIED_MARGIN]
     return {
@@ -86,6 +88,7 @@ def counts(results: Sequence[Result]) -> dict[str, str]:
 
 
 def _ahead(lead_s: float | None) -> bool:
+    # 0 is no lead: a warning at the very frame of lift-off prevents nothing
     return lead_s is not None and lead_s > 0
 
 
@@ -107,6 +110,7 @@ def _share(count: int, among: Sequence[Result]) -> str:
 
 def spread(leads: Iterable[float | None]) -> str:
     """Smallest, median and largest lead time [s] as text."""
+    # turns without a warning have a row of their own: as a lead they would be minus infinity
     known = [lead for lead in leads if lead is not None]
     if not known:
         return "–"

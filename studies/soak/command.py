@@ -35,6 +35,7 @@ def soak(
     Fails if the ECU leaves its declared states or ranges, if something is detected without a fault, or if the memory of a process grows.
     Example: `loaderhil soak --hours 1 --seed 1 --out docs/results/soak.md`
     """
+    # imported here, because every command of the program loads this module and compiled code takes seconds to import
     from rich.console import Console
     from rich.progress import Progress
 
@@ -43,6 +44,7 @@ def soak(
     from hil.verdict import Result
     from studies.soak.document import page
 
+    # standard output belongs to the JSON object
     with Progress(console=Console(stderr=json_output)) as progress:
         task = progress.add_task("soak", total=hours * 3600)
         found = _soaked(hours * 3600, seed, realtime, lambda done_s: progress.update(task, completed=done_s))
@@ -72,6 +74,7 @@ def suite_of(found: "Soak") -> "Suite":
     cases = [
         Case(
             name="the ECU keeps to its declared states and ranges",
+            # a run that never started has no violations either
             result=Result.PASSED if kept and found.simulated_s > 0 else Result.FAILED,
             reason=f"{found.violations.count} violations in {found.simulated_s:.0f} s",
         ),

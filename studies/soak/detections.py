@@ -26,7 +26,8 @@ from hil.timing.deadlines import TOLERANCE
 from hil.timing.waits import Rows, explaining
 from studies.soak.watch import OF_CHECK, Answer, Detection, Mechanism, Witness
 
-_FINDING = re.compile(r"(?P<kind>ProtectionFailed|Stale|Implausible)\((?P<said>.*), at_ns=(?P<at_ns>\d+)\)")
+# the ECU logs its findings as Python prints them: the repr of the dataclasses in ecu.findings
+_FINDING = re.compile(r"(?P<kind>ProtectionFailed|Stale|Implausible)\((?P<fields>.*), at_ns=(?P<at_ns>\d+)\)")
 _CHECK = re.compile(r"what=<Finding\.(\w+):")
 _GROUP = re.compile(r"group='(\w+)'")
 HEARD_BY_MACHINE = ("Limits", "LinkageLimits", "EcuStatus")
@@ -43,11 +44,11 @@ def _of_line(line: str) -> Detection | None:
     if found is None:
         return None
     mechanism = {"Stale": Mechanism.TIMEOUT, "Implausible": Mechanism.PLAUSIBILITY}.get(found["kind"])
-    if mechanism is None and (check := _CHECK.search(found["said"])) is not None:
+    if mechanism is None and (check := _CHECK.search(found["fields"])) is not None:
         mechanism = OF_CHECK.get(Check[check[1]])
     if mechanism is None:
         return None
-    return Detection(int(found["at_ns"]), Witness.ECU, mechanism, found["said"])
+    return Detection(int(found["at_ns"]), Witness.ECU, mechanism, found["fields"])
 
 
 def of_machine(frames: FrameTable, stale_ns: int) -> list[Detection]:
@@ -57,6 +58,7 @@ def of_machine(frames: FrameTable, stale_ns: int) -> list[Detection]:
     for name in HEARD_BY_MACHINE:
         detections += list(_checked(frames, database.by_name[name]))
     at_ns = frames.time_ns[frames.can_id == database.by_name["Limits"].can_id]
+    # a timeout is noticed when it has run out, not when the next frame ends the gap
     late = np.flatnonzero(np.diff(at_ns) > stale_ns)
     detections += [
         Detection(int(at_ns[i]) + stale_ns, Witness.MACHINE, Mechanism.TIMEOUT, "Limits stale") for i in late
@@ -65,6 +67,7 @@ def of_machine(frames: FrameTable, stale_ns: int) -> list[Detection]:
 
 
 def _checked(frames: FrameTable, codec: MessageCodec) -> Iterator[Detection]:
+    # the machine's own class: counter and CRC rules cannot differ from those of the run
     checker = Checker(codec)
     for row in np.flatnonzero(frames.can_id == codec.can_id):
         at_ns = int(frames.time_ns[row])
@@ -88,9 +91,10 @@ def untimely(frames: FrameTable) -> list[Detection]:
     detections = []
     for codec in loader_database().by_name.values():
         if not codec.cycle_ns:
-            continue
+            continue  # sent on demand: no gap is too long
         at_ns = frames.time_ns[frames.can_id == codec.can_id]
         gaps = np.diff(at_ns)
+        # late: known when the tolerance has run out; early: known when the frame is there
         late = at_ns[:-1][gaps > codec.cycle_ns * (1 + TOLERANCE)] + round(codec.cycle_ns * (1 + TOLERANCE))
         early = at_ns[1:][gaps < codec.cycle_ns * (1 - TOLERANCE)]
         for what, stamps in (("late", late), ("early", early)):
@@ -121,6 +125,7 @@ def answers_of(frames: FrameTable) -> list[Answer]:
 def _nearest(times: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.intp]:
     """For each wanted time the row of `times` nearest to it."""
     after = np.clip(np.searchsorted(times, wanted), 1, max(len(times) - 1, 1))
+    # with one time alone row 1 does not exist: clip and minimum keep both neighbours inside
     closer = wanted - times[after - 1] < times[np.minimum(after, len(times) - 1)] - wanted
     return np.where(closer, after - 1, np.minimum(after, len(times) - 1))
 

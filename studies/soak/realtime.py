@@ -100,6 +100,7 @@ def judge(found: Soak, run: Path, faults: Sequence[Fault], stale_s: float) -> No
     if not samples_ns.size:
         found.violations.add("the machine sent no sample")
         return
+    # both logs have the clock of the host; the scenario's time begins with the machine's first sample
     zero_ns = int(samples_ns[0])
     Keeper(found).check(evidence.answers_of(ecu_bus))
     detections = [
@@ -112,6 +113,7 @@ def judge(found: Soak, run: Path, faults: Sequence[Fault], stale_s: float) -> No
     waits = waits_of_senders(left)
     timing = timing_of(left)
     found.doubt = starvation(timing) or starved_moment(timing)
+    # a host without processor time makes every message late: then deadlines say nothing about ECU and machine
     untimely = [] if found.doubt else [*evidence.untimely(plant_bus), *evidence.untimely(ecu_bus)]
     was = {fault.number: fault for fault in read_faults(run)}
     stale_ns = round(stale_s * SECOND)
@@ -140,7 +142,7 @@ def attribute(
     explained = (at_s < FIRST_S) | (at_s > found.simulated_s)
     for number, fault in enumerate(faults, start=1):
         if number not in was:
-            continue
+            continue  # its time had not come when the run ended
         injected = was[number]
         until_s = (injected.ended_s or found.simulated_s) + afterwards_s(fault.kind)
         within = (at_s >= injected.began_s) & (at_s <= until_s)
@@ -151,6 +153,7 @@ def attribute(
         mine = [detection for detection in within_its_time if evidence.concerns(detection, fault)]
         by = frozenset((detection.who, detection.mechanism) for detection in mine)
         found.faults.append(
+            # a kill strikes a process and no frame
             Happened(fault=fault, struck=injected.struck > 0 or fault.kind == "kill", detected=by)
         )
     for detection, time_s, known in zip(detections, at_s.tolist(), explained.tolist(), strict=True):

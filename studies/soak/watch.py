@@ -62,7 +62,7 @@ OF_CHECK = {
 class Detection:
     """One detection."""
 
-    at_ns: int
+    at_ns: int  # simulated time, or in a real-time run the time stamp of the log
     who: Witness
     mechanism: Mechanism
     what: str  # message and finding, for the reader
@@ -128,11 +128,13 @@ class Watch:
     def step(self) -> None:
         """Simulate one tick and collect its detections."""
         self._bench.step()
+        # taken tick by tick: hours of frames would fill the memory
         recording, self._bench.recording = self._bench.recording, Recording()
         self.detections += [n for f in recording.ecu_findings if (n := of_ecu(f)) is not None]
         self.detections += [n for f in recording.plant_findings if (n := of_machine(f)) is not None]
         self._watch_limits()
         for frame in recording.bus:
+            # once per identifier: a flood is one detection
             if frame.can_id not in self._known and frame.can_id not in self._stamps:
                 what = f"0x{frame.identifier:X} is not in the DBC"
                 self.detections.append(Detection(frame.at_ns, Witness.BENCH, Mechanism.UNKNOWN, what))
@@ -175,6 +177,7 @@ class Watch:
 
     def _watch_limits(self) -> None:
         """Detect the machine's own timeout of the limits: it reacts to it without reporting it."""
+        # at the change only, as a machine with a log would report it
         stale = self.now_ns - self._unit.reception.limits_ns > self._stale_ns
         if stale and not self._limits_stale:
             self.detections.append(
@@ -198,6 +201,7 @@ class _Probe:
     def tick(self, now_ns: int) -> EcuTick:
         tick = self.inner.tick(now_ns)
         sent = {frame.can_id: frame.data for frame in tick.frames}
+        # a state and its limits belong to one answer; a tick in which the ECU sends only one of them is no answer
         if self._status.can_id in sent and self._limits.can_id in sent:
             state = self._status.decode_dict(sent[self._status.can_id])["State"]
             limits = self._limits.decode_dict(sent[self._limits.can_id])

@@ -43,6 +43,7 @@ def drive_case(
     surface: Surface | None = None,
 ) -> Scenario:
     """A drive of the L60 class machine, which nothing limits."""
+    # for what a drive does not set: sensors, equipment, ground
     base = load_scenario("standstill")
     return replace(
         base,
@@ -75,8 +76,8 @@ def inputs_of(truth: Truths) -> Array:
     rows = np.ones((len(truth["time_s"]), len(Inputs._fields)))
     at = {name: place for place, name in enumerate(Inputs._fields)}
     rows[:, at["dt"]] = TICK_S
-    rows[:, at["rate_limit"]] = np.inf
-    rows[:, at["demand_usable"]] = 0.0
+    rows[:, at["rate_limit"]] = np.inf  # nothing limits the drives
+    rows[:, at["demand_usable"]] = 0.0  # no joystick: the thesis' equations use measured rates alone
     for name in (
         "articulation_angle",
         "articulation_rate",
@@ -121,9 +122,11 @@ def centres(truth: Truths, split: Split, rear: Body) -> list[Centre]:
 def repaired(truth: Truths, split: Split, **corrections: float) -> Array:
     """Normal forces (n, 4) [N] of the printed form with some of its corrections made (`Corrections`), 1 is the whole."""
     p = parameters_of(split)
+    # mean wheel speed times one radius: the printed equations know no slip
     speed = truth["wheel_speed"].mean(axis=1) * radius(p.wheel.nominal_load, 1.0, p.wheel)
     rates = truth["articulation_rate"], truth["angular_velocity"][:, 2]
     angles = [truth[name] for name in ("articulation_angle", "roll", "pitch", "lift_arm_angle", "tilt_angle")]
+    # central differences: the simulation's signals have no noise that they would amplify
     changes = [np.gradient(values, TICK_S) for values in (*rates, speed)]
     motion = np.column_stack((*angles, *rates, changes[0], changes[1], speed, changes[2]))
     rows = np.hstack((motion, truth["longitudinal_force"], truth["lateral_force"]))

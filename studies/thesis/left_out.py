@@ -71,6 +71,7 @@ def record(
 
 def diagnose(folder: Path, *, without: tuple[str, ...] = ()) -> Judgement:
     """The verdict of the engine; without: effects to leave out of the library."""
+    # means over half a second: the printed equations are quasi-static, and rocking on the tyres is not their error
     recording = printed.load_quasi_static(folder)
     judged = investigate(printed.model(without=without), [recording], Settings())
     if not isinstance(judged, Judgement):
@@ -89,6 +90,7 @@ def answer() -> Answer:
             for seed, load in OTHERS
         ]
         shipped = {name: diagnose(record(Path(scratch) / name, scenario=name)).findings for name in SHIPPED}
+        # the honest case: a library rarely holds the right answer
         blind = diagnose(main, without=("pivot arm", "centripetal")).findings
     cases = [first, *others]
     text = (
@@ -139,6 +141,7 @@ def _rows(first: Case, others: Sequence[Case]) -> list[list[str]]:
     for finding in first.findings.findings:
         share = finding.parameters[0]
         spread = [found.value for case in others if (found := case.share(finding.effect)) is not None]
+        # the channel that the correction helps most: the others hardly depend on it
         left = min(finding.held_out_error.items(), key=lambda item: item[1])
         rows.append(
             [
@@ -166,6 +169,7 @@ def _draw(file: Path, cases: Sequence[Case]) -> None:
         for i, case in enumerate(cases):
             shift = 0.12 * (i - (len(cases) - 1) / 2)
             found = [(x, case.share(name)) for x, name in zip(place, EXPECTED, strict=True)]
+            # an estimate at a bound has no interval and so no bar
             there = [(x, e) for x, e in found if e is not None and e.low is not None and e.high is not None]
             axes.errorbar(
                 [x + shift for x, _ in there],

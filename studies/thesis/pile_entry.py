@@ -26,8 +26,8 @@ from studies.thesis.split import SHEET, SPLITS, Split, parameters_of
 
 LIFTING, ROLLING = "arm lifts", "bucket rolls back"
 TITLES = {LIFTING: "in the pile the arm lifts", ROLLING: "in the pile the bucket rolls back"}
-REACHED_S = 2.2  # the edge is in the pile
-MOVES_S = 3.8
+REACHED_S = 2.2  # the edge is in the pile, and the jolt of the first touch is over
+MOVES_S = 3.8  # arm or bucket begins to move
 END_S = 6.0
 PILE = {"distance_m": 7.5, "most_N": 45e3, "weight_share": 0.3}
 WHOLE = {"pivot_arm": 1.0, "centripetal": 1.0, "trunnion": 1.0}
@@ -95,6 +95,7 @@ def from_one(truth: Truths, which: str, p: Parameters) -> Array:
     """
     rows = inputs_of(truth)
     if which == "lift":
+        # what one sensor alone can know: the weight in the bucket from before the pile
         rows[:, Inputs._fields.index("tilt_pressure")] = truth["tilt_pressure"][0]
     found = []
     for row in rows.tolist():
@@ -102,6 +103,7 @@ def from_one(truth: Truths, which: str, p: Parameters) -> Array:
         r = residual(i, i.specific_force_x, i.specific_force_z, p)
         px, _ = rotated(p.arm.length, 0.0, i.lift_arm_angle)
         ex, _ = rotated(p.digging.edge_forward, p.digging.edge_above, i.tilt_angle - p.bucket.carried)
+        # the moment divided by the horizontal arm of the edge: about the arm's pivot, or about the bucket's pin
         upward = -(r.weight + r.place) / (px + ex) if which == "lift" else -r.place / ex
         found.append(-(p.arm.pivot_x + px + ex + p.geometry.rear_length) * upward)
     return np.array(found) / (p.geometry.front_length + p.geometry.rear_length)

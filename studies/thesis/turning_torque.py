@@ -27,7 +27,7 @@ from studies.thesis.split import SHEET, SPLITS, Split, parameters_of
 TORQUE, ZIGZAG = "torque", "zigzag"
 TITLES = {TORQUE: "transient torque, 20° held", ZIGZAG: "zigzag ±30°, speed rising"}
 REPORTED = "12 or 15"
-LONGEST_S = 1.5  # of a delay looked for
+LONGEST_S = 1.5  # of a delay looked for: less than half a period of the faster drive (3.3 s), so that no other wave matches
 FORMS = ("printed", "rotated", "at the joint", "corrected")
 
 
@@ -65,11 +65,11 @@ class Fit:
     are most alike.
     """
 
-    amplitude: float
-    rms: float
+    amplitude: float  # 1: equal
+    rms: float  # as amplitude, offset included
     offset: float
     correlation: float
-    delay: float
+    delay: float  # positive: late
 
     @property
     def ahead(self) -> float:
@@ -105,6 +105,7 @@ def _delay(x: Array, y: Array) -> float:
     """How late y is for x [s], at most LONGEST_S."""
     most = min(round(LONGEST_S / TICK_S), x.size // 2 - 1)
     n = x.size
+    # correlation, not covariance: the pieces compared differ in length and in variance
     alike = [
         _alike(x[max(0, -k) : n - max(0, k)], y[max(0, k) : n - max(0, -k)]) for k in range(-most, most + 1)
     ]
@@ -119,6 +120,7 @@ def measure(case: str, split: Split = SHEET) -> Run:
         **external_moments(truth, split),
         "corrected": estimated(truth, split, "corrected")["joint_torque"],
     }
+    # without the run-in, whose one-sided transient would weigh as an offset
     swinging = truth["time_s"] > start
     return Run(
         truth["time_s"][swinging],
@@ -144,7 +146,7 @@ def external_moments(truth: Truths, split: Split) -> dict[str, Array]:
             (
                 yaw_moment_printed(forces, centre.x, centre.y, angle, g),
                 yaw_moment(forces, centre.x, centre.y, angle, g),
-                yaw_moment(forces, 0.0, 0.0, angle, g),
+                yaw_moment(forces, 0.0, 0.0, angle, g),  # the joint is the origin
             )
         )
     return dict(zip(FORMS, np.array(found).T, strict=False))
@@ -155,7 +157,6 @@ def answer() -> Answer:
     runs = {case: measure(case) for case in CASES}
     fits = {case: {form: run.fit(form) for form in FORMS} for case, run in runs.items()}
     many = {case: [measure(case, split).fit("printed") for split in SPLITS] for case in CASES}
-    t, z = fits[TORQUE], fits[ZIGZAG]
     t, z = fits[TORQUE], fits[ZIGZAG]
     text = (
         f"Given the plant's own tyre forces, (94) with (93) as printed swings {_two(fits, 'printed', 'amplitude')} times as far as the torque at the joint in torque case "
