@@ -34,7 +34,7 @@ EXIT = {
     "nothing missing": int(Ending.PASSED),
     "explained in part": int(Ending.FAILED),
     "unknown": int(Ending.FAILED),
-    "inconclusive": int(Ending.INCONCLUSIVE),
+    "inconclusive": int(Ending.INCONCLUSIVE),  # not a failure: a script may ask for a better recording
 }
 
 COMPUTING_ENDS_S = 1.0
@@ -174,6 +174,7 @@ def _one(question: "Question", out: Path | None, apply: Path | None, *, everythi
     with shown_progress(Console(stderr=True)) as progress:
         found = answer(question, settings, progress)
         result, shown = found.findings, None
+        # predictions for the page cost as much as a fit, so only where a page is written
         if out is not None and found.judged is not None:
             progress("predicting held-out segments for the report")
             shown = evidence(found.judged, settings)
@@ -256,6 +257,7 @@ def write(option: str, folder: Path, texts: Mapping[str, str]) -> list[Path]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in texts.items():
+            # renamed when complete: a program that watches the folder never reads half a file
             part = folder / f".{name}.part"
             part.write_text(text, encoding="utf-8")
             part.replace(folder / name)

@@ -165,6 +165,7 @@ def page() -> str:
 
 def with_gates(text: str) -> str:
     """The explanation page with the engine's present table of gates between its two marks."""
+    # only between the marks: the page around the table is written by hand
     before, begin, rest = text.partition(GATES_BEGIN)
     _, end, after = rest.partition(GATES_END)
     return f"{before}{begin}\n{gates.table()}{end}{after}"
@@ -179,6 +180,7 @@ def _section(name: str, described: Mapping[str, Any]) -> Iterator[str]:
     yield "| field | type | meaning |"
     yield "| --- | --- | --- |"
     for field, kind in described["properties"].items():
+        # a field without a meaning is a KeyError here, and so a failing test of the page
         yield f"| `{field}` | {_type(kind)} | {MEANING[f'{name}.{field}']} |"
 
 

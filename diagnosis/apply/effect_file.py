@@ -36,8 +36,10 @@ def model_file(result: Findings, terms: Sequence[OpenTerm], name: str, base: str
     functions = [read_function(term.function) for term in terms]
     assert result.open_ended is not None
     places = dict.fromkeys(term.place for term in terms)
+    # a term at a reading and one at a port together cannot be a fault of sensors alone
     kind = "sensor" if all(place.startswith(READING) for place in places) else "physics"
     text = " ".join(f.arrays for f in functions)
+    # only names that are used: the file is meant to be read, and a linter of its owner would complain of the rest
     operators = [name for name in ("lagged", "play") if f"{name}(" in text]
     used = ["Effect", "Parameter", *operators, "with_effect"]
     imports = [
@@ -136,6 +138,7 @@ def _interval(term: OpenTerm) -> str:
 
 
 def _place(place: str, name: str, terms: Sequence[OpenTerm], functions: Sequence[Function]) -> list[str]:
+    # terms at the same place are one sum, because a place takes one function
     added = [
         f'values["{name}.c{i}"] * {f.arrays}'
         for i, (term, f) in enumerate(zip(terms, functions, strict=True), 1)

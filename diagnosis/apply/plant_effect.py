@@ -53,9 +53,10 @@ def plant_file(result: Findings, terms: Sequence[OpenTerm], name: str) -> str:
             for i, (term, function) in enumerate(zip(terms, functions, strict=True))
             if PLACES[term.place] == axis
         )
-        or "0.0"
+        or "0.0"  # no term along this axis
         for axis in range(3)
     ]
+    # names of the state's layout that the expressions above use; the generated file imports exactly these
     constants = sorted({word for s in signals for word in re.findall("[A-Z_]+", SIGNALS[s])} | {"REAR_FRAME"})
     depends = ", ".join(result.open_ended.depends_on) if result.open_ended else ""
     equation = "; ".join(f"a_{'xyz'[PLACES[t.place]]} += c{i} {t.function}" for i, t in enumerate(terms, 1))

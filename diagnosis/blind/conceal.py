@@ -125,6 +125,7 @@ def conceal(
         [file] = write("DIR", out, {"recording.csv": csv_text(concealed(built, basis, truth, initial))})
     [sealed] = write("DIR", out, {"truth.sealed": seal(truth, [file])})
     print(f"written: {file}\nwritten: {sealed}")
+    # only effects named by the user: a note on a random one would give it away
     for line in faint(built, effects):
         print(line)
 
@@ -182,7 +183,7 @@ def _basis(
         read = read_all(choice, ReadOptions(paths=[like], part=part, constants=given), lambda _: None)
         if not read.recordings:
             raise NotHidden(f"--like {like}: {read.complaints[0].text}")
-        return read.recordings[0], {}
+        return read.recordings[0], {}  # states are not recorded: the model's own defaults
     named = {m.name: m for m in channels.manoeuvres}
     if not named:
         raise NotHidden(

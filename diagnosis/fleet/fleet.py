@@ -44,6 +44,7 @@ def diagnose_each(
     table = store.collect(arms, tally.failures)
     texts = folder / "findings"
     texts.mkdir(exist_ok=True)
+    # from the store and not from this run alone: results of an earlier, interrupted run count as well
     rows = store.rows(arms)
     for row in rows:
         (texts / f"{row['key']}.json").write_text(str(row["findings"]), encoding="utf-8")
@@ -55,6 +56,7 @@ def diagnose_each(
 
 def keys(paths: Sequence[Path]) -> list[str]:
     """A key per recording: its name and a digest of its content, so that a changed recording is diagnosed again and others are not."""
+    # 48 bits: enough for millions of recordings, and short enough for a file name
     return [f"{path.name} {_digest(path)[:12]}" for path in paths]
 
 
@@ -122,6 +124,7 @@ def _work(question: Question) -> dict[str, str]:
         if path and path.is_file()
     ]
     return {
+        # paths left out: the recording's own key stands for it, and a moved folder is no new question
         "question": repr(replace(question, options=replace(question.options, paths=[]))),
         "version": importlib.metadata.version("loaderhil"),
         **{f"content of {path}": _digest(path) for path in files},
@@ -160,6 +163,7 @@ def bar(console: "Console") -> "Iterator[Report]":
     def line(t: Tally) -> None:
         nonlocal last
         now = time.monotonic() - start
+        # the last report is always printed
         if now - last < EVERY_S and t.left:
             return
         last = now

@@ -50,6 +50,7 @@ def page(
 
     shown: predictions and residuals, None without a usable recording; steps: next steps; conditions: command, time and versions by name.
     """
+    # one scale of time for all drawings, so that a place in one is found in the others
     clock = drawn.Clock.of(shown) if shown else None
     chapters = [
         ("next", "What to do next", _steps(steps)),
@@ -110,6 +111,7 @@ def _cards(result: Findings) -> str:
             CHANNELS_ON_A_CARD,
         )
         lower = ", ".join(f"{c} {percent(1 - r)}" for c, r in best.items())
+        # a map of many values (a profile of a road, a table) has no single size
         size = describe.estimate(finding.parameters[0]) if len(finding.parameters) <= 3 else ""
         more = f", and in {others} more channels" if others else ""
         improvement = f"Error on held-out data lower by: {lower}{more}." if lower else ""
@@ -166,6 +168,7 @@ def _adequacy(result: Findings) -> str:
     head = ("channel", "one step", "sensor", "source", "simulated", "budget", "of budget", "beyond it")
     rows: list[Sequence[Cell]] = []
     several = len(result.recordings) > 1
+    # what is still wrong first, worst first
     for c in sorted(result.adequacy, key=lambda c: (c.adequate, -c.over)):
         over = [where_over(p, several=several) for p in (*c.parts, *c.regimes) if p.over]
         rows.append(
@@ -249,6 +252,7 @@ def _expected(values: Sequence[Estimate]) -> str:
 
 
 def _blind(result: Findings) -> str:
+    # reason first: one missing manoeuvre often accounts for many effects
     lines = [f"{reason}: {', '.join(effects)}" for reason, effects in describe.by_reason(result).items()]
     lines += [describe.missing_channel(m) for m in result.missing_channels]
     items = "".join(f"<li>{escape(line)}</li>" for line in lines)
@@ -267,6 +271,7 @@ def _nuisances(result: Findings) -> str:
             if n.prior_sd
             else f"{figures(moved)} (no prior)"
         )
+        # four figures, because a parameter may move by a fraction of a percent and still by several standard deviations
         values = (figures(n.before, 4), figures(n.after, 4), figures(1.96 * n.sd, 2))
         rows.append(
             (

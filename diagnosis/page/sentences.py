@@ -46,6 +46,7 @@ def _left_out(f: Finding) -> str:
 
 def _error_falls(named: Sequence[Finding]) -> str:
     """By how much the first finding lowers the error of the channel that gains most."""
+    # the other channels of a finding hardly change, and an average over them would hide what it does
     lowest = min(named[0].held_out_error.items(), key=lambda item: item[1], default=None)
     if lowest is None or lowest[1] >= 1.0:
         return ""
@@ -107,6 +108,7 @@ def kind_and_place(f: Finding) -> str:
 def clause(text: str) -> str:
     """A library's sentence within another: no full stop, no capital."""
     text = text.rstrip(".")
+    # two capitals: an abbreviation such as IMU
     return text if text[:2].isupper() else text[:1].lower() + text[1:]
 
 
@@ -170,4 +172,5 @@ def open_cards(found: OpenEquation) -> Iterator[str]:
 
 def _names(function: str, signal: str) -> bool:
     """Whether the text of a function names a signal, and not only a longer one."""
+    # ² and ³ count as word characters, so that \b would not find x in x²
     return re.search(rf"(?<!\w){re.escape(signal)}(?![A-Za-z_\d])", function) is not None
