@@ -36,8 +36,8 @@ EXHIBITS = (
         ("estimation.csv", "validation.csv"),
         "Two tanks, one above the other. The model: Torricelli's law.",
         "The upper tank overflows, partly into the lower one, and the reading of the level ends at 10 V (52 and 43 of 1024 samples).",
-        "Wrong: *nothing missing*. The error of the simulation that the overflow leaves is slow, and counts as noise with memory; the "
-        "saturated reading could not be judged.",
+        "Honest, without a name: the simulation is wrong by a third of the movement, most where the level is high, which is where the tank overflows. "
+        "The noise model still takes the slow error for noise with memory, so no effect passes; the saturated reading could not be judged.",
     ),
     Exhibit(
         "emps",

@@ -31,8 +31,8 @@ def caveats_of(
         found.append(f"closes {test.gap_closed:.0%} of the gap on held-out data")
     if test.held_out_sse_reduction < settings.least_held_out(test.data_sse_reduction):
         found.append(
-            f"has evidence {test.data_sse_reduction:.0f} on the data it was fitted to, beside the other effects, "
-            f"and {test.held_out_sse_reduction:.0f} on held-out data"
+            f"has {_evidence(test.data_sse_reduction)} on the data it was fitted to, beside the other effects, "
+            f"and {_evidence(test.held_out_sse_reduction)} on held-out data"
         )
     found += _in_between(problem, state, fitted)
     found += _at_bounds(problem, effect, fitted)
@@ -43,6 +43,11 @@ def caveats_of(
     if active_interval_of(problem.model.effect(test.effect), state.fit.values) is not None:
         found += _changing_baseline(problem, state, test, settings)
     return found
+
+
+def _evidence(sse_reduction: float) -> str:
+    """'evidence 37', 'no evidence': a loss is none, however large."""
+    return f"evidence {sse_reduction:.0f}" if sse_reduction >= 0.5 else "no evidence"
 
 
 def _at_bounds(problem: Problem, effect: Effect, fitted: Fit) -> list[str]:
