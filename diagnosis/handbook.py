@@ -122,6 +122,7 @@ MEANING: Mapping[str, str] = {
     "ChannelAdequacy.budget": "what its sensor may be off by, one standard deviation",
     "ChannelAdequacy.source": "of the budget: the model's sensor sheet, or measured on the recording as the largest of half a step of the resolution, the scatter at standstill, and the first differences of what the model leaves",
     "ChannelAdequacy.movement": "of the channel in a window, beyond what initial states explain",
+    "ChannelAdequacy.one_step_budget": "root of the squared budget and the squared disturbances that the model states; null where the budget is measured: one-step errors are then shown and do not decide",
     "ChannelAdequacy.simulated_budget": "root of the squared budget and the squared allowance for disturbances: those of the model, or a tenth of the movement",
     "ChannelAdequacy.one_step_before": "error of a prediction one sample ahead, root mean square, by the baseline",
     "ChannelAdequacy.one_step": "the same with everything that was accepted",

@@ -454,7 +454,7 @@ PART_OVER: Final = _gate(
     statistic="either error in a twentieth of a recording's time, or in a third of the range of a known signal, over its budget",
     threshold=2.0,
     passes="below",
-    source="errors are uneven in time: nulls with coloured disturbances reach 0.7 of a budget; few samples: 2 % of Fisher's F over all parts",
+    source="errors are uneven in time: nulls with coloured disturbances reach 0.8 of a budget; few samples: 2 % of Fisher's F over all parts",
     otherwise="the channel is not adequate, and the part is said",
     module="decision.adequacy",
 )

@@ -110,9 +110,12 @@ def _channel(
 ) -> ChannelAdequacy:
     name, own = problem.channels[channel], noise.row_channel == channel
     share = gates.DISTURBANCE_SHARE.threshold * movement
-    simulated_budget = float(np.hypot(budget.value, problem.model.disturbances.get(name, share)))
+    stated = problem.model.disturbances.get(name)
+    simulated_budget = float(np.hypot(budget.value, share if stated is None else stated))
     # a measured budget is a lower bound of the noise: blur grows with speed, vibration with load
-    limits = budget.value if budget.source == "sensor sheet" else np.inf, simulated_budget
+    firm = budget.source == "sensor sheet"
+    one_step_budget = float(np.hypot(budget.value, stated or 0.0)) if firm else None
+    limits = one_step_budget or np.inf, simulated_budget
     asked = 2 * len(problem.channels)
     good = all(
         _rms(error[own]) <= gate.threshold * limit or not _beyond_chance(error[own], limit, budget, asked)
@@ -131,6 +134,7 @@ def _channel(
         budget=budget.value,
         source=budget.source,
         movement=movement,
+        one_step_budget=one_step_budget,
         simulated_budget=simulated_budget,
         one_step_before=_rms(before.one_step[own]),
         one_step=_rms(after.one_step[own]),

@@ -51,7 +51,7 @@ def verdict(
             *reasons,
         ]
     cut_short = accepted >= settings.most_effects
-    unnamed = _named_share(found, equation) < gates.NAMED_SHARE.threshold
+    unnamed = named_share(found, equation) < gates.NAMED_SHARE.threshold
     if status == "explained" and (wrong or left_over or cut_short or unnamed):
         status = "explained in part"
     reasons += [*map(contradicted, values), *wrong]
@@ -77,7 +77,7 @@ def contradicted(b: f.BaselineValue) -> str:
     return f"the baseline's {e.name} was pushed from {assumed} to {size}, {away}: it may stand in for something else"
 
 
-def _named_share(found: Sequence[f.Finding], equation: OpenEnded) -> float:
+def named_share(found: Sequence[f.Finding], equation: OpenEnded) -> float:
     """Of what is known to be missing, the share that has a name, from 0 to 1."""
     named, rest = (
         [max(x.held_out_sse_reduction, 0.0) for x in found if x.named is wanted] for wanted in (True, False)

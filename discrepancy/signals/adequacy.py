@@ -4,9 +4,11 @@ Plain data of findings.json. All errors are root mean squares in the channel's o
 everything that was accepted.
 """
 
+import math
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
+from discrepancy import gates
 from discrepancy.signals.quantities import figures, quantity, readable
 
 STILL_WRONG: Final = "still wrong: "
@@ -38,6 +40,9 @@ class ChannelAdequacy:
     budget: float  # what the sensor may be off by, one standard deviation
     source: Source  # of the budget
     movement: float  # of the channel, beyond what initial states explain
+    one_step_budget: (
+        float | None
+    )  # the budget with stated disturbances; None: measured only, one-step errors do not decide
     simulated_budget: float  # the budget with what unmeasured disturbances may add over a window
     one_step_before: float
     one_step: float
@@ -50,22 +55,16 @@ class ChannelAdequacy:
     @property
     def firm(self) -> bool:
         """Whether the budget is known: one measured on the recording is a lower bound, and one-step errors beyond it prove nothing."""
-        return self.source == "sensor sheet"
-
-    @property
-    def one_step_over(self) -> float:
-        """One-step error in budgets."""
-        return self.one_step / self.budget
-
-    @property
-    def simulated_over(self) -> float:
-        """Error of a simulation in its budgets."""
-        return self.simulated / self.simulated_budget
+        return self.one_step_budget is not None
 
     @property
     def over(self) -> float:
-        """The larger of those that count."""
-        return max(self.one_step_over, self.simulated_over) if self.firm else self.simulated_over
+        """The larger error in its budgets, of those that count."""
+        return self.ratio(self.one_step, self.simulated)
+
+    def ratio(self, one_step: float, simulated: float) -> float:
+        """Errors of the channel or of a part of it, the larger one in its budgets."""
+        return max(one_step / (self.one_step_budget or math.inf), simulated / self.simulated_budget)
 
 
 def inadequate(channels: list[ChannelAdequacy]) -> list[ChannelAdequacy]:
@@ -74,36 +73,41 @@ def inadequate(channels: list[ChannelAdequacy]) -> list[ChannelAdequacy]:
 
 
 def left(c: ChannelAdequacy, *, several: bool = False) -> str:
-    """'level is simulated to 0.61 V, 3.4 times its budget of 0.18 V, most from 1200 to 1500 s'; several: times name their recording."""
-    return f"{_error(c)}{_worst(c, several=several)}"
+    """'level is simulated to 0.61 V, 3.4 times its budget of 0.18 V, most from 1200 to 1500 s'; several: times name their recording.
+
+    Where only a part is beyond its budget, the error of that part is given.
+    """
+    over = [p for p in (*c.parts, *c.regimes) if p.over]
+    if over and c.over <= gates.SIMULATED_OVER.threshold:
+        worst = max(over, key=lambda p: c.ratio(p.one_step, p.simulated))
+        return f"{_error(c, worst.one_step, worst.simulated)} {_place(worst, several=several)}"
+    places = [
+        _place(max(some, key=lambda p: c.ratio(p.one_step, p.simulated)), several=several)
+        for parts in (c.parts, c.regimes)
+        if (some := [p for p in parts if p.over])
+    ]
+    return f"{_error(c, c.one_step, c.simulated)}{', most ' if places else ''}{' and '.join(places)}"
 
 
-def _error(c: ChannelAdequacy) -> str:
-    simulated = c.over == c.simulated_over
-    error, budget = (c.simulated, c.simulated_budget) if simulated else (c.one_step, c.budget)
-    how = "is simulated to" if simulated else "is predicted one step ahead to"
+def _error(c: ChannelAdequacy, one_step: float, simulated: float) -> str:
+    """'level is simulated to 0.61 V, 3.4 times its budget of 0.18 V'."""
+    ahead = c.one_step_budget is not None and one_step / c.one_step_budget > simulated / c.simulated_budget
+    error, budget = (one_step, c.one_step_budget or 0.0) if ahead else (simulated, c.simulated_budget)
+    how = "is predicted one step ahead to" if ahead else "is simulated to"
     factor, unit = readable(c.unit, max(error, budget))
-    sizes = [quantity(value / factor, "", 2) for value in (error, budget)]
+    sizes = [f"{quantity(value / factor, '', 2)} {unit}".rstrip() for value in (error, budget)]
     far = f"{figures(error / budget, 2)} times its" if error > 1.05 * budget else "within its"
-    return f"{c.channel} {how} {sizes[0]} {unit}".rstrip() + f", {far} budget of {sizes[1]} {unit}".rstrip()
+    return f"{c.channel} {how} {sizes[0]}, {far} budget of {sizes[1]}"
 
 
-def _worst(c: ChannelAdequacy, *, several: bool) -> str:
-    """Time and regime in which most of the error is."""
-    found = []
-    worst = max((p for p in c.parts if p.over), key=lambda p: _over(c, p), default=None)
-    if worst is not None and worst.start_s is not None and worst.end_s is not None:
-        found.append(f"from {span(worst.start_s, worst.end_s)}{f' of {worst.recording}' if several else ''}")
-    regime = max((p for p in c.regimes if p.over), key=lambda p: _over(c, p), default=None)
-    found += [f"where {regime.regime}"] if regime is not None else []
-    return f", most {' and '.join(found)}" if found else ""
+def _place(part: ErrorPart, *, several: bool) -> str:
+    """'from 1200 to 1500 s of a.csv', 'where level above 8.2 V'."""
+    if part.start_s is None or part.end_s is None:
+        return f"where {part.regime}"
+    return f"from {span(part.start_s, part.end_s)}{f' of {part.recording}' if several else ''}"
 
 
 def span(start_s: float, end_s: float) -> str:
     """'46412.3 to 46415.1 s': as many decimals as the length needs, also where stamps count from midnight."""
     decimals = 0 if end_s - start_s >= 20.0 else 1 if end_s - start_s >= 0.5 else 3
     return f"{start_s:.{decimals}f} to {end_s:.{decimals}f} s"
-
-
-def _over(c: ChannelAdequacy, part: ErrorPart) -> float:
-    return max(part.one_step / c.budget if c.firm else 0.0, part.simulated / c.simulated_budget)

@@ -25,7 +25,7 @@ from discrepancy.signals.findings import Estimate, Findings, Separation
 from tests.discrepancy.toys import record, tank
 
 LEVEL = ChannelAdequacy(
-    channel="level", unit="m", budget=0.01, source="differences", movement=1.0, simulated_budget=0.1, one_step_before=0.05,
+    channel="level", unit="m", budget=0.01, source="differences", movement=1.0, one_step_budget=None, simulated_budget=0.1, one_step_before=0.05,
     one_step=0.01, simulated_before=0.8, simulated=0.04, adequate=True,
 )  # fmt: skip
 

@@ -282,3 +282,5 @@ def test_a_search_that_ends_at_its_limit_of_effects_says_so() -> None:
     one, both = (examine(model, [recording], replace(STRICT, most_effects=most)) for most in (1, 3))
     assert any("limit of 1 effects" in reason for reason in one.reasons)
     assert not any("limit of" in reason for reason in both.reasons)
+    assert one.status != "explained"  # nobody looked for a second one
+    assert both.status == "explained"

@@ -64,6 +64,8 @@ def model(
         jacobian_reach=JACOBIAN_REACH,
         negligible=NEGLIGIBLE,
         floors={name: FLOOR * channel.typical for name, channel in CHANNELS.items()},
+        # a replay by measured torques is late by their smoothing at every step of torque: what an engineer would not mind is adequate
+        disturbances={name: channel.typical for name, channel in CHANNELS.items()},
         sensor_noise={name: sd for name, sd in noise.items() if sd > 0.0},
         lags={name: lag for name, lag in lags.items() if lag > 0.0},
         least_explained=LEAST_EXPLAINED,

@@ -5,12 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from discrepancy import gates
 from discrepancy.decision.location import fraction
+from discrepancy.decision.verdict import named_share
 from discrepancy.examine import examine
 from discrepancy.model.sensors import sensor_effects
+from discrepancy.selection.open_ended import OpenEnded
 from discrepancy.selection.state import Settings
 from discrepancy.signals.adequacy import ErrorPart, left
-from discrepancy.signals.findings import Findings
+from discrepancy.signals.findings import Finding, Findings
+from tests.diagnosis.cases import finding
 from tests.discrepancy.toys import record, struck, tank
 
 QUICK = Settings(open_ended=False)
@@ -141,3 +145,38 @@ def test_in_an_inadequate_model_a_value_that_moved_is_not_sure() -> None:
     wrong = replace(model, nuisances=(replace(area, value=1.3, prior_sd=0.026), level))
     result = examine(wrong, [struck(record(20), 60.0, 72.0, 2.0)], QUICK)
     assert not any(b.sure for b in result.baseline_values)
+
+
+def test_stated_disturbances_also_count_one_step_ahead() -> None:
+    """Beside a sheet of 10 mm, 50 mm of waves are stated: 20 mm of noise are then no error of the model."""
+    rough = replace(tank("leak"), sensor_noise={"level": 0.01}, disturbances={"level": 0.05})
+    assert examine(rough, [record(16, noise=0.02)], QUICK).status == "nothing missing"
+
+
+@pytest.mark.parametrize(("rest", "enough"), [(0.0, True), (5.0, True), (40.0, False)])
+def test_nine_tenths_of_what_is_missing_must_have_a_name(rest: float, enough: bool) -> None:
+    """A name with evidence of 100 on held-out data, and an equation beside it."""
+    assert (named_share([leak(100.0)], equation(rest)) >= gates.NAMED_SHARE.threshold) is enough
+
+
+def test_a_best_proxy_has_no_name() -> None:
+    proxy = replace(leak(100.0), named=False)
+    assert named_share([leak(300.0), proxy], equation(0.0)) == pytest.approx(0.75)
+    assert named_share([leak(300.0), replace(proxy, held_out_sse_reduction=-50.0)], equation(0.0)) == 1.0
+
+
+def leak(held_out: float) -> Finding:
+    return replace(finding("leak", "physics", {"leak": 0.1}), held_out_sse_reduction=held_out)
+
+
+def equation(held_out: float) -> OpenEnded:
+    return OpenEnded(held_out_sse_reductions={"level": held_out})
+
+
+def test_an_error_of_a_part_alone_is_given_with_its_size() -> None:
+    (level,) = examine(tank("leak"), [record(18)], QUICK).adequacy
+    part = ErrorPart(
+        regime="inflow above 1 m/s", one_step_before=0.0, one_step=0.0, simulated_before=0.0, simulated=0.3, over=True,
+    )  # fmt: skip
+    short = replace(level, simulated=0.05, simulated_budget=0.1, regimes=[part], adequate=False)
+    assert left(short) == "level is simulated to 0.3 m, 3 times its budget of 0.1 m where inflow above 1 m/s"
