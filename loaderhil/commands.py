@@ -47,6 +47,10 @@ PANELS: Final[dict[str, dict[str, Command]]] = {
             "loaderhil.testing.conform",
             "Test a controller against its DBC: presence, cycle times, contents, start-up, states after loss of inputs.",
         ),
+        "compare": Command(
+            "loaderhil.testing.compare",
+            "Compare two runs: estimates, warnings, states and timing, each within a tolerance.",
+        ),
         "inject": Command(
             "hil.faults.command", "Inject faults into a running gateway, list them, or end them."
         ),

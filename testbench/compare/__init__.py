@@ -1,0 +1,1 @@
+"""Two runs side by side: estimates, states, warnings and timing, each within a tolerance."""
