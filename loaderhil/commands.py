@@ -51,6 +51,10 @@ PANELS: Final[dict[str, dict[str, Command]]] = {
             "loaderhil.testing.compare",
             "Compare two runs: estimates, warnings, states and timing, each within a tolerance.",
         ),
+        "verify": Command(
+            "loaderhil.testing.verify",
+            "Run expectations against faults, planted ECU errors and effects, and list those that nobody notices.",
+        ),
         "inject": Command(
             "hil.faults.command", "Inject faults into a running gateway, list them, or end them."
         ),
