@@ -6,12 +6,14 @@ as damage.
 
 import codecs
 import csv
-import gzip
 import io
+import math
 import re
 import zlib
+from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +44,13 @@ TIME = frozenset(
 )
 """Usual names of the time column in lower case, without the unit that may follow ('time_ms', 'Time Stamp', 't (s)')."""
 BEGINNING = 1024  # bytes at the start of a file: a zero byte among them means that it is not text
+TEXT_FREE = 64 << 20
+"""Bytes of text that a compressed table may have in any case."""
+TEXT_LIMIT = 25
+"""How many times longer than its file a compressed table may be; logged numbers come to 3 to 15, gzip's most is 1032."""
+SKIPPED_SHOWN = 100
+"""Rows of another width that get a sentence each."""
+LINE_END = b"\n"
 GZIP = 16 + zlib.MAX_WBITS  # window size plus 16: zlib then expects the header of gzip
 TIME_UNITS = {
     "s": 1.0,
@@ -158,9 +167,10 @@ def _read_parquet(path: Path) -> _Found:
 def _read_csv(path: Path) -> _Found:
     raw, cut = path.read_bytes(), list[str]()
     if path.suffix.lower() == ".gz":
-        raw, cut = _unpacked(raw)
-    text, doubtful = _text(raw, path.name)
-    lines = io.StringIO(text, newline="")
+        raw, cut = _unpacked(raw, path.name)
+    encoding, doubtful = _encoding(raw, path.name)
+    # Decoded as it is read: io.StringIO would take four bytes per character.
+    lines = io.TextIOWrapper(io.BytesIO(raw), encoding, errors="replace", newline="")
     constants: dict[str, tuple[float, str | None]] = {}
     number = 0
     for line in lines:
@@ -179,49 +189,63 @@ def _read_csv(path: Path) -> _Found:
         raise Unreadable(
             f"{path.name}: has no heading, line {number} contains numbers; a heading looks like 'time [s],speed [m/s]'"
         )
-    cells, skipped = _rows(csv.reader(lines, delimiter=separator), len(names), number)
-    if cells and _are_units(cells[0][1], names, decimal):
+    rows, skipped = _Rows(csv.reader(lines, delimiter=separator), len(names), number), _Skipped()
+    cells = [_Cells() for _ in names]
+    first = next(rows.kept(skipped), None)
+    if first is not None and _are_units(first[1], names, decimal):
         names = [
             f"{name} [{unit.strip()}]" if unit.strip() else name
-            for name, unit in zip(names, cells.pop(0)[1], strict=True)
+            for name, unit in zip(names, first[1], strict=True)
         ]
-    lines_of = [number for number, _ in cells]
-    columns = [
-        _column(name, [row[i] for _, row in cells], decimal, lines_of)
-        for i, name in enumerate(names)
-        if name.strip()
-    ]
-    return columns, constants, [*cut, *doubtful, *skipped]
+        first = None
+    for line_number, row in chain([first] if first is not None else [], rows.kept(skipped)):
+        for column, cell in zip(cells, row, strict=True):
+            column.add(cell, decimal, line_number)
+    columns = [column.raw(name) for name, column in zip(names, cells, strict=True) if name.strip()]
+    return columns, constants, [*cut, *doubtful, *skipped.sentences()]
 
 
-def _unpacked(raw: bytes) -> tuple[bytes, list[str]]:
-    """The content of a gzip file; of one that is cut off, up to its last complete line. Raises OSError or zlib.error for other damage."""
-    try:
-        return gzip.decompress(raw), []
-    except EOFError:
-        whole = zlib.decompressobj(GZIP).decompress(raw)
-        kept = whole[: whole.rfind(b"\n") + 1]
-        if not kept:
-            raise
-        lines = len(kept.splitlines())
-        return kept, [f"the compressed file is cut off; read as far as line {lines}"]
+def _unpacked(raw: bytes, name: str) -> tuple[bytes, list[str]]:
+    """The content of a gzip file; of one that is cut off, up to its last complete line.
+
+    Raises OSError or zlib.error for other damage, Unreadable for one that unpacks to more than any recording.
+    """
+    limit = max(TEXT_FREE, TEXT_LIMIT * len(raw))
+    text, rest = bytearray(), raw
+    while rest.strip(b"\0") or not text:  # gzip pads with zero bytes, and a file may have several members
+        member = zlib.decompressobj(GZIP)
+        text += member.decompress(rest, limit + 1 - len(text))
+        if len(text) > limit:
+            raise Unreadable(
+                f"{name}: {len(raw)} compressed bytes hold more than {limit >> 20} MiB of text, which no recording does; "
+                "unpack it first if it is one"
+            )
+        if not member.eof:
+            kept = bytes(text[: text.rfind(b"\n") + 1])
+            if not kept:
+                raise EOFError("Compressed file ended before the end-of-stream marker was reached")
+            return kept, [f"the compressed file is cut off; read as far as line {kept.count(LINE_END)}"]
+        rest = member.unused_data
+    return bytes(text), []
 
 
-def _text(raw: bytes, name: str) -> tuple[str, list[str]]:
-    """The text of the bytes in an encoding that loggers and spreadsheets use, and a message if it is not UTF-8. Raises Unreadable."""
+def _encoding(raw: bytes, name: str) -> tuple[str, list[str]]:
+    """An encoding of the bytes that loggers and spreadsheets use, and a message if it is not UTF-8. Raises Unreadable."""
     if raw and not raw.strip(b"\0"):
         raise Unreadable(
             f"{name}: contains only zero bytes ({len(raw)}); was power lost while it was written?"
         )
     if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return raw.decode("utf-16"), []
+        raw.decode("utf-16")
+        return "utf-16", []
     try:
-        return raw.decode("utf-8-sig"), []
+        raw.decode("utf-8-sig")
+        return "utf-8-sig", []
     except UnicodeDecodeError:
         if b"\0" in raw[:BEGINNING]:
             raise Unreadable(f"{name}: is not a text file; is it a recording of another kind?") from None
         # Windows-1252 decodes nearly every byte: a wrong guess only spoils the µ or ° of a heading
-        return raw.decode("cp1252", "replace"), ["is not UTF-8; read as Windows-1252"]
+        return "cp1252", ["is not UTF-8; read as Windows-1252"]
 
 
 def _are_units(row: Sequence[str], names: Sequence[str], decimal: str) -> bool:
@@ -257,35 +281,69 @@ def _constant(line: str) -> dict[str, tuple[float, str | None]]:
     return {name: (value, unit)} if equals else {}
 
 
-def _rows(
-    reader: Iterator[list[str]], width: int, before: int
-) -> tuple[list[tuple[int, list[str]]], list[str]]:
-    """Rows with their line numbers, and a message for each row of another width; before: lines read so far."""
-    kept: list[tuple[int, list[str]]] = []
-    skipped: list[str] = []
-    for number, row in enumerate(reader, start=before + 1):
-        if len(row) == width:
-            kept.append((number, row))
-        elif row:
-            skipped.append(f"line {number} has {len(row)} of {width} cells")
-    return kept, skipped
+class _Skipped:
+    """Rows that were left out: the first with a sentence each, all of them counted."""
+
+    def __init__(self) -> None:
+        self._first: list[str] = []
+        self._count = 0
+
+    def add(self, sentence: str) -> None:
+        self._count += 1
+        if self._count <= SKIPPED_SHOWN:
+            self._first.append(sentence)
+
+    def sentences(self) -> list[str]:
+        more = self._count - len(self._first)
+        return [*self._first, *([f"{more} more lines have another number of cells"] if more else [])]
 
 
-def _column(title: str, cells: Sequence[str], decimal: str, lines: Sequence[int]) -> _Raw:
-    name, unit = heading(title)
-    value, there = np.full(len(cells), np.nan), np.ones(len(cells), bool)
-    damaged, first = 0, 0
-    for i, cell in enumerate(cells):
+class _Rows:
+    """Rows of the right width with their line numbers."""
+
+    def __init__(self, reader: Iterator[list[str]], width: int, before: int) -> None:
+        """before: lines read so far."""
+        self._numbered = enumerate(reader, start=before + 1)
+        self._width = width
+
+    def kept(self, skipped: _Skipped) -> Iterator[tuple[int, list[str]]]:
+        """Go on from where the last call ended; a row of another width goes to `skipped`."""
+        for number, row in self._numbered:
+            if len(row) == self._width:
+                yield number, row
+            elif row:
+                skipped.add(f"line {number} has {len(row)} of {self._width} cells")
+
+
+class _Cells:
+    """One column while it is read: nine bytes per cell, however long its text was."""
+
+    def __init__(self) -> None:
+        self._value = array("d")
+        self._there = bytearray()
+        self._damaged = self._first = 0
+
+    def add(self, cell: str, decimal: str, line: int) -> None:
+        """The cell of the next row."""
         text = cell.strip().replace(decimal, ".") if decimal != "." else cell
         try:
-            value[i] = float(text)
+            value, there = float(text), True
         except ValueError:
-            there[i] = bool(text.strip())
-            if there[i]:
-                damaged += 1
-                first = first or lines[i]
-    damage = f"{damaged} of {value.size} cells are not numbers, the first in line {first}" if damaged else ""
-    return _Raw(name, unit, value, there, damage)
+            value, there = math.nan, bool(text.strip())
+            self._damaged += there
+            self._first = self._first or (line if there else 0)
+        self._value.append(value)
+        self._there.append(there)
+
+    def raw(self, title: str) -> _Raw:
+        """The column under its heading."""
+        name, unit = heading(title)
+        value = np.frombuffer(self._value, float) if self._value else np.empty(0)
+        there = np.frombuffer(self._there, bool) if self._there else np.empty(0, bool)
+        damage = ""
+        if self._damaged:
+            damage = f"{self._damaged} of {value.size} cells are not numbers, the first in line {self._first}"
+        return _Raw(name, unit, value, there, damage)
 
 
 def _clock(columns: Sequence[_Raw], name: str, time: tuple[str, str | None] | None) -> _Raw:

@@ -95,12 +95,16 @@ def test_every_planted_error_changes_something(name):
 
 
 def _plain(codec):
-    """Values that no error leaves as they are."""
-    return {
-        s.name: 3 if s.choices and 3 in s.choices else max(s.minimum or 0, min(s.maximum or 9, 9)) / 3
-        for s in codec.layout
-        if s.length > 8
-    }
+    """Values that no error leaves as they are: a third of each range, and states that no error sends."""
+    plain = {}
+    for signal in codec.layout:
+        low, high = sorted(raw * signal.scale + signal.offset for raw in signal.raw_range)
+        plain[signal.name] = low + (high - low) / 3
+        if signal.choices:
+            plain[signal.name] = 3 if 3 in signal.choices else max(signal.choices)
+        elif signal.length == 1:
+            plain[signal.name] = 1
+    return plain
 
 
 def test_every_fault_class_of_the_bench_is_among_the_mutants():
