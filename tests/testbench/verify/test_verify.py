@@ -98,10 +98,11 @@ def _plain(codec):
     """Values that no error leaves as they are: a third of each range, and states that no error sends."""
     plain = {}
     for signal in codec.layout:
-        low, high = sorted(raw * signal.scale + signal.offset for raw in signal.raw_range)
+        low, high = sorted(raw * signal.scale + signal.offset for raw in signal.raw_limits)
         plain[signal.name] = low + (high - low) / 3
         if signal.choices:
-            plain[signal.name] = 3 if 3 in signal.choices else max(signal.choices)
+            raw = 3 if 3 in signal.choices else max(signal.choices)
+            plain[signal.name] = raw * signal.scale + signal.offset
         elif signal.length == 1:
             plain[signal.name] = 1
     return plain
