@@ -11,6 +11,7 @@ from tests.docs.pages import ROOT
 FOLDER = ROOT / "examples/engine"
 
 
+@pytest.mark.processes
 @pytest.mark.timeout(300)
 def test_the_examples_pass():
     # The plugin is named here, so that it is this checkout's and not an installed one's.

@@ -11,6 +11,7 @@ import pytest
 from hil.rundir import RunDirectory
 from tests.docs.pages import ROOT
 
+pytestmark = pytest.mark.processes  # each test starts a pytest or a python
 PAGE = (ROOT / "docs/howto/test-in-python.md").read_text("utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 
