@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from identify.score import score_command
+
 OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, max=2**32 - 1, help="Seed of all random numbers.")]
 WithoutOption = Annotated[
@@ -34,6 +36,7 @@ def register(app: typer.Typer) -> None:
     group.command("rig")(rig)
     group.command("field")(field)
     group.command("machine")(machine_command)
+    group.command("score")(score_command)
     group.command("make-rig")(make_rig_command)
     group.command("make-field")(make_field_command)
     app.add_typer(group, name="identify")
@@ -80,6 +83,7 @@ def rig(
         inconsistent_runs,
         prepare,
         problem_of,
+        staged,
     )
     from identify.rig.files import read_rig
     from identify.rig.models import compared
@@ -97,7 +101,8 @@ def rig(
         raise typer.Exit(Ending.INCONCLUSIVE) from error
     origin = _origin(f"loaderhil identify rig {description}")
     problem = problem_of(ready)
-    found = fitted(ready)
+    stages = staged(ready)
+    found = fitted(ready, stages)
     nominal = [
         t
         for t in ready.fitted
@@ -117,7 +122,15 @@ def rig(
     wanted = (*BASE, *OF_BRAKING, *OF_LOAD, *OF_LOADS, *OF_PRESSURE, *OF_PRESSURES, "PHX1", "PVX1")
     opened = [*undetermined(found, problem), *not_fitted(problem.tyre, wanted)]
     page = rig_page(
-        ready, problem, found, steps=steps, models=compared(ready), search=check, opened=opened, origin=origin
+        ready,
+        problem,
+        found,
+        stages=stages,
+        steps=steps,
+        models=compared(ready),
+        search=check,
+        opened=opened,
+        origin=origin,
     )
     files = machine_files(ready, found, machine, out / "machine.toml", origin)
     texts = {

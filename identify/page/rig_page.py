@@ -36,6 +36,7 @@ def rig_page(
     problem: RigProblem,
     found: Estimate,
     *,
+    stages: Sequence[Estimate],
     steps: Sequence[StepLength],
     models: Sequence[Compared],
     search: Search | None,
@@ -62,6 +63,7 @@ def rig_page(
                 [(m.model, f"{m.rms:.0f}", f"{m.share:.1%}") for m in models],
             ),
         ),
+        ("staged", "Staged fit beside the joint one", _staged(stages, found)),
         ("search", "Trust region and differential evolution", _search(search)),
         ("raw", "Raw data and what was rejected", _raw(ready)),
     ]
@@ -97,6 +99,22 @@ def _parameters(found: Estimate) -> str:
         )
     note = '<p class="soft">The interval holds all that is unknown, load and gain included. The bootstrap resamples seconds of the runs, and so holds their noise alone.</p>'
     return note + table(("parameter", "meaning", "value", "95 % interval", "± by bootstrap"), rows)
+
+
+def _staged(stages: Sequence[Estimate], found: Estimate) -> str:
+    """Value of each parameter by stage and in the joint fit, and how far the last stage lies from it."""
+    rows = []
+    for name in (n for n in found.names if n in INDEX or n == CARCASS_NAME):
+        i = found.interval(name)
+        by_stage = [f"{s.values[name]:.5g}" if name in s.names else "" for s in stages]
+        away = (stages[-1].values[name] - i.value) / i.sd if name in stages[-1].names and i.sd > 0.0 else 0.0
+        rows.append((name, *by_stage, f"{i.value:.5g}", f"{away:+.1f}"))
+    note = (
+        '<p class="soft">As in the thesis: nominal runs, all loads, all pressures, each stage from the one before, simulated, under white noise. '
+        "The last column is the distance of the last stage from the joint fit, in standard deviations of the joint fit.</p>"
+    )
+    heads = [f"stage {k}: {s.rows} samples" for k, s in enumerate(stages, 1)]
+    return note + table(("parameter", *heads, "joint", "last stage away by"), rows)
 
 
 def band(found: Estimate, ready: Prepared, load: float, pressure: float, kappa: Array) -> tuple[Array, Array]:

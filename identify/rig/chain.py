@@ -146,12 +146,12 @@ def staged(ready: Prepared) -> list[Estimate]:
 
 def first_stage(ready: Prepared) -> dict[str, float]:
     """Where the joint fit begins: the last of `staged`, by name."""
-    return {**staged(ready)[-1].values}
+    return dict(staged(ready)[-1].values)
 
 
-def fitted(ready: Prepared) -> Estimate:
-    """The joint estimate of all unknowns."""
-    return estimate(problem_of(ready), first_stage(ready))
+def fitted(ready: Prepared, before: Sequence[Estimate] = ()) -> Estimate:
+    """The joint estimate of all unknowns. before: the staged estimates, where they were made already."""
+    return estimate(problem_of(ready), dict(before[-1].values) if before else first_stage(ready))
 
 
 def inconsistent_runs(ready: Prepared, found: Estimate) -> list[str]:

@@ -25,13 +25,15 @@ def test_commands_work_as_printed(name, tmp_path, monkeypatch):
     app = typer.Typer()
     app.callback()(lambda: None)
     register(app)
-    made, fitted = commands(name)
-    for arguments in (made, [*fitted, "--no-search"] if name == "identify-rig" else fitted):
+    made, fitted, scored = commands(name)
+    for arguments in (made, [*fitted, "--no-search"] if name == "identify-rig" else fitted, scored):
         result = CliRunner().invoke(app, arguments, catch_exceptions=False)
         assert result.exit_code == 0, result.output
+    assert "intervals hold the truth" in result.output
     out = tmp_path / fitted[fitted.index("--out") + 1]
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "95 %" in page
+    assert ("Staged fit beside the joint one" in page) == (name == "identify-rig")
     assert (out / "identification.json").is_file()
     assert (out / "tyre.tir").is_file()
 
