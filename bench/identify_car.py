@@ -21,7 +21,7 @@ DRIVES = (
 HOLD_S = 0.05  # mean age of a reading that is refreshed at 10 Hz and held
 
 
-def spoken(found: Estimate, name: str, places: int = 3) -> str:
+def interval_text(found: Estimate, name: str, places: int = 3) -> str:
     """'0.335 (0.324 to 0.346)'."""
     i = found.interval(name)
     return f"{i.value:.{places}f} ({i.lower:.{places}f} to {i.upper:.{places}f})"
@@ -36,17 +36,17 @@ def page(folder: Path) -> str:
         body = body_motion(log, car)
         found = grip(body, axle)
         grips.append(
-            f"| {name} | {floor} | {axle} | {spoken(found, 'grip')} | {spoken(found, 'stiffness', 1)} | {spoken(found, 'shape', 2)} |"
+            f"| {name} | {floor} | {axle} | {interval_text(found, 'grip')} | {interval_text(found, 'stiffness', 1)} | {interval_text(found, 'shape', 2)} |"
         )
         gyro, encoder = (sensor_delay(log, body, channel) for channel in ("gyro", "encoder"))
         delays.append(
-            f"| {name} | {spoken(gyro, 'delay', 4)} | {gyro.values['delay'] + HOLD_S:.3f} | {spoken(gyro, 'scale')} | {spoken(encoder, 'delay', 4)} |"
+            f"| {name} | {interval_text(gyro, 'delay', 4)} | {gyro.values['delay'] + HOLD_S:.3f} | {interval_text(gyro, 'scale')} | {interval_text(encoder, 'delay', 4)} |"
         )
         if axle == "rear":
             servo = steering_lag(log, body)
             both = servo.derived(servo.values["lag"] + servo.values["delay"], {"lag": 1.0, "delay": 1.0})
             servos.append(
-                f"| {name} | {spoken(servo, 'lag')} | {spoken(servo, 'delay')} | {both.value:.3f} ({both.lower:.3f} to {both.upper:.3f}) |"
+                f"| {name} | {interval_text(servo, 'lag')} | {interval_text(servo, 'delay')} | {both.value:.3f} ({both.lower:.3f} to {both.upper:.3f}) |"
             )
     return "\n".join([
         "# A small car on two floors", "",

@@ -2,7 +2,8 @@
 
     python -m bench.identify_coverage --cases 200 --out docs/results/identification.md
 
-Cases are kept in a file beside the report as they end, so that an interrupted run is taken up where it was.
+Cases are kept in a file as they end, with the state of the sources that made them: an interrupted run is taken up where it was, and cases of
+other sources are run again. The report is written again after every ten cases.
 """
 
 import argparse
@@ -154,23 +155,37 @@ def main() -> None:
     parser.add_argument("--kept", type=Path, default=Path("out/identification.jsonl"))
     options = parser.parse_args()
     options.kept.parent.mkdir(parents=True, exist_ok=True)
+    made_by, commit = _git("rev-parse", "HEAD:identify", "HEAD:plant"), _git("rev-parse", "--short", "HEAD")
+    if _git("status", "--porcelain", "--", "identify", "plant"):
+        raise SystemExit(
+            "identify/ or plant/ has changes that are not committed: a report must name its sources"
+        )
     rows = (
         [json.loads(line) for line in options.kept.read_text().splitlines()] if options.kept.exists() else []
     )
+    rows = [row for row in rows if row.get("made_by") == made_by]
     known = {(row["arm"], row["seed"]) for row in rows}
+
+    def write() -> None:
+        command = f"python -m bench.identify_coverage --cases {options.cases}"
+        options.out.write_text(report(rows, commit, command), encoding="utf-8")
+
     with options.kept.open("a") as stream:
         for seed in range(1000, 1000 + options.cases):
             for arm in options.arms:
                 if (arm, seed) in known:
                     continue
-                row = ARMS[arm](seed)
+                row = {**ARMS[arm](seed), "made_by": made_by}
                 rows.append(row)
                 stream.write(json.dumps(row) + "\n")
                 stream.flush()
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True
-    ).stdout.strip()
-    options.out.write_text(report(rows, commit, "python -m bench.identify_coverage"), encoding="utf-8")
+                if len(rows) % 10 == 0:
+                    write()
+    write()
+
+
+def _git(*arguments: str) -> str:
+    return subprocess.run(["git", *arguments], capture_output=True, text=True, check=True).stdout.strip()
 
 
 if __name__ == "__main__":

@@ -140,14 +140,7 @@ def rig(
         "machine.toml": files[out / "machine.toml"],
         f"machine{CALIBRATION}": files[out / f"machine{CALIBRATION}"],
     }
-    for name in found.names:
-        if not name.startswith(("tare ", "scale ", "load ")):
-            i = found.interval(name)
-            print(f"{name:20} {i.value:12.5g}   95 % {i.lower:.5g} to {i.upper:.5g}")
-    for o in opened:
-        print(f"not determined: {o.name}: {o.reason}; {o.step}")
-    for text in [*ready.unusable, *ready.warnings, *inconsistent_runs(ready, found)]:
-        print(f"warning: {text}")
+    _print_result(found, opened, [*ready.unusable, *ready.warnings, *inconsistent_runs(ready, found)])
     for path in write("--out", out, texts):
         print(f"written: {path}")
     if check is not None and not check.agree:
@@ -279,12 +272,7 @@ def field(
         notes={n: interval_text(found, n) for n in names},
         comments=(origin, "VERTICAL_STIFFNESS is not identified"),
     )
-    for name, i in intervals.items():
-        print(f"{name:20} {i.value:12.5g}   95 % {i.lower:.5g} to {i.upper:.5g}")
-    for o in opened:
-        print(f"not determined: {o.name}: {o.reason}; {o.step}")
-    for text in result.warnings:
-        print(f"warning: {text}")
+    _print_result(found, opened, result.warnings)
     texts = {
         "report.html": field_page(result, problem, found, opened=opened, origin=origin),
         "identification.json": json.dumps(content, indent=1) + "\n",
@@ -389,6 +377,18 @@ def make_field_command(
     print(f"written: {files[0]}, {files[1].name}, {files[2].name}\nwritten: {sealed}")
 
 
+def _print_result(found: "Estimate", opened: "Sequence[Open]", warnings: "Sequence[str]") -> None:
+    """Intervals of what a user asked for (not of each run's nuisances), what stays open, and warnings."""
+    for name in found.names:
+        if not name.startswith(("tare ", "scale ", "load ")):
+            i = found.interval(name)
+            print(f"{name:20} {i.value:12.5g}   95 % {i.lower:.5g} to {i.upper:.5g}")
+    for o in opened:
+        print(f"not determined: {o.name}: {o.reason}; {o.step}")
+    for text in warnings:
+        print(f"warning: {text}")
+
+
 def _near(a: float, b: float) -> bool:
     return abs(a - b) < 0.02 * b
 
@@ -421,4 +421,8 @@ def _origin(command: str) -> str:
 
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from identify.make.defects import Defects
+    from identify.tyre.advice import Open
+    from identify.tyre.estimate import Estimate

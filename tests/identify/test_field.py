@@ -107,11 +107,10 @@ def test_tyre_is_inside_its_intervals(made, fitted):
     assert abs(found.values[SHIFT]) < 0.01
 
 
-@pytest.mark.parametrize("seed", [9, 10])
-def test_every_event_keeps_its_speed_and_the_tyre_its_intervals(seed):
+def test_every_event_keeps_its_speed_and_the_tyre_its_intervals():
     from bench.identify_coverage import JUDGED, any_machine
 
-    log, truth = make_field(any_machine(seed), seed)
+    log, truth = make_field(any_machine(9), 9)  # a recording in which two events lost their marker
     result = processed(log)
     driven = np.array(truth.slips)[result.points.event]
     # a smoother that lost a marker gave half the speed and a slip of 1
