@@ -2,60 +2,22 @@
 
 For readers who want to know why an effect was named or not. The engine reads its thresholds from here and
 docs/explanation/discrepancy.md prints the table, so that neither can differ from the other. The file lies beside the folders of the
-engine and imports nothing: screening, checks and decisions all read it.
+engine and imports nothing but the class of a gate: screening, checks and decisions all read it.
 
 Limits of pure numerics (iterations, rounding, caches) stay where they are used. Limits of cost are in
 discrepancy.estimation.effort and discrepancy.selection.state; those that keep an effect from being tried appear in the reasons.
 """
 
-from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
-Object = Literal[
-    "recording", "channel", "effect", "temporary effect", "pair", "group", "name", "equation", "verdict"
-]
-
-TABLE: Final[list["Gate"]] = []
-"""All gates, in the order in which they are applied."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Gate:
-    """One test of acceptance."""
-
-    name: str
-    of: Object  # what is tested
-    statistic: str  # the number that is compared
-    threshold: float  # in the unit of the statistic
-    unit: str = ""  # printed after the threshold
-    passes: Literal["above", "below"] = "above"  # side of the threshold on which the test is passed
-    source: str  # where the threshold comes from
-    otherwise: str  # consequence if the test is not passed
-    module: str  # modules that apply it, below discrepancy/, separated by commas
-
-    @property
-    def modules(self) -> list[str]:
-        return self.module.split(", ")
-
-
-def _gate(**fields: object) -> Gate:
-    gate = Gate(**fields)  # type: ignore[arg-type]
-    TABLE.append(gate)
-    return gate
+from discrepancy.gate import TABLE, markdown
+from discrepancy.gate import Gate as Gate
+from discrepancy.gate import listed as _gate
 
 
 def table() -> str:
     """The table in Markdown, as docs/explanation/discrepancy.md prints it."""
-    lines = [
-        "| what is tested | test | statistic | passed | threshold from | else | module |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
-    ]
-    for gate in TABLE:
-        passed = f"{gate.passes} {gate.threshold:g} {gate.unit}".rstrip()
-        modules = ", ".join(f"`{module}`" for module in gate.modules)
-        cells = (gate.of, gate.name, gate.statistic, passed, gate.source, gate.otherwise, modules)
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+    return markdown(TABLE)
 
 
 # 1 recordings and channels, before any physics is blamed

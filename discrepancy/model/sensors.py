@@ -19,6 +19,14 @@ LONGEST_DELAY_S = 0.5  # of a sensor; a larger shift is another clock (checks.cl
 SLOWEST_LAG_S = 2.0
 
 
+REVERSE = {
+    "bias": "{} reads too little by a constant",
+    "scale": "{} reads too little in proportion",
+    "delay": "{} comes early by a constant time (stamps of another clock)",
+}
+"""Sentences for negative sizes."""
+
+
 def sensor_effects(
     output: str, unit: str, *, bias: float, kinds: Iterable[str] = KINDS, delay_s: float = 0.05
 ) -> tuple[Effect, ...]:
@@ -85,11 +93,6 @@ def sensor_effects(
             "a long recording",
         ),
     }
-    reverse = {
-        "bias": f"{output} reads too little by a constant",
-        "scale": f"{output} reads too little in proportion",
-        "delay": f"{output} comes early by a constant time (stamps of another clock)",
-    }
     if unknown := set(kinds) - set(library):
         raise ValueError(
             f"sensor effects of {output}: unknown kinds {sorted(unknown)}; known are {', '.join(KINDS)}"
@@ -102,7 +105,7 @@ def sensor_effects(
             parameters=(p,),
             kind="sensor",
             place=f"sensor of {output}",
-            reverse=reverse.get(kind, ""),
+            reverse=REVERSE.get(kind, "").format(output),
             excited_by=excited,
             confusable=_confusable(output, kind),
         )
