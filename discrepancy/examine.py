@@ -9,6 +9,7 @@ from discrepancy.decision.judge import Judgement, judge, nothing_usable
 from discrepancy.estimation.problem import Problem, Unusable
 from discrepancy.model.description import Model
 from discrepancy.model.windows import OUTPUTS
+from discrepancy.selection.bandwidth import at_bandwidth
 from discrepancy.selection.state import Progress, Settings
 from discrepancy.signals.findings import Findings
 from discrepancy.signals.recording import Complaint, Recording
@@ -35,10 +36,11 @@ def investigate(
     """
     try:
         problem, failed = usable(model, recordings)
+        problem, fast = at_bandwidth(problem)
     except Unusable as error:
         names = list(dict.fromkeys([*(r.name for r in recordings), *(c.recording for c in complaints)]))
         return nothing_usable(model.name, names, Unusable([*complaints, *error.complaints]))
-    return judge(problem, settings, progress, [*complaints, *failed])
+    return judge(problem, settings, progress, [*complaints, *failed, *fast])
 
 
 def usable(model: Model, recordings: Sequence[Recording]) -> tuple[Problem, list[Complaint]]:

@@ -77,6 +77,16 @@ FILES_OVERLAP: Final = _gate(
     module="checks.clocks",
 )
 
+CONTENT_KEPT: Final = _gate(
+    name="content kept",
+    of="channel",
+    statistic="share of the energy of each parameter's sensitivity, beyond initial states, that means over neighbouring samples keep",
+    threshold=0.99,
+    source="a model that is right to a tenth cannot be judged by content that is a hundredth of its energy (ADR 27)",
+    otherwise="samples are not averaged any further; above, twice as many make one row",
+    module="selection.bandwidth",
+)
+
 # 2 screen
 
 FALSE_ALARM: Final = _gate(

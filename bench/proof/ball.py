@@ -17,17 +17,19 @@ THROWS = ((45.0, 0.0, 2.6), (2.0, 18.0, 3.2), (30.0, 8.0, 3.0))  # height [m], s
 BALLS = ((0.045, 0.073), (0.058, 0.066), (0.020, 0.090))  # mass [kg], diameter [m]
 
 
-def recorded(values, arm: Arm, rng: np.random.Generator) -> list[Recording]:
+def recorded(values, arm: Arm, rng: np.random.Generator, pictures_hz: float = PICTURES_HZ) -> list[Recording]:
     """Three throws of one ball, all with one error of the camera's scale."""
     mass, diameter = BALLS[int(rng.integers(len(BALLS)))]
     camera = 1.0 + 0.02 * rng.normal()
     return [
-        _throw(values, arm, rng, f"throw {i}", (mass, diameter, camera), throw)
+        _throw(values, arm, rng, f"throw {i}", (mass, diameter, camera), throw, pictures_hz)
         for i, throw in enumerate(THROWS, 1)
     ]
 
 
-def _throw(values, arm: Arm, rng: np.random.Generator, name: str, ball, throw) -> Recording:
+def _throw(
+    values, arm: Arm, rng: np.random.Generator, name: str, ball, throw, pictures_hz: float
+) -> Recording:
     (mass, diameter, camera), (height, speed, duration) = ball, throw
     displaced = AIR * np.pi * diameter**3 / 6.0
     square = 0.5 * AIR * np.pi / 4.0 * diameter**2 * values.get("drag_coefficient", 0.0)
@@ -47,12 +49,12 @@ def _throw(values, arm: Arm, rng: np.random.Generator, name: str, ball, throw) -
         )
         return v, force / inertia
 
-    time_s = np.arange(0.0, duration, 1.0 / PICTURES_HZ)
+    time_s = np.arange(0.0, duration, 1.0 / pictures_hz)
     # twenty times finer than the pictures: the linear interpolation between is then below the noise
     fine = np.linspace(0.0, duration, 20 * time_s.size)
     z = solve_ivp(rates, (0.0, duration), (height, speed), "DOP853", t_eval=fine, rtol=1e-9, atol=1e-9).y[0]
     seen = np.interp(np.maximum(time_s - values.get("release", 0.0), 0.0), fine, z)
-    seen = _low_passed(seen, values.get("height.lag", 0.0)) * camera
+    seen = _low_passed(seen, values.get("height.lag", 0.0), pictures_hz) * camera
     noise = NOISE_M * rng.normal(size=seen.size)
     if arm.noise == "coloured":
         noise = lfilter([np.sqrt(1.0 - 0.8**2)], [1.0, -0.8], noise)
@@ -62,12 +64,12 @@ def _throw(values, arm: Arm, rng: np.random.Generator, name: str, ball, throw) -
     return Recording(name, {"height": signal(time_s, seen, "m")}, {"mass": mass, "diameter": diameter})
 
 
-def _low_passed(values: np.ndarray, time_constant_s: float) -> np.ndarray:
+def _low_passed(values: np.ndarray, time_constant_s: float, pictures_hz: float) -> np.ndarray:
     """First-order lag by fine Euler steps, settled at the start."""
     if time_constant_s <= 0.0:
         return values
     fine = np.interp(np.arange(0.0, values.size - 1 + 1e-9, 0.02), np.arange(values.size), values)
-    a = 0.02 / PICTURES_HZ / time_constant_s
+    a = 0.02 / pictures_hz / time_constant_s
     out = lfilter([a], [1.0, a - 1.0], fine, zi=[(1.0 - a) * fine[0]])[0]
     return np.interp(np.arange(values.size), np.arange(0.0, values.size - 1 + 1e-9, 0.02), out)
 

@@ -103,10 +103,11 @@ def record(
     duration_s: float = 96.0,
     one_way: bool = False,
     stretch: tuple[float, float] | None = None,
+    keep: int = KEEP,
 ) -> Recording:
     """Drive a random sequence of target speeds; truth: parameters by the model's names, mass and sensors included.
 
-    stretch: the time [s] in which the effects act; else always.
+    keep: one of so many steps is recorded. stretch: the time [s] in which the effects act; else always.
     """
     n = int(duration_s / STEP_S)
     always = np.array([truth.get(name, 0.0) if name in STANDING else 0.0 for name in ORDER])
@@ -129,7 +130,7 @@ def record(
     sense = np.array([truth.get("speed.scale", 0.0), truth.get("speed.delay", 0.0) / STEP_S])
     out = _drive(always, effects, acts, target, shake, reading, sense)
     time_s = STEP_S * np.arange(n)
-    rows = slice(0, n, KEEP)
+    rows = slice(0, n, keep)
     wheel = np.interp(time_s - truth.get("speed.delay", 0.0), time_s, out[1]) * (1.0 + sense[0]) + reading
     # the accelerometer averages over 10 ms from its stamp on
     acceleration = 0.5 * (out[2] + np.append(out[2, 1:], out[2, -1]))

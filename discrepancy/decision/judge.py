@@ -94,7 +94,7 @@ def judge(
         missing_channels=missing_channels(problem, state, candidates, found, complaints),
         complaints=complaints,
         simulations=problem.simulations,
-        samples=int(problem.measured.size),
+        samples=problem.samples,
     )
     return Judgement(findings, problem, history[0], state, equation)
 

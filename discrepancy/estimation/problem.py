@@ -24,8 +24,10 @@ from discrepancy.model.windows import (
     Place,
     Run,
     cut,
+    means_of,
     odd_stamps,
     sample_runs,
+    samples_per_row,
     usable,
 )
 from discrepancy.signals.recording import Array, Complaint, Recording, cleaned
@@ -106,8 +108,16 @@ class Problem:
     simulations; a column that is reused from a nearby point changes how a fit proceeds, never what is predicted.
     """
 
-    def __init__(self, model: Model, recordings: Sequence[Recording]) -> None:
+    def __init__(
+        self,
+        model: Model,
+        recordings: Sequence[Recording],
+        row_period_s: Mapping[tuple[str, ...], float] | None = None,
+    ) -> None:
         self.model = model
+        self.recordings = tuple(recordings)
+        # the same filter for recorded and predicted samples: a mean over neighbours biases nothing
+        self.row_period_s = dict(row_period_s or {})
         self.costs = Costs(model.costly)
         self.windows: list[Window] = []
         self.runs: list[Run] = []
@@ -131,9 +141,12 @@ class Problem:
                 self.windows.append(window)
                 for channels, time_s, values in parts:
                     group = self._groups.setdefault(channels, len(self._groups))
-                    self.runs.append(Run(index, group, channels, time_s, rows))
-                    measured.append(values.ravel())
-                    rows += values.size
+                    each = samples_per_row(time_s, self.row_period_s.get(channels, 0.0))
+                    whole = time_s.size - time_s.size % each
+                    stamps, means = means_of(time_s[:whole], each), means_of(values[:whole].T, each).T
+                    self.runs.append(Run(index, group, channels, stamps, rows, time_s[:whole], each))
+                    measured.append(means.ravel())
+                    rows += means.size
             if len(self.windows) == before:
                 low, high = interval
                 text = (
@@ -158,12 +171,17 @@ class Problem:
         )
         self._count = _Count()
         self._recent: deque[tuple[Values, Array]] = deque(maxlen=RECENT)
-        self._places = [Place.on(self.windows[run.window].time_s, run.time_s) for run in self.runs]
+        self._places = [Place.on(self.windows[run.window].time_s, run.sample_s) for run in self.runs]
 
     @property
     def simulations(self) -> int:
         """Calls of predict so far, the unit of cost; those of copies count too."""
         return self._count.simulations
+
+    @property
+    def samples(self) -> int:
+        """Recorded samples of all channels, before any were averaged."""
+        return sum(run.sample_s.size * len(run.channels) for run in self.runs)
 
     def measuring(self, values: Values) -> "Problem":
         """A copy whose measured rows are the model's prediction at these values, without noise; it shares the cached Jacobian columns."""
@@ -242,7 +260,7 @@ class Problem:
         seen = self._all_outputs(values, extra)
         for run, place in zip(self.runs, self._places, strict=True):
             outputs = np.stack([seen[run.window][name] for name in run.channels])
-            rows[run.start : run.stop] = place.of(outputs).T.ravel()
+            rows[run.start : run.stop] = means_of(place.of(outputs), run.averaged).T.ravel()
         return rows
 
     def motions(self, windows: Sequence[Window], values: Values) -> Sequence[Mapping[str, Array]]:

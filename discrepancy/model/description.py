@@ -232,6 +232,9 @@ class Model:
     disturbances: Mapping[str, float] = field(
         default_factory=dict
     )  # what disturbances that nobody measured move an output by within a window, standard deviation; else a tenth of its movement
+    # highest frequency at which the model is meant to be right; None: by what its parameters do to the outputs. Samples that
+    # come faster are averaged.
+    bandwidth_hz: float | None = None
     lags: Mapping[str, float] = field(
         default_factory=dict
     )  # low-passes that `simulate` has in it already, by output [s]

@@ -22,13 +22,18 @@ FEWEST_SAMPLES: Final = int(gates.SAMPLES_IN_A_RUN.threshold)  # of a channel in
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A run of n samples of c channels with common stamps: rows[start:stop], shape (n, c) in C order."""
+    """A run of n rows of c channels with common stamps: rows[start:stop], shape (n, c) in C order.
+
+    A row is one sample, or the mean of `averaged` samples that follow one another, stamped at their mean time.
+    """
 
     window: int
     group: int
     channels: tuple[str, ...]
-    time_s: Array
+    time_s: Array  # of the rows (n,)
     start: int
+    sample_s: Array  # stamps of the samples (n * averaged,)
+    averaged: int = 1
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -211,3 +216,15 @@ def sample_runs(
                     stamps[run],
                     np.stack([outputs[name].value[run] for name in names], axis=1),
                 )
+
+
+def samples_per_row(time_s: Array, row_period_s: float) -> int:
+    """How many samples of a run with these stamps make one row of about row_period_s; at least 1, and no more than leave enough rows."""
+    step = float(np.median(np.diff(time_s)))
+    most = time_s.size // FEWEST_SAMPLES
+    return int(np.clip(round(row_period_s / step), 1, max(most, 1)))
+
+
+def means_of(values: Array, each: int) -> Array:
+    """Means (..., n) of `each` values (..., n * each) that follow one another."""
+    return values if each == 1 else values.reshape(*values.shape[:-1], -1, each).mean(axis=-1)

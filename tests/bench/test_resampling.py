@@ -1,0 +1,25 @@
+"""A verdict does not depend on how often was sampled: small bodies at their finest rate, and every eighth sample of it."""
+
+import pytest
+
+from bench.proof.plan import BODIES
+from bench.resampling import resampled
+from discrepancy.selection.state import Settings
+
+
+@pytest.mark.parametrize(
+    ("body", "name", "finest"),
+    # the straight drive at 200 Hz would cost a minute
+    [
+        ("ball", "quadratic drag", 1),
+        ("ball", "height lag", 1),
+        ("straight", "slope", 4),
+        ("car", "gyro delay", 1),
+    ],
+)
+def test_few_and_many_samples_give_the_same_name_and_interval(body: str, name: str, finest: int) -> None:
+    model = BODIES[body].model()
+    within = Settings(open_ended=False)
+    arm = resampled(body, model, model.effect(name), seed=1, factors=(finest, 8), settings=within)
+    assert arm.found[finest].named == [name]
+    assert arm.same(8)
