@@ -87,6 +87,37 @@ CONTENT_KEPT: Final = _gate(
     module="selection.bandwidth",
 )
 
+OUTLIER: Final = _gate(
+    name="no outlier",
+    of="row",
+    statistic="one-step error, every candidate projected out, in standard deviations by the median",
+    threshold=6.0,
+    passes="below",
+    source="two in 10^9 under Gaussian noise",
+    otherwise="the row is set aside, and told",
+    module="estimation.set_aside",
+)
+STRETCH: Final = _gate(
+    name="no stretch that nothing explains",
+    of="row",
+    statistic="root mean square of ten such errors that follow one another, none counted for more than 6",
+    threshold=4.0,
+    passes="below",
+    source="five rows at least have to be large; strong effects of the library, which are taken out to first order only, left up to 3.3",
+    otherwise="the ten rows are set aside, and told with their time",
+    module="estimation.set_aside",
+)
+SET_ASIDE: Final = _gate(
+    name="little enough to set aside",
+    of="channel",
+    statistic="share of the rows that would be set aside",
+    threshold=0.1,
+    passes="below",
+    source="beyond a tenth it is not an exception, but how the machine or the sensor is",
+    otherwise="nothing is set aside",
+    module="estimation.set_aside",
+)
+
 # 2 screen
 
 FALSE_ALARM: Final = _gate(

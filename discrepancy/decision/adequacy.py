@@ -52,7 +52,7 @@ def adequacy(problem: Problem, baseline: State, state: State) -> list[ChannelAde
     allowed = budgets(problem, problem.measured - base)
     local = differences(problem, state.fit.values, base, problem.local_names, cached=True)
     scale = np.array([allowed[name].value for name in problem.channels])[problem.row_channel]
-    states = WindowStates(local / scale[:, None], problem.row_window, np.ones(problem.measured.size, bool))
+    states = WindowStates(local / scale[:, None], problem.row_window, noise.sound)
     start = baseline.fit.values.warmed_up_as(state.fit.values)
     after = _errors(problem, noise, state.fit.values, states, scale, len(state.fit.names))
     before = (
@@ -85,7 +85,7 @@ def one_step_errors(problem: Problem, noise: Noise, rows: Array) -> Array:
         whitener, (n, c) = noise.whiteners[run.group], run.shape
         white = whitener.apply(rows[run.start : run.stop].reshape(n, c, 1))[..., 0]
         found.append((white @ np.linalg.inv(whitener.inverse_factor).T).ravel())
-    return np.concatenate(found)
+    return noise.kept(np.concatenate(found))
 
 
 def _within_windows(problem: Problem) -> Array:

@@ -47,7 +47,8 @@ def backward(problem: Problem, state: State, settings: Settings) -> State:
             break
         kept = tuple(n for n in state.accepted if n != weakest)
         state = replace(
-            assess(problem, kept, _without(problem, state, kept).values, settings), trials=state.trials
+            assess(problem, kept, _without(problem, state, kept).values, settings, state.aside),
+            trials=state.trials,
         )
     return state
 

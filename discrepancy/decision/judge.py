@@ -5,8 +5,9 @@ between the model without it and the best prediction of held-out rows, by the li
 the best proxy and the cause is unknown. All thresholds are in discrepancy.gates.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from discrepancy.decision import summary
 from discrepancy.decision.adequacy import adequacy
@@ -15,6 +16,7 @@ from discrepancy.decision.drop_one import DropOneTest, backward, drop_one_tests
 from discrepancy.decision.groups import Alternative, alternatives, separation
 from discrepancy.decision.location import locate
 from discrepancy.decision.missing_channels import missing_channels
+from discrepancy.decision.not_understood import complaints_of, stretches_not_understood
 from discrepancy.decision.verdict import verdict
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.problem import Problem, Unusable
@@ -26,6 +28,12 @@ from discrepancy.selection.search import best_confirmed, search
 from discrepancy.selection.state import Progress, Settings, State
 from discrepancy.signals import findings as f
 from discrepancy.signals.recording import Complaint
+
+# what a status becomes where some stretch of time is not understood
+LESS_SURE: Final[Mapping[f.Status, f.Status]] = {
+    "nothing missing": "unknown",
+    "explained": "explained in part",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +59,7 @@ def judge(
     """
     complaints = [*complaints, *problem.complaints]
     state, history = search(problem, settings, progress)
+    complaints += complaints_of(problem, history[0])
     left_over = best_confirmed(problem, state, settings)
     state = backward(problem, state, settings)
     progress("looking for what the library does not explain")
@@ -79,6 +88,8 @@ def judge(
         settings,
         len(history[-1].accepted),
     )
+    if unclear := stretches_not_understood(problem, history[0]):
+        status, reasons = LESS_SURE.get(status, status), [*unclear, *reasons]
     findings = f.Findings(
         model=problem.model.name,
         recordings=list(dict.fromkeys(w.recording for w in problem.windows)),

@@ -13,6 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discrepancy.estimation.problem import Problem
+from discrepancy.estimation.set_aside import (
+    Mask,
+    Stretch,
+    after,
+    stretches,
+    unexplained_steps,
+    without_echoes,
+)
 from discrepancy.model.windows import Run
 from discrepancy.signals.recording import Array
 
@@ -54,30 +62,67 @@ class Noise:
 
     initial_uncertainty: raw rows (N, k) of one standard deviation of each initial state that is nearly known (Parameter.scope); what those
     states may do in each window is part of the noise.
+    set_aside: for each run the rows (n,) that nothing explains; they, and rows whose prediction uses them, are not kept.
     """
 
     def __init__(
-        self, problem: Problem, whiteners: Sequence[Whitener], initial_uncertainty: Array | None = None
+        self,
+        problem: Problem,
+        whiteners: Sequence[Whitener],
+        initial_uncertainty: Array | None = None,
+        set_aside: Sequence[Mask] = (),
     ) -> None:
         self.whiteners = tuple(whiteners)
         self.initial_uncertainty = (
             np.zeros((problem.measured.size, 0)) if initial_uncertainty is None else initial_uncertainty
         )
         self._runs = problem.runs
+        self.set_aside = tuple(set_aside)
         kept = [
             np.arange(run.start + self.whiteners[run.group].order * run.shape[1], max(run.stop, run.start))
             for run in self._runs
         ]
         self.keep: NDArray[np.intp] = np.concatenate(kept)
+        self._chosen = self._not_set_aside() if self.set_aside else None
+        if self._chosen is not None:
+            self.keep = self.keep[self._chosen]
         self.row_window = problem.row_window[self.keep]
         self.row_channel = problem.row_channel[self.keep]
         self.row_time = problem.row_time[self.keep]
         self._windows = problem.row_window
+        self.window_count = len(problem.windows)
         self._unsure = [*self._decomposed()]
 
     def having(self, problem: Problem, initial_uncertainty: Array) -> "Noise":
         """The same noise with another initial-state uncertainty."""
-        return Noise(problem, self.whiteners, initial_uncertainty)
+        return Noise(problem, self.whiteners, initial_uncertainty, self.set_aside)
+
+    @property
+    def sound(self) -> Mask:
+        """Which raw rows (N,) are not set aside."""
+        found = np.ones(self._windows.size, bool)
+        for run, out in zip(self._runs, self.set_aside, strict=False):
+            found[run.start : run.stop] = np.repeat(~out, run.shape[1])
+        return found
+
+    def kept(self, rows: Array) -> Array:
+        """Of whitened rows, those that are not set aside."""
+        return rows if self._chosen is None else rows[self._chosen]
+
+    def _not_set_aside(self) -> Mask:
+        """Which of the rows that the whiteners leave are kept."""
+        parts = []
+        for run, out in zip(self._runs, self.set_aside, strict=True):
+            order = self.whiteners[run.group].order
+            parts.append(np.repeat(~after(out, order)[order:], run.shape[1]))
+        return np.concatenate(parts)
+
+    def errors(self, rows: Array) -> list[Array]:
+        """Raw rows (N,) -> one-step errors of every run (n - order, c), those set aside too."""
+        return [
+            self.whiteners[run.group].apply(rows[run.start : run.stop].reshape(*run.shape, 1))[:, :, 0]
+            for run in self._runs
+        ]
 
     def _decomposed(self) -> Iterator[tuple[slice, Array, Array, Array]]:
         """For each window: its whitened rows, and the singular vectors and values of what its initial states may do there."""
@@ -111,9 +156,10 @@ class Noise:
 
     def log_density(self) -> float:
         """Logarithm of the density of raw rows that are whitened to nothing, but for a constant."""
+        out = [int(rows.sum()) for rows in self.set_aside] or [0] * len(self._runs)
         known = sum(
-            run.shape[0] * float(np.linalg.slogdet(self.whiteners[run.group].inverse_factor)[1])
-            for run in self._runs
+            (run.shape[0] - gone) * float(np.linalg.slogdet(self.whiteners[run.group].inverse_factor)[1])
+            for run, gone in zip(self._runs, out, strict=True)
         )
         return known - 0.5 * sum(float(np.sum(np.log1p(size**2))) for _, _, size, _ in self._unsure)
 
@@ -126,6 +172,7 @@ class Noise:
             white = whitener.apply(columns[run.start : run.stop].reshape(n, c, k))
             parts.append(white.reshape((n - whitener.order) * c, k))
         white = np.concatenate(parts)
+        white = self.kept(white)
         return white[:, 0] if rows.ndim == 1 else white
 
     def innovation_sd(self, problem: Problem) -> dict[str, float]:
@@ -137,23 +184,30 @@ class Noise:
         }
 
 
-def white_noise(problem: Problem, residual: Array, initial_uncertainty: Array | None = None) -> Noise:
-    """No memory yet: each channel scaled by the spread of its residual; initial_uncertainty: of `Noise`."""
+def white_noise(
+    problem: Problem,
+    residual: Array,
+    initial_uncertainty: Array | None = None,
+    set_aside: Sequence[Mask] = (),
+) -> Noise:
+    """No memory yet: each channel scaled by the spread of its residual; the other arguments: of `Noise`."""
     whiteners = []
-    for runs in by_group(problem.runs):
-        spread = np.std(_stack(runs, residual), axis=0)
+    for runs, out in _grouped(problem, set_aside):
+        spread = np.std(_stack(runs, residual)[~np.concatenate(out)], axis=0)
         size = np.maximum(spread, 1e-9 * (1.0 + np.abs(np.mean(_stack(runs, problem.measured), axis=0))))
         size = np.maximum(size, _floors(problem, runs))
         c = runs[0].shape[1]
         whiteners.append(Whitener(np.zeros((0, c, c)), np.diag(1.0 / size)))
-    return Noise(problem, whiteners, initial_uncertainty)
+    return Noise(problem, whiteners, initial_uncertainty, set_aside)
 
 
 def estimate_noise(problem: Problem, residual: Array, used: float, known: Noise | None = None) -> Noise:
     """Autoregression of the residual rows; `used` parameters were fitted to them (their share of freedom is given back).
 
-    known: the noise as it was taken to be, by which the part of the rows that is due to initial states is taken out.
+    known: the noise as it was taken to be, by which the part of the rows that is due to initial states is taken out; rows that it sets aside
+    stay so.
     """
+    set_aside = known.set_aside if known is not None else ()
     if known is not None:
         initial, also = known.initial_part(residual)
         residual, used = residual - initial, used + also
@@ -162,11 +216,78 @@ def estimate_noise(problem: Problem, residual: Array, used: float, known: Noise 
     return Noise(
         problem,
         [
-            autoregression(runs, residual, freedom_correction, _floors(problem, runs))
-            for runs in by_group(problem.runs)
+            autoregression(runs, residual, freedom_correction, _floors(problem, runs), out)
+            for runs, out in _grouped(problem, set_aside)
         ],
         known.initial_uncertainty if known is not None else None,
+        set_aside,
     )
+
+
+def setting_aside(
+    problem: Problem, residual: Array, used: float, known: Noise, raw: Array, spared: set[int]
+) -> Noise:
+    """The noise without rows that nothing explains; arguments as of `estimate_noise`.
+
+    raw: the residual with what candidates could explain; spared: groups of which too much would go, and which keep their rows.
+    """
+    noise = estimate_noise(problem, residual, used, known)
+    out = _marked(problem, noise, residual - known.initial_part(residual)[0], raw, spared)
+    if not any(rows.any() for rows in out):
+        return Noise(problem, noise.whiteners, known.initial_uncertainty)
+    return estimate_noise(
+        problem, residual, used, Noise(problem, noise.whiteners, known.initial_uncertainty, out)
+    )
+
+
+def restored(problem: Problem, residual: Array, used: float, noise: Noise) -> Noise:
+    """The noise with rows back in that were only predicted from an outlier; arguments as of `estimate_noise`."""
+    out = list(noise.set_aside)
+    for at in _by_group(problem):
+        own = [residual[r.start : r.stop].reshape(r.shape) for r in (problem.runs[i] for i in at)]
+        for i, rows in zip(at, without_echoes(own, [out[i] for i in at]), strict=True):
+            out[i] = rows
+    return estimate_noise(
+        problem, residual, used, Noise(problem, noise.whiteners, noise.initial_uncertainty, out)
+    )
+
+
+def what_is_aside(problem: Problem, residual: Array, noise: Noise) -> list[Stretch]:
+    """The rows that a noise sets aside, as stretches of time in order; residual: raw rows (N,)."""
+    if not noise.set_aside:
+        return []
+    errors, found = noise.errors(residual), []
+    for at in _by_group(problem):
+        own = [problem.runs[i] for i in at]
+        found += stretches(own, [errors[i] for i in at], [noise.set_aside[i] for i in at])
+    return sorted(found, key=lambda s: (s.window, s.start_s))
+
+
+def _marked(problem: Problem, noise: Noise, left: Array, raw: Array, spared: set[int]) -> tuple[Mask, ...]:
+    """Rows of every run that nothing explains; groups of which too much would go keep all of theirs, and join the spared ones."""
+    errors, before = noise.errors(left), noise.errors(raw)
+    out = list(noise.set_aside) or [np.zeros(run.shape[0], bool) for run in problem.runs]
+    for group, at in enumerate(_by_group(problem)):
+        own, was, known = [errors[i] for i in at], [before[i] for i in at], [out[i] for i in at]
+        marked = None if group in spared else unexplained_steps(own, was, known)
+        if marked is None:
+            spared.add(group)
+        for i, k in enumerate(at):
+            out[k] = np.zeros_like(out[k]) if marked is None else marked[i]
+    return tuple(out)
+
+
+def _by_group(problem: Problem) -> list[list[int]]:
+    """Numbers of the runs of each group."""
+    count = 1 + max(run.group for run in problem.runs)
+    return [[i for i, run in enumerate(problem.runs) if run.group == group] for group in range(count)]
+
+
+def _grouped(problem: Problem, set_aside: Sequence[Mask]) -> Iterator[tuple[list[Run], list[Mask]]]:
+    """Runs by group, each with the rows of it that are set aside."""
+    out = set_aside or [np.zeros(run.shape[0], bool) for run in problem.runs]
+    for at in _by_group(problem):
+        yield [problem.runs[i] for i in at], [out[i] for i in at]
 
 
 def _floors(problem: Problem, runs: Sequence[Run]) -> Array:
@@ -184,9 +305,16 @@ def _stack(runs: Sequence[Run], rows: Array) -> Array:
 
 
 def autoregression(
-    runs: Sequence[Run], residual: Array, freedom_correction: float, floors: Array
+    runs: Sequence[Run],
+    residual: Array,
+    freedom_correction: float,
+    floors: Array,
+    set_aside: Sequence[Mask] = (),
 ) -> Whitener:
-    """The order by BIC; memory of every channel for itself where there are too few rows for one that couples them."""
+    """The order by BIC; memory of every channel for itself where there are too few rows for one that couples them.
+
+    set_aside: rows of each run that neither are predicted nor predict others.
+    """
     c = runs[0].shape[1]
     shortest = min(run.shape[0] for run in runs)
     total = sum(run.shape[0] for run in runs)
@@ -198,6 +326,9 @@ def autoregression(
     lags = [
         np.concatenate([part[longest - i : len(part) - i] for part in parts]) for i in range(1, longest + 1)
     ]
+    if any(rows.any() for rows in set_aside):
+        sound = np.concatenate([~after(rows, longest)[longest:] for rows in set_aside])
+        target, lags = target[sound], [lag[sound] for lag in lags]
     found = [(order * c * c, past) for order, past in enumerate(_coupled(lags[:coupled], target))]
     if coupled < longest:
         found += [(order * c, past) for order, past in enumerate(_alone(lags, target)) if order > 0]

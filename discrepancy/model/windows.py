@@ -32,8 +32,13 @@ class Run:
     channels: tuple[str, ...]
     time_s: Array  # of the rows (n,)
     start: int
-    sample_s: Array  # stamps of the samples (n * averaged,)
+    samples: Array | None = None  # their stamps (n * averaged,); None: those of the rows
     averaged: int = 1
+
+    @property
+    def sample_s(self) -> Array:
+        """Stamps of the samples (n * averaged,)."""
+        return self.time_s if self.samples is None else self.samples
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -239,7 +239,7 @@ def best_interval(
         return None
     white = projector.states.off(noise.whiten(raw))
     columns, inverse = projector.nuisances
-    count = int(noise.row_window.max()) + 1
+    count = noise.window_count
 
     # Score and power of a range follow from differences of cumulative sums over windows: about n²/2 ranges cost n sums. Initial
     # states belong to single windows and are projected out first; nuisances couple the windows and are subtracted below by the Schur

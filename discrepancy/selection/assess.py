@@ -6,8 +6,13 @@ from dataclasses import replace
 from discrepancy import gates
 from discrepancy.estimation.effort import AS_IT_IS, CACHED, FULL, Effort
 from discrepancy.estimation.fit import Fit, fit, initial_uncertainty
-from discrepancy.estimation.noise import Noise, estimate_noise, white_noise
+from discrepancy.estimation.noise import (
+    Noise,
+    estimate_noise,
+    white_noise,
+)
 from discrepancy.estimation.problem import Problem, Values
+from discrepancy.estimation.set_aside import NOTHING, SetAside
 from discrepancy.model.description import Effect
 from discrepancy.selection.active_intervals import temporary_effects, window_ranges
 from discrepancy.selection.screen import (
@@ -25,13 +30,25 @@ from discrepancy.selection.state import Settings, State, free_names
 from discrepancy.selection.unexplained import unexplained, unexplained_by_window
 
 
-def assess(problem: Problem, accepted: tuple[str, ...], values: Values, settings: Settings) -> State:
-    """The state with these effects accepted: noise with all candidates projected out, the fit under it, and the screen of the others."""
+def assess(
+    problem: Problem,
+    accepted: tuple[str, ...],
+    values: Values,
+    settings: Settings,
+    aside: SetAside = NOTHING,
+) -> State:
+    """Noise with all candidates projected out, the fit under it, and the screen of what is not accepted.
+
+    aside: what nothing explains; the same in all of a search, because likelihoods of different rows cannot be compared.
+    """
     names = free_names(problem, accepted)
     candidates = [e for e in problem.model.effects if e.name not in accepted]
     base = problem.predict(values)
     noise = white_noise(
-        problem, problem.measured - base, initial_uncertainty(problem, values, base, cached=True)
+        problem,
+        problem.measured - base,
+        initial_uncertainty(problem, values, base, cached=True),
+        aside.rows,
     )
     least = problem.costs.rough_reduction(noise.keep.size)
     fitted = fit(problem, noise, names, values, effort=replace(CACHED, least_reduction=least))
@@ -66,6 +83,7 @@ def assess(problem: Problem, accepted: tuple[str, ...], values: Values, settings
         temporary=tuple(temporary),
         temporary_basis=basis,
         at_prior=at_prior,
+        aside=aside,
     )
 
 

@@ -79,7 +79,8 @@ class Simulated:
             if channel in block.channels:
                 i, c = block.channels.index(channel), len(block.channels)
                 window = problem.windows[block.window]
-                before = block.time_s - window.step_s
+                # a command may answer to any reading of the row that it is averaged in
+                before = block.sample_s[:: block.averaged] - window.step_s
                 raw[block.start + i : block.stop : c] = np.interp(before, window.time_s, series[block.window])
         return raw
 

@@ -210,9 +210,11 @@ def spread(fitted: Fit, names: Sequence[str], blocks: NDArray[np.intp]) -> float
 
 
 def time_blocks_of(noise: Noise) -> NDArray[np.intp]:
-    """Block number of each whitened row (n,): about BLOCKS blocks of time that are independent of each other."""
-    # Whole windows where there are enough: the rows of a window share its initial states, so parts of one are not independent.
-    count = int(noise.row_window.max()) + 1
+    """Number of the block of time each whitened row belongs to, about BLOCKS that know nothing of one another.
+
+    Windows are not cut where there are enough: their initial states tie all rows of one together.
+    """
+    count = noise.window_count
     if count < FEWEST_BLOCKS:
         return time_blocks(noise, BLOCKS)
     return np.asarray(noise.row_window * min(count, BLOCKS) // count, np.intp)

@@ -12,8 +12,10 @@ from discrepancy import gates
 from discrepancy.estimation.fit import Fit, fit
 from discrepancy.estimation.noise import Noise, estimate_noise
 from discrepancy.estimation.problem import Problem
+from discrepancy.estimation.set_aside import NOTHING, SetAside
 from discrepancy.selection.assess import assess
 from discrepancy.selection.candidate_fits import candidate_fit, confirm, project_out, try_shortlist
+from discrepancy.selection.riddles import to_set_aside
 from discrepancy.selection.screen import spread, time_blocks_of
 from discrepancy.selection.state import CandidateFit, Progress, Settings, State, free_names, switched_off
 
@@ -21,12 +23,29 @@ from discrepancy.selection.state import CandidateFit, Progress, Settings, State,
 def search(
     problem: Problem, settings: Settings, progress: Progress = lambda _: None
 ) -> tuple[State, list[State]]:
-    """The final state, and the states of all rounds (the first is the baseline)."""
+    """The final state, and the states on the way (the first is the baseline).
+
+    What nothing explains at the end is set aside, and all is looked for again without it. A recording without such rows is searched once.
+    """
+    state, history = _search(problem, settings, progress, NOTHING)
+    aside = to_set_aside(problem, state)
+    if not aside.stretches:
+        return state, history
+    progress(
+        f"{sum(s.rows for s in aside.stretches)} rows that nothing explains are set aside; searching again"
+    )
+    return _search(problem, settings, progress, aside)
+
+
+def _search(
+    problem: Problem, settings: Settings, progress: Progress, aside: SetAside
+) -> tuple[State, list[State]]:
+    """One search; aside: of `assess`."""
     history: list[State] = []
     accepted: tuple[str, ...] = ()
     values = problem.start()
     while True:
-        state = assess(problem, accepted, values, settings)
+        state = assess(problem, accepted, values, settings, aside)
         if len(accepted) < settings.most_effects:
             progress(f"{len(state.scores)} effects screened, {problem.simulations} simulations")
             state = replace(state, trials=tuple(try_shortlist(problem, state, settings)))
@@ -68,7 +87,7 @@ def confirmed_pair(problem: Problem, state: State, settings: Settings) -> list[C
     if not inconsistent or len(state.accepted) + 2 > settings.most_effects:
         return []
     one = max(inconsistent, key=lambda t: t.margin)
-    given = assess(problem, (*state.accepted, one.effect), one.fit.values, settings)
+    given = assess(problem, (*state.accepted, one.effect), one.fit.values, settings, state.aside)
     given = replace(given, trials=tuple(try_shortlist(problem, given, settings)))
     other = next(iter(best_confirmed(problem, given, settings)), None)
     if other is None:

@@ -10,6 +10,7 @@ from discrepancy import gates
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
 from discrepancy.estimation.problem import Problem, Values
+from discrepancy.estimation.set_aside import NOTHING, SetAside
 from discrepancy.model.description import Effect
 from discrepancy.selection.screen import Columns, Score
 
@@ -92,6 +93,7 @@ class State:
     at_prior: Values | None = (
         None  # values with nuisances at their priors, where one was in conflict with its prior
     )
+    aside: SetAside = NOTHING  # what nothing explains and the noise leaves out
 
 
 def free_names(problem: Problem, effects: Sequence[str]) -> tuple[str, ...]:

@@ -1,0 +1,157 @@
+"""Readings that nothing explains: single outliers, and stretches of time in which the error is far larger than elsewhere.
+
+Under Gaussian noise a few such readings rule the noise of a whole recording, and with it everything that is decided by it. They are taken out of the
+noise, the fits and the tests, and are reported with their time. Thresholds are so high that a recording without them loses no row.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discrepancy import gates
+from discrepancy.model.windows import Run
+from discrepancy.signals.recording import Array
+
+Mask = NDArray[np.bool_]
+
+OUTLIER: Final = gates.OUTLIER.threshold
+STRETCH: Final = gates.STRETCH.threshold
+MOST_SHARE: Final = gates.SET_ASIDE.threshold
+STEPS: Final = 10  # rows in a row over which a stretch is judged
+MOST_EACH: Final = 1.5 * STRETCH  # that a row counts for in a stretch: one outlier is none
+INNER: Final = 1.0 - MOST_SHARE  # share of the errors that are no outliers in any case
+INNER_SD: Final = 0.8939  # root mean square of a normal error of unit size, when what is beyond that share is moved to its edge
+EXPLAINED: Final = 0.5  # share of the squared errors of a stretch that candidates have to leave there
+MANY: Final = (
+    0.4  # share of rows with a large residual of their own, from which rows in a row are one stretch
+)
+NORMAL: Final = 1.4826  # standard deviations in a median absolute deviation
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Rows of one run, one after the other, that nothing explains."""
+
+    window: int
+    channels: tuple[str, ...]
+    start_s: float
+    end_s: float
+    rows: int
+    size: float  # root mean square of the largest channel's error there, over that of the rest
+
+
+@dataclass(frozen=True, slots=True)
+class SetAside:
+    """What a search leaves out."""
+
+    rows: tuple[Mask, ...] = ()  # of every run; empty: none
+    stretches: tuple[Stretch, ...] = ()
+
+
+NOTHING: Final = SetAside()
+
+
+def unexplained_steps(
+    errors: Sequence[Array], before: Sequence[Array], known: Sequence[Mask]
+) -> list[Mask] | None:
+    """For the runs of one group: which of their rows nothing explains (n,); None where that is too much of the recording to be set aside.
+
+    errors: of one-step predictions, per run (n - order, c), what candidates could do taken out; before: with it; known: rows that are out already.
+    """
+    kept = [e[~out[out.size - len(e) :]] for e, out in zip(errors, known, strict=True)]
+    scale = _scale(np.concatenate(kept))
+    found = []
+    for e, was, out in zip(errors, before, known, strict=True):
+        size = np.abs(e) / scale
+        late = out.copy()
+        first = out.size - len(e)
+        new = np.any(size > OUTLIER, axis=1) | _in_stretches(size)
+        # candidates enter to first order: what they explain for the most part is a strong effect, not a riddle
+        for start, stop in _spans(new):
+            if np.sum(e[start:stop] ** 2) < EXPLAINED * np.sum(was[start:stop] ** 2):
+                new[start:stop] = False
+        late[first:] |= new
+        found.append(late)
+    share = sum(int(late.sum()) for late in found) / sum(late.size for late in found)
+    return found if share <= MOST_SHARE else None
+
+
+def _scale(errors: Array) -> Array:
+    """Standard deviation (c,) of the errors that are not outliers."""
+    size = np.abs(errors)
+    spread = NORMAL * np.median(size, axis=0)
+    # readings that often repeat have a median error near zero
+    inner = np.minimum(size, np.quantile(size, INNER, axis=0))
+    whole = np.sqrt(np.mean(inner**2, axis=0)) / INNER_SD
+    return np.asarray(np.maximum(np.maximum(spread, whole), 1e-300), float)
+
+
+def _in_stretches(size: Array) -> Mask:
+    """Which rows (n,) lie in some STEPS rows that together are too large; size: (n, c) in standard deviations."""
+    steps = min(STEPS, len(size))
+    sums = np.cumsum(np.concatenate([np.zeros((1, size.shape[1])), np.minimum(size, MOST_EACH) ** 2]), axis=0)
+    large = np.any((sums[steps:] - sums[:-steps]) / steps > STRETCH**2, axis=1)
+    return np.asarray(np.convolve(large, np.ones(steps)) > 0.5, bool)
+
+
+def without_echoes(residuals: Sequence[Array], out: Sequence[Mask]) -> list[Mask]:
+    """Of rows that are out, those whose own residual (n, c) is large, unless they are many: predictions from an outlier are off as well."""
+    scale = _scale(np.concatenate([r[~rows] for r, rows in zip(residuals, out, strict=True)]))
+    found = []
+    for residual, rows in zip(residuals, out, strict=True):
+        large, kept = np.any(np.abs(residual) > STRETCH * scale, axis=1) & rows, rows.copy()
+        for start, stop in _spans(rows):
+            share = float(np.mean(large[start:stop]))
+            if 0.0 < share < MANY:
+                kept[start:stop] = large[start:stop]
+        found.append(kept)
+    return found
+
+
+def _spans(rows: Mask) -> list[tuple[int, int]]:
+    """Begin and end of each run of true values."""
+    edges = np.flatnonzero(np.diff(rows.astype(int), prepend=0, append=0))
+    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+
+
+def same_rows(one: Sequence[Mask], other: Sequence[Mask]) -> bool:
+    """Whether the same rows are out; none at all is written in two ways."""
+    return (
+        all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+        if len(one) == len(other)
+        else not any(rows.any() for rows in (*one, *other))
+    )
+
+
+def after(out: Mask, order: int) -> Mask:
+    """Rows whose prediction uses one that is out, and those themselves."""
+    touched = out.copy()
+    for lag in range(1, order + 1):
+        touched[lag:] |= out[:-lag]
+    return touched
+
+
+def stretches(runs: Sequence[Run], errors: Sequence[Array], out: Sequence[Mask]) -> list[Stretch]:
+    """What is out, as stretches of time; errors: as in `unexplained_steps`."""
+    kept = np.concatenate([e[~o[o.size - len(e) :]] for e, o in zip(errors, out, strict=True)])
+    rms, found = np.sqrt(np.mean(kept**2, axis=0)), []
+    for run, e, rows in zip(runs, errors, out, strict=True):
+        for start, stop in _spans(rows):
+            own = e[max(start - (rows.size - len(e)), 0) : stop - (rows.size - len(e))]
+            if not len(own):
+                continue
+            sizes = np.sqrt(np.mean(own**2, axis=0)) / np.maximum(rms, 1e-300)
+            found.append(
+                Stretch(
+                    run.window,
+                    run.channels,
+                    float(run.time_s[start]),
+                    float(run.time_s[stop - 1]),
+                    stop - start,
+                    float(np.max(sizes)),
+                )
+            )
+    return found

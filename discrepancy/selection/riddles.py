@@ -1,0 +1,45 @@
+"""What remains a riddle when a search has ended: outliers and stretches that nothing explains, to be left out of a second search."""
+
+from typing import Final
+
+from discrepancy import gates
+from discrepancy.estimation.effort import AS_IT_IS, BRIEF
+from discrepancy.estimation.fit import fit
+from discrepancy.estimation.noise import Noise, estimate_noise, restored, setting_aside, what_is_aside
+from discrepancy.estimation.problem import Problem
+from discrepancy.estimation.set_aside import NOTHING, SetAside, same_rows
+from discrepancy.selection.state import State
+from discrepancy.selection.unexplained import unexplained, unexplained_by_window
+
+ROUNDS: Final = 6  # of a fit and of rows that nothing explains
+
+
+def to_set_aside(problem: Problem, state: State) -> SetAside:
+    """The rows that nothing explains beside what was accepted; every candidate is free in every window, because a temporary effect is no riddle.
+
+    Asked at the end of a search: strong effects are then fitted, while a linear forecast of them leaves errors of its own. Where some effect helps far beyond
+    chance and yet was not accepted, the errors are its own. Models whose simulations are expensive are not asked.
+    """
+    helps = (t for t in state.trials if t.effect not in state.accepted and not t.reference)
+    if problem.costs.costly or any(
+        t.raw_sse_reduction > max(t.threshold, gates.CLEAR.threshold) for t in helps
+    ):
+        return NOTHING
+    found, at, spared = state.noise, state.fit, set[int]()
+    # outliers pull a fit towards them, and hide behind the noise that they make large: hence the rounds
+    for _ in range(ROUNDS):
+        raw = problem.measured - problem.predict(at.values)
+        at = fit(problem, found, at.names, at.values, effort=AS_IT_IS)
+        by_window = unexplained_by_window(problem, found, at, raw, state.columns)
+        known, found = found.set_aside, setting_aside(problem, *by_window, found, raw, spared)
+        if same_rows(known, found.set_aside):
+            break
+        at = fit(problem, found, at.names, at.values, effort=BRIEF)
+    if not found.set_aside:
+        return NOTHING
+    raw = problem.measured - problem.predict(at.values)
+    at = fit(problem, found, at.names, at.values, effort=AS_IT_IS)
+    left, used = unexplained(problem, found, at, raw, state.columns)
+    noise: Noise = restored(problem, left, used, found)
+    rows = tuple(noise.set_aside)
+    return SetAside(rows, tuple(what_is_aside(problem, left, estimate_noise(problem, left, used, noise))))

@@ -1,0 +1,105 @@
+"""Outliers and stretches that nothing explains are set aside with their time, and rule nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from discrepancy.estimation.problem import Problem
+from discrepancy.estimation.set_aside import NOTHING
+from discrepancy.examine import examine
+from discrepancy.selection.search import search
+from discrepancy.selection.state import Settings, State
+from discrepancy.signals.recording import Recording, Signal
+from tests.discrepancy.toys import record, tank
+
+BRIEF = Settings(open_ended=False)
+
+
+def with_errors(recording: Recording, error: np.ndarray) -> Recording:
+    level = recording.signals["level"]
+    wrong = Signal(level.time_s, level.value + error, level.unit, level.held)
+    return replace(recording, signals={**recording.signals, "level": wrong})
+
+
+def with_outliers(recording: Recording, share: float, seed: int = 1) -> tuple[Recording, np.ndarray]:
+    """Readings off by 15 to 150 standard deviations of the noise."""
+    rng, size = np.random.default_rng(seed), recording.signals["level"].value.size
+    error = np.where(
+        rng.random(size) < share, rng.choice([-1.0, 1.0], size) * rng.uniform(0.3, 3.0, size), 0.0
+    )
+    return with_errors(recording, error), np.flatnonzero(error)
+
+
+def with_a_bad_contact(recording: Recording, start_s: float, end_s: float) -> Recording:
+    time_s = recording.signals["level"].time_s
+    rng, acts = np.random.default_rng(1), (time_s >= start_s) & (time_s < end_s)
+    return with_errors(recording, acts * (0.3 * np.sin(7.0 * time_s) + rng.normal(0.0, 0.3, time_s.size)))
+
+
+def searched(recording: Recording) -> State:
+    return search(Problem(tank(), [recording]), BRIEF)[0]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_hundredth_of_outliers_does_not_widen_an_interval(seed: int) -> None:
+    """Without outliers 0.0005 wide to each side; with them ruling the noise, eight times that."""
+    clean = record(seed, leak=0.01)
+    spoilt, _ = with_outliers(clean, 0.01)
+    one, other = (examine(tank(), [r], BRIEF).finding("leak").parameters[0] for r in (clean, spoilt))
+    assert other.low is not None
+    assert one.low is not None
+    assert other.low < 0.0105
+    assert other.value - other.low < 1.3 * (one.value - one.low)
+    assert other.value == pytest.approx(one.value, abs=one.value - one.low)
+
+
+def test_every_outlier_is_set_aside_and_hardly_anything_else() -> None:
+    spoilt, at = with_outliers(record(3), 0.01)
+    times = spoilt.signals["level"].time_s[at]
+    aside = searched(spoilt).aside.stretches
+    found = np.concatenate([np.linspace(s.start_s, s.end_s, s.rows) for s in aside])
+    assert all(np.min(np.abs(found - time)) < 0.05 for time in times)
+    assert found.size <= times.size + 3
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.8])
+@pytest.mark.parametrize("leak", [0.0, 0.2])
+def test_a_clean_recording_loses_no_row(memory: float, leak: float) -> None:
+    """White and coloured noise, nothing missing and four typical changes missing."""
+    state = searched(record(5, memory=memory, leak=leak))
+    assert state.aside == NOTHING
+    assert state.noise.set_aside == ()
+
+
+def test_a_stretch_that_nothing_explains_is_told_with_its_time() -> None:
+    found = examine(tank(), [with_a_bad_contact(record(1, leak=0.03), 42.0, 47.0)], BRIEF)
+    (complaint,) = found.complaints
+    start, end = (float(part) for part in complaint.text.split("from ")[1].split(" s:")[0].split(" to "))
+    assert start == pytest.approx(42.0, abs=1.0)
+    assert end == pytest.approx(47.0, abs=1.5)
+    leak = found.finding("leak").parameters[0]
+    assert leak.low is not None
+    assert leak.high is not None
+    assert leak.low < 0.03 + 0.0006
+    assert leak.high > 0.03 - 0.0006
+    assert found.named == ["leak"]
+
+
+def test_nothing_missing_is_not_said_of_a_recording_with_such_a_stretch() -> None:
+    found = examine(tank(), [with_a_bad_contact(record(1), 42.0, 47.0)], BRIEF)
+    assert found.status == "unknown"
+    assert "not understood from" in found.reasons[0]
+
+
+def test_an_effect_that_acts_for_a_while_is_no_such_stretch() -> None:
+    """The level reads 0.2 m too much for a window and a half: the library has a bias."""
+    recording = record(1)
+    time_s = recording.signals["level"].time_s
+    raised = with_errors(recording, 0.2 * ((time_s >= 40.0) & (time_s < 60.0)))
+    rows = sum(stretch.rows for stretch in searched(raised).aside.stretches)
+    assert rows <= 2
+
+
+def test_what_fills_more_than_a_tenth_is_the_noise() -> None:
+    assert searched(with_a_bad_contact(record(1), 40.0, 60.0)).aside == NOTHING
