@@ -111,7 +111,7 @@ def resampled(
     values = {p.name: p.value + p.typical for p in effect.parameters}
     finest = FINEST[body](values, seed)
     found = {factor: examine(model, thinned(finest, factor), settings) for factor in factors}
-    told = oracle.told(Problem(model, thinned(finest, max(factors))), [effect], values)
+    told = oracle.measured(Problem(model, thinned(finest, max(factors))), [effect], values)
     return Resampled(effect.name, found, told.reached or 0.0)
 
 
