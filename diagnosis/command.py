@@ -9,8 +9,7 @@ import platform
 import shlex
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from diagnosis.question import Question
-    from discrepancy.selection.state import Progress
 
 EXIT = {
     "explained": int(Ending.PASSED),
@@ -161,6 +159,7 @@ def _one(question: "Question", out: Path | None, apply: Path | None, *, everythi
     from diagnosis.advice import advice
     from diagnosis.apply.applying import application
     from diagnosis.page import page
+    from diagnosis.progress import shown_progress
     from diagnosis.question import answer
     from diagnosis.terminal import render
     from discrepancy.decision.evidence import evidence
@@ -268,17 +267,6 @@ def write(option: str, folder: Path, texts: Mapping[str, str]) -> list[Path]:
 
 class Unwritable(UserError, ValueError):
     """The results cannot be written to the given folder or file."""
-
-
-@contextmanager
-def shown_progress(console: "Console") -> "Iterator[Progress]":
-    """The current step: one changing line on a terminal, otherwise one line per step with its time."""
-    start = time.monotonic()
-    if console.is_terminal:
-        with console.status("starting") as status:
-            yield lambda text: status.update(f"{text} [dim]{time.monotonic() - start:.0f} s[/]")
-        return
-    yield lambda text: print(f"{time.monotonic() - start:6.1f} s  {text}", file=sys.stderr, flush=True)
 
 
 def register(app: typer.Typer) -> None:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 
+import numba
 import numpy as np
 
 from discrepancy.model import Array, Effect, Model, Parameter, Window, sensor_effects
@@ -10,16 +11,24 @@ from discrepancy.model import Array, Effect, Model, Parameter, Window, sensor_ef
 CREEP_M_S = 1e-3  # speed within which the direction of dry friction is not certain
 
 
-def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Array]) -> dict[str, Array]:
-    force = window["force"] + extra.get("force", 0.0) - values.get("offset", 0.0)
-    viscous, dry, h = values.get("viscous", 0.0), values.get("dry", 0.0), window.step_s
-    place, speed, places = values["start"], values["start_speed"], np.empty(force.size)
-    for i, pushed in enumerate(force.tolist()):
+@numba.njit
+def _moved(
+    force: Array, h: float, mass: float, viscous: float, dry: float, place: float, speed: float
+) -> Array:
+    places = np.empty(force.size)
+    for i, pushed in enumerate(force):
         places[i] = place
         before = speed
-        speed += h / values["mass"] * (pushed - viscous * speed - dry * math.tanh(speed / CREEP_M_S))
+        speed += h / mass * (pushed - viscous * speed - dry * math.tanh(speed / CREEP_M_S))
         place += 0.5 * h * (before + speed)
-    return {"position": places}
+    return places
+
+
+def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Array]) -> dict[str, Array]:
+    force = window["force"] + extra.get("force", 0.0) - values.get("offset", 0.0)
+    friction = values.get("viscous", 0.0), values.get("dry", 0.0)
+    start = values["start"], values["start_speed"]
+    return {"position": np.asarray(_moved(force, window.step_s, values["mass"], *friction, *start), float)}
 
 
 def _friction(name: str, sentence: str, equation: str, parameter: Parameter) -> Effect:

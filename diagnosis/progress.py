@@ -1,0 +1,64 @@
+"""Signs of life of a diagnosis: every step as it begins, and the current one again while it lasts."""
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from discrepancy.selection.state import Progress
+
+EVERY_S: Final = 5.0  # after which a reader wonders whether anything happens
+
+
+@contextmanager
+def shown_progress(console: "Console", every_s: float = EVERY_S) -> "Iterator[Progress]":
+    """The current step with its time: one changing line on a terminal, otherwise a line per step and one at least every `every_s` seconds."""
+    start = time.monotonic()
+    if console.is_terminal:
+        with console.status("starting") as status:
+
+            def change(text: str) -> None:
+                status.update(f"{text} [dim]{time.monotonic() - start:.0f} s[/]")
+
+            with repeated(change, every_s) as progress:
+                yield progress
+        return
+
+    def print_line(text: str) -> None:
+        print(f"{time.monotonic() - start:6.1f} s  {text}", file=sys.stderr, flush=True)
+
+    with repeated(print_line, every_s) as progress:
+        yield progress
+
+
+@contextmanager
+def repeated(show: Callable[[str], None], every_s: float) -> "Iterator[Progress]":
+    """A progress function that shows each step at once, and the last one again whenever `every_s` seconds passed without another."""
+    current, news, over = ["starting"], threading.Event(), threading.Event()
+
+    def step(text: str) -> None:
+        current[0] = text
+        show(text)
+        news.set()  # begins the waiting time anew
+
+    def repeat() -> None:
+        while not over.is_set():
+            if news.wait(every_s):
+                news.clear()
+            else:
+                show(f"{current[0]} (still)")
+
+    # a simulation of the user's may take minutes and knows nothing of progress: hence a thread beside it
+    thread = threading.Thread(target=repeat, name="progress", daemon=True)
+    thread.start()
+    try:
+        yield step
+    finally:
+        over.set()
+        news.set()
+        thread.join()

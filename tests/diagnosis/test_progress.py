@@ -1,0 +1,42 @@
+"""A diagnosis shows that it lives."""
+
+import io
+import threading
+
+from rich.console import Console
+
+from diagnosis.progress import repeated, shown_progress
+
+
+def test_a_long_step_is_shown_again_until_it_ends() -> None:
+    shown: list[str] = []
+    third = threading.Event()
+
+    def show(text: str) -> None:
+        shown.append(text)
+        if len(shown) == 3:
+            third.set()
+
+    with repeated(show, 0.01) as progress:
+        progress("fitting")
+        assert third.wait(30.0)
+    count = len(shown)
+    assert shown[0] == "fitting"
+    assert set(shown[1:]) == {"fitting (still)"}
+    assert threading.active_count() == len([t for t in threading.enumerate() if t.name != "progress"])
+    assert len(shown) == count
+
+
+def test_steps_that_follow_quickly_are_shown_once_each() -> None:
+    shown: list[str] = []
+    with repeated(shown.append, 1000.0) as progress:
+        for step in ("reading", "screening", "fitting"):
+            progress(step)
+    assert shown == ["reading", "screening", "fitting"]
+
+
+def test_without_a_terminal_every_step_is_a_line_with_its_time(capsys) -> None:  # type: ignore[no-untyped-def]
+    with shown_progress(Console(file=io.StringIO()), 1000.0) as progress:
+        progress("reading")
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith(" s  reading")
