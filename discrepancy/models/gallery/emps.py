@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numba
 import numpy as np
@@ -11,7 +12,6 @@ from discrepancy.model import Array, Effect, Model, Parameter, Window, sensor_ef
 CREEP_M_S = 1e-3  # speed within which the direction of dry friction is not certain
 
 
-@numba.njit
 def _moved(
     force: Array, h: float, mass: float, viscous: float, dry: float, place: float, speed: float
 ) -> Array:
@@ -24,11 +24,14 @@ def _moved(
     return places
 
 
+_compiled: Any = numba.njit(_moved)
+
+
 def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Array]) -> dict[str, Array]:
     force = window["force"] + extra.get("force", 0.0) - values.get("offset", 0.0)
     friction = values.get("viscous", 0.0), values.get("dry", 0.0)
     start = values["start"], values["start_speed"]
-    return {"position": np.asarray(_moved(force, window.step_s, values["mass"], *friction, *start), float)}
+    return {"position": _compiled(force, window.step_s, values["mass"], *friction, *start)}
 
 
 def _friction(name: str, sentence: str, equation: str, parameter: Parameter) -> Effect:
