@@ -148,6 +148,7 @@ _TABLES: Mapping[str, tuple[type, Mapping[str, Quantity]]] = {
             "rolling_resistance": _q("rolling_resistance", 0, 0.3),
             "slip_stiffness": _q("slip_stiffness", 1, 60),
             "cornering_stiffness": _q("cornering_stiffness_per_rad", 1, 60),
+            "cornering_load": _q("cornering_load", 0.5, 20),
             "lateral_peak": _q("lateral_peak", 0.05, 2),
             "friction": _q("friction", 0.05, 2),
             "pneumatic_trail": _q("pneumatic_trail_m", 0, 0.5),

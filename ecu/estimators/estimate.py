@@ -191,10 +191,10 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
         lever_demands(i, arm, bucket, p),
     )  # fmt: skip
 
-    y1, y2 = shared(lateral.front, n.front_left, n.front_right)
-    y3, y4 = shared(lateral.rear, n.rear_left, n.rear_right)
-    forces = WheelForces(x.x1, x.x2, x.x3, x.x4, y1, y2, y3, y4)
     slips = wheel_slips(i, m.rate.z, v, slide.drift - g.rear_length * m.rate.z, n, w, g)
+    y1, y2 = shared(lateral.front, n.front_left, n.front_right, slips.y1, slips.y2, w)
+    y3, y4 = shared(lateral.rear, n.rear_left, n.rear_right, slips.y3, slips.y4, w)
+    forces = WheelForces(x.x1, x.x2, x.x3, x.x4, y1, y2, y3, y4)
     deflections, models = transient_forces(s, slips, v, n, i.dt, w, p.magic_formula)
 
     whole = machine_centre(d, front, machine.rear_unit)

@@ -125,7 +125,8 @@ class Wheel(NamedTuple):
     spin_inertia: float  # J_w [kg m2]
     rolling_resistance: float  # f_r, moment over load and radius
     slip_stiffness: float  # C_Fkappa over normal force
-    cornering_stiffness: float  # C_Falpha over normal force [1/rad]
+    cornering_stiffness: float  # C_Falpha over normal force, at the nominal load [1/rad]
+    cornering_load: float  # load at which the cornering stiffness is largest, over the nominal load
     lateral_peak: float  # peak lateral friction
     friction: float  # longitudinal friction for torque and slip warnings
     pneumatic_trail: float  # t_p [m]

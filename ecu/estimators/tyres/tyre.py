@@ -153,6 +153,16 @@ def sideways(tangent: float, normal_force: float, wheel: Wheel) -> float:
 
 
 @compiled
+def cornering_stiffness(normal_force: float, wheel: Wheel) -> float:
+    """Cornering stiffness [N/rad] under a load [N]: it grows less than the load, as sin(2 arctan(load / load of the largest))."""
+    largest = wheel.cornering_load * wheel.nominal_load
+    load, nominal = max(normal_force, 0.0) / largest, 1.0 / wheel.cornering_load
+    # sin(2 arctan x) = 2 x / (1 + x^2)
+    grown = load / (1.0 + load * load) * (1.0 + nominal * nominal) / nominal
+    return wheel.cornering_stiffness * wheel.nominal_load * grown
+
+
+@compiled
 def contact_point_rate(u: float, slip: float, speed: float, relaxation: float) -> float:
     """Rate du/dt [m/s] of the single contact point (33): -|V| u / sigma + |V| kappa (sign of E-06)."""
     return abs(speed) * (slip - u / relaxation)

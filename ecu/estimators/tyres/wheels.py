@@ -88,10 +88,31 @@ def transient_forces(
     return WheelForces(u1, u2, u3, u4, 0.0, 0.0, 0.0, 0.0), WheelForces(x1, x2, x3, x4, 0.0, 0.0, 0.0, 0.0)
 
 
+LEAST_TANGENT = 0.02
+"""Below this slip a tyre's side force is as its stiffness: which way an axle slides is then not known well."""
+
+
 @compiled
-def shared(total: float, left: float, right: float) -> tuple[float, float]:
-    """A lateral axle force [N] divided over its wheels in proportion to their loads."""
-    a, b = max(left, 0.0), max(right, 0.0)
+def side_weight(normal: float, tangent: float, wheel: Wheel) -> float:
+    """Side force [N] of a tyre with this tangent of its slip angle, by the brush model with its own stiffness."""
+    if normal <= 0.0:
+        return 0.0
+    sliding = wheel.lateral_peak * normal
+    tangent = max(abs(tangent), LEAST_TANGENT)
+    s = min(tyre.cornering_stiffness(normal, wheel) / (3.0 * sliding) * tangent, 1.0)
+    return 3.0 * sliding * s * (1.0 - s + s * s / 3.0)
+
+
+@compiled
+def shared(
+    total: float, left: float, right: float, left_slip: float, right_slip: float, wheel: Wheel
+) -> tuple[float, float]:
+    """A lateral axle force [N] divided over its wheels as their tyres would push at their loads [N] and slips (tangents).
+
+    The more loaded wheel gets less than its share of the load: its stiffness grows less than its load, and in a turn it runs
+    faster, which makes its slip angle smaller.
+    """
+    a, b = side_weight(left, left_slip, wheel), side_weight(right, right_slip, wheel)
     if a + b <= 0.0:
         return total / 2.0, total / 2.0
     return total * a / (a + b), total * b / (a + b)
