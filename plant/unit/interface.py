@@ -1,5 +1,7 @@
 """Vectors of what is sent at one tick, in the order of the rows of `plant.unit.signals`, for the machine as a unit on the bus."""
 
+from operator import attrgetter
+
 import numpy as np
 
 from plant.truth import Truth
@@ -14,6 +16,7 @@ REFERENCE_SOURCES = tuple(row.name for row in (*REFERENCES, *COMPUTED))
 
 _STATES = slice(len(CHANNELS), len(CHANNELS) + len(STATES))
 _STATE_CHANNELS = tuple([INDEX[name] for name in names] for names in STATES.values())
+_INTERNAL_VALUES = attrgetter(*(row.value for row in INTERNALS))
 _REFERENCE_PLACES = np.array([row.part.at + row.component for row in REFERENCES])
 
 
@@ -21,9 +24,10 @@ def machine_values(readings: Readings, moment: Moment) -> Floats:
     """Everything the machine sends, SI, in the order of MACHINE_SOURCES."""
     values = np.zeros(len(MACHINE_SOURCES))
     values[: _STATES.start] = readings.values
+    # Sensors are healthy in nearly every tick, and zero is the state of a healthy one.
     if readings.health.any():
         values[_STATES] = [readings.health[channels].max() for channels in _STATE_CHANNELS]
-    values[_STATES.stop :] = [row.value(moment) for row in INTERNALS]
+    values[_STATES.stop :] = _INTERNAL_VALUES(moment)
     return values
 
 

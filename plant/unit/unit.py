@@ -170,7 +170,7 @@ class PlantUnit:
             self._advance(self._readings, now_ns)
         self._readings = self._sensors.sample(measured_values(self._truth))
         self._ticks += 1
-        moment = Moment(self.demand, self.sequence, self._ground_speed(self._readings))
+        moment = Moment(self.demand, self.sequence, abs(self._ground_speed(self._readings)))
         values = interface.machine_values(self._readings, moment)
         return self._schedule.pack(self._ticks - 1, values)
 
