@@ -1,0 +1,176 @@
+"""Gates of groups, names and equations outside the library."""
+
+from typing import Final
+
+from discrepancy.gates.gate import listed as _gate
+
+# 5 groups
+
+RIVAL_SCORE: Final = _gate(
+    name="score of a rival",
+    of="group",
+    statistic="score in the finding's place before the variance inflation, plus 6, over the finding's reduction in SSE; expensive models only",
+    threshold=0.25,
+    source="the score of a lag or a friction may be a quarter of what its fit reaches; cheap models fit every rival",
+    otherwise="the rival is not fitted, unless the library declares it confusable with the finding",
+    module="decision.groups",
+)
+SAME_LIKELIHOOD: Final = _gate(
+    name="same likelihood",
+    of="group",
+    statistic="SSE of the rival in the finding's place minus SSE of the finding, plus 2 per further parameter",
+    threshold=6.0,
+    passes="below",
+    source="a likelihood ratio of 20",
+    otherwise="the rival is no member of the group, unless the next test is passed",
+    module="decision.groups",
+)
+VUONG: Final = _gate(
+    name="difference within its own scatter",
+    of="group",
+    statistic="the same difference over its standard deviation from blocks of time (Vuong 1989)",
+    threshold=2.0,
+    passes="below",
+    source="95 %",
+    otherwise="the rival is no member of the group",
+    module="decision.groups",
+)
+RIVAL_KEEPS: Final = _gate(
+    name="a rival keeps the reduction",
+    of="group",
+    statistic="reduction in SSE of the rival over that of the finding",
+    threshold=0.5,
+    source="half",
+    otherwise="the rival is no member of the group",
+    module="decision.groups",
+)
+BOTH_NEEDED: Final = _gate(
+    name="a rival makes the finding needless",
+    of="group",
+    statistic="reduction in SSE by both together beyond the better of the two, over the threshold of one effect",
+    threshold=1.0,
+    passes="below",
+    source="two names of one cause add nothing to one another",
+    otherwise="the rival is no member of the group: both may be there",
+    module="decision.groups",
+)
+MANOEUVRE_DECIDES: Final = _gate(
+    name="a manoeuvre decides",
+    of="group",
+    statistic="expected SSE between two rivals, each as fitted, in the manoeuvre",
+    threshold=20.0,
+    source="three times what counts as the same likelihood",
+    otherwise="the manoeuvre is not proposed; the model's own sentence is printed, if there is one",
+    module="decision.groups",
+)
+
+
+# 6 names
+
+GAP_CLOSED: Final = _gate(
+    name="gap closed",
+    of="name",
+    statistic="held-out reduction over that of the effect and the open-ended equation together, in the channels it acts on",
+    threshold=0.5,
+    source="half: 43 of 50 hidden hystereses were named as an effect without this test, 4 of 50 with it",
+    otherwise="best proxy, cause unknown",
+    module="decision.caveats",
+)
+CHANNEL_TOUCHED: Final = _gate(
+    name="channel acted on",
+    of="name",
+    statistic="share of the held-out reduction that is in the channel",
+    threshold=0.1,
+    source="what is left in a channel that the effect does not move says nothing about the effect",
+    otherwise="the channel does not count in the gap",
+    module="decision.drop_one",
+)
+DISCRETE_VALUE: Final = _gate(
+    name="there or not there",
+    of="name",
+    statistic="distance of a discrete parameter from its one change, as a share of it",
+    threshold=0.25,
+    passes="below",
+    source="a sign is right or wrong; in between, the recording follows neither",
+    otherwise="best proxy, cause unknown; a rival is no member of the group",
+    module="decision.groups",
+)
+AT_BOUND: Final = _gate(
+    name="inside the physical bounds",
+    of="name",
+    statistic="distance of a parameter from its bound, in typical changes",
+    threshold=1e-3,
+    source="the accuracy of a fit",
+    otherwise="best proxy, cause unknown, if an amplitude parameter is at a bound other than its baseline",
+    module="decision.summary",
+)
+OFF_BASELINE: Final = _gate(
+    name="off the baseline",
+    of="name",
+    statistic="distance of each amplitude parameter from its baseline, in half widths of its 95 % interval; not of profiles",
+    threshold=1.0,
+    source="an effect of which one part may be absent is not determined by the data",
+    otherwise="best proxy, cause unknown",
+    module="decision.caveats",
+)
+NOT_CANCELLING: Final = _gate(
+    name="two names that do not cancel",
+    of="name",
+    statistic="change of the outputs by two findings together, over the smaller change by one of them alone",
+    threshold=0.3,
+    source="a lag of 0.28 s and a delay of -0.28 s leave a remainder of second order",
+    otherwise="both are best proxies, cause unknown",
+    module="decision.caveats",
+)
+PRIOR_CONFLICT: Final = _gate(
+    name="no prior conflict",
+    of="name",
+    statistic="distance of a nuisance from its prior, in standard deviations of the prior",
+    threshold=3.0,
+    passes="below",
+    source="one in 370",
+    otherwise="effects are screened from the prior too; a name beside it is the best proxy, cause unknown",
+    module="selection.assess, decision.caveats",
+)
+LEFT_BESIDE_EQUATION: Final = _gate(
+    name="size left beside the equation",
+    of="name",
+    statistic="share of its size that an effect keeps beside the open-ended equation",
+    threshold=0.5,
+    source="half",
+    otherwise="best proxy, cause unknown, where what is left is not significant and the equation in its place does as well",
+    module="decision.caveats",
+)
+NUISANCE_IN_TIME: Final = _gate(
+    name="no nuisance that changes in time",
+    of="name",
+    statistic="score of a nuisance that is another in an interval over the reduction in SSE of the temporary effect, less 6",
+    threshold=0.98,
+    passes="below",
+    source="2 % is the error of the linear forecast",
+    otherwise="best proxy, cause unknown",
+    module="decision.caveats",
+)
+
+
+# 7 equation outside the library
+
+EQUATION_SEEN: Final = _gate(
+    name="term beyond chance",
+    of="equation",
+    statistic="p-value of the reduction in SSE, over variance inflation, over the number of terms tried",
+    threshold=0.02,
+    passes="below",
+    source="the same chance as a false alarm",
+    otherwise="no term is added",
+    module="selection.open_ended",
+)
+EQUATION_HELD_OUT: Final = _gate(
+    name="term on held-out data",
+    of="equation",
+    statistic="held-out reduction of all terms, less 0.3 of the reduction by the earlier terms",
+    threshold=4.0,
+    source="as for an effect",
+    otherwise="no term is added",
+    module="selection.open_ended",
+)
