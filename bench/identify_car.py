@@ -4,6 +4,7 @@ python -m bench.identify_car DATA/dart_rc_car --out docs/results/identification-
 """
 
 import argparse
+import subprocess
 from pathlib import Path
 
 from identify.car.fits import grip, sensor_delay, steering_lag
@@ -27,7 +28,7 @@ def interval_text(found: Estimate, name: str, places: int = 3) -> str:
     return f"{i.value:.{places}f} ({i.lower:.{places}f} to {i.upper:.{places}f})"
 
 
-def page(folder: Path) -> str:
+def page(folder: Path, commit: str) -> str:
     """The whole page."""
     car = Car()
     grips, delays, servos = [], [], []
@@ -50,7 +51,7 @@ def page(folder: Path) -> str:
             )
     return "\n".join([
         "# A small car on two floors", "",
-        "`python -m bench.identify_car DATA/dart_rc_car`: recordings of a 1:10 car under motion capture (DART, TU Delft, IEEE 10588526). Values with 95 % intervals.", "",
+        f"`python -m bench.identify_car DATA/dart_rc_car`, commit {commit}: recordings of a 1:10 car under motion capture (DART, TU Delft, IEEE 10588526). Values with 95 % intervals.", "",
         "## Grip", "",
         "| recording | floor | axle | grip | stiffness [1/rad] | shape |", "|---|---|---|---|---|---|", *grips, "",
         "Grip is the peak of the lateral Magic Formula over the axle's weight. Tape has less than half the grip of rubber; the intervals lie far apart. The recordings give no figure, only the",
@@ -74,7 +75,10 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--out", type=Path, default=Path("docs/results/identification-car.md"))
     options = parser.parse_args()
-    options.out.write_text(page(options.folder), encoding="utf-8")
+    commit = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True
+    ).stdout.strip()
+    options.out.write_text(page(options.folder, commit), encoding="utf-8")
 
 
 if __name__ == "__main__":
