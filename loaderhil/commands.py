@@ -82,6 +82,9 @@ PANELS: Final[dict[str, dict[str, Command]]] = {
             "hil.check.command", "Check the timing of every message in a recording against its cycle time."
         ),
         "decode": Command("hil.recording.decode", "Decode recordings into one table per message."),
+        "export": Command(
+            "loaderhil.export", "Write a decoded recording as MCAP, for Foxglove and PlotJuggler."
+        ),
         "mqtt": Command(
             "hil.mqtt.command", "Publish decoded signals and findings to an MQTT broker, until Ctrl-C."
         ),
