@@ -30,10 +30,14 @@ COMMAND: Final = "loaderhil campaign prevention"
 FILE: Final = "prevention.md"
 CACHE: Final = Path("out/campaign/prevention")
 RUNS, SEED = 1000, 1
+SAME_S: Final = 0.2
+"""Lift-offs so close to each other have the same cause [s]."""
 FREE_EVERY: Final = 4
 """One drive of so many is also driven without limits, to see whether there is anything to prevent."""
 
-GROUND: Final = "ground and load alone: driven straight with the levers at rest it lifts a wheel as well"
+GROUND: Final = (
+    "ground and load alone: driven straight with the levers at rest it lifts a wheel at the same time"
+)
 CALIBRATION: Final = "the wrong calibration: with the right one no wheel lifts"
 SLIPPERY: Final = "slippery ground: on a dry road no wheel lifts"
 UNEXPLAINED: Final = "not explained"
@@ -65,18 +69,22 @@ def driven(m: Manoeuvre, *, limits: bool) -> tuple[RunVerdict, Recording]:
     return verdict, recording
 
 
-def lifts(m: Manoeuvre) -> bool:
-    """Whether a wheel lifts although the limits act."""
-    return driven(m, limits=True)[0].lifted
+def lift_off_s(m: Manoeuvre) -> float | None:
+    """When a wheel lifts although the limits act [s]; None if none does."""
+    return driven(m, limits=True)[0].lift_off_s
 
 
-def cause_of(m: Manoeuvre) -> str:
-    """Why a wheel lifted although the limits acted: the first counterfactual that tells."""
-    if lifts(straight(m)):
+def cause_of(m: Manoeuvre, lifted_s: float) -> str:
+    """Why a wheel lifted at `lifted_s` [s] although the limits acted: the first counterfactual that tells.
+
+    The ground explains a lift-off that it makes by itself at the same time; one that comes later is the driver's.
+    """
+    by_ground_s = lift_off_s(straight(m))
+    if by_ground_s is not None and lifted_s <= by_ground_s + SAME_S:
         return GROUND
-    if m.calibration_seed is not None and not lifts(dataclasses.replace(m, calibration_seed=None)):
+    if m.calibration_seed is not None and lift_off_s(dataclasses.replace(m, calibration_seed=None)) is None:
         return CALIBRATION
-    if m.friction < DRY and not lifts(dataclasses.replace(m, friction=DRY)):
+    if m.friction < DRY and lift_off_s(dataclasses.replace(m, friction=DRY)) is None:
         return SLIPPERY
     return UNEXPLAINED
 
@@ -90,7 +98,7 @@ def run_case(m: Manoeuvre) -> Found:
         "wheel": verdict.lifting_wheel,
         "lead_s": verdict.lead_s,
         "margin": verdict.margin,
-        "cause": cause_of(m) if verdict.lifted else "",
+        "cause": "" if verdict.lift_off_s is None else cause_of(m, verdict.lift_off_s),
     }
 
 
@@ -157,7 +165,7 @@ def page(cases: Sequence[Manoeuvre], found: Sequence[Found], free: Sequence[Foun
             f"Of {len(cases)} drives **{len(lifted)}** lift a wheel. Of {len(free)} that were also driven without limits {without} lift one.\n",
             kinds_table(cases, found),
             "## Why the others lift a wheel\n",
-            "The first of these that holds when the drive is driven again.\n",
+            "The first of these that holds when the drive is driven again. Only the first lift-off of a drive is explained.\n",
             causes_table([r for _, r in lifted]),
             "## Drives that lift a wheel\n",
             lifted_table(lifted),

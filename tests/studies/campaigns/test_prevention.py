@@ -84,9 +84,16 @@ def test_drawn_errors_fill_their_ranges():
     ],
 )
 def test_a_lift_off_is_explained_by_what_takes_it_away(lifting_drives, cause, monkeypatch):
-    monkeypatch.setattr(prevention, "lifts", lifting_drives)
+    monkeypatch.setattr(prevention, "lift_off_s", lambda m: 3.0 if lifting_drives(m) else None)
     m = dataclasses.replace(drawn(1, 1)[0], calibration_seed=4, friction=0.5, angle_deg=20.0)
-    assert prevention.cause_of(m) == cause
+    assert prevention.cause_of(m, 3.0) == cause
+
+
+@pytest.mark.parametrize(("by_ground", "explained"), [(1.3, True), (1.2, True), (0.9, False), (None, False)])
+def test_the_ground_explains_no_lift_off_that_comes_after_its_own(by_ground, explained, monkeypatch):
+    monkeypatch.setattr(prevention, "lift_off_s", lambda m: 1.3 if m.angle_deg else by_ground)
+    m = dataclasses.replace(drawn(1, 1)[0], calibration_seed=None, friction=DRY, angle_deg=20.0)
+    assert prevention.cause_of(m, 1.3) == (prevention.GROUND if explained else prevention.UNEXPLAINED)
 
 
 def test_only_what_a_limit_could_keep_down_fails():
