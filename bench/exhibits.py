@@ -44,7 +44,7 @@ EXHIBITS = (
         ("estimation.csv.gz",),
         "A linear drive with a ball screw, 500 Hz. The model: a mass that a motor's force pushes.",
         "Published: viscous friction 203.5 N s/m, dry friction 20.4 N, offset of the force -3.2 N, mass 95.1 kg.",
-        "Right: viscous and dry friction are named, and both intervals hold the published sizes; so they do at 250 Hz and on the second recording of the drive. The offset is named too, a little small. "
+        "Right: viscous and dry friction are named, and as is the offset, and all three intervals hold the published sizes; friction is also right at 250 Hz and on the second recording of the drive. "
         "The reading comes 1.4 ms early, which nothing known confirms; a force that is held over the 2 ms of its samples looks alike. Before samples were averaged to the model's bandwidth, viscous friction had twice its size.",
     ),
 )

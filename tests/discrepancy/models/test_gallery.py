@@ -47,3 +47,19 @@ def test_tanks_that_overflow_are_unknown_with_the_size_and_place_of_the_error(re
     # water leaves the upper tank when it is full: the lower one is high then
     worst = max(level.regimes, key=lambda part: part.simulated)
     assert worst.regime.startswith("level above")
+
+
+@pytest.mark.data
+def test_friction_of_the_linear_drive_has_its_published_size_at_500_hz(recordings: Path) -> None:
+    """Janot, Gautier and Brunot (2019): 203.5 N s/m and 20.4 N. One-step errors of single samples gave 422 and no dry friction."""
+    (exhibit,) = [e for e in EXHIBITS if e.name == "emps"]
+    if not (recordings / exhibit.name).is_dir():
+        pytest.skip(f"no {exhibit.name} in {recordings}")
+    found = examine(*model_and_recordings(exhibit, recordings), Settings(open_ended=False))
+    for effect, published in (("viscous friction", 203.5), ("dry friction", 20.4)):
+        assert effect in found.named
+        (size,) = found.finding(effect).parameters
+        assert size.low is not None
+        assert size.high is not None
+        assert size.low < published < size.high
+    assert any("is sampled at 500 Hz" in complaint.text for complaint in found.complaints)
