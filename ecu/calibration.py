@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from configuration import CheckedTable, ConfigurationError
+from ecu.detection.description import SENSORS, DetectionRules, read_detection, section_of
 from ecu.estimators.parameters import (
     Arm,
     Axle,
@@ -46,6 +47,7 @@ class Calibration:
     warnings: WarningRules
     alarms: AlarmRules
     inputs: InputRules
+    detection: DetectionRules
 
 
 def _q(key: str, low: float, high: float) -> Quantity:
@@ -337,7 +339,11 @@ _TILT_LINKAGE: Mapping[str, Quantity] = {
     "count": _q("count", 1, 4),
     "back_pressure": _q("back_pressure_kpa", 0, 5000),
 }
-_SECTIONS = frozenset(_TABLES) | {"cylinders", "tilt_linkage", "name"}
+_SECTIONS = (
+    frozenset(_TABLES)
+    | {"cylinders", "tilt_linkage", "name", "detection"}
+    | {section_of(family) for family in SENSORS}
+)
 
 
 def load_calibration(name_or_path: str | Path = "l60") -> Calibration:
@@ -385,6 +391,7 @@ def load_calibration(name_or_path: str | Path = "l60") -> Calibration:
         warnings=part("warnings", WarningRules),
         alarms=part("alarms", AlarmRules),
         inputs=part("inputs", InputRules),
+        detection=read_detection(top),
     )
     _check(calibration, path)
     return calibration

@@ -16,11 +16,12 @@ from ecu import limits, reasons
 from ecu.alarms import Alarm, advanced
 from ecu.calibration import Calibration
 from ecu.consistency import Consistency
+from ecu.detection.live import Detection
 from ecu.detection.troubles import Troubles
 from ecu.estimators.live import LiveEstimator
 from ecu.estimators.signals import Estimates
 from ecu.findings import EstimatorFailed, Finding, ProtectionFailed, Stale, StateChanged
-from ecu.inputs import CycleInputs, Group, InputReceiver, estimator_inputs
+from ecu.inputs import OUTSIDE_ESTIMATES, CycleInputs, Group, InputReceiver, estimator_inputs
 from ecu.outputs import TICK_NS, Outputs
 from ecu.states import Event, State, after
 from ecu.validity import NOTHING, valid_without
@@ -61,6 +62,7 @@ class EcuCycle:
         self._receiver = InputReceiver(calibration, database)
         self._consistency = Consistency(self._parameters.wheel, database)
         self._outputs = Outputs(database)
+        self._detection = Detection(calibration, database)
         self._troubles = Troubles(calibration.inputs, database)
         self._heard: list[Finding] = []  # findings on frames since the last tick
         self._state = State.INIT
@@ -87,6 +89,8 @@ class EcuCycle:
         """Compile the estimators, so that the first cycle is as fast as the others."""
         self._estimator.estimate(estimator_inputs(self._receiver.gather(0), TICK_NS * 1e-9, 1.0))
         self._estimator.reset()
+        self._detection.look(self._receiver.gather(0), TICK_NS * 1e-9, 0)
+        self._detection.reset()
 
     def receive(self, frame: Frame, now_ns: int) -> list[Finding]:
         """Take one frame from the bus."""
@@ -114,10 +118,13 @@ class EcuCycle:
             Stale(g.name.lower(), now_ns) for g in sorted(received.stale - self._stale)
         ]
         self._stale = received.stale
+        if self._state in (State.RUNNING, State.DEGRADED):
+            received, doubts = self._detection.look(received, self._period(now_ns), now_ns)
+            findings += doubts
         findings += self._move(self._input_event(received, now_ns), now_ns)
         estimates, flags, failed = self._estimates(received, now_ns)
         findings += failed
-        self._troubles.step((*self._heard, *failed), received, estimates.speed, now_ns)
+        self._troubles.step((*self._heard, *findings), received, estimates.speed, now_ns)
         self._heard.clear()
         self._limits = self._next_limits(estimates, flags, now_ns)
         valid = self._consistency.valid(estimates, flags)
@@ -129,7 +136,7 @@ class EcuCycle:
         return Tick(frames, findings, estimates)
 
     def _input_event(self, received: CycleInputs, now_ns: int) -> Event:
-        unusable = (received.stale | received.implausible) - {Group.DEMAND}
+        unusable = (received.stale | received.implausible) - OUTSIDE_ESTIMATES
         if unusable:
             self._bad_ns = now_ns
         if not unusable:
@@ -237,5 +244,7 @@ class EcuCycle:
             "execution time": self._execution_ns * 1e-9,
             "overruns": float(self._overruns),
             "state": float(self._state),
-            "stale inputs": float(sum(1 << group for group in received.stale if group is not Group.DEMAND)),
+            "stale inputs": float(
+                sum(1 << group for group in received.stale if group not in OUTSIDE_ESTIMATES)
+            ),
         }

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from dbc.protection import Finding as Check
+from ecu.detection.codes import Mode
 from ecu.states import Event, State
 
 
@@ -35,6 +36,15 @@ class Stale:
 
 
 @dataclass(frozen=True, slots=True)
+class FaultFound:
+    """A fault of a sensor that the detection found: the inputs of which one is faulty, and the failure mode."""
+
+    signals: tuple[str, ...]
+    mode: Mode
+    at_ns: int
+
+
+@dataclass(frozen=True, slots=True)
 class StateChanged:
     """The cycle moved to another state."""
 
@@ -52,4 +62,4 @@ class EstimatorFailed:
     at_ns: int
 
 
-Finding = EstimatorFailed | ProtectionFailed | Implausible | Stale | StateChanged
+Finding = EstimatorFailed | FaultFound | ProtectionFailed | Implausible | Stale | StateChanged

@@ -22,6 +22,7 @@ from dbc.protection import Finding as Check
 from ecu.bus_signals import Received, Usable, rows
 from ecu.calibration import Calibration
 from ecu.coherence import AxleSides
+from ecu.detection.watched import Beside
 from ecu.estimators.parameters import GRAVITY
 from ecu.estimators.signals import Inputs
 from ecu.findings import Finding, Implausible, ProtectionFailed
@@ -37,7 +38,7 @@ FAULTY: Final = 2
 
 
 class Group(enum.IntEnum):
-    """Input groups; values are the bits of EcuStatus.StaleInputs. DEMAND has none."""
+    """Input groups; values are the bits of EcuStatus.StaleInputs. DEMAND and STEERING have none."""
 
     ARTICULATION = 0
     WHEEL_SPEEDS = 1
@@ -48,6 +49,7 @@ class Group(enum.IntEnum):
     PRESSURES = 6
     LINKAGE = 7
     DEMAND = 8
+    STEERING = 9
 
 
 GROUP_OF: Final[Mapping[str, Group]] = {
@@ -63,7 +65,10 @@ GROUP_OF: Final[Mapping[str, Group]] = {
     "TiltPressure": Group.PRESSURES,
     "LinkageAngles": Group.LINKAGE,
     "DriverDemand": Group.DEMAND,
+    "SteeringPressures": Group.STEERING,
 }
+OUTSIDE_ESTIMATES: Final = frozenset((Group.DEMAND, Group.STEERING))
+"""Groups without which every estimate is still made."""
 """The messages that the ECU uses; every row of the signal table names one of them."""
 
 
@@ -108,7 +113,7 @@ def sources(rules: InputRules) -> tuple[Source, ...]:
         limit, step = (getattr(rules, rule) if rule else math.inf for rule in (row.limit, row.step))
         return Field(name, row, limit, step)
 
-    table = [field(name, row) for names in (Inputs, Echoed) for name, row in rows(names, Received)]
+    table = [field(name, row) for names in (Inputs, Echoed, Beside) for name, row in rows(names, Received)]
     return tuple(
         Source(message, group, tuple(each for each in table if each.row.message == message))
         for message, group in GROUP_OF.items()
@@ -124,8 +129,10 @@ class _Listener:
         self.source = source
         self.codec = codec
         self.heard_ns: int | None = None
+        self.new = False  # since the last cycle
         self.names = frozenset(field.name for field in source.fields)
         self.unusable: frozenset[str] = frozenset()
+        self.stepped: frozenset[str] = frozenset()  # of these, those whose value came and was too far away
         self._binding = Binding(codec, units)
         self._checker = Checker(codec) if codec.protection is not None else None
         self._fields = source.fields
@@ -157,6 +164,7 @@ class _Listener:
         elif len(frame.data) < self.codec.length:
             return [ProtectionFailed(name, Check.WRONG_LENGTH, now_ns)]
         self.heard_ns = now_ns
+        self.new = True
         numbers = self._binding.decode(frame.data)
         signals, states = numbers[: len(self._fields)], numbers[len(self._fields) :]
         bad = self._faulty(states) if states and max(states) >= FAULTY else {}
@@ -177,6 +185,7 @@ class _Listener:
                 found.append(Implausible(name, field.row.signal, value, reason, now_ns))
         self._previous = signals
         self.unusable = frozenset(bad)
+        self.stepped = frozenset(name for name, why in bad.items() if why.startswith((MOVED, OUTSIDE)))
         return found
 
     def _faulty(self, states: tuple[float, ...]) -> dict[str, str]:
@@ -209,9 +218,10 @@ class CycleInputs:
     unusable: frozenset[str]  # inputs that must not be relied on
     stale: frozenset[Group]  # groups without a fresh frame
     implausible: frozenset[Group]  # groups with an implausible signal
-    silent: frozenset[str] = (
-        frozenset()
-    )  # suspect parameters "message_NAME" of messages that have fallen silent
+    heard: frozenset[str] = frozenset()  # messages with a good frame since the cycle before
+    stepped: frozenset[str] = frozenset()  # unusable inputs whose value came and was too far from the last
+    doubted: frozenset[str] = frozenset()  # inputs that the detection holds for faulty, replaced ones too
+    silent: frozenset[str] = frozenset()  # "message_NAME" of messages that have fallen silent
 
     def all_usable(self, *names: str) -> bool:
         """Whether every one of these inputs can be relied on."""
@@ -280,7 +290,12 @@ class InputReceiver:
         stale: set[Group] = set()
         implausible: set[Group] = set()
         silent: set[str] = set()
+        heard: set[str] = set()
+        stepped: set[str] = set()
         for listener in self._listeners:
+            if listener.new:
+                heard.add(listener.source.message)
+                listener.new = False
             if not listener.fresh(now_ns, self._rules.stale_cycles):
                 stale.add(listener.source.group)
                 unusable |= listener.names
@@ -289,12 +304,15 @@ class InputReceiver:
             elif listener.unusable:
                 implausible.add(listener.source.group)
                 unusable |= listener.unusable
+                stepped |= listener.stepped
         return CycleInputs(
             dict(self._values),
             frozenset(unusable),
             frozenset(stale),
             frozenset(implausible),
-            frozenset(silent),
+            frozenset(heard),
+            frozenset(stepped),
+            silent=frozenset(silent),
         )
 
 

@@ -6,8 +6,9 @@ from typing import Final
 from dbc.database import Database
 from ecu.bus_signals import Received, rows
 from ecu.detection.codes import ESTIMATORS, FreezeFrame, Mode, TroubleCodes
+from ecu.detection.watched import Beside
 from ecu.estimators.signals import Inputs
-from ecu.findings import EstimatorFailed, Finding, Implausible, ProtectionFailed
+from ecu.findings import EstimatorFailed, FaultFound, Finding, Implausible, ProtectionFailed
 from ecu.inputs import EXCHANGED, FROZEN, MOVED, OUTSIDE, CycleInputs, Echoed
 from ecu.rules import InputRules
 
@@ -18,7 +19,9 @@ _OF_REASON: Final[Mapping[str, Mode]] = {
     OUTSIDE: Mode.ABOVE_RANGE,
 }
 _ROWS: Final = {
-    (row.message, row.signal): (name, row) for kind in (Inputs, Echoed) for name, row in rows(kind, Received)
+    (row.message, row.signal): (name, row)
+    for kind in (Inputs, Echoed, Beside)
+    for name, row in rows(kind, Received)
 }
 
 
@@ -46,7 +49,7 @@ class Troubles:
         """
         if self._started_ns is None:
             self._started_ns = now_ns
-        self.codes.continued(received.unusable | received.silent, now_ns)
+        self.codes.continued(received.unusable | received.silent | received.doubted, now_ns)
         for name in received.silent:
             self._occurred(name, Mode.UPDATE_RATE, received, speed, now_ns)
         for finding in findings:
@@ -56,6 +59,9 @@ class Troubles:
                 case ProtectionFailed(message, _, _):
                     name = f"message_{message}"
                     self._occurred(name, Mode.DATA_IN_ERROR, received, speed, now_ns)
+                case FaultFound(signals, mode, _):
+                    for name in signals:
+                        self._occurred(name, mode, received, speed, now_ns)
                 case EstimatorFailed():
                     self._occurred(ESTIMATORS, Mode.BAD_DEVICE, received, speed, now_ns)
 

@@ -1,0 +1,11 @@
+"""Compiles the detection like the estimators: one source for the live loop and for columns, same results as Python."""
+
+from pathlib import Path
+
+from bus.machine_code import code_folder, compiler, digest_of
+
+_FOLDER = Path(__file__).resolve().parent
+_SOURCES = [*_FOLDER.rglob("*.py"), *(_FOLDER.parent / "estimators").rglob("*.py")]
+
+compiled = compiler(code_folder(_FOLDER, "detection", digest_of(sorted(_SOURCES))), fastmath=False)
+"""Kept by the sources of the estimators too: the residuals call their equations."""

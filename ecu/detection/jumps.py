@@ -1,0 +1,171 @@
+"""Test of every single sample against its prediction: jumps, spikes, exchanged signals, and what stands still.
+
+A sensor's noise and the machine's inertia bound how far a sample can lie from its prediction. A shock moves the
+signals of several messages in one cycle; a fault moves those of one. The jumps of a signal add up to the offset that it
+carries: a spike takes its jump back, an offset does not.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecu.detection.compiled import compiled
+from ecu.detection.layout import (
+    BY_FREEZE,
+    BY_JUMP,
+    CYCLES,
+    EVER,
+    FAULTY,
+    FREEZE,
+    GAP,
+    JUMP,
+    JUMPED,
+    LAST,
+    LEVEL,
+    MODE,
+    REJECTED,
+    SAME,
+    SAMPLE,
+    SINCE,
+    SOUND,
+    TREND,
+)  # fmt: skip
+from ecu.detection.watched import (
+    ANGLE,
+    COUNT,
+    PITCH,
+    PITCH_RATE,
+    RATE,
+    ROLL,
+    ROLL_RATE,
+    TORQUE,
+    WHEEL,
+    YAW_RATE,
+)  # fmt: skip
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+FOLLOW = 0.2
+"""Share of a sample's innovation that the trend takes over."""
+MEMORY = 0.05
+"""Share of a sample that the level of a signal's liveliness takes over: 0.2 s."""
+LIVELY = 9.0
+"""Innovations this many times their usual magnitude are jumps: 7 standard deviations of Gaussian noise."""
+HELD_STILL = 3.0
+"""A jump after so many equal samples is the end of a standstill, not an offset."""
+
+
+@compiled
+def increment(k: int, m: Floats, state: Floats, dt: float) -> float:
+    """How far signal `k` is expected to move since the last cycle."""
+    if k == ANGLE:
+        return m[RATE] * dt
+    if k == PITCH:
+        return (m[PITCH_RATE] * math.cos(m[ROLL]) - m[YAW_RATE] * math.sin(m[ROLL])) * dt
+    if k == ROLL:
+        turning = m[PITCH_RATE] * math.sin(m[ROLL]) + m[YAW_RATE] * math.cos(m[ROLL])
+        return (m[ROLL_RATE] + turning * math.tan(m[PITCH])) * dt
+    if WHEEL <= k < WHEEL + 4:
+        return together(k, WHEEL, m, state)
+    return state[TREND, k]
+
+
+@compiled
+def together(k: int, first: int, m: Floats, state: Floats) -> float:
+    """Median of the moves of the three other wheels: what moves all of them is no fault of one."""
+    a = b = c = 0.0
+    for i in range(first, first + 4):
+        if i != k:
+            a, b, c = b, c, m[i] - state[LAST, i]
+    return max(min(a, b), min(max(a, b), c))
+
+
+@compiled
+def look(m: Floats, heard: Integers, message: Integers, rules: Floats, state: Floats, dt: float) -> int:
+    """Test the samples of one cycle; returns how many signals turned faulty. heard: what came of each."""
+    first, second = -1, -1
+    innovation = np.zeros(COUNT)
+    for k in range(COUNT):
+        state[GAP, k] += 1.0
+        if (
+            heard[k] == REJECTED
+        ):  # the signal goes on where it is expected until another check believes it again
+            state[LAST, k] += increment(k, m, state, dt) if k == ANGLE else 0.0
+            state[GAP, k] = 0.0
+        if heard[k] != SAMPLE:
+            continue
+        state[SAME, k] = state[SAME, k] + 1.0 if m[k] == state[LAST, k] else 0.0
+        innovation[k] = m[k] - state[LAST, k] - increment(k, m, state, dt)
+        if state[GAP, k] > rules[CYCLES, k]:  # after a gap there is no prediction
+            innovation[k] = 0.0
+        if abs(innovation[k]) > max(rules[JUMP, k], LIVELY * state[LEVEL, k]):
+            if first < 0 or message[k] == first:
+                first = message[k]
+            else:
+                second = message[k]
+    found = 0
+    alone = second < 0
+    for k in range(COUNT):
+        if heard[k] == SAMPLE:
+            found += sample(k, m, innovation[k], alone and message[k] == first, rules, state)
+    return found + standstill(heard, rules, state)
+
+
+@compiled
+def sample(k: int, m: Floats, innovation: float, alone: bool, rules: Floats, state: Floats) -> int:
+    """Take one sample over; 1 if its signal turned faulty."""
+    found = 0
+    far = abs(innovation) > max(rules[JUMP, k], LIVELY * state[LEVEL, k])
+    if far and alone and not (TORQUE <= k < TORQUE + 4 and follower(k, m, state)):
+        if state[MODE, k] == BY_FREEZE:
+            state[JUMPED, k] = 0.0
+            state[FAULTY, k], state[MODE, k] = 0.0, SOUND
+        else:
+            before = state[FAULTY, k]
+            still = state[EVER, k] >= HELD_STILL
+            state[JUMPED, k] = 0.0 if still else state[JUMPED, k] + innovation
+            away = abs(state[JUMPED, k]) > rules[JUMP, k] / 2.0
+            if away or before == 0.0:
+                state[MODE, k] = BY_JUMP
+            state[FAULTY, k] = 1.0
+            if not away:  # back where it came from: sound from the next cycle on
+                state[SINCE, k] = -1.0
+            else:
+                state[SINCE, k] = 0.0
+            found = 1 if before == 0.0 else 0
+    elif not far:
+        if state[SINCE, k] < 0.0:
+            state[FAULTY, k], state[MODE, k], state[JUMPED, k], state[SINCE, k] = 0.0, SOUND, 0.0, 0.0
+        state[LEVEL, k] += MEMORY * (abs(innovation) - state[LEVEL, k])
+        state[TREND, k] += FOLLOW * innovation
+    state[EVER, k] = state[SAME, k]
+    state[LAST, k], state[GAP, k] = m[k], 0.0
+    return found
+
+
+@compiled
+def follower(k: int, m: Floats, state: Floats) -> bool:
+    """Whether the other wheel of the axle is asked for the same: the drive moves both torques."""
+    other = TORQUE + (k - TORQUE ^ 1)
+    own, beside = m[k] - state[LAST, k], m[other] - state[LAST, other]
+    return own * beside > 0.0 and abs(beside) > abs(own) / 3.0
+
+
+@compiled
+def standstill(heard: Integers, rules: Floats, state: Floats) -> int:
+    """Signals that stand still to the bit while most others move; how many turned faulty."""
+    still = 0
+    for k in range(COUNT):
+        still += 1 if state[SAME, k] >= rules[FREEZE, k] / 4.0 else 0
+    found = 0
+    for k in range(COUNT):
+        if heard[k] != SAMPLE:
+            continue
+        if state[SAME, k] >= rules[FREEZE, k] and 2 * still < COUNT:
+            found += 1 if state[FAULTY, k] == 0.0 else 0
+            state[FAULTY, k], state[MODE, k], state[SINCE, k], state[JUMPED, k] = 1.0, BY_FREEZE, 0.0, 0.0
+        elif state[MODE, k] == BY_FREEZE and state[SAME, k] == 0.0:
+            state[FAULTY, k], state[MODE, k] = 0.0, SOUND
+    return found

@@ -1,0 +1,154 @@
+"""The detection in the live loop: the cycle's inputs in, inputs without what is faulty out, and what was found.
+
+A signal that jumped is replaced by its sample less the jump for REPLACED_NS, one pressure by what the other one means;
+estimates from them stay valid. Every other faulty signal is not usable, so that the estimators go on without it.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from dbc.database import Database
+from ecu.calibration import Calibration
+from ecu.detection.codes import Mode
+from ecu.detection.detector import cycles, initial
+from ecu.detection.layout import (
+    BY_FREEZE,
+    BY_JUMP,
+    F_COUPLE,
+    FAULTY,
+    FILTERS,
+    JUMP,
+    JUMPED,
+    MODE,
+    REJECTED,
+    RESIDUALS,
+    SAMPLE,
+    SINCE,
+    SIZE,
+    UNDECIDED,
+)  # fmt: skip
+from ecu.detection.residuals import pressure_from_other
+from ecu.detection.rules import height_for, rules_array
+from ecu.detection.watched import COUNT, LIFT, MESSAGES, NAMES, PLACE, TILT
+from ecu.findings import FaultFound
+from ecu.inputs import GROUP_OF, OUTSIDE_ESTIMATES, CycleInputs
+
+REPLACED_S: Final = 1.0
+"""How long a sample less its jump stands in for a faulty signal: spikes end within it, an offset may change."""
+_TICK_NS: Final = 10_000_000
+_ALIKE: Final = 0.3
+"""Two signals that jumped against each other, equally far to within this share, are exchanged."""
+
+
+class Detection:
+    """The detection of one ECU, from cycle to cycle."""
+
+    def __init__(self, calibration: Calibration, database: Database) -> None:
+        rules = calibration.detection
+        messages = list(dict.fromkeys(MESSAGES))
+        ticks = {
+            name: max(database.by_name[message].cycle_ns / _TICK_NS, 1.0)
+            for name, message in zip(NAMES, MESSAGES, strict=True)
+        }
+        self._parameters, self._tolerances = calibration.parameters, rules.tolerances
+        self._rules = rules_array(rules, ticks, calibration.parameters)
+        self._height = height_for(rules.false_alarms / 3.0)
+        self._message = np.array([messages.index(message) for message in MESSAGES])
+        self._samples, self._usable, self._dt = np.zeros(COUNT), np.ones(COUNT), np.zeros(1)
+        self._heard = np.zeros(COUNT, np.int64)
+        self._patterns: dict[tuple[frozenset[str], ...], tuple[np.ndarray, np.ndarray]] = {}
+        self._residuals, self._bounds = np.zeros(RESIDUALS), np.zeros(RESIDUALS)
+        self._state = initial()
+        self._known: frozenset[str] = frozenset()  # faulty signals of the last cycle
+        self._running: Iterator[int] = self._start()
+
+    def _start(self) -> Iterator[int]:
+        return cycles(
+            self._samples, self._heard, self._usable, self._message, self._parameters, self._tolerances, self._rules,
+            self._height, self._state, self._dt, self._residuals, self._bounds,
+        )  # fmt: skip
+
+    def reset(self) -> None:
+        """Forget all cycles; compiles at the first call."""
+        self._state[:] = 0.0
+
+    def look(self, received: CycleInputs, dt: float, now_ns: int) -> tuple[CycleInputs, list[FaultFound]]:
+        """One cycle: the inputs that may be relied on, and faults that are new. dt: since the last one [s]."""
+        values = received.values
+        self._samples[:] = [values[name] for name in NAMES]
+        self._heard[:], self._usable[:] = self._pattern(received)
+        self._dt[0] = dt
+        if next(self._running) == 0:
+            self._known = _NONE
+            return received, []
+        faulty = frozenset(NAMES[k] for k in np.flatnonzero(self._state[FAULTY]))
+        new = faulty - self._known
+        self._known = faulty
+        found = [FaultFound(names, mode, now_ns) for names, mode in self._said(new)]
+        return self._without(received, faulty), found
+
+    def _pattern(self, received: CycleInputs) -> tuple[np.ndarray, np.ndarray]:
+        """Which samples came, and which of them other checks accept; kept, because there are few patterns."""
+        key = received.heard, received.unusable, received.stepped
+        pattern = self._patterns.get(key)
+        if pattern is None:
+            usable = np.array([name not in received.unusable for name in NAMES], float)
+            came = np.array([message in received.heard for message in MESSAGES])
+            stepped = np.array([name in received.stepped for name in NAMES])
+            pattern = (came & (usable > 0)) * SAMPLE + (came & stepped) * REJECTED, usable
+            if len(self._patterns) < 256:
+                self._patterns[key] = pattern
+        return pattern
+
+    def _said(self, new: frozenset[str]) -> Iterator[tuple[tuple[str, ...], Mode]]:
+        """The new faults, each with its failure mode; signals that cannot be told apart together."""
+        undecided = tuple(sorted(name for name in new if self._state[MODE, PLACE[name]] == UNDECIDED))
+        if undecided:
+            yield undecided, Mode.ROOT_CAUSE_NOT_KNOWN
+        for name in sorted(new - set(undecided)):
+            yield (name,), self._mode(PLACE[name])
+
+    def _mode(self, place: int) -> Mode:
+        mode, jumped = self._state[MODE, place], self._state[JUMPED]
+        if mode == BY_FREEZE:
+            return Mode.NOT_RESPONDING
+        if mode != BY_JUMP:
+            return Mode.DRIFTED_HIGH if self._state[SIZE, place] > 0.0 else Mode.DRIFTED_LOW
+        for other in np.flatnonzero(self._message == self._message[place]):
+            against = jumped[place] + jumped[other]
+            if other != place and abs(against) < _ALIKE * abs(jumped[place]) and self._state[FAULTY, other]:
+                return Mode.EXCHANGED
+        return Mode.RATE_OF_CHANGE
+
+    def _without(self, received: CycleInputs, faulty: frozenset[str]) -> CycleInputs:
+        replaced = self._replaced(faulty)
+        lost = faulty - set(replaced)
+        groups = {GROUP_OF[MESSAGES[PLACE[name]]] for name in lost} - OUTSIDE_ESTIMATES
+        return replace(
+            received,
+            values={**received.values, **replaced},
+            unusable=received.unusable | lost,
+            implausible=received.implausible | groups,
+            doubted=faulty,
+        )
+
+    def _replaced(self, faulty: frozenset[str]) -> Mapping[str, float]:
+        found: dict[str, float] = {}
+        for name in faulty:
+            place = PLACE[name]
+            jumped, since = self._state[JUMPED, place], self._state[SINCE, place]
+            away = abs(jumped) > self._rules[JUMP, place] / 2.0
+            if self._state[MODE, place] == BY_JUMP and since < REPLACED_S:
+                found[name] = self._samples[place] - (jumped if away else 0.0)
+            elif place in (LIFT, TILT) and not faulty & ({*_PRESSURES} - {name} | _POSE):
+                couple = self._state[FILTERS, F_COUPLE]
+                found[name] = pressure_from_other(self._samples, place, couple, self._parameters)
+        return found
+
+
+_NONE: Final[frozenset[str]] = frozenset()
+_PRESSURES: Final = ("lift_pressure", "tilt_pressure")
+_POSE: Final = {"lift_arm_angle", "tilt_angle"}

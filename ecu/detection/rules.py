@@ -1,0 +1,141 @@
+"""Rules of the detection for one machine: from what the calibration says of its sensors to thresholds.
+
+A sensor is described by noise, resolution, the offset it may have when it is sound, and the largest innovation that the
+machine gives it when something sets in. Noise and offsets of the residuals follow by their equations; the height of
+the sequential tests follows from the false-alarm rate.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecu.detection.description import DetectionRules, Sensor
+from ecu.detection.layout import (
+    ACROSS,
+    ALONG,
+    ANGLE_RATE,
+    BUCKET_LOAD,
+    CYCLES,
+    FREEZE,
+    FRONT_TORQUES,
+    JUMP,
+    NOISE,
+    PITCH_GYRO,
+    PITCH_RATES,
+    REAR_TORQUES,
+    RESIDUALS,
+    ROLL_GYRO,
+    RULES,
+    SPEEDS,
+    STEERING_LINES,
+    TOLERANCE,
+    TRACTION,
+    UPWARDS,
+    WIDTH,
+    YAW_STEERING,
+)
+from ecu.detection.residuals import OBSERVED, effective_radius, machine_mass
+from ecu.detection.watched import NAMES
+from ecu.estimators.parameters import GRAVITY, Parameters
+
+Floats = NDArray[np.float64]
+TICKS_PER_H: Final = 360_000.0
+EULER: Final = 1.166
+"""Siegmund's correction of a CUSUM's height for the overshoot of its last step."""
+
+
+FAMILIES: Final[Mapping[str, str]] = {
+    name: family
+    for family, names in {
+        "articulation_angle": ("articulation_angle",),
+        "articulation_rate": ("articulation_rate",),
+        "wheel_speed": tuple(f"wheel_speed_{n}" for n in range(1, 5)),
+        "wheel_torque": tuple(f"wheel_torque_{n}" for n in range(1, 5)),
+        "specific_force": tuple(f"specific_force_{axis}" for axis in "xyz"),
+        "angular_rate": ("roll_rate", "pitch_rate", "yaw_rate", "slope_pitch_rate"),
+        "slope": ("pitch", "roll"),
+        "pressure": ("lift_pressure", "tilt_pressure"),
+        "linkage_angle": ("lift_arm_angle", "tilt_angle"),
+        "steering_pressure": ("steering_pressure_left", "steering_pressure_right"),
+    }.items()
+    for name in names
+}
+"""The make of every watched signal's sensor."""
+PREDICTED: Final = 1.6
+"""Standard deviation of an innovation over that of a sample: two samples, and the trend."""
+
+
+def height_for(per_hour: float) -> float:
+    """Height of one CUSUM [standard deviations] so that all tests together give so many false alarms per hour.
+
+    Siegmund's approximation of the run length of a one-sided CUSUM with drift 0.5: (e^x - 1 - x) / 0.5 for
+    x = height + 1.166.
+    """
+    run_length = TICKS_PER_H * 2.0 * RESIDUALS / per_hour
+    x = math.log(run_length * 0.5)
+    for _ in range(20):  # e^x = 1 + x + run/2
+        x = math.log(1.0 + x + run_length * 0.5)
+    return x - EULER
+
+
+def deviations_for(per_hour: float) -> float:
+    """Standard deviations beyond which a single sample is no noise, for so many false alarms per hour of all signals."""
+    from statistics import NormalDist
+
+    return -NormalDist().inv_cdf(per_hour / (TICKS_PER_H * 2.0 * len(NAMES)))
+
+
+def frames_for(per_hour: float, sensor: Sensor) -> float:
+    """Equal samples in a row that noise does not give, for so many false alarms per hour."""
+    alike = min(sensor.resolution / (2.0 * sensor.noise * math.sqrt(math.pi)), 0.5)
+    return math.ceil(math.log(per_hour / (TICKS_PER_H * len(NAMES))) / math.log(alike))
+
+
+def rules_array(rules: DetectionRules, cycles: Mapping[str, float], p: Parameters) -> Floats:
+    """What the compiled detection needs, (RULES, WIDTH); cycles: between two samples of each signal."""
+    found = np.zeros((RULES, WIDTH))
+    share = rules.false_alarms / 3.0  # of samples, of standstills, of residuals
+    for place, name in enumerate(NAMES):
+        sensor = rules.sensors[FAMILIES[name]]
+        found[JUMP, place] = deviations_for(share) * PREDICTED * sensor.noise + sensor.onset
+        found[FREEZE, place] = frames_for(share, sensor)
+        found[CYCLES, place] = cycles[name]
+    _residuals(found[NOISE], found[TOLERANCE], rules, p)
+    return found
+
+
+def _residuals(noise: Floats, offset: Floats, rules: DetectionRules, p: Parameters) -> None:
+    """Noise and tolerated offset of every residual, from those of its signals by its equation."""
+    s, g = rules.sensors, p.geometry
+    angle, rate, wheel, torque = (
+        s[name] for name in ("articulation_angle", "articulation_rate", "wheel_speed", "wheel_torque")
+    )
+    force, gyro, slope, pressure = (
+        s[name] for name in ("specific_force", "angular_rate", "slope", "pressure")
+    )
+    radius, track = effective_radius(p), (g.front_track + g.rear_track) / 2.0
+    base = g.front_length + g.rear_length
+    # an observer of OBSERVED seconds turns an offset of the rate into one of the angle
+    noise[ANGLE_RATE], offset[ANGLE_RATE] = angle.noise, rate.offset * OBSERVED + angle.onset
+    for j in (ROLL_GYRO, PITCH_GYRO):
+        noise[j], offset[j] = slope.noise, gyro.offset * OBSERVED + slope.onset
+    noise[PITCH_RATES], offset[PITCH_RATES] = 1.5 * gyro.noise, gyro.offset
+    for j in range(SPEEDS, SPEEDS + 6):
+        noise[j] = 1.5 * wheel.noise * radius + gyro.noise * track
+        offset[j] = wheel.offset * radius + (gyro.offset + rate.offset) * track
+    noise[YAW_STEERING] = gyro.noise + rate.noise * g.front_length / base
+    offset[YAW_STEERING] = gyro.offset + rate.offset + 2.0 * gyro.onset
+    noise[ALONG] = noise[ACROSS] = force.noise
+    offset[ALONG] = offset[ACROSS] = force.offset + slope.offset * GRAVITY + force.onset / 2.0
+    noise[UPWARDS], offset[UPWARDS] = 1.5 * force.noise, force.offset + force.onset
+    for j in (FRONT_TORQUES, REAR_TORQUES):
+        noise[j], offset[j] = 1.5 * torque.noise, torque.offset
+    noise[TRACTION] = 2.0 * torque.noise / radius + machine_mass(p) * force.noise
+    offset[TRACTION] = torque.offset / radius + machine_mass(p) * force.offset
+    lever = 0.3 * p.tilt_linkage.head_area
+    noise[BUCKET_LOAD] = 1.5 * pressure.noise * lever
+    offset[BUCKET_LOAD] = pressure.offset * lever
+    noise[STEERING_LINES], offset[STEERING_LINES] = pressure.noise, pressure.offset

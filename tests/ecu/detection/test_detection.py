@@ -1,0 +1,193 @@
+"""Faults of sensors in a machine that drives straight: noticed, named, gone on without; none where there is none."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ecu.calibration import load_calibration
+from ecu.cycle import EcuCycle
+from ecu.detection.codes import Mode
+from ecu.detection.layout import JUMP
+from ecu.detection.rules import FAMILIES, height_for
+from ecu.detection.watched import NAMES, PLACE
+from ecu.findings import FaultFound
+from ecu.states import State
+from tests.ecu.machine import FakeMachine, decoded, play
+
+CALIBRATION = load_calibration()
+SPEED, RADIUS = 3.0, 0.727
+ROLLING = {f"wheel_speed_{n}": SPEED / RADIUS for n in range(1, 5)}
+
+
+class NoisyMachine(FakeMachine):
+    """A machine that rolls straight ahead on level ground, with the noise of its sensors; `wrong` changes one value."""
+
+    def __init__(self, seed=1, **values):
+        super().__init__(**(ROLLING | values))
+        self.sound = dict(self.values)
+        self.generator = np.random.default_rng(seed)
+        self.wrong = {}
+
+    def frames(self):
+        for name in NAMES:
+            # the slope sensor's rate is the gyro's own on this machine
+            if name == "slope_pitch_rate":
+                continue
+            sensor = CALIBRATION.detection.sensors[FAMILIES[name]]
+            value = self.sound[name] + sensor.noise * self.generator.standard_normal()
+            self.values[name] = self.wrong[name](value, self.tick) if name in self.wrong else value
+        return super().frames()
+
+
+def started(seed=1, **values):
+    ecu, machine = EcuCycle(CALIBRATION), NoisyMachine(seed, **values)
+    play(ecu, machine, 250)
+    return ecu, machine
+
+
+def faults(findings):
+    return [f for f in findings if isinstance(f, FaultFound)]
+
+
+def jump_of(ecu, name):
+    return ecu._detection._rules[JUMP, PLACE[name]]
+
+
+SIGNALS = [name for name in NAMES if name not in ("slope_pitch_rate", "pitch_rate")]
+"""One gyro feeds the two pitch rates of this machine: a fault of it looks like a shock."""
+
+
+def test_a_sound_machine_has_no_fault():
+    ecu, machine = started(seed=3)
+    _, findings = play(ecu, machine, 1500)
+    assert faults(findings) == []
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_an_offset_is_noticed_and_named_at_once(name):
+    ecu, machine = started()
+    size = 2.0 * jump_of(ecu, name)
+    machine.wrong[name] = lambda value, tick: value + size
+    _, findings = play(ecu, machine, 4)
+    assert [f.signals for f in faults(findings)] == [(name,)]
+    assert faults(findings)[0].mode is Mode.RATE_OF_CHANGE
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_a_spike_is_a_fault_that_ends(name):
+    ecu, machine = started()
+    size = 2.0 * jump_of(ecu, name)
+    at = machine.tick + 4
+    machine.wrong[name] = lambda value, tick: value + size if at <= tick < at + 2 else value
+    _, findings = play(ecu, machine, 30)
+    assert [f.signals for f in faults(findings)] == [(name,)]
+    assert ecu._detection._known == frozenset()
+    assert [code.name for code in ecu._troubles.codes.active] == [name]
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_a_signal_that_stands_still_is_named(name):
+    ecu, machine = started()
+    held = machine.sound[name]
+    machine.wrong[name] = lambda value, tick: held
+    _, findings = play(ecu, machine, 60)
+    found = {(f.signals, f.mode) for f in faults(findings)}
+    assert found == {((name,), Mode.NOT_RESPONDING)}
+
+
+def test_exchanged_sensors_are_both_named():
+    ecu, machine = started()
+    apart = 3.0 * jump_of(ecu, "wheel_speed_1")
+    machine.wrong["wheel_speed_1"] = lambda value, tick: value + apart
+    machine.wrong["wheel_speed_2"] = lambda value, tick: value - apart
+    _, findings = play(ecu, machine, 4)
+    assert {(f.signals, f.mode) for f in faults(findings)} == {
+        (("wheel_speed_1",), Mode.EXCHANGED),
+        (("wheel_speed_2",), Mode.EXCHANGED),
+    }
+
+
+def test_a_shock_that_several_sensors_feel_is_no_fault():
+    ecu, machine = started()
+    size = 3.0 * jump_of(ecu, "specific_force_z")
+    turn = 3.0 * jump_of(ecu, "pitch_rate")
+    at = machine.tick + 5
+    machine.wrong["specific_force_z"] = lambda value, tick: value + size * (tick == at)
+    machine.wrong["pitch_rate"] = lambda value, tick: value + turn * (tick == at)
+    _, findings = play(ecu, machine, 100)
+    assert faults(findings) == []
+
+
+def test_a_slow_drift_of_a_wheel_is_found_by_its_residuals():
+    ecu, machine = started()
+    begin = machine.tick
+    machine.wrong["wheel_speed_3"] = lambda value, tick: value + 0.3 * (tick - begin) / 100
+    _, findings = play(ecu, machine, 250)
+    assert any("wheel_speed_3" in f.signals for f in faults(findings))
+    assert all("wheel_speed_3" in f.signals for f in faults(findings))
+
+
+def test_angle_and_rate_cannot_be_told_apart_by_a_slow_drift():
+    """With the machine straight ahead both explain the observer's residual: both are named, and neither alone."""
+    ecu, machine = started()
+    begin = machine.tick
+    machine.wrong["roll"] = lambda value, tick: value + math.radians(1.5) * (tick - begin) / 100
+    _, findings = play(ecu, machine, 200)
+    first = faults(findings)[0]
+    assert {"roll", "roll_rate"} <= set(first.signals)
+    assert first.mode is Mode.ROOT_CAUSE_NOT_KNOWN
+
+
+def test_with_one_pressure_wrong_the_loads_go_on():
+    ecu, machine = started()
+    before, _ = play(ecu, machine, 20)
+    machine.wrong["tilt_pressure"] = lambda value, tick: value + 4e6
+    results, _ = play(ecu, machine, 300)
+    front = [sum(r.estimates[:2]) for r in (before[-1], results[-1])]
+    assert front[1] == pytest.approx(front[0], rel=0.03)
+    newest = {}
+    for result in results[-4:]:
+        newest |= decoded(result.frames)
+    assert newest["NormalForces"]["FrontLeftValid"] == 1
+    assert ecu.state is State.RUNNING
+
+
+@pytest.mark.parametrize(("name", "rough"), [("wheel_speed_4", 0.02), ("yaw_rate", 0.03), ("roll", 0.03)])
+def test_without_a_wheel_gyro_or_slope_the_loads_go_on(name, rough):
+    ecu, machine = started()
+    before, _ = play(ecu, machine, 20)
+    machine.wrong[name] = lambda value, tick: value + 5.0 * jump_of(ecu, name)
+    results, _ = play(ecu, machine, 300)
+    for k in range(4):
+        assert results[-1].estimates[k] == pytest.approx(before[-1].estimates[k], rel=rough)
+    newest = {}
+    for result in results[-4:]:
+        newest |= decoded(result.frames)
+    assert newest["NormalForces"]["FrontLeftValid"] == 1
+
+
+def test_a_fault_that_ends_leaves_a_previous_code_and_a_running_ecu():
+    ecu, machine = started()
+    machine.wrong["articulation_angle"] = lambda value, tick: value + math.radians(3.0)
+    play(ecu, machine, 300)
+    assert ecu.state is State.DEGRADED
+    del machine.wrong["articulation_angle"]
+    play(ecu, machine, 150)
+    assert ecu.state is State.RUNNING
+    assert [code.name for code in ecu._troubles.codes.previous] == ["articulation_angle"]
+
+
+def test_the_height_gives_the_run_length_that_is_asked_for():
+    """A CUSUM of white noise with a height for a false alarm per second: counted in 400 s of one residual."""
+    from ecu.detection.layout import RESIDUALS
+
+    per_hour = 2.0 * RESIDUALS * 3600.0  # one per second and one-sided test
+    height = height_for(per_hour)
+    noise = np.random.default_rng(5).standard_normal(40_000)
+    alarms, total = 0, 0.0
+    for value in noise:
+        total = max(0.0, total + value - 0.5)
+        if total > height:
+            alarms, total = alarms + 1, 0.0
+    assert alarms == pytest.approx(400, rel=0.25)
