@@ -27,7 +27,9 @@ from hil.timing.waits import Rows, explaining
 from studies.soak.watch import OF_CHECK, Answer, Detection, Mechanism, Witness
 
 # the ECU logs its findings as Python prints them: the repr of the dataclasses in ecu.findings
-_FINDING = re.compile(r"(?P<kind>ProtectionFailed|Stale|Implausible)\((?P<fields>.*), at_ns=(?P<at_ns>\d+)\)")
+_FINDING = re.compile(
+    r"(?P<kind>ProtectionFailed|Stale|Implausible|FaultFound)\((?P<fields>.*), at_ns=(?P<at_ns>\d+)\)"
+)
 _CHECK = re.compile(r"what=<Finding\.(\w+):")
 _GROUP = re.compile(r"group='(\w+)'")
 HEARD_BY_MACHINE = ("Limits", "LinkageLimits", "EcuStatus")
@@ -43,7 +45,11 @@ def _of_line(line: str) -> Detection | None:
     found = _FINDING.search(line)
     if found is None:
         return None
-    mechanism = {"Stale": Mechanism.TIMEOUT, "Implausible": Mechanism.PLAUSIBILITY}.get(found["kind"])
+    mechanism = {
+        "Stale": Mechanism.TIMEOUT,
+        "Implausible": Mechanism.PLAUSIBILITY,
+        "FaultFound": Mechanism.DETECTION,
+    }.get(found["kind"])
     if mechanism is None and (check := _CHECK.search(found["fields"])) is not None:
         mechanism = OF_CHECK.get(Check[check[1]])
     if mechanism is None:

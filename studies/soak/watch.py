@@ -14,7 +14,8 @@ import numpy as np
 from bus.frame import Frame
 from dbc import loader_database
 from dbc.protection import Finding as Check
-from ecu.findings import Implausible, ProtectionFailed, Stale
+from ecu.detection.watched import MESSAGES, PLACE
+from ecu.findings import FaultFound, Implausible, ProtectionFailed, Stale
 from hil.compose import calibration_of, plant_unit
 from hil.ecu_side import ecu_cycle
 from hil.faults.injector import Injector
@@ -35,6 +36,7 @@ class Mechanism(StrEnum):
     COUNTER = "counter"
     TIMEOUT = "timeout"
     PLAUSIBILITY = "plausibility"
+    DETECTION = "detection"
     DEADLINE = "deadline"
     UNKNOWN = "unknown identifier"
 
@@ -218,7 +220,16 @@ def of_ecu(finding: object) -> Detection | None:
             return Detection(at_ns, Witness.ECU, Mechanism.TIMEOUT, f"{group} stale")
         case Implausible(message, signal, _, reason, at_ns):
             return Detection(at_ns, Witness.ECU, Mechanism.PLAUSIBILITY, f"{message}.{signal}: {reason}")
+        case FaultFound(signals, mode, at_ns):
+            return Detection(
+                at_ns, Witness.ECU, Mechanism.DETECTION, f"{_messages(signals)}: {mode.name.lower()}"
+            )
     return None
+
+
+def _messages(signals: Sequence[str]) -> str:
+    """The signals with the messages that carry them."""
+    return ", ".join(f"{MESSAGES[PLACE[signal]]} {signal}" for signal in signals)
 
 
 def of_machine(finding: object) -> Detection | None:
