@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from configuration import CheckedTable, ConfigurationError
-from ecu.detection.description import SENSORS, DetectionRules, read_detection, section_of
+from ecu.detection.description import SECTIONS, DetectionRules, read_detection
 from ecu.estimators.parameters import (
     Arm,
     Axle,
@@ -339,11 +339,7 @@ _TILT_LINKAGE: Mapping[str, Quantity] = {
     "count": _q("count", 1, 4),
     "back_pressure": _q("back_pressure_kpa", 0, 5000),
 }
-_SECTIONS = (
-    frozenset(_TABLES)
-    | {"cylinders", "tilt_linkage", "name", "detection"}
-    | {section_of(family) for family in SENSORS}
-)
+_SECTIONS = frozenset(_TABLES) | SECTIONS | {"cylinders", "tilt_linkage", "name"}
 
 
 def load_calibration(name_or_path: str | Path = "l60") -> Calibration:

@@ -68,6 +68,15 @@ SENSORS: Final[Mapping[str, str]] = {
 """The families of sensors, with the unit of their keys."""
 
 
+def section_of(family: str) -> str:
+    """The calibration's section for a family of sensors."""
+    return f"sensor_{family}"
+
+
+SECTIONS: Final = frozenset(("detection", *map(section_of, SENSORS)))
+"""What a calibration says for the detection."""
+
+
 def read_detection(top: CheckedTable) -> DetectionRules:
     """The tables [detection] and [sensor_FAMILY] of a calibration. Raises ConfigurationError."""
     found = read_section(top, "detection", _RULES)
@@ -80,11 +89,6 @@ def read_detection(top: CheckedTable) -> DetectionRules:
             for family, unit in SENSORS.items()
         },
     )
-
-
-def section_of(family: str) -> str:
-    """The calibration's section for a family of sensors."""
-    return f"sensor_{family}"
 
 
 def _keys(unit: str) -> dict[str, Quantity]:

@@ -254,3 +254,31 @@ def findings(run: RunDirectory) -> Figures:
         for key, count in counts.items()
         if key.startswith(f"{who}_finding_") and (name := key.removeprefix(f"{who}_finding_"))
     }
+
+
+def trouble_codes(run: RunDirectory) -> list[tuple[str, str, str, str]]:
+    """The ECU's trouble codes by name: suspect parameter, failure mode, when first shown as active [s], occurrences.
+
+    Read from the recorded bus, where one code per frame is shown in turn.
+    """
+    shown = run.messages.get("ActiveFaults")
+    if shown is None:
+        return []
+    layout = loader_database().by_name["ActiveFaults"].by_signal
+    offset = layout["Spn"].offset
+    found: dict[tuple[int, int], tuple[float, int]] = {}
+    signals = (shown.signals[name] for name in ("Spn", "Fmi", "OccurrenceCount"))
+    for time_s, spn, mode, count in zip(shown.time_s, *signals, strict=True):
+        if spn > offset:
+            first_s, most = found.get((int(spn), int(mode)), (float(time_s), 0))
+            found[int(spn), int(mode)] = first_s, max(most, int(count))
+    names, modes = layout["Spn"].choices, layout["Fmi"].choices
+    return [
+        (
+            names.get(int(spn - offset), str(spn)),
+            modes.get(mode, str(mode)).replace("_", " "),
+            f"{first_s:.1f}",
+            str(most),
+        )
+        for (spn, mode), (first_s, most) in found.items()
+    ]

@@ -319,6 +319,9 @@ def _traffic_of(section: Section) -> str:
     if reported := figures.findings(section.run):
         text += "<h3>What the processes found in their inputs</h3>"
         text += table(("finding", "times"), list(reported.items()), numbers_from=1)
+    if codes := figures.trouble_codes(section.run):
+        text += "<h3>Trouble codes of the ECU</h3>"
+        text += table(("suspect", "failure mode", "active from [s]", "times"), codes, numbers_from=2)
     return text
 
 

@@ -18,6 +18,7 @@ from dbc.protection import Checker
 from dbc.protection import Finding as Check
 from dbc.recordings.logfile import FrameTable, read_candump
 from ecu.calibration import load_calibration
+from ecu.detection.watched import MESSAGES, PLACE
 from ecu.inputs import sources
 from hil import rundir
 from hil.ecu_side import CALIBRATION
@@ -54,7 +55,11 @@ def _of_line(line: str) -> Detection | None:
         mechanism = OF_CHECK.get(Check[check[1]])
     if mechanism is None:
         return None
-    return Detection(int(found["at_ns"]), Witness.ECU, mechanism, found["fields"])
+    fields = found["fields"]
+    if mechanism is Mechanism.DETECTION:  # the detection names inputs of the estimators, not messages
+        named = [MESSAGES[PLACE[word]] for word in re.findall(r"\w+", fields) if word in PLACE]
+        fields = f"{', '.join(named)}: {fields}"
+    return Detection(int(found["at_ns"]), Witness.ECU, mechanism, fields)
 
 
 def of_machine(frames: FrameTable, stale_ns: int) -> list[Detection]:
