@@ -29,10 +29,12 @@ MEAN, SPOILED, WAITING = (
 UP, DOWN, FIRED = 9, 10, 11
 # Filters of the residuals.
 FILTERS: Final = 12
-F_ANGLE, F_ROLL, F_PITCH, F_SPEED, F_ACCELERATION, F_ALONG, F_ACROSS, F_CYCLES, F_COUPLE, F_WARM = range(10)
+F_ANGLE, F_ROLL, F_PITCH, F_SPEED, F_ACCELERATION, F_ALONG, F_ACROSS, F_CYCLES, F_COUPLE, F_WARM, F_UP = (
+    range(11)
+)
 SIZE: Final = 17  # of the offset that explains the residuals
 ROWS: Final = 18
-WIDTH: Final = max(COUNT, RESIDUALS, 10)
+WIDTH: Final = max(COUNT, RESIDUALS, 11)
 
 # Rows of the rules, (RULES, COUNT), by signal: see `ecu.detection.rules`.
 JUMP, FREEZE = 0, 1

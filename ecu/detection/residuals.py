@@ -26,6 +26,7 @@ from ecu.detection.layout import (
     F_PITCH,
     F_ROLL,
     F_SPEED,
+    F_UP,
     FILTERS,
     FRONT_TORQUES,
     PITCH_GYRO,
@@ -251,7 +252,8 @@ def accelerations(
     across = m[FORCE + 1] - GRAVITY * math.sin(m[ROLL]) * math.cos(m[PITCH]) - yaw * w.middle
     r[ALONG] = follow(state, F_ALONG, along, share) - change
     r[ACROSS] = follow(state, F_ACROSS, across, share)
-    r[UPWARDS] = m[FORCE + 2] - GRAVITY * math.cos(m[ROLL]) * math.cos(m[PITCH])
+    upwards = m[FORCE + 2] - GRAVITY * math.cos(m[ROLL]) * math.cos(m[PITCH])
+    r[UPWARDS] = follow(state, F_UP, upwards, share)  # without the bounce on the tyres
     bound[ALONG] += abs(change) * (t.radius + w.slip) + abs(yaw) * 0.3
     # while the machine steers, sensor and axle do not feel the same: the yaw rate changes
     bound[ACROSS] += abs(yaw * w.middle) * (t.radius + w.slip + t.stiffness) + abs(yaw) * 0.5 + abs(m[RATE])

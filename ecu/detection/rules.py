@@ -127,7 +127,7 @@ def _residuals(noise: Floats, offset: Floats, rules: DetectionRules, p: Paramete
         noise[j] = 1.5 * wheel.noise * radius + gyro.noise * track
         offset[j] = wheel.offset * radius + (gyro.offset + rate.offset) * track
     noise[YAW_STEERING] = gyro.noise + rate.noise * g.front_length / base
-    offset[YAW_STEERING] = gyro.offset + rate.offset + 2.0 * gyro.onset
+    offset[YAW_STEERING] = 3.0 * gyro.offset + rate.offset + wheel.onset * radius / base
     noise[ALONG] = noise[ACROSS] = force.noise
     offset[ALONG] = offset[ACROSS] = force.offset + slope.offset * GRAVITY + force.onset / 2.0
     noise[UPWARDS], offset[UPWARDS] = 1.5 * force.noise, force.offset + force.onset
