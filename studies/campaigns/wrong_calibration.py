@@ -30,6 +30,7 @@ def wrong_calibration(name: str, seed: int) -> Calibration:
         warnings=right.warnings,
         alarms=right.alarms,
         inputs=right.inputs,
+        detection=right.detection,
     )
 
 

@@ -83,7 +83,8 @@ def drive(seed: int, seconds: float) -> Watched:
 def samples_of(frames: Sequence[Frame], calibration: Calibration) -> tuple[Floats, Integers]:
     """What the detection is given cycle by cycle, from when every input has been received."""
     hearing = InputReceiver(calibration, loader_database())
-    rows, came = [], []
+    rows: list[list[float]] = []
+    came: list[list[bool]] = []
     waiting = iter(frames)
     frame = next(waiting, None)
     for now_ns in range(ECU_PHASE_NS, frames[-1].at_ns + TICK_NS, TICK_NS):
