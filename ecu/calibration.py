@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from configuration import CheckedTable, ConfigurationError
-from ecu.detection.description import SECTIONS, DetectionRules, read_detection
+from ecu.detection_rules import SECTIONS, DetectionRules, read_detection
 from ecu.estimators.parameters import (
     Arm,
     Axle,

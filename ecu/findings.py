@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from dbc.protection import Finding as Check
-from ecu.detection.codes import Mode
+from ecu.codes import Mode
 from ecu.states import Event, State
 
 

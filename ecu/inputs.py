@@ -22,11 +22,11 @@ from dbc.protection import Finding as Check
 from ecu.bus_signals import Received, Usable, rows
 from ecu.calibration import Calibration
 from ecu.coherence import AxleSides
-from ecu.detection.watched import Beside
 from ecu.estimators.parameters import GRAVITY
 from ecu.estimators.signals import Inputs
 from ecu.findings import Finding, Implausible, ProtectionFailed
 from ecu.rules import InputRules
+from ecu.watched import Beside
 
 FROZEN: Final = "stands still to the bit while others move"
 EXCHANGED: Final = "left and right are exchanged, by the yaw rate"

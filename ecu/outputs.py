@@ -11,7 +11,7 @@ from dbc.database import Database
 from dbc.packing import Signals
 from dbc.schedule import FrameSchedule
 from ecu.bus_signals import Sent, rows
-from ecu.detection.codes import CODE_VALUES
+from ecu.codes import CODE_VALUES
 from ecu.estimators.signals import Estimates
 
 ECU = "EstimatorEcu"

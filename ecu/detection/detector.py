@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecu.detection.compiled import compiled
-from ecu.detection.description import Tolerances
 from ecu.detection.isolation import QUIET, isolate, sensitivities, test
 from ecu.detection.jumps import look
 from ecu.detection.layout import (
@@ -31,8 +30,9 @@ from ecu.detection.layout import (
     WIDTH,
 )  # fmt: skip
 from ecu.detection.residuals import NOTHING, residuals
-from ecu.detection.watched import COUNT
+from ecu.detection_rules import Tolerances
 from ecu.estimators.parameters import Parameters
+from ecu.watched import COUNT
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -45,7 +45,8 @@ from ecu.detection.layout import (
     YAW_STEERING,
 )  # fmt: skip
 from ecu.detection.residuals import NOTHING, effective_radius, machine_mass
-from ecu.detection.watched import (
+from ecu.estimators.parameters import GRAVITY, Parameters
+from ecu.watched import (
     ANGLE,
     ARM,
     BUCKET,
@@ -65,7 +66,6 @@ from ecu.detection.watched import (
     WHEEL,
     YAW_RATE,
 )  # fmt: skip
-from ecu.estimators.parameters import GRAVITY, Parameters
 
 Floats = NDArray[np.float64]
 DRIFT = 0.5

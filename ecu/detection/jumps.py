@@ -31,7 +31,7 @@ from ecu.detection.layout import (
     SOUND,
     TREND,
 )  # fmt: skip
-from ecu.detection.watched import (
+from ecu.watched import (
     ANGLE,
     COUNT,
     PITCH,

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from ecu.detection.watched import COUNT
+from ecu.watched import COUNT
 
 # Residuals, in the order of `ecu.detection.residuals`.
 ANGLE_RATE: Final = 0  # articulation angle against its rate

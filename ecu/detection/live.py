@@ -12,7 +12,7 @@ import numpy as np
 
 from dbc.database import Database
 from ecu.calibration import Calibration
-from ecu.detection.codes import Mode
+from ecu.codes import Mode
 from ecu.detection.detector import cycles, initial
 from ecu.detection.layout import (
     BY_FREEZE,
@@ -32,9 +32,9 @@ from ecu.detection.layout import (
 )  # fmt: skip
 from ecu.detection.residuals import pressure_from_other
 from ecu.detection.rules import height_for, rules_array
-from ecu.detection.watched import COUNT, LIFT, MESSAGES, NAMES, PLACE, TILT
 from ecu.findings import FaultFound
 from ecu.inputs import GROUP_OF, OUTSIDE_ESTIMATES, CycleInputs
+from ecu.watched import COUNT, LIFT, MESSAGES, NAMES, PLACE, TILT
 
 REPLACED_S: Final = 1.0
 """How long a sample less its jump stands in for a faulty signal: spikes end within it, an offset may change."""

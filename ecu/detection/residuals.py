@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecu.detection.compiled import compiled
-from ecu.detection.description import Tolerances
 from ecu.detection.layout import (
     ACROSS,
     ALONG,
@@ -40,7 +39,11 @@ from ecu.detection.layout import (
     UPWARDS,
     YAW_STEERING,
 )  # fmt: skip
-from ecu.detection.watched import (
+from ecu.detection_rules import Tolerances
+from ecu.estimators.loads.cog import rotated
+from ecu.estimators.loads.linkage import levers, pushes
+from ecu.estimators.parameters import GRAVITY, Parameters
+from ecu.watched import (
     ANGLE,
     ARM,
     BUCKET,
@@ -59,9 +62,6 @@ from ecu.detection.watched import (
     WHEEL,
     YAW_RATE,
 )  # fmt: skip
-from ecu.estimators.loads.cog import rotated
-from ecu.estimators.loads.linkage import levers, pushes
-from ecu.estimators.parameters import GRAVITY, Parameters
 
 Floats = NDArray[np.float64]
 

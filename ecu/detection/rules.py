@@ -12,7 +12,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ecu.detection.description import DetectionRules, Sensor
 from ecu.detection.layout import (
     ACROSS,
     ALONG,
@@ -38,8 +37,9 @@ from ecu.detection.layout import (
     YAW_STEERING,
 )
 from ecu.detection.residuals import OBSERVED, effective_radius, machine_mass
-from ecu.detection.watched import NAMES
+from ecu.detection_rules import DetectionRules, Sensor
 from ecu.estimators.parameters import GRAVITY, Parameters
+from ecu.watched import NAMES
 
 Floats = NDArray[np.float64]
 TICKS_PER_H: Final = 360_000.0

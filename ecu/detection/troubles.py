@@ -5,12 +5,12 @@ from typing import Final
 
 from dbc.database import Database
 from ecu.bus_signals import Received, rows
-from ecu.detection.codes import ESTIMATORS, FreezeFrame, Mode, TroubleCodes
-from ecu.detection.watched import Beside
+from ecu.codes import ESTIMATORS, FreezeFrame, Mode, TroubleCodes
 from ecu.estimators.signals import Inputs
 from ecu.findings import EstimatorFailed, FaultFound, Finding, Implausible, ProtectionFailed
 from ecu.inputs import EXCHANGED, FROZEN, MOVED, OUTSIDE, CycleInputs, Echoed
 from ecu.rules import InputRules
+from ecu.watched import Beside
 
 _OF_REASON: Final[Mapping[str, Mode]] = {
     FROZEN: Mode.NOT_RESPONDING,

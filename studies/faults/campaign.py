@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecu.calibration import load_calibration
-from ecu.detection.watched import COUNT, NAMES
+from ecu.watched import COUNT, NAMES
 from studies.campaigns.batch import Result
 from studies.faults.drives import Detector, drive, wrong
 from studies.faults.injected import KINDS, MULTIPLES, PAIRS, smallest, try_one

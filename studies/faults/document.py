@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from ecu.detection.rules import FAMILIES
-from ecu.detection.watched import NAMES
+from ecu.watched import NAMES
 from studies.campaigns.batch import Result, header, markdown_table
 from studies.faults.injected import KINDS, LASTS
 

@@ -14,11 +14,11 @@ from ecu.calibration import Calibration, load_calibration
 from ecu.detection.detector import columns, initial
 from ecu.detection.layout import RESIDUALS
 from ecu.detection.rules import height_for, rules_array
-from ecu.detection.watched import COUNT, MESSAGES, NAMES
 from ecu.estimators.parameters import Parameters
 from ecu.findings import FaultFound
 from ecu.inputs import InputReceiver
 from ecu.outputs import TICK_NS
+from ecu.watched import COUNT, MESSAGES, NAMES
 from hil.compose import lockstep
 from hil.lockstep import ECU_PHASE_NS
 from plant.physics.surface import Surface

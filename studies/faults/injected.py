@@ -11,8 +11,8 @@ from ecu.detection.isolation import DRIFT, WINDOW, sensitivities
 from ecu.detection.layout import CYCLES, FREEZE, JUMP, NOISE, RESIDUALS
 from ecu.detection.residuals import NOTHING
 from ecu.detection.rules import FAMILIES
-from ecu.detection.watched import COUNT, NAMES, PLACE
 from ecu.estimators.parameters import Parameters
+from ecu.watched import COUNT, NAMES, PLACE
 from studies.faults.drives import Detector, Floats, Integers
 
 KINDS: Final = ("offset", "spike", "freeze", "drift", "noise", "swap")

@@ -18,8 +18,8 @@ from dbc.protection import Checker
 from dbc.protection import Finding as Check
 from dbc.recordings.logfile import FrameTable, read_candump
 from ecu.calibration import load_calibration
-from ecu.detection.watched import MESSAGES, PLACE
 from ecu.inputs import sources
+from ecu.watched import MESSAGES, PLACE
 from hil import rundir
 from hil.ecu_side import CALIBRATION
 from hil.faults.passage import Fault

@@ -14,8 +14,8 @@ import numpy as np
 from bus.frame import Frame
 from dbc import loader_database
 from dbc.protection import Finding as Check
-from ecu.detection.watched import MESSAGES, PLACE
 from ecu.findings import FaultFound, Implausible, ProtectionFailed, Stale
+from ecu.watched import MESSAGES, PLACE
 from hil.compose import calibration_of, plant_unit
 from hil.ecu_side import ecu_cycle
 from hil.faults.injector import Injector

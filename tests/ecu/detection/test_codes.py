@@ -5,8 +5,8 @@ import pytest
 from dbc import loader_database
 from ecu.bus_signals import Received, rows
 from ecu.calibration import load_calibration
+from ecu.codes import HOLD_NS, MOST_OCCURRENCES, FreezeFrame, Mode, TroubleCodes
 from ecu.cycle import EcuCycle
-from ecu.detection.codes import HOLD_NS, MOST_OCCURRENCES, FreezeFrame, Mode, TroubleCodes
 from ecu.estimators.signals import Inputs
 from ecu.inputs import GROUP_OF
 from tests.ecu.machine import PERIOD_NS, FakeMachine, decoded, play

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from ecu.calibration import load_calibration
+from ecu.codes import Mode
 from ecu.cycle import EcuCycle
-from ecu.detection.codes import Mode
 from ecu.detection.layout import JUMP
 from ecu.detection.rules import FAMILIES, height_for
-from ecu.detection.watched import NAMES, PLACE
 from ecu.findings import FaultFound
 from ecu.states import State
+from ecu.watched import NAMES, PLACE
 from tests.ecu.machine import FakeMachine, decoded, play
 
 CALIBRATION = load_calibration()

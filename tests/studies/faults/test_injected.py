@@ -5,7 +5,7 @@ import random
 import numpy as np
 import pytest
 
-from ecu.detection.watched import COUNT, PLACE
+from ecu.watched import COUNT, PLACE
 from studies.faults.injected import LASTS, SETTLE, SPIKE_EVERY, spoilt
 
 TICKS = SETTLE + LASTS + 50
