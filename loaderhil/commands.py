@@ -64,7 +64,7 @@ PANELS: Final[dict[str, dict[str, Command]]] = {
         ),
         "soak": Command(
             "studies.soak.command",
-            "Run random drives under random faults, and check that each is detected and that the ECU obeys its own rules.",
+            "Test the ECU with random faults in random drives: is every fault detected, and do states and outputs stay as declared?",
         ),
     },
     "Buses and recordings": {
@@ -96,11 +96,11 @@ PANELS: Final[dict[str, dict[str, Command]]] = {
         ),
         "conceal": Command(
             "diagnosis.blind.conceal",
-            "Make a recording with hidden effects, parameter errors, noise and faults; the truth is sealed in a file of its own.",
+            "Write a recording with hidden effects, parameter errors, noise and faults, and seal the truth in a separate file.",
         ),
         "score": Command(
             "diagnosis.blind.score",
-            "Open the sealed truth and compare: what was hidden, what was found, with which value.",
+            "Open the sealed truth and compare it with the findings: hidden effects, found effects, and their values.",
         ),
         "model": Command(
             "diagnosis.skeleton", "Write a model of your own: `model new TABLE --out model.py`."

@@ -78,17 +78,17 @@ OUTLIER: Final = _gate(
     threshold=6.0,
     passes="below",
     source="two in 10^9 under Gaussian noise",
-    otherwise="the row is set aside, and told",
+    otherwise="the row is set aside, and the result lists it",
     module="estimation.set_aside",
 )
 STRETCH: Final = _gate(
-    name="no stretch that nothing explains",
+    name="no interval that nothing explains",
     of="row",
     statistic="root mean square of ten such errors that follow one another, none counted for more than 6",
     threshold=4.0,
     passes="below",
     source="five rows at least have to be large; strong effects of the library, which are taken out to first order only, left up to 3.3",
-    otherwise="the ten rows are set aside, and told with their time",
+    otherwise="the ten rows are set aside, and the result lists them with their time",
     module="estimation.set_aside",
 )
 SET_ASIDE: Final = _gate(
