@@ -41,7 +41,7 @@ def main() -> None:
 
 def _shown(exhibit: Exhibit, out: Path) -> str:
     """The page of one exhibit; its picture is written beside it."""
-    settings, start = Settings(), time.perf_counter()
+    settings, start = Settings(average=True, set_aside=True), time.perf_counter()
     model, recordings = model_and_recordings(exhibit, folder())
     judged = investigate(model, recordings, settings, lambda _: None, [])
     if not isinstance(judged, Judgement):

@@ -25,7 +25,7 @@ from discrepancy.signals.findings import Estimate, Findings
 from discrepancy.signals.recording import Recording, Signal
 
 FACTORS = (1, 2, 4, 8)
-EVERYTHING = Settings()
+EVERYTHING = Settings(average=True)
 VISIBLE = 50.0  # lambda from which the proof expects a name
 TOO_FAST_HZ = 1e6  # a bandwidth beyond that of every recording: nothing is averaged
 

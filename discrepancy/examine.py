@@ -36,7 +36,8 @@ def investigate(
     """
     try:
         problem, failed = usable(model, recordings)
-        problem, fast = at_bandwidth(problem)
+        averaged = settings.average or model.bandwidth_hz is not None
+        problem, fast = at_bandwidth(problem) if averaged else (problem, [])
     except Unusable as error:
         names = list(dict.fromkeys([*(r.name for r in recordings), *(c.recording for c in complaints)]))
         return nothing_usable(model.name, names, Unusable([*complaints, *error.complaints]))

@@ -10,10 +10,14 @@ FORMS: tuple[Form, ...] = ("corrected", "printed")
 CALIBRATION = "l60"
 
 
-def ecu_cycle(*, form: Form, limits: bool, calibration: str = CALIBRATION) -> EcuCycle:
+def ecu_cycle(
+    *, form: Form, limits: bool, calibration: str = CALIBRATION, detect_faults: bool = False
+) -> EcuCycle:
     """A fresh ECU.
 
     form: the estimators' equations, corrected or as printed in the thesis; limits: whether it limits the machine;
-    calibration: name or TOML file.
+    calibration: name or TOML file; detect_faults: whether its sensors are tested against each other.
     """
-    return EcuCycle(load_calibration(calibration), form=form, limits_enabled=limits)
+    return EcuCycle(
+        load_calibration(calibration), form=form, limits_enabled=limits, detect_faults=detect_faults
+    )

@@ -72,6 +72,12 @@ def ecu(
             help="Calibration: the machine parameters that the ECU works with.",
         ),
     ] = "l60",
+    detect_faults: Annotated[
+        bool,
+        typer.Option(
+            "--detect-faults", help="Test the sensors against each other, and go on without a faulty one."
+        ),
+    ] = False,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the timing.")] = None,
     fifo: FifoOption = None,
     lock_memory: LockOption = False,
@@ -93,7 +99,9 @@ def ecu(
     checked = checked_form(form)
     realtime = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
     raise typer.Exit(
-        ending_of(lambda line: process.run(line, checked, limits, bus, out, realtime, calibration))
+        ending_of(
+            lambda line: process.run(line, checked, limits, bus, out, realtime, calibration, detect_faults)
+        )
     )
 
 

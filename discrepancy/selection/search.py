@@ -25,16 +25,21 @@ def search(
 ) -> tuple[State, list[State]]:
     """The final state, and the states on the way (the first is the baseline).
 
-    What nothing explains at the end is set aside, and all is looked for again without it. A recording without such rows is searched once.
+    On request, what nothing explains at the end is set aside, and all is looked for again without it. A recording without such rows is searched
+    once; so is one in which the rows left out would let in an effect that was not accepted with them.
     """
     state, history = _search(problem, settings, progress, NOTHING)
-    aside = to_set_aside(problem, state)
+    aside = to_set_aside(problem, state) if settings.set_aside else NOTHING
     if not aside.stretches:
         return state, history
     progress(
         f"{sum(s.rows for s in aside.stretches)} rows that nothing explains are set aside; searching again"
     )
-    return _search(problem, settings, progress, aside)
+    again, steps = _search(problem, settings, progress, aside)
+    # An effect that passes only without the rows that contradict it has not passed: those rows may be the evidence against it.
+    if set(again.accepted) - set(state.accepted):
+        return state, history
+    return again, steps
 
 
 def _search(

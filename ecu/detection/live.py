@@ -32,7 +32,7 @@ from ecu.detection.layout import (
 )  # fmt: skip
 from ecu.detection.residuals import pressure_from_other
 from ecu.detection.rules import height_for, rules_array
-from ecu.findings import FaultFound
+from ecu.findings import EstimatorFailed, FaultFound
 from ecu.inputs import GROUP_OF, OUTSIDE_ESTIMATES, CycleInputs
 from ecu.watched import COUNT, LIFT, MESSAGES, NAMES, PLACE, TILT
 
@@ -74,20 +74,35 @@ class Detection:
     def reset(self) -> None:
         """Forget all cycles; compiles at the first call."""
         self._state[:] = 0.0
+        self._known = _NONE
 
-    def look(self, received: CycleInputs, dt: float, now_ns: int) -> tuple[CycleInputs, list[FaultFound]]:
-        """One cycle: the inputs that may be relied on, and faults that are new. dt: since the last one [s]."""
+    def look(
+        self, received: CycleInputs, dt: float, now_ns: int
+    ) -> tuple[CycleInputs, list[FaultFound | EstimatorFailed]]:
+        """One cycle: the inputs that may be relied on, and faults that are new. dt: since the last one [s].
+
+        A residual that cannot be computed is a finding; the detection then begins anew, and the inputs pass as they are.
+        """
         values = received.values
         self._samples[:] = [values[name] for name in NAMES]
         self._heard[:], self._usable[:] = self._pattern(received)
         self._dt[0] = dt
-        if next(self._running) == 0:
+        try:
+            ready = next(self._running) != 0
+        except (ArithmeticError, ValueError) as failure:
+            # An exception ends the compiled loop for good.
+            self.reset()
+            self._running = self._start()
+            return received, [EstimatorFailed(f"fault detection: {failure}", now_ns)]
+        if not ready:
             self._known = _NONE
             return received, []
         faulty = frozenset(NAMES[k] for k in np.flatnonzero(self._state[FAULTY]))
         new = faulty - self._known
         self._known = faulty
-        found = [FaultFound(names, mode, now_ns) for names, mode in self._said(new)]
+        found: list[FaultFound | EstimatorFailed] = [
+            FaultFound(names, mode, now_ns) for names, mode in self._said(new)
+        ]
         return self._without(received, faulty), found
 
     def _pattern(self, received: CycleInputs) -> tuple[np.ndarray, np.ndarray]:

@@ -30,13 +30,14 @@ def run(
     out: Path | None,
     realtime: RealtimeOptions = ORDINARY,
     calibration: str = CALIBRATION,
+    detect_faults: bool = False,
 ) -> Ending:
     """Run the virtual ECU on the bus until a signal ends it; with `out`, its timing and log are written there."""
     log_to(out and out / rundir.ECU_LOG)
     manager = ServiceManager.from_environment()
     # fails at once if there is no bus, not after the compilation
     reach(address)
-    cycle = ecu_cycle(form=form, limits=limits, calibration=calibration)
+    cycle = ecu_cycle(form=form, limits=limits, calibration=calibration, detect_faults=detect_faults)
     cycle.warm_up()  # compiles, which takes seconds the first time: before the other side waits for answers
     # after the warm-up: objects and code that exist now are frozen and locked
     realtime.apply()

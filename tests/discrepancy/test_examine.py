@@ -214,14 +214,12 @@ def test_two_that_help_only_together_are_found_in_other_throws_too() -> None:
     assert [sorted(names) for names in found] == [["height lag", "late release"]] * 5
 
 
-@pytest.mark.parametrize("seed", [10, 20, 30])
-def test_what_helps_far_beyond_chance_never_ends_as_nothing(seed: int) -> None:
-    """A leak that comes and goes from minute to minute: none of its sizes stands, but something is missing."""
-    minutes = [record(seed + i, leak=leak, duration_s=60.0) for i, leak in enumerate((0.0, 0.1, 0.0, 0.02))]
-    named = [replace(r, name=f"minute {i}") for i, r in enumerate(minutes)]
-    result = examine(tank("leak"), named, Settings(open_ended=False))
+def test_what_helps_far_beyond_chance_never_ends_as_nothing() -> None:
+    """A leak that is another one in every minute: none of its sizes stands, but something is missing."""
+    minutes = [record(10 + i, leak=leak, duration_s=60.0) for i, leak in enumerate((0.02, 0.1, 0.05, 0.0))]
+    result = examine(tank("leak"), [replace(r, name=f"minute {i}") for i, r in enumerate(minutes)], STRICT)
     assert (result.status, result.named) == ("unknown", [])
-    assert any(why in result.reasons[0] for why in ("disagree about its size", "not understood from"))
+    assert "disagree" in result.reasons[0]
 
 
 @pytest.mark.parametrize("seed", range(4))

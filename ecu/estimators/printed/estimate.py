@@ -57,7 +57,7 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
     as in 2.5, normal forces by the printed balances (71)-(87), tyre forces from slip, turning moment by
     (93), (94). There is no prediction: lift-off is reported when the estimate has got there, and nothing is limited.
     """
-    g, w, d = p.geometry, p.wheel, i.articulation_angle
+    g, w, d, drive = p.geometry, p.wheel, i.articulation_angle, p.linkage_drive
     load = followed_payload(i, s, p)
     w1, w2, w3, w4 = wheel_accelerations(i, s, p.sensors.wheel_time)
     rolling = tyre.radius(w.nominal_load, 1.0, w)
@@ -126,8 +126,9 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
         permitted_rate=p.prediction.largest_rate,
         permitted_direction=0.0,
         permitted_speed=p.prediction.largest_speed,
-        permitted_lever=math.inf,
-        permitted_motion=0.0,
+        # The thesis does not limit the linkage: every motion in its turn gets more than its drive can do.
+        permitted_lever=max(drive.lift_up, drive.lift_down, drive.tilt_back, drive.tilt_forward),
+        permitted_motion=s.cycles % 4.0,
     )
     state = PrintedState(
         s.cycles + 1.0, load, i.wheel_speed_1, i.wheel_speed_2, i.wheel_speed_3, i.wheel_speed_4,

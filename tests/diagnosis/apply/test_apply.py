@@ -191,7 +191,7 @@ def test_the_loaders_files_hold_what_was_found(machine: Path) -> None:
     calibration = load_calibration(machine.with_name("mine.calibration.toml"))
     assert calibration.parameters.wheel.rolling_resistance == 0.031
     assert "washboard is not applied" in machine.read_text()
-    assert "need not follow payload_mass: the ECU weighs the payload" in machine.read_text()
+    assert "need not follow payload_mass: the ECU measures the payload" in machine.read_text()
     assert "does not follow yaw_rate delay" in machine.read_text()
 
 
@@ -356,7 +356,7 @@ def test_a_calibration_made_for_factor_zero_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", [EQUIPMENT, CALIBRATION])
 def test_what_lies_beside_a_machine_is_not_taken_for_it(kind: str, machine: Path) -> None:
-    with pytest.raises(BadExtension, match=r"goes with a machine file; give that one, mine\.toml"):
+    with pytest.raises(BadExtension, match=r"belongs to a machine file; give that file, mine\.toml"):
         baseline(named(machine, kind), ())
 
 

@@ -129,7 +129,7 @@ def test_machines_that_do_not_go_together_are_refused_in_one_line(
 ) -> None:
     for words, said in (
         ((compact, "--with", "l60"), "run.json of small says machine compact (family compact), the baseline is l60 (family l60)"),
-        ((run, compact), "run.json of run says machine l60, that of small compact: diagnose them apart"),
+        ((run, compact), "run.json of run says machine l60, that of small compact: diagnose them separately, or with --each"),
     ):  # fmt: skip
         ended = loaderhil("diagnose", *words, "--model", "loader")
         assert (ended.code, ended.result) == (2, None)

@@ -40,7 +40,9 @@ def test_several_runs_of_one_machine_have_one_baseline() -> None:
 
 
 def test_a_machine_file_that_is_gone_must_be_named() -> None:
-    with pytest.raises(OtherMachine, match=r"says machine moved/away\.toml, which is not here; --with"):
+    with pytest.raises(
+        OtherMachine, match=r"says machine moved/away\.toml, for which there is no machine file; --with"
+    ):
         base_of(LOADER, None, {"run": "moved/away.toml"})
 
 

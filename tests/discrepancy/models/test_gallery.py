@@ -55,7 +55,9 @@ def test_friction_of_the_linear_drive_has_its_published_size_at_500_hz(recording
     (exhibit,) = [e for e in EXHIBITS if e.name == "emps"]
     if not (recordings / exhibit.name).is_dir():
         pytest.skip(f"no {exhibit.name} in {recordings}")
-    found = examine(*model_and_recordings(exhibit, recordings), Settings(open_ended=False))
+    found = examine(
+        *model_and_recordings(exhibit, recordings), Settings(open_ended=False, average=True, set_aside=True)
+    )
     for effect, published in (("viscous friction", 203.5), ("dry friction", 20.4)):
         assert effect in found.named
         (size,) = found.finding(effect).parameters

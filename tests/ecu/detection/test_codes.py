@@ -75,7 +75,7 @@ def test_the_bus_shows_every_code_in_turn():
     [("wheel_speed_1", 30.0, Mode.ABOVE_RANGE), ("wheel_speed_1", -30.0, Mode.BELOW_RANGE)],
 )
 def test_a_signal_out_of_range_is_a_code_on_the_bus(signal, value, mode):
-    ecu, machine = EcuCycle(load_calibration()), FakeMachine()
+    ecu, machine = EcuCycle(load_calibration(), detect_faults=True), FakeMachine()
     play(ecu, machine, 30)
     machine.values[signal] = value
     results, _ = play(ecu, machine, 30)
@@ -102,7 +102,7 @@ def test_a_signal_out_of_range_is_a_code_on_the_bus(signal, value, mode):
 
 
 def test_a_message_that_falls_silent_is_a_code():
-    ecu, machine = EcuCycle(load_calibration()), FakeMachine()
+    ecu, machine = EcuCycle(load_calibration(), detect_faults=True), FakeMachine()
     play(ecu, machine, 30)
     machine.silent.add("BodyRates")
     results, _ = play(ecu, machine, 30)
@@ -112,7 +112,7 @@ def test_a_message_that_falls_silent_is_a_code():
 
 
 def test_estimators_that_fail_leave_a_code():
-    ecu, machine = EcuCycle(load_calibration()), FakeMachine()
+    ecu, machine = EcuCycle(load_calibration(), detect_faults=True), FakeMachine()
     play(ecu, machine, 30)
 
     def broken(inputs):
@@ -126,7 +126,7 @@ def test_estimators_that_fail_leave_a_code():
 
 
 def test_a_sound_machine_leaves_no_code():
-    ecu, machine = EcuCycle(load_calibration()), FakeMachine()
+    ecu, machine = EcuCycle(load_calibration(), detect_faults=True), FakeMachine()
     results, _ = play(ecu, machine, 50)
     assert PERIOD_NS == 10_000_000
     shown = [v["ActiveFaults"] for r in results if "ActiveFaults" in (v := decoded(r.frames))]

@@ -41,7 +41,7 @@ class NoisyMachine(FakeMachine):
 
 
 def started(seed=1, **values):
-    ecu, machine = EcuCycle(CALIBRATION), NoisyMachine(seed, **values)
+    ecu, machine = EcuCycle(CALIBRATION, detect_faults=True), NoisyMachine(seed, **values)
     play(ecu, machine, 250)
     return ecu, machine
 

@@ -73,7 +73,7 @@ class TestSources:
 
 def test_losses_are_reported_with_their_cause():
     assert str(Lost(0, 0)) == "none lost"
-    assert str(Lost(2, 3)).startswith("5 lost (2 before us")
+    assert str(Lost(2, 3)).startswith("5 lost (2 before the recorder")
     assert "in the ring" not in str(Lost(2, 0))
 
 

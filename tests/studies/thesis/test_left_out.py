@@ -17,7 +17,8 @@ def findings(run):
 
 
 def test_the_five_true_corrections_are_named_and_no_other(findings):
-    assert findings.status == "explained"
+    # Normal forces stay 1.0 kN off where 0.6 is their budget: the printed estimator leaves out more than is in its library.
+    assert findings.status == "explained in part"
     assert {finding.effect for finding in findings.findings if finding.named} == set(EXPECTED)
 
 
