@@ -63,11 +63,10 @@ class EcuCycle:
         self._parameters = calibration.parameters
         self._estimator = LiveEstimator(self._parameters, form)
         self._limits_enabled = limits_enabled
-        self._detect_faults = detect_faults
         self._receiver = InputReceiver(calibration, database)
         self._consistency = Consistency(self._parameters.wheel, database)
         self._outputs = Outputs(database)
-        self._detection = Detection(calibration, database)
+        self._detection = Detection(calibration, database) if detect_faults else None
         self._troubles = Troubles(calibration.inputs, database)
         self._heard: list[Finding] = []  # findings on frames since the last tick
         self._state = State.INIT
@@ -94,8 +93,9 @@ class EcuCycle:
         """Compile the estimators, so that the first cycle is as fast as the others."""
         self._estimator.estimate(estimator_inputs(self._receiver.gather(0), TICK_NS * 1e-9, 1.0))
         self._estimator.reset()
-        self._detection.look(self._receiver.gather(0), TICK_NS * 1e-9, 0)
-        self._detection.reset()
+        if self._detection is not None:
+            self._detection.look(self._receiver.gather(0), TICK_NS * 1e-9, 0)
+            self._detection.reset()
 
     def receive(self, frame: Frame, now_ns: int) -> list[Finding]:
         """Take one frame from the bus."""
@@ -123,7 +123,7 @@ class EcuCycle:
             Stale(g.name.lower(), now_ns) for g in sorted(received.stale - self._stale)
         ]
         self._stale = received.stale
-        if self._detect_faults and self._state in (State.RUNNING, State.DEGRADED):
+        if self._detection is not None and self._state in (State.RUNNING, State.DEGRADED):
             received, doubts = self._detection.look(received, self._period(now_ns), now_ns)
             findings += doubts
         findings += self._move(self._input_event(received, now_ns), now_ns)
@@ -156,7 +156,7 @@ class EcuCycle:
         before, self._state = self._state, after(self._state, event)
         if before is self._state:
             return []
-        if before is State.FAULT:
+        if before is State.FAULT and self._detection is not None:
             # What the detection held against signals was of the time before: good inputs have lasted for the time to recover.
             self._detection.reset()
         if before is State.INIT and self._state is State.RUNNING and self._fault_ns < 0:

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from configuration import ConfigurationError
 from ecu.detection.layout import (
     ACROSS,
     ALONG,
@@ -99,6 +100,10 @@ def rules_array(rules: DetectionRules, cycles: Mapping[str, float], p: Parameter
     found = np.zeros((RULES, WIDTH))
     share = rules.false_alarms / 3.0  # of samples, of standstills, of residuals
     for place, name in enumerate(NAMES):
+        if FAMILIES[name] not in rules.sensors:
+            raise ConfigurationError(
+                f"the calibration has no section [sensor_{FAMILIES[name]}]: the detection cannot watch {name} without its noise"
+            )
         sensor = rules.sensors[FAMILIES[name]]
         found[JUMP, place] = deviations_for(share) * PREDICTED * sensor.noise + sensor.onset
         found[FREEZE, place] = frames_for(share, sensor)

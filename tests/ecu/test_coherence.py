@@ -50,8 +50,9 @@ class Drive:
             values["Right"] += 5.0 + apart / 2
             if message in self.exchanged:
                 values["Left"], values["Right"] = values["Right"], values["Left"]
-        if message.endswith("Pressure"):
-            values = {signal: value + PRESSURE_KPA for signal, value in values.items()}
+        if "Pressure" in message:
+            for signal in values:
+                values[signal] += PRESSURE_KPA if codec.by_signal[signal].unit == "kPa" else 0.0
         if message == "BodyAcceleration":
             values["Vertical"] += 9.81
         if message == "BodyRates":
