@@ -28,7 +28,7 @@ def loaderhil(*words):
         [sys.executable, "-m", "loaderhil", *map(str, words)],
         capture_output=True,
         text=True,
-        timeout=100,
+        timeout=300,
         check=False,
     )
 

@@ -364,7 +364,7 @@ def test_the_loader_is_concealed_in_a_run_of_the_bench_that_does_not_tell(
     assert call("score", folder) == 2
     assert "was changed after it was sealed" in capsys.readouterr().err
     assert call("conceal", folder, "--model", "loader", "--noise", "yaw_rate=1") == 2
-    assert "--noise: the loader's runs come from the bench" in capsys.readouterr().err
+    assert "--noise: not available for the loader, whose runs come from the bench" in capsys.readouterr().err
 
 
 def test_a_run_that_was_interrupted_is_no_hidden_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
