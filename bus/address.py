@@ -1,5 +1,7 @@
 """Opening a bus by its address: `hub:/path/to/socket`, `hub:@NAME`, `socketcan:can0`, `virtual:NAME`."""
 
+from pathlib import Path
+
 from bus.hub.client import HubTransport
 from bus.socketcan.transport import SocketCanTransport
 from bus.transport import BusUnavailable, Transport
@@ -24,6 +26,12 @@ def open_transport(address: str, *, name: str = "") -> Transport:
         case "virtual":
             return named_bus(rest).connect()
     raise BusUnavailable(f"{address!r}: there is no kind of bus {scheme!r}; write {FORMS}")
+
+
+def inside_computer(address: str, interfaces: Path = Path("/sys/class/net")) -> bool:
+    """Whether every node of the bus is a process of this computer: a hub, a virtual bus, a CAN interface without a device (vcan)."""
+    scheme, _, rest = address.partition(":")
+    return scheme != "socketcan" or not (interfaces / rest / "device").exists()
 
 
 def _meant(address: str) -> str:

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -136,8 +137,8 @@ def _live(
                 f"{node} sent none of its messages on {bus} within {wait_s:g} s: is it powered, and on this bus?"
             )
         raise typer.Exit(Ending.PEER_DIED if watched.ended == "absent" else Ending.INTERRUPTED)
-    keep(session, out / "bus.log")
-    return session.evidence(dropped=watched.dropped, late_ns=watched.late_ns, late_share=watched.late_share)
+    keep(session, watched.bench, out)
+    return session.evidence(watched.bench)
 
 
 def _recorded(recording: Path, database: Database, node: str, from_start: bool) -> Evidence:
@@ -145,16 +146,22 @@ def _recorded(recording: Path, database: Database, node: str, from_start: bool) 
     from dbc.recordings.reading import read_frames
     from hil import rundir
     from hil.rundir import ECU_BUS, read_record
+    from testbench.conform.evidence import Bench
+    from testbench.conform.live import kept_bench
 
-    dropped = 0
+    bench = Bench()
     if recording.is_dir() and not (recording / rundir.RECORD).exists() and (recording / rundir.BUS).exists():
+        bench = kept_bench(recording)
         recording = recording / rundir.BUS  # what an earlier live test left
     if recording.is_dir():
         record = read_record(recording)
         dropped = int(record.statistics.get("recorder_dropped", 0))
+        # The processes of a run share one computer; in lockstep its time does not count.
+        bench = Bench(dropped=dropped, shared_host=record.mode == "realtime")
         behind = recording / ECU_BUS  # with a gateway the ECU has a bus of its own
         recording = behind if node == "EstimatorEcu" and behind.exists() else recording / rundir.BUS
-    return Evidence.of(read_frames(recording), database, node, from_start=from_start, dropped=dropped)
+    bench = replace(bench, from_start=bench.from_start or from_start)
+    return Evidence.of(read_frames(recording), database, node, bench)
 
 
 def _print(console: Console, found: Sequence[Requirement], file: Path) -> None:

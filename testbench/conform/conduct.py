@@ -88,8 +88,8 @@ def _start_up(evidence: Evidence, running: str, within_ns: int) -> Requirement:
     took_ns = _first(evidence, running, there_ns)
     if took_ns is not None and took_ns <= within_ns:
         return passed(Kind.START, subject, f"{running} {took_ns * NS:.0f} ms after all inputs were there")
-    if took_ns is not None and evidence.too_busy:
-        return unknown(Kind.START, subject, f"{running} after {took_ns * NS:.0f} ms; {evidence.too_busy}")
+    if took_ns is not None and (excuse := evidence.excuse(took_ns - within_ns)):
+        return unknown(Kind.START, subject, f"{running} after {took_ns * NS:.0f} ms; {excuse}")
     told = f"{running} after {took_ns * NS:.0f} ms" if took_ns is not None else f"never {running}"
     return failed(Kind.START, subject, f"{told}; permitted are {within_ns * NS:.0f} ms ({_seen(evidence)})")
 
@@ -152,8 +152,8 @@ def _after_loss(
     judged = []
     for loss in losses:
         problem, took_ns = _state_in(evidence, loss, wanted, timeout_ns, running)
-        if problem and took_ns is not None and evidence.too_busy:
-            return unknown(Kind.LOSS, subject, f"{problem}; {evidence.too_busy}")
+        if problem and took_ns is not None and (excuse := evidence.excuse(took_ns - timeout_ns)):
+            return unknown(Kind.LOSS, subject, f"{problem}; {excuse}")
         if problem:
             return failed(Kind.LOSS, subject, f"lost at {evidence.since(loss.last_ns):.3f} s: {problem}")
         if took_ns is not None:
@@ -212,10 +212,8 @@ def _recovery(evidence: Evidence, name: str, losses: list[Loss], running: str, w
         took_ns = _first(evidence, running, loss.back_ns)
         if took_ns is not None and took_ns <= within_ns:
             worst = max(worst, took_ns)
-        elif took_ns is not None and evidence.too_busy:
-            return unknown(
-                Kind.RECOVERY, subject, f"{running} after {took_ns * NS:.0f} ms; {evidence.too_busy}"
-            )
+        elif took_ns is not None and (excuse := evidence.excuse(took_ns - within_ns)):
+            return unknown(Kind.RECOVERY, subject, f"{running} after {took_ns * NS:.0f} ms; {excuse}")
         elif evidence.observer.end_ns - loss.back_ns >= within_ns:
             told = "never again" if took_ns is None else f"after {took_ns * NS:.0f} ms"
             return failed(

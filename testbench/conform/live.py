@@ -1,34 +1,34 @@
 """A conformance test on a real bus: the thin shell around `Session`."""
 
 import contextlib
+import json
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from bus.address import open_transport
+from bus.address import inside_computer, open_transport
 from bus.ticks import Alarm
 from bus.transport import Transport
 from dbc.recordings.writer import CandumpWriter
+from hil import rundir
 from hil.rundir import writing
 from hil.shell.process import Stop
+from testbench.conform.evidence import Bench, ConformError
 from testbench.conform.session import Session
 
 NS = 1_000_000_000
 LATE_NS = 2_000_000
+BENCH = "bench.json"
+"""File beside the record: what is known of the bench that made it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Watched:
-    """How the test itself went. ended: came, absent or interrupted; dropped: frames lost; late_ns: largest own lateness.
-
-    late_share: of its wake-ups, those that were later than 2 ms.
-    """
+    """How the test itself went. ended: came, absent or interrupted."""
 
     ended: str
-    dropped: int
-    late_ns: int
-    late_share: float
+    bench: Bench
 
 
 def watch(
@@ -65,7 +65,14 @@ def watch(
             alarm.set(wake_ns)
         lost = bus.statistics().dropped_in + bus.statistics().dropped_out
         late = sum(each > LATE_NS for each in lateness)
-        return session, Watched(ended, lost, max(lateness, default=0), late / max(len(lateness), 1))
+        bench = Bench(
+            from_start=session.from_start,
+            dropped=lost,
+            late_ns=max(lateness, default=0),
+            late_share=late / max(len(lateness), 1),
+            shared_host=inside_computer(address),
+        )
+        return session, Watched(ended, bench)
 
 
 def _exchange(session: Session, bus: Transport, now_ns: int) -> None:
@@ -76,10 +83,23 @@ def _exchange(session: Session, bus: Transport, now_ns: int) -> None:
         bus.send(frame)
 
 
-def keep(session: Session, file: Path) -> None:
-    """The record as a candump log, so that every verdict can be looked up and repeated."""
+def keep(session: Session, bench: Bench, folder: Path) -> None:
+    """The record as a candump log, and what is known of the bench, so that every verdict can be looked up and repeated."""
+    file = folder / rundir.BUS
     with writing(file):
-        file.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
         with CandumpWriter(file) as log:
             for frame in sorted(session.record, key=lambda frame: frame.at_ns):
                 log.write(frame, "bus")
+        (folder / BENCH).write_text(json.dumps(asdict(bench), indent=2) + "\n")
+
+
+def kept_bench(folder: Path) -> Bench:
+    """What `keep` wrote of the bench; a bench of which nothing is known where the file is missing."""
+    file = folder / BENCH
+    if not file.exists():
+        return Bench()
+    try:
+        return Bench(**json.loads(file.read_text()))
+    except (ValueError, TypeError) as error:
+        raise ConformError(f"{file}: not what `loaderhil conform` writes: {error}") from None

@@ -111,7 +111,6 @@ def _cycle(name: str, traffic: Traffic, evidence: Evidence) -> Requirement:
         end_ns=evidence.observer.end_ns,
         lost=evidence.observer.lost,
         starved=evidence.observer.starved,
-        starved_moment=evidence.observer.starved_moment,
     )
     seen = observation(name, traffic.codec, evidence.table, traffic.rows, window)
     found = judge_message(seen, window, tolerance=TOLERANCE)
@@ -130,10 +129,16 @@ def _cycle(name: str, traffic: Traffic, evidence: Evidence) -> Requirement:
             f"median {np.median(gaps) * 1e-6:.2f} ms, longest gap {gaps.max() * 1e-6:.2f} ms of {period * 1e-6:.0f} ms",
         )
     at = f" at {evidence.since(found.worst_at_ns):.3f} s" if found.worst_at_ns is not None else ""
-    told = ", ".join(late) + at
+    events = ", ".join(late) + at
     if found.result is Result.INCONCLUSIVE:
         return unknown(Kind.CYCLE, name, found.reason)
-    return failed(Kind.CYCLE, name, told)
+    # A delayed frame makes the gap before it long and the one after it short.
+    delays = ([found.worst_gap_ns - period] if found.worst_gap_ns else []) + (
+        [period // 2] if found.early else []
+    )
+    if not found.backwards and (excuse := evidence.excuse(max(delays))):
+        return unknown(Kind.CYCLE, name, f"{events}; {excuse}")
+    return failed(Kind.CYCLE, name, events)
 
 
 def _length(name: str, traffic: Traffic, evidence: Evidence) -> Requirement:

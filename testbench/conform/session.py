@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from bus.frame import Frame
 from dbc.database import Database
 from testbench.conform.conduct import judge_conduct
-from testbench.conform.evidence import Evidence
+from testbench.conform.evidence import Bench, Evidence
 from testbench.conform.requirements import Requirement, judge_messages
 from testbench.frames import table_of
 from testbench.restbus.core import RestBus
@@ -198,14 +198,7 @@ class Session:
         asked = [name for name in inputs if self.database.by_name[name].conduct.state]
         return [name for name in asked if not self.only or name in self.only]
 
-    def evidence(self, *, dropped: int = 0, late_ns: int = 0, late_share: float = 0.0) -> Evidence:
-        """The record so far, divided."""
-        return Evidence.of(
-            table_of(self.record),
-            self.database,
-            self.node,
-            from_start=self.from_start,
-            dropped=dropped,
-            late_ns=late_ns,
-            late_share=late_share,
-        )
+    def evidence(self, bench: Bench | None = None) -> Evidence:
+        """The record so far, divided. bench: by default one that lost nothing and was never late."""
+        bench = bench or Bench(from_start=self.from_start)
+        return Evidence.of(table_of(self.record), self.database, self.node, bench)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from bus.address import open_transport
+from bus.address import inside_computer, open_transport
 from bus.frame import Frame
 from bus.transport import BusUnavailable
 
@@ -39,3 +39,11 @@ def test_virtual_buses_are_shared_by_name() -> None:
         sender.send(Frame(1, b""))
         assert len(receiver.drain()) == 1
         assert stranger.drain() == []
+
+
+def test_only_an_interface_with_a_device_leads_out_of_the_computer(tmp_path: Path) -> None:
+    (tmp_path / "can0" / "device").mkdir(parents=True)
+    (tmp_path / "vcan0").mkdir()
+    assert not inside_computer("socketcan:can0", tmp_path)
+    for address in ("socketcan:vcan0", "hub:/tmp/loader.hub", "virtual:x"):
+        assert inside_computer(address, tmp_path)

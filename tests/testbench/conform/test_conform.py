@@ -14,8 +14,8 @@ from bus.frame import EXTENDED, Frame
 from dbc import FOLDER, loader_database
 from hil.ending import Ending
 from hil.verdict import Result
-from testbench.conform.evidence import ConformError, Evidence
-from testbench.conform.live import keep
+from testbench.conform.evidence import Bench, ConformError, Evidence
+from testbench.conform.live import keep, kept_bench
 from testbench.conform.results import ending_of
 from testbench.conform.session import Session, judge
 from testbench.restbus.values import values_for
@@ -76,11 +76,12 @@ class TestTheExample:
         assert asked(found, "loss of all inputs", "state after loss").result is Result.PASSED
 
     def test_a_recording_gives_the_verdicts_of_the_live_test(self, good, tmp_path):
-        keep(good, tmp_path / "bus.log")
+        keep(good, Bench(from_start=True, late_ns=3), tmp_path)
+        assert kept_bench(tmp_path) == Bench(from_start=True, late_ns=3)
         from dbc.recordings.reading import read_frames
 
         table = read_frames(tmp_path / "bus.log")
-        again = judge(Evidence.of(table, loader_database(), "EstimatorEcu", from_start=True))
+        again = judge(Evidence.of(table, loader_database(), "EstimatorEcu", Bench(from_start=True)))
         live = judge(good.evidence())
         assert [(e.subject, e.kind, e.result) for e in again] == [(e.subject, e.kind, e.result) for e in live]
 
@@ -122,16 +123,29 @@ def test_a_bench_that_was_late_accuses_nobody_of_one_late_frame(good):
     table = good.evidence().table
     rows = [r for r, i in enumerate(table.can_id.tolist()) if i == loader_database().by_name["Limits"].can_id]
     without = table.select([r for r in range(len(table)) if r not in rows[100:102]])
-    for late_ns, result in ((0, Result.FAILED), (50 * MS, Result.INCONCLUSIVE)):
-        seen = Evidence.of(without, loader_database(), "EstimatorEcu", late_ns=late_ns)
+    for bench, result in (
+        (Bench(), Result.FAILED),
+        (Bench(late_ns=15 * MS), Result.FAILED),  # the gap of 30 ms is 20 ms too long
+        (Bench(late_ns=25 * MS), Result.INCONCLUSIVE),
+        (Bench(shared_host=True), Result.INCONCLUSIVE),
+    ):
+        seen = Evidence.of(without, loader_database(), "EstimatorEcu", bench)
         assert asked(judge(seen), "Limits", "cycle time").result is result
+
+
+def test_a_node_on_the_same_computer_is_accused_of_what_no_computer_explains(good):
+    table = good.evidence().table
+    rows = [r for r, i in enumerate(table.can_id.tolist()) if i == loader_database().by_name["Limits"].can_id]
+    without = table.select([r for r in range(len(table)) if r not in rows[100:115]])  # 160 ms
+    seen = Evidence.of(without, loader_database(), "EstimatorEcu", Bench(shared_host=True))
+    assert asked(judge(seen), "Limits", "cycle time").result is Result.FAILED
 
 
 def test_frames_that_the_recorder_lost_accuse_no_counter(good):
     table = good.evidence().table
     rows = [r for r, i in enumerate(table.can_id.tolist()) if i == loader_database().by_name["Limits"].can_id]
     without = table.select([r for r in range(len(table)) if r not in rows[100:102]])
-    seen = Evidence.of(without, loader_database(), "EstimatorEcu", dropped=2)
+    seen = Evidence.of(without, loader_database(), "EstimatorEcu", Bench(dropped=2))
     assert asked(judge(seen), "Limits", "counter").result is Result.INCONCLUSIVE
 
 
@@ -179,7 +193,7 @@ class TestOnTheHub:
         assert found["NormalForces: initial values"] == "PASSED"
         assert (tmp_path / "conform.html").read_text().startswith("<!doctype html>")
         again = loaderhil("conform", tmp_path, "--from-start", "--out", tmp_path / "again", "--json")
-        assert json_of(again).keys() == found.keys()
+        assert json_of(again) == found
 
     def test_ten_planted_violations_are_each_named(self, hub, tmp_path):  # noqa: F811
         code, found = conform(f"hub:{hub}", tmp_path, *TEN[:8], TEN[9])
