@@ -95,22 +95,22 @@ def resolution(values: Array) -> float:
 
 
 def _parts(problem: Problem, rows: Array, name: str) -> Iterator[tuple[Array, Array]]:
-    """Stamps and rows of one channel, run by run."""
-    for run in problem.runs:
-        if name in run.channels:
-            own = rows[run.start : run.stop].reshape(run.shape)[:, run.channels.index(name)]
-            yield run.time_s, own
+    """Stamps and rows of one channel, block by block."""
+    for block in problem.blocks:
+        if name in block.channels:
+            own = rows[block.start : block.stop].reshape(block.shape)[:, block.channels.index(name)]
+            yield block.time_s, own
 
 
 def _standstills(problem: Problem, name: str) -> Iterator[Array]:
     """Readings of a channel where no input moves and the channel itself does not drift."""
     fewest = int(gates.SAMPLES_TO_CHECK.threshold)
-    runs = [run for run in problem.runs if name in run.channels]
+    blocks = [block for block in problem.blocks if name in block.channels]
     whole = np.concatenate([values for _, values in _parts(problem, problem.measured, name)])
     # a car that turns under constant commands does not stand still: its scatter is motion
     most = gates.DISTURBANCE_SHARE.threshold * float(np.std(whole))
-    for run, (time_s, values) in zip(runs, _parts(problem, problem.measured, name), strict=True):
-        window = problem.windows[run.window]
+    for block, (time_s, values) in zip(blocks, _parts(problem, problem.measured, name), strict=True):
+        window = problem.windows[block.window]
         inputs = [window[n] for n in problem.model.inputs if window.has(n)]
         if not inputs:
             continue

@@ -81,9 +81,9 @@ def _errors(
 def one_step_errors(problem: Problem, noise: Noise, rows: Array) -> Array:
     """Errors (n,) of the prediction of each raw row (N,) from those before it, in the channels' units."""
     found = []
-    for run in problem.runs:
-        whitener, (n, c) = noise.whiteners[run.group], run.shape
-        white = whitener.apply(rows[run.start : run.stop].reshape(n, c, 1))[..., 0]
+    for block in problem.blocks:
+        whitener, (n, c) = noise.whiteners[block.group], block.shape
+        white = whitener.apply(rows[block.start : block.stop].reshape(n, c, 1))[..., 0]
         found.append((white @ np.linalg.inv(whitener.inverse_factor).T).ravel())
     return noise.kept(np.concatenate(found))
 
@@ -151,7 +151,7 @@ def _part(
 ) -> ErrorPart | None:  # fmt: skip
     """The errors in a part, None where it has too few samples to ask."""
     rows = part.rows & own
-    if np.count_nonzero(rows) < gates.SAMPLES_IN_A_RUN.threshold:
+    if np.count_nonzero(rows) < gates.SAMPLES_IN_A_BLOCK.threshold:
         return None
     errors = after.one_step[rows], after.simulated[rows]
     over = any(
@@ -185,7 +185,7 @@ def _times(problem: Problem, noise: Noise) -> Iterator[_Part]:
     for recording in dict.fromkeys(w.recording for w in problem.windows):
         rows = owner == recording
         fewest = min(c for c in np.bincount(noise.row_channel[rows]).tolist() if c)
-        count = int(np.clip(fewest // gates.SAMPLES_IN_A_RUN.threshold, 1, PARTS))
+        count = int(np.clip(fewest // gates.SAMPLES_IN_A_BLOCK.threshold, 1, PARTS))
         time_s = noise.row_time[rows]
         edges = np.linspace(float(time_s.min()), float(time_s.max()), count + 1)
         at = np.clip(np.digitize(noise.row_time, edges) - 1, 0, count - 1)

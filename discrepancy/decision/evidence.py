@@ -117,18 +117,18 @@ def held_out_prediction(
     following = np.clip(np.searchsorted(noise.keep, np.arange(problem.measured.size)), 0, noise.keep.size - 1)
     folds = cross_validated(problem, noise, effects, start, settings, least_reduction=least_reduction)
     for test, judged in folds:
-        rows = test[following]  # the first rows of a run belong to the fold of the row that follows them
+        rows = test[following]  # the first rows of a block belong to the fold of the row that follows them
         predicted[rows] = problem.predict(judged.values)[rows]
     return predicted
 
 
 def _traces(problem: Problem, before: Array, after: Array | None) -> list[Trace]:
     parts: dict[tuple[str, str], list[list[Array]]] = {}
-    for run in problem.runs:
-        recording, (_, c) = problem.windows[run.window].recording, run.shape
-        for i, channel in enumerate(run.channels):
-            rows = slice(run.start + i, run.stop, c)
-            columns = [run.time_s, problem.measured[rows], before[rows]]
+    for block in problem.blocks:
+        recording, (_, c) = problem.windows[block.window].recording, block.shape
+        for i, channel in enumerate(block.channels):
+            rows = slice(block.start + i, block.stop, c)
+            columns = [block.time_s, problem.measured[rows], before[rows]]
             columns += [after[rows]] if after is not None else []
             parts.setdefault((recording, channel), []).append(columns)
     traces = []

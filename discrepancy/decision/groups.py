@@ -159,10 +159,10 @@ def _left_over(
     spread = noise.innovation_sd(problem)
     whiteners = [
         Whitener(
-            np.zeros((0, len(runs[0].channels), len(runs[0].channels))),
-            np.diag([1.0 / spread[c] for c in runs[0].channels]),
+            np.zeros((0, len(blocks[0].channels), len(blocks[0].channels))),
+            np.diag([1.0 / spread[c] for c in blocks[0].channels]),
         )
-        for runs in by_group(staged.runs)
+        for blocks in by_group(staged.blocks)
     ]
     names = [n for n in assumed.fit.names if model.parameter(n) in model.nuisances]
     # nuisances may move, but the effect keeps its fitted value: the present recordings have determined it
@@ -177,9 +177,9 @@ def _initial(model: Model, manoeuvre: Manoeuvre) -> dict[str, float]:
 def _staged(problem: Problem, manoeuvre: Manoeuvre) -> Recording:
     """Stamps as dense as those recorded; output values are placeholders until simulated."""
     signals: dict[str, Signal] = dict(manoeuvre.inputs)
-    for run in problem.runs:
-        step = float(np.median(np.diff(run.time_s)))
+    for block in problem.blocks:
+        step = float(np.median(np.diff(block.time_s)))
         stamps = np.arange(0.0, manoeuvre.duration_s, step)
-        for name in run.channels:
+        for name in block.channels:
             signals.setdefault(name, Signal(stamps, stamps.copy(), problem.model.outputs[name]))
     return Recording(manoeuvre.name, signals, problem.windows[0].constants)

@@ -291,7 +291,9 @@ def baseline_values(problem: Problem, state: State, *, adequate: bool) -> list[f
 def channel_noise(problem: Problem, state: State) -> list[f.ChannelNoise]:
     """Final one-step error of each channel, and the test for whiteness."""
     spread = state.noise.innovation_sd(problem)
-    orders = {name: state.noise.whiteners[run.group].order for run in problem.runs for name in run.channels}
+    orders = {
+        name: state.noise.whiteners[block.group].order for block in problem.blocks for name in block.channels
+    }
     return [
         f.ChannelNoise(
             channel=name,

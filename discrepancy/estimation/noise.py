@@ -21,7 +21,7 @@ from discrepancy.estimation.set_aside import (
     unexplained_steps,
     without_echoes,
 )
-from discrepancy.model.windows import Run
+from discrepancy.model.windows import Block
 from discrepancy.signals.recording import Array
 
 HIGHEST_ORDER = 10
@@ -58,11 +58,11 @@ class Whitener:
 
 
 class Noise:
-    """Whitening of all rows of a problem; `keep` are the raw rows that remain (the first `order` of a run do not).
+    """Whitening of all rows of a problem; `keep` are the raw rows that remain (the first `order` of a block do not).
 
     initial_uncertainty: raw rows (N, k) of one standard deviation of each initial state that is nearly known (Parameter.scope); what those
     states may do in each window is part of the noise.
-    set_aside: for each run the rows (n,) that nothing explains; they, and rows whose prediction uses them, are not kept.
+    set_aside: for each block the rows (n,) that nothing explains; they, and rows whose prediction uses them, are not kept.
     """
 
     def __init__(
@@ -76,11 +76,13 @@ class Noise:
         self.initial_uncertainty = (
             np.zeros((problem.measured.size, 0)) if initial_uncertainty is None else initial_uncertainty
         )
-        self._runs = problem.runs
+        self._blocks = problem.blocks
         self.set_aside = tuple(set_aside)
         kept = [
-            np.arange(run.start + self.whiteners[run.group].order * run.shape[1], max(run.stop, run.start))
-            for run in self._runs
+            np.arange(
+                block.start + self.whiteners[block.group].order * block.shape[1], max(block.stop, block.start)
+            )
+            for block in self._blocks
         ]
         self.keep: NDArray[np.intp] = np.concatenate(kept)
         self._chosen = self._not_set_aside() if self.set_aside else None
@@ -101,8 +103,8 @@ class Noise:
     def sound(self) -> Mask:
         """Which raw rows (N,) are not set aside."""
         found = np.ones(self._windows.size, bool)
-        for run, out in zip(self._runs, self.set_aside, strict=False):
-            found[run.start : run.stop] = np.repeat(~out, run.shape[1])
+        for block, out in zip(self._blocks, self.set_aside, strict=False):
+            found[block.start : block.stop] = np.repeat(~out, block.shape[1])
         return found
 
     def kept(self, rows: Array) -> Array:
@@ -112,16 +114,18 @@ class Noise:
     def _not_set_aside(self) -> Mask:
         """Which of the rows that the whiteners leave are kept."""
         parts = []
-        for run, out in zip(self._runs, self.set_aside, strict=True):
-            order = self.whiteners[run.group].order
-            parts.append(np.repeat(~after(out, order)[order:], run.shape[1]))
+        for block, out in zip(self._blocks, self.set_aside, strict=True):
+            order = self.whiteners[block.group].order
+            parts.append(np.repeat(~after(out, order)[order:], block.shape[1]))
         return np.concatenate(parts)
 
     def errors(self, rows: Array) -> list[Array]:
-        """Raw rows (N,) -> one-step errors of every run (n - order, c), those set aside too."""
+        """Raw rows (N,) -> one-step errors of every block (n - order, c), those set aside too."""
         return [
-            self.whiteners[run.group].apply(rows[run.start : run.stop].reshape(*run.shape, 1))[:, :, 0]
-            for run in self._runs
+            self.whiteners[block.group].apply(rows[block.start : block.stop].reshape(*block.shape, 1))[
+                :, :, 0
+            ]
+            for block in self._blocks
         ]
 
     def _decomposed(self) -> Iterator[tuple[slice, Array, Array, Array]]:
@@ -156,10 +160,10 @@ class Noise:
 
     def log_density(self) -> float:
         """Logarithm of the density of raw rows that are whitened to nothing, but for a constant."""
-        out = [int(rows.sum()) for rows in self.set_aside] or [0] * len(self._runs)
+        out = [int(rows.sum()) for rows in self.set_aside] or [0] * len(self._blocks)
         known = sum(
-            (run.shape[0] - gone) * float(np.linalg.slogdet(self.whiteners[run.group].inverse_factor)[1])
-            for run, gone in zip(self._runs, out, strict=True)
+            (block.shape[0] - gone) * float(np.linalg.slogdet(self.whiteners[block.group].inverse_factor)[1])
+            for block, gone in zip(self._blocks, out, strict=True)
         )
         return known - 0.5 * sum(float(np.sum(np.log1p(size**2))) for _, _, size, _ in self._unsure)
 
@@ -167,9 +171,9 @@ class Noise:
         """Errors of one-step predictions, white but for what initial states do."""
         columns = rows[:, None] if rows.ndim == 1 else rows
         parts = []
-        for run in self._runs:
-            whitener, (n, c), k = self.whiteners[run.group], run.shape, columns.shape[1]
-            white = whitener.apply(columns[run.start : run.stop].reshape(n, c, k))
+        for block in self._blocks:
+            whitener, (n, c), k = self.whiteners[block.group], block.shape, columns.shape[1]
+            white = whitener.apply(columns[block.start : block.stop].reshape(n, c, k))
             parts.append(white.reshape((n - whitener.order) * c, k))
         white = np.concatenate(parts)
         white = self.kept(white)
@@ -179,8 +183,8 @@ class Noise:
         """One-step error per channel, in the channel's unit."""
         return {
             name: float(sd)
-            for run in problem.runs
-            for name, sd in zip(run.channels, self.whiteners[run.group].innovation_sd, strict=True)
+            for block in problem.blocks
+            for name, sd in zip(block.channels, self.whiteners[block.group].innovation_sd, strict=True)
         }
 
 
@@ -192,11 +196,11 @@ def white_noise(
 ) -> Noise:
     """No memory yet: each channel scaled by the spread of its residual; the other arguments: of `Noise`."""
     whiteners = []
-    for runs, out in _grouped(problem, set_aside):
-        spread = np.std(_stack(runs, residual)[~np.concatenate(out)], axis=0)
-        size = np.maximum(spread, 1e-9 * (1.0 + np.abs(np.mean(_stack(runs, problem.measured), axis=0))))
-        size = np.maximum(size, _floors(problem, runs))
-        c = runs[0].shape[1]
+    for blocks, out in _grouped(problem, set_aside):
+        spread = np.std(_stack(blocks, residual)[~np.concatenate(out)], axis=0)
+        size = np.maximum(spread, 1e-9 * (1.0 + np.abs(np.mean(_stack(blocks, problem.measured), axis=0))))
+        size = np.maximum(size, _floors(problem, blocks))
+        c = blocks[0].shape[1]
         whiteners.append(Whitener(np.zeros((0, c, c)), np.diag(1.0 / size)))
     return Noise(problem, whiteners, initial_uncertainty, set_aside)
 
@@ -216,8 +220,8 @@ def estimate_noise(problem: Problem, residual: Array, used: float, known: Noise 
     return Noise(
         problem,
         [
-            autoregression(runs, residual, freedom_correction, _floors(problem, runs), out)
-            for runs, out in _grouped(problem, set_aside)
+            autoregression(blocks, residual, freedom_correction, _floors(problem, blocks), out)
+            for blocks, out in _grouped(problem, set_aside)
         ],
         known.initial_uncertainty if known is not None else None,
         set_aside,
@@ -244,7 +248,7 @@ def restored(problem: Problem, residual: Array, used: float, noise: Noise) -> No
     """The noise with rows back in that were only predicted from an outlier; arguments as of `estimate_noise`."""
     out = list(noise.set_aside)
     for at in _by_group(problem):
-        own = [residual[r.start : r.stop].reshape(r.shape) for r in (problem.runs[i] for i in at)]
+        own = [residual[r.start : r.stop].reshape(r.shape) for r in (problem.blocks[i] for i in at)]
         for i, rows in zip(at, without_echoes(own, [out[i] for i in at]), strict=True):
             out[i] = rows
     return estimate_noise(
@@ -258,15 +262,15 @@ def what_is_aside(problem: Problem, residual: Array, noise: Noise) -> list[Stret
         return []
     errors, found = noise.errors(residual), []
     for at in _by_group(problem):
-        own = [problem.runs[i] for i in at]
+        own = [problem.blocks[i] for i in at]
         found += stretches(own, [errors[i] for i in at], [noise.set_aside[i] for i in at])
     return sorted(found, key=lambda s: (s.window, s.start_s))
 
 
 def _marked(problem: Problem, noise: Noise, left: Array, raw: Array, spared: set[int]) -> tuple[Mask, ...]:
-    """Rows of every run that nothing explains; groups of which too much would go keep all of theirs, and join the spared ones."""
+    """Rows of every block that nothing explains; groups of which too much would go keep all of theirs, and join the spared ones."""
     errors, before = noise.errors(left), noise.errors(raw)
-    out = list(noise.set_aside) or [np.zeros(run.shape[0], bool) for run in problem.runs]
+    out = list(noise.set_aside) or [np.zeros(block.shape[0], bool) for block in problem.blocks]
     for group, at in enumerate(_by_group(problem)):
         own, was, known = [errors[i] for i in at], [before[i] for i in at], [out[i] for i in at]
         marked = None if group in spared else unexplained_steps(own, was, known)
@@ -278,34 +282,34 @@ def _marked(problem: Problem, noise: Noise, left: Array, raw: Array, spared: set
 
 
 def _by_group(problem: Problem) -> list[list[int]]:
-    """Numbers of the runs of each group."""
-    count = 1 + max(run.group for run in problem.runs)
-    return [[i for i, run in enumerate(problem.runs) if run.group == group] for group in range(count)]
+    """Numbers of the blocks of each group."""
+    count = 1 + max(block.group for block in problem.blocks)
+    return [[i for i, block in enumerate(problem.blocks) if block.group == group] for group in range(count)]
 
 
-def _grouped(problem: Problem, set_aside: Sequence[Mask]) -> Iterator[tuple[list[Run], list[Mask]]]:
+def _grouped(problem: Problem, set_aside: Sequence[Mask]) -> Iterator[tuple[list[Block], list[Mask]]]:
     """Runs by group, each with the rows of it that are set aside."""
-    out = set_aside or [np.zeros(run.shape[0], bool) for run in problem.runs]
+    out = set_aside or [np.zeros(block.shape[0], bool) for block in problem.blocks]
     for at in _by_group(problem):
-        yield [problem.runs[i] for i in at], [out[i] for i in at]
+        yield [problem.blocks[i] for i in at], [out[i] for i in at]
 
 
-def _floors(problem: Problem, runs: Sequence[Run]) -> Array:
+def _floors(problem: Problem, blocks: Sequence[Block]) -> Array:
     """What the model says its one-step errors are at least, for the channels of a group."""
-    return np.array([problem.model.floors.get(name, 0.0) for name in runs[0].channels])
+    return np.array([problem.model.floors.get(name, 0.0) for name in blocks[0].channels])
 
 
-def by_group(runs: Sequence[Run]) -> list[list[Run]]:
-    count = 1 + max(run.group for run in runs)
-    return [[run for run in runs if run.group == g] for g in range(count)]
+def by_group(blocks: Sequence[Block]) -> list[list[Block]]:
+    count = 1 + max(block.group for block in blocks)
+    return [[block for block in blocks if block.group == g] for g in range(count)]
 
 
-def _stack(runs: Sequence[Run], rows: Array) -> Array:
-    return np.concatenate([rows[run.start : run.stop].reshape(run.shape) for run in runs])
+def _stack(blocks: Sequence[Block], rows: Array) -> Array:
+    return np.concatenate([rows[block.start : block.stop].reshape(block.shape) for block in blocks])
 
 
 def autoregression(
-    runs: Sequence[Run],
+    blocks: Sequence[Block],
     residual: Array,
     freedom_correction: float,
     floors: Array,
@@ -313,14 +317,14 @@ def autoregression(
 ) -> Whitener:
     """The order by BIC; memory of every channel for itself where there are too few rows for one that couples them.
 
-    set_aside: rows of each run that neither are predicted nor predict others.
+    set_aside: rows of each block that neither are predicted nor predict others.
     """
-    c = runs[0].shape[1]
-    shortest = min(run.shape[0] for run in runs)
-    total = sum(run.shape[0] for run in runs)
+    c = blocks[0].shape[1]
+    shortest = min(block.shape[0] for block in blocks)
+    total = sum(block.shape[0] for block in blocks)
     longest = max(0, min(HIGHEST_ORDER, shortest // 4, total // ROWS_PER_TERM))
     coupled = min(longest, total // (ROWS_PER_TERM * c))
-    parts = [residual[run.start : run.stop].reshape(run.shape) for run in runs]
+    parts = [residual[block.start : block.stop].reshape(block.shape) for block in blocks]
     # the same rows for every order, or BIC would compare different data
     target = np.concatenate([part[longest:] for part in parts])
     lags = [
@@ -366,7 +370,7 @@ def _alone(lags: Sequence[Array], target: Array) -> Iterator[Array]:
 
 
 def memory_limited(past: Array, samples: int) -> Array:
-    """The autoregression with its memory limited to a quarter of a run of so many samples.
+    """The autoregression with its memory limited to a quarter of a block of so many samples.
 
     An autoregression that integrates, or grows, would call any slow mismatch noise.
     """

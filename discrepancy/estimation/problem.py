@@ -1,6 +1,6 @@
 """The estimation problem: recordings cut into windows for one model, and all measured and predicted values as one column of rows.
 
-Rows are ordered by window, then by group of channels that share their stamps, then by run of samples without gaps, then by time. The
+Rows are ordered by window, then by group of channels that share their stamps, then by block of samples without gaps, then by time. The
 rows of a window are therefore contiguous, and its initial states can be projected out by themselves.
 """
 
@@ -21,12 +21,12 @@ from discrepancy.model.sensors import through_sensors
 from discrepancy.model.windows import (
     FEWEST_SAMPLES,
     OUTPUTS,
+    Block,
     Place,
-    Run,
     cut,
     means_of,
     odd_stamps,
-    sample_runs,
+    sample_blocks,
     samples_per_row,
     usable,
 )
@@ -120,7 +120,7 @@ class Problem:
         self.row_period_s = dict(row_period_s or {})
         self.costs = Costs(model.costly)
         self.windows: list[Window] = []
-        self.runs: list[Run] = []
+        self.blocks: list[Block] = []
         complaints: list[Complaint] = []
         self._groups: dict[tuple[str, ...], int] = {}
         measured: list[Array] = []
@@ -135,7 +135,7 @@ class Problem:
             before = len(self.windows)
             for window in cut(model, clean, interval):
                 index = len(self.windows)
-                parts = list(sample_runs(window, {name: clean.signals[name] for name in outputs}))
+                parts = list(sample_blocks(window, {name: clean.signals[name] for name in outputs}))
                 if not parts:
                     continue
                 self.windows.append(window)
@@ -144,7 +144,7 @@ class Problem:
                     each = samples_per_row(time_s, self.row_period_s.get(channels, 0.0))
                     whole = time_s.size - time_s.size % each
                     stamps, means = means_of(time_s[:whole], each), means_of(values[:whole].T, each).T
-                    self.runs.append(Run(index, group, channels, stamps, rows, time_s[:whole], each))
+                    self.blocks.append(Block(index, group, channels, stamps, rows, time_s[:whole], each))
                     measured.append(means.ravel())
                     rows += means.size
             if len(self.windows) == before:
@@ -158,7 +158,7 @@ class Problem:
             raise Unusable(complaints)
         self.complaints = tuple(complaints)
         self.measured = np.concatenate(measured)
-        self.channels = tuple(dict.fromkeys(name for run in self.runs for name in run.channels))
+        self.channels = tuple(dict.fromkeys(name for block in self.blocks for name in block.channels))
         self.missing = tuple(name for name in model.outputs if name not in self.channels)
         self.row_window, self.row_channel, self.row_time = self._labels()
         self.local_names = tuple(p.name for p in model.nuisances if p.scope == "window")
@@ -171,7 +171,7 @@ class Problem:
         )
         self._count = _Count()
         self._recent: deque[tuple[Values, Array]] = deque(maxlen=RECENT)
-        self._places = [Place.on(self.windows[run.window].time_s, run.sample_s) for run in self.runs]
+        self._places = [Place.on(self.windows[block.window].time_s, block.sample_s) for block in self.blocks]
 
     @property
     def simulations(self) -> int:
@@ -181,7 +181,7 @@ class Problem:
     @property
     def samples(self) -> int:
         """Recorded samples of all channels, before any were averaged."""
-        return sum(run.sample_s.size * len(run.channels) for run in self.runs)
+        return sum(block.sample_s.size * len(block.channels) for block in self.blocks)
 
     def measuring(self, values: Values) -> "Problem":
         """A copy whose measured rows are the model's prediction at these values, without noise; it shares the cached Jacobian columns."""
@@ -193,11 +193,11 @@ class Problem:
         window = np.empty(self.measured.size, np.intp)
         channel, time_s = np.empty_like(window), np.empty(self.measured.size)
         number = {name: i for i, name in enumerate(self.channels)}
-        for run in self.runs:
-            rows, (n, c) = slice(run.start, run.stop), run.shape
-            window[rows] = run.window
-            channel[rows] = np.tile([number[name] for name in run.channels], n)
-            time_s[rows] = np.repeat(run.time_s, c)
+        for block in self.blocks:
+            rows, (n, c) = slice(block.start, block.stop), block.shape
+            window[rows] = block.window
+            channel[rows] = np.tile([number[name] for name in block.channels], n)
+            time_s[rows] = np.repeat(block.time_s, c)
         return window, channel, time_s
 
     def start(self) -> Values:
@@ -258,9 +258,9 @@ class Problem:
     def _predicted(self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None) -> Array:
         rows = np.empty(self.measured.size)
         seen = self._all_outputs(values, extra)
-        for run, place in zip(self.runs, self._places, strict=True):
-            outputs = np.stack([seen[run.window][name] for name in run.channels])
-            rows[run.start : run.stop] = means_of(place.of(outputs), run.averaged).T.ravel()
+        for block, place in zip(self.blocks, self._places, strict=True):
+            outputs = np.stack([seen[block.window][name] for name in block.channels])
+            rows[block.start : block.stop] = means_of(place.of(outputs), block.averaged).T.ravel()
         return rows
 
     def motions(self, windows: Sequence[Window], values: Values) -> Sequence[Mapping[str, Array]]:

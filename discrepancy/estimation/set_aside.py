@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discrepancy import gates
-from discrepancy.model.windows import Run
+from discrepancy.model.windows import Block
 from discrepancy.signals.recording import Array
 
 Mask = NDArray[np.bool_]
@@ -33,7 +33,7 @@ NORMAL: Final = 1.4826  # standard deviations in a median absolute deviation
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """Rows of one run, one after the other, that nothing explains."""
+    """Rows of one block, one after the other, that nothing explains."""
 
     window: int
     channels: tuple[str, ...]
@@ -47,7 +47,7 @@ class Stretch:
 class SetAside:
     """What a search leaves out."""
 
-    rows: tuple[Mask, ...] = ()  # of every run; empty: none
+    rows: tuple[Mask, ...] = ()  # of every block; empty: none
     stretches: tuple[Stretch, ...] = ()
 
 
@@ -57,9 +57,9 @@ NOTHING: Final = SetAside()
 def unexplained_steps(
     errors: Sequence[Array], before: Sequence[Array], known: Sequence[Mask]
 ) -> list[Mask] | None:
-    """For the runs of one group: which of their rows nothing explains (n,); None where that is too much of the recording to be set aside.
+    """For the blocks of one group: which of their rows nothing explains (n,); None where that is too much of the recording to be set aside.
 
-    errors: of one-step predictions, per run (n - order, c), what candidates could do taken out; before: with it; known: rows that are out already.
+    errors: of one-step predictions, per block (n - order, c), what candidates could do taken out; before: with it; known: rows that are out already.
     """
     kept = [e[~out[out.size - len(e) :]] for e, out in zip(errors, known, strict=True)]
     scale = _scale(np.concatenate(kept))
@@ -112,7 +112,7 @@ def without_echoes(residuals: Sequence[Array], out: Sequence[Mask]) -> list[Mask
 
 
 def _spans(rows: Mask) -> list[tuple[int, int]]:
-    """Begin and end of each run of true values."""
+    """Begin and end of each sequence of true values."""
     edges = np.flatnonzero(np.diff(rows.astype(int), prepend=0, append=0))
     return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
@@ -134,11 +134,11 @@ def after(out: Mask, order: int) -> Mask:
     return touched
 
 
-def stretches(runs: Sequence[Run], errors: Sequence[Array], out: Sequence[Mask]) -> list[Stretch]:
+def stretches(blocks: Sequence[Block], errors: Sequence[Array], out: Sequence[Mask]) -> list[Stretch]:
     """What is out, as stretches of time; errors: as in `unexplained_steps`."""
     kept = np.concatenate([e[~o[o.size - len(e) :]] for e, o in zip(errors, out, strict=True)])
     rms, found = np.sqrt(np.mean(kept**2, axis=0)), []
-    for run, e, rows in zip(runs, errors, out, strict=True):
+    for block, e, rows in zip(blocks, errors, out, strict=True):
         for start, stop in _spans(rows):
             own = e[max(start - (rows.size - len(e)), 0) : stop - (rows.size - len(e))]
             if not len(own):
@@ -146,10 +146,10 @@ def stretches(runs: Sequence[Run], errors: Sequence[Array], out: Sequence[Mask])
             sizes = np.sqrt(np.mean(own**2, axis=0)) / np.maximum(rms, 1e-300)
             found.append(
                 Stretch(
-                    run.window,
-                    run.channels,
-                    float(run.time_s[start]),
-                    float(run.time_s[stop - 1]),
+                    block.window,
+                    block.channels,
+                    float(block.time_s[start]),
+                    float(block.time_s[stop - 1]),
                     stop - start,
                     float(np.max(sizes)),
                 )

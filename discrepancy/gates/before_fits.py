@@ -6,13 +6,13 @@ from discrepancy.gates.gate import listed as _gate
 
 # 1 recordings and channels, before any physics is blamed
 
-SAMPLES_IN_A_RUN: Final = _gate(
-    name="samples in a run",
+SAMPLES_IN_A_BLOCK: Final = _gate(
+    name="samples in a block",
     of="channel",
     statistic="samples of a channel in a row, in a window",
     threshold=8,
     source="fewer say nothing beyond the initial state of the window",
-    otherwise="the run is left out; a recording without a run is inconclusive",
+    otherwise="the block is left out; a recording without a block is inconclusive",
     module="model.windows",
 )
 SAMPLES_TO_CHECK: Final = _gate(

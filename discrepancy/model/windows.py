@@ -1,4 +1,4 @@
-"""A recording cut into windows for one model: its usable part, the grid, and runs of samples without gaps."""
+"""A recording cut into windows for one model: its usable part, the grid, and blocks of samples without gaps."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,16 +13,16 @@ from discrepancy.model.description import Model, Window
 from discrepancy.signals.recording import Array, Complaint, Recording, Signal
 from discrepancy.signals.units import parse_unit
 
-GAP = 3.5  # in median sample times: a longer pause starts a new run of the whitening filter
+GAP = 3.5  # in median sample times: a longer pause starts a new block of the whitening filter
 OUTPUTS = "outputs"  # in place of a channel's name, in complaints about all of them
 MILLI = 3e-3  # of the model's step or its inverse, beyond which stamps are likely in ms or in s by mistake
 HOLD_TOLERANCE = 1e-3  # of a grid step, by which a held value may be stamped late and still be of this point
-FEWEST_SAMPLES: Final = int(gates.SAMPLES_IN_A_RUN.threshold)  # of a channel in a window
+FEWEST_SAMPLES: Final = int(gates.SAMPLES_IN_A_BLOCK.threshold)  # of a channel in a window
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
-    """A run of n rows of c channels with common stamps: rows[start:stop], shape (n, c) in C order.
+class Block:
+    """A block of n rows of c channels with common stamps: rows[start:stop], shape (n, c) in C order.
 
     A row is one sample, or the mean of `averaged` samples that follow one another, stamped at their mean time.
     """
@@ -199,7 +199,7 @@ def resampled(source: Signal, grid: Array) -> Array:
     return source.value[np.clip(np.searchsorted(source.time_s, until, side="right") - 1, 0, None)]
 
 
-def sample_runs(
+def sample_blocks(
     window: Window, outputs: Mapping[str, Signal]
 ) -> Iterable[tuple[tuple[str, ...], Array, Array]]:
     """Channels grouped by identical stamps, split at gaps: (names, stamps (n,), values (n, c))."""
@@ -214,17 +214,17 @@ def sample_runs(
         if inside.size < FEWEST_SAMPLES:
             continue
         pauses = np.diff(stamps[inside])
-        for run in np.split(inside, np.flatnonzero(pauses > GAP * np.median(pauses)) + 1):
-            if run.size >= FEWEST_SAMPLES:
+        for at in np.split(inside, np.flatnonzero(pauses > GAP * np.median(pauses)) + 1):
+            if at.size >= FEWEST_SAMPLES:
                 yield (
                     tuple(names),
-                    stamps[run],
-                    np.stack([outputs[name].value[run] for name in names], axis=1),
+                    stamps[at],
+                    np.stack([outputs[name].value[at] for name in names], axis=1),
                 )
 
 
 def samples_per_row(time_s: Array, row_period_s: float) -> int:
-    """How many samples of a run with these stamps make one row of about row_period_s; at least 1, and no more than leave enough rows."""
+    """How many samples of a block with these stamps make one row of about row_period_s; at least 1, and no more than leave enough rows."""
     step = float(np.median(np.diff(time_s)))
     most = time_s.size // FEWEST_SAMPLES
     return int(np.clip(round(row_period_s / step), 1, max(most, 1)))

@@ -14,7 +14,7 @@ from discrepancy import gates
 from discrepancy.estimation.fit import differences
 from discrepancy.estimation.noise import HIGHEST_ORDER, ROWS_PER_TERM, by_group
 from discrepancy.estimation.problem import Problem
-from discrepancy.model.windows import FEWEST_SAMPLES, Run, means_of
+from discrepancy.model.windows import FEWEST_SAMPLES, Block, means_of
 from discrepancy.selection.screen import sensitivities
 from discrepancy.signals.recording import Array, Complaint
 
@@ -50,22 +50,24 @@ def row_periods(problem: Problem) -> dict[Channels, float]:
     found: dict[Channels, float] = {}
     bandwidth_hz = problem.model.bandwidth_hz
     effects = [] if bandwidth_hz is not None else list(_effect_columns(problem))
-    for runs in by_group(problem.runs):
-        steps = [float(np.median(np.diff(run.sample_s))) for run in runs]
+    for blocks in by_group(problem.blocks):
+        steps = [float(np.median(np.diff(block.sample_s))) for block in blocks]
         slowest, each = max(steps), 1
-        while _enough_rows(runs, 2 * each * slowest) and (
+        while _enough_rows(blocks, 2 * each * slowest) and (
             bandwidth_hz is None or 2 * each * slowest * bandwidth_hz * ROWS_PER_PERIOD <= 1.0
         ):
-            if any(_lost(runs, trials, 2 * each) > 1.0 - gates.CONTENT_KEPT.threshold for trials in effects):
+            if any(
+                _lost(blocks, trials, 2 * each) > 1.0 - gates.CONTENT_KEPT.threshold for trials in effects
+            ):
                 break
             each *= 2
         if each > 1 or slowest > 1.5 * min(steps):
-            found[runs[0].channels] = each * slowest
+            found[blocks[0].channels] = each * slowest
     return found
 
 
-def _enough_rows(runs: Sequence[Run], period_s: float) -> bool:
-    rows = [int(np.ptp(run.sample_s) / period_s) for run in runs]
+def _enough_rows(blocks: Sequence[Block], period_s: float) -> bool:
+    rows = [int(np.ptp(block.sample_s) / period_s) for block in blocks]
     return min(rows) >= FEWEST_SAMPLES and sum(rows) >= FEWEST_ROWS
 
 
@@ -95,19 +97,19 @@ def _beyond_states(problem: Problem, raw: Array, local: Array) -> Array:
     return left
 
 
-def _lost(runs: Sequence[Run], trials: Sequence[Array], each: int) -> float:
+def _lost(blocks: Sequence[Block], trials: Sequence[Array], each: int) -> float:
     """Largest share over channels of what a parameter does there that means over `each` samples lose, at the trial step that loses least.
 
     A lag that is shorter than a sample moves single samples; a change that matters has to be kept, not its smallest trial step.
     """
-    channels = range(len(runs[0].channels))
-    return max(min(_lost_in(runs, raw, channel, each) for raw in trials) for channel in channels)
+    channels = range(len(blocks[0].channels))
+    return max(min(_lost_in(blocks, raw, channel, each) for raw in trials) for channel in channels)
 
 
-def _lost_in(runs: Sequence[Run], raw: Array, channel: int, each: int) -> float:
+def _lost_in(blocks: Sequence[Block], raw: Array, channel: int, each: int) -> float:
     kept = whole = 0.0
-    for run in runs:
-        moved = raw[run.start : run.stop].reshape(run.shape)[:, channel]
+    for block in blocks:
+        moved = raw[block.start : block.stop].reshape(block.shape)[:, channel]
         moved = moved[: moved.size - moved.size % each]
         kept += each * float(np.sum(means_of(moved, each) ** 2))
         whole += float(np.sum(moved**2))
@@ -116,13 +118,13 @@ def _lost_in(runs: Sequence[Run], raw: Array, channel: int, each: int) -> float:
 
 def _oversampled(problem: Problem) -> Iterator[Complaint]:
     told = set()
-    for run in problem.runs:
-        recording = problem.windows[run.window].recording
-        if run.averaged >= OVERSAMPLED and (recording, run.group) not in told:
-            told.add((recording, run.group))
-            sampled_hz = 1.0 / float(np.median(np.diff(run.sample_s)))
+    for block in problem.blocks:
+        recording = problem.windows[block.window].recording
+        if block.averaged >= OVERSAMPLED and (recording, block.group) not in told:
+            told.add((recording, block.group))
+            sampled_hz = 1.0 / float(np.median(np.diff(block.sample_s)))
             text = (
-                f"is sampled at {sampled_hz:.3g} Hz, where the model hardly moves above {sampled_hz / run.averaged / 2.0:.2g} Hz: "
-                f"{run.averaged} samples are averaged to one"
+                f"is sampled at {sampled_hz:.3g} Hz, where the model hardly moves above {sampled_hz / block.averaged / 2.0:.2g} Hz: "
+                f"{block.averaged} samples are averaged to one"
             )
-            yield Complaint(recording, ", ".join(run.channels), text, fatal=False)
+            yield Complaint(recording, ", ".join(block.channels), text, fatal=False)

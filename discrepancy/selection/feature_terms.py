@@ -75,7 +75,7 @@ class Simulated:
         # A function of them would then explain the error by its own consequence.
         problem = self._problem
         raw = np.zeros(problem.measured.size)
-        for block in problem.runs:
+        for block in problem.blocks:
             if channel in block.channels:
                 i, c = block.channels.index(channel), len(block.channels)
                 window = problem.windows[block.window]

@@ -16,7 +16,7 @@ from scipy.stats import norm
 
 from discrepancy.estimation.noise import Whitener, autoregression
 from discrepancy.estimation.normal_equations import inverse
-from discrepancy.model.windows import Run
+from discrepancy.model.windows import Block
 from identify.tyre.rig_problem import Part, Unknown
 
 Array = NDArray[np.float64]
@@ -195,9 +195,9 @@ def _whitened(parts: Sequence[Part], noise: Noise) -> list[Array]:
 def _noise(parts: Sequence[Part], before: Noise | None, used: int) -> Noise:
     """Autoregression of all residuals together, and Huber's weights of what it leaves."""
     series = [_bridged(part) for part in parts]
-    start, blocks = 0, list[Run]()
+    start, blocks = 0, list[Block]()
     for values in series:
-        blocks.append(Run(0, 0, ("force",), np.arange(values.size, dtype=float), start))
+        blocks.append(Block(0, 0, ("force",), np.arange(values.size, dtype=float), start))
         start += values.size
     rows = np.concatenate(series)
     if before is None:  # far from the optimum the misfit is no noise process: take only its size, robustly

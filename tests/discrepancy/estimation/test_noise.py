@@ -5,7 +5,7 @@ import pytest
 
 from discrepancy.estimation.noise import autoregression, estimate_noise, memory_limited
 from discrepancy.estimation.problem import Problem
-from discrepancy.model.windows import Run
+from discrepancy.model.windows import Block
 from tests.discrepancy.toys import record, tank
 
 
@@ -28,7 +28,7 @@ def test_channels_too_many_to_be_coupled_keep_their_own_memory() -> None:
     own = 2.0 * 0.9 * np.cos(np.linspace(0.3, 2.5, c))
     for k in range(2, n):
         rows[k] += own * rows[k - 1] - 0.81 * rows[k - 2]
-    block = Run(0, 0, tuple(f"y{i}" for i in range(c)), 0.04 * np.arange(n), 0)
+    block = Block(0, 0, tuple(f"y{i}" for i in range(c)), 0.04 * np.arange(n), 0)
     whitener = autoregression([block], rows.ravel(), 1.0, np.zeros(c))
     white = whitener.apply(rows[:, :, None])[:, :, 0]
     correlation = np.sum(white[1:] * white[:-1], axis=0) / np.sum(white**2, axis=0)

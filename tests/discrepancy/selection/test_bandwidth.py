@@ -43,8 +43,8 @@ def test_means_keep_the_energy_that_the_gate_asks_for_and_twice_as_many_samples_
         for name in names:
             moved = problem.predict(start.having(**{name: start.shared[name] + 0.05})) - base
             kept = whole = 0.0
-            for run in problem.runs:
-                rows = slice(run.start, run.stop)
+            for block in problem.blocks:
+                rows = slice(block.start, block.stop)
                 x, state = moved[rows], (local - base)[rows]
                 x = x - state * (x @ state) / (state @ state)
                 x = x[: x.size - x.size % count]
@@ -59,13 +59,13 @@ def test_means_keep_the_energy_that_the_gate_asks_for_and_twice_as_many_samples_
 
 def test_a_row_is_the_mean_of_its_samples_recorded_and_predicted() -> None:
     every, mean = Problem(tank(), [fast()]), Problem(tank(), [fast()], {CHANNELS: 0.05})
-    (run, *_), (rows, *_) = every.runs, mean.runs
+    (block, *_), (rows, *_) = every.blocks, mean.blocks
     assert rows.averaged == 5
     for one, other in (
         (every.measured, mean.measured),
         (every.predict(every.start()), mean.predict(mean.start())),
     ):
-        whole = one[run.start : run.stop][: 5 * rows.shape[0]]
+        whole = one[block.start : block.stop][: 5 * rows.shape[0]]
         np.testing.assert_allclose(other[rows.start : rows.stop], whole.reshape(-1, 5).mean(axis=1))
     np.testing.assert_allclose(rows.time_s[:2], [0.02, 0.07], atol=1e-9)
     assert mean.samples == pytest.approx(every.samples, abs=5 * len(mean.windows))
@@ -82,18 +82,18 @@ def test_recordings_at_several_rates_share_rows_of_the_slowest() -> None:
     """One noise model serves both: its memory is counted in rows."""
     fine, coarse = fast(), replace(fast(16, seed=2), name="coarse")
     found, _ = at_bandwidth(Problem(replace(tank(), bandwidth_hz=1e3), [fine, coarse]))
-    periods = [float(np.median(np.diff(run.time_s))) for run in found.runs]
+    periods = [float(np.median(np.diff(block.time_s))) for block in found.blocks]
     assert np.allclose(periods, 0.16, rtol=1e-3)
 
 
 def test_a_bandwidth_of_the_model_is_kept_to() -> None:
     found, _ = at_bandwidth(Problem(replace(tank(), bandwidth_hz=3.0), [fast()]))
-    assert {run.averaged for run in found.runs} == {8}
+    assert {block.averaged for block in found.blocks} == {8}
 
 
 def test_a_far_too_fast_channel_is_complained_of_once_with_both_rates() -> None:
     found, complaints = at_bandwidth(Problem(tank("leak"), [fast()]))
-    assert found.runs[0].averaged >= OVERSAMPLED
+    assert found.blocks[0].averaged >= OVERSAMPLED
     (complaint,) = complaints
     assert complaint.signal == "level"
     assert complaint.text.startswith("is sampled at 100 Hz")
