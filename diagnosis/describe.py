@@ -130,7 +130,9 @@ def errors(before: float, after: float, unit: str) -> str:
 def missing_channel(missing: MissingChannel) -> str:
     """'speed was not recorded. It would have shown linear drag (0.3 m/s); distinguished gyro delay from servo delay.'"""
     shows = [f"{w.what} ({quantity(w.change, missing.unit, 2)})" for w in missing.would_judge[:MOST_EFFECTS]]
-    pairs = [f"{w.what} ({quantity(w.change, missing.unit, 2)})" for w in missing.would_part[:MOST_EFFECTS]]
+    pairs = [
+        f"{w.what} ({quantity(w.change, missing.unit, 2)})" for w in missing.would_distinguish[:MOST_EFFECTS]
+    ]
     uses = [f"shown {', '.join(shows)}"] if shows else []
     uses += [f"distinguished {', '.join(pairs)}"] if pairs else []
     state = "could not be used" if missing.recorded else "was not recorded"

@@ -47,7 +47,7 @@ def missing_channels(
                 unit=problem.model.outputs[name],
                 recorded=any(c.signal == name for c in complaints),
                 would_judge=_notable(judged, size),
-                would_part=_notable(distinguished, size),
+                would_distinguish=_notable(distinguished, size),
             )
         )
     return rows

@@ -15,18 +15,21 @@ from pydantic import TypeAdapter
 from discrepancy.signals.adequacy import ChannelAdequacy
 from discrepancy.signals.recording import Complaint
 
-SCHEMA_VERSION = 3
-READABLE: Final = (1, 2)  # versions that are still read
+SCHEMA_VERSION = 4
+READABLE: Final = (1, 2, 3)  # versions that are still read
 SCHEMA = Path(__file__).with_name("schema.json")
-OLD_NAMES: Final[Mapping[str, str]] = {
-    "gain": "sse_reduction",
-    "needed": "threshold",
-    "held_out_gain": "held_out_sse_reduction",
-    "doubts": "caveats",
-    "absorbed": "confounded_share",
-    "noticed_from": "smallest_detectable",
+RENAMED: Final[Mapping[int, Mapping[str, str]]] = {
+    2: {
+        "gain": "sse_reduction",
+        "needed": "threshold",
+        "held_out_gain": "held_out_sse_reduction",
+        "doubts": "caveats",
+        "absorbed": "confounded_share",
+        "noticed_from": "smallest_detectable",
+    },
+    4: {"would_part": "would_distinguish"},
 }
-"""Names of fields in version 1, which can still be read, and the present ones."""
+"""Fields that have another name since a version: before and now."""
 BY_CHANNEL: Final = ("channels", "held_out_error")  # mappings whose keys are no fields
 
 Status = Literal["explained", "explained in part", "unknown", "nothing missing", "inconclusive"]
@@ -50,7 +53,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroupMember:
-    """An effect that these recordings cannot tell from the finding."""
+    """An effect that these recordings cannot distinguish from the finding."""
 
     effect: str
     likelihood_difference: float  # in SSE, from the finding
@@ -89,7 +92,7 @@ class Where:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Separation:
-    """What to drive to tell `effect` from the finding."""
+    """What to drive to distinguish `effect` from the finding."""
 
     effect: str
     manoeuvre: str
@@ -129,7 +132,7 @@ class OpenTerm:
     low: float | None
     high: float | None
     unit: str  # of the coefficient
-    equally_good: list[str]  # other terms that these recordings cannot tell from it
+    equally_good: list[str]  # other terms that these recordings cannot distinguish from it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -213,7 +216,7 @@ class MissingChannel:
     unit: str
     recorded: bool = False  # it was there, and a complaint says why it is of no use
     would_judge: list[WouldShow]  # effects that it would have shown at their typical size
-    would_part: list[WouldShow]  # rivals that it would have told apart
+    would_distinguish: list[WouldShow]  # pairs of effects, confusable here, that it would have distinguished
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -261,7 +264,9 @@ def to_json(result: Findings) -> str:
 
 
 def from_json(text: str) -> Findings:
-    """Read and check against the schema; files of version 1 are read by the names of their time, those of version 2 know no adequacy.
+    """Read and check against the schema; files of an earlier version are read by the names of their time.
+
+    Files of versions 1 and 2 know no adequacy: theirs is an empty list.
 
     Raises pydantic.ValidationError with the place of the fault.
     """
@@ -270,18 +275,21 @@ def from_json(text: str) -> Findings:
     except ValueError:
         return _ADAPTER.validate_json(text)  # says where
     if isinstance(raw, dict) and raw.get("schema_version") in READABLE:
-        raw = (_renamed(raw) if raw["schema_version"] == 1 else raw) | {"schema_version": SCHEMA_VERSION}
+        changed = [names for version, names in RENAMED.items() if version > raw["schema_version"]]
+        since = {old: new for names in changed for old, new in names.items()}
+        raw = _renamed(raw, since) | {"schema_version": SCHEMA_VERSION}
     return _ADAPTER.validate_json(json.dumps(raw))
 
 
-def _renamed(value: Any) -> Any:
-    """A file of version 1 with the names of today."""
+def _renamed(value: Any, names: Mapping[str, str]) -> Any:
+    """The content of an earlier file with the names of today; names: those that have changed since."""
     if isinstance(value, dict):
+        # A channel may have the name of a field: mappings by channel stay as they are.
         return {
-            OLD_NAMES.get(key, key): item if key in BY_CHANNEL else _renamed(item)
+            names.get(key, key): item if key in BY_CHANNEL else _renamed(item, names)
             for key, item in value.items()
         }
-    return [_renamed(item) for item in value] if isinstance(value, list) else value
+    return [_renamed(item, names) for item in value] if isinstance(value, list) else value
 
 
 def schema() -> dict[str, Any]:

@@ -9,7 +9,8 @@ from pydantic import ValidationError
 from discrepancy.examine import examine
 from discrepancy.selection.state import Settings
 from discrepancy.signals.findings import (
-    OLD_NAMES,
+    RENAMED,
+    SCHEMA_VERSION,
     SCHEMA,
     Findings,
     from_json,
@@ -61,11 +62,21 @@ def test_files_of_version_1_are_read_by_the_names_of_their_time() -> None:
     found = examine(tank(), [record(2, leak=0.08)], Settings())
     first = replace(found.findings[0], held_out_error={"gain": 0.5, **found.findings[0].held_out_error})
     whole = replace(found, findings=[first, *found.findings[1:]])
-    text = to_json(whole).replace('"schema_version": 3', '"schema_version": 1')
-    for old, new in OLD_NAMES.items():
-        text = text.replace(f'"{new}":', f'"{old}":')
+    text = to_json(whole).replace(f'"schema_version": {SCHEMA_VERSION}', '"schema_version": 1')
+    for names in RENAMED.values():
+        for old, new in names.items():
+            text = text.replace(f'"{new}":', f'"{old}":')
     assert '"doubts"' in text
     assert from_json(text) == whole
+
+
+def test_files_of_version_3_are_read_by_the_name_of_a_missing_channels_pairs() -> None:
+    pair = {"what": "a from b", "change": 0.1, "share": 0.5}
+    channel = {"channel": "flow", "unit": "m/s", "would_judge": [], "would_part": [pair]}
+    whole = Findings(model="tank", recordings=["r"], status="unknown", reasons=[], samples=9)
+    raw = json.loads(to_json(whole)) | {"schema_version": 3, "missing_channels": [channel]}
+    [read] = from_json(json.dumps(raw)).missing_channels
+    assert [each.what for each in read.would_distinguish] == ["a from b"]
 
 
 def test_files_of_version_2_are_read_and_know_no_adequacy() -> None:
