@@ -62,7 +62,7 @@ def page(folder: Path, commit: str) -> str:
         "The encoder counts wheels that slip under drive: its scale is that of one drive, and its delay leans on changes of speed.", "",
         "## Steering", "",
         "| recording | lag [s] | delay [s] | both [s] |", "|---|---|---|---|", *servos, "",
-        "The description has a lag of about 0.08 s, the authors' own model 0.13 s together with a map of the steering. Lag and delay are told apart poorly; their sum is not. The angle is where",
+        "The description has a lag of about 0.08 s, the authors' own model 0.13 s together with a map of the steering. The recordings determine the sum of lag and delay well, but hardly how it divides between the two. The angle is where",
         "the front axle moves, plus its slip angle as a cubic of the force it carries.", "",
         "## What was assumed", "",
         "Geometry and masses of the description; the yaw inertia as if all mass sat on both axles (samples with more than 20 rad/s² are left out, for which it would matter); no longitudinal",

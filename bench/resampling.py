@@ -111,8 +111,8 @@ def resampled(
     values = {p.name: p.value + p.typical for p in effect.parameters}
     finest = FINEST[body](values, seed)
     found = {factor: examine(model, thinned(finest, factor), settings) for factor in factors}
-    told = oracle.measured(Problem(model, thinned(finest, max(factors))), [effect], values)
-    return Resampled(effect.name, found, told.reached or 0.0)
+    known = oracle.measured(Problem(model, thinned(finest, max(factors))), [effect], values)
+    return Resampled(effect.name, found, known.reached or 0.0)
 
 
 def main() -> None:
@@ -131,7 +131,7 @@ def main() -> None:
             model = replace(model, bandwidth_hz=TOO_FAST_HZ)
         effects = [e for e in model.effects if not only or e.name in only]
         arms = [
-            _told(body, resampled(body, model, effect, int(seed)))
+            _printed(body, resampled(body, model, effect, int(seed)))
             for seed in chosen.seeds.split(",")
             for effect in effects
         ]
@@ -141,7 +141,8 @@ def main() -> None:
             print(f"{body}: every {factor}th sample: {same} of {len(counted)} verdicts unchanged")
 
 
-def _told(body: str, arm: Resampled) -> Resampled:
+def _printed(body: str, arm: Resampled) -> Resampled:
+    """The arm, after its line is printed."""
     verdicts = ", ".join(
         f"/{factor} {' + '.join(found.named) or found.status}" for factor, found in arm.found.items()
     )

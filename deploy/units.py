@@ -109,7 +109,8 @@ RemoveIPC=yes
 UMask=0077
 DevicePolicy=closed
 IPAddressDeny=any
-# AF_NETLINK tells the state of the CAN interface, AF_INET carries the question for its queue; systemd listens on AF_UNIX.
+# AF_CAN: frames. AF_NETLINK: the kernel reports there whether the CAN interface is up. AF_UNIX: readiness and watchdog go to systemd.
+# AF_INET: no packet is sent; the ioctl that returns the length of the interface's transmit queue needs some socket of this family.
 RestrictAddressFamilies=AF_CAN AF_NETLINK AF_UNIX AF_INET
 SystemCallArchitectures=native
 SystemCallFilter=@system-service

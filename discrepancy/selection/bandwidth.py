@@ -20,7 +20,7 @@ from discrepancy.signals.recording import Array, Complaint
 
 FEWEST_ROWS: Final = 2 * HIGHEST_ORDER * ROWS_PER_TERM  # of a channel: twice what the noise model may need
 OVERSAMPLED: Final = (
-    8  # samples in a row from which on the user is told: a slower logger would have done as well
+    8  # samples in a row from which on a complaint says it: a slower logger would have done as well
 )
 ROWS_PER_PERIOD: Final = 4  # of the highest frequency at which a model is said to be right
 INVISIBLE: Final = 1e-12  # share of a sensitivity beyond initial states, below which it is rounding
@@ -117,11 +117,11 @@ def _lost_in(blocks: Sequence[Block], raw: Array, channel: int, each: int) -> fl
 
 
 def _oversampled(problem: Problem) -> Iterator[Complaint]:
-    told = set()
+    reported = set()
     for block in problem.blocks:
         recording = problem.windows[block.window].recording
-        if block.averaged >= OVERSAMPLED and (recording, block.group) not in told:
-            told.add((recording, block.group))
+        if block.averaged >= OVERSAMPLED and (recording, block.group) not in reported:
+            reported.add((recording, block.group))
             sampled_hz = 1.0 / float(np.median(np.diff(block.sample_s)))
             text = (
                 f"is sampled at {sampled_hz:.3g} Hz, where the model hardly moves above {sampled_hz / block.averaged / 2.0:.2g} Hz: "

@@ -26,7 +26,7 @@ def grip(body: Body, axle: str) -> Estimate:
     """Lateral curve of an axle over its weight: 'stiffness' per radian, 'grip' (its peak), 'shape', 'zero' [rad]. Raises ValueError.
 
     axle: 'rear', or 'front' for a drive with the steering held, whose angle is then the zero. A car that understeers slides in front: only there
-    does it reach the peak. Shape and peak are told apart by slips that a car hardly reaches, so that the shape has a prior.
+    does it reach the peak. Only slips that a car hardly reaches distinguish shape from peak, so the shape has a prior.
     """
     turning = np.abs(np.gradient(low_pass(body.yaw_rate, RATE_HZ, CUTOFF_HZ, 2), 1.0 / RATE_HZ))
     slip, force = {

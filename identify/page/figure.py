@@ -12,7 +12,7 @@ from report.kit.plot import UNITS, Curve, path, x
 
 Array = NDArray[np.float64]
 
-MOST_POINTS = 1500  # of a cloud: more cannot be told apart and cost megabytes
+MOST_POINTS = 1500  # of a cloud: more cannot be distinguished by eye and cost megabytes
 
 STYLE = """
 .xy circle { stroke: none; fill: var(--demand); opacity: .55; } .xy circle.rejected { fill: var(--lifted); opacity: .9; }

@@ -236,7 +236,7 @@ def steps(speed: Array, least: float = 0.1, settle: int = 100) -> list[int]:
 
 
 def ramps(time: Array, value: Array, kept: Mask, noise: float) -> list[tuple[float, float]]:
-    """Times between which a slip rises or falls beyond its noise: the parts of a run that tell of a curve."""
+    """Times between which a slip rises or falls beyond its noise: the parts of a run that contain information on the slip curve."""
     away = kept & (np.abs(np.nan_to_num(value)) > 5.0 * noise)
     edges = np.diff(np.concatenate(([False], away, [False])).astype(np.int8))
     spans = zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True)

@@ -105,7 +105,7 @@ def motion(
     """Smoothed motion of readings (n,) at ascending stamps [s]; NaN is no reading.
 
     noise: acceleration density and standard deviation of a reading, where they are known; else those of greatest likelihood.
-    Raises ValueError with fewer than four readings, which tell nothing of noise.
+    Raises ValueError with fewer than four readings: their noise cannot be estimated.
     """
     there = np.flatnonzero(np.isfinite(position))
     if there.size < 4:

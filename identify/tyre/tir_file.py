@@ -16,7 +16,7 @@ def tir_text(
     """The text of a .tir file, MF-Tyre 6.1, longitudinal part.
 
     values: parameters by name; vertical_stiffness: [N/m]; notes: what is said of each behind its value; comments: lines of its head.
-    Lateral parameters are not in it: a rig for longitudinal slip tells nothing of them.
+    Lateral parameters are not in it: a rig for longitudinal slip does not measure them.
     """
     lines = [
         "[MDI_HEADER]", "FILE_TYPE = 'tir'", "FILE_VERSION = 3.0", *(f"! {line}" for line in comments), "",

@@ -60,7 +60,7 @@ def compare(
     for each in found:
         if each.result is not Result.PASSED:
             console.print(
-                f"[{COLOUR[each.result]}]{each.result.value:<12}[/] {each.kind.value}: {escape(each.name)}: {escape(each.told)}"
+                f"[{COLOUR[each.result]}]{each.result.value:<12}[/] {each.kind.value}: {escape(each.name)}: {escape(each.reason)}"
             )
     differing = sum(each.result is Result.FAILED for each in found)
     console.print(f"{len(found)} comparisons, {differing} beyond their tolerance")

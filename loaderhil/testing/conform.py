@@ -116,7 +116,7 @@ def _live(
     if unknown := [name for name in lose if name not in database.by_name]:
         raise ConformError(f"--lose {unknown[0]}: {database.source} has no such message")
 
-    def told(text: str) -> None:
+    def notify(text: str) -> None:
         print(f"loaderhil: {text}", file=sys.stderr)
 
     try:
@@ -126,14 +126,14 @@ def _live(
                 database, node, generators, start_ns=start_ns, steady_s=steady_s, only=tuple(lose)
             ),
             wait_s=wait_s,
-            told=told,
+            notify=notify,
         )
     except BusClosed as error:
-        told(f"lost the bus: {error}")
+        notify(f"lost the bus: {error}")
         raise typer.Exit(Ending.HUB_LOST) from None
     if watched.ended != "came":
         if watched.ended == "absent":
-            told(
+            notify(
                 f"{node} sent none of its messages on {bus} within {wait_s:g} s: is it powered, and on this bus?"
             )
         raise typer.Exit(Ending.PEER_DIED if watched.ended == "absent" else Ending.INTERRUPTED)

@@ -55,5 +55,5 @@ def _picture(names: tuple[str, str], difference: Difference) -> str:
 
 
 def _chapter(kind: Kind, found: Sequence[Difference]) -> str:
-    rows = [(each.name, each.result.value, each.told) for each in found if each.kind is kind]
+    rows = [(each.name, each.result.value, each.reason) for each in found if each.kind is kind]
     return table(("", "verdict", "both runs"), rows) if rows else ""

@@ -75,7 +75,7 @@ def lift_off_s(m: Manoeuvre) -> float | None:
 
 
 def cause_of(m: Manoeuvre, lifted_s: float) -> str:
-    """Why a wheel lifted at `lifted_s` [s] although the limits acted: the first counterfactual that tells.
+    """Why a wheel lifted at `lifted_s` [s] although the limits acted: the first of the counterfactuals below that explains it.
 
     The ground explains a lift-off that it makes by itself at the same time; one that comes later is the driver's.
     """

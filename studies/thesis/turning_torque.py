@@ -162,7 +162,7 @@ def answer() -> Answer:
         f"Given the plant's own tyre forces, (94) with (93) as printed swings {_two(fits, 'printed', 'amplitude')} times as far as the torque at the joint in torque case "
         f"and zigzag ({_two(fits, 'printed', 'rms')} times by rms, offset included), with the right shape (correlation {_two(fits, 'printed', 'correlation', 2)}) and an offset of "
         f"{t['printed'].offset / 1e3:.1f} and {z['printed'].offset / 1e3:.1f} kN m. The thesis multiplies its simulation by 12 and 15 until the curves match, and sees shape, offset and "
-        f"a phase shift at the beginning (here the printed form is ahead by {_two(fits, 'printed', 'ahead', 2)} s). Which of its factors belongs to which drive cannot be told: text and captions of its figures 75 to 78 differ (E-35).",
+        f"a phase shift at the beginning (here the printed form is ahead by {_two(fits, 'printed', 'ahead', 2)} s). Which of its factors belongs to which drive is not certain: text and captions of its figures 75 to 78 differ (E-35).",
         "Two mistakes make it, and one of them is in no equation. **(93) is no rotation** (E-26): it drops the lateral force of the front axle, so that −a_r F_yr stands alone, "
         "proportional to the lateral acceleration as the joint torque is, which is why the shape looks right; its even part, in proportion to F_yf sin δ, is the one-signed offset. "
         "**And the two are different quantities**: (94) is what turns the machine, the sensor at the joint reads what bends it. With (93) mended the offset is "

@@ -44,13 +44,13 @@ class Difference:
     kind: Kind
     name: str
     result: Result
-    told: str
+    reason: str
     series: tuple[Series, Series] | None = None
 
     @property
     def verdict(self) -> Verdict:
         """As question and reason."""
-        return Verdict(question=f"{self.kind.value}: {self.name}", result=self.result, reason=self.told)
+        return Verdict(question=f"{self.kind.value}: {self.name}", result=self.result, reason=self.reason)
 
 
 def compare(first: RunDirectory, second: RunDirectory, tolerances: Tolerances) -> tuple[Difference, ...]:
@@ -88,10 +88,10 @@ def _differences(one: RunDirectory, other: RunDirectory, tolerances: Tolerances)
 
 
 def _difference(
-    kind: Kind, name: str, same: bool, told: str, series: tuple[Series, Series] | None = None
+    kind: Kind, name: str, same: bool, reason: str, series: tuple[Series, Series] | None = None
 ) -> Difference:
     result = Result.PASSED if same else Result.FAILED
-    return Difference(kind=kind, name=name, result=result, told=told, series=series)
+    return Difference(kind=kind, name=name, result=result, reason=reason, series=series)
 
 
 def _signal(
@@ -134,8 +134,8 @@ def numbers(signal: BusSignal, a: Series, b: Series, tolerances: Tolerances) -> 
     known, known_other = ~np.isnan(a.values), ~np.isnan(other)
     share, share_other = float(known.mean()), float(known_other.mean())
     if abs(share - share_other) > tolerances.available:
-        told = f"available in {100 * share:.1f} % and {100 * share_other:.1f} % of the samples"
-        return _difference(Kind.ESTIMATE, signal.name, False, told, (a, b))
+        reason = f"available in {100 * share:.1f} % and {100 * share_other:.1f} % of the samples"
+        return _difference(Kind.ESTIMATE, signal.name, False, reason, (a, b))
     both = known & known_other
     if not both.any():
         return _difference(Kind.ESTIMATE, signal.name, True, "never available in both runs")
@@ -146,11 +146,11 @@ def numbers(signal: BusSignal, a: Series, b: Series, tolerances: Tolerances) -> 
     usual = max(tolerances.share * float(np.ptp(values)), 2 * abs(signal.signal.scale))
     permitted = tolerances.signals.get(signal.name, usual)
     unit = f" {signal.unit}" if signal.unit else ""
-    told = (
+    reason = (
         f"root mean square {rms:.3g} of {permitted:.3g}{unit} permitted, largest {abs(gap[largest]):.3g}{unit} "
         f"at {a.time_s[both][largest]:.2f} s"
     )
-    return _difference(Kind.ESTIMATE, signal.name, rms <= permitted, told, (a, b))
+    return _difference(Kind.ESTIMATE, signal.name, rms <= permitted, reason, (a, b))
 
 
 def changes(kind: Kind, signal: BusSignal, a: Series, b: Series, moment_s: float) -> Difference:
@@ -171,10 +171,10 @@ def changes(kind: Kind, signal: BusSignal, a: Series, b: Series, moment_s: float
         return _difference(kind, signal.name, True, "no sample in both runs")
     late = [abs(t - u) for t, u in zip(times, times_b, strict=True)]
     worst = int(np.argmax(late))
-    told = f"{len(values) - 1} changes, at most {1e3 * late[worst]:.0f} ms apart"
+    reason = f"{len(values) - 1} changes, at most {1e3 * late[worst]:.0f} ms apart"
     if late[worst] > moment_s + 1e-9:
-        told += f" ({signal.shown(values[worst])} at {times[worst]:.2f} s and {times_b[worst]:.2f} s)"
-    return _difference(kind, signal.name, late[worst] <= moment_s + 1e-9, told, series)
+        reason += f" ({signal.shown(values[worst])} at {times[worst]:.2f} s and {times_b[worst]:.2f} s)"
+    return _difference(kind, signal.name, late[worst] <= moment_s + 1e-9, reason, series)
 
 
 def _moments(series: Series, moment_s: float) -> tuple[list[float], list[float]]:
@@ -200,8 +200,8 @@ def _moments(series: Series, moment_s: float) -> tuple[list[float], list[float]]
 def _timing(one: RunDirectory, other: RunDirectory, tolerances: Tolerances) -> Iterator[Difference]:
     """Reaction and ticks: the second run may not be slower than tolerated."""
     if one.record.mode != other.record.mode:
-        told = f"one run is {one.record.mode}, the other {other.record.mode}: their times say nothing about each other"
-        yield Difference(kind=Kind.TIMING, name="reaction", result=Result.INCONCLUSIVE, told=told)
+        reason = f"one run is {one.record.mode}, the other {other.record.mode}: their times say nothing about each other"
+        yield Difference(kind=Kind.TIMING, name="reaction", result=Result.INCONCLUSIVE, reason=reason)
         return
     a, b = timing_of(one), timing_of(other)
     yield _slower("reaction", a.reaction, b.reaction, tolerances)
@@ -213,12 +213,12 @@ def _timing(one: RunDirectory, other: RunDirectory, tolerances: Tolerances) -> I
 
 def _slower(name: str, a: Spread, b: Spread, tolerances: Tolerances) -> Difference:
     if not a.count or not b.count:
-        told = f"measured {a.count} and {b.count} times"
+        reason = f"measured {a.count} and {b.count} times"
         result = Result.PASSED if a.count == b.count else Result.INCONCLUSIVE
-        return Difference(kind=Kind.TIMING, name=name, result=result, told=told)
+        return Difference(kind=Kind.TIMING, name=name, result=result, reason=reason)
     permitted = a.p99 * (1 + tolerances.timing) + tolerances.timing_ms * 1e6
-    told = (
+    reason = (
         f"median {a.median * 1e-6:.2f} and {b.median * 1e-6:.2f} ms, p99 {a.p99 * 1e-6:.2f} and {b.p99 * 1e-6:.2f} ms of "
         f"{permitted * 1e-6:.2f} ms permitted"
     )
-    return _difference(Kind.TIMING, name, b.p99 <= permitted, told)
+    return _difference(Kind.TIMING, name, b.p99 <= permitted, reason)

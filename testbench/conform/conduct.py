@@ -90,8 +90,10 @@ def _start_up(evidence: Evidence, running: str, within_ns: int) -> Requirement:
         return passed(Kind.START, subject, f"{running} {took_ns * NS:.0f} ms after all inputs were there")
     if took_ns is not None and (excuse := evidence.excuse(took_ns - within_ns)):
         return unknown(Kind.START, subject, f"{running} after {took_ns * NS:.0f} ms; {excuse}")
-    told = f"{running} after {took_ns * NS:.0f} ms" if took_ns is not None else f"never {running}"
-    return failed(Kind.START, subject, f"{told}; permitted are {within_ns * NS:.0f} ms ({_seen(evidence)})")
+    reached = f"{running} after {took_ns * NS:.0f} ms" if took_ns is not None else f"never {running}"
+    return failed(
+        Kind.START, subject, f"{reached}; permitted are {within_ns * NS:.0f} ms ({_seen(evidence)})"
+    )
 
 
 def _first(evidence: Evidence, state: str, from_ns: int) -> int | None:
@@ -215,11 +217,11 @@ def _recovery(evidence: Evidence, name: str, losses: list[Loss], running: str, w
         elif took_ns is not None and (excuse := evidence.excuse(took_ns - within_ns)):
             return unknown(Kind.RECOVERY, subject, f"{running} after {took_ns * NS:.0f} ms; {excuse}")
         elif evidence.observer.end_ns - loss.back_ns >= within_ns:
-            told = "never again" if took_ns is None else f"after {took_ns * NS:.0f} ms"
+            again = "never again" if took_ns is None else f"after {took_ns * NS:.0f} ms"
             return failed(
                 Kind.RECOVERY,
                 subject,
-                f"back at {evidence.since(loss.back_ns):.3f} s, {running} {told}; permitted are {within_ns * NS:.0f} ms",
+                f"back at {evidence.since(loss.back_ns):.3f} s, {running} {again}; permitted are {within_ns * NS:.0f} ms",
             )
     if worst < 0:
         return unknown(Kind.RECOVERY, subject, f"{name} was never lost alone and came back")

@@ -36,16 +36,16 @@ def watch(
     make: Callable[[int], Session],
     *,
     wait_s: float,
-    told: Callable[[str], None],
+    notify: Callable[[str], None],
 ) -> tuple[Session, Watched]:
-    """Run a session to its end. make: the session that starts at a time [ns]; told: hears each phase in words."""
+    """Run a session to its end. make: the session that starts at a time [ns]; notify: gets each phase in words."""
     with (
         open_transport(address, name="conform") as bus,
         Stop() as stop,
         contextlib.closing(Alarm()) as alarm,
     ):
         session = make(time.monotonic_ns())
-        told(f"waiting for {session.node} on {address}, at most {wait_s:g} s: switch it on now")
+        notify(f"waiting for {session.node} on {address}, at most {wait_s:g} s: switch it on now")
         deadline_ns = session.start_ns + round(wait_s * NS)
         wake_ns, phase, ended = session.start_ns, session.phase, "interrupted"
         lateness = []
@@ -57,7 +57,7 @@ def watch(
             _exchange(session, bus, now_ns)
             if session.phase != phase:
                 phase = session.phase
-                told(f"{(now_ns - session.start_ns) / NS:6.2f} s  {phase}")
+                notify(f"{(now_ns - session.start_ns) / NS:6.2f} s  {phase}")
             if session.finished or (session.first_ns is None and now_ns > deadline_ns):
                 ended = "came" if session.finished else "absent"
                 break

@@ -116,8 +116,8 @@ def _cycle(name: str, traffic: Traffic, evidence: Evidence) -> Requirement:
     found = judge_message(seen, window, tolerance=TOLERANCE)
     permitted = ANOTHER if evidence.observer.starved else SYSTEMATIC
     if gaps.size >= 10 and abs(float(np.median(gaps)) - period) > permitted * period:
-        told = f"every {np.median(gaps) * 1e-6:.1f} ms (median) instead of {period * 1e-6:.0f} ms"
-        return failed(Kind.CYCLE, name, told)
+        reason = f"every {np.median(gaps) * 1e-6:.1f} ms (median) instead of {period * 1e-6:.0f} ms"
+        return failed(Kind.CYCLE, name, reason)
     # Counters have a requirement of their own; here only times count.
     late = [event for event in found.events if "repeated" not in event and "jump" not in event]
     if not late:

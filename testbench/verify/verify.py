@@ -56,9 +56,9 @@ class Outcome:
 
 
 def verify(
-    choice: Choice, chosen: Sequence[Mutant], told: Callable[[Mutant, int], None]
+    choice: Choice, chosen: Sequence[Mutant], notify: Callable[[Mutant, int], None]
 ) -> Iterator[Outcome]:
-    """One outcome per mutant, in their order. told: hears each before it is run, with its number.
+    """One outcome per mutant, in their order. notify: gets each mutant before it is run, with its number.
 
     VerifyError when the choice has no expectation, or one fails without any mutant.
     """
@@ -69,7 +69,7 @@ def verify(
     if broken:
         raise VerifyError(f"{broken[0]}: fails without any mutant; repair that first")
     for number, mutant in enumerate(chosen):
-        told(mutant, number)
+        notify(mutant, number)
         after = _judged(replace(choice, changes=(*choice.changes, *mutant.changes)), mutant)
         yield Outcome(
             mutant=mutant,

@@ -42,7 +42,7 @@ def test_samples_that_are_missing_in_one_run_are_a_difference():
     gone[:200] = np.nan
     found = numbers(FRONT, series(np.full(TIME.size, 30.0)), series(gone), Tolerances())
     assert found.result is Result.FAILED
-    assert "100.0 % and 80.0 %" in found.told
+    assert "100.0 % and 80.0 %" in found.reason
 
 
 def test_a_constant_may_differ_by_two_steps_of_its_signal():
@@ -62,7 +62,7 @@ def test_moments_of_change_decide_at_the_tolerance():
     tolerances = Tolerances()
     for at_s, result in ((5.05, Result.PASSED), (5.06, Result.FAILED)):
         found = changes(Kind.STATE, STATE, stepping(5.0), stepping(at_s), tolerances.moment_s)
-        assert found.result is result, found.told
+        assert found.result is result, found.reason
 
 
 def test_flicker_is_passed_over_and_another_state_is_named():
@@ -70,7 +70,7 @@ def test_flicker_is_passed_over_and_another_state_is_named():
         changes(Kind.STATE, STATE, stepping(5.0), stepping(5.0, flicker_s=2.0), 0.05).result is Result.PASSED
     )
     found = changes(Kind.STATE, STATE, stepping(5.0), series(np.ones(TIME.size)), 0.05)
-    assert found.told == "change 2: degraded at 5.00 s and nothing more"
+    assert found.reason == "change 2: degraded at 5.00 s and nothing more"
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +98,7 @@ def test_equal_runs_are_equal_in_everything(kept):
 def test_a_stuck_sensor_is_a_difference_of_state_and_warning(kept):
     found = compare(RunDirectory.read(kept / "one"), RunDirectory.read(kept / "stuck"), Tolerances())
     different = {each.name: each for each in found if each.result is Result.FAILED}
-    assert "degraded at 0.5" in different["EcuStatus.State"].told
+    assert "degraded at 0.5" in different["EcuStatus.State"].reason
     assert different["Warnings.InputImplausible"].kind is Kind.WARNING
 
 
