@@ -1,4 +1,4 @@
-"""The proof's bookkeeping: what counts as right, shares and their intervals, rows that read back, arms that are told apart."""
+"""The proof's bookkeeping: what counts as right, shares and their intervals, rows that read back, arms that are kept distinct."""
 
 import re
 from dataclasses import replace
@@ -92,11 +92,11 @@ def test_a_name_where_there_is_none_to_give_is_wrong_and_a_proxy_is_not(kind) ->
 
 
 @pytest.mark.parametrize(
-    ("effect", "verdict", "told"),
+    ("effect", "verdict", "forgiven"),
     [("a", "could not be judged", True), ("a", "ruled out", False), ("b", "could not be judged", False)],
 )
 def test_a_miss_is_forgiven_where_it_is_said_of_that_effect_that_it_could_not_be_judged(
-    effect, verdict, told
+    effect, verdict, forgiven
 ) -> None:
     candidate = Candidate(
         effect=effect,
@@ -110,7 +110,7 @@ def test_a_miss_is_forgiven_where_it_is_said_of_that_effect_that_it_could_not_be
         reason="",
     )
     run = done()
-    assert score.unjudged(replace(run, findings=replace(run.findings, candidates=[candidate]))) is told
+    assert score.unjudged(replace(run, findings=replace(run.findings, candidates=[candidate]))) is forgiven
 
 
 @pytest.mark.parametrize(("difference", "tied"), [(0.0, True), (0.9, True), (1.1, False)])
@@ -132,9 +132,9 @@ def test_intervals_are_those_of_scipy(hits, of) -> None:
 
 
 def test_errors_and_coverage_are_of_the_effect_under_its_own_name() -> None:
-    told = finding("a", "physics", {"a": 0.55}, interval=(0.5, 0.6))
-    assert list(score.parameters(done(found=(told,), values={"a": 0.5}))) == [(pytest.approx(0.1), True)]
-    assert next(iter(score.parameters(done(found=(told,), values={"a": 0.7}))))[1] is False
+    estimate = finding("a", "physics", {"a": 0.55}, interval=(0.5, 0.6))
+    assert list(score.parameters(done(found=(estimate,), values={"a": 0.5}))) == [(pytest.approx(0.1), True)]
+    assert next(iter(score.parameters(done(found=(estimate,), values={"a": 0.7}))))[1] is False
     assert list(score.parameters(done(found=(A_OR_B,), values={"a": 0.5}))) == []
 
 
@@ -292,11 +292,11 @@ def test_play_in_the_steering_is_no_delay_of_the_servo_but_an_equation_with_its_
     """Half the dead zone is 0.01 rad; in commands of 0.4 rad or so each, a fortieth."""
     body = BODIES["car"]
     arm = next(a for a in body.arms(1) if a.what == "steering play 0.01 rad")
-    told = read(body.carried_out(arm)).findings
-    assert told.status == "unknown"
-    assert told.named == []
-    assert told.open_ended is not None
-    width = re.match(r".*play\(steering, ([.\d]+)\)·(speed_reference|encoder)", told.open_ended.equation)
+    diagnosis = read(body.carried_out(arm)).findings
+    assert diagnosis.status == "unknown"
+    assert diagnosis.named == []
+    assert diagnosis.open_ended is not None
+    width = re.match(r".*play\(steering, ([.\d]+)\)·(speed_reference|encoder)", diagnosis.open_ended.equation)
     assert width is not None
     assert float(width[1]) == pytest.approx(0.01 / 0.4, rel=0.15)
 

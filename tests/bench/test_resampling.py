@@ -9,7 +9,7 @@ from discrepancy.selection.state import Settings
 
 @pytest.mark.parametrize(
     ("body", "name", "finest", "coarsest"),
-    # the straight drive at 200 Hz would cost half a minute (python -m bench.resampling); of every eighth command the car's steering can no longer be told
+    # the straight drive at 200 Hz would cost half a minute (python -m bench.resampling); of every eighth command the car's steering can no longer be estimated
     [
         ("ball", "quadratic drag", 1, 8),
         ("ball", "height lag", 1, 8),

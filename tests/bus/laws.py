@@ -48,7 +48,7 @@ def unstamped(frames: list[Frame]) -> list[Frame]:
 
 
 def numbered(count: int, sender: int = 0) -> list[Frame]:
-    """Frames that can be told apart."""
+    """Frames that all differ."""
     return [Frame(0x100 + sender, index.to_bytes(4, "big")) for index in range(count)]
 
 

@@ -60,7 +60,7 @@ def test_a_changed_callee_is_noticed_and_an_unchanged_one_is_not_compiled_again(
     assert (package / "__pycache__").exists() != chosen or not list((package / "__pycache__").glob("code-*"))
 
 
-def test_the_digest_tells_names_and_contents_apart(tmp_path):
+def test_the_digest_changes_when_content_moves_between_files(tmp_path):
     first, second = tmp_path / "a", tmp_path / "b"
     first.write_text("x")
     second.write_text("yz")

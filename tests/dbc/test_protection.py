@@ -1,4 +1,4 @@
-"""End-to-end protection: the CRC against AUTOSAR's definition, and every fault class told apart."""
+"""End-to-end protection: the CRC against AUTOSAR's definition, and every fault class distinguished."""
 
 import pytest
 from hypothesis import given

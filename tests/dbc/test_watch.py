@@ -1,4 +1,4 @@
-"""A message watched over time: each trouble told apart, the state machine of AUTOSAR, lateness and silence.
+"""A message watched over time: each trouble distinguished, the state machine of AUTOSAR, lateness and silence.
 
 The frames are made by autosar-e2e itself, so that the watch is not tested against its own idea of a CRC.
 """

@@ -238,7 +238,7 @@ def test_bad_recordings_are_inconclusive_for_a_reason_that_is_said(
     assert "Traceback" not in ended.err
 
 
-def test_damaged_files_are_told_and_the_whole_ones_judged(loaderhil: Call, tmp_path: Path) -> None:
+def test_damaged_files_are_reported_and_the_whole_ones_judged(loaderhil: Call, tmp_path: Path) -> None:
     good = write_csv(tmp_path / "good.csv", columns(record(2, leak=0.08)))
     (tmp_path / "cut.parquet").write_bytes(b"PAR1 and no more")
     (tmp_path / "cut.csv.gz").write_bytes(gzip.compress(good.read_bytes())[:20])
@@ -292,7 +292,7 @@ def test_of_files_joined_the_readable_are_judged(loaderhil: Call, tmp_path: Path
     assert "bad.csv: is empty (0 bytes); worse.csv: contains only zero bytes (9)" in ended.result.reasons[0]
 
 
-def test_a_channel_in_two_joined_files_and_a_recording_given_twice_are_told(
+def test_a_channel_in_two_joined_files_and_a_recording_given_twice_are_reported(
     loaderhil: Call, tmp_path: Path
 ) -> None:
     files = [write_csv(tmp_path / f"{seed}.csv", columns(record(seed, leak=0.08))) for seed in (2, 3)]
@@ -327,13 +327,13 @@ def test_a_channel_that_has_nothing_to_do_with_the_model_is_no_wrong_sign(
         assert (ended.result.status, ended.result.named) == ("unknown", [])
 
 
-def test_inputs_that_never_move_are_told(loaderhil: Call, tmp_path: Path) -> None:
+def test_inputs_that_never_move_are_reported(loaderhil: Call, tmp_path: Path) -> None:
     table = columns(record(2))
-    for still, told in ((np.full(1200, 0.5), True), (table["inflow [m/s]"], False)):
+    for still, complained in ((np.full(1200, 0.5), True), (table["inflow [m/s]"], False)):
         file = write_csv(tmp_path / "a.csv", table | {"inflow [m/s]": still})
         ended = loaderhil("diagnose", file, "--model", model_file(tmp_path))
         assert ended.result is not None
-        assert any("no input changes (inflow)" in c.text for c in ended.result.complaints) is told
+        assert any("no input changes (inflow)" in c.text for c in ended.result.complaints) is complained
 
 
 def test_damaged_cells_and_lines_cost_themselves_only(loaderhil: Call, tmp_path: Path) -> None:

@@ -224,7 +224,7 @@ def test_what_helps_far_beyond_chance_never_ends_as_nothing() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_controller_that_answers_to_noise_does_not_explain_it(seed: int) -> None:
-    """The inflow is commanded from each reading with its error: from that stamp on it tells of the error, and is known."""
+    """The inflow is commanded from each reading with its error: from that stamp on it carries the error, and is known."""
     rng = np.random.default_rng(seed)
     n, level, wanted = 3000, 0.5, 0.0
     noise = rng.normal(0.0, 0.05, n)
@@ -251,7 +251,7 @@ def test_a_search_that_costs_too_much_ends_and_says_so() -> None:
     assert any("search ended" in reason and "leak" in reason for reason in ended.reasons)
 
 
-def test_where_nothing_is_missing_a_baseline_that_is_wrong_is_told() -> None:
+def test_where_nothing_is_missing_a_wrong_baseline_is_reported() -> None:
     """Readings of 85 % are an area of 118 %, nine standard deviations from what is known of it."""
     recording = record(3)
     level = recording.signals["level"]
@@ -262,8 +262,8 @@ def test_where_nothing_is_missing_a_baseline_that_is_wrong_is_told() -> None:
     right, wrong = (examine(bare, [r], STRICT) for r in (recording, less))
     assert (right.status, wrong.status) == ("nothing missing", "nothing missing")
     assert not any("of its prior" in reason for reason in right.reasons)
-    (told,) = [reason for reason in wrong.reasons if "of its prior" in reason]
-    assert told.startswith("the baseline's area is 1.1")
+    (message,) = [reason for reason in wrong.reasons if "of its prior" in reason]
+    assert message.startswith("the baseline's area is 1.1")
 
 
 def test_a_strained_nuisance_does_not_hide_the_effect_it_stands_in_for() -> None:

@@ -1,4 +1,4 @@
-"""A machine that sends what it is told: frames of every message the ECU hears, through the real codec."""
+"""A machine that sends the values it is given: frames of every message the ECU hears, through the real codec."""
 
 from bus.frame import Frame
 from dbc import loader_database

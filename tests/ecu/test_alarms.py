@@ -14,25 +14,25 @@ TICK = 10 * MS
 
 delays = st.integers(0, 12).map(lambda ticks: ticks * TICK)
 all_times = st.builds(Times, on_delay_ns=delays, least_on_ns=delays, off_delay_ns=delays)
-# stretches rather than single ticks, so that the delays are sometimes passed
+# intervals rather than single ticks, so that the delays are sometimes passed
 histories = st.lists(st.tuples(st.booleans(), st.integers(1, 20)), min_size=1, max_size=12).map(
-    lambda stretches: [value for value, length in stretches for _ in range(length)]
+    lambda intervals: [value for value, length in intervals for _ in range(length)]
 )
 
 
 def played(conditions, timing):
     """Whether the alarm is on at each tick."""
-    alarm, told = SILENT, []
+    alarm, states = SILENT, []
     for k, condition in enumerate(conditions):
         alarm = after(alarm, condition, k * TICK, timing)
-        told.append(alarm.on)
-    return told
+        states.append(alarm.on)
+    return states
 
 
-def stretches(told):
+def intervals(states):
     """(value, first tick, ticks) of each unbroken stretch."""
     first = 0
-    for value, group in itertools.groupby(told):
+    for value, group in itertools.groupby(states):
         length = len(list(group))
         yield value, first, length
         first += length
@@ -48,17 +48,17 @@ def held(conditions, value, k):
 
 @given(histories, all_times)
 def test_an_alarm_stands_for_its_least_time(conditions, timing):
-    told = played(conditions, timing)
-    for value, first, length in stretches(told):
-        if value and first + length < len(told):
+    states = played(conditions, timing)
+    for value, first, length in intervals(states):
+        if value and first + length < len(states):
             assert length * TICK >= timing.least_on_ns
 
 
 @given(histories, all_times)
 def test_it_is_raised_as_soon_as_the_condition_has_held_for_the_on_delay_and_not_before(conditions, timing):
-    told = played(conditions, timing)
-    for k, on in enumerate(told):
-        before = told[k - 1] if k else False
+    states = played(conditions, timing)
+    for k, on in enumerate(states):
+        before = states[k - 1] if k else False
         if held(conditions, True, k) >= timing.on_delay_ns:
             assert on
         elif not before:
@@ -67,16 +67,16 @@ def test_it_is_raised_as_soon_as_the_condition_has_held_for_the_on_delay_and_not
 
 @given(histories, all_times)
 def test_it_is_dropped_as_soon_as_both_times_are_over_and_not_before(conditions, timing):
-    told = played(conditions, timing)
+    states = played(conditions, timing)
     raised = 0
-    for k in range(1, len(told)):
-        if told[k] and not told[k - 1]:
+    for k in range(1, len(states)):
+        if states[k] and not states[k - 1]:
             raised = k
-        if not told[k - 1]:
+        if not states[k - 1]:
             continue
         over = (k - raised) * TICK >= timing.least_on_ns
         gone = held(conditions, False, k) >= timing.off_delay_ns and not conditions[k]
-        assert told[k] == (not (over and gone))
+        assert states[k] == (not (over and gone))
 
 
 @given(histories, all_times, st.data())

@@ -1,4 +1,4 @@
-"""A calibration is read in SI, and what is wrong with one is told in one line: file, key, value, unit, range."""
+"""A calibration is read in SI, and a fault in one is reported in one line: file, key, value, unit, range."""
 
 import math
 
@@ -80,7 +80,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_is_told_in_one_line_with_file_and_key(fault, tmp_path):
+def test_a_fault_is_reported_in_one_line_with_file_and_key(fault, tmp_path):
     old, new, words = FAULTS[fault]
     file = edited(tmp_path, old, new)
     with pytest.raises(ConfigurationError) as caught:

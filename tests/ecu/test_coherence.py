@@ -133,7 +133,7 @@ def test_straight_ahead_nothing_can_be_said():
 
 
 @pytest.mark.parametrize(("slip", "exchanged"), [(2.0, False), (-0.5, False), (-0.8, True), (-1.1, False)])
-def test_a_wheel_that_slips_is_taken_for_the_other_only_where_it_cannot_be_told_from_it(slip, exchanged):
+def test_a_slipping_wheel_is_taken_for_the_other_only_where_both_read_alike(slip, exchanged):
     """Yaw rate 0.2: right should be faster by 0.4; slower by 0.4, within half of that, is what an exchange looks like."""
     sides = axle()
     assert any(sides.look(5.0, 5.4 + slip, 0.2) for _ in range(100)) is exchanged

@@ -206,7 +206,7 @@ def test_a_wrong_crc_is_found_and_its_value_not_used():
         ({"roll": 0.5}, "in one frame"),
     ],
 )
-def test_an_implausible_value_is_told_once_and_not_used(change, word):
+def test_an_implausible_value_is_reported_once_and_not_used(change, word):
     ecu, machine = cycle(), FakeMachine()
     good = play(ecu, machine, 50)[0][-1].estimates
     machine.values |= change

@@ -108,7 +108,7 @@ def test_every_sample_is_answered_and_every_answer_is_sound():
     assert (rows["lateness_ns"] >= 0).all()
 
 
-def test_ticks_that_were_missed_are_counted_and_told():
+def test_ticks_that_were_missed_are_counted_and_reported():
     cycle = Hindered(load_calibration())
     machine, _, timing = run(cycle, lambda m, _: m.drive(40))
     assert timing.missed >= 4

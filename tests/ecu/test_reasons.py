@@ -91,7 +91,7 @@ def test_a_standing_wheel_is_not_locked():
     assert found(CALM._replace(speed=0.0, slip_1=-1.0)) == set()
 
 
-def test_troubles_with_inputs_are_told():
+def test_troubles_with_inputs_are_sent_as_reasons():
     assert found(inputs=received(stale=[Group.SLOPE])) == {"InputStale"}
     assert found(inputs=received(implausible=[Group.SLOPE])) == {"InputImplausible"}
     assert found(valid=ALL | {"payload": False}) == {"EstimateInvalid"}
@@ -126,7 +126,7 @@ def test_the_state_is_the_gravest_that_is_on():
     assert roll_over_state(alarms, False) is RollOver.NOT_AVAILABLE
 
 
-def told(results, message, signal):
+def sent(results, message, signal):
     """The signal in every frame of the message."""
     frames = [decoded(result.frames) for result in results]
     return [values[message][signal] for values in frames if message in values]
@@ -142,7 +142,7 @@ def test_a_margin_that_dances_on_the_threshold_does_not_make_the_warning_flicker
     for k in range(300):
         machine.values["specific_force_y"] = 4.0 + 1.5 * (-1) ** (k // 3)
         results += play(ecu, machine, 1)[0]
-    states = told(results[50:], "RollOver", "State")
+    states = sent(results[50:], "RollOver", "State")
     assert min(e.estimates.lift_off_margin for e in results[50:]) < margin
     assert max(e.estimates.lift_off_margin for e in results[50:]) > margin + RULES.margin_hysteresis
     assert len(set(states[10:])) == 1

@@ -116,7 +116,7 @@ class TestOnTheHub:
         assert "EstimatorEcu sent none of its messages" in done.stderr
         assert "is it powered" in done.stderr
 
-    def test_an_ecu_that_falls_silent_is_told_and_fails(self, hub, tmp_path):
+    def test_an_ecu_that_falls_silent_is_reported_and_fails(self, hub, tmp_path):
         file = tmp_path / "short.toml"
         file.write_text(STANDS.format(duration_s=8.0))
         command = [

@@ -119,7 +119,7 @@ def test_a_motor_that_drives_against_a_brake_still_let_off_is_not_taken_for_the_
 
 
 def test_a_wheel_that_its_brake_locks_stands_where_the_others_roll():
-    """Its torque is what the road gives it, not what the brake could: by its speed alone can a lock be told."""
+    """Its torque is what the road gives it, not what the brake could: only its speed shows a lock."""
     plant, rows = Plant(L60, speed=3.0, integrator="rk4"), []
     for k in range(150):
         rows.append(plant.truth().row)
@@ -150,7 +150,7 @@ def test_an_error_of_force_shows_as_a_steady_difference_of_speed(truth):
     assert off == pytest.approx(expected, rel=0.15)
 
 
-def test_a_motion_that_diverges_is_told(truth):
+def test_a_motion_that_diverges_is_reported(truth):
     rows = measured(truth, truth["time_s"] > 4.5)
     rows[100, f.M_ARTICULATION + 1] = math.inf
     led_rows, states = f.follow(Plant(L60, speed=3.0), rows, interval_s=0.01)

@@ -48,13 +48,13 @@ def torques(machine, arm, tilt, payload, force=(0.0, 0.0), ahead=0.0):
 
 
 def inputs(machine, arm, tilt, **load):
-    """What the ECU would be told of a machine that stands level."""
+    """The inputs that the ECU would get from a machine that stands level."""
     lift, back = pressures(
         linkage_of(machine.lift, machine.tilt), arm, tilt, *torques(machine, arm, tilt, **load)
     )
-    told = dict.fromkeys(Inputs._fields, 0.0) | {"dt": 0.01, "pressure_usable": 1.0, "rate_limit": 1.0}
-    told |= {"lift_pressure": lift, "tilt_pressure": back, "lift_arm_angle": arm, "tilt_angle": tilt}
-    return Inputs(**told)
+    given = dict.fromkeys(Inputs._fields, 0.0) | {"dt": 0.01, "pressure_usable": 1.0, "rate_limit": 1.0}
+    given |= {"lift_pressure": lift, "tilt_pressure": back, "lift_arm_angle": arm, "tilt_angle": tilt}
+    return Inputs(**given)
 
 
 @MACHINES
@@ -75,8 +75,8 @@ def test_a_payload_is_weighed_wherever_it_lies(name, arm, tilt, ahead):
     """To the calibration's rounding, 0.1 %; the couple is weight times how far ahead it lies, 1 % of a metre's."""
     machine = load_machine(name)
     p, mass = load_calibration(machine.family).parameters, machine.payload.reference_mass
-    told = inputs(machine, arm, tilt, payload=mass, ahead=ahead)
-    payload, couple = loaded(told, residual(told, 0.0, G, p), 0.0, G, p)
+    given = inputs(machine, arm, tilt, payload=mass, ahead=ahead)
+    payload, couple = loaded(given, residual(given, 0.0, G, p), 0.0, G, p)
     assert payload == pytest.approx(mass, rel=1e-3)
     assert couple == pytest.approx(mass * G * ahead, abs=0.01 * mass * G)
 
@@ -84,14 +84,14 @@ def test_a_payload_is_weighed_wherever_it_lies(name, arm, tilt, ahead):
 @MACHINES
 @pytest.mark.parametrize(("arm", "tilt"), [(-0.78, 0.0), (-0.7, 0.2), (-0.5, 0.1)])
 @pytest.mark.parametrize("share", [(-0.5, -0.2), (-0.2, -0.1)])
-def test_a_force_on_the_edge_is_told_from_both_pressures(name, arm, tilt, share):
+def test_a_force_on_the_edge_follows_from_both_pressures(name, arm, tilt, share):
     """share: of the machine's weight. 1 % of the force: the calibration's rounding."""
     machine = load_machine(name)
     p, half = load_calibration(machine.family).parameters, 0.5 * machine.payload.reference_mass
     force = np.array(share) * machine.mass * G
-    told = inputs(machine, arm, tilt, payload=half, force=tuple(force))
-    assert told.tilt_pressure > 0.0
-    found = pushed(told, residual(told, 0.0, G, p), half, 0.0, 0.0, Vector(0.0, 0.0, G), p)
+    given = inputs(machine, arm, tilt, payload=half, force=tuple(force))
+    assert given.tilt_pressure > 0.0
+    found = pushed(given, residual(given, 0.0, G, p), half, 0.0, 0.0, Vector(0.0, 0.0, G), p)
     np.testing.assert_allclose(found, force, atol=0.01 * np.linalg.norm(force))
 
 
@@ -100,18 +100,18 @@ def test_traction_stands_in_for_a_tilt_cylinder_that_pulls(name):
     """Bucket rolled back in the pile: its head side is empty; the vertical force from lift pressure and traction."""
     machine = load_machine(name)
     p, force = load_calibration(machine.family).parameters, np.array((-0.5, -0.2)) * machine.mass * G
-    told = inputs(machine, -0.78, 0.8, payload=0.0, force=tuple(force))
-    assert told.tilt_pressure == 0.0
-    found = pushed(told, residual(told, 0.0, G, p), 0.0, 0.0, -force[0], Vector(0.0, 0.0, G), p)
+    given = inputs(machine, -0.78, 0.8, payload=0.0, force=tuple(force))
+    assert given.tilt_pressure == 0.0
+    found = pushed(given, residual(given, 0.0, G, p), 0.0, 0.0, -force[0], Vector(0.0, 0.0, G), p)
     np.testing.assert_allclose(found, force, atol=0.01 * np.linalg.norm(force))
 
 
-def follow(machine, told, state, *, cycles, traction):
+def follow(machine, given, state, *, cycles, traction):
     """The load after some cycles of the same inputs."""
     p = load_calibration(machine.family).parameters
     for _ in range(cycles):
         load = followed_load(
-            told, state, residual(told, 0.0, G, p), Vector(0.0, 0.0, G), traction, 0.5, STILL, p
+            given, state, residual(given, 0.0, G, p), Vector(0.0, 0.0, G), traction, 0.5, STILL, p
         )
         state = state._replace(
             cycles=state.cycles + 1, payload=load.payload, couple=load.couple, calm_payload=load.calm_payload,
@@ -122,7 +122,7 @@ def follow(machine, told, state, *, cycles, traction):
 
 @MACHINES
 def test_only_pressures_and_traction_together_make_a_pile(name):
-    """Either witness alone changes the payload; both leave it and tell the force; what was dug then stays."""
+    """Either witness alone changes the payload; both leave the payload and give the force; what was dug then stays."""
     machine = load_machine(name)
     weight = machine.mass * G
     free = inputs(machine, -0.78, 0.0, payload=0.0)

@@ -26,7 +26,7 @@ from tests.bus.vcan import ip, kinds, wait_until
 pytestmark = pytest.mark.socketcan
 TIOCSETD, N_SLCAN = 0x5423, 17  # include/uapi/asm-generic/ioctls.h, include/uapi/linux/tty.h
 QUEUE = 10
-"""What the kernel queues for a CAN interface unless told otherwise."""
+"""What the kernel queues for a CAN interface by default."""
 
 
 class Adapter:
@@ -39,7 +39,7 @@ class Adapter:
         before = set(can_interfaces())
         fcntl.ioctl(self._theirs, TIOCSETD, struct.pack("i", N_SLCAN))
         (self.interface,) = set(can_interfaces()) - before
-        self.told = b""
+        self.sent = b""
         self._listening = threading.Event()
         self._listening.set()
         threading.Thread(target=self._listen, name="adapter", daemon=True).start()
@@ -50,17 +50,17 @@ class Adapter:
     def _listen(self) -> None:
         while self._listening.wait():
             try:
-                self.told += os.read(self._ours, 4096)
+                self.sent += os.read(self._ours, 4096)
             except OSError:  # closed
                 return
 
     def read_until(self, text: bytes) -> None:
         """Wait until the driver has sent this, and forget it."""
         deadline = time.monotonic() + WAIT_S
-        while text not in self.told:
-            assert time.monotonic() < deadline, f"the driver has sent {self.told!r}"
+        while text not in self.sent:
+            assert time.monotonic() < deadline, f"the driver has sent {self.sent!r}"
             time.sleep(0.01)
-        self.told = b""
+        self.sent = b""
 
     def says(self, text: bytes) -> None:
         """Tell the driver something, as an adapter does."""
@@ -95,7 +95,7 @@ def adapter() -> Iterator[Adapter]:
     made.unplug()
 
 
-def told(receiver: SocketCanTransport) -> list[str]:
+def reported(receiver: SocketCanTransport) -> list[str]:
     """What the next error frame says."""
     collect(receiver, 1)
     return [str(finding) for finding in receiver.findings()]
@@ -118,29 +118,29 @@ def test_frames_pass_both_ways(adapter: Adapter) -> None:
 def test_states_of_the_controller_are_reported_in_words(adapter: Adapter) -> None:
     with SocketCanTransport(adapter.interface) as bus:
         adapter.says(b"sw100099\r")
-        assert told(bus) == [
+        assert reported(bus) == [
             "error warning level reached (receive errors)",
             "error counters (transmit 99, receive 100)",
         ]
         adapter.says(b"sp000128\r")
-        assert told(bus)[0] == "controller is error passive (transmit errors)"
+        assert reported(bus)[0] == "controller is error passive (transmit errors)"
         adapter.says(b"sa000000\r")
-        assert told(bus)[0] == "controller is error active again"
+        assert reported(bus)[0] == "controller is error active again"
 
 
 def test_errors_on_the_wire_are_reported_in_words(adapter: Adapter) -> None:
     with SocketCanTransport(adapter.interface) as bus:
         adapter.says(b"e1a\r")
-        assert told(bus)[:2] == ["no acknowledgement", "bus error"]
+        assert reported(bus)[:2] == ["no acknowledgement", "bus error"]
         adapter.says(b"e1O\r")
-        assert any("buffer overflowed" in line for line in told(bus))
+        assert any("buffer overflowed" in line for line in reported(bus))
 
 
 def test_bus_off_is_reported_and_what_is_sent_meanwhile_is_counted_as_dropped(adapter: Adapter) -> None:
     """The kernel itself takes such frames without a word, and shows them to others as if they were sent."""
     with SocketCanTransport(adapter.interface) as bus, SocketCanTransport(adapter.interface) as other:
         adapter.says(b"sb255255\r")
-        assert told(bus) == told(other) == ["bus off"]
+        assert reported(bus) == reported(other) == ["bus off"]
         assert bus.drain() == []
         assert not bus.link_up
         for _ in range(3):

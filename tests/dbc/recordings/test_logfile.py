@@ -1,4 +1,4 @@
-"""candump logs: every form of line, damage told by number and reason, and what we write reads back."""
+"""candump logs: every form of line, damage reported by number and reason, and what we write reads back."""
 
 import gzip
 import zlib

@@ -1,4 +1,4 @@
-"""One table from every format; python-can's writers are the reference, damage is told with its place."""
+"""One table from every format; python-can's writers are the reference, damage is reported with its place."""
 
 import can
 import numpy as np
@@ -92,7 +92,7 @@ def storable(form, made):
 
 
 def thousand():
-    """Frames that tell themselves apart, on two channels, 1 ms apart."""
+    """Frames that all differ, on two channels, 1 ms apart."""
     return [
         can.Message(
             timestamp=1.6e9 + i * 1e-3, arbitration_id=0x18FEF100 + i % 7, data=i.to_bytes(8, "big"), channel=i % 2
@@ -191,7 +191,7 @@ def _none(content, at):
 @pytest.mark.parametrize("damage", [_magic, _deflated, _long, _short, _none])
 @pytest.mark.parametrize("struck", [(0,), (4,), (3, 4), (2, 6)])
 def test_what_is_behind_the_damage_in_a_blf_is_read(long_blf, tmp_path, damage, struck):
-    """At most the frames of the containers that were struck are lost, with the two that reach into them; what is told says how long that is."""
+    """At most the frames of the containers that were struck are lost, with the two that reach into them; the complaint gives the length of the gap."""
     content, begins, whole = long_blf
     damaged = bytearray(content)
     for number in struck:

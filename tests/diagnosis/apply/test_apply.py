@@ -79,7 +79,7 @@ def test_a_second_application_keeps_the_first(loaderhil: Call, tmp_path: Path) -
 
 
 def test_more_of_the_same_is_found_beside_what_was_applied(loaderhil: Call, tmp_path: Path) -> None:
-    """The leak and the gauge's delay grow: the second diagnosis tells what they are now, and what they were; then nothing is missing."""
+    """The leak and the gauge's delay grow: the second diagnosis states their present and their earlier values; then nothing is missing."""
     model, file = model_file(tmp_path), tmp_path / "tank.toml"
     for seed, leak, delay in ((2, 0.06, 0.2), (3, 0.12, 0.4)):
         drive = write_csv(tmp_path / f"{seed}.csv", columns(record(seed, leak=leak, delay_s=delay)))
@@ -144,7 +144,7 @@ values = st.floats(allow_nan=False, allow_infinity=False)
 def test_written_values_read_back_and_other_values_stay(tables: dict[str, dict[str, float]]) -> None:
     base = "# head\nmodel = 'x'\n\n[first]  # a table\na = 1.0  # one\nb = 2.0\n\n# end of file\n"
     lines = [
-        Line(("first", table), key, v, "told") for table, keys in tables.items() for key, v in keys.items()
+        Line(("first", table), key, v, "test") for table, keys in tables.items() for key, v in keys.items()
     ]
     text = with_values(base, [*lines, Line(("first",), "a", 3.0, "changed")])
     assert tomllib.loads(text) == {"model": "x", "first": {"a": 3.0, "b": 2.0, **tables}}

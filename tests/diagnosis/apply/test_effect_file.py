@@ -189,8 +189,8 @@ def own_effects(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
         check=False,
     )
     assert ran.returncode == 0, ran.stderr
-    told: list[Any] = json.loads(ran.stdout)
-    return told
+    printed: list[Any] = json.loads(ran.stdout)
+    return printed
 
 
 def test_the_plants_effect_is_known_to_effects_machine_files_and_the_diagnosis(
@@ -200,15 +200,15 @@ def test_the_plants_effect_is_known_to_effects_machine_files_and_the_diagnosis(
     own = tmp_path / "effects" / "crab.py"
     assert call(monkeypatch, "effects", "add", tmp_path, "--name", "crab", "--out", own) == 0
     assert "LOADERHIL_EFFECTS" in capsys.readouterr().out
-    told = subprocess.run(
+    printed = subprocess.run(
         [sys.executable, "-m", "loaderhil", "effects", "crab"],
         capture_output=True,
         text=True,
         env={**os.environ, "LOADERHIL_EFFECTS": str(own.parent)},
         check=True,
     )
-    assert "a_x += c1 articulation_rate·|articulation_rate|" in told.stdout
-    assert "c2 = -0.8" in told.stdout
+    assert "a_x += c1 articulation_rate·|articulation_rate|" in printed.stdout
+    assert "c2 = -0.8" in printed.stdout
 
 
 @pytest.mark.timeout(300)  # it compiles the plant

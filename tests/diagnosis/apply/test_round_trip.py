@@ -71,14 +71,14 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def hidden(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
-    """A run of the bench with these effects, which does not tell of them."""
+    """A run of the bench with these effects, of which its record says nothing."""
     from loaderhil import cli
 
     def conceal(name: str, drive: str, seed: int, *effects: str) -> Path:
         scenario = tmp_path / f"{name}.toml"
         scenario.write_text(drive.replace("NAME", name))
         words = [word for effect in effects for word in ("--effect", effect)]
-        told = [
+        arguments = [
             "conceal",
             tmp_path / name,
             "--model",
@@ -89,7 +89,7 @@ def hidden(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Pat
             seed,
             *words,
         ]
-        monkeypatch.setattr("sys.argv", ["loaderhil", *map(str, told)])
+        monkeypatch.setattr("sys.argv", ["loaderhil", *map(str, arguments)])
         with pytest.raises(SystemExit) as ended:
             cli.main()
         assert not ended.value.code
@@ -149,9 +149,9 @@ def test_plant_and_ecu_run_with_what_was_applied(
     assert loaderhil("run", tmp_path / "first.toml", "--machine", machine, folder=out).code == 0
     record = json.loads((out / "run.json").read_text())
     assert record["calibration"] == str(tmp_path / "mine.calibration.toml")
-    told = loaderhil("diagnose", out, "--model", "loader", "--with", machine).result
-    assert told is not None
-    assert told.status == "nothing missing", told.named
+    rest = loaderhil("diagnose", out, "--model", "loader", "--with", machine).result
+    assert rest is not None
+    assert rest.status == "nothing missing", rest.named
     run = RunDirectory.read(out)
     weighed = next(c for c in run.messages.values() if "PayloadMass" in c.signals)
     calm = (weighed.time_s > 4.0) & (weighed.time_s < 8.0)

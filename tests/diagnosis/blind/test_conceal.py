@@ -122,10 +122,10 @@ def test_what_cannot_be_hidden_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("size", "lines"), [(0.6, 1), (30.0, 0)])
-def test_what_is_too_small_to_be_seen_is_told(size: float, lines: int) -> None:
-    told = faint(straight.model(), {"quadratic drag": {"square": size}})
-    assert len(told) == lines
-    assert all("square=0.6 is 2% of its typical 30 kg/m" in line for line in told)
+def test_an_effect_too_small_to_be_seen_is_reported(size: float, lines: int) -> None:
+    reported = faint(straight.model(), {"quadratic drag": {"square": size}})
+    assert len(reported) == lines
+    assert all("square=0.6 is 2% of its typical 30 kg/m" in line for line in reported)
 
 
 def test_a_seal_hides_opens_and_breaks(tmp_path: Path) -> None:
@@ -143,7 +143,7 @@ def test_a_seal_hides_opens_and_breaks(tmp_path: Path) -> None:
             unseal(sealed)
 
 
-def told(
+def diagnosed(
     *effects: str, named: bool = True, group: tuple[str, ...] = (), interval: tuple[float, float] = (0.0, 1.0)
 ) -> Findings:
     findings = [finding(e, "physics", {e: 0.5}, named=named, group=group, interval=interval) for e in effects]
@@ -165,40 +165,46 @@ def unseen(
 @pytest.mark.parametrize(
     ("result", "hidden", "place", "false", "ending"),
     [
-        (told("leak"), ["leak"], "named", [], Ending.PASSED),
-        (told("offset", group=("leak",)), ["leak"], "in group", [], Ending.PASSED),
-        (told("leak", named=False), ["leak"], "proxy", [], Ending.FAILED),
-        (told(), ["leak"], "missed", [], Ending.FAILED),
-        (told("leak", "offset"), ["leak"], "named", ["offset"], Ending.FAILED),
-        (told("offset"), ["leak"], "missed", ["offset"], Ending.FAILED),
-        (told(), [], "", [], Ending.PASSED),
-        (told("offset"), [], "", ["offset"], Ending.FAILED),
-        (replace(told(), candidates=[unseen("leak")]), ["leak"], "not visible", [], Ending.INCONCLUSIVE),
-        (replace(told(), candidates=[unseen("offset")]), ["leak"], "missed", [], Ending.FAILED),
+        (diagnosed("leak"), ["leak"], "named", [], Ending.PASSED),
+        (diagnosed("offset", group=("leak",)), ["leak"], "in group", [], Ending.PASSED),
+        (diagnosed("leak", named=False), ["leak"], "proxy", [], Ending.FAILED),
+        (diagnosed(), ["leak"], "missed", [], Ending.FAILED),
+        (diagnosed("leak", "offset"), ["leak"], "named", ["offset"], Ending.FAILED),
+        (diagnosed("offset"), ["leak"], "missed", ["offset"], Ending.FAILED),
+        (diagnosed(), [], "", [], Ending.PASSED),
+        (diagnosed("offset"), [], "", ["offset"], Ending.FAILED),
+        (replace(diagnosed(), candidates=[unseen("leak")]), ["leak"], "not visible", [], Ending.INCONCLUSIVE),
+        (replace(diagnosed(), candidates=[unseen("offset")]), ["leak"], "missed", [], Ending.FAILED),
         (
-            replace(told(), candidates=[unseen("leak", "ruled out", 0.6)]),
+            replace(diagnosed(), candidates=[unseen("leak", "ruled out", 0.6)]),
             ["leak"],
             "not visible",
             [],
             Ending.INCONCLUSIVE,
         ),
         (
-            replace(told(), candidates=[unseen("leak", "ruled out", 0.4)]),
+            replace(diagnosed(), candidates=[unseen("leak", "ruled out", 0.4)]),
             ["leak"],
             "missed",
             [],
             Ending.FAILED,
         ),
         (
-            replace(told(), candidates=[unseen("leak", smallest_detectable=0.4)]),
+            replace(diagnosed(), candidates=[unseen("leak", smallest_detectable=0.4)]),
             ["leak"],
             "missed",
             [],
             Ending.FAILED,
         ),
-        (replace(told(), candidates=[unseen("leak", "ruled out")]), ["leak"], "missed", [], Ending.FAILED),
         (
-            replace(told("offset"), candidates=[unseen("leak")]),
+            replace(diagnosed(), candidates=[unseen("leak", "ruled out")]),
+            ["leak"],
+            "missed",
+            [],
+            Ending.FAILED,
+        ),
+        (
+            replace(diagnosed("offset"), candidates=[unseen("leak")]),
             ["leak"],
             "not visible",
             ["offset"],
@@ -245,7 +251,7 @@ def test_changing_throttle_shows_what_one_speed_cannot(effect: str) -> None:
 
 def test_an_interval_holds_the_truth_or_not() -> None:
     for interval, holds in (((0.4, 0.6), True), ((0.6, 0.7), False)):
-        [row] = compared(told("leak", interval=interval), quiet(effects={"leak": {"leak": 0.5}})).rows
+        [row] = compared(diagnosed("leak", interval=interval), quiet(effects={"leak": {"leak": 0.5}})).rows
         assert row.within is holds
 
 
@@ -322,7 +328,7 @@ def test_a_road_without_its_distance_still_climbs() -> None:
     np.testing.assert_allclose(lifted, 9.81 * np.sin(0.05), rtol=1e-6)
 
 
-def test_the_loader_is_concealed_in_a_run_of_the_bench_that_does_not_tell(
+def test_a_run_of_the_bench_does_not_name_its_concealed_effect(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The run is that of a machine with the effects, to the frame; seal, score and refusals as for any model."""

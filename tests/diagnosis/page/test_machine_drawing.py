@@ -65,7 +65,7 @@ def test_a_baseline_without_findings_is_drawn_once_and_another_machine_not_at_al
     assert chapter(result(model="ball"), evidence(("height", 2.0, None))) == ""
 
 
-def test_findings_are_numbered_where_they_act_and_told_in_the_tooltip() -> None:
+def test_findings_are_numbered_where_they_act_and_described_in_the_tooltip() -> None:
     found = (
         replace(
             finding("payload_mass", "physics", {"payload_mass.extra_kg": 1.0}), sentence="More < than assumed"

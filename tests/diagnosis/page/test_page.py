@@ -153,8 +153,8 @@ def test_a_page_without_a_verdict_says_why_once() -> None:
 
 
 def test_words_of_the_page() -> None:
-    told = [percent(share).replace("\N{NO-BREAK SPACE}", " ") for share in (0.0, 0.003, 0.18, 0.998, 1.0)]
-    assert told == ["0 %", "under 1 %", "18 %", "over 99 %", "100 %"]
+    texts = [percent(share).replace("\N{NO-BREAK SPACE}", " ") for share in (0.0, 0.003, 0.18, 0.998, 1.0)]
+    assert texts == ["0 %", "under 1 %", "18 %", "over 99 %", "100 %"]
     assert better({"a": 0.001}) == "a error below × 0.01"
     assert better({"a": 0.5, "b": 1.0, "c": 0.1}) == "c error × 0.10; a error × 0.50; others unchanged"
     few = {f"c{i}": 0.1 * i + 0.05 for i in range(8)}

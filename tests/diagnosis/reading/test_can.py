@@ -111,7 +111,7 @@ def test_a_late_sensor_on_the_same_clock_stays_a_delay() -> None:
     assert alike > 0.9
 
 
-def test_files_that_have_nothing_in_common_are_told() -> None:
+def test_files_that_have_nothing_in_common_are_reported_as_not_synchronised() -> None:
     noise = np.random.default_rng(0).normal(size=600)
     parts = [
         Recording("a.log", {"inflow": record(1).signals["inflow"]}),

@@ -74,9 +74,9 @@ def cut(folder: Path) -> None:
 
 def _without(folder: Path, key: str) -> None:
     """run.json that lacks a key."""
-    told = json.loads((folder / "run.json").read_text())
-    del told[key]
-    (folder / "run.json").write_text(json.dumps(told))
+    fields = json.loads((folder / "run.json").read_text())
+    del fields[key]
+    (folder / "run.json").write_text(json.dumps(fields))
 
 
 RUNS: dict[str, tuple[Callable[[Path], object], int, str]] = {
@@ -168,7 +168,7 @@ def written(drive: Recording, file: Path, **changes: Callable[[Signal], Signal])
     return file
 
 
-def test_damaged_channels_are_told_one_by_one_and_the_others_judged(
+def test_damaged_channels_are_reported_one_by_one_and_the_others_judged(
     drive: Recording, tmp_path: Path, loaderhil: Call
 ) -> None:
     """A dead sensor, holes, nothing but holes, degrees under a heading of radians, a clock of its own: none becomes a finding."""
@@ -183,14 +183,14 @@ def test_damaged_channels_are_told_one_by_one_and_the_others_judged(
     )
     ended = loaderhil("diagnose", file, "--model", "loader")
     assert ended.result is not None, ended.err
-    told = {c.signal: c.text for c in ended.result.complaints if c.signal}
-    assert "is constant at 0.1 rad/s: a dead sensor" in told["roll_rate"]
-    assert "samples are not numbers; dropped" in told["specific_force_x"]
-    assert "has 0 usable samples" in told["specific_force_z"]
-    assert "deg/s under a heading of rad/s" in told["yaw_rate"]
+    texts = {c.signal: c.text for c in ended.result.complaints if c.signal}
+    assert "is constant at 0.1 rad/s: a dead sensor" in texts["roll_rate"]
+    assert "samples are not numbers; dropped" in texts["specific_force_x"]
+    assert "has 0 usable samples" in texts["specific_force_z"]
+    assert "deg/s under a heading of rad/s" in texts["yaw_rate"]
     assert (
         "recorded with another clock? Left out; try again with --shift specific_force_y=-1.6"
-        in told["specific_force_y"]
+        in texts["specific_force_y"]
     )
     assert not ended.result.named
     assert {n.channel for n in ended.result.noise} == {"specific_force_x", *loader.SPEEDS}
@@ -204,7 +204,7 @@ def test_damaged_channels_are_told_one_by_one_and_the_others_judged(
         ("wheel_torque_rear_left", scaled(float("nan")), "has fewer than 2 usable samples"),
     ],
 )  # fmt: skip
-def test_what_nothing_can_be_told_from_ends_at_once(
+def test_a_recording_without_a_usable_needed_channel_ends_at_once(
     name: str,
     change: Callable[[Signal], Signal],
     said: str,

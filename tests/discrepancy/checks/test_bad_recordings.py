@@ -1,4 +1,4 @@
-"""Recordings that are wrong in themselves: each is told, mended where nothing is lost by it, and blamed on no physics."""
+"""Recordings that are wrong in themselves: each is reported, mended where nothing is lost by it, and blamed on no physics."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -69,7 +69,7 @@ def test_a_recording_without_the_channel_that_starts_a_model_is_judged() -> None
     assert not speed.recorded
 
 
-def test_a_reversed_sign_that_the_library_has_not_is_told_and_no_physics() -> None:
+def test_a_reversed_sign_outside_the_library_is_reported_and_no_physics() -> None:
     whole = record(3, sign=-1.0)
     result = verdict(whole, "leak", "offset")
     assert result.status == "inconclusive"

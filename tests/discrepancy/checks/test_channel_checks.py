@@ -17,5 +17,5 @@ def test_a_zero_point_that_is_off_is_no_other_clock() -> None:
     late = record(2)
     level_late = replace(late.signals["level"], time_s=late.signals["level"].time_s + 9.0)
     shifted = replace(late, signals={**late.signals, "level": level_late})
-    (told,) = failing_channels(Problem(known, [shifted]))
-    assert "another clock" in told.text
+    (complaint,) = failing_channels(Problem(known, [shifted]))
+    assert "another clock" in complaint.text

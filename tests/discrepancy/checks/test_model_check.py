@@ -1,4 +1,4 @@
-"""What is wrong with a model is told as such, in one line, before a recording is blamed."""
+"""A fault of a model is reported as one, in one line, before a recording is blamed."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -26,13 +26,13 @@ WRONG: Mapping[str, Callable[[Window, Mapping[str, float], Mapping[str, Array]],
 
 
 @pytest.mark.parametrize("words", WRONG)
-def test_a_model_that_fails_is_told_and_no_recording_blamed(words: str) -> None:
-    with pytest.raises(BadModel, match=words) as told:
+def test_a_model_that_fails_is_reported_and_no_recording_blamed(words: str) -> None:
+    with pytest.raises(BadModel, match=words) as refused:
         examine(replace(tank(), simulate=WRONG[words]), [record(1)], Settings())
-    assert "model tank" in str(told.value)
-    assert "\n" not in str(told.value)
-    if "fails" in str(told.value):
-        assert "test_model_check.py, line" in str(told.value)
+    assert "model tank" in str(refused.value)
+    assert "\n" not in str(refused.value)
+    if "fails" in str(refused.value):
+        assert "test_model_check.py, line" in str(refused.value)
 
 
 def test_an_output_that_was_not_recorded_may_be_left_out_of_what_is_returned() -> None:

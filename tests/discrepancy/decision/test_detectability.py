@@ -66,13 +66,13 @@ def test_what_is_left_beside_a_line_is_followed_and_what_is_beside_the_valley_st
 
 
 @pytest.mark.parametrize(
-    ("place", "told"),
+    ("place", "reason"),
     [
         ("spring", "in these recordings nuisances imitate it completely; needs a storm"),
         ("force", "there is no usable force"),
     ],
 )
-def test_what_leaves_no_trace_at_all_is_told_with_what_it_would_need(place: str, told: str) -> None:
+def test_an_effect_without_trace_is_reported_with_what_it_would_need(place: str, reason: str) -> None:
     model = swinging(0.0)
     still = replace(model.effects[0], place=place, excited_by="a storm")
 
@@ -83,5 +83,5 @@ def test_what_leaves_no_trace_at_all_is_told_with_what_it_would_need(place: str,
     outputs = {**model.outputs, "force": "N"}
     blind = replace(model, simulate=simulate, effects=(still,), outputs=outputs)
     (candidate,) = examine(blind, [recorded()], Settings()).candidates
-    assert (candidate.verdict, candidate.reason) == ("could not be judged", told)
+    assert (candidate.verdict, candidate.reason) == ("could not be judged", reason)
     assert (candidate.power, candidate.expected, candidate.smallest_detectable) == (0.0, [], [])

@@ -1,4 +1,4 @@
-"""Rivals that nothing can tell apart are one group, whatever nuisances stand beside them."""
+"""Rivals that no recording distinguishes are one group, whatever nuisances stand beside them."""
 
 from collections.abc import Mapping
 from dataclasses import replace

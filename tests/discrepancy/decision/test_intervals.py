@@ -20,23 +20,23 @@ from tests.discrepancy.toys import record, tank
 STRICT = Settings()
 
 
-def width(told: Estimate) -> float:
-    assert told.low is not None
-    assert told.high is not None
-    return told.high - told.low
+def width(found: Estimate) -> float:
+    assert found.low is not None
+    assert found.high is not None
+    return found.high - found.low
 
 
 def test_intervals_widen_where_scores_are_correlated_over_time() -> None:
     problem = Problem(tank(), [record(50, leak=0.05)])
     state, _ = search(problem, STRICT)
     leak = problem.model.parameter("leak")
-    plain, told = estimate(leak, state.fit), estimate(leak, state.fit, state.noise)
+    plain, found = estimate(leak, state.fit), estimate(leak, state.fit, state.noise)
     direction = project_out(state.fit, [state.fit.names.index("leak")])[:, 0]
     # errors that keep one sign against the sensitivity over each stretch of time push the estimate about
     stretch = np.where(time_blocks_of(state.noise) % 2 == 0, 1.0, -1.0)
     pushed = replace(state.fit, residual=2.0 * stretch * np.sign(direction))
     wide = estimate(leak, pushed, state.noise)
-    assert width(told) == pytest.approx(width(plain), rel=0.5)
+    assert width(found) == pytest.approx(width(plain), rel=0.5)
     assert width(wide) > 4.0 * width(plain)
 
 
@@ -54,6 +54,6 @@ def test_the_jackknife_is_that_of_refitting_without_each_window() -> None:
     n = len(refitted)
     reach = student.ppf(0.975, n - 1) * np.sqrt((n - 1) * np.var(refitted))
     leak = problem.model.parameter("leak")
-    told = estimate(leak, fitted, noise)
-    assert width(told) == pytest.approx(2.0 * reach, rel=0.15)
-    assert width(told) > 1.5 * width(estimate(leak, fitted))
+    found = estimate(leak, fitted, noise)
+    assert width(found) == pytest.approx(2.0 * reach, rel=0.15)
+    assert width(found) > 1.5 * width(estimate(leak, fitted))

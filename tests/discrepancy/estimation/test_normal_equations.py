@@ -27,13 +27,13 @@ def test_parameters_that_say_the_same_share_it() -> None:
     assert (UNITS * (found @ (one * np.outer(UNITS, UNITS) @ together)))[1:] == pytest.approx([1.0, 1.0])
 
 
-def test_what_nothing_tells_stays() -> None:
+def test_a_direction_without_information_keeps_its_value() -> None:
     normal = _normal()
     normal[2] = normal[:, 2] = 0.0
     assert not inverse(normal)[2].any()
 
 
-def test_rounding_that_is_left_of_a_whole_tells_nothing() -> None:
+def test_rounding_error_counts_as_no_information() -> None:
     whole = _normal() * np.outer(UNITS, UNITS)
     left = whole.copy()
     left[2] = left[:, 2] = 0.0

@@ -72,7 +72,7 @@ def test_a_clean_recording_loses_no_row(memory: float, leak: float) -> None:
     assert state.noise.set_aside == ()
 
 
-def test_a_stretch_that_nothing_explains_is_told_with_its_time() -> None:
+def test_an_interval_that_nothing_explains_is_reported_with_its_time() -> None:
     found = examine(tank(), [with_a_bad_contact(record(1, leak=0.03), 42.0, 47.0)], BRIEF)
     (complaint,) = found.complaints
     start, end = (float(part) for part in complaint.text.split("from ")[1].split(" s:")[0].split(" to "))

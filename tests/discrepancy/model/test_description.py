@@ -28,7 +28,7 @@ def test_parameters_are_made_with_the_names_of_before() -> None:
 
 
 @pytest.mark.parametrize("module", MOVED)
-def test_a_users_file_that_imports_a_moved_module_is_told_where_it_is(module: str, tmp_path: Path) -> None:
+def test_an_import_of_a_moved_module_names_its_new_place(module: str, tmp_path: Path) -> None:
     file = tmp_path / "tank.py"
     file.write_text(f"import numpy\nfrom {module} import anything\n")
     with pytest.raises(NoModel, match=f"line 2: {module} has moved.*{MOVED[module]}"):

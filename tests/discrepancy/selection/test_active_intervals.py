@@ -43,7 +43,7 @@ def test_a_temporary_effect_is_seen_whichever_trial_step_scores_best_over_all(se
 def test_a_possible_temporary_effect_is_not_ruled_out() -> None:
     """Always acting it would have been noticed, which says nothing of this one."""
     problem, state = assessed(3)
-    told = {c.effect: c for c in candidates(problem, state, state, [], Settings())}
-    assert told["level delay"].power > 0.99
-    assert told["level delay"].verdict == "not needed"
-    assert "blocks of time disagree on its size" in told["level delay"].reason
+    by_name = {c.effect: c for c in candidates(problem, state, state, [], Settings())}
+    assert by_name["level delay"].power > 0.99
+    assert by_name["level delay"].verdict == "not needed"
+    assert "blocks of time disagree on its size" in by_name["level delay"].reason

@@ -99,18 +99,18 @@ def test_steps_that_cached_columns_led_astray_are_taken_again_where_there_is_no_
 
 
 def test_an_effect_that_is_sure_only_as_a_whole_has_a_size() -> None:
-    """Two amplitude parameters of which data tell the sum well and the difference hardly: as a whole it is far from nothing, not each by itself."""
+    """Two amplitude parameters whose sum the data determine well and whose difference hardly: together they are far from zero, neither is by itself."""
     problem, state = assessed("leak", "offset", leak=0.05)
     first, second = problem.model.effects
     both = replace(first, parameters=(*first.parameters, *second.parameters))
     known = {"leak": 0.05, "offset": 0.1}
-    told = np.array([[1.0 / 0.05**2, 1.0 / (0.05 * 0.1)], [1.0 / (0.05 * 0.1), 1.0 / 0.1**2]])
-    apart = 1e-4 * np.diag(np.diag(told))
+    sum_known = np.array([[1.0 / 0.05**2, 1.0 / (0.05 * 0.1)], [1.0 / (0.05 * 0.1), 1.0 / 0.1**2]])
+    apart = 1e-4 * np.diag(np.diag(sum_known))
     fitted = replace(
         state.fit,
         names=("leak", "offset"),
         values=state.fit.values.with_shared(known),
-        information=25.0 * told + apart,
+        information=25.0 * sum_known + apart,
     )
     assert fitted.sd("leak") > known["leak"]
     # (1 + 1)^2 x 25 = 10 sd from nothing

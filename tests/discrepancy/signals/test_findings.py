@@ -10,8 +10,8 @@ from discrepancy.examine import examine
 from discrepancy.selection.state import Settings
 from discrepancy.signals.findings import (
     RENAMED,
-    SCHEMA_VERSION,
     SCHEMA,
+    SCHEMA_VERSION,
     Findings,
     from_json,
     schema_text,

@@ -13,15 +13,15 @@ def test_what_is_written_is_the_value_to_so_many_digits(value: float, digits: in
 
 
 @pytest.mark.parametrize(
-    ("value", "told"),
+    ("value", "text"),
     [(1510.0, "1510"), (27_812.0, "27800"), (0.05, "0.05"), (-0.0, "0"), (4.84e-7, "4.84e-07"), (2.5e7, "2.5e+07")],
 )  # fmt: skip
-def test_a_power_of_ten_stands_only_where_zeros_would_be_many(value: float, told: str) -> None:
-    assert figures(value) == told
+def test_a_power_of_ten_stands_only_where_zeros_would_be_many(value: float, text: str) -> None:
+    assert figures(value) == text
 
 
 @pytest.mark.parametrize(
-    ("unit", "told"),
+    ("unit", "text"),
     [
         ("1", "3"),
         ("kg m2", "3 kg·m²"),
@@ -30,12 +30,12 @@ def test_a_power_of_ten_stands_only_where_zeros_would_be_many(value: float, told
         ("1/s", "3 1/s"),
     ],
 )
-def test_units_of_sheets_and_of_models_are_shown_alike(unit: str, told: str) -> None:
-    assert quantity(3.0, unit) == told
+def test_units_of_sheets_and_of_models_are_shown_alike(unit: str, text: str) -> None:
+    assert quantity(3.0, unit) == text
 
 
 @pytest.mark.parametrize(
-    ("unit", "size", "factor", "told"),
+    ("unit", "size", "factor", "text"),
     [
         ("Pa", 1.2e7, 1e6, "MPa"),
         ("N", 6.5e4, 1e3, "kN"),
@@ -43,5 +43,5 @@ def test_units_of_sheets_and_of_models_are_shown_alike(unit: str, told: str) -> 
         ("rad/s", 1e5, 1.0, "rad/s"),
     ],
 )
-def test_large_values_have_prefixed_units(unit: str, size: float, factor: float, told: str) -> None:
-    assert readable(unit, size) == (factor, told)
+def test_large_values_have_prefixed_units(unit: str, size: float, factor: float, text: str) -> None:
+    assert readable(unit, size) == (factor, text)

@@ -128,7 +128,7 @@ def test_a_slow_drift_of_a_wheel_is_found_by_its_residuals():
     assert all("wheel_speed_3" in f.signals for f in faults(findings))
 
 
-def test_angle_and_rate_cannot_be_told_apart_by_a_slow_drift():
+def test_a_slow_drift_does_not_distinguish_angle_from_rate():
     """With the machine straight ahead both explain the observer's residual: both are named, and neither alone."""
     ecu, machine = started()
     begin = machine.tick

@@ -116,7 +116,7 @@ def test_a_pitch_at_its_own_frequency_is_taken_from_the_gyro():
 
 
 def test_a_slow_lean_is_taken_from_the_balance():
-    """A road that tips by 1 mrad/s under the machine: no gyro tells, the balance does."""
+    """A road that tips by 1 mrad/s under the machine: no gyro shows it, the balance of forces does."""
     state = filtered(lambda t: NOTHING, lambda t: Tilt(1e-3 * t, 0.0), 30.0)
     assert state.tilt.roll == pytest.approx(0.030, abs=1e-3)
 

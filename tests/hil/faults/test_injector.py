@@ -1,4 +1,4 @@
-"""Faults begin, end and are commanded at their times; what was done is told."""
+"""Faults begin, end and are commanded at their times; what was done is reported."""
 
 from bus.frame import Frame
 from hil.faults.injector import REMEMBERED
@@ -8,7 +8,7 @@ from tests.hil.faults.traffic import MS, frames, injector, passed
 SPEEDS = "WheelSpeedsFront"
 
 
-def told(one):
+def reported(one):
     return [(e.at_ns // MS, e.number, e.what) for e in one.events]
 
 
@@ -55,7 +55,7 @@ def test_beginnings_and_ends_are_reported_with_the_number_of_frames_struck():
         {"kind": "corrupt", "message": SPEEDS, "at_s": 0.15},
     )
     passed(one, frames(SPEEDS, 30))
-    assert told(one) == [(100, 1, "begins"), (150, 2, "begins"), (200, 1, "ends")]
+    assert reported(one) == [(100, 1, "begins"), (150, 2, "begins"), (200, 1, "ends")]
     assert [e.struck for e in one.events] == [0, 0, 10]
 
 
@@ -87,7 +87,7 @@ def test_a_live_fault_counts_from_now_and_ends_by_itself():
     assert answer == {"ok": True, "number": 1, "fault": "drop"}
     assert not one.pass_frame("plant", frame, 1000 * MS)
     assert one.pass_frame("plant", frame, 3000 * MS)
-    assert told(one) == [(1000, 1, "begins"), (3000, 1, "ends")]
+    assert reported(one) == [(1000, 1, "begins"), (3000, 1, "ends")]
 
 
 def test_a_live_fault_before_the_start_leaves_the_script_its_numbers_and_draws():

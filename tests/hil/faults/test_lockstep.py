@@ -72,19 +72,19 @@ def test_a_scripted_fault_degrades_the_ecu_while_it_lasts(run):
 
 
 def test_what_was_injected_is_recorded(run):
-    (told,) = read_faults(run(GYRO_DIES).path)
-    assert (told.fault, told.began_s, told.ended_s, told.struck) == ("drop BodyRates", 0.8, 1.3, 50)
+    (entry,) = read_faults(run(GYRO_DIES).path)
+    assert (entry.fault, entry.began_s, entry.ended_s, entry.struck) == ("drop BodyRates", 0.8, 1.3, 50)
 
 
 def test_a_fault_that_lasts_ends_with_the_run(run):
-    (told,) = read_faults(run('[[fault]]\nkind = "drop"\nmessage = "BodyRates"\nat_s = 1.0\n').path)
-    assert told.ended_s == pytest.approx(2.01)
-    assert told.struck == 101
+    (entry,) = read_faults(run('[[fault]]\nkind = "drop"\nmessage = "BodyRates"\nat_s = 1.0\n').path)
+    assert entry.ended_s == pytest.approx(2.01)
+    assert entry.struck == 101
 
 
 def test_faults_can_come_from_a_file_of_their_own(run):
-    told = read_faults(run(GYRO_DIES, inject='[[fault]]\nkind = "corrupt"\nprobability = 0.01\n').path)
-    assert [t.fault for t in told] == ["corrupt probability=0.01", "drop BodyRates"]
+    entries = read_faults(run(GYRO_DIES, inject='[[fault]]\nkind = "corrupt"\nprobability = 0.01\n').path)
+    assert [t.fault for t in entries] == ["corrupt probability=0.01", "drop BodyRates"]
 
 
 def test_two_runs_are_equal_to_the_byte(run):

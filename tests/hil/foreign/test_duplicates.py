@@ -1,4 +1,4 @@
-"""A process that hears an identifier it sends itself: counted, told once, and a failed verdict that names both senders."""
+"""A process that hears an identifier it sends itself: counted, reported once, and a failed verdict that names both senders."""
 
 from bus.frame import Frame
 from bus.virtual import VirtualBus
@@ -11,11 +11,11 @@ LIMITS, SPEEDS = (DATABASE.by_name[name] for name in ("Limits", "WheelSpeedsFron
 
 
 def heard(*codecs):
-    """What an ECU on a bus counts and tells when somebody else sends these messages."""
-    bus, told = VirtualBus(), []
+    """What an ECU on a bus counts and reports when somebody else sends these messages."""
+    bus, reported = VirtualBus(), []
 
     def first(name):
-        told.append(name)
+        reported.append(name)
         return "'intruder'"
 
     ours, other = OwnIdentifiers(bus.connect(), "EstimatorEcu", DATABASE, first), bus.connect()
@@ -23,17 +23,17 @@ def heard(*codecs):
     for codec in codecs:
         other.send(Frame(codec.can_id, bytes(8)))
     assert len(ours.drain()) == len(codecs)
-    return ours, told
+    return ours, reported
 
 
 def test_own_frames_and_those_of_the_other_node_are_no_duplicates():
-    ours, told = heard(SPEEDS, SPEEDS)
-    assert (ours.figures(), told) == ({}, [])
+    ours, reported = heard(SPEEDS, SPEEDS)
+    assert (ours.figures(), reported) == ({}, [])
 
 
 def test_a_second_sender_is_reported_once_and_counted():
-    ours, told = heard(LIMITS, SPEEDS, LIMITS)
-    assert told == ["Limits"]
+    ours, reported = heard(LIMITS, SPEEDS, LIMITS)
+    assert reported == ["Limits"]
     assert ours.figures() == {
         "duplicate_frames": 2,
         "duplicate_messages": "Limits",

@@ -74,7 +74,8 @@ def test_frames_cross_and_ctrl_c_ends_it_quietly(hubs, gateway):
         open_transport(f"hub:{hubs['ecu'].path}") as controller,
     ):
         for n in range(500):
-            machine.send(Frame(SENSOR, n.to_bytes(8, "big")))  # no CRC fits: passed on all the same, and told
+            # no CRC fits: passed on all the same, and reported
+            machine.send(Frame(SENSOR, n.to_bytes(8, "big")))
         heard = []
         while len(heard) < 500:
             assert select.select([controller.fileno()], [], [], WAIT_S)[0]
@@ -82,9 +83,9 @@ def test_frames_cross_and_ctrl_c_ends_it_quietly(hubs, gateway):
     assert [int.from_bytes(frame.data, "big") for frame in heard] == list(range(500))
     gateway.send_signal(signal.SIGINT)
     assert gateway.wait(WAIT_S) == Ending.INTERRUPTED
-    told = gateway.stderr.read().splitlines()
-    assert all(" plant side: Articulation" in line for line in told)
-    assert sum("wrong CRC" in line for line in told) == 2  # when it began, and how many there were
+    lines = gateway.stderr.read().splitlines()
+    assert all(" plant side: Articulation" in line for line in lines)
+    assert sum("wrong CRC" in line for line in lines) == 2  # when it began, and how many there were
 
 
 def test_faults_come_and_go_by_live_command(hubs, gateway, control):
@@ -121,7 +122,7 @@ def test_a_lost_hub_is_reported_in_one_line(hubs, gateway):
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "told"),
+    ("words", "code", "message"),
     [
         (("--plant-bus", "hub:@a", "--ecu-bus", "hub:@a"), Ending.MISUSED, "between two buses"),
         (("--routes", "nowhere.toml"), Ending.MISUSED, "nowhere.toml: cannot be read"),
@@ -129,7 +130,7 @@ def test_a_lost_hub_is_reported_in_one_line(hubs, gateway):
         (("--plant-bus", "hub:@nobody"), Ending.HUB_LOST, "@nobody: no hub listens there"),
     ],
 )
-def test_misuse_is_one_line(words, code, told, tmp_path):
+def test_misuse_is_one_line(words, code, message, tmp_path):
     result = subprocess.run(
         [sys.executable, "-m", "loaderhil", "gateway", *words],
         capture_output=True,
@@ -141,4 +142,4 @@ def test_misuse_is_one_line(words, code, told, tmp_path):
     )
     assert result.returncode == code
     assert len(result.stderr.splitlines()) == 1
-    assert told in result.stderr
+    assert message in result.stderr

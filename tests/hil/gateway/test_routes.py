@@ -102,7 +102,7 @@ def test_without_a_file_nothing_unknown_passes():
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "parts"),
     [
         ("unknown = maybe", ("not a TOML file", "line 1")),
         ('unknown = "maybe"', ("unknown", "'drop' or 'pass'", "'maybe'")),
@@ -130,13 +130,13 @@ def test_without_a_file_nothing_unknown_passes():
         ('[nodes]\nplant = ["Machine"]\necu = ["Machine"]', ("nodes", "'Machine' is on both sides")),
     ],
 )
-def test_what_a_file_may_not_say_is_reported_in_one_line(text, told, tmp_path):
+def test_what_a_file_may_not_say_is_reported_in_one_line(text, parts, tmp_path):
     with pytest.raises(SettingsError) as caught:
         routes(text, tmp_path)
     message = str(caught.value)
     assert "\n" not in message
     assert "routes.toml" in message
-    for part in told:
+    for part in parts:
         assert part in message
 
 

@@ -119,14 +119,14 @@ def test_the_end_of_either_bus_is_not_silence(stack):
 def test_findings_are_reported(stack, tmp_path):
     plant, machine = an_end(stack, "virtual", tmp_path, "plant")
     ecu, _ = an_end(stack, "virtual", tmp_path, "ecu")
-    told = []
+    findings = []
     core = GatewayCore(Routes(DATABASE))
     loop = stack.enter_context(
-        GatewayLoop(core, {"plant": plant, "ecu": ecu}, found=lambda side, finding: told.append(finding))
+        GatewayLoop(core, {"plant": plant, "ecu": ecu}, found=lambda side, finding: findings.append(finding))
     )
     machine.send(Frame(LIMITS, bytes(8)))
-    serve_until(loop, lambda: told)
-    assert "other side" in str(told[0])
+    serve_until(loop, lambda: findings)
+    assert "other side" in str(findings[0])
 
 
 def test_the_run_begins_with_the_plants_first_frame(stack, tmp_path):

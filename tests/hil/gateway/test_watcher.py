@@ -1,4 +1,4 @@
-"""The gateway's own check: what is wrong is told once and counted always, and passed on all the same."""
+"""The gateway's own check: what is wrong is reported once and counted always, and passed on all the same."""
 
 from bus.frame import Frame
 from dbc import loader_database
@@ -49,8 +49,8 @@ def test_a_trouble_is_reported_once_and_counted_each_time():
     for n in (20, 40):
         frames[n] = frames[n - 1]._replace(at_ns=frames[n].at_ns)
     watcher = fed(frames)
-    told = [str(finding) for finding in watcher.findings()]
-    assert sum("counter repeated" in line for line in told) == 1
+    reported = [str(finding) for finding in watcher.findings()]
+    assert sum("counter repeated" in line for line in reported) == 1
     assert watcher.troubles("plant")["Articulation", Trouble.REPEATED] == 2
     assert not watcher.troubles("ecu")
 
@@ -66,14 +66,14 @@ def test_a_masquerade_is_reported_with_the_message_it_really_is():
 def test_a_message_that_becomes_invalid_is_reported_and_that_it_is_valid_again():
     frames = stream(SENSOR, 400)
     frames[100:110] = [broken(frame) for frame in frames[100:110]]
-    told = [finding.what for finding in fed(frames).findings()]
-    assert [what for what in told if what.startswith("is ")] == [
+    reported = [finding.what for finding in fed(frames).findings()]
+    assert [what for what in reported if what.startswith("is ")] == [
         "is invalid"
-    ]  # back within the second: not told
+    ]  # back within the second: not reported
     frames = stream(SENSOR, 700)
     frames[100:400] = [broken(frame) for frame in frames[100:400]]
-    told = [finding.what for finding in fed(frames).findings()]
-    assert [what for what in told if what.startswith("is ")] == ["is invalid", "is valid"]
+    reported = [finding.what for finding in fed(frames).findings()]
+    assert [what for what in reported if what.startswith("is ")] == ["is invalid", "is valid"]
 
 
 def test_silence_is_found_only_when_everything_has_been_received():

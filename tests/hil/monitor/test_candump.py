@@ -62,7 +62,7 @@ def test_the_column_grows_with_longer_names() -> None:
 
 @given(classic | remote | fd, st.integers(0, 2**62))
 def test_the_log_form_is_what_the_recorder_writes(frame: Frame, wall_ns: int) -> None:
-    """Two writers of one format agree, but for the flag that tells CAN FD itself."""
+    """Two writers of one format agree, but for the flag that marks CAN FD."""
     ours = log_line("can0", frame, wall_ns)
     theirs = candump_line(frame._replace(at_ns=wall_ns), "can0")
     if frame.flags & FD:

@@ -150,7 +150,7 @@ def test_the_end_of_the_bus_is_reported(tmp_path: Path) -> None:
 
 
 def test_a_slow_reader_learns_what_it_lost(hub: RunningHub) -> None:
-    """The bus is never held up; every frame is either shown or counted, and both counts are told."""
+    """The bus is never held up; every frame is either shown or counted, and both counts are printed."""
     process = start("--raw", "-L", "-d", f"hub:{hub.path}")
     wait_for_monitors(hub)
     sent = 0
@@ -171,10 +171,10 @@ def test_a_slow_reader_learns_what_it_lost(hub: RunningHub) -> None:
     out, errors = ended(process, 130)
     assert out == ""
     lines = "".join(lines).splitlines()
-    told = [
+    counts = [
         re.fullmatch(r"DROPCOUNT: dropped (\d+) CAN frames? on 'bench' socket .*", line) for line in lines
     ]
-    lost = sum(int(match[1]) for match in told if match)
+    lost = sum(int(match[1]) for match in counts if match)
     shown = sum("#" in line for line in lines)
     assert lost > 0
     assert shown + lost == sent + 1

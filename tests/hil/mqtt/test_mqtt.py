@@ -152,7 +152,7 @@ def test_every_message_is_retained_with_cantools_values(
             while (
                 not expected.keys() <= states.keys()
                 or {
-                    name: {signal: told["value"] for signal, told in states[name]["signals"].items()}
+                    name: {signal: state["value"] for signal, state in states[name]["signals"].items()}
                     for name in expected
                 }
                 != expected
@@ -166,7 +166,7 @@ def test_every_message_is_retained_with_cantools_values(
     asyncio.run(check())
     assert asyncio.run(next_on(broker, "loaderhil/bridge/status")) == "online"
     statistics = asyncio.run(
-        next_on(broker, "loaderhil/bridge/statistics", lambda told: told["frames"] == len(frames))
+        next_on(broker, "loaderhil/bridge/statistics", lambda state: state["frames"] == len(frames))
     )
     assert statistics["lost"] == {"bench": 0}
 
@@ -204,7 +204,7 @@ def test_a_broker_that_comes_back_without_memory_is_reported_everything_again(
     broker.stop()
     send_all(hub, [Frame(can_id, b"\2\0" + bytes(6))])
     broker.start()
-    after = asyncio.run(next_on(broker, topic, lambda told: told["time_s"] != before["time_s"]))
+    after = asyncio.run(next_on(broker, topic, lambda state: state["time_s"] != before["time_s"]))
     assert after["signals"]["LiftCylinderPressure"]["value"] == 4
     lines = bridge.end().splitlines()
     assert sum("no broker at" in line for line in lines) == 2
@@ -214,7 +214,7 @@ def test_a_broker_that_comes_back_without_memory_is_reported_everything_again(
 def test_a_broker_that_hangs_never_holds_up_the_bus(
     bridge: RunningBridge, hub: RunningHub, broker: RunningBroker
 ) -> None:
-    asyncio.run(next_on(broker, "loaderhil/bridge/status", lambda told: told == "online"))
+    asyncio.run(next_on(broker, "loaderhil/bridge/status", lambda state: state == "online"))
     broker.process.send_signal(signal.SIGSTOP)
     rounds = BACKLOG_LIMIT // 500  # what the hub holds for a bridge that the host lets wait
     for _ in range(rounds):
@@ -227,7 +227,7 @@ def test_a_broker_that_hangs_never_holds_up_the_bus(
         next_on(
             broker,
             "loaderhil/bus/bench/LiftPressure",
-            lambda told: told["signals"]["LiftCylinderPressure"]["value"] == 6,
+            lambda state: state["signals"]["LiftCylinderPressure"]["value"] == 6,
         )
     )
     assert newest["message"] == "LiftPressure"
@@ -307,7 +307,7 @@ def test_the_end_of_the_bus_ends_it(tmp_path: Path, broker: RunningBroker) -> No
     hub = RunningHub(str(tmp_path / "ending.hub"))
     bridge = RunningBridge(hub, broker)
     send_all(hub, numbered(3))
-    asyncio.run(next_on(broker, "loaderhil/bridge/status", lambda told: told == "online"))
+    asyncio.run(next_on(broker, "loaderhil/bridge/status", lambda state: state == "online"))
     hub.stop()
     with bridge.process:
         assert bridge.process.stderr is not None

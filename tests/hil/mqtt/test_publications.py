@@ -1,4 +1,4 @@
-"""What is told to a broker: each new state once, the newest only, and what changed for better or worse."""
+"""What is published to a broker: each new state once, the newest only, and what changed for better or worse."""
 
 import json
 
@@ -19,7 +19,7 @@ TOPICS = Topics("bench")
 ARTICULATION = can_id_of("Articulation")
 
 
-def told(publisher: Publisher, board: Board, now_ns: int) -> list[Publication]:
+def published(publisher: Publisher, board: Board, now_ns: int) -> list[Publication]:
     return list(publisher.due(board.rows(now_ns), now_ns))
 
 
@@ -36,7 +36,7 @@ def test_the_newest_state_of_each_message_is_what_the_monitor_prints() -> None:
     newest = {frame.can_id: frame for frame in machine_frames()}
     lines = JsonView(messages()).text(Batch([("can0", frame) for frame in newest.values()], 0)).splitlines()
     expected = {f"bench/bus/can0/{json.loads(line)['message']}": json.loads(line) for line in lines}
-    publications = told(Publisher(TOPICS), board, now_ns)
+    publications = published(Publisher(TOPICS), board, now_ns)
     assert all(each.retain for each in publications)
     states = {each.topic: json.loads(each.payload) for each in publications}
     periods = {topic: state.pop("period_ms") for topic, state in states.items()}
@@ -47,23 +47,23 @@ def test_the_newest_state_of_each_message_is_what_the_monitor_prints() -> None:
     }
 
 
-def test_nothing_new_is_not_told_again_unless_the_broker_may_have_forgotten() -> None:
+def test_a_state_is_published_again_only_if_the_broker_may_have_lost_it() -> None:
     board, publisher = Board(messages(messages=["Articulation"])), Publisher(TOPICS)
     board.take("can0", Frame(ARTICULATION, bytes(8), 1))
-    first = [each for each in told(publisher, board, 2) if each.retain]
+    first = [each for each in published(publisher, board, 2) if each.retain]
     assert len(first) == 1
-    assert told(publisher, board, 3) == []
+    assert published(publisher, board, 3) == []
     publisher.renew()
-    again = told(publisher, board, 4)
+    again = published(publisher, board, 4)
     assert [each.topic for each in again] == [each.topic for each in first]
-    assert told(publisher, board, 5) == []
+    assert published(publisher, board, 5) == []
 
 
-def test_what_was_never_told_is_counted() -> None:
+def test_states_that_were_never_published_are_counted() -> None:
     board, publisher = Board(messages(messages=["Articulation"])), Publisher(TOPICS)
     for at_ns in range(10):
         board.take("can0", Frame(ARTICULATION, bytes(8), at_ns))
-    told(publisher, board, 10)
+    published(publisher, board, 10)
     assert publisher.superseded == 9
 
 
@@ -74,14 +74,14 @@ def test_silence_and_its_end_are_findings_once() -> None:
         board.take("can0", Frame(can_id, bytes(8), index * 20 * MS))
     last_ns = 9 * 20 * MS
     at = (last_ns, last_ns + 40 * MS, last_ns + 70 * MS, last_ns + 90 * MS)
-    assert [findings(told(publisher, board, now_ns)) for now_ns in at] == [
+    assert [findings(published(publisher, board, now_ns)) for now_ns in at] == [
         [],
         [],
         [("LiftPressure", "stale")],
         [],
     ]
     board.take("can0", Frame(can_id, bytes(8), last_ns + 100 * MS))
-    assert findings(told(publisher, board, last_ns + 100 * MS)) == [("LiftPressure", "in time again")]
+    assert findings(published(publisher, board, last_ns + 100 * MS)) == [("LiftPressure", "in time again")]
 
 
 def test_a_slow_message_is_one_finding_though_each_gap_is_late_too() -> None:
@@ -89,8 +89,8 @@ def test_a_slow_message_is_one_finding_though_each_gap_is_late_too() -> None:
     said = []
     for index in range(20):
         board.take("can0", Frame(can_id_of("LiftPressure"), bytes(8), index * 36 * MS))
-        said += findings(told(publisher, board, index * 36 * MS))
-        said += findings(told(publisher, board, index * 36 * MS + 35 * MS))
+        said += findings(published(publisher, board, index * 36 * MS))
+        said += findings(published(publisher, board, index * 36 * MS + 35 * MS))
     assert said == [("LiftPressure", "slow")]
 
 
@@ -99,7 +99,7 @@ def test_a_message_that_never_comes_is_a_finding() -> None:
     for index in range(10):
         board.take("can0", Frame(can_id_of("LiftPressure"), bytes(8), index * 20 * MS))
         now_ns = index * 20 * MS
-        said = findings(told(publisher, board, now_ns))
+        said = findings(published(publisher, board, now_ns))
         assert said == ([("TiltPressure", "missing")] if index == 4 else [])
 
 
@@ -107,10 +107,10 @@ def test_broken_protection_and_error_frames_are_findings() -> None:
     board, publisher = Board(messages()), Publisher(TOPICS)
     board.take("can0", Frame(ARTICULATION, b"\1" + bytes(7), 0))
     board.take("can0", Frame(ERROR | 0x40, bytes(8), 0))
-    said = dict(findings(told(publisher, board, 0)))
+    said = dict(findings(published(publisher, board, 0)))
     assert "CRC" in said["Articulation"]
     assert said["error frame"] == "bus off"
-    assert findings(told(publisher, board, 1)) == []
+    assert findings(published(publisher, board, 1)) == []
 
 
 def test_topics_survive_any_name_and_tell_j1939_senders_apart() -> None:
@@ -120,7 +120,7 @@ def test_topics_survive_any_name_and_tell_j1939_senders_apart() -> None:
     other = codec.can_id ^ 0x01
     for can_id in (codec.can_id, other):
         board.take("a/b+#", Frame(can_id, bytes(codec.length)))
-    topics = [each.topic for each in told(Publisher(TOPICS), board, 0) if each.retain]
+    topics = [each.topic for each in published(Publisher(TOPICS), board, 0) if each.retain]
     assert sorted(topics) == [
         f"bench/bus/a_b__/{codec.name}",
         f"bench/bus/a_b__/{codec.name}/{other & 0x1FFFFFFF:08X}",

@@ -42,7 +42,7 @@ def running(*words: str) -> Iterator[subprocess.Popen[str]]:
 
 
 @pytest.mark.processes
-def test_a_running_hub_tells_who_is_on_it(path: str) -> None:
+def test_a_running_hub_lists_its_clients(path: str) -> None:
     with running("hub", "--bus", f"hub:{path}", "--bit-rate", "500000"):
         wait_for_hub(path, WAIT_S)
         with HubTransport(path, name="one [bold]") as one, HubTransport(path, name="other") as other:

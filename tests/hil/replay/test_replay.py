@@ -26,7 +26,7 @@ MS = 1_000_000
 
 
 class Bus:
-    """Remembers what was sent and when; refuses while told to."""
+    """Remembers what was sent and when; refuses the next `refuse` frames."""
 
     def __init__(self, clock):
         self.clock, self.sent, self.refuse = clock, [], 0

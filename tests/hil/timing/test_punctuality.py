@@ -1,4 +1,4 @@
-"""A real-time run is judged on each of its buses: what is late there is told, what cannot be judged never passes."""
+"""A real-time run is judged on each of its buses: what is late there is reported, what cannot be judged never passes."""
 
 import json
 from dataclasses import replace

@@ -38,7 +38,7 @@ def test_a_run_that_starvation_made_late_does_not_pass_and_names_the_cause(scena
     with started("run", scenario(5.0), "--realtime", "--strict", "--out", out) as process:
         wait_until_running(process, out)
         with hogs():
-            told, errors = process.communicate(timeout=120)
+            printed, errors = process.communicate(timeout=120)
     assert process.returncode == Ending.FAILED, errors  # strict: inconclusive counts
     record = RunDirectory.read(out).record
     assert record.vitals is not None
@@ -52,4 +52,4 @@ def test_a_run_that_starvation_made_late_does_not_pass_and_names_the_cause(scena
     assert any(cause in kept.ticks.reason for cause in ("starved", "starts late", "skipped"))
     if kept.frames.result is not Result.PASSED:  # messages may be in time where a tick was not
         assert "starved" in kept.frames.reason or "late" in kept.frames.reason
-    assert kept.ticks.reason in " ".join(told.split())
+    assert kept.ticks.reason in " ".join(printed.split())

@@ -233,22 +233,22 @@ def test_a_reaction_is_explained_by_a_wait_as_long_as_all_beyond_two_periods():
 
 def test_only_waits_worth_it_are_reported(tmp_path):
     file = tmp_path / "schedstat"
-    told = []
+    reported = []
 
     def look(now_ns, waited_ns):
         file.write_text(f"123 {waited_ns} 7\n")
         waits.look(now_ns)
 
     file.write_text("123 5000000 7\n")
-    with closing(OwnWaits(lambda *row: told.append(row), file=file)) as waits:
+    with closing(OwnWaits(lambda *row: reported.append(row), file=file)) as waits:
         look(100, 5_000_000 + LEAST_WAIT_NS - 1)
         look(200, 5_000_000 + 2 * LEAST_WAIT_NS - 1)
         look(300, 5_000_000 + 9 * LEAST_WAIT_NS)
-    assert told == [(100, 200, LEAST_WAIT_NS), (200, 300, 7 * LEAST_WAIT_NS + 1)]
+    assert reported == [(100, 200, LEAST_WAIT_NS), (200, 300, 7 * LEAST_WAIT_NS + 1)]
 
 
-def test_a_kernel_that_does_not_say_tells_nothing(tmp_path):
-    with closing(OwnWaits(lambda *_: pytest.fail("told"), file=tmp_path / "none")) as waits:
+def test_a_kernel_without_the_statistics_reports_no_wait(tmp_path):
+    with closing(OwnWaits(lambda *_: pytest.fail("a wait was reported"), file=tmp_path / "none")) as waits:
         waits.look(1)
 
 
@@ -267,7 +267,7 @@ print(len(rows), sum(row[2] for row in rows), time.monotonic_ns() - begun - used
 
 
 @pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="the kernel does not say who waited")
-def test_a_process_beside_another_on_one_processor_tells_its_waits():
+def test_a_process_that_shares_its_processor_reports_its_waits():
     """They are no longer than the time in which it neither ran nor slept, which is what they are made of."""
     one = {min(os.sched_getaffinity(0))}
     hog = subprocess.Popen(
@@ -303,16 +303,16 @@ def test_a_process_that_slept_when_its_tick_was_due_was_woken_late_by_the_host(t
     reader, writer = os.pipe()
     file = tmp_path / "schedstat"
     file.write_text("0 0 0")
-    told: list[tuple[int, ...]] = []
-    with Sleeps() as sleeps, closing(OwnWaits(lambda *row: told.append(row), sleeps, file=file)) as waits:
+    reported: list[tuple[int, ...]] = []
+    with Sleeps() as sleeps, closing(OwnWaits(lambda *row: reported.append(row), sleeps, file=file)) as waits:
         sleeps.register(reader, selectors.EVENT_READ)
         due_ns = time.monotonic_ns() + 1_000_000
         sleeps.select(0.02)  # the timer ought to have woken it after 1 ms
         sleeps.select(0.0)
         woken_ns = time.monotonic_ns()
         waits.look(woken_ns, due_ns)
-        assert len(told) == 1
-        assert 15_000_000 < told[0][2] <= woken_ns - due_ns
+        assert len(reported) == 1
+        assert 15_000_000 < reported[0][2] <= woken_ns - due_ns
         os.write(writer, b".")
         sleeps.select(0.02)
         due_ns = time.monotonic_ns() + 1_000_000
@@ -320,6 +320,6 @@ def test_a_process_that_slept_when_its_tick_was_due_was_woken_late_by_the_host(t
             pass
         sleeps.select(0.02)
         waits.look(time.monotonic_ns(), due_ns)
-        assert len(told) == 1
+        assert len(reported) == 1
     os.close(reader)
     os.close(writer)

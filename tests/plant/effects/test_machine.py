@@ -308,7 +308,7 @@ def test_brake_drag_does_not_grow_with_load_or_speed():
 
 
 def test_brakes_fade_with_the_energy_they_took():
-    """Torque lost on the road is fade times the rise in temperature: energy of one axle over its capacity; pressure does not tell."""
+    """Torque lost on the road is fade times the rise in temperature: energy of one axle over its capacity; pressure does not enter."""
     given = machine("brake_fade", fade_per_K=0.004, capacity_J_per_K=2e3, cooling_s=1e4)
     plant = Plant(given, speed=9.0)
     brake = Commands(brake_torque=(3000.0,) * 4)

@@ -202,7 +202,7 @@ def test_both_integrators_agree_on_a_brake_step():
 
 
 @pytest.mark.parametrize(
-    ("values", "told"),
+    ("values", "message"),
     [
         ({"belt_mass_kg": 430.0}, "belt_mass_kg = 430 kg is not less than the wheel's own 426 kg"),
         ({"belt_inertia_kg_m2": 120.0}, "belt_inertia_kg_m2 = 120 kg m2 is not less"),
@@ -210,8 +210,8 @@ def test_both_integrators_agree_on_a_brake_step():
         ({"lateral_Hz": 9.0}, "no compliance of the tyre's lateral stiffness"),
     ],
 )
-def test_a_ring_that_cannot_be_is_refused(values, told):
-    with pytest.raises(ConfigurationError, match=told):
+def test_a_ring_that_cannot_be_is_refused(values, message):
+    with pytest.raises(ConfigurationError, match=message):
         Plant(machine("wheel_rigid_ring", **values))
 
 

@@ -183,20 +183,20 @@ def test_every_coefficient_belongs_to_one_group_at_most():
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         (FILE.replace("'meter'", "'mm'"), r"\[UNITS\] LENGTH = 'mm'; only meter"),
         (FILE + "\n0.0 x\n", r"tyre.tir:\d+: '0.0 x' is neither KEY = VALUE nor a row of numbers"),
         (FILE.replace("FNOMIN", "FNOM"), "has no FNOMIN: is it a tyre property file"),
     ],
 )
-def test_what_cannot_be_read_is_told(write, text, told):
-    with pytest.raises(ConfigurationError, match=told):
+def test_a_tyre_file_that_cannot_be_read_is_refused_with_the_reason(write, text, message):
+    with pytest.raises(ConfigurationError, match=message):
         tyre_values(read_tir(write(text=text)))
 
 
 @pytest.mark.parametrize(
-    ("tyre", "told"),
+    ("tyre", "message"),
     [
         ('tir = "none.tir"', "none.tir: cannot be read"),
         ('tir = "tyre.tir"\nleave_out = ["colour"]', "'colour' is not one of camber"),
@@ -204,9 +204,9 @@ def test_what_cannot_be_read_is_told(write, text, told):
         ('tir = "tyre.tir"\npkx9 = 1.0', "tyre.pkx9 is not a known key"),
     ],
 )
-def test_a_wrong_table_is_told(write, tmp_path, tyre, told):
+def test_a_wrong_tyre_table_is_refused_with_the_reason(write, tmp_path, tyre, message):
     write()
-    with pytest.raises(ConfigurationError, match=told):
+    with pytest.raises(ConfigurationError, match=message):
         load_machine(machine_file(tmp_path, tyre))
 
 

@@ -185,7 +185,7 @@ def test_abrupt_articulation_rolls_over_and_front_left_lifts_first():
 
 
 def test_the_same_to_the_right_is_the_mirror_image():
-    """With ideal sensors nothing tells left from right."""
+    """With ideal sensors nothing distinguishes left from right."""
     scenario = load_scenario("abrupt_articulation")
     angle = scenario.script.articulation_angle
     mirrored = replace(scenario.script, articulation_angle=Profile(tuple((t, -v) for t, v in angle.points)))

@@ -40,17 +40,17 @@ def test_a_shared_state_is_the_worst_of_its_channels():
             health = np.zeros(len(SENSORS), np.int64)
             health[[row.name == worst for row in SENSORS]] = 2
             values = interface.machine_values(Readings(np.zeros(len(SENSORS)), health), moment)
-            told = dict(zip(interface.MACHINE_SOURCES, values.tolist(), strict=True))
-            assert {name: value for name, value in told.items() if value} == {state: 2.0}
+            sent = dict(zip(interface.MACHINE_SOURCES, values.tolist(), strict=True))
+            assert {name: value for name, value in sent.items() if value} == {state: 2.0}
 
 
 def test_the_satellite_receiver_sees_speed_and_course_over_ground():
     row = np.zeros(Truth.size)
     row[Truth.velocity.at : Truth.velocity.at + 3] = 3.0, 4.0, 1.0
     row[Truth.yaw.at] = 6.0
-    told = dict(
+    sent = dict(
         zip(interface.REFERENCE_SOURCES, interface.reference_values(Truth(row)).tolist(), strict=True)
     )
-    assert told["ground_speed"] == pytest.approx(5.0)
-    assert told["course"] == pytest.approx((6.0 + np.arctan2(4.0, 3.0)) % (2.0 * np.pi))
-    assert told["yaw"] == pytest.approx(6.0 - 2.0 * np.pi)
+    assert sent["ground_speed"] == pytest.approx(5.0)
+    assert sent["course"] == pytest.approx((6.0 + np.arctan2(4.0, 3.0)) % (2.0 * np.pi))
+    assert sent["yaw"] == pytest.approx(6.0 - 2.0 * np.pi)

@@ -1,4 +1,4 @@
-"""Pressures of the steering cylinders as the bus tells them: those of the truth, and together the joint's torque."""
+"""Pressures of the steering cylinders as the bus carries them: those of the truth, and together the joint's torque."""
 
 import math
 from dataclasses import replace
@@ -37,11 +37,11 @@ def pushed(name, side):
     for tick in range(600):
         found = [f.data for f in unit.tick(tick * TICK_NS) if f.identifier == MESSAGE.frame_id]
         if tick >= 200 and found:
-            told = MESSAGE.decode(found[0], decode_choices=False)
+            decoded = MESSAGE.decode(found[0], decode_choices=False)
             torques.append(unit.truth.joint_torque)
             pressures.append(unit.truth.steering_pressure)
-            readings.append((1e3 * told["LeftLine"], 1e3 * told["RightLine"]))
-            assert told["LeftLineState"] == told["RightLineState"] == 0
+            readings.append((1e3 * decoded["LeftLine"], 1e3 * decoded["RightLine"]))
+            assert decoded["LeftLineState"] == decoded["RightLineState"] == 0
     return unit.truth.articulation_angle, np.array(torques), np.array(pressures), np.array(readings)
 
 

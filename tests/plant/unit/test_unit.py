@@ -229,7 +229,7 @@ def test_without_limits_frames_the_machine_falls_back_on_its_safe_values():
     assert math.degrees(unit.truth.articulation_rate) == pytest.approx(10.0, abs=0.1)
 
 
-def test_told_not_to_obey_it_ignores_limits_and_silence():
+def test_with_obedience_off_limits_and_silence_are_ignored():
     unit = unit_of(driving(speed=5.0, rate=0.4), obey_limits=False)
     run(unit, 1.0, Ecu(speed_kmh=5.0, rate_deg_s=1.0))
     assert unit.truth.speed > 4.5

@@ -139,16 +139,16 @@ def test_the_command_draws_the_decisive_moment(folder, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (("--out", "a.avi"), "is none of .png, .gif, .mp4"),
         (("--out", "a.gif", "--from", "3", "--to", "2"), "--from 3 s --to 2 s is not within the run"),
         (("--out", "a.png", "--from", "99"), "--from 99 s"),
     ],
 )
-def test_what_is_wrong_is_reported_in_one_line(folder, words, told):
+def test_what_is_wrong_is_reported_in_one_line(folder, words, message):
     problem = render(folder, *words).exception
-    assert told in str(problem)
+    assert message in str(problem)
     assert "\n" not in str(problem)
 
 

@@ -36,7 +36,7 @@ def page(runs, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def told(page):
+def outline(page):
     """The page read back."""
     return Outline.of(page.read_text(encoding="utf-8"))
 
@@ -90,42 +90,42 @@ def first_warning(frames):
     return min(first_lasting(state.time, warned), first_lasting(flags.time, raised))
 
 
-def column(told, section, run):
+def column(outline, section, run):
     """A section's table of figures: name -> value of one run."""
-    return {row[0]: row[1 + run] for row in told.tables[section][1:]}
+    return {row[0]: row[1 + run] for row in outline.tables[section][1:]}
 
 
-def test_the_page_is_well_formed_and_fetches_nothing(page, told):
-    assert told.open == []
-    assert told.fetched == []
+def test_the_page_is_well_formed_and_fetches_nothing(page, outline):
+    assert outline.open == []
+    assert outline.fetched == []
     text = page.read_text(encoding="utf-8")
     assert not re.search(r"url\((?!data:)|@import|https?://", text)
     assert page.stat().st_size < 5_000_000
 
 
-def test_what_happened(told, known):
+def test_what_happened(outline, known):
     free, limited = known
     at, wheel = lift_off(free.truth)
     warned = first_warning(free.frames)
-    figures = column(told, "figures", 0)
+    figures = column(outline, "figures", 0)
     assert figures["First lift-off"] == f"{at:.2f} s, {wheel} wheel"
     assert figures["First warning"] == f"{warned:.2f} s"
     assert figures["Warning ahead of lift-off"] == f"{at - warned:.2f} s before lift-off"
     over = free.truth["time_s"][np.flatnonzero(np.degrees(np.abs(free.truth["roll"])) > 45)[0]]
     assert figures["Rolled over (45°)"] == f"{over:.2f} s"
     assert lift_off(limited.truth) is None
-    assert column(told, "figures", 1)["First lift-off"] == "none"
+    assert column(outline, "figures", 1)["First lift-off"] == "none"
     for i, run in enumerate(known):
         force = run.truth["normal_force"]
-        figures = column(told, "figures", i)
+        figures = column(outline, "figures", i)
         assert figures["Smallest wheel load"] == f"{100 * (force / force[0]).min():.0f} % of standing"
         assert figures["Largest roll angle"] == f"{np.degrees(np.abs(run.truth['roll']).max()):.1f}°"
         ratio = (force[:, [1, 3]].sum(axis=1) - force[:, [0, 2]].sum(axis=1)) / force.sum(axis=1)
         assert float(figures["Largest load-transfer ratio"]) == pytest.approx(np.abs(ratio).max(), abs=0.006)
 
 
-def test_the_story_at_the_top_has_the_same_numbers(told, known):
-    text = " ".join(told.text)
+def test_the_story_at_the_top_has_the_same_numbers(outline, known):
+    text = " ".join(outline.text)
     at, wheel = lift_off(known[0].truth)
     warned = first_warning(known[0].frames)
     assert f"The {wheel} wheel lifted at {at:.2f} s; the ECU had warned at {warned:.2f} s" in text
@@ -134,9 +134,9 @@ def test_the_story_at_the_top_has_the_same_numbers(told, known):
     assert f"each kept at least {100 * (force / force[0]).min():.0f} % of its standing load" in text
 
 
-def test_estimation_errors(told, known):
+def test_estimation_errors(outline, known):
     """Estimate minus truth wheel by wheel, where valid, up to lift-off."""
-    rows = {row[0]: row[1:] for row in told.tables["errors"][1:]}
+    rows = {row[0]: row[1:] for row in outline.tables["errors"][1:]}
     for i, run in enumerate(known):
         frames, truth = run.frames["NormalForces"], run.truth
         end = lift_off(truth)[0] if lift_off(truth) else truth["time_s"][-1]
@@ -150,10 +150,10 @@ def test_estimation_errors(told, known):
             np.testing.assert_allclose(shown, expected, atol=0.51)
 
 
-def test_traffic(told, known):
+def test_traffic(outline, known):
     """Counts of lines; periods by the stamps; 47 or 67 bits and 8 per byte at 500 kbit/s; no counter skips."""
     tables, start = {}, -1
-    for row in told.tables["traffic"]:
+    for row in outline.tables["traffic"]:
         start += row[0] == "message"
         if len(row) == 6:
             tables.setdefault(start, {})[row[0]] = row[1:]
@@ -178,9 +178,9 @@ def test_traffic(told, known):
         assert float(shown["all"][4]) == pytest.approx(100 * total, abs=0.06)
 
 
-def test_warnings_raised(told, known):
+def test_warnings_raised(outline, known):
     """First and total time of every flag of Warnings that was ever set while there was a machine."""
-    shown = [row for row in told.tables["states"] if len(row) == 4]
+    shown = [row for row in outline.tables["states"] if len(row) == 4]
     tables = [[]]
     for row in shown[1:]:
         if row[0] == "warning":
@@ -217,10 +217,10 @@ def test_warnings_raised(told, known):
         ),
     ],
 )
-def test_curves_read_back_to_the_samples(told, known, title, curve, values):
+def test_curves_read_back_to_the_samples(outline, known, title, curve, values):
     """From the drawn path: every sample within a ten-thousandth of either axis."""
     messages = {"estimated": "NormalForces", "sensor": "Articulation"}
-    for plot, run in zip(told.plots[title], known, strict=True):
+    for plot, run in zip(outline.plots[title], known, strict=True):
         index = plot["legend"].index(curve)
         pieces = points_of(
             f' d="{plot["paths"][index][1]}"'
@@ -239,9 +239,9 @@ def test_curves_read_back_to_the_samples(told, known, title, curve, values):
         np.testing.assert_allclose(value, values(run)[inside], atol=(high - low) / UNITS)
 
 
-def test_the_same_plot_of_both_runs_has_one_range(told):
-    assert len(told.plots) > 12
-    for plots in told.plots.values():
+def test_the_same_plot_of_both_runs_has_one_range(outline):
+    assert len(outline.plots) > 12
+    for plots in outline.plots.values():
         assert len({(plot["t"], plot["y"]) for plot in plots}) == 1
 
 
@@ -274,29 +274,29 @@ def realtime(source, folder, *, waited=0.0, late_ns=2e5):
 
 def test_loop_timing(runs, tmp_path):
     columns = realtime(runs[1], tmp_path / "run")
-    told = Outline.of(write_report([tmp_path / "run"], tmp_path / "page.html").read_text(encoding="utf-8"))
-    figures = column(told, "timing", 0)
+    outline = Outline.of(write_report([tmp_path / "run"], tmp_path / "page.html").read_text(encoding="utf-8"))
+    figures = column(outline, "timing", 0)
     for name, label in (("plant", "plant"), ("ecu", "ECU")):
         for what, column_name in (("Lateness", "lateness"), ("Execution", "execution")):
             values = columns[f"{name}_{column_name}_ns"] * 1e-6
             expected = (np.median(values), np.percentile(values, 99), values.max())
             assert figures[f"{what} of the {label}'s tick"] == "{:.2f} / {:.2f} / {:.2f} ms".format(*expected)
     assert figures["Frames lost"] == "0"
-    text = " ".join(told.text)
+    text = " ".join(outline.text)
     assert "PASSED" in text
     for who in ("plant", "ecu"):
         assert f"median {np.median(columns[f'{who}_lateness_ns']) * 1e-6:.2f}" in text
 
 
 def test_deadlines_of_messages_and_tasks(runs, tmp_path):
-    """What the record says of each, in the order of the record; a gateway's waiting is told too."""
+    """What the record says of each, in the order of the record; a gateway's waiting is listed too."""
     folder = tmp_path / "run"
     columns = realtime(runs[1], folder)
     record = read_record(folder)
     kept = punctuality_of(RunDirectory.read(folder))
     rundir.write_record(folder, replace(record, punctuality=kept))
-    told = Outline.of(write_report([folder], tmp_path / "page.html").read_text(encoding="utf-8"))
-    tasks, messages = ([row for row in told.tables["deadlines"] if len(row) == width] for width in (6, 11))
+    outline = Outline.of(write_report([folder], tmp_path / "page.html").read_text(encoding="utf-8"))
+    tasks, messages = ([row for row in outline.tables["deadlines"] if len(row) == width] for width in (6, 11))
     assert [row[0] for row in tasks[1:]] == ["plant", "ECU"]
     lateness = columns["plant_lateness_ns"] * 1e-6
     assert f"{np.median(lateness):.2f} / {np.percentile(lateness, 99):.2f}" in tasks[1][2]
@@ -305,31 +305,31 @@ def test_deadlines_of_messages_and_tasks(runs, tmp_path):
         one.verdict.name: (str(one.verdict.frames), one.verdict.result.value) for one in kept.messages
     }
     assert "PASSED" in {result for _, result in shown.values()}
-    assert "every message in time" in " ".join(told.text)
-    figures = column(told, "timing", 0)
+    assert "every message in time" in " ".join(outline.text)
+    figures = column(outline, "timing", 0)
     assert figures["Time the gateway waited for a processor"] == "1.0 %"
     assert figures["Memory of the plant-hub, start / end"] == "128.0 / 129.0 MiB"
 
 
 def test_a_late_run_on_a_starved_host_is_inconclusive_with_the_reason(runs, tmp_path):
     realtime(runs[1], tmp_path / "run", waited=0.2, late_ns=2e7)
-    told = Outline.of(write_report([tmp_path / "run"], tmp_path / "page.html").read_text(encoding="utf-8"))
-    text = " ".join(told.text)
+    outline = Outline.of(write_report([tmp_path / "run"], tmp_path / "page.html").read_text(encoding="utf-8"))
+    text = " ".join(outline.text)
     assert "INCONCLUSIVE" in text
     assert "plant waited 20.0 % of the time for a processor" in text
 
 
-def test_what_was_run_can_be_run_again(told, runs):
+def test_what_was_run_can_be_run_again(outline, runs):
     for i, folder in enumerate(runs):
         record = json.loads((folder / "run.json").read_text())
-        figures = column(told, "conditions", i)
+        figures = column(outline, "conditions", i)
         assert figures["Scenario"] == record["scenario"]
         assert figures["Seed of the sensor noise"] == str(record["seed"])
         assert ("--no-limits" in figures["Run it again"]) == (not record["limits"])
         assert f"--seed {record['seed']}" in figures["Run it again"]
 
 
-def test_runs_are_named_by_what_tells_them_apart(runs):
+def test_runs_are_named_by_what_distinguishes_them(runs):
     free, limited = (read_record(folder) for folder in runs)
     assert names([free, limited]) == ["limits off", "limits on"]
     assert names([free, free]) == ["run (1)", "run (2)"]
@@ -344,9 +344,9 @@ def test_a_run_that_lost_its_files_still_gives_a_page_that_says_so(runs, tmp_pat
     (half / "bus.log").write_bytes(log[: len(log) // 2 + 7])
     record = json.loads((half / "run.json").read_text())
     (half / "run.json").write_text(json.dumps({**record, "outcome": "running"}))
-    told = Outline.of(write_report([half], tmp_path / "half.html").read_text(encoding="utf-8"))
-    text = " ".join(told.text)
-    assert told.open == []
+    outline = Outline.of(write_report([half], tmp_path / "half.html").read_text(encoding="utf-8"))
+    text = " ".join(outline.text)
+    assert outline.open == []
     assert "What is missing" in text
     assert "truth.npz" in text
     assert "killed" in text
@@ -363,8 +363,8 @@ def test_no_run_is_one_clear_error(tmp_path):
 def test_a_quiet_run_has_pictures_and_no_alarm(tmp_path):
     run_lockstep(Choice(scenario="standstill"), tmp_path / "still")
     page = write_report([tmp_path / "still"], tmp_path / "still.html")
-    told = Outline.of(page.read_text(encoding="utf-8"))
-    text = " ".join(told.text)
+    outline = Outline.of(page.read_text(encoding="utf-8"))
+    text = " ".join(outline.text)
     assert page.read_text(encoding="utf-8").count("data:image/png") == 3  # two moments and the views
     assert "All wheels stayed down" in text
     assert "No warning came" in text

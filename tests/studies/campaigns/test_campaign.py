@@ -262,7 +262,7 @@ def test_the_ground_of_a_case_is_that_of_its_scenario():
     assert surface.friction == 0.45
 
 
-def test_only_a_lift_that_nobody_prevented_or_told_of_is_unanswered():
+def test_only_a_lift_that_was_neither_prevented_nor_warned_of_is_unanswered():
     unanswered = roll_over_extended.unanswered
     assert not unanswered(GOOD)
     assert not unanswered(result(limited_lifts=True, limited_lead_s=0.3))

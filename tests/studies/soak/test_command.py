@@ -20,7 +20,7 @@ def test_a_clean_soak_passes_and_an_empty_one_does_not():
 
 
 def test_unexplained_detections_on_a_starved_host_decide_nothing():
-    told = type(Soak(1).unexplained)()
-    told.count = 3
-    assert results(unexplained=told)[1] is Result.FAILED
-    assert results(unexplained=told, doubt="the host was starved")[1] is Result.INCONCLUSIVE
+    three = type(Soak(1).unexplained)()
+    three.count = 3
+    assert results(unexplained=three)[1] is Result.FAILED
+    assert results(unexplained=three, doubt="the host was starved")[1] is Result.INCONCLUSIVE

@@ -113,17 +113,17 @@ def test_a_sound_bus_is_silent_and_a_babbler_is_not(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("table", "told"),
+    ("table", "expected"),
     [
         ({"kind": "drop", "for_s": 0.05}, ["Limits late"]),
         ({"kind": "repeat", "for_s": 0.01, "gap_ms": 2.0}, ["Limits early"]),
         ({"kind": "delay", "delay_ms": 6.0, "for_s": 0.2}, ["Limits late", "Limits early"]),
     ],
 )
-def test_late_and_early_messages_are_reported_at_their_time(tmp_path, table, told):
+def test_late_and_early_messages_are_reported_at_their_time(tmp_path, table, expected):
     arrived = passed(injector({"message": "Limits", "at_s": 0.1, **table}), frames("Limits", 50), side="ecu")
     detections = evidence.untimely(logged(tmp_path, arrived))
-    assert [n.what for n in detections] == told
+    assert [n.what for n in detections] == expected
     assert all(95 * MS <= n.at_ns <= 330 * MS for n in detections)
     assert {(n.who, n.mechanism) for n in detections} == {(Witness.BENCH, Mechanism.DEADLINE)}
 

@@ -21,7 +21,7 @@ def test_every_name_has_its_test():
     assert [by_name(name).name for name in command.NAMES] == list(command.NAMES)
 
 
-def test_it_writes_a_page_and_tells_what_was_measured(tmp_path):
+def test_it_writes_a_page_and_prints_what_was_measured(tmp_path):
     done = run("tipping", "--out", str(tmp_path))
     assert done.exit_code == Ending.PASSED
     assert "rated operating capacity" in done.output
@@ -37,7 +37,7 @@ def test_a_broken_bound_is_an_exit_code(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (("tiping",), "no standard named 'tiping'"),
         (("tipping", "--machine", "l61"), "no machine named 'l61'"),
@@ -45,9 +45,9 @@ def test_a_broken_bound_is_an_exit_code(tmp_path):
         (("tipping", "--set", "machine.payload.mass=1"), "payload.mass"),
     ],
 )
-def test_what_is_wrong_is_told_in_one_line(words, told, tmp_path):
+def test_an_error_is_reported_in_one_line(words, message, tmp_path):
     problem = run(*words, "--out", str(tmp_path)).exception
-    assert told in str(problem)
+    assert message in str(problem)
     assert "\n" not in str(problem)
 
 

@@ -34,9 +34,9 @@ def known():
 
 
 def test_alone_it_lists_every_question_with_its_command_and_answer():
-    told = run().output
+    printed = run().output
     for question in QUESTIONS:
-        assert f"loaderhil thesis {question.name}\n    {question.answer}" in told
+        assert f"loaderhil thesis {question.name}\n    {question.answer}" in printed
 
 
 def test_listing_the_questions_loads_no_plant():
@@ -46,7 +46,7 @@ def test_listing_the_questions_loads_no_plant():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_a_wrong_name_is_told_with_the_right_ones():
+def test_a_wrong_name_is_refused_with_the_right_ones():
     problem = run("frontoffset").exception
     assert isinstance(problem, NoSuchQuestion)
     assert all(name in str(problem) for name in (*NAMES, "all"))

@@ -35,14 +35,14 @@ NEVER = '[[expect]]\nkind = "response"\ncause = "RollOver.State == lifted"\neffe
 def result_of(tmp_path, capsys):
     """Runs a scenario with these tables at its end: ending, what was printed, run directory."""
 
-    def tell(tables, output=Output(), **choice):  # noqa: B008
+    def run(tables, output=Output(), **choice):  # noqa: B008
         (tmp_path / "drive.toml").write_text(DRIVE + tables)
         chosen = Choice(scenario=str(tmp_path / "drive.toml"), **choice)
         out = tmp_path / "out"
         ending = report_run(chosen, out, realtime=None, strict=False, output=output)
         return ending, capsys.readouterr().out, out
 
-    return tell
+    return run
 
 
 @pytest.mark.parametrize(
