@@ -49,7 +49,10 @@ def advanced(
 ) -> dict[str, Alarm]:
     """Every alarm of `conditions` after a cycle; one not known before starts silent."""
     return {
-        name: after(alarms.get(name, SILENT), condition, now_ns, times[name])
+        # An alarm that agrees with its condition, as nearly all do, stays the same object.
+        name: alarm
+        if (alarm := alarms.get(name, SILENT)).on == condition and alarm.against_ns is None
+        else after(alarm, condition, now_ns, times[name])
         for name, condition in conditions.items()
     }
 

@@ -8,8 +8,7 @@ Warnings and limits do not ask for this: that a wheel has lifted is known also w
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from dbc.binding import Binding
 from dbc.database import Database
@@ -24,12 +23,11 @@ FRICTION: Final = 1.5
 """Times the friction of a dry road, plus PULL of the nominal load: beyond any tyre; 0.8 of it is reached in the drive cases."""
 
 
-@dataclass(frozen=True, slots=True)
-class Range:
+class Range(NamedTuple):
     """Values that a signal can carry, SI."""
 
     validity: str  # entry of the validity table
-    index: int  # of the estimate
+    place: int  # of the estimate
     least: float
     most: float
 
@@ -46,7 +44,7 @@ class Consistency:
         """Entries of the validity table whose estimates break a rule."""
         normal, along = e[0:4], e[4:8]
         across = (e.lateral_1, e.lateral_2, e.lateral_3, e.lateral_4)
-        found = {r.validity for r in self._ranges if not r.least <= e[r.index] <= r.most}
+        found = {validity for validity, k, least, most in self._ranges if not least <= e[k] <= most}
         if min(normal) < -self._pull:
             found |= {"normal", "roll_over"}
         if max(abs(e.load_transfer_ratio), abs(e.predicted_load_transfer_ratio)) > 1.0:

@@ -195,14 +195,14 @@ class EcuCycle:
         return NO_ESTIMATES, NOTHING, [EstimatorFailed(error, now_ns), *moved]
 
     def _next_limits(self, estimates: Estimates, flags: Mapping[str, bool], now_ns: int) -> limits.Limits:
-        rules, prediction = self._calibration.limits, self._parameters.prediction
+        rules = self._calibration.limits
         if not self._limits_enabled:
             return self._unlimited
         if not flags["roll_over"]:
             return limits.safe(rules)
         dt, times = self._period(now_ns), self._times[reasons.PREVENTION]
         drive = self._parameters.linkage_drive
-        return limits.next_limits(self._limits, estimates, now_ns, dt, times, rules, prediction, drive)
+        return limits.next_limits(self._limits, estimates, now_ns, dt, times, rules, self._unlimited, drive)
 
     def _next_alarms(
         self,

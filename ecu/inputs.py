@@ -120,10 +120,17 @@ def sources(rules: InputRules) -> tuple[Source, ...]:
     )
 
 
+TRACKS: Final[Mapping[str, str]] = {"WheelSpeedsFront": "front_track", "WheelSpeedsRear": "rear_track"}
+"""Messages whose two signals may be exchanged, and the track between their wheels in the machine's geometry."""
+JUDGED_TOGETHER: Final = frozenset(("BodyAcceleration", *TRACKS))
+"""Messages whose signals can contradict one another."""
+_NONE: Final[frozenset[str]] = frozenset()
+
+
 class _Listener:
     """One message: when its last good frame came, and which of its inputs are implausible now."""
 
-    def __init__(self, source: Source, codec: MessageCodec) -> None:
+    def __init__(self, source: Source, codec: MessageCodec, frozen_frames: float) -> None:
         states = source.states
         units = {field.row.signal: field.row.unit for field in source.fields} | dict.fromkeys(states, "1")
         self.source = source
@@ -136,6 +143,14 @@ class _Listener:
         self._binding = Binding(codec, units)
         self._checker = Checker(codec) if codec.protection is not None else None
         self._fields = source.fields
+        # By column, because the loop over them runs for every signal of every frame.
+        self._names = [field.name for field in source.fields]
+        self._limits = [field.limit for field in source.fields]
+        self._steps = [field.step for field in source.fields]
+        self._still = [
+            frozen_frames if frozen_frames and field.row.sensed else math.inf for field in source.fields
+        ]
+        self._judged_together = source.message in JUDGED_TOGETHER
         self._states = tuple(states.values())
         self._previous: tuple[float, ...] | None = None
         self._same = [0] * len(self._fields)  # frames in a row with the value of the one before
@@ -168,24 +183,32 @@ class _Listener:
         numbers = self._binding.decode(frame.data)
         signals, states = numbers[: len(self._fields)], numbers[len(self._fields) :]
         bad = self._faulty(states) if states and max(states) >= FAULTY else {}
-        if reason := among.contradiction(name, signals, now_ns):
+        if self._judged_together and (reason := among.contradiction(name, signals, now_ns)):
             bad = dict.fromkeys(self.names, reason) | bad
-        for i, (field, value, before) in enumerate(
-            zip(self._fields, signals, self._previous or signals, strict=True)
+        previous, same, sound = self._previous or signals, self._same, not bad
+        for i, (key, limit, step, still, value, before) in enumerate(
+            zip(self._names, self._limits, self._steps, self._still, signals, previous, strict=True)
         ):
-            self._same[i] = self._same[i] + 1 if value == before else 0
-            reason = bad.get(field.name) or _doubt(field, value, before)
-            if not reason and field.row.sensed and among.frozen(self._same[i]):
+            same[i] = unchanged = same[i] + 1 if value == before else 0
+            # What is plausible at first sight, nearly every sample, needs no reason; a NaN fails each comparison.
+            if sound and abs(value) <= limit and abs(value - before) <= step and unchanged < still:
+                values[key] = float(value)  # an int would compile the estimators anew
+                continue
+            field = self._fields[i]
+            reason = bad.get(key) or _doubt(field, value, before)
+            if not reason and unchanged >= still and among.mostly_moving():
                 reason = FROZEN
             if not reason:
-                values[field.name] = float(value)  # an int would compile the estimators anew
+                values[key] = float(value)
                 continue
-            bad[field.name] = reason
-            if field.name not in self.unusable:
+            bad[key] = reason
+            if key not in self.unusable:
                 found.append(Implausible(name, field.row.signal, value, reason, now_ns))
         self._previous = signals
-        self.unusable = frozenset(bad)
-        self.stepped = frozenset(name for name, why in bad.items() if why.startswith((MOVED, OUTSIDE)))
+        self.unusable = frozenset(bad) if bad else _NONE
+        self.stepped = (
+            frozenset(n for n, why in bad.items() if why.startswith((MOVED, OUTSIDE))) if bad else _NONE
+        )
         return found
 
     def _faulty(self, states: tuple[float, ...]) -> dict[str, str]:
@@ -233,17 +256,19 @@ class InputReceiver:
 
     def __init__(self, calibration: Calibration, database: Database) -> None:
         rules = self._rules = calibration.inputs
-        self._listeners = [_Listener(source, database.by_name[source.message]) for source in sources(rules)]
+        self._listeners = [
+            _Listener(source, database.by_name[source.message], rules.frozen_frames)
+            for source in sources(rules)
+        ]
         self._by_id = {listener.codec.can_id: listener for listener in self._listeners}
         self._by_name = {listener.source.message: listener for listener in self._listeners}
         self._values: dict[str, float] = {
             field.name: 0.0 for listener in self._listeners for field in listener.source.fields
         } | {"specific_force_z": GRAVITY}
         geometry, radius = calibration.parameters.geometry, calibration.parameters.wheel.unloaded_radius
-        tracks = {"WheelSpeedsFront": geometry.front_track, "WheelSpeedsRear": geometry.rear_track}
         self._axles = {
-            name: AxleSides(radius / track, rules.turning, rules.exchanged_frames)
-            for name, track in tracks.items()
+            name: AxleSides(radius / getattr(geometry, track), rules.turning, rules.exchanged_frames)
+            for name, track in TRACKS.items()
         }
 
     def receive(self, frame: Frame, now_ns: int) -> list[Finding]:
@@ -251,13 +276,10 @@ class InputReceiver:
         listener = self._by_id.get(frame.can_id)
         return listener.receive(frame, now_ns, self._values, self) if listener else []
 
-    def frozen(self, same: int) -> bool:
-        """Whether a signal that was the same in so many frames is frozen: true while most others have moved lately."""
-        frames = self._rules.frozen_frames
-        if not frames or same < frames:
-            return False
+    def mostly_moving(self) -> bool:
+        """Whether most sensed signals have moved lately: one that stands still is then frozen, and the machine does not stand."""
         # A quarter of the frames: the slowest message sends half as many, and signals freeze one after the other.
-        counts = (each.standing(frames / 4) for each in self._listeners)
+        counts = (each.standing(self._rules.frozen_frames / 4) for each in self._listeners)
         still, sensed = map(sum, zip(*counts, strict=True))
         return 2 * still < sensed
 

@@ -7,7 +7,7 @@ the driver feels one intervention and not a flutter. Where the roll-over margin 
 
 import enum
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from ecu.alarms import SILENT, Alarm, Times, after, below
 from ecu.estimators.parameters import LinkageDrive, PredictionRules
@@ -101,11 +101,10 @@ def next_limits(
     dt: float,
     times: Times,
     rules: LimitRules,
-    prediction: PredictionRules,
+    none: Limits,
     drive: LinkageDrive,
 ) -> Limits:
-    """The limits of this cycle from a valid prediction. times: those of the prevention; dt [s]."""
-    none = unlimited(rules, prediction)
+    """The limits of this cycle from a valid prediction. times: those of the prevention; dt [s]; none: the machine's own limits."""
     margin = min(estimates.predicted_margin, estimates.lift_off_margin)
     hysteresis = rules.release_margin - rules.engage_margin
     close = below(margin, rules.engage_margin, hysteresis, before.prevention.on)
@@ -125,7 +124,9 @@ def next_limits(
     lever_cause = Cause.NO_LIMIT
     if min(levers) < math.inf:
         lever_cause = Cause.ROLL_OVER_PREVENTION if prevention.on else Cause.PRECAUTION
-    now = Limits(
+    limited = rate < none.rate or speed < none.speed or front < none.front_torque or rear < none.rear_torque
+    cause = Cause.PRECAUTION if limited else Cause.NO_LIMIT
+    return Limits(
         front_torque=front,
         rear_torque=rear,
         speed=speed,
@@ -133,10 +134,6 @@ def next_limits(
         levers=levers,
         lever_cause=lever_cause,
         direction=side or before.direction,
-        cause=Cause.NO_LIMIT,
+        cause=Cause.ROLL_OVER_PREVENTION if prevention.on else cause,
         prevention=prevention,
     )
-    limited = rate < none.rate or speed < none.speed or front < none.front_torque or rear < none.rear_torque
-    if prevention.on:
-        return replace(now, cause=Cause.ROLL_OVER_PREVENTION)
-    return replace(now, cause=Cause.PRECAUTION) if limited else now

@@ -51,7 +51,7 @@ def limited(seen, start=NONE):
     """The limits after each cycle."""
     now, found = start, []
     for k, e in enumerate(seen):
-        now = next_limits(now, e, k * TICK, DT, TIMES, RULES, PREDICTION, DRIVE)
+        now = next_limits(now, e, k * TICK, DT, TIMES, RULES, NONE, DRIVE)
         found.append(now)
     return found
 
@@ -150,8 +150,8 @@ def test_safe_values_are_within_the_machines_own():
 
 def test_a_repeated_cycle_changes_the_prevention_no_further():
     close = CALM._replace(predicted_margin=0.0)
-    once = next_limits(NONE, close, 0, DT, TIMES, RULES, PREDICTION, DRIVE)
-    twice = next_limits(once, close, 0, DT, TIMES, RULES, PREDICTION, DRIVE)
+    once = next_limits(NONE, close, 0, DT, TIMES, RULES, NONE, DRIVE)
+    twice = next_limits(once, close, 0, DT, TIMES, RULES, NONE, DRIVE)
     assert isinstance(once, Limits)
     assert once.prevention == twice.prevention
     assert Times(on_delay_ns=0, least_on_ns=TIMES.least_on_ns, off_delay_ns=TIMES.off_delay_ns) == TIMES
