@@ -6,6 +6,7 @@ For a reader who wants to see the tool on machines that were not made for it. Ve
 """
 
 import argparse
+import io
 import time
 from pathlib import Path
 
@@ -107,8 +108,11 @@ def _draw(shown: Evidence, file: Path) -> None:
         figure.legend(
             *panels[0, 0].get_legend_handles_labels(), loc="outside upper right", frameon=False, ncols=2
         )
-        figure.savefig(file, format="svg", metadata={"Date": None})
+        # drawn in memory first: a run that is cut off leaves the picture of the run before, not an empty file
+        drawn = io.BytesIO()
+        figure.savefig(drawn, format="svg", metadata={"Date": None})
         plt.close(figure)
+    file.write_bytes(drawn.getvalue())
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ from testbench.expect.table import expectations_of
 
 NODE_OF = {process: node for node, process in NODES.items()}
 """Side of the bench -> node of the DBC."""
+# Above the share of the first ticks, in which every ECU is still in INIT.
 REMARKABLE_SHARE = 0.01
 """Share of a run that the ECU spent outside *running* from which on the summary mentions it."""
 _REMARKABLE = ("init", "degraded", "fault", "not_available")
@@ -57,6 +58,7 @@ def conclude(name: str, choice: Choice, folder: Path, result: RunResult) -> Conc
     seen = roll_over_of(run)
     judged = judge_expectations(run, choice)
     if judged:
+        # kept beside the run, so that a report made later shows the verdicts of the criteria that were used
         rundir.write_record(folder, replace(run.record, expectations=judged))
     return Conclusion(
         name=name,
@@ -87,6 +89,7 @@ def roll_over_of(run: RunDirectory) -> RunVerdict | None:
     """The verdict on roll-over; None for a run without truth."""
     try:
         return judge_run(run)
+    # a foreign plant leaves no truth: nothing can be said of roll-over, which is no failure of the ECU
     except RunError:
         return None
 
@@ -134,6 +137,7 @@ def remarks(run: RunDirectory, seen: RunVerdict | None) -> Iterable[str]:
 
 def ending_of(conclusions: Sequence[Conclusion], *, strict: bool) -> Ending:
     """INTERRUPTED if one was, else how the first that did not end well ended, else what the verdicts say."""
+    # a run that was cut short says nothing of the controller, so its ending comes before all verdicts
     endings = [each.ending for each in conclusions if each.ending is not Ending.PASSED]
     if endings:
         return Ending.INTERRUPTED if Ending.INTERRUPTED in endings else endings[0]
@@ -158,11 +162,13 @@ def exit_code(verdicts: Iterable[Verdict], expectations: Iterable[Verdict] = (),
 
 def suite_of(conclusion: Conclusion, *, strict: bool = False) -> Suite:
     """A run as a suite; one that did not end well has that as its first case."""
+    # JUnit readers count cases: without this one a killed run would be a suite without a failure
     ended = Case(
         name="the run ends by itself",
         result=Result.PASSED if conclusion.ending is Ending.PASSED else Result.FAILED,
         reason=conclusion.reason or f"{conclusion.duration_s:.2f} s recorded",
     )
+    # the bench's own verdicts decide in a JUnit file exactly where they decide the exit code
     judged = [Case.of(verdict, decides=strict) for verdict in conclusion.verdicts]
     expected = [Case.of(verdict) for verdict in conclusion.expectations]
     return Suite(

@@ -54,6 +54,7 @@ def pytest_runtest_makereport(
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """Note that a test failed, so that its fixture keeps the recording; name the recording in the report of the end."""
     report = yield
+    # only the test itself decides: a failing teardown has its own report, after the fixture below has ended
     if report.when == "call":
         item.stash[FAILED] = report.failed
     return report
@@ -75,6 +76,7 @@ def make_bench(
             bench = Bench.realtime(scenario, ecu=ecu, **choice)
         else:
             bench = Bench.lockstep(scenario, **choice)
+        # entered by hand and not by `with`: how many benches a test makes is known only at its end
         made.append(blocking(bench).__enter__())
         return made[-1]
 
@@ -89,6 +91,7 @@ def make_bench(
 
 def _attach(request: pytest.FixtureRequest, bench: "BlockingBench", number: int) -> None:
     """Keep a recording and say where: in the report, and as a property in JUnit."""
+    # file names are limited to 255 bytes; the end of a node id holds the test and its parameters
     name = re.sub(r"[^\w.-]+", "_", request.node.nodeid)[-120:]
     folder = Path(request.config.getoption("--bench-recordings")) / (
         name if not number else f"{name}_{number}"

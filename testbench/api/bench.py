@@ -116,6 +116,7 @@ class Bench:
         async for _ in self._until(self.now_s + seconds):
             pass
 
+    # the word of other test systems for the same
     step = run_for
 
     async def stimulate(self, name: str, value: float | str) -> None:
@@ -140,6 +141,7 @@ class Bench:
         """The first moment at which a condition holds, the present one included. NotMet after `within_s` on the bench's clock."""
         parsed = Condition.parse(condition, self._driven.database)
         started_s = self.now_s
+        # what holds already must not wait for another frame: an event message may never come again
         present = self.value(parsed.signal.name)
         if _holds(parsed, present):
             return Moment(started_s, present)
@@ -159,6 +161,7 @@ class Bench:
     async def holds(self, condition: str, *, for_s: float) -> None:
         """A condition holds in every sample of the next `for_s`; NotMet with the first one in which it does not."""
         parsed = Condition.parse(condition, self._driven.database)
+        # the present value is not judged: a test calls this right after its stimulus, before a frame shows it
         started_s, count = self.now_s, 0
         async for time_s, value in self._samples(parsed.signal, started_s + for_s):
             count += 1
@@ -166,6 +169,7 @@ class Bench:
                 raise NotMet(
                     f"{condition} for {_shown_s(for_s)}: {parsed.signal.shown(value)} at {time_s:.3f} s"
                 )
+        # without a sample nothing was shown: silence must not pass as steadiness
         if not count:
             raise NotMet(f"{condition} for {_shown_s(for_s)}: no {parsed.signal.name} came")
 
@@ -177,11 +181,13 @@ class Bench:
                 continue
             codec = self._driven.database.by_name[signal.message]
             for frame in frames:
+                # a frame of another length cannot be decoded; `check` and `conform` report it
                 if frame.can_id == codec.can_id and len(frame.data) == codec.length:
                     yield frame.at_ns * 1e-9, sample(signal, codec.decode_dict(frame.data))
 
     async def _until(self, until_s: float) -> AsyncIterator[Sequence[Frame]]:
         """The frames that come until a time, as they come."""
+        # nanoseconds times 1e-9 may fall short of the time asked for by a rounding, which would cost a tick
         while self.now_s < until_s - 1e-9:
             frames = await self._driven.advance(until_s)
             if frames is None:
@@ -201,6 +207,7 @@ class Bench:
             return
 
     def _true(self, signal: TrueSignal) -> float:
+        # a scalar and a vector are read alike; without a plant the field is missing and its value NaN
         found = np.atleast_1d(np.asarray(self._driven.truth().get(signal.field, math.nan), float))
         return float(found[signal.part or 0])
 
@@ -212,6 +219,7 @@ def sample(signal: BusSignal, values: Mapping[str, float]) -> float:
     if missing is None or signal.signal.choices:
         return value
     absent = missing * signal.signal.scale + signal.signal.offset
+    # half a step of the raw value: the decoded float need not equal the product exactly
     return math.nan if abs(value - absent) < abs(signal.signal.scale) / 2 else value
 
 

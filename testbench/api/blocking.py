@@ -21,6 +21,7 @@ class BlockingBench(AbstractContextManager["BlockingBench"]):
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
+        # one loop for all calls: the bench's tasks and events belong to the loop in which they were made
         self._runner = asyncio.Runner()
 
     def __enter__(self) -> Self:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from bus.frame import Frame
 from bus.transport import BusClosed, Transport
 
+# How soon the thread sees that it shall end [s]; frames wake it at once.
 LOOK_S = 0.05
 
 
@@ -23,6 +24,7 @@ class Listener:
         self.record: list[Frame] = []
         self.zero_ns: int | None = None
         self.lost = False
+        # made on the test's loop and set from the thread: only `call_soon_threadsafe` may do that
         self._came = asyncio.Event()
         self._loop = asyncio.get_running_loop()
         self._ending = threading.Event()
@@ -36,6 +38,7 @@ class Listener:
             selector.register(self._bus.fileno(), selectors.EVENT_READ)
             while not self._ending.is_set():
                 try:
+                    # a rest bus sends at most 1 ms late then, a tenth of the shortest cycle time in loader.dbc
                     selector.select(0.001 if self._due is not None else LOOK_S)
                     self._exchange(time.monotonic_ns())
                 except BusClosed:
@@ -46,20 +49,24 @@ class Listener:
     def _exchange(self, now_ns: int) -> None:
         frames: list[Frame] = []
         while more := self._bus.drain():
+            # stamps of kernel or hub are nearer to the wire than ours; a transport without stamps leaves 0
             frames += [f if f.at_ns else f._replace(at_ns=now_ns) for f in more]
         if self._due is not None:
             for frame in self._due(now_ns):
                 self._bus.send(frame)
+                # the transport does not give back what it sends, yet the record has to hold the whole bus
                 frames.append(frame._replace(at_ns=now_ns))
         if not frames:
             return
         with self._lock:
+            # the clock begins with the first frame, as in a recording: starting the machine takes seconds
             if self.zero_ns is None:
                 self.zero_ns = frames[0].at_ns
             self.record += [frame._replace(at_ns=frame.at_ns - self.zero_ns) for frame in frames]
         self._wake()
 
     def _wake(self) -> None:
+        # the bus may go after the test has ended its loop
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._came.set)
 
@@ -73,7 +80,9 @@ class Listener:
         with self._lock:
             waiting = len(self.record) > self._given
         if not waiting and not self.lost:
+            # cleared after the look at the record and before the wait: a frame in between is found in the next round
             self._came.clear()
+            # never longer than LOOK_S: `now_s` goes on without frames, and the caller has to see its time pass
             left_s = min(max(until_s - self.now_s, 0.0), LOOK_S) if self.zero_ns is not None else LOOK_S
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._came.wait(), left_s)
@@ -84,5 +93,6 @@ class Listener:
     def close(self) -> None:
         """Stop listening and leave the bus."""
         self._ending.set()
+        # bounded: a transport that hangs must not hang the test; the thread is a daemon
         self._thread.join(5.0)
         self._bus.close()

@@ -18,6 +18,7 @@ from hil.runs import write_recording
 from plant.truth import columns_of
 from testbench.api.driven import NotPossible
 
+# A step waits for nothing, so the loop would get no turn by itself; a turn per tick would cost more than it gives.
 TURN_TICKS = 20
 """Ticks between two chances for other tasks of the event loop."""
 
@@ -64,12 +65,14 @@ class LockstepDriven:
         """One tick; None when the scenario is over."""
         assert self._bench is not None
         recording = self._bench.recording
+        # the first tick is always made, so that a scenario of zero length has a truth to look at
         if recording.truth and self._bench.now_ns >= round(self._scenario.duration_s * 1e9):
             return None
         self._bench.step()
         self._ticks += 1
         if self._ticks % TURN_TICKS == 0:
             await asyncio.sleep(0)
+        # the recording is the queue: what is new lies behind what was given before
         frames, self._given = recording.bus[self._given :], len(recording.bus)
         return frames
 
@@ -88,6 +91,7 @@ class LockstepDriven:
         """NotPossible with the reason if the injector refuses it."""
         assert self._injector is not None
         assert self._bench is not None
+        # by the same command as `loaderhil inject`, so that both refuse the same faults with the same words
         answer = self._injector.command({"command": "inject", "fault": dict(fault)}, self._bench.now_ns)
         if not answer["ok"]:
             raise NotPossible(str(answer["error"]))
@@ -117,6 +121,7 @@ class LockstepDriven:
         rundir.begin(folder, record)
         recording = self._bench.recording
         lost = write_recording(folder, recording)
+        # faults that are still active get their end here; the report draws them as bars
         self._injector.finish(self._bench.now_ns)
         write_faults(folder, injected(self._injector.events))
         duration_s = float(recording.truth[-1].time_s) if recording.truth else 0.0

@@ -45,6 +45,8 @@ class BusDriven:
 
     def _due(self, now_ns: int) -> list[Frame]:
         with self._lock:
+            # made with its first due time, not in __init__: time that passes before the bus is open would be made up
+            # for in a burst
             if self._rest is None:
                 self._rest = RestBus(self.database, self._simulate, self._generators, start_ns=now_ns)
             return self._rest.due(now_ns)
@@ -89,9 +91,11 @@ class BusDriven:
             for name in self._stimulated:
                 message, _, signal = name.partition(".")
                 codec = self.database.by_name[message]
+                # a values file may give no value for the signal: then it began at its start value
                 usual = Constant(start_value(codec.by_signal[signal], codec))
                 rest.generate(name, self._generators.get(name, usual))
             self._stimulated.clear()
+            # due since time 0, hence sent with the next look; missed cycles are skipped, not sent in a row
             rest.resume(0, *rest.messages)
 
     async def stop(self) -> None:

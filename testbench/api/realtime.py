@@ -20,9 +20,11 @@ from hil.faults.control import ask
 from hil.processes.supervisor import loaderhil
 from testbench.api.listening import Listener
 
+# A hub listens within a second; a machine that compiles beside it may keep it waiting. [s]
 HUB_S = 30.0
 READY_S = 240.0
 """For the first frame of the machine: compiling takes a minute on a small computer."""
+# For a run to write its folder after SIGTERM [s]; then it is killed and its folder is incomplete.
 END_S = 30.0
 
 
@@ -62,18 +64,21 @@ class RealtimeDriven:
     async def start(self) -> None:
         """Start hub and run, and wait for the first frame; NotStarted with what the run said."""
         hub, said = self._folder / "hub", self._folder / "said"
+        # a hub of our own and not one of the run's: the test has to be on the bus before the first frame
         self._spawn(loaderhil("hub", "--bus", f"hub:{hub}"), said)
         async with asyncio.timeout(HUB_S):
             while not _there(hub):  # noqa: ASYNC110 - another process makes the socket
                 await asyncio.sleep(0.05)
         self._listener = Listener(open_transport(f"hub:{hub}", name="test"))
         run = [
+            # only a gateway can change frames between machine and ECU, which is what a stimulus does
             "run", *self._words, "--gateway", "--plant-bus", f"hub:{hub}",
             "--control", str(self._control), "--out", str(self._folder / "run"),
         ]  # fmt: skip
         process = self._spawn(loaderhil(*run), said)
         try:
             async with asyncio.timeout(READY_S):
+                # the first frame alone is not enough: a stimulus needs the control socket, which the gateway opens
                 while self._listener.zero_ns is None or not self._control.exists():
                     if process.poll() is not None:
                         raise NotStarted(f"the run ended with {process.returncode}: {_last_words(said)}")
@@ -95,6 +100,7 @@ class RealtimeDriven:
         """Wait for frames; None when the run is over."""
         assert self._listener is not None
         frames = await self._listener.frames(until_s)
+        # frames first: those that came before the run ended are still to be judged
         return None if not frames and self._processes[-1].poll() is not None else frames
 
     def truth(self) -> Mapping[str, Any]:
@@ -115,6 +121,7 @@ class RealtimeDriven:
 
     async def stop(self) -> None:
         """End the run, then the hub."""
+        # the run before its hub: without a bus it would end as lost instead of finishing its files
         for process in reversed(self._processes):
             process.terminate()
             try:
@@ -133,6 +140,7 @@ class RealtimeDriven:
         return folder
 
     def __del__(self) -> None:
+        # at the end of the interpreter modules may be gone; a folder under /tmp is no reason for an error
         with contextlib.suppress(Exception):
             shutil.rmtree(self._folder, ignore_errors=True)
 

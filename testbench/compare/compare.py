@@ -66,9 +66,11 @@ def _differences(one: RunDirectory, other: RunDirectory, tolerances: Tolerances)
     yield _difference(
         Kind.LENGTH,
         "both runs last as long",
+        # two ticks at least: a run may end before or after the frames of its last tick
         abs(ends[0] - ends[1]) <= max(tolerances.moment_s, 0.02),
         f"{ends[0]:.2f} s and {ends[1]:.2f} s",
     )
+    # the rest of the longer run has no counterpart; that one is longer has its own verdict
     until_s = min(ends)
     names = [name for name, c in {**one.messages, **other.messages}.items() if SENDER in c.codec.senders]
     for name in dict.fromkeys(names):
@@ -100,6 +102,7 @@ def _signal(
     """A number by its difference, a state or flag by its moments of change."""
     named = BusSignal(message, signal)
     a, b = (_series(named, columns, until_s) for columns in (first, second))
+    # numbers of states have no distance: degraded is not nearer to fault than running is
     if signal.choices or signal.length == 1:
         kind = Kind.WARNING if message in _WARNINGS else Kind.STATE
         return changes(kind, named, a, b, tolerances.moment_s)
@@ -109,6 +112,7 @@ def _signal(
 def _series(signal: BusSignal, columns: Columns, until_s: float) -> Series:
     """The samples of the time that both runs have; without what was on the bus before the run began."""
 
+    # `series` takes a run; this is a run of one message
     class Only:
         messages = {signal.message: columns}  # noqa: RUF012
         truth: dict[str, NDArray[np.float64]] = {}  # noqa: RUF012
@@ -133,6 +137,7 @@ def numbers(signal: BusSignal, a: Series, b: Series, tolerances: Tolerances) -> 
     other = _held(b, a.time_s)
     known, known_other = ~np.isnan(a.values), ~np.isnan(other)
     share, share_other = float(known.mean()), float(known_other.mean())
+    # before the values: an estimate that is missing half of the time may agree where it is there
     if abs(share - share_other) > tolerances.available:
         reason = f"available in {100 * share:.1f} % and {100 * share_other:.1f} % of the samples"
         return _difference(Kind.ESTIMATE, signal.name, False, reason, (a, b))
@@ -157,6 +162,7 @@ def changes(kind: Kind, signal: BusSignal, a: Series, b: Series, moment_s: float
     """The same values in the same order, each at its moment."""
     (times, values), (times_b, values_b) = _moments(a, moment_s), _moments(b, moment_s)
     series = (a, b)
+    # order first: moments of two lists that differ cannot be paired
     if values != values_b:
         k = next(
             (k for k, pair in enumerate(zip(values, values_b, strict=False)) if pair[0] != pair[1]),
@@ -183,12 +189,14 @@ def _moments(series: Series, moment_s: float) -> tuple[list[float], list[float]]
     time_s, values = series.time_s[known], series.values[known]
     if not values.size:
         return [], []
+    # runs of one value: where each begins, and how long it lasts; the last one is taken as long enough
     starts = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1))
     lasts = np.diff(np.append(time_s[starts], time_s[-1] + moment_s))
     kept_t: list[float] = []
     kept_v: list[float] = []
     for start, long in zip(starts.tolist(), (lasts >= moment_s - 1e-9).tolist(), strict=True):
         value = float(values[start])
+        # a value before and after a flicker is one stay, not two
         if long and (not kept_v or kept_v[-1] != value):
             kept_t.append(float(time_s[start]))
             kept_v.append(value)
@@ -216,6 +224,8 @@ def _slower(name: str, a: Spread, b: Spread, tolerances: Tolerances) -> Differen
         reason = f"measured {a.count} and {b.count} times"
         result = Result.PASSED if a.count == b.count else Result.INCONCLUSIVE
         return Difference(kind=Kind.TIMING, name=name, result=result, reason=reason)
+    # p99 and not the maximum: one wait for a processor would fail two runs of the same program. The share is for slow
+    # ticks, the milliseconds for fast ones, where jitter of the clock is a large share
     permitted = a.p99 * (1 + tolerances.timing) + tolerances.timing_ms * 1e6
     reason = (
         f"median {a.median * 1e-6:.2f} and {b.median * 1e-6:.2f} ms, p99 {a.p99 * 1e-6:.2f} and {b.p99 * 1e-6:.2f} ms of "

@@ -29,11 +29,13 @@ class Loss:
 def judge_conduct(evidence: Evidence) -> Iterator[Requirement]:
     """All requirements on the node's conduct that its DBC makes."""
     yield from _initial_values(evidence)
+    # the state of the node is what all requirements below look at; a DBC that names no signal for it asks nothing
     conduct = evidence.database.nodes.get(evidence.node)
     if conduct is None or evidence.states is None:
         return
     if conduct.start_ns:
         yield _start_up(evidence, conduct.running, conduct.start_ns)
+    # an input without InputLossState may go without the DBC asking for anything
     asked = {name: t for name, t in evidence.inputs.items() if t.codec.conduct.state}
     losses = {name: _losses(traffic, evidence) for name, traffic in asked.items()}
     for name, traffic in asked.items():
@@ -41,6 +43,7 @@ def judge_conduct(evidence: Evidence) -> Iterator[Requirement]:
             loss for loss in losses[name] if not _others_lost(name, loss, asked, losses, conduct.running)
         ]
         yield _after_loss(evidence, name, traffic.codec, alone, conduct.running)
+        # an input that must not change the state has nothing to recover from
         if conduct.recovery_ns and traffic.codec.conduct.state != conduct.running:
             yield _recovery(evidence, name, alone, conduct.running, conduct.recovery_ns)
     yield from _all_lost(evidence, asked, losses, conduct.running, conduct.recovery_ns)
@@ -64,6 +67,7 @@ def _initial_values(evidence: Evidence) -> Iterator[Requirement]:
         for signal in started:
             assert signal.start_value is not None
             wanted = signal.start_value * signal.scale + signal.offset
+            # half a step: both sides were rounded to raw values of this scale
             if abs(float(values[signal.name][0]) - wanted) > abs(signal.scale) / 2:
                 wrong.append(
                     f"{signal.name} = {values[signal.name][0]:g}, start value {wanted:g} {signal.unit}".rstrip()
@@ -77,12 +81,15 @@ def _initial_values(evidence: Evidence) -> Iterator[Requirement]:
 def _start_up(evidence: Evidence, running: str, within_ns: int) -> Requirement:
     """From the moment at which node and all inputs are there, to `running`."""
     subject = evidence.node
+    # inputs whose loss leaves the node running are not needed for its start either
     needed = [t for t in evidence.inputs.values() if t.codec.conduct.state not in ("", running)]
     if not evidence.from_start:
         return unknown(Kind.START, subject, "the node ran before: switch it on while conform waits for it")
     if not evidence.frames or any(not traffic.at_ns.size for traffic in needed):
         return unknown(Kind.START, subject, "the node or one of its inputs is not in the recording")
+    # the time counts from the last one to arrive: before that the node has no chance
     there_ns = max(evidence.observer.start_ns, *(int(traffic.at_ns[0]) for traffic in needed))
+    # a recording that was cut before the deadline cannot show that it was missed
     if evidence.observer.end_ns - there_ns < within_ns:
         return unknown(Kind.START, subject, "the recording ends before its time to start is over")
     took_ns = _first(evidence, running, there_ns)
@@ -102,6 +109,7 @@ def _first(evidence: Evidence, state: str, from_ns: int) -> int | None:
     at_ns, values = evidence.states
     names = evidence.state_names
     wanted = [value for value, name in names.items() if name == state]
+    # a value table may give one name to several values
     hits = at_ns[(at_ns >= from_ns) & np.isin(values, wanted)]
     return int(hits[0]) - from_ns if hits.size else None
 
@@ -122,6 +130,7 @@ def _losses(traffic: Traffic, evidence: Evidence) -> list[Loss]:
     found = [
         Loss(int(at_ns[k]), int(at_ns[k + 1])) for k in np.flatnonzero(np.diff(at_ns) > timeout_ns).tolist()
     ]
+    # lost for good: no later frame closes this gap
     if at_ns.size and evidence.observer.end_ns - int(at_ns[-1]) > timeout_ns:
         found.append(Loss(int(at_ns[-1]), None))
     return found
@@ -133,8 +142,10 @@ def _others_lost(
     """Whether another input that matters was lost or not there meanwhile: then the state may be that one's."""
     end_ns = loss.back_ns if loss.back_ns is not None else 1 << 62
     for other, traffic in asked.items():
+        # the loss of such an input changes nothing, so that the state is still this one's
         if other == name or traffic.codec.conduct.state == running:
             continue
+        # an input that has not come yet asks for its state as a lost one does
         if not traffic.at_ns.size or int(traffic.at_ns[0]) > loss.last_ns:
             return True
         if any(
@@ -157,6 +168,7 @@ def _after_loss(
         if problem and took_ns is not None and (excuse := evidence.excuse(took_ns - timeout_ns)):
             return unknown(Kind.LOSS, subject, f"{problem}; {excuse}")
         if problem:
+            # one wrong loss decides: a state that is only sometimes right is not right
             return failed(Kind.LOSS, subject, f"lost at {evidence.since(loss.last_ns):.3f} s: {problem}")
         if took_ns is not None:
             judged.append(took_ns)
@@ -182,6 +194,7 @@ def _state_in(
     at_ns, values = evidence.states
     names = evidence.state_names
     before = values[at_ns <= loss.last_ns]
+    # a node that was not running before shows nothing by what it says afterwards
     if not before.size or names.get(int(before[-1])) != running:
         return "", None
     end_ns = loss.back_ns if loss.back_ns is not None else evidence.observer.end_ns
@@ -189,10 +202,14 @@ def _state_in(
     times, states = at_ns[inside] - loss.last_ns, values[inside]
     if not times.size:
         return "no state was sent meanwhile", None
+    # by name: two raw values of the table may mean the same state
     right = np.array([names.get(value) == wanted for value in states.tolist()])
+    # until the timeout the node may not have noticed; from then on every frame has to be right
     due = times >= timeout_ns
     if wanted == running:
+        # staying as it was has no time of its own: also the frames before the timeout count
         due = np.ones(times.size, bool)
+    # the input was back before the first frame that counts
     if not due.any():
         return "", None
     if not right[due].all():
@@ -238,6 +255,7 @@ def _all_lost(
     """All inputs lost at once, where they ask for one and the same state."""
     matter = {name: t for name, t in asked.items() if t.codec.conduct.state != running}
     states = {t.codec.conduct.state for t in matter.values()}
+    # one input is judged above; inputs that ask for different states leave open which one holds for all
     if len(matter) < 2 or len(states) != 1:
         return
     subject, wanted = "loss of all inputs", states.pop()
@@ -246,6 +264,8 @@ def _all_lost(
     for loss in next(iter(losses[name] for name in matter)):
         others = [_overlapping(loss, losses[name]) for name in matter]
         if all(each is not None for each in others):
+            # all are lost from the last loss to the first return; recovery needs all of them back, hence the last
+            # return
             last = max(each.last_ns for each in others if each is not None)
             backs = [each.back_ns for each in others if each is not None]
             common = Loss(last, None if None in backs else max(b for b in backs if b is not None))
@@ -256,6 +276,7 @@ def _all_lost(
     assert evidence.states is not None
     at_ns, values = evidence.states
     end_ns = common.back_ns if common.back_ns is not None else evidence.observer.end_ns
+    # the longest timeout of all: no earlier state is required of every node
     inside = (at_ns >= common.last_ns + timeout_ns) & (at_ns <= end_ns)
     names = evidence.state_names
     seen = {names.get(v, str(v)) for v in values[inside].tolist()}

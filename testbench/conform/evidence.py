@@ -84,6 +84,7 @@ class Evidence:
             )
         if not len(table):
             raise ConformError("the recording has no frame")
+        # stable: frames of one stamp keep the order of the log, which is the order on the wire
         order = np.argsort(table.time_ns, kind="stable")
         table = table.select(order)
         inputs = {
@@ -91,6 +92,7 @@ class Evidence:
         }
         by_name = _rows(table, database)
         own_traffic = {name: _traffic(codec, by_name, table) for name, codec in own.items()}
+        # the node is judged from its own first frame on: before it, it was off or booting
         heard = [t.at_ns[0] for t in own_traffic.values() if t.at_ns.size]
         start_ns = int(min(heard)) if heard else int(table.time_ns[0])
         always = (
@@ -98,12 +100,14 @@ class Evidence:
             if bench.late_share > LATE_SHARE
             else ""
         )
+        # a bench that was late itself may have stamped, or sent, that much too late
         delay_ns, host = bench.late_ns, f"the bench itself was {bench.late_ns * 1e-6:.0f} ms late"
         if bench.shared_host and delay_ns < SHARED_HOST_NS:
             delay_ns = SHARED_HOST_NS
             host = (
                 f"a node on the bench's own computer may wait up to {delay_ns * 1e-6:.0f} ms for a processor"
             )
+        # a log whose last line is cut was interrupted while written: no frame before it is missing
         lost = bench.dropped + table.damaged_count - sum(1 for damage in table.damaged if damage.at_end)
         return cls(
             node=node,
@@ -147,6 +151,7 @@ class Evidence:
 def _rows(table: FrameTable, database: Database) -> dict[str, NDArray[np.int64]]:
     """Rows by message name; frames with the source address of another node are not the message's."""
     found: dict[str, NDArray[np.int64]] = {}
+    # error and remote frames carry an identifier as well, but no data of the message
     plain = table.can_id & np.uint32(ERROR | REMOTE) == 0
     for can_id in np.unique(table.can_id[plain]).tolist():
         codec = database.by_id.get(can_id)
@@ -172,6 +177,7 @@ def _states(
         raise ConformError(
             f"{database.source}: StateSignal of {node} is {conduct.state_signal!r}, which the node does not send"
         )
+    # frames of another length are a verdict of their own (length); their state cannot be read
     whole = traffic.rows[table.length[traffic.rows] == traffic.codec.length]
     if not whole.size:
         return np.empty(0, np.int64), np.empty(0, np.int64)

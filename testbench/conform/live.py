@@ -18,6 +18,7 @@ from testbench.conform.evidence import Bench, ConformError
 from testbench.conform.session import Session
 
 NS = 1_000_000_000
+# A fifth of the shortest cycle time of the inputs (10 ms): a stimulus later than this is a late input.
 LATE_NS = 2_000_000
 BENCH = "bench.json"
 """File beside the record: what is known of the bench that made it."""
@@ -49,9 +50,11 @@ def watch(
         deadline_ns = session.start_ns + round(wait_s * NS)
         wake_ns, phase, ended = session.start_ns, session.phase, "interrupted"
         lateness = []
+        # 1 ns after boot: at once. 0 would disarm the timer.
         alarm.set(1)
         for _ in stop.readable(alarm.fileno(), bus.fileno()):
             now_ns = time.monotonic_ns()
+            # before the node is there nothing is due, and lateness would only count the first wake-up
             if session.phase != "waiting":
                 lateness.append(now_ns - wake_ns)
             _exchange(session, bus, now_ns)
@@ -63,6 +66,7 @@ def watch(
                 break
             wake_ns = session.next_ns(now_ns)
             alarm.set(wake_ns)
+        # frames that we failed to send are as good as lost: the node did not get its input
         lost = bus.statistics().dropped_in + bus.statistics().dropped_out
         late = sum(each > LATE_NS for each in lateness)
         bench = Bench(
@@ -89,6 +93,7 @@ def keep(session: Session, bench: Bench, folder: Path) -> None:
     with writing(file):
         folder.mkdir(parents=True, exist_ok=True)
         with CandumpWriter(file) as log:
+            # kernel stamps of received frames are older than our own of those sent meanwhile
             for frame in sorted(session.record, key=lambda frame: frame.at_ns):
                 log.write(frame, "bus")
         (folder / BENCH).write_text(json.dumps(asdict(bench), indent=2) + "\n")
@@ -97,6 +102,7 @@ def keep(session: Session, bench: Bench, folder: Path) -> None:
 def kept_bench(folder: Path) -> Bench:
     """What `keep` wrote of the bench; a bench of which nothing is known where the file is missing."""
     file = folder / BENCH
+    # a record of `loaderhil record` can be judged too; it has no such file
     if not file.exists():
         return Bench()
     try:

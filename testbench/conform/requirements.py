@@ -94,6 +94,7 @@ def _presence(name: str, traffic: Traffic, evidence: Evidence) -> Requirement:
         )
     if not traffic.codec.cycle_ns:
         return unknown(Kind.PRESENCE, name, "sent on events only, and no event was seen")
+    # one verdict on the node instead of a failure for each of its messages
     if not evidence.frames:
         return unknown(Kind.PRESENCE, name, f"{evidence.node} sent nothing at all: is it on this bus?")
     return failed(
@@ -114,7 +115,9 @@ def _cycle(name: str, traffic: Traffic, evidence: Evidence) -> Requirement:
     )
     seen = observation(name, traffic.codec, evidence.table, traffic.rows, window)
     found = judge_message(seen, window, tolerance=TOLERANCE)
+    # a starved bench stamps in bursts: half of the gaps may be short, but the median stays near the cycle
     permitted = ANOTHER if evidence.observer.starved else SYSTEMATIC
+    # ten gaps: the median of fewer may be that of the start-up
     if gaps.size >= 10 and abs(float(np.median(gaps)) - period) > permitted * period:
         reason = f"every {np.median(gaps) * 1e-6:.1f} ms (median) instead of {period * 1e-6:.0f} ms"
         return failed(Kind.CYCLE, name, reason)
@@ -136,6 +139,7 @@ def _cycle(name: str, traffic: Traffic, evidence: Evidence) -> Requirement:
     delays = ([found.worst_gap_ns - period] if found.worst_gap_ns else []) + (
         [period // 2] if found.early else []
     )
+    # no busy host makes stamps run backwards
     if not found.backwards and (excuse := evidence.excuse(max(delays))):
         return unknown(Kind.CYCLE, name, f"{events}; {excuse}")
     return failed(Kind.CYCLE, name, events)
@@ -157,6 +161,7 @@ def _length(name: str, traffic: Traffic, evidence: Evidence) -> Requirement:
 
 def _protection(name: str, traffic: Traffic, evidence: Evidence) -> Iterator[Requirement]:
     """CRC and counter of the frames that have the message's length."""
+    # the checker of every receiver on the bus: counters depend on the frame before, so rows go in one by one
     checker = Checker(traffic.codec)
     table = evidence.table
     crc: list[tuple[int, str]] = []
@@ -173,6 +178,7 @@ def _protection(name: str, traffic: Traffic, evidence: Evidence) -> Iterator[Req
     for kind, wrong in ((Kind.CRC, crc), (Kind.COUNTER, counter)):
         if not judged:
             yield unknown(kind, name, "no frame of the right length")
+        # the counter lies under the CRC: where every CRC is wrong, another rule or DBC made these frames
         elif kind is Kind.COUNTER and len(crc) == judged:
             yield unknown(kind, name, "no frame has a right CRC, so its counter means nothing")
         elif not wrong:
@@ -212,6 +218,7 @@ def _values(
             values = np.asarray(columns.signals[signal.name], float)
             bad = (
                 rule(signal, values)
+                # NaN stands for signals that this frame does not carry, which is no value outside the range
                 if signal.multiplexer is None
                 else rule(signal, values) & ~np.isnan(values)
             )

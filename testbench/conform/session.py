@@ -25,6 +25,7 @@ ALONE_NS = 300 * MS
 """How long the node sends without inputs: three periods of the slowest message of a J1939 bus, 100 ms."""
 QUIET_NS = 200 * MS
 """A bus on which the node was not heard for so long before its first frame: it was switched on while we listened."""
+# Two periods of the slowest message (100 ms): the state that follows a change has then been sent twice.
 SETTLE_NS = 200 * MS
 
 
@@ -69,9 +70,8 @@ class Session:
     finished: bool = False
 
     def __post_init__(self) -> None:
-        Evidence.of(
-            table_of([Frame(0, b"", self.start_ns)]), self.database, self.node
-        )  # is there such a node?
+        # a wrong node name is refused here, before anybody is asked to switch something on
+        Evidence.of(table_of([Frame(0, b"", self.start_ns)]), self.database, self.node)
         self._own = {c.can_id: n for n, c in self.database.by_name.items() if self.node in c.senders}
 
     @property
@@ -83,6 +83,7 @@ class Session:
         """Take what came; stamps are the bus' own where it has any."""
         for frame in frames:
             stamped = frame if frame.at_ns else frame._replace(at_ns=now_ns)
+            # foreign frames are kept too: the log must be the whole bus, and inputs may come from real nodes
             self.record.append(stamped)
             name = self._own.get(frame.can_id)
             if name is None:
@@ -95,6 +96,7 @@ class Session:
         conduct = self.database.nodes.get(self.node)
         message, _, signal = conduct.state_signal.partition(".") if conduct else ("", "", "")
         codec = self.database.by_name[name]
+        # the state is followed only to save waiting; the verdicts read it from the record again
         if name != message or len(frame.data) != codec.length:
             return
         value = int(codec.decode_dict(frame.data).get(signal, -1))
@@ -122,6 +124,7 @@ class Session:
         return frames
 
     def _over(self, step: _Step, now_ns: int) -> bool:
+        # the limit of a step holds whether or not the node says anything
         if now_ns >= step.until_ns:
             return True
         conduct = self.database.nodes.get(self.node)
@@ -130,11 +133,13 @@ class Session:
             return False
         if self._well_ns is None:
             self._well_ns = now_ns
+        # well without a break: a node that flickers between states starts the time anew
         return now_ns - self._well_ns >= step.hold_ns
 
     def next_ns(self, now_ns: int) -> int:
         """When to be asked again [ns]."""
         due = self._bus.next_ns() if self._bus is not None else None
+        # 10 ms: steps end on time also while nothing is sent
         return min(t for t in (due, now_ns + 10 * MS) if t is not None)
 
     def _script(self) -> Iterator[_Step]:
@@ -143,6 +148,7 @@ class Session:
         start_ns = conduct.start_ns if conduct else 0
         recovery_ns = max(conduct.recovery_ns if conduct else 0, SETTLE_NS)
         self.phase = "no inputs"
+        # first without inputs: initial values are what the node sends before it has heard anything
         yield _Step(ALONE_NS)
         inputs = self._inputs()
         self.phase = "all inputs"
@@ -151,18 +157,22 @@ class Session:
             bus = RestBus(
                 self.database, senders, self._known(senders), start_ns=self._now_ns, without=[self.node]
             )
+            # only what the node receives: other messages of the same senders would load the bus and test nothing
             bus.stop(*(set(bus.messages) - set(inputs)))
             self._bus = bus
         yield _Step(start_ns + round(self.steady_s * 1e9))
         if self._bus is None:
             return
+        # one after the other with a recovery between, so that each loss has its own state to show
         for name in self._to_lose(inputs):
             codec = self.database.by_name[name]
             self.phase = f"without {name}"
             self._bus.stop(name)
+            # once the timeout until the state is due, then at least as long again to see that it stays
             yield _Step(codec.conduct.timeout_ns + max(codec.conduct.timeout_ns, SETTLE_NS))
             self.phase = f"{name} is back"
             self._resume([name])
+            # a node that is well sooner shortens the test; the whole time is only spent on one that is not
             yield _Step(recovery_ns + SETTLE_NS, until_running=True, hold_ns=SETTLE_NS)
         self.phase = "without any input"
         sending = [name for name in inputs if name in self._bus.messages]

@@ -31,6 +31,7 @@ REPORTED_BY_ECU: Final = (
     "EcuStatus.State >= degraded",
 )
 """The signals by which an ECU reports that something is wrong with the frames that it receives."""
+# What the plant reads of the ECU (plant.unit.reception).
 OBEYED_BY_MACHINE: Final = ("Limits", "LinkageLimits", "EcuStatus")
 
 
@@ -73,6 +74,7 @@ class Detected:
                     if first is None
                     else f"only after {1e3 * (first.at_s - fault.began_s):.0f} ms ({first.what})"
                 )
+                # one fault that nobody detected decides, whatever was seen of the others
                 return failed(self.question, f"{fault.fault} at {fault.began_s:.2f} s: {when}")
             after.append(f"after {1e3 * (first.at_s - fault.began_s):.0f} ms: {first.what}")
         return passed(self.question, "; ".join(after))
@@ -89,6 +91,7 @@ class Detected:
             if isinstance(self.by, Condition)
             else _BY[self.by](evidence, fault)
         )
+        # signs of an earlier fault that still last do not count: only what begins with or after this one
         later = (each for each in detections if each.at_s >= fault.began_s - SLACK_S)
         return min(later, key=lambda each: each.at_s, default=None)
 
@@ -112,8 +115,10 @@ def by_machine(evidence: Evidence, _: Injected) -> Iterator[Detection]:
     for name in OBEYED_BY_MACHINE:
         # the machine has no rule for one late frame: it reacts only when the limits are stale, below
         yield from _watched(evidence, name, without=(Trouble.LATE,))
+    # the machine cares for the age of Limits, whatever their cycle time is
     limits = evidence.messages.get("Limits")
     if limits is not None:
+        # limits that stay away until the end are stale without a frame that shows it
         times = np.append(limits.time_s, evidence.duration_s)
         late = np.flatnonzero(np.diff(times) > evidence.limits_stale_s)
         for row in late.tolist():

@@ -52,6 +52,7 @@ def _frames(run: RunDirectory) -> FrameTable | None:
 
 def _from_start(columns: Columns) -> Columns:
     """The columns without frames before time zero, which an ECU sends while it waits for its machine."""
+    # the machine's first sample is time 0 of every file of a run
     kept = columns.time_s >= 0
     if kept.all():
         return columns

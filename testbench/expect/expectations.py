@@ -84,6 +84,7 @@ class NoLiftOff:
 
     def judge(self, evidence: Evidence) -> Verdict:
         truth = evidence.truth
+        # a foreign plant has no truth, a run that was killed at once has an empty one
         if "normal_force" not in truth or not truth["time_s"].size:
             return open_question(self.question, "the run has no truth")
         time_s = np.asarray(truth["time_s"], float)
@@ -94,6 +95,8 @@ class NoLiftOff:
         lift = first_lift_off(time_s[inside], force[inside])
         if lift is not None:
             return failed(self.question, f"{WHEELS[lift[1]]} lifts at {lift[0]:.2f} s")
+        # over the loads of the first sample; the margin of the roll-over verdict is over those on level ground, from
+        # run.json
         least = float(np.min(force[inside] / force[0]))
         return passed(self.question, f"every wheel keeps at least {100 * least:.0f} % of its standing load")
 
@@ -209,6 +212,7 @@ class InStates:
         seen = self.window.of(series) if series is not None else None
         if seen is None or not seen.time_s.size:
             return open_question(self.question, nothing_of(self.signal, self.window))
+        # frames stand for time: they are sent in equal intervals
         inside = np.isin(seen.values, self.states)
         share = float(inside.mean())
         found = f"{100 * share:.1f} % of {inside.size} frames"
@@ -254,8 +258,10 @@ def _range_of(signal: AnySignal, seen: Series) -> str:
 
 def begins(series: Series, holds: NDArray[np.bool_], for_s: float = 0.0) -> NDArray[np.float64]:
     """The times [s] at which a condition becomes true and then stays true for at least `for_s` [s]."""
+    # the false ends make edges of a condition that holds in the first or the last sample
     edges = np.diff(np.concatenate(([False], holds, [False])).astype(np.int8))
     starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
+    # from first to last sample, not to the one after: only what was seen to hold counts here
     lasts = series.time_s[stops] - series.time_s[starts] >= for_s - SLACK_S
     return series.time_s[starts[lasts]]
 
@@ -300,6 +306,7 @@ def response_delays(
     came_s: NDArray[np.float64], effects: Series, holds: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
     """From each cause to the first sample at or after it at which the effect holds [s]; inf if none."""
+    # an effect that held before its cause answers at its next sample: a state needs no new edge
     answers_s = effects.time_s[holds]
     index = np.searchsorted(answers_s, came_s, side="left")
     return np.where(index < answers_s.size, np.append(answers_s, np.inf)[index] - came_s, np.inf)
@@ -326,67 +333,10 @@ class Reaction:
         )
         if not took_ns.size:
             return open_question(self.question, "no sample was echoed")
+        # in whole nanoseconds: 20 ms as a float is not exactly 20 000 000 ns
         within = float(np.mean(took_ns <= round(self.within_s * 1e9)))
         found = f"{100 * within:.1f} % of {took_ns.size}, slowest {took_ns.max() * 1e-6:.1f} ms"
         return passed(self.question, found) if within >= self.share else failed(self.question, found)
-
-
-@dataclass(frozen=True, slots=True)
-class LimitsObeyed:
-    """The machine keeps to the limits of the ECU, by the truth. A limit counts `settle_s` after it was sent."""
-
-    settle_s: float = 1.0  # [s]
-    # The machine's governor reduces the speed over several km/h, and cylinders have inertia: hence tolerances.
-    speed_tolerance: float = 4.0 / 3.6  # [m/s]
-    rate_tolerance: float = math.radians(2.0)  # of the articulation [rad/s]
-    window: Window = Window()
-
-    @property
-    def question(self) -> str:
-        return f"the machine keeps to the ECU's limits{self.window}"
-
-    def judge(self, evidence: Evidence) -> Verdict:
-        limits, truth = evidence.messages.get("Limits"), evidence.truth
-        if limits is None or "speed" not in truth or not truth["time_s"].size:
-            return open_question(self.question, "no Limits on the bus, or no truth of the machine")
-        worst_of_each = []
-        for name, signal, scale, tolerance in (
-            ("speed", "Speed", 1 / 3.6, self.speed_tolerance),
-            ("articulation_rate", "ArticulationRate", math.radians(1.0), self.rate_tolerance),
-        ):
-            raw = np.asarray(limits.signals[signal], float)
-            highest = limits.codec.by_signal[signal].maximum
-            # raw values above the DBC's maximum mean "no limit" or "not available"
-            allowed = np.where(raw > (highest or np.inf), np.inf, raw * scale)
-            time_s = np.asarray(truth["time_s"], float)
-            inside = (time_s >= self.window.from_s) & (time_s <= self.window.to_s)
-            over = np.abs(np.asarray(truth[name], float)) - _lately(
-                limits.time_s, allowed, time_s, self.settle_s
-            )
-            over = over[inside]
-            if not over.size:
-                return open_question(self.question, f"no truth{self.window}")
-            worst = int(np.argmax(over))
-            side = "above" if over[worst] > 0 else "below"
-            amount = f"{abs(over[worst]) / scale:.1f} {limits.codec.by_signal[signal].unit}"
-            text = f"{name.replace('_', ' ')} {amount} {side} the limit"
-            if over[worst] > tolerance:
-                return failed(self.question, f"{text} at {time_s[inside][worst]:.2f} s")
-            worst_of_each.append(text)
-        return passed(self.question, "at worst " + ", ".join(worst_of_each))
-
-
-def _lately(
-    sent_s: NDArray[np.float64], allowed: NDArray[np.float64], time_s: NDArray[np.float64], settle_s: float
-) -> NDArray[np.float64]:
-    """At each time the highest limit that was in force within the last `settle_s` [s]; inf before the first."""
-    # index of the limit in force at the begin of the last `settle_s`
-    first = np.searchsorted(sent_s, time_s - settle_s + ROUNDING_S, side="right") - 1
-    last = np.searchsorted(sent_s, time_s, side="right") - 1
-    found = np.full(time_s.size, np.inf)
-    for row in np.flatnonzero(first >= 0):
-        found[row] = allowed[first[row] : last[row] + 1].max()
-    return found
 
 
 def judge_all(expectations: Sequence[Expectation], evidence: Evidence) -> tuple[Verdict, ...]:
@@ -395,6 +345,6 @@ def judge_all(expectations: Sequence[Expectation], evidence: Evidence) -> tuple[
 
 
 __all__ = [
-    "Expectation", "InBounds", "InStates", "LimitsObeyed", "NoLiftOff", "NoRollOver", "Reached", "Reaction",
+    "Expectation", "InBounds", "InStates", "NoLiftOff", "NoRollOver", "Reached", "Reaction",
     "Response", "Source", "Window", "begins", "judge_all", "response_delays",
 ]  # fmt: skip

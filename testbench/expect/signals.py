@@ -97,6 +97,7 @@ class BusSignal:
         """A value as text: its name in the value table, or the number with its unit."""
         if value != value:
             return "not available"
+        # a mean or a minimum of states may lie between two of them and has no name
         label = self.signal.choices.get(round(value)) if float(value).is_integer() else None
         return label if label is not None else f"{value:g} {self.unit}".rstrip()
 
@@ -179,5 +180,6 @@ def _of_truth(name: str, rest: str) -> TrueSignal:
 
 
 def _near(name: str, known: Mapping[str, object]) -> str:
+    # one suggestion: a list of all signals hides the one with the typing error
     near = difflib.get_close_matches(name, known, n=1)
     return f"; did you mean {near[0]!r}?" if near else f"; it has {', '.join(known)}"

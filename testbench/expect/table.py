@@ -12,7 +12,6 @@ from testbench.expect.expectations import (
     Expectation,
     InBounds,
     InStates,
-    LimitsObeyed,
     NoLiftOff,
     NoRollOver,
     Reached,
@@ -20,8 +19,10 @@ from testbench.expect.expectations import (
     Response,
     Window,
 )
+from testbench.expect.obedience import LimitsObeyed
 from testbench.expect.signals import AnySignal, SignalError, find_signal
 
+# A day: a number beyond it is a time in another unit.
 LONGEST_S = 86_400.0
 Reader = Callable[[CheckedTable, Window, Database], Expectation]
 
@@ -84,6 +85,7 @@ def _signal_in_bounds(table: CheckedTable, window: Window, database: Database) -
     unit = signal.unit or "1"
     low = table.number("minimum", unit=unit, default=-math.inf)
     high = table.number("maximum", unit=unit, default=math.inf)
+    # such an expectation could never be met, and would look like a fault of the controller
     if low > high:
         raise table.error("minimum", f"= {low:g} is above maximum = {high:g}: exchanged?")
     return InBounds(signal, low, high, window, _milliseconds(table, "ignore_ms", 0.0))

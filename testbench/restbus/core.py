@@ -64,6 +64,7 @@ class RestBus:
         self._start_ns = start_ns
         self._messages: dict[str, _Message] = {}
         for codec in database.by_name.values():
+            # the real node sends it: two senders of one identifier would spoil its counter
             if wanted.intersection(codec.senders) and not real.intersection(codec.senders):
                 self._messages[codec.name] = self._made(codec, start_ns + len(self._messages) * SPREAD_NS)
         for name, generator in (generators or {}).items():
@@ -99,6 +100,7 @@ class RestBus:
             )
         before, of.generators[signal] = of.generators[signal], generator
         try:
+            # encoded on trial: an error is the caller's who set the value, and must not end the bus at a later tick
             self._data(of, 0.0)
         except RestBusError:
             of.generators[signal] = before  # a value that cannot be sent leaves the old one
@@ -131,6 +133,8 @@ class RestBus:
             of = self._message(name)
             of.stopped = False
             if of.due_ns is not None:
+                # not at the time it was due before it stopped: that lies in the past, and its phase means nothing any
+                # more
                 of.due_ns = now_ns
 
     def send(self, name: str) -> None:
@@ -154,10 +158,12 @@ class RestBus:
                 continue
             data = self._data(of, time_s)
             if of.protector is not None:
+                # here and not where the value is made: the counter has to count frames that are sent
                 data = of.protector.protect(data)
             of.sent += 1
             of.asked = False
             made.append((due_ns, Frame(of.codec.can_id, data, flags=FD if of.codec.is_fd else 0)))
+        # in the order of the DBC its first message would always be sent first, which no real bus does
         return [frame for _, frame in sorted(made, key=lambda each: each[0])]
 
     def _take(self, of: _Message, now_ns: int, time_s: float) -> int | None:
@@ -167,9 +173,11 @@ class RestBus:
         due_ns: int | None = now_ns if of.asked else None
         if of.due_ns is not None and of.due_ns <= now_ns:
             due_ns, cycle = of.due_ns, of.codec.cycle_ns
+            # on its own grid, however late this look is; missed times are not sent in a burst
             of.due_ns += cycle * ((now_ns - of.due_ns) // cycle + 1)
         if due_ns is None and of.on_change:
             values = self._values(of, time_s)
+            # the first look only remembers: nothing has changed yet
             if of.last and values != of.last:
                 due_ns = now_ns
             of.last = values

@@ -71,6 +71,7 @@ class Points:
     values: tuple[float, ...]
 
     def value(self, time_s: float, sent: int) -> float:
+        # right: at a point that stands twice (a step) the later value holds
         after = bisect.bisect_right(self.times_s, time_s)
         if after == 0:
             return self.values[0]

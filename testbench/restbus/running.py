@@ -36,10 +36,12 @@ class Orders:
             return []
         if not select.select([self._descriptor], [], [], 0)[0]:
             return []
+        # at most so much per round: orders that are poured in must not delay frames
         piece = os.read(self._descriptor, LONGEST_ORDER)
         if not piece:
             self._descriptor = None
         *lines, self._rest = (self._rest + piece).split(b"\n")
+        # input without a line end must not fill the memory
         self._rest = self._rest[-LONGEST_ORDER:]
         return [line.decode("utf-8", "replace") for line in lines if line.strip()]
 
@@ -66,11 +68,13 @@ def run(
         end_ns = None if for_s is None else start_ns + round(for_s * 1e9)
         line.ready()
         sent = refused = 0
+        # 1 ns after boot: at once. 0 would disarm the timer.
         alarm.set(1)
         for _ in stop.readable(alarm.fileno(), transport.fileno()):
             while transport.drain():  # not ours, but must not fill the receive buffer
                 pass
             now_ns = time.monotonic_ns()
+            # orders before frames: a value that is due now goes out with this tick's frame
             while script and script[0][0] <= now_ns:
                 script.pop(0)[1].give(bus, now_ns)
             for text in orders.read():

@@ -21,6 +21,7 @@ from configuration import CheckedTable
 from testbench.restbus.core import RestBus, RestBusError
 from testbench.restbus.generators import KINDS, Constant, Generator
 
+# A day: a number beyond it is a time in another unit.
 LONGEST_S = 86_400.0
 VERBS = ("stop", "resume", "send")
 
@@ -37,6 +38,7 @@ class Order:
     def parse(cls, line: str) -> Self:
         """RestBusError for a line that is no order."""
         name, equals, value = line.partition("=")
+        # first the form with `=`: a message may be called `stop`
         if equals and name.strip() and value.strip():
             return cls("set", name.strip(), value.strip())
         words = line.split()
@@ -97,6 +99,7 @@ def _orders(table: CheckedTable) -> list[tuple[float, Order]]:
 def values_for(database_file: Path, chosen: Path | None) -> Values:
     """The chosen file, else NAME.values.toml beside NAME.dbc, else nothing."""
     beside = database_file.with_suffix(".values.toml")
+    # a file of the DBC's own needs no option; one that was asked for has to exist
     if chosen is None and not beside.exists():
         return Values({})
     return Values.from_file(chosen or beside)

@@ -34,7 +34,9 @@ class EcuError:
 def negated(raw: RawSignal, number: int) -> int:
     """The other sign of the physical value."""
     lowest, highest = raw.signal.raw_range
+    # value = scale · number + offset, so that -value has the number -number - 2 offset / scale
     mirrored = -number - round(2 * raw.signal.offset / raw.signal.scale)
+    # codes outside the range mean *not available* or *error*; an ECU with a wrong sign still sends those
     return min(max(mirrored, lowest), highest) if lowest <= number <= highest else number
 
 
@@ -47,6 +49,7 @@ def scaled(factor: float) -> Bend:
         if not lowest <= number <= highest:
             return number
         value = (number * signal.scale + signal.offset) * factor
+        # a value beyond the signal's range would become one of those codes
         return min(max(round((value - signal.offset) / signal.scale), lowest), highest)
 
     return bend
@@ -112,12 +115,14 @@ class BentEcu:
         """What lockstep asks of an ECU."""
         if frame.can_id in self._deaf:
             return ()
+        # bent before the cycle's own check, and signed again, so that the check finds nothing
         return self._ecu.receive(_bent(frame, self._heard), now_ns)
 
     def tick(self, now_ns: int) -> EcuTick:
         """What lockstep asks of an ECU."""
         answer = self._ecu.tick(now_ns)
         frames = [_bent(frame, self._sent) for frame in answer.frames if frame.can_id not in self._mute]
+        # a queue of so many ticks: filled with nothing at the start, as a slow ECU is silent at first
         self._waiting.append(frames)
         return _Answer(self._waiting.pop(0), answer.findings)
 
@@ -139,6 +144,7 @@ def _bent(frame: Frame, bends: Mapping[int, tuple[MessageCodec, list[tuple[RawSi
     if frame.can_id not in bends:
         return frame
     codec, each = bends[frame.can_id]
+    # the scenario's own fault has shortened it; the cycle refuses it anyway
     if len(frame.data) != codec.length:
         return frame
     data = frame.data

@@ -58,6 +58,7 @@ def mutants(only: Sequence[str], effects: Sequence[str], at_s: float) -> tuple[M
     """
     every = list(_every(effects, at_s))
     for pattern in only:
+        # a pattern with a typing error would verify nothing and pass
         if not any(_fits(each, pattern) for each in every):
             raise MutantError(
                 f"--only {pattern}: no mutant of that name; there are {', '.join(m.name for m in every)}"

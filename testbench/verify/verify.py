@@ -64,6 +64,7 @@ def verify(
     """
     if not expectations_for(choice):
         raise VerifyError(f"{choice.expect or choice.scenario}: has no [[expect]] table to verify")
+    # what fails without a mutant would fail with each of them, and seem to notice all
     before = {v.question: v.result for v in _judged(choice, None)}
     broken = [question for question, result in before.items() if result is Result.FAILED]
     if broken:
@@ -77,6 +78,7 @@ def verify(
             open=tuple(
                 v.question
                 for v in after
+                # what was open before says nothing of the mutant
                 if v.result is Result.INCONCLUSIVE and before.get(v.question) is Result.PASSED
             ),
         )
@@ -102,6 +104,7 @@ def _drive(choice: Choice, mutant: Mutant | None, out: Path) -> None:
     if mutant is not None and mutant.fault is not None:
         faults.append(read_fault(CheckedTable(mutant.fault, file="verify", section="fault"), database))
 
+    # a `kill` starts the ECU anew: the error has to be in the new one as well
     def fresh() -> EcuSide:
         cycle = ecu_cycle(form=choice.form, limits=choice.limits, calibration=calibration)
         error = mutant.error if mutant is not None else None
@@ -110,6 +113,7 @@ def _drive(choice: Choice, mutant: Mutant | None, out: Path) -> None:
     injector = Injector(database, faults, seed=scenario.seed)
     injector.start(0)
     plant, ecu = RestartablePlant(plant_unit(scenario)), RestartableEcu(fresh)
+    # no reference instruments: no expectation reads them, and they cost time in every mutant
     bench = Lockstep(plant, ecu, wire=FaultyWire(injector, acting_on(plant, ecu)), reference=False)
     recording = bench.run()
     injector.finish(bench.now_ns)

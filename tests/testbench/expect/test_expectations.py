@@ -11,7 +11,6 @@ from testbench.expect.condition import Condition
 from testbench.expect.expectations import (
     InBounds,
     InStates,
-    LimitsObeyed,
     NoLiftOff,
     NoRollOver,
     Reached,
@@ -19,6 +18,7 @@ from testbench.expect.expectations import (
     Response,
     Window,
 )
+from testbench.expect.obedience import LimitsObeyed
 from testbench.expect.signals import SignalError, find_signal
 from tests.testbench.expect.evidence import columns, evidence, truth
 
