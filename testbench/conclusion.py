@@ -12,10 +12,11 @@ from hil.compose import Choice
 from hil.ending import Ending
 from hil.foreign.duplicates import judge_senders
 from hil.foreign.silence import judge_presence
-from hil.judgement import NODES, PROCESSES, judge_run
+from hil.judgement import NODES, PROCESSES, judge_run, timing_of
 from hil.results import Case, Suite
 from hil.rundir import RunDirectory, RunError
 from hil.runs import RunResult
+from hil.timing.measured import starvation, starved_moment
 from hil.verdict import Result, RunVerdict, Verdict, judge_warning
 from testbench.expect.evidence import Evidence
 from testbench.expect.expectations import Expectation, judge_all
@@ -77,10 +78,14 @@ def _verdicts(run: RunDirectory, seen: RunVerdict | None) -> Iterator[Verdict]:
     if seen is not None and seen.lifted:
         # only where a wheel lifted: without lift-off there is nothing that a warning could precede
         yield judge_warning(seen)
+    timing = timing_of(run)
+    starved = starvation(timing) or starved_moment(timing) if run.record.mode == "realtime" else ""
     for side in run.record.foreign:
         node = NODE_OF[side]
         times = [columns.time_s for columns in run.messages.values() if node in columns.codec.senders]
-        yield judge_presence(node, np.concatenate(times) if times else [], end_s=run.record.duration_s)
+        yield judge_presence(
+            node, np.concatenate(times) if times else [], end_s=run.record.duration_s, starved=starved
+        )
     yield from judge_senders(run.record.statistics, PROCESSES)
     yield from timing_verdicts(run)
 

@@ -36,8 +36,12 @@ def silences(time_s: ArrayLike, *, end_s: float, silent_s: float = SILENT_NS * 1
     ]
 
 
-def judge_presence(node: str, time_s: ArrayLike, *, end_s: float) -> Verdict:
-    """Whether a foreign node was there throughout the run."""
+def judge_presence(node: str, time_s: ArrayLike, *, end_s: float, starved: str = "") -> Verdict:
+    """Whether a foreign node was there throughout the run.
+
+    starved: why the host may have kept its processes waiting. Silences that end are then inconclusive, because the node may be
+    one of them; a node that stays silent has failed in any case.
+    """
     question = f"{node} is there throughout"
     times = np.asarray(time_s, float)
     if end_s <= 0:
@@ -49,6 +53,12 @@ def judge_presence(node: str, time_s: ArrayLike, *, end_s: float) -> Verdict:
             question=question, result=Result.PASSED, reason=f"{count} frames, never silent for 100 ms"
         )
     shown = ", ".join(map(str, found[:3])) + (f" and {len(found) - 3} times more" if len(found) > 3 else "")
+    if starved and found[-1].until_s is not None:
+        return Verdict(
+            question=question,
+            result=Result.INCONCLUSIVE,
+            reason=f"silent from {shown}; the host was starved: {starved}",
+        )
     return Verdict(question=question, result=Result.FAILED, reason=f"silent from {shown}")
 
 

@@ -40,3 +40,12 @@ def test_a_silent_node_fails_and_the_times_are_named():
     verdict = judge_presence("EstimatorEcu", between(0.5, 0.7), end_s=END_S)
     assert (verdict.result, verdict.reason) == (Result.FAILED, "silent from 0.50 s to 0.70 s")
     assert judge_presence("EstimatorEcu", ALWAYS, end_s=0.0).result is Result.INCONCLUSIVE
+
+
+def test_on_a_starved_host_only_a_node_that_stays_silent_fails():
+    starved = "ecu waited 40 % of the time for a processor"
+    verdict = judge_presence("EstimatorEcu", between(0.5, 0.7), end_s=END_S, starved=starved)
+    assert verdict.result is Result.INCONCLUSIVE
+    assert starved in verdict.reason
+    verdict = judge_presence("EstimatorEcu", between(1.5, 9.0), end_s=END_S, starved=starved)
+    assert verdict.result is Result.FAILED

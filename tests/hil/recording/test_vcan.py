@@ -65,7 +65,7 @@ class Recorder:
         self._words = [
             sys.executable,
             "-m",
-            "hil",
+            "loaderhil",
             "record",
             f"loader=socketcan:{interface}",
             "--out",
@@ -137,7 +137,7 @@ def read_by_candump(log: Path, file: Path) -> tuple[FrameTable, int]:
         finally:
             candump.kill()
             candump.wait()
-    said = re.search(r"([\d.]+) ms at most", done.stdout)
+    said = re.search(r"largest ([\d.]+) ms", done.stdout)
     assert said is not None, done.stdout
     return read_candump(file), round(1e6 * float(said[1]))
 
