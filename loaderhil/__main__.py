@@ -9,6 +9,7 @@ def main() -> None:
     # Matrices are small here: the threads of BLAS would wait for one another three times as long as the work takes.
     # numpy reads the variable when it is loaded, which is later; a value that the user set stays.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # inside the try: on a slow disk the imports take long enough for somebody to press Ctrl-C
     try:
         from loaderhil.cli import main as command_line
 

@@ -37,6 +37,7 @@ class CommandTable(TyperGroup):
         """The command that the first word names, imported; also Typer's error with a suggestion for a wrong word."""
         # only the chosen command is imported: numpy, pandas or the plant would make every call slow
         name, command, rest = super().resolve_command(ctx, args)
+        # None: a word that is no command while the shell completes; there is nothing to import
         return name, load_command(name) if name is not None else command, rest
 
 
@@ -44,6 +45,7 @@ def load_command(name: str) -> Any:
     """The command with its options, from the module that holds it."""
     app = typer.Typer(rich_markup_mode="markdown")
     importlib.import_module(COMMANDS[name].module).register(app)
+    # a module may register several commands: `run` and `demo` share one
     return get_group(app).commands[name]
 
 
@@ -61,6 +63,7 @@ app = typer.Typer(
 
 
 def _version(wanted: bool) -> None:
+    # asked of the installed package and not of a constant here, which would be a second place to raise the number
     if wanted:
         import importlib.metadata
 
@@ -84,6 +87,7 @@ def main() -> None:
     except KeyboardInterrupt:
         report_interruption()
         sys.exit(Ending.INTERRUPTED)
+    # Typer turns Ctrl-C in a command into SystemExit: only the chain of causes still names it
     except SystemExit as ended:
         if ended.__context__ is not None and isinstance(ended.__context__.__cause__, KeyboardInterrupt):
             report_interruption()  # Typer ends an interrupted command without a message
@@ -95,6 +99,7 @@ def main() -> None:
         # no file of the user is concerned: a defect, which keeps its traceback
         if error.filename is None and error.errno not in STORAGE:
             raise
+        # a full disk names no file: the message has to do without
         where = f"{error.filename}: " if error.filename is not None else ""
         print(f"loaderhil: {where}{error.strerror}", file=sys.stderr)
         sys.exit(Ending.FAILED)

@@ -15,6 +15,7 @@ from report.run import write_report
 from testbench.conclusion import exit_code, timing_verdicts
 
 SCENARIO = "abrupt_articulation"
+# Names are headings of the table and folders; the order is that of the columns.
 RUNS = {"limits off": False, "limits on": True}
 
 
@@ -36,9 +37,11 @@ def run_demo(out: Path, *, fast: bool) -> Ending:
     runs = [RunDirectory.read(folder) for folder in folders.values()]
     # without limits first: it shows what the limits prevent
     free, limited = (judge_run(run) for run in runs)
+    # the warning is judged without limits: with them no wheel may lift, and a warning could then not be late
     verdicts = [judge_roll_over(free), judge_warning(free), judge_prevention(free, limited)]
     table = two_columns(*RUNS)
     add_roll_over_rows(table, [free, limited])
+    # lockstep has no timing: its clock is virtual
     if not fast:
         add_timing_rows(table, [timing_of(run) for run in runs])
         verdicts += [
@@ -46,8 +49,10 @@ def run_demo(out: Path, *, fast: bool) -> Ending:
         ]
     console.print(table)
     print_verdicts(verdicts)
+    # one page of both runs, its pictures side by side on one scale
     page = write_report(list(folders.values()), out / "report.html")
     console.print(f"report: {page}", soft_wrap=True)
+    # the demo may run on a starved laptop: what cannot be judged there does not fail it
     return exit_code(verdicts, strict=False)
 
 

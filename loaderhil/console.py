@@ -17,6 +17,7 @@ from hil.processes.supervisor import Event
 from hil.runs import RunResult, run_lockstep
 from hil.shell.realtime_options import RealtimeOptions
 
+# no highlighting: rich would colour every number and path of a sentence
 console = Console(highlight=False)
 
 
@@ -34,6 +35,7 @@ def run_with_progress(
     quiet: the bar goes to standard error too, because standard output holds JSON.
     """
     duration_s = choice.load().duration_s
+    # standard output has to stay one JSON object, so that the bar needs a console of its own
     on = Console(stderr=True) if quiet else console
     with _bar(title, duration_s, on) as advance:
         if realtime is not None:
@@ -54,6 +56,7 @@ def _bar(title: str, duration_s: float, on: Console) -> Iterator[Callable[[float
         TimeElapsedColumn(),
     )
     with Progress(*columns, console=on) as progress:
+        # the first run after a change compiles for a minute: without these words it looks stuck
         task = progress.add_task(f"{title}: compiling and starting", total=duration_s)
         # the plant's last tick may be a little beyond the duration: the bar must not exceed its end
         yield lambda time_s: progress.update(task, description=title, completed=min(time_s, duration_s))
@@ -64,6 +67,7 @@ def _shown(advance: Callable[[float], None], on: Console) -> Callable[[str, Even
         if event["event"] == "progress":
             advance(event["time_s"])
         elif event["event"] == "note":
+            # notes hold paths and signal names in brackets, which rich would read as markup
             on.print(escape(event["message"]), soft_wrap=True)
 
     return on_event

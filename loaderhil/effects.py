@@ -28,6 +28,7 @@ def register(app: typer.Typer) -> None:
         cls=_ListUnlessAsked,
         help="List the physics that machine files leave out (`effects`, `effects NAME`), or add what a diagnosis found.",
     )
+    # a word like the others to Typer, so that its help shows the options of the listing
     group.command(LISTING)(effects)
     group.command("add")(add)
     app.add_typer(group, name="effects")
@@ -78,12 +79,14 @@ def effects(
 
     known = library()
     if name is not None and name not in known:
+        # three: names of effects differ by a word, and the one that is meant need not be the nearest
         near = difflib.get_close_matches(name, known, n=3)
         hint = f"did you mean {', '.join(near)}?" if near else "`loaderhil effects` lists them"
         raise ConfigurationError(f"no effect named {name!r}; {hint}")
     if name is not None:
         _show(name)
         return
+    # part of a phrase: a user looks for `pressure`, the library says `lift cylinder pressure`
     found = {key: item for key, item in known.items() if felt_in is None or felt_in.lower() in item.acts_on}
     if not found:
         raise ConfigurationError(f"no effect acts on {felt_in!r}")

@@ -24,6 +24,7 @@ class ExportError(UserError, OSError):
 def write_mcap(table: FrameTable, databases: Sequence[Database], out: BinaryIO) -> dict[str, int]:
     """Every frame that a DBC knows, in the order of time; frames by message. ExportError if there is none."""
     try:
+        # an extra of the package: of all commands only this one needs it
         from mcap.writer import CompressionType, Writer
     except ModuleNotFoundError as error:
         raise ExportError("MCAP needs the package mcap: pip install loaderhil[export]") from error
@@ -36,10 +37,12 @@ def write_mcap(table: FrameTable, databases: Sequence[Database], out: BinaryIO) 
     writer.start(profile="", library="loaderhil")
     channels = {}
     for name, columns in decoded.items():
+        # every schema before the first sample: readers list the topics without reading the whole file
         schema = writer.register_schema(
             name=name, encoding="jsonschema", data=json.dumps(schema_of(columns)).encode()
         )
         channels[name] = writer.register_channel(topic=f"/{name}", message_encoding="json", schema_id=schema)
+    # across messages, in the order of time: players read a file from front to back and never sort
     for sequence, (name, at_ns, values) in enumerate(_samples(decoded, table)):
         data = json.dumps(values).encode()
         writer.add_message(channels[name], log_time=at_ns, publish_time=at_ns, data=data, sequence=sequence)
@@ -52,6 +55,7 @@ def schema_of(columns: Columns) -> dict[str, Any]:
     properties = {}
     for signal in columns.codec.layout:
         names = ", ".join(f"{value} {name}" for value, name in sorted(signal.choices.items()))
+        # JSON Schema has no keyword for units, so the unit is the first word of the description
         words = [f"[{signal.unit}]" if signal.unit else "", signal.comment, names]
         properties[signal.name] = {"type": "number", "description": " ".join(word for word in words if word)}
     return {
@@ -68,9 +72,11 @@ def _samples(decoded: dict[str, Columns], table: FrameTable) -> Iterator[tuple[s
     rows = np.concatenate([decoded[name].rows for name in names])
     which = np.repeat(np.arange(len(names)), [decoded[name].rows.size for name in names])
     place = np.concatenate([np.arange(decoded[name].rows.size) for name in names])
+    # by the table's stamps and not by its rows: a log of several channels need not be in order
     for k in np.argsort(table.time_ns[rows], kind="stable").tolist():
         columns, at = decoded[names[which[k]]], int(place[k])
         values = {signal: column[at] for signal, column in columns.signals.items()}
+        # NaN (v != v) is no JSON: the signal is left out. Flags and counters stay whole numbers
         present = {s: int(v) if float(v).is_integer() else float(v) for s, v in values.items() if v == v}
         yield names[which[k]], int(table.time_ns[rows[k]]), present
 
@@ -93,8 +99,10 @@ def export(
     from dbc.recordings.reading import read_frames
     from hil.rundir import BUS, writing
 
+    # not strict: a DBC of somebody else may have faults in messages that this recording does not hold
     databases = [Database.from_file(file, strict=False) for file in dbc or []]
     table = read_frames(recording / BUS if recording.is_dir() else recording)
+    # beside the target, so that the rename at the end stays on one file system: a cut export leaves no half file
     part = out.with_name(f".{out.name}.part")
     with writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)

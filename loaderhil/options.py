@@ -32,6 +32,7 @@ PayloadOption = Annotated[
 ]
 SeedOption = Annotated[
     int | None,
+    # 32 bits: what numpy's and Python's generators both take, and run.json keeps exactly
     typer.Option("--seed", min=0, max=2**32 - 1, help="Seed of the sensor noise; by default the scenario's."),
 ]
 FormOption = Annotated[
@@ -85,6 +86,7 @@ def checked_form(form: str) -> "Form":
     """The form of that name. Raises FormError."""
     from hil.ecu_side import FORMS  # loads the ECU, which hub and plant do not need
 
+    # looked up and not cast: the caller gets the literal type that `hil.ecu_side` asks for
     for known in FORMS:
         if known == form:
             return known

@@ -49,6 +49,7 @@ def plant(
     """
     from hil.shell.lean import without_mf4
 
+    # before anything that imports cantools, and with it python-can: hence the imports in two halves
     without_mf4()
 
     from hil.compose import Choice
@@ -57,6 +58,7 @@ def plant(
 
     choice = Choice(scenario=scenario, payload_kg=payload_kg, seed=seed, changes=tuple(changes or ()))
     realtime = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
+    # the lifeline is opened by `ending_of`: a supervisor learns of an error in the body as well
     raise typer.Exit(ending_of(lambda line: process.run(line, choice, bus, out, realtime)))
 
 
@@ -110,6 +112,7 @@ def hub(
     bit_rate: Annotated[
         int | None,
         typer.Option(
+            # 5 kbit/s is the slowest common CAN rate, 20 Mbit/s that of CAN XL: beyond them it is another unit
             "--bit-rate",
             min=5_000,
             max=20_000_000,
@@ -145,5 +148,6 @@ def hub(
     if status:
         raise typer.Exit(ending_of(lambda line: process.print_status(bus)))
     realtime = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
+    # both in one object: a data rate without a bit rate is refused there
     rates = process.BitRates(bit_rate, data_bit_rate)
     raise typer.Exit(ending_of(lambda line: process.run(line, bus, rates, realtime)))

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+# a process per processor: simulations of a campaign share nothing and never wait
 JobsOption = Annotated[
     int | None, typer.Option("--jobs", min=1, help="Number of processes; by default one per processor.")
 ]
@@ -15,6 +16,7 @@ def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
     app.command()(scenarios)
     app.command()(report)
+    # a group: each campaign writes another page, and their options have little in common
     campaign = typer.Typer(
         no_args_is_help=True, help="Run many simulations and write their results as one table."
     )
@@ -95,9 +97,11 @@ def campaign_prevention(
     from hil.results import write_junit
     from studies.campaigns.prevention import ending_of, run_campaign
 
+    # its arms are stored one by one, so that Ctrl-C loses only those that were running
     file, suite = run_campaign(out, runs=runs, seed=seed, jobs=jobs)
     ending = ending_of(suite)
     if junit is not None:
         write_junit(junit, "campaign prevention", [suite])
+    # the path alone, or JSON alone: both are read by scripts
     print(json_of("campaign prevention", ending, [suite], page=str(file)) if as_json else file)
     raise typer.Exit(ending)

@@ -114,6 +114,7 @@ def run(
     ] = None,
     foreign_ecu: ForeignEcuOption = None,
     foreign_plant: ForeignPlantOption = None,
+    # a real ECU boots within seconds; a minute leaves time to switch it on by hand
     wait_s: WaitOption = 60.0,
     routes: Annotated[
         Path | None,
@@ -159,6 +160,7 @@ def run(
     if machine is not None:
         # equipment and calibration that belong to the machine are taken with it
         choices = [choice.on(machine) for choice in choices]
+    # checked as a whole there: which addresses go together depends on --gateway and on what is external
     buses = Buses(
         gateway=gateway,
         plant=plant_bus,
@@ -172,13 +174,16 @@ def run(
     # lockstep has neither a gateway nor a bus on which an external node could be
     realtime = realtime or gateway or bool(buses.foreign)
     options = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
+    # refused and not ignored: who asks for a priority believes that the run had it
     if not realtime and options.words():
         raise typer.BadParameter(
             "applies to processes in real time only; add --realtime or --gateway",
             param_hint=options.words()[0],
         )
     output = Output(json=json_output, junit=junit)
+    # None means lockstep from here on down
     timed = options if realtime else None
+    # one run gets its figures in full, several share one table with a row each
     if len(choices) > 1:
         from loaderhil.several import report_runs
 
@@ -187,6 +192,7 @@ def run(
                 choices, out or Path("out"), realtime=timed, strict=strict, buses=buses, output=output
             )
         )
+    # a scenario may be a path; its folder has the name alone
     folder = out or Path("out") / Path(scenarios[0]).stem
     raise typer.Exit(
         report_run(choices[0], folder, realtime=timed, strict=strict, buses=buses, output=output)

@@ -36,6 +36,7 @@ def report_runs(
         result = run_with_progress(
             choice, folder, realtime=realtime, title=folder.name, buses=buses, quiet=output.json
         )
+        # judged at once: what is finished has its verdicts even if a later run ends the series
         done.append(conclude(folder.name, choice, folder, result))
         # Ctrl-C means the whole series, not only the current run
         if done[-1].ending is Ending.INTERRUPTED:
@@ -52,8 +53,10 @@ def report_runs(
 def _folders(choices: Sequence[Choice], out: Path) -> list[Path]:
     folders = [out / Path(choice.scenario).stem for choice in choices]
     for folder in folders:
+        # two files of one name in different folders meet here as well
         if folders.count(folder) > 1:
             raise ChoiceError(f"{folder.name} is given twice; a run directory holds one run")
+        # before the first run: a folder of the user's own must not be found out after an hour
         refuse_if_foreign(folder)
     # all files are read before the first run: a long series must not end at a misspelt key of its last scenario
     for choice in choices:
@@ -68,6 +71,7 @@ def summary(done: Sequence[Conclusion]) -> Table:
     table = Table(*headings, box=None, header_style="bold", pad_edge=False)
     for run in done:
         seen = run.seen
+        # a run that did not end well, or one of an external machine, has no truth to fill the row
         if seen is None:
             table.add_row(run.name, escape(run.reason))
             continue

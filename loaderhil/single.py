@@ -39,6 +39,7 @@ class Output:
 
     def give(self, conclusions: Sequence[Conclusion], *, strict: bool) -> Ending:
         """Write the results where they were asked for. Returns the exit code of all runs."""
+        # once for all forms: exit code, JSON and JUnit must not differ
         ending = ending_of(conclusions, strict=strict)
         suites = [suite_of(each, strict=strict) for each in conclusions]
         if self.junit is not None:
@@ -77,6 +78,7 @@ def _print_run(concluded: Conclusion) -> None:
     table = two_columns()
     if concluded.seen is not None:
         add_roll_over_rows(table, [concluded.seen])
+    # lockstep computes on a virtual clock; its times say nothing of the computer
     if run.record.mode == "realtime":
         timing = timing_of(run)
         add_timing_rows(table, [timing])
@@ -93,6 +95,7 @@ def _print_run(concluded: Conclusion) -> None:
 def print_late_messages(run: RunDirectory) -> None:
     """Print the messages that were not in time, those with the most events first."""
     kept = run.record.punctuality
+    # messages in time are in the report; a table of forty good rows would hide the bad one
     late = [one for one in kept.messages if one.verdict.events] if kept else []
     if not kept or not late:
         return
@@ -108,6 +111,7 @@ def print_late_messages(run: RunDirectory) -> None:
 def print_faults(faults: Sequence[Injected]) -> None:
     """Print the injected faults, one line each."""
     for fault in faults:
+        # a fault without an end, or one that the end of the run cut off
         until = "the end" if fault.ended_s is None else f"{fault.ended_s:.2f} s"
         affected = f"{fault.struck} frames" if fault.struck else "no frame"
         console.print(
@@ -122,6 +126,7 @@ def print_verdicts(verdicts: Sequence[Verdict], of: str = "") -> None:
     for verdict in verdicts:
         colour = COLOUR[verdict.result]
         console.print(
+            # 12: the longest result, INCONCLUSIVE, so that the questions stand below one another
             f"[{colour}]{verdict.result.value:<12}[/] {run}{escape(verdict.question)}: {escape(verdict.reason)}",
             soft_wrap=True,
         )

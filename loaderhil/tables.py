@@ -18,6 +18,7 @@ def show_scenarios(files: Sequence[Path]) -> None:
     """Print the scenarios of loaderhil, or those in `files`: content and requirements of each."""
     table = Table("scenario", "what happens", box=None, header_style="bold", pad_edge=False)
     table.columns[0].no_wrap = True
+    # loading is the check: a faulty file ends here with its line and key
     for scenario in [load_scenario(file) for file in files] if files else list_scenarios():
         needs = f"[dim]{scenario.duration_s:g} s, {escape(_needs(scenario))}[/]"
         table.add_row(f"{escape(scenario.name)}\n{needs}", escape(scenario.sentence))
@@ -47,10 +48,12 @@ def add_roll_over_rows(table: Table, runs: Sequence[RunVerdict]) -> None:
         "first warning": lambda run: seconds_text(run.warned_s),
         "warning before lift-off": lambda run: seconds_text(run.lead_s),
         "rolls over (45°) at": lambda run: seconds_text(run.rolled_over_s),
+        # true angles and loads of the plant: estimates of the ECU are in the report
         "largest roll angle": lambda run: f"{run.largest_roll * 57.2958:.1f}°",
         "smallest wheel load": lambda run: f"{100 * run.margin:.0f} % of static load",
         "largest load-transfer ratio": lambda run: f"{run.largest_load_transfer:.2f}",
     }
+    # the same rows for every run, empty ones too: columns of two runs can be compared line by line
     for name, cell in rows.items():
         table.add_row(name, *(cell(run) for run in runs))
 
@@ -67,6 +70,7 @@ def seconds_text(value: float | None) -> str:
 
 def add_timing_rows(table: Table, timings: Sequence[Timing]) -> None:
     """Add the timing of the processes, one column per run."""
+    # of an external node only the frames are known; its cells show a dash
     for process in ("plant", "ecu"):
         table.add_row(
             f"{process}: delay of tick start, p50 / p99",
@@ -95,6 +99,7 @@ def _longest_wait(shares: Mapping[str, float]) -> str:
 def add_memory_rows(table: Table, vitals: Vitals | None) -> None:
     """Add the resident memory of each process: at its start, at its end, and the growth [MiB]."""
     for life in vitals.lives if vitals else ():
+        # a process that grows in a run of seconds fails in one of days
         start, end = life.start_bytes / 2**20, life.end_bytes / 2**20
         table.add_row(
             f"{life.process}: memory, start / end", f"{start:.1f} / {end:.1f} MiB ({end - start:+.1f})"
@@ -110,6 +115,7 @@ def add_hop_rows(table: Table, timings: Sequence[Timing]) -> None:
 def _spread(spread: Spread | None) -> str:
     if spread is None or spread.count == 0:
         return "–"
+    # median and p99: the mean hides the rare late tick that a deadline is about
     return f"{spread.median * 1e-6:.2f} / {spread.p99 * 1e-6:.2f} ms"
 
 

@@ -42,6 +42,7 @@ def compare(
     chosen = Tolerances.from_file(tolerances, loader_database()) if tolerances else Tolerances()
     found = compared(RunDirectory.read(first), RunDirectory.read(second), chosen)
     results = {each.result for each in found}
+    # failed before inconclusive: a known difference is worth more than an open question
     ending = (
         Ending.FAILED
         if Result.FAILED in results
@@ -52,6 +53,7 @@ def compare(
     suite = Suite(name=f"{first} and {second}", cases=tuple(Case.of(each.verdict) for each in found))
     if junit is not None:
         write_junit(junit, "compare", [suite])
+    # the page before the terminal: with --json it is still written
     file = write_page(page((str(first), str(second)), found), out)
     if json_output:
         print(as_json("compare", ending, [suite]))

@@ -17,6 +17,7 @@ from testbench.conform.evidence import Evidence
 from testbench.conform.requirements import Requirement
 from testbench.restbus.generators import Generator
 
+# Addresses of buses; everything else is a path. A file of such a name can be given as ./hub:x.
 SCHEMES = ("hub:", "socketcan:", "virtual:")
 
 
@@ -80,6 +81,7 @@ def conform(
     if source.startswith(SCHEMES):
         from testbench.restbus.values import values_for
 
+        # a recording needs no values: nothing is sent
         generators = values_for(dbc, values).generators
         evidence = _live(source, database, node, generators, lose or [], steady_s, wait_s, out)
     else:
@@ -113,10 +115,12 @@ def _live(
     from testbench.conform.live import keep, watch
     from testbench.conform.session import Session
 
+    # before the bus is opened: a test of seconds would end with nothing lost
     if unknown := [name for name in lose if name not in database.by_name]:
         raise ConformError(f"--lose {unknown[0]}: {database.source} has no such message")
 
     def notify(text: str) -> None:
+        # standard error: standard output may be JSON
         print(f"loaderhil: {text}", file=sys.stderr)
 
     try:
@@ -137,6 +141,7 @@ def _live(
                 f"{node} sent none of its messages on {bus} within {wait_s:g} s: is it powered, and on this bus?"
             )
         raise typer.Exit(Ending.PEER_DIED if watched.ended == "absent" else Ending.INTERRUPTED)
+    # kept before it is judged: a defect of the judgement must not cost the record
     keep(session, watched.bench, out)
     return session.evidence(watched.bench)
 

@@ -27,5 +27,6 @@ def database_of(dbc: Path, protection: Path | None) -> Database:
     """The DBC with the user's protections in it."""
     database = Database.from_file(dbc)
     if protection is not None:
+        # after the DBC's own: what the user says of a message replaces what its attributes say
         database.protect_with(read_protections(protection))
     return database

@@ -39,6 +39,7 @@ def restbus(
 
     database, chosen = database_of(dbc, protection), values_for(dbc, values)
     RestBus(database, node, chosen.generators)  # a mistake is reported before the bus is opened
+    # a service has no standard input, or a closed one: the bus then runs by its script alone
     typed = None if sys.stdin is None or sys.stdin.closed else sys.stdin.fileno()
     raise typer.Exit(
         ending_of(

@@ -68,7 +68,9 @@ def verify(
 
     choice = Choice(scenario=scenario, expect=tests) if scenario else Choice(scenario=str(tests))
     chosen = mutants(only or [], effect or [], at_s)
+    # transient: the bar disappears, and the list of results begins at the left edge
     with Progress(console=Console(stderr=True), transient=True) as progress:
+        # one more than mutants: the run without any comes first
         task = progress.add_task("without any mutant", total=len(chosen) + 1)
         outcomes = list(
             verified(
@@ -77,6 +79,7 @@ def verify(
                 lambda mutant, number: progress.update(task, description=mutant.name, completed=number + 1),
             )
         )
+    # open ones are not missed: an expectation that cannot be judged ends `run` with exit code 5, which is noticed
     missed = [each for each in outcomes if each.result is Result.FAILED]
     ending = Ending.FAILED if len(missed) > permit else Ending.PASSED
     suite = Suite(name=str(tests), cases=tuple(Case.of(each.verdict, decides=False) for each in outcomes))
