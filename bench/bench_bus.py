@@ -45,7 +45,9 @@ from bus.socketcan.link import can_interfaces
 from bus.ticks import Ticks
 
 STAMP = struct.Struct("=q")
+# Slow enough that no frame waits for another: latency, not throughput.
 PACE_NS = 1_000_000
+# 16 frames every 4 ms: 4000 frames/s, a full bus of 500 kbit/s, in bursts as a machine sends them.
 BURST = 16
 BURST_NS = 4_000_000
 END = 0x7FF
@@ -68,6 +70,7 @@ def paced(send: Callable[[bytes], object], frames: int) -> None:
         os.set_blocking(ticks.fileno(), True)
         for _ in range(frames):
             ticks.expired()
+            # the time of sending is the content of the frame: no second channel between the processes is needed
             send(STAMP.pack(time.monotonic_ns()))
 
 
@@ -76,6 +79,7 @@ def receive_raw(pipe: Connection, end: socket.socket, frames: int) -> None:
     late = []
     for _ in range(frames):
         data = end.recv(packet.SIZE)
+        # the monotonic clock is one for all processes of a computer
         late.append(time.monotonic_ns() - STAMP.unpack_from(data)[0])
     pipe.send(late)
 
@@ -125,6 +129,7 @@ def latency_relay(path: str, frames: int) -> list[int]:
     near, middle = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
     onward, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
     with near, middle, onward, far:
+        # the receiver first: the relay must not block on a full socket
         receiver, pipe = in_process(receive_raw, far, frames)
         relay, relay_pipe = in_process(relay_raw, middle, onward, frames)
         pipe.recv(), relay_pipe.recv()
@@ -179,6 +184,7 @@ def receive_ours(pipe: Connection, address: str) -> None:
 
         with open_transport(address) as transport:
             reader = asyncio.create_task(reading(transport.fileno(), receive))
+            # lets the reader task register its descriptor before the sender begins
             await asyncio.sleep(0)
             pipe.send("ready")
             before = time.process_time()
@@ -200,6 +206,7 @@ def receive_theirs(pipe: Connection, interface: str, channel: str) -> None:
             pipe.send("ready")
             before = time.process_time()
             while (message := await reader.get_message()).arbitration_id != END:
+                # plain numbers, as ours: names of value tables would cost cantools more
                 database.decode_message(message.arbitration_id, message.data, decode_choices=False)
                 count += 1
             used = time.process_time() - before
@@ -228,6 +235,7 @@ def cpu_per_frame(address: str, receiver: Callable[..., object], *arguments: obj
         process.join()
     if count != sent:
         print(f"  {receiver.__name__} on {address.partition(':')[0]}: {sent - count} of {sent} frames lost")
+    # per frame received, not sent: a receiver that loses frames must not look cheaper
     return seconds / count * 1e6
 
 
@@ -258,6 +266,7 @@ def main() -> None:
         pipe.recv()
         try:
             latencies(path, chosen.rounds, chosen.frames)
+            # fewer and longer rounds: processor time is counted in ticks of 10 ms
             receive_path(path, max(chosen.rounds // 3, 1), 24 * chosen.frames)
         finally:
             hub.terminate()
@@ -274,6 +283,7 @@ def latencies(path: str, rounds: int, frames: int) -> None:
     p50: dict[str, list[float]] = {name: [] for name in arms}
     p99: dict[str, list[float]] = {name: [] for name in arms}
     for _ in range(rounds):
+        # all arms in every round: a busy moment of the computer hits all of them
         for name, measure in arms.items():
             median, tail = quantiles_us(measure(path, frames))
             p50[name].append(median)
@@ -288,6 +298,7 @@ def latencies(path: str, rounds: int, frames: int) -> None:
 
 def receive_path(path: str, rounds: int, frames: int) -> None:
     buses = {"hub": (f"hub:{path}", "loaderhil", path)}
+    # many kernels of virtual machines have no vcan; the hub is measured everywhere
     if "vcan0" in can_interfaces():
         buses["SocketCAN"] = ("socketcan:vcan0", "socketcan", "vcan0")
     print(

@@ -19,6 +19,7 @@ from dbc import FOLDER, loader_database
 from dbc.binding import Binding
 
 FRAMES = 2000
+# Odd, so that the median is one of the measured values.
 REPEATS = 15
 
 
@@ -38,14 +39,17 @@ def main() -> int:
     for i in range(FRAMES):
         codec = list(ours.by_name.values())[i % len(ours.by_name)]
         message = theirs.get_message_by_name(codec.name)
+        # random content: constant bytes would favour whoever caches
         data = bytes(rng.integers(0, 256, codec.length, np.uint8))
         values = message.decode(data, decode_choices=False)
         # encoded from the decoded values, so that both directions are measured on the same frame
         data = message.encode(values, strict=False)
         rows["decode"].append((codec, data))
         rows["peer decode"].append((message, data))
+        # each side gets values in its own form: a tuple in the DBC's order here, a dict by name there
         rows["encode"].append((codec, tuple(values.values())))
         rows["peer encode"].append((message, values))
+    # what the plant's and the ECU's loops call: a codec bound to the SI units of their signals
     articulation = Binding(
         ours.by_name["Articulation"],
         {"ArticulationAngle": "rad", "ArticulationRate": "rad/s", "SampleSequence": "1", "State": "1"},

@@ -16,6 +16,7 @@ from discrepancy.estimation.problem import Problem
 from discrepancy.models.loader import model as loader
 from discrepancy.selection.state import Settings
 
+# Nothing costs one screen, each effect a search more: the three rows bound the usual cost.
 HIDDEN = (
     (),
     ("payload_mass",),
@@ -29,12 +30,14 @@ def measured(arm: Arm) -> str:
         record(arm, Path(folder) / "run")
         recording = loader.load_run(Path(folder) / "run")
     model = loader.model([recording])
+    # made before the clock starts: reading and cutting the recording is no simulation
     problem = Problem(model, [recording])
     started, used = time.perf_counter(), time.process_time()
     found = judge(problem, Settings()).findings
     seconds, processor = time.perf_counter() - started, time.process_time() - used
     values, floor = problem.start(), time.process_time()
     for i in range(5):
+        # another mass each time: the last predictions are kept, and a repeated one would cost nothing
         problem.predict(values.having(rear_mass=float(i + 1)))
     floor = (time.process_time() - floor) / 5 * found.simulations
     named = ", ".join(found.named) or found.status

@@ -24,11 +24,13 @@ def measured(minutes: float, seed: int) -> tuple[float, float, int]:
     start = time.perf_counter()
     found = judge(Problem(model(), [recording]), Settings()).findings
     seconds = time.perf_counter() - start
+    # a new problem: the old one holds predictions of its search
     bare = Problem(model(), [recording])
     values = bare.start()
     start = time.perf_counter()
     for _ in range(20):
         bare.predict(values)
+    # the floor: what the simulations alone would take; the rest is linear algebra and bookkeeping
     return seconds, (time.perf_counter() - start) / 20 * found.simulations, found.simulations
 
 

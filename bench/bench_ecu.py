@@ -25,8 +25,10 @@ from hil.compose import Choice, plant_unit
 from studies.campaigns.ablation import inputs_of
 
 TICKS = 1500
+# Two seconds: the ECU is in RUNNING, filters have settled, every branch has been taken once.
 WARM = 200
 ROWS = 200_000
+# Called from Python a row costs more: fewer rows give the same precision.
 PLAIN_ROWS = 5_000
 REPEATS = 5
 PERIOD_NS = 10_000_000
@@ -43,6 +45,7 @@ def cycles(frames, *, collecting=True):
     ecu = EcuCycle(load_calibration())
     ecu.warm_up()
     gc.collect()
+    # as the process does: objects of the start are never looked at again by the collector
     gc.freeze()
     if not collecting:
         gc.disable()
@@ -52,7 +55,9 @@ def cycles(frames, *, collecting=True):
         start, worked = time.perf_counter_ns(), time.thread_time_ns()
         for frame in sent:
             ecu.receive(frame, now)
+        # half a period after the frames, as in lockstep: their age is then that of real traffic
         ecu.tick(now + PERIOD_NS // 2)
+        # both clocks: the wall shows what a deadline sees, the thread's what the code costs
         times.append((time.perf_counter_ns() - start, time.thread_time_ns() - worked))
     gc.enable()
     gc.unfreeze()
@@ -79,12 +84,14 @@ def main() -> int:
     for name, collecting in (("collector on", True), ("collector off", False)):
         runs = np.array([cycles(frames, collecting=collecting) for _ in range(REPEATS)])
         for kind, found in (("clock", runs[:, :, 0]), ("processor", runs[:, :, 1])):
+            # percentiles within a run, then their spread over runs: pooled, one slow run would hide in the tail
             cells = [spread(np.percentile(found, q, axis=1)) for q in (50, 99, 100)]
             print(f"| {name}, {kind} | {' | '.join(cells)} |")
     print()
 
     parameters = load_calibration().parameters
     some = inputs(frames)
+    # the drive repeated: estimators with states see real transitions, not constants
     rows = np.tile(some, (ROWS // len(some) + 1, 1))[:ROWS]
     for prediction in (True, False):
         estimate_columns(rows[:10], parameters, prediction=prediction)

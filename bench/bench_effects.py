@@ -18,6 +18,7 @@ from plant.plant import Commands, Plant
 from plant.sheets.machine import load_machine
 
 COMMANDS = Commands(wheel_torque=(500.0,) * 4)
+# Effects that leave the motion nearly as it is: contact and slip, and so the cost of a step, stay comparable.
 CALM = (
     "camber_thrust",
     "brake_drag",
@@ -34,6 +35,7 @@ def variants():
     prepared = [
         item
         for item in known.values()
+        # these only change parameters: no code of theirs runs in a step
         if python_hook(item, "prepare") is not None and not compiled_hooks(item)
     ]
 
@@ -73,6 +75,7 @@ def main() -> None:
         "| switched on | us per step | range | x plain, median of pairs | range |\n| --- | ---: | ---: | ---: | ---: |"
     )
     for name, times in spent.items():
+        # pairs of one round: both ran under the same load of the computer
         ratio = [a / b for a, b in zip(times, spent["plain"], strict=True)]
         print(
             f"| {name} | {statistics.median(times):.2f} | {min(times):.2f}..{max(times):.2f} "

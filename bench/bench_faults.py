@@ -21,7 +21,9 @@ from hil.wire import Wire
 
 ROUNDS, FRAMES, TICKS = 7, 40_000, 1_000
 PERIOD_NS = 10_000_000
+# A fault that never matches: what a bench pays for having the injector at all.
 OTHERS = [{"kind": "drop", "message": "Limits"}]
+# One of each way to treat a frame: away, later, other content, other content with a right CRC, random time.
 FIVE = [
     {"kind": "drop", "message": "WheelSpeeds", "probability": 0.1},
     {"kind": "delay", "message": "BodyRates", "delay_ms": 5.0},
@@ -46,6 +48,7 @@ def wrap(side, frame, now_ns):
 def per_frame_us(pass_frame):
     frames = [Frame(codec.can_id, bytes(codec.length)) for codec in MACHINE]
     start = time.perf_counter_ns()
+    # messages in turn, as on the bus: a single identifier would stay in every cache
     for n in range(FRAMES // len(frames)):
         for frame in frames:
             pass_frame("plant", frame, n * PERIOD_NS)
@@ -66,6 +69,7 @@ def rows(cases, measure):
     found = {name: [] for name in cases}
     for _ in range(ROUNDS):
         for name, make in cases.items():
+            # made anew: an injector keeps random states and queues
             found[name].append(measure(make()))
     floor = statistics.median(next(iter(found.values())))
     for name, times in found.items():

@@ -36,6 +36,7 @@ START_NS = 1_795_000_000_000_000_000  # a wall clock of 2026: BLF and MF4 store 
 def frames_of_a_bus(count: int) -> list[Frame]:
     """Frames of 8 random bytes under 20 extended identifiers, evenly spaced."""
     rng = np.random.default_rng(1)
+    # random bytes: BLF and MF4 compress, and zeros would cost nothing
     content = rng.integers(0, 256, (count, 8), np.uint8)
     return [
         Frame(EXTENDED | (0x18FF0000 + i % 20), content[i].tobytes(), at_ns=START_NS + i * PERIOD_NS)
@@ -60,6 +61,7 @@ def write_theirs(path: Path, messages: list[can.Message]) -> None:
 
 def processor_seconds(work: Callable[[int], object], round_: int) -> float:
     """Processor time of one call, which gets the number of its round."""
+    # processor time: waiting for the disk belongs to no writer
     start = time.process_time()
     work(round_)
     return time.process_time() - start
@@ -93,6 +95,7 @@ def main() -> int:
             "read .log": (lambda _: read_frames(log), lambda _: sum(1 for _ in can.CanutilsLogReader(log)))
         }
         for suffix in SUFFIXES:
+            # a file of its own per round: overwriting truncates, which is cheaper than growing
             arms[f"write {suffix}"] = (
                 lambda n, s=suffix: write_ours(Path(folder, f"ours{n}{s}"), batches),
                 lambda n, s=suffix: write_theirs(Path(folder, f"theirs{n}{s}"), messages),
@@ -101,6 +104,7 @@ def main() -> int:
             ours(ROUNDS)  # the first call imports and compiles
             pairs = [(processor_seconds(ours, n), processor_seconds(theirs, n)) for n in range(ROUNDS)]
             own, peer = ([seconds / FRAMES * 1e6 for seconds in times] for times in zip(*pairs, strict=True))
+            # from pairs, not from medians: the load of the computer changes between rounds
             ratios = [b / a for a, b in pairs]
             print(
                 f"{name:11s} {spread(own)}, python-can {spread(peer).replace(' us/frame', '')}: "

@@ -40,6 +40,7 @@ from hil.faults.control import ask
 RATE = 40_000
 TICK_NS = 1_000_000
 BURST = RATE * TICK_NS // 1_000_000_000
+# The relay's start-up (imports, first allocations) must not fall into the measured time.
 SETTLE_S = 1.0
 PAUSE_S = 0.002
 QUIET_MS, START_MS = 5_000, 60_000
@@ -54,6 +55,7 @@ def frames_in_turn() -> list[Frame]:
     codecs = [c for c in loader_database().by_name.values() if c.senders == ("Machine",)]
     protectors = {c.name: Protector(c) for c in codecs if c.e2e_data_id is not None}
     frames = []
+    # 15 turns: alive counters run from 0 to 14 (E2E profile 1), so that the sequence can be repeated without a jump
     for turn in range(15):
         for codec in codecs:
             data = bytes([0, 0, *([turn] * (codec.length - 2))])
@@ -63,6 +65,7 @@ def frames_in_turn() -> list[Frame]:
 
 
 def serve_hub(path: str) -> None:
+    # Ctrl-C goes to the whole group: the hub has to outlive what is on it
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with Hub(path) as hub:
         signal.signal(signal.SIGTERM, lambda *_: hub.stop())
@@ -72,10 +75,12 @@ def serve_hub(path: str) -> None:
 def relay_raw(source: str, sink: str) -> None:
     """Pass records from one hub to another without decoding them."""
     with HubTransport(source, name="relay") as near, HubTransport(sink, name="relay") as far:
+        # the transports only say hello; then their sockets are used bare
         receiver = socket.socket(fileno=os.dup(near.fileno()))
         sender = socket.socket(fileno=os.dup(far.fileno()))
         receiver.setblocking(True)
         sender.setblocking(True)
+        # as many records at once as the gateway reads: the floor is a good relay, not a bad one
         while records := receiver.recv(64 * packet.SIZE):
             sender.sendall(records)
 
@@ -87,6 +92,7 @@ def receive(path: str, file: Path, count: int) -> None:
     with HubTransport(path, name="sink") as bus:
         poll = select.poll()
         poll.register(bus.fileno(), select.POLLIN)
+        # ended by silence: a lost frame must not hang the benchmark
         while n < count and poll.poll(QUIET_MS if n else START_MS):
             for frame in bus.drain(1024):
                 stamps[n] = frame.at_ns
@@ -105,8 +111,10 @@ def send(path: str, count: int) -> np.ndarray:
     with HubTransport(path, name="source") as bus, Ticks(TICK_NS) as ticks:
         os.set_blocking(ticks.fileno(), True)
         while n < count:
+            # after a missed tick two bursts at once, so that the mean rate holds
             due = min(BURST * ticks.expired(), count - n)
             for frame in islice(frames, due):
+                # before it is handed over: a refusal counts as latency
                 stamps[n] = time.monotonic_ns()
                 # a refused frame is offered again: a lost one would make it unknown which frame is which
                 while not bus.send(frame):
@@ -146,6 +154,7 @@ def measure(arm: str, folder: Path, seconds: float) -> dict[str, object]:
         process = FORK.Process(target=relay_raw, args=(source, sink), daemon=True)
         process.start()
         relay, end = process, process.join
+    # the hubs know when everybody has joined; a fixed wait would be too short or too long
     while not (hub_status(source).clients and len(hub_status(sink).clients) == 2):
         time.sleep(0.05)
     time.sleep(SETTLE_S)
@@ -153,8 +162,10 @@ def measure(arm: str, folder: Path, seconds: float) -> dict[str, object]:
     memory: list[float] = []
     before_s = processor_s(relay.pid)
     parent, child = FORK.Pipe(duplex=False)
+    # a process of its own: the sender's 40 000 calls a second must not share an interpreter with this one
     sender = FORK.Process(target=lambda: child.send(send(source, count)), daemon=True)
     sender.start()
+    # after a tenth every buffer has been filled once; memory that grows later is a leak
     time.sleep(seconds / 10)
     memory.append(resident_mib(relay.pid))
     results.append(parent.recv())
@@ -174,6 +185,7 @@ def measure(arm: str, folder: Path, seconds: float) -> dict[str, object]:
     if arrived.size < count:  # which frame is which is unknown once one is missing
         late = np.full(SLICES, np.nan)
     return {
+        # percentiles by slice of time: their spread shows whether the tail is one moment or the rule
         "slices": [np.percentile(part, (50, 99)) for part in np.array_split(late, SLICES)],
         "rate": count / ((sent[-1] - sent[0]) * 1e-9),
         "missing": count - arrived.size,

@@ -27,6 +27,7 @@ from bus.hub.client import HubTransport, hub_status
 from bus.ticks import Ticks
 
 PACE_NS = 1_000_000
+# The least bus that has to copy: one frame in, two out.
 READERS = 2
 SETTLE_S = 5
 TICK_S = 1 / os.sysconf("SC_CLK_TCK")
@@ -51,12 +52,14 @@ class Load:
     @property
     def growth_kib(self) -> int:
         """How much the memory rose after the start; 0 if the run was too short to say."""
+        # one value per second, so that an index is a time
         settled = self.memory_kib[SETTLE_S:]
         return max(settled) - settled[0] if settled else 0
 
 
 def cpu_s(pid: int) -> float:
     """Processor time that a process has used so far."""
+    # after the last bracket: the name of a process may hold spaces and brackets (proc(5))
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) * TICK_S
 
@@ -79,6 +82,8 @@ def read_hub(pipe: Connection, path: str) -> None:
                 if not frame.data:
                     pipe.send((count, disordered))
                     return
+                # against the count, not against the number before: after one lost frame every later one is out of
+                # order
                 disordered += int.from_bytes(frame.data, "little") != count
                 count += 1
 
@@ -113,6 +118,7 @@ def paced(send: Callable[[Frame], object], rate: int, seconds: float, each_secon
             if (passed + expired) * PACE_NS // 1_000_000_000 > passed * PACE_NS // 1_000_000_000:
                 each_second()
             passed += expired
+            # up to where the rate should be: a late tick sends the missed ones as well
             while number < min(passed, ticks_planned) * per_tick:
                 send(Frame(0x100, number.to_bytes(8, "little")))
                 number += 1
@@ -132,10 +138,13 @@ def load_hub(rate: int, seconds: float) -> Load:
         with HubTransport(path) as transport:
             before_s = cpu_s(hub.pid or 0)
             sent = paced(transport.send, rate, seconds, lambda: memory.append(memory_kib(hub.pid or 0)))
+            # refused by a full queue: lost as well, but on the sender's side
             refused = transport.statistics().dropped_out
+            # the hub's own count: processor time is read when it has taken everything
             while hub_status(path).clients[-1].sent < sent - refused:
                 time.sleep(0.01)
             used_s = cpu_s(hub.pid or 0) - before_s
+            # a frame without a number ends the readers; it must not be lost, hence the repeats
             while not transport.send(Frame(0x100, b"")):
                 time.sleep(0.01)
             results = [pipe.recv() for _, pipe in readers]
@@ -156,6 +165,7 @@ def load_floor(rate: int, seconds: float) -> Load:
     readers = [in_process(read_bytes_alone, near, middle, pairs, number) for number in range(READERS)]
     for _, pipe in readers:
         pipe.recv()
+    # a copy here would keep the sockets open, and the readers would wait for ever
     for end in (middle, *(end for pair in pairs for end in pair)):
         end.close()
     memory: list[int] = []
@@ -217,6 +227,7 @@ def main() -> None:
     )
     hub, floor = [], []
     for _ in range(chosen.rounds):
+        # floor and hub in turn, in every round: both see the same load
         floor.append(load_floor(chosen.rate, 4).cpu_us)
         hub.append(load_hub(chosen.rate, 4).cpu_us)
     print("\n| CPU of the middle | us/frame | range | x floor |\n|---|---|---|---|")

@@ -25,6 +25,7 @@ def main() -> None:
     start = first_stage(ready)
     problem = problem_of(ready).held_at(start)
     sizes = [t.force_sd for t in problem.traces]
+    # white noise of known size: the peer has no model of coloured noise, and costs must be comparable
     noise = Noise(
         [Whitener(np.zeros((0, 1, 1)), np.array([[1.0 / s]])) for s in sizes],
         [t.kept.astype(float) for t in problem.traces],
@@ -44,6 +45,7 @@ def main() -> None:
         return np.concatenate(rows)
 
     low, high = np.array([u.lower for u in unknowns]), np.array([u.upper for u in unknowns])
+    # scipy's trust region needs a start inside its bounds, not on them
     x = np.clip(
         [start.get(u.name, u.start) for u in unknowns], low + 1e-9 * (high - low), high - 1e-9 * (high - low)
     )
@@ -59,6 +61,7 @@ def main() -> None:
         max_nfev=60,
     )
     plain_s = time.process_time() - began
+    # the same function for both, so that the costs can be compared
     cost = float(np.sum(residual(np.array([ours.values[u.name] for u in unknowns])) ** 2))
     print(f"{len(problem.traces)} runs, {len(unknowns)} unknowns, {plain.fun.size} rows")
     print(

@@ -29,6 +29,7 @@ class Timed:
         self._parts = parts
         self.spent = dict.fromkeys(parts.values(), 0.0)
 
+    # by name, so that plant and ECU need not know of it
     def __getattr__(self, name):
         found = getattr(self._inner, name)
         if name not in self._parts:
@@ -53,6 +54,7 @@ def whole_run(scenario):
     """x real time by the wall clock and by processor time."""
     bench = Lockstep(*sides(scenario))
     wall, processor = time.perf_counter(), time.thread_time()
+    # a row of truth per tick of 10 ms
     simulated = len(bench.run().truth) * 0.01
     return simulated / (time.perf_counter() - wall), simulated / (time.thread_time() - processor)
 
@@ -66,6 +68,7 @@ def parts(scenario):
     ticks = len(Lockstep(plant, ecu).run().truth)
     total = time.thread_time() - start
     spent = plant.spent | ecu.spent
+    # the difference: timing these calls as well would add the clock's own cost to each
     spent["wire and recording"] = total - sum(spent.values())
     return {name: seconds / ticks * 1e6 for name, seconds in spent.items()}
 

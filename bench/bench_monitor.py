@@ -43,6 +43,7 @@ WARM_UP = 2_000
 LOG = 10
 """The log is that many times as long as what is sent on a bus."""
 MONITOR = (sys.executable, "-m", "loaderhil", "monitor")
+# For a tool to print what it has, and for buffers of pipes to drain.
 SETTLE_S = 1.0
 
 
@@ -123,8 +124,10 @@ def run(tool: Tool, place: Place, frames: int, rate: int) -> tuple[float, int]:
     """CPU time of a tool per frame [us], and how many frames it did not print."""
     ours, theirs = pty.openpty() if tool.terminal else os.pipe()
     if tool.terminal:
+        # a table draws what fits: the same window for all
         termios.tcsetwinsize(theirs, (24, 80))
     before = place.listening()
+    # curses takes the size from these where the terminal does not say it
     environment = {**os.environ, "TERM": "xterm", "LINES": "24", "COLUMNS": "80"}
     process = subprocess.Popen(
         tool.command,
@@ -135,8 +138,10 @@ def run(tool: Tool, place: Place, frames: int, rate: int) -> tuple[float, int]:
     )
     os.close(theirs)
     counts = [0]
+    # somebody has to read: a full pipe would hold the tool up, and measure us
     reader = threading.Thread(target=read_away, args=(ours, counts))
     reader.start()
+    # frames that come before a tool listens would count as lost
     while place.listening() <= before:
         if process.poll() is not None:
             raise SystemExit(f"{' '.join(tool.command)} ended early, exit code {process.returncode}")
@@ -160,6 +165,7 @@ def run(tool: Tool, place: Place, frames: int, rate: int) -> tuple[float, int]:
 
 def cpu_ns(pid: int) -> int:
     """CPU time of a process so far, all its threads."""
+    # in nanoseconds; /proc/PID/stat counts ticks of 10 ms, too coarse for a second of work
     return sum(int(task.read_text().split()[0]) for task in Path(f"/proc/{pid}/task").glob("*/schedstat"))
 
 
@@ -228,6 +234,7 @@ def seconds(command: tuple[str, ...], log: Path) -> float:
         process = subprocess.Popen(
             [word.format(log) for word in command], stdin=file, stdout=subprocess.DEVNULL
         )
+        # wait4 gives the times of this one child; getrusage sums those of all
         _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
@@ -237,6 +244,7 @@ def seconds(command: tuple[str, ...], log: Path) -> float:
 
 def vcan_listeners() -> int:
     """Receivers of vcan0 in the kernel."""
+    # the kernel's own list: python-can's tools have no other sign that they listen
     lists = Path("/proc/net/can").glob("rcvlist_*")
     return sum(line.split()[:1] == ["vcan0"] for each in lists for line in each.read_text().splitlines())
 

@@ -28,8 +28,10 @@ from plant.plant import Commands, Plant
 from plant.sheets.machine import Machine, load_machine
 from tests.plant.oracle.loader import MujocoLoader, mjcf
 
+# Of the drive case `loaded`.
 PAYLOAD = 3204.0
 COMMANDS = Commands(wheel_torque=(500.0,) * 4)
+# kv: stiff enough that the joints stand still, as our cylinders do
 ACTUATORS = "".join(f'<velocity joint="{name}" kv="1e9"/>' for name in ("articulation", "lift", "tilt"))
 
 
@@ -40,9 +42,11 @@ def tyres_in_mujoco(wheels, xpos, xmat, cvel, com, p, slips, step, out, xfrc):
     motion = np.empty(6)
     for i in range(4):
         body = wheels[i]
+        # wheel centre, and axle along the wheel's y
         c, a = xpos[body], xmat[body].reshape(3, 3)[:, 1].copy()
         w, v = cvel[body, :3], cvel[body, 3:]
         motion[:3] = w
+        # MuJoCo's cvel is at the centre of mass of the whole tree; ours is at the origin of the world
         motion[3] = v[0] - w[1] * com[2] + w[2] * com[1]
         motion[4] = v[1] - w[2] * com[0] + w[0] * com[2]
         motion[5] = v[2] - w[0] * com[1] + w[1] * com[0]
@@ -51,10 +55,12 @@ def tyres_in_mujoco(wheels, xpos, xmat, cvel, com, p, slips, step, out, xfrc):
         wheel_contact(
             block, p[P_FRICTION], 0.0, c, height, a, normal, motion, slips[0, i], slips[1, i], step, out[i]
         )
+        # relaxation of the tyre: MuJoCo has no states of ours, so they are integrated here
         slips[0, i] += step * out[i, s.T_KAPPA_RATE]
         slips[1, i] += step * out[i, s.T_TAN_ALPHA_RATE]
         f, m = out[i, s.T_WRENCH + 3 : s.T_WRENCH + 6], out[i, s.T_WRENCH : s.T_WRENCH + 3]
         xfrc[body, :3] = f
+        # from the origin of the world to the wheel's centre, where MuJoCo applies it
         xfrc[body, 3] = m[0] - c[1] * f[2] + c[2] * f[1]
         xfrc[body, 4] = m[1] - c[2] * f[0] + c[0] * f[2]
         xfrc[body, 5] = m[2] - c[0] * f[1] + c[1] * f[0]
@@ -77,6 +83,7 @@ class InMujoco:
         text = mjcf(machine, PAYLOAD, plant.step_s).replace(
             "<sensor>", f"<actuator>{ACTUATORS}</actuator><sensor>"
         )
+        # implicitfast: explicit Euler at 1 ms is not stable with actuators that stiff
         text = text.replace('integrator="Euler"', 'integrator="implicitfast"')
         self.model = mujoco.MjModel.from_xml_string(text)
         self.data = mujoco.MjData(self.model)
@@ -97,6 +104,7 @@ class InMujoco:
         """Every step, and the tyres in its middle, called from Python."""
         model, data, arrays = self.model, self.data, self.arrays
         for _ in range(steps):
+            # positions and velocities first, then the forces that depend on them, then the step
             mujoco.mj_step1(model, data)
             tyres_in_mujoco(*arrays)
             mujoco.mj_step2(model, data)
@@ -141,6 +149,7 @@ def looped_in_c(machine: InMujoco) -> Callable[[int], None]:
         try:
             mujoco.mj_step(machine.model, machine.data, steps)
         finally:
+            # the callback is global: left in place it would drive the next model on our tyres
             mujoco.set_mjcb_control(None)
 
     return run
@@ -152,6 +161,7 @@ def check_agreement(machine: Machine, plant: Plant) -> None:
     one.step_from_python(1000)
     looped_in_c(other)(1000)
     ours.advance(COMMANDS, 1.0)
+    # bit for bit: both call the same compiled tyres on the same arrays
     assert np.array_equal(one.data.qpos, other.data.qpos), "the callback is another machine"
     speed = float(np.hypot(*ours.truth().velocity[:2]))
     assert abs(one.speed() - speed) < 0.01 * speed, f"MuJoCo {one.speed()} m/s, ours {speed} m/s"
@@ -161,6 +171,7 @@ def bare_stepper(machine: Machine, plant: Plant) -> Callable[[int], None]:
     """MuJoCo's rigid bodies alone, no tyres, looped in C: a floor for any force model on top of it."""
     model = mujoco.MjModel.from_xml_string(mjcf(machine, PAYLOAD, plant.step_s))
     data = mujoco.MjData(model)
+    # in free fall: without tyres nothing else holds the bodies up, and no contact is computed
     data.qpos[2] = 1000.0
     return lambda steps: mujoco.mj_step(model, data, steps)
 
@@ -193,6 +204,7 @@ def main() -> None:
     bare = bare_stepper(machine, ticking)
 
     def tick() -> None:
+        # as the plant's process does it: a tick of 10 ms, and its truth
         for _ in range(steps // 10):
             ticking.advance(COMMANDS, 0.01)
             ticking.truth()

@@ -72,6 +72,7 @@ def used_s(process: subprocess.Popen) -> float:
 
 def settled_s(process: subprocess.Popen) -> float:
     """The same once the process has nothing more to do: what waits in its sockets is its work too."""
+    # the generator may end before the recorder has written everything it took
     used, before = used_s(process), -1.0
     while used - before > QUIET_S:
         time.sleep(2)
@@ -83,6 +84,7 @@ def complete(path: Path) -> int:
     """Frames in the file; an error if of any channel one is missing between two others, twice or out of order."""
     table = read_frames(path)
     assert table.damaged_count == 0, table.damaged
+    # the generator writes the number of each frame as its content, big-endian
     numbers = table.data[:, :8].copy().view(">u8")[:, 0].astype(np.int64)
     for channel in range(len(table.channels)):
         of_channel = numbers[table.channel == channel]
@@ -103,6 +105,7 @@ def round_of(
     running = []
     try:
         for path in paths:
+            # ten interpreters start at once on two processors
             wait_for_hub(path, 60)
         ours = folder / f"ours{suffix}"
         if peer:
@@ -112,8 +115,10 @@ def round_of(
             running.append(
                 start("-m", "loaderhil", "record", *(f"hub:{path}" for path in paths), "--out", str(ours))
             )
+            # the file appears when every bus has been opened
             while not ours.exists():
                 time.sleep(0.05)
+        # imports and the first allocations are over before processor time is counted
         time.sleep(1)
         before = used_s(running[0])
         generator = start("-c", GENERATOR, str(rate), str(seconds), *paths)
@@ -128,6 +133,7 @@ def round_of(
     finally:
         for process in (*running, *hubs):
             if process.poll() is None:
+                # Ctrl-C, as a user ends them: files are finished and hubs leave no socket behind
                 process.send_signal(signal.SIGINT)
                 process.communicate()
 

@@ -60,6 +60,7 @@ def peer_loop(longitudinal, lateral, longitudinal_combined, lateral_combined):
 
     def loop(p, loads, kappa, slip, out):
         for i in range(kappa.size):
+            # in its pure formula only; the combined one takes ours
             pure_x = longitudinal(-kappa[i], 0.0, loads[i], p)
             pure = lateral(slip[i], 0.0, loads[i], p)
             out[i, 0] = longitudinal_combined(kappa[i], slip[i], pure_x, p)
@@ -76,6 +77,7 @@ def coefficients(machine: Machine) -> dict[str, float]:
 
 def peer_of(c: dict[str, float]) -> Peer:
     """The peer's parameters for the nominal load."""
+    # the peer has one cornering stiffness, ours one that depends on load: both at the nominal load
     stiffness = c["PKY1"] * np.sin(2.0 * np.arctan(1.0 / c["PKY2"]))
     values = dict.fromkeys(NAMES.split(), 0.0)
     values |= {
@@ -93,6 +95,7 @@ def nanoseconds(work: Callable[[], object], count: int, repeats: int) -> tuple[f
         begin = time.perf_counter_ns()
         work()
         times.append((time.perf_counter_ns() - begin) / count)
+    # quartiles and not the range: one repeat in nine is usually disturbed
     quarter, median, third = statistics.quantiles(times, n=4)
     return median, (third - quarter) / 2.0
 
@@ -103,6 +106,7 @@ def rows(name: str, machine: Machine, count: int, repeats: int) -> list[str]:
     w, c = vector[P_WHEELS : P_WHEELS + WHEEL_SIZE], coefficients(machine)
     dpi = machine.tyre.front_pressure / machine.tyre.nominal_pressure - 1.0
     rng = np.random.default_rng(1)
+    # beyond the peak on both sides, where formulas branch
     kappa, slip = rng.uniform(-1.2, 1.2, count), rng.uniform(-0.5, 0.5, count)
     nominal = np.full(count, machine.tyre.nominal_load)
     loads = nominal * rng.uniform(0.3, 1.8, count)
@@ -120,6 +124,7 @@ def rows(name: str, machine: Machine, count: int, repeats: int) -> list[str]:
         theirs[:] = np.column_stack(magic_formula.forces(c, loads, kappa, slip, dpi))
 
     compare("numpy, whole arrays", whole, loads, count)
+    # the peer knows no inflation pressure
     if dpi == 0.0:
         peer = peer_of(c)
         plain = peer_loop(
@@ -129,6 +134,7 @@ def rows(name: str, machine: Machine, count: int, repeats: int) -> list[str]:
             tire_model.formula_lateral_comb,
         )
         compiled = numba.njit(peer_loop(LONGITUDINAL, LATERAL, LONGITUDINAL_COMBINED, LATERAL_COMBINED))
+        # pure Python is slower by orders of magnitude
         few = max(count // 20, 1)
         compare("CommonRoad, compiled", lambda: compiled(peer, nominal, kappa, slip, theirs), nominal, count)
         compare(

@@ -42,9 +42,11 @@ def main() -> None:
 
 def _shown(exhibit: Exhibit, out: Path) -> str:
     """The page of one exhibit; its picture is written beside it."""
+    # averaged, because emps is sampled at 500 Hz, far above its model's bandwidth (ADR 27)
     settings, start = Settings(average=True, set_aside=True), time.perf_counter()
     model, recordings = model_and_recordings(exhibit, folder())
     judged = investigate(model, recordings, settings, lambda _: None, [])
+    # a recording that cannot be judged has no page: its data or its model are broken
     if not isinstance(judged, Judgement):
         raise SystemExit(f"{exhibit.name}: {judged.reasons}")
     seconds = time.perf_counter() - start
@@ -86,7 +88,9 @@ def _page(exhibit: Exhibit, found: Findings, seconds: float) -> str:
 
 def _draw(shown: Evidence, file: Path) -> None:
     """Recorded minus simulated of every recording's first channel, before and after, on held-out segments."""
+    # one channel: the others are on the page that the command writes
     first = [t for t in shown.traces if t.channel == shown.traces[0].channel]
+    # a fixed salt and no date: the same figures give the same file
     with plt.rc_context({"svg.fonttype": "none", "svg.hashsalt": file.stem, "font.size": 9}):
         figure, panels = plt.subplots(
             len(first), 1, figsize=(9.0, 1.9 * len(first)), layout="constrained", squeeze=False

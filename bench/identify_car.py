@@ -43,8 +43,10 @@ def page(folder: Path, commit: str) -> str:
         delays.append(
             f"| {name} | {interval_text(gyro, 'delay', 4)} | {gyro.values['delay'] + HOLD_S:.3f} | {interval_text(gyro, 'scale')} | {interval_text(encoder, 'delay', 4)} |"
         )
+        # with the steering held there is no change from which a lag could be seen
         if axle == "rear":
             servo = steering_lag(log, body)
+            # the sum is what the recordings determine, hence an interval of its own
             both = servo.derived(servo.values["lag"] + servo.values["delay"], {"lag": 1.0, "delay": 1.0})
             servos.append(
                 f"| {name} | {interval_text(servo, 'lag')} | {interval_text(servo, 'delay')} | {both.value:.3f} ({both.lower:.3f} to {both.upper:.3f}) |"

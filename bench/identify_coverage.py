@@ -32,6 +32,7 @@ WANTED, AIM = 200, 0.93  # cases of each arm, and the share of them whose interv
 
 def any_machine(seed: int) -> Machine:
     """The l60 on random tyres, so that a fit cannot depend on the values of one tyre."""
+    # 7: a stream apart from those of the recordings, which begin with the seed alone
     machine, random = load_machine("l60"), np.random.default_rng([seed, 7])
     ranges = {
         "pkx1": (5.0, 12.0), "pcx1": (1.25, 1.65), "pdx1": (0.6, 0.95), "pex1": (-1.0, 0.6), "pdx2": (-0.1, 0.05), "pkx3": (-0.2, 0.0),
@@ -76,6 +77,7 @@ def rig_case(seed: int) -> dict:
         lengths.append(
             (stiffness[1] / found.values[CARCASS_NAME]) / (stiffness[0] / truth.carcass_stiffness) - 1.0
         )
+    # length = slip stiffness over carcass stiffness: both are estimated, and errors of both can cancel or add
     row["relaxation"] = lengths
     return row
 
@@ -126,6 +128,7 @@ def report(rows: list[dict], commit: str, command: str) -> str:
         for name in JUDGED:
             if name not in own[0]:
                 continue
+            # row: truth, value, lower, upper
             inside = sum(r[name][2] <= r[name][0] <= r[name][3] for r in own)
             below += [name] if inside < AIM * len(own) else []
             low, high = binomtest(inside, len(own)).proportion_ci(method="wilson")
@@ -166,6 +169,7 @@ def main() -> None:
     options = parser.parse_args()
     options.kept.parent.mkdir(parents=True, exist_ok=True)
     made_by, commit = _git("rev-parse", "HEAD:identify", "HEAD:plant"), _git("rev-parse", "--short", "HEAD")
+    # only these two decide the figures; a changed document must not stop a run of hours
     if _git("status", "--porcelain", "--", "identify", "plant"):
         raise SystemExit(
             "identify/ or plant/ has changes that are not committed: a report must name its sources"
@@ -173,6 +177,7 @@ def main() -> None:
     rows = (
         [json.loads(line) for line in options.kept.read_text().splitlines()] if options.kept.exists() else []
     )
+    # rows of other sources stay in the file, and are not mixed with these
     rows = [row for row in rows if row.get("made_by") == made_by]
     known = {(row["arm"], row["seed"]) for row in rows}
 
@@ -188,6 +193,7 @@ def main() -> None:
                 row = {**ARMS[arm](seed), "made_by": made_by}
                 rows.append(row)
                 stream.write(json.dumps(row) + "\n")
+                # a killed run keeps what it has measured
                 stream.flush()
                 if len(rows) % 10 == 0:
                     write()

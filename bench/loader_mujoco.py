@@ -22,6 +22,7 @@ from plant.sheets.machine import Machine
 from plant.truth import Truth
 from tests.plant.oracle.loader import MujocoLoader
 
+# The plant's own step: the comparison is of bodies and integration, not of steps.
 STEP_S: Final = 1e-3
 OURS: Final = ("payload_mass", "brake_drag", "surface_friction")
 """Effects that are not the machine's parameters and that MuJoCo's loader can have."""
@@ -40,6 +41,7 @@ class MujocoMotion:
             elif item.effect.name == "brake_drag":
                 front, rear = item.named["front_N_m"], item.named["rear_N_m"]
                 self._drag += (front, front, rear, rear)
+            # one friction for all four tyres: sides that differ cannot be had here
             elif item.effect.name == "surface_friction" and item.named["left"] == item.named["right"]:
                 grip *= item.named["left"]  # that of the whole road
             elif python_hook(item.effect, "prepare") is None or item.effect.name in (
@@ -66,6 +68,7 @@ class MujocoMotion:
     def advance(self, commands: Commands, duration_s: float) -> None:
         """Move on by a whole number of steps with constant commands."""
         drive, brake, oracle = self._machine.drive, self._machine.brake, self._oracle
+        # limits of the drive are ours, not MuJoCo's: motors with their peak torques
         demanded = np.clip(
             commands.wheel_torque,
             *(sign * np.repeat((drive.front_peak_torque, drive.rear_peak_torque), 2) for sign in (-1, 1)),
@@ -73,11 +76,13 @@ class MujocoMotion:
         available = np.clip(commands.brake_torque, 0.0, brake.capacity)
         self._rates[:] = commands.articulation_rate, commands.lift_rate, commands.tilt_rate
         for _ in range(round(duration_s / STEP_S)):
+            # tyres are rolled at the state before the step, as the plant does it
             oracle.locate()
             oracle.roll_tyres()
             applied, _, efforts = self._solved()
             oracle.step(applied, efforts)
             change = (demanded - self._drive) / drive.time_constant
+            # first-order lag with a limited rate, explicit: the time constants are far above a step
             self._drive += STEP_S * np.clip(change, -drive.rate_limit, drive.rate_limit)
             self._brake += STEP_S * (available - self._brake) / brake.time_constant
             self._steps += 1
@@ -99,12 +104,14 @@ class MujocoMotion:
     def truth(self) -> Truth:
         """Everything the bench's sensors and instruments read, from MuJoCo's state and its accelerometer."""
         oracle, d, machine = self._oracle, self._oracle.data, self._machine
+        # reading must not move the tyres: `roll_tyres` steps their relaxation
         slips = oracle.slips.copy()
         oracle.locate()
         oracle.roll_tyres()
         oracle.slips[:] = slips
         _, qacc, efforts = self._solved()
         d.qacc[:] = qacc
+        # fills the accelerations from which MuJoCo computes its accelerometer
         mujoco.mj_rnePostConstraint(oracle.model, d)
         mujoco.mj_sensorAcc(oracle.model, d)
         world = np.empty(9)

@@ -122,6 +122,7 @@ def arms(
     for seed in range(first_seed, first_seed + seeds):
         for repeat in range(nulls):
             yield Arm(seed=seed + 100 * repeat)
+            # a third of the nulls: MuJoCo's drives take longer
             if repeat % 3 == 0:
                 yield Arm(seed=seed + 100 * repeat, truth="mujoco")
         for number, effect in enumerate(REPORT_EFFECTS):
@@ -150,8 +151,10 @@ def hidden(model: Model, arm: Arm) -> dict[str, float]:
 
 def record(arm: Arm, folder: Path) -> dict[str, float]:
     """Drive the arm on the bench and leave its run directory; returns the true parameters, nuisances included."""
+    # a stream apart from the sensors', which begin with the seed alone
     rng = np.random.default_rng([arm.seed, 17])
     off = {name: float(rng.normal(0.0, sd)) for name, sd in SPREAD.items()}
+    # sizes by the model's library, so that `scale` means the same in truth and diagnosis
     effects = hidden(loader.model(), arm)
     machine, equipment = load_machine("l60"), load_equipment("l60")
     payload = float(rng.choice(PAYLOADS_KG))
@@ -193,12 +196,14 @@ def drive(arm: Arm, rng: np.random.Generator, payload_kg: float, equipment: Equi
     while at < end:
         length = float(rng.uniform(4.0, 7.0))
         wanted, angle = float(rng.choice(SPEEDS_M_S)), float(rng.choice(TURNS_RAD))
+        # sharp turns are driven slowly: a drive that rolls over shows nothing of the rest
         slow = 1.5 if abs(angle) > 0.3 else 4.5
         wanted = float(np.clip(wanted, -slow, slow))
         speed += [(at + 1.5, wanted), (at + length, wanted)]
         turn += [(at + 0.3 + abs(angle - turn[-1][1]) / 0.3, angle), (at + length, angle)]
         if rng.random() < 0.5:
             lift += _pulse(at + 1.0, 0.7 * raised, 1.5)
+            # up and down in turn: the arm stays between its stops
             raised = -raised
         if rng.random() < 0.4:
             tilt += _pulse(at + 2.0, 0.4 * rolled, 0.8)
@@ -229,6 +234,7 @@ def drive(arm: Arm, rng: np.random.Generator, payload_kg: float, equipment: Equi
 
 
 def _pulse(at: float, size: float, length: float) -> list[tuple[float, float]]:
+    # ramps of 0.2 s: levers are moved, not switched
     return [(at, 0.0), (at + 0.2, size), (at + length - 0.2, size), (at + length, 0.0)]
 
 
@@ -241,6 +247,7 @@ def _off_its_sheet(machine: Machine, off: Mapping[str, float]) -> Machine:
         front_frame=replace(machine.front_frame, mass=machine.front_frame.mass + off["front_mass"]),
         tyre=replace(
             tyre,
+            # both terms of the load: the tyre is stiffer at every deflection
             qfz1=tyre.qfz1 * stiffer,
             qfz2=tyre.qfz2 * stiffer,
             radius=tyre.radius + off["wheel_radius"],
@@ -253,6 +260,7 @@ def _with_effects(machine: Machine, values: Mapping[str, float]) -> Machine:
     known, chosen = plant_effects(), dict[str, dict[str, float]]()
     for full, value in values.items():
         name, _, parameter = full.partition(".")
+        # names of sensors' channels are no effects of the plant; `_sensors` takes them
         if name in known:
             chosen.setdefault(name, {})[parameter] = value
     return replace(machine, effects=tuple(known[name].of(**given) for name, given in chosen.items()))

@@ -81,6 +81,7 @@ class Resampled:
     def same(self, factor: int) -> bool:
         """Whether a verdict is that of the finest recording."""
         one, other = self.found[min(self.found)], self.found[factor]
+        # names first: intervals of different effects cannot be compared
         if set(one.named) != set(other.named):
             return False
         if self.effect not in one.named:
@@ -108,9 +109,11 @@ def resampled(
     settings: Settings = EVERYTHING,
 ) -> Resampled:
     """One arm with an effect of typical size, diagnosed at each rate."""
+    # typical size: what the library says a user would meet
     values = {p.name: p.value + p.typical for p in effect.parameters}
     finest = FINEST[body](values, seed)
     found = {factor: examine(model, thinned(finest, factor), settings) for factor in factors}
+    # in the thinnest recording: an effect that is lost there by thinning is no change of the verdict
     known = oracle.measured(Problem(model, thinned(finest, max(factors))), [effect], values)
     return Resampled(effect.name, found, known.reached or 0.0)
 
@@ -128,6 +131,7 @@ def main() -> None:
     for body in chosen.bodies.split(","):
         model = BODIES[body].model()
         if chosen.as_recorded:
+            # the way back to a row per sample, without a switch in the engine for this benchmark
             model = replace(model, bandwidth_hz=TOO_FAST_HZ)
         effects = [e for e in model.effects if not only or e.name in only]
         arms = [

@@ -106,6 +106,7 @@ def _imports(tree: ast.AST, package: str) -> Iterator[str]:
         elif isinstance(node, ast.ImportFrom):
             parents = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
             base = ".".join([*parents, *([node.module] if node.module else [])])
+            # `target` shortens it to the module it lies in, so that both forms count once
             yield from (f"{base}.{alias.name}" for alias in node.names)
 
 
@@ -120,10 +121,12 @@ def read_module(tree: Path, path: Path) -> Module:
     source = path.read_text(encoding="utf-8")
     inside = path.relative_to(tree)
     parts = inside.with_suffix("").parts
+    # a package is called by its folder
     is_package = parts[-1] == "__init__"
     name = ".".join(parts[:-1] if is_package else parts)
     parsed = ast.parse(source)
     lines = source.splitlines()
+    # by tokens: a # in a string is no comment
     comments = [
         t.start for t in tokenize.generate_tokens(io.StringIO(source).readline) if t.type == tokenize.COMMENT
     ]
@@ -150,6 +153,7 @@ def read_module(tree: Path, path: Path) -> Module:
 
 def read_tree(tree: Path) -> list[Module]:
     """All modules of a tree's top-level packages."""
+    # also packages that are not in ORDER: a new one must not be left out of the table
     tops = [p.parent for p in sorted(tree.glob("*/__init__.py")) if p.parent.name != "tests"]
     tops += [tree / name for name in ORDER if (tree / name).is_dir() and tree / name not in tops]
     files = (f for top in tops for f in sorted(top.rglob("*.py")) if "__pycache__" not in f.parts)
@@ -177,6 +181,7 @@ def circles_and_levels(graph: Mapping[str, set[str]]) -> tuple[list[tuple[str, .
     matrix = csr_array((np.ones(rows.size), (rows, columns)), shape=(len(names), len(names)))
     count, group = connected_components(matrix, connection="strong")
     members = [tuple(n for n in names if group[index[n]] == g) for g in range(count)]
+    # the graph of the groups has no circle: each group is then one level
     lower: dict[int, set[int]] = {g: set() for g in range(count)}
     for a, b in pairs:
         if group[a] != group[b]:

@@ -21,6 +21,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+# The exit code of the command line for what could not be judged (hil.ending).
 INCONCLUSIVE = 5
 MOST_STOLEN = (
     0.01  # of the processors' time; the bench's timing verdicts use the same share (docs/howto/keep-time.md)
@@ -150,6 +151,7 @@ def readings(bench: str, output: str) -> dict[tuple[str, str], Reading]:
     """Figures in a benchmark's output: table rows `| label | median | min..max |` or `| label | median (min to max) |`, and lines
     `median unit (min to max)  label`. The first of several with one label counts."""
     found: dict[tuple[str, str], Reading] = {}
+    # the tables of the benchmarks as they print them; a new form needs a line here, or its figure is missing
     forms = (
         rf"^\| (?P<label>[^|]+?) \| (?P<m>{NUMBER}) \| (?P<a>{NUMBER})\.\.(?P<b>{NUMBER}) \|",
         rf"^\| (?P<label>[^|]+?) \| (?P<m>{NUMBER}) \((?P<a>{NUMBER}) to (?P<b>{NUMBER})\) \|",
@@ -182,6 +184,7 @@ class Host:
     def now(cls) -> "Host":
         ticks = [int(word) for word in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]]
         user, nice, system, _, _, irq, softirq, steal = (t / os.sysconf("SC_CLK_TCK") for t in ticks)
+        # benchmarks run as children: their time counts as our own once they have ended
         used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
         own = sum(u.ru_utime + u.ru_stime for u in used)
         return cls(time.monotonic(), user + nice + system + irq + softirq, steal, own)
@@ -199,7 +202,9 @@ class Load:
     @classmethod
     def between(cls, name: str, one: Host, two: Host) -> "Load":
         seconds = max(two.at_s - one.at_s, 1e-9)
+        # what is left is work of others, whoever they are
         foreign = (two.busy_s - one.busy_s) - (two.own_s - one.own_s)
+        # steal is counted per processor; the share is of all of them
         stolen = (two.stolen_s - one.stolen_s) / seconds / (os.cpu_count() or 1)
         return cls(name, seconds, max(foreign, 0.0) / seconds, stolen)
 
@@ -261,6 +266,7 @@ def converted(figure: Figure, reading: Reading) -> Reading:
     """The reading in the figure's unit; of a time for so many, how many in a second."""
     middle, least, most = reading
     if figure.per:
+        # the inverse turns least and most round
         return figure.per / middle, figure.per / most, figure.per / least
     return middle * figure.scale, least * figure.scale, most * figure.scale
 
@@ -336,6 +342,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     chosen = options.only or benches
     session = Session()
     before = Host.now()
+    # nothing of ours runs meanwhile: what is busy now would be busy later
     time.sleep(IDLE_S)
     session.loads.append(Load.between("before the first", before, Host.now()))
     reasons = list(session.loads[0].reasons)

@@ -36,9 +36,11 @@ def main() -> None:
     if strange := [group for group in groups if group not in GROUPS]:
         parser.error(f"--arms {strange[0]}: there are {', '.join(GROUPS)}")
     planned = list(plan(groups, args.seeds))
+    # a whole machine takes minutes per arm, a small body seconds
     quick, slow = [a for a in planned if a.body not in LOADERS], [a for a in planned if a.body in LOADERS]
     chosen = {a.key: a for a in (*sampled(quick, args.share), *sampled(slow, args.share * args.loader_share))}
     version = report.commit()
+    # results of another commit are not mixed with these: they are other software's
     store = Store(args.work, {"commit": version})
     failures: dict[str, str] = {}
     if not args.report_only:
@@ -52,6 +54,7 @@ def main() -> None:
         if len(chosen) < len(planned)
         else ""
     )
+    # only what decides the figures: folders and workers do not belong into the command on the page
     chosen_by = ("arms", "seeds", "share", "loader_share")
     options = [
         f"--{name.replace('_', '-')}={value}"

@@ -18,6 +18,7 @@ LOADERS = (
     "loader",
     "mujoco",
 )  # bodies with a whole machine; their effects have a size, and the lambda they come to
+# From 10, at which no method detects reliably (docs/nomenclature.md), to 2500, which a plot of residuals shows.
 LAMBDAS = (10.0, 20.0, 50.0, 250.0, 2500.0)
 STRONG = 50.0  # from here on the truth has to be found
 EXACT = 250.0  # from here on with its size
@@ -55,6 +56,7 @@ class Arm:
             f"{self.strength:g}" if self.strength else "",
             str(self.seed),
         )
+        # a slash would make a folder of the file's name
         return " ".join(part for part in parts if part).replace("/", "-")
 
 
@@ -95,6 +97,7 @@ class Done:
         if np.isinf(self.arm.strength):
             return True
         low, high = (share * self.arm.strength for share in NEAR)
+        # None: a size was given, not a lambda
         return self.truth.reached is None or low <= self.truth.reached <= high
 
     @property
@@ -132,6 +135,7 @@ def row(arm: Arm, truth: Truth, found: Findings, seconds: float) -> Row:
         "truth": json.dumps(dict(truth.values)),
         "channels": json.dumps(dict(truth.channels)),
         "beyond": json.dumps(dict(truth.beyond)),
+        # beside the readable column: names of effects may hold a comma
         "hidden": json.dumps(arm.effects),
         "findings": to_json(found),
     }

@@ -31,6 +31,7 @@ def _throw(
     values, arm: Arm, rng: np.random.Generator, name: str, ball, throw, pictures_hz: float
 ) -> Recording:
     (mass, diameter, camera), (height, speed, duration) = ball, throw
+    # mass of the displaced air [kg], for buoyancy and added mass
     displaced = AIR * np.pi * diameter**3 / 6.0
     square = 0.5 * AIR * np.pi / 4.0 * diameter**2 * values.get("drag_coefficient", 0.0)
     linear = 3.0 * np.pi * VISCOSITY * diameter * values.get("stokes", 0.0)
@@ -57,6 +58,7 @@ def _throw(
     seen = _low_passed(seen, values.get("height.lag", 0.0), pictures_hz) * camera
     noise = NOISE_M * rng.normal(size=seen.size)
     if arm.noise == "coloured":
+        # the factor keeps the variance: coloured noise is as large as white
         noise = lfilter([np.sqrt(1.0 - 0.8**2)], [1.0, -0.8], noise)
     seen = seen + noise
     if arm.noise == "quantised":

@@ -79,7 +79,9 @@ class Body:
         return Arm(body=self.name, kind=kind, seed=seed, **more)
 
     def _stretch(self, effect: str, seed: int, noise: str) -> Arm:
+        # 3: the interval must not depend on the numbers of the recording's noise
         rng = np.random.default_rng([seed, 3])
+        # of 96 s: the effect begins and ends within the drive
         start = float(rng.uniform(10.0, 45.0))
         end = start + float(rng.uniform(25.0, 40.0))
         return self._arm(
@@ -93,7 +95,9 @@ class Body:
         values = {name: value for one in sized for name, value in one.values.items()}
         values |= self.outside.get(arm.what, {})
         recordings = self.record(values, arm, np.random.default_rng(arm.seed))
+        # the peer knows no pairs and no intervals: there its answer would say nothing
         beyond = self.peer(recordings) if self.peer and arm.kind in ("null", "effect") else {}
+        # of a pair, the weaker one decides whether both can be found
         reached = min((one.reached or 0.0 for one in sized), default=None)
         channels = sized[0].channels if len(sized) == 1 else {}
         truth = Truth(values=values, reached=reached, channels=channels, beyond=beyond)
@@ -128,6 +132,7 @@ class Body:
             if moved == 0.0:
                 break
             size *= float(np.exp(moved))
+        # not the last: steps may go past the best one
         return min(tried, key=lambda t: abs(t[0]))[1]
 
     def _oracle(self, effect: Effect, values: Mapping[str, float], arm: Arm) -> Truth:

@@ -35,12 +35,14 @@ def _yaw(
     out = np.empty(angle.size)
     now, before, held = 0.0, 0.0, angle[0]
     for i in range(angle.size):
+        # play: the wheels follow only at the edges of the dead zone
         held = min(max(held, angle[i] - play), angle[i] + play)
         v = speed[i]
         steady = v * np.tan(held) / (WHEELBASE_M * (1.0 + understeer * v * v))
         demanded = slipperiness * v * steady / G
         steady = steady / np.sqrt(1.0 + demanded * demanded)
         if relaxation > 0.0 and i > 0:
+            # relaxation goes by way, not by time; the last term keeps a standing car from 0/0
             rolled = abs(v) * STEP_S / relaxation + 1e-9
             kept = np.exp(-rolled)
             mean = (1.0 - kept) / rolled  # of what is kept over the step, in which the demand goes straight
@@ -57,6 +59,7 @@ def recorded(values, arm: Arm, rng: np.random.Generator) -> list[Recording]:
     n = round(DURATION_S / STEP_S)
     time_s = STEP_S * np.arange(n)
     turns = np.repeat(rng.uniform(-0.8, 0.8, n // 700 + 1), 700)[:n]
+    # twice: a hand has neither jumps nor kinks
     steering = _lagged(_lagged(turns, HAND_S), HAND_S)
     throttle = np.repeat(rng.uniform(0.15, 0.4, n // 4000 + 1), 4000)[:n]
     speed = _lagged(4.0 * throttle, 0.6)
@@ -106,6 +109,7 @@ def _noise(rng: np.random.Generator, n: int, sd: float, arm: Arm) -> np.ndarray:
     white = sd * rng.normal(size=n)
     if arm.noise != "coloured":
         return white
+    # correlated over 0.05 s, three gyro samples, with the variance of the white noise
     a = float(np.exp(-STEP_S / 0.05))
     return lfilter([np.sqrt(1.0 - a * a)], [1.0, -a], white)
 
@@ -114,6 +118,7 @@ def _sensed(true: np.ndarray, name: str, values, every: int, noise: np.ndarray, 
     seen = _late(_lagged(true, values.get(f"{name}.lag", 0.0)), values.get(f"{name}.delay", 0.0))
     seen = seen * (1.0 + values.get(f"{name}.scale", 0.0)) * (1.0 - 2.0 * values.get(f"{name}.sign", 0.0))
     seen = (seen + values.get(f"{name}.bias", 0.0) + noise)[::every]
+    # last: a converter rounds what bias, scale and noise have made
     return np.round(seen / bit) * bit if bit else seen
 
 

@@ -26,6 +26,7 @@ def arms(seeds: int) -> Iterator[Arm]:
             kind=kind,
             seed=drive.seed,
             effects=drive.effects,
+            # a size and not a lambda: a lambda would cost a search with a whole machine per step
             strength=drive.scale if drive.effects else 0.0,
         )
 
@@ -53,6 +54,7 @@ def _shown(arm: Arm, model: Model, recording: Recording, values: Mapping[str, fl
     effects = [model.effect(name) for name in arm.effects]
     if not effects:
         return Truth(values=values)
+    # only what is hidden: the oracle needs no columns of the other effects
     problem = Problem(replace(model, effects=tuple(effects)), [recording])
     hidden = {p.name: values[p.name] for effect in effects for p in effect.parameters}
     return replace(oracle.measured(problem, effects, hidden), values=values)

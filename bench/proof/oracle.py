@@ -26,11 +26,13 @@ def measured(problem: Problem, effects: Sequence[Effect], values: Mapping[str, f
     least: Truth | None = None
     for effect in effects:
         off = {p.name: p.value for p in effect.parameters}
+        # refitted without the effect: what the rest can take over is not visible
         others = [name for name in state.fit.names if name not in off]
         without = fit(problem, state.noise, others, state.fit.values.with_shared(off))
         change = without.residual - state.fit.residual
         power = np.bincount(state.noise.row_channel, change**2, len(problem.channels))
         whole = max(float(np.sum(power)), LEAST)
+        # a nuisance that has to leave its prior shows the effect too; never negative, fits end at a tolerance
         conflict = max(_prior_conflict(without) - _prior_conflict(state.fit), 0.0)
         reached = (float(np.sum(power)) + conflict) / spread(
             state.fit, effect.names, time_blocks_of(state.noise)

@@ -89,14 +89,17 @@ def grade_against_pose(segment: Path, drive: Recording, result: Findings) -> str
     with np.load(segment / "segment40.npz") as arrays:
         velocity, time_s = arrays["global_pose_frame_velocities"], arrays["global_pose_frame_times"]
         latitude, longitude = np.radians(arrays["GNSS_live_gnss_ublox_value"][0, :2])
+    # the local vertical in Earth-fixed axes, in which comma's poses are given
     up = np.array(
         [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)]
     )
+    # grade: climb over way, both from the pose
     true = np.arcsin(velocity @ up / np.linalg.norm(velocity, axis=1))
     knots = [e.value for e in result.finding("road grade").parameters]
     driven = drive.signals["distance"]
     at = np.interp(time_s, driven.time_s, driven.value)
     found = np.interp(at, road.KNOT_M * np.arange(len(knots)), knots)
+    # 1 if both are of one size; R² says whether they have one shape
     slope = float(np.polyfit(found, true, 1)[0])
     return f"concealed pose = {slope:.3f} x grade found, R² {np.corrcoef(found, true)[0, 1] ** 2:.3f} (0.996; 0.715 to 0.912)"
 

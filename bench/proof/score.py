@@ -110,6 +110,7 @@ def right(run: Done) -> bool:
     if run.arm.kind in ("null", "outside"):
         return not run.named
     reached = run.arm.strength if run.truth.reached is None else run.truth.reached
+    # missing a weak effect is no failure; a false name is one at any strength
     weak = run.arm.kind in ("effect", "pair") and reached < STRONG
     return not falsely(run) and (weak or found(run))
 
@@ -128,6 +129,7 @@ def table(done: Sequence[Done]) -> Iterator[Line]:
         hits = share(strong, found)
         sizes = [1 + len(f.group) for d in strong for f in d.findings.findings if f.named]
         mean = float(np.mean(sizes)) if sizes else float("nan")
+        # the group and not the first name: rivals that fit as well are an honest answer
         yield Line(f"truth in the reported group{at}", ">= 95 %", str(hits), hits.hits >= 0.95 * hits.of)
         missed = [d for d in strong if not found(d)]
         yield Line("of those missed, said that they could not be judged", "", str(share(missed, unjudged)))
@@ -226,6 +228,7 @@ def parameters(run: Done) -> Iterator[tuple[float, bool]]:
             continue
         for e in f.parameters:
             true = run.truth.values.get(e.name)
+            # a relative error of a true zero has no meaning
             if true:
                 low, high = (-np.inf if e.low is None else e.low), (np.inf if e.high is None else e.high)
                 yield abs(e.value - true) / abs(true), bool(low <= true <= high)
@@ -261,6 +264,7 @@ def channel_right(run: Done) -> bool | None:
     f = next((f for f in run.findings.findings if f.effect in run.arm.effects), None)
     if f is None or not run.truth.channels:
         return None
+    # sorted by evidence
     strongest = next(iter(f.where.channels))
     return run.truth.channels.get(strongest, 0.0) >= NEARLY * max(run.truth.channels.values())
 
@@ -321,6 +325,7 @@ def _by_lambda(effects: Sequence[Done]) -> Iterator[tuple[str, list[Done], str]]
     """Arms of about the same lambda, with how they are called and how many they are."""
     if not any(d.arm.body in LOADERS for d in effects):
         for strength in LAMBDAS:
+            # by the wanted lambda; arms that did not reach it are in the second column, and in no share
             wanted = [d for d in effects if d.arm.strength == strength]
             some = [d for d in wanted if d.reached]
             yield f"{strength:g}", some, f"{len(some)} of {len(wanted)}"
@@ -337,6 +342,7 @@ def failures(done: Sequence[Done]) -> Iterator[str]:
     for d in done:
         if d.arm.kind == "real":
             continue
+        # the loader's arms have sizes, not lambdas: a weak one that was missed is listed, for a reader to judge
         if not right(d) or (d.arm.body in LOADERS and not found(d)):
             findings = "; ".join(
                 f"{f.effect}{'' if f.named else ' (proxy)'}"

@@ -32,6 +32,7 @@ def terms_first(recording: Recording) -> frozenset[str]:
         X = np.stack(list(columns.values()), axis=1)
         X, y = X - Q @ (Q.T @ X), target - Q @ (Q.T @ target)
         X = X / np.maximum(np.linalg.norm(X, axis=0), 1e-12)
+        # thresholds as shares of the largest coefficient: absolute ones would suit one drive only
         largest = float(np.max(np.abs(np.linalg.lstsq(X, y, rcond=None)[0])))
         found = set()
         for threshold in THRESHOLDS:
@@ -49,9 +50,11 @@ def _equations(
     smooth_sign = v / np.sqrt(v**2 + CORNER_M_S**2)
     baseline = (drive - brake * smooth_sign - VISCOUS * v) / MASS_KG
     of_speed, of_force = dv - baseline, recording.signals["acceleration"].value - baseline
+    # both equations count alike: the derivative of a measured speed is far noisier
     weights = [1.0 / max(float(np.std(part)), 1e-9) for part in (of_speed, of_force)]
     step = float(np.median(np.diff(recording.signals["speed"].time_s)))
     nothing, one = np.zeros(v.size), np.ones(v.size)
+    # to first order a lag is its time constant times the slope of what it delays
     late = -np.diff(drive, prepend=drive[:1]) / step / MASS_KG
 
     def both(first: Array, second: Array) -> Array:

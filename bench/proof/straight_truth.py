@@ -72,15 +72,18 @@ def _drive(
             error = target[i] - seen
             command = min(max(9000.0 * error + 400.0 * target[i], -35e3), 35e3)
             brake = 0.0
+            # a driver who wants to stand brakes instead of reversing the motor
             if abs(target[i]) < 0.05 and abs(seen) > 0.1:
                 brake, command = 12e3, 0.0
         out[3, i], out[4, i] = command, brake
         if lag < 1e-6:
             force = command
+        # play of 6 kN: hysteresis remembers the way by which a force was reached
         memory = min(max(memory, force - 6000.0), force + 6000.0)
         steady = -hysteresis * np.tanh((force - memory) / 2000.0) - mass * G * np.sin(slope) + shake[i]
         k = np.zeros(4)
         for stage in range(4):
+            # classical Runge-Kutta of order 4; the command is constant over a step, the motor's lag exact
             after = 0.0 if stage == 0 else (STEP_S if stage == 3 else 0.5 * STEP_S)
             at = v + after * (k[stage - 1] if stage else 0.0)
             late = command + (force - command) * np.exp(-after / lag) if lag >= 1e-6 else command
@@ -119,6 +122,7 @@ def record(
     target = np.repeat(
         rng.choice([0.0, 1.5, 3.0, 5.0] if one_way else [-3.0, -1.5, 0.0, 2.0, 5.0], size=n // 600 + 1), 600
     )[:n]
+    # a second to change from one speed to another, as a driver does
     target = np.convolve(target, np.ones(200) / 200.0, mode="same")
     shake = np.zeros(n)
     if noise.force_sd:
@@ -138,6 +142,7 @@ def record(
     force = force * (1.0 + truth.get("acceleration.scale", 0.0)) + truth.get("acceleration.bias", 0.0)
     force = force + rng.normal(0.0, noise.acceleration_sd, n)
     if noise.quantised:
+        # 1/256 km/h and 0.01 m/s²: resolutions usual in J1939 messages
         wheel, force = np.round(wheel * 256.0 * 3.6) / 256.0 / 3.6, np.round(force / 0.01) * 0.01
     return Recording(
         "straight",

@@ -39,5 +39,6 @@ def carried_out(arm: Arm) -> Row:
         run = record(Path(folder) / "run", arm.seed, arm.strength)
         start = time.perf_counter()
         found = diagnose(run, without=without).findings
+    # without the right answers in the library only something near can be named, and no name is right
     expected = f"{', '.join(EXPECTED)}; none else" if not without else "the nearest things left"
     return row(arm, Truth(beyond={"expected": expected}), found, time.perf_counter() - start)
