@@ -32,11 +32,13 @@ def inputs_of(frames: Sequence[Frame], calibration: Calibration) -> tuple[Floats
     rows: list[Inputs] = []
     waiting = iter(frames)
     frame = next(waiting, None)
+    # the cycles of the lockstep run itself: inputs have the age that they had there
     for now_ns in range(ECU_PHASE_NS, frames[-1].at_ns + TICK_NS, TICK_NS):
         while frame is not None and frame.at_ns <= now_ns:
             hearing.receive(frame, frame.at_ns)
             frame = next(waiting, None)
         received = hearing.gather(now_ns)
+        # once begun, without gaps: the estimators keep states from row to row
         if rows or not received.stale:
             times.append(now_ns * 1e-9)
             rows.append(
@@ -59,6 +61,7 @@ def _contact(**changes: float) -> Variant:
 def _deaf(*flags: str) -> Variant:
     def variant(inputs: Floats, parameters: Parameters) -> tuple[Floats, Parameters]:
         changed = inputs.copy()
+        # by the flag of usability: the estimator then goes the way that it goes when a sensor fails
         changed[:, [Inputs._fields.index(flag) for flag in flags]] = 0.0
         return changed, parameters
 

@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.progress import track
 
 ROOT = Path(__file__).resolve().parents[2]
+# What a lockstep run is made of. Too much here only costs a run anew, too little keeps wrong results.
 SOURCES = (
     "bus", "dbc", "ecu", "plant",
     "hil/compose.py", "hil/ecu_side.py", "hil/judgement.py", "hil/lockstep.py", "hil/verdict.py", "hil/wire.py",
@@ -40,6 +41,7 @@ def results_of(
     cases: frozen dataclasses of plain values; run: a function of a module, deterministic, whose
     result is plain values too. Results are kept in `cache`, one small file per case; also: more modules that they depend on.
     """
+    # once for all cases: reading the sources takes longer than a look into the cache
     code = digest_of_sources(Path(run.__code__.co_filename), *also)
     files = [cache / f"{_key(case, code)}.json" for case in cases]
     missing = [index for index, file in enumerate(files) if not file.exists()]
@@ -50,6 +52,7 @@ def results_of(
         console = Console(stderr=True)  # the command's result goes to standard output alone
         for future in track(as_completed(pending), description=title, total=len(pending), console=console):
             _keep(pending[future], future.result())
+    # read back also where just made: new and kept results pass the same way, and cannot differ in type
     return [json.loads(file.read_text()) for file in files]
 
 

@@ -28,6 +28,7 @@ def explain(case: Case) -> Result:
     margin: smallest load of a wheel over its standing load; grip: largest force of an axle on the ground over its load
     up to the warning, as a share of what the ground gives; slippery: whether that is less than on a dry road.
     """
+    # without limits, as in the run with the alarm: they would change what is to be explained
     drive = lockstep(scenario_of(case), limits=False, reference=False).run()
     standing = drive.truth[0].normal_force
     warned = first_warning(columns_of(drive.bus)) or 0.0
@@ -43,11 +44,13 @@ def explain(case: Case) -> Result:
 def axles(along: Array, across: Array, normal: Array) -> Array:
     """Force on the ground over load of the front and of the rear axle, (2,); from forces of the four wheels, (4,) [N]."""
     x, y, z = (force.reshape(2, 2).sum(axis=1) for force in (along, across, normal))
+    # by axle and not by wheel: the inner wheel of a turn slides early and pushes little
     return np.asarray(np.hypot(x, y) / z, float)
 
 
 def cause(found: Result) -> str:
     """What the ECU was wrong about."""
+    # on dry ground the ECU knows the friction, so that only its prediction can be wrong
     if not found["slippery"]:
         return FORESEEN
     return SLIDES if found["grip"] > SLIDING else UNKNOWN

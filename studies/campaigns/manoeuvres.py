@@ -53,6 +53,7 @@ class Manoeuvre:
 def drawn(count: int, seed: int) -> list[Manoeuvre]:
     """So many drives, the kinds in turn; a half of them with a wrong calibration."""
     draw = random.Random(seed)
+    # in turn and not drawn: every kind has its share also in a short campaign
     return [manoeuvre(KINDS[k % len(KINDS)], draw) for k in range(count)]
 
 
@@ -63,6 +64,7 @@ def manoeuvre(kind: str, draw: random.Random) -> Manoeuvre:
     common = Manoeuvre(
         kind=kind,
         speed_kmh=round(draw.uniform(6.0, 24.0), 1),
+        # empty and rated load as often as anything between: extremes are where wheels lift
         payload_kg=round(draw.choice((0.0, draw.uniform(500.0, 3204.0), 3204.0))),
         arm_deg=round(draw.uniform(0.0, 46.0) if raised else draw.uniform(-40.0, -10.0), 1),
         angle_deg=round(side * draw.uniform(12.0, 38.0), 1),
@@ -85,6 +87,7 @@ def manoeuvre(kind: str, draw: random.Random) -> Manoeuvre:
     if kind in ("kerb", "drop"):
         height = round((1.0 if kind == "kerb" else -1.0) * draw.uniform(0.05, 0.20), 3)
         left, right = draw.choice(((height, 0.0), (0.0, height)))
+        # driven more slowly: a driver sees the step
         speed = min(common.speed_kmh, 14.0)
         return dataclasses.replace(common, left_m=left, right_m=right, speed_kmh=speed)
     if kind == "slope":
@@ -100,6 +103,7 @@ def straight(m: Manoeuvre) -> Manoeuvre:
 
 def scenario_of(m: Manoeuvre) -> Scenario:
     """The drive as a scenario."""
+    # 0.4 s after the step: the machine is still rocking when the turn begins
     steer_s = STEP_AT_S + 0.4 if m.kind in ("kerb", "drop") else TURN_AT_S
     turn_s = abs(m.angle_deg) / m.rate_deg_s
     points = [(0.0, 0.0), (steer_s, 0.0), (steer_s + turn_s, m.angle_deg)]
@@ -127,8 +131,10 @@ def scenario_of(m: Manoeuvre) -> Scenario:
     if m.lift_percent or m.tilt_percent:
         last_s += 0.5 + 2.0 * m.ramp_s + m.held_s
     if m.left_m or m.right_m:
+        # measured along the ground, so that the axle is there at STEP_AT_S at any speed
         at = AXLE_AHEAD_M + m.speed_kmh * KMH * STEP_AT_S
         step = {"distance_m": at, "length_m": 0.4, "left_m": m.left_m, "right_m": m.right_m}
         words += [f"effects.kerb.{key}={value}" for key, value in step.items()]
+    # up to the next tenth: a round number in the scenario that a reader repeats
     words.append(f"duration_s={math.ceil(10.0 * (last_s + AFTER_S)) / 10.0}")
     return load_scenario(BASE, Changes.of(words))

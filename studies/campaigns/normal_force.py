@@ -29,6 +29,7 @@ WHEEL_SIGNALS = ("FrontLeft", "FrontRight", "RearLeft", "RearRight")
 KN = 1e3
 CACHE = Path("out/campaign/normal-force")
 PILE_AND_LOCK = frozenset({"pile_entry", "wheel_lock"})
+# A pile carries a part of the weight, which no sensor reads, and a locked wheel's slip says nothing of its force.
 INSIDE, OUTSIDE = 0.08, 0.03
 """Targets of the RMS of every wheel over its static load: in the drive cases with a pile or locked wheels, and in all others."""
 
@@ -52,6 +53,7 @@ class Series:
 
 def run_case(case: Case) -> Result:
     """RMS error per wheel [N], standing load per wheel [N], share of frames that were valid, frames used."""
+    # as the command line loads it: machine, equipment and calibration belong together
     scenario = Choice(scenario=case.scenario).load()
     recording = lockstep(scenario, form=case.form, limits=False, reference=False).run()
     time = np.array([truth.time_s for truth in recording.truth])
@@ -168,6 +170,7 @@ def _row(case: Case, result: dict[str, Any]) -> list[str]:
     ]
     name = case.scenario.replace("_", " ") + (" ¹" if result["lifts"] else "")
     target = target_of(case)
+    # the worst wheel decides: a mean over four hides the one that is about to lift
     met = max(np.array(result["rms"]) / result["standing"]) <= target
     outcome = [f"{100 * result['valid']:.1f} %", f"{100 * target:.0f} %", "yes" if met else "no"]
     return [name, case.form, *cells, *outcome]

@@ -32,7 +32,8 @@ CACHE: Final = Path("out/campaign/prevention")
 RUNS, SEED = 1000, 1
 SAME_S: Final = 0.2
 """Lift-offs so close to each other have the same cause [s]."""
-FREE_EVERY: Final = 4
+# No factor of the number of kinds (6), which come in turn: every fourth drive would only be of three kinds.
+FREE_EVERY: Final = 5
 """One drive of so many is also driven without limits, to see whether there is anything to prevent."""
 
 GROUND: Final = (
@@ -55,6 +56,7 @@ def cycle_of(m: Manoeuvre, scenario: Scenario, *, limits: bool) -> EcuCycle:
 def driven(m: Manoeuvre, *, limits: bool) -> tuple[RunVerdict, Recording]:
     """One drive in lockstep, and its verdict."""
     scenario = scenario_of(m)
+    # not by `lockstep`: that takes a calibration by name, and these are drawn
     bench = Lockstep(plant_unit(scenario), cycle_of(m, scenario, limits=limits), reference=False)
     recording = bench.run()
     truth = recording.truth
@@ -79,9 +81,11 @@ def cause_of(m: Manoeuvre, lifted_s: float) -> str:
 
     The ground explains a lift-off that it makes by itself at the same time; one that comes later is the driver's.
     """
+    # limits stay on here too, so that only steering and levers differ
     by_ground_s = lift_off_s(straight(m))
     if by_ground_s is not None and lifted_s <= by_ground_s + SAME_S:
         return GROUND
+    # the order matters: a drive that would lift with the right calibration too is not the calibration's fault
     if m.calibration_seed is not None and lift_off_s(dataclasses.replace(m, calibration_seed=None)) is None:
         return CALIBRATION
     if m.friction < DRY and lift_off_s(dataclasses.replace(m, friction=DRY)) is None:
@@ -136,6 +140,7 @@ def ending_of(suite: Suite) -> Ending:
 
 def _question(kind: str, cases: Sequence[Manoeuvre], found: Sequence[Found]) -> Case:
     of_kind = [r for c, r in zip(cases, found, strict=True) if c.kind == kind]
+    # a wrong calibration and slippery ground are what the limits have to bear, so they count as failures
     failed = sum(bool(r["lifts"]) and r["cause"] != GROUND for r in of_kind)
     question = f"{kind}: no wheel lifts that a limit could keep down"
     if not of_kind:

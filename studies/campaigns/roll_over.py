@@ -112,6 +112,7 @@ TUNING = Grid(
     (9.0, 13.5, 18.0, 22.5, 27.0),
     (39.0,),
 )
+# Speeds, loads and rates between those of tuning, and turns to both sides: no case is in both.
 CONFIRMATION = Grid(
     "confirmation",
     (11.5, 14.5, 17.5, 20.5, 23.5),
@@ -151,6 +152,7 @@ def scenario_of(case: Case) -> Scenario:
 def run_case(case: Case) -> Result:
     """The three drives of a case as plain values."""
     scenario = scenario_of(case)
+    # the free drive is the truth for both forms: they only watch, so it is one and the same motion
     free, messages = observed(scenario, "corrected", limits=False)
     limited, _ = observed(scenario, "corrected", limits=True)
     printed, _ = observed(scenario, "printed", limits=False)
@@ -199,6 +201,7 @@ def named_wheel(messages: Mapping[str, Columns], lift_off_s: float | None) -> in
     if lift_off_s is None:
         return None
     roll_over = messages["RollOver"]
+    # the last word before the lift-off: earlier ones may name the wheel of an earlier danger
     before = roll_over.signals["LiftingWheel"][roll_over.time_s < lift_off_s]
     return int(before[-1]) - 1 if before.size and 1 <= before[-1] <= 4 else None
 

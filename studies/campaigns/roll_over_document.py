@@ -32,6 +32,7 @@ Found = tuple[str, str, Sequence[Any], Sequence[Result]]
 
 def document(found: Sequence[Found]) -> str:
     """The whole document."""
+    # of the scenarios as they were run, not of the options: a kept result has its own
     seeds = sorted({result["seed"] for *_, results in found for result in results})
     head = header("Roll-over: announced and prevented", COMMAND, f"seed {', '.join(map(str, seeds))}")
     sections = [section(*grid) for grid in found]

@@ -34,6 +34,7 @@ LEGEND: dict[str, dict[str, Any]] = {
 
 def draw(cases: Sequence[Any], results: Sequence[Result], file: Path) -> None:
     """Write the picture; equal results give equal bytes."""
+    # in the order of the cases, each once
     panels = list(dict.fromkeys((case.load.name, case.turn) for case in cases))
     rows = math.ceil(len(panels) / ABREAST)
     norm = Normalize(0, LONGEST_LEAD_S)
@@ -64,6 +65,7 @@ def _mark(result: Result, norm: Normalize) -> dict[str, Any]:
     """How one turn looks."""
     if result["lift_off_s"] is not None:
         lead = result["lead_s"]
+        # red is outside the scale of colours: late is another kind of result, not a small lead
         colour = "#c1121f" if lead is None or lead <= 0 else matplotlib.colormaps["viridis"](norm(lead))
         return {"marker": "X" if result["limited_lifts"] else "o", "s": MARKER, "color": colour}
     if result["false_alarm"]:

@@ -44,11 +44,13 @@ def wrong_parameters(p: Parameters, draw: random.Random) -> Parameters:
         return draw.uniform(-PLACE, PLACE)
 
     def body(b: Body) -> Body:
+        # one factor for the mass and its inertias: a heavier part of the same shape
         k = scaled(MASS)
         inertias = (k * b.roll_inertia, k * b.pitch_inertia, k * b.yaw_inertia)
         return Body(k * b.mass, b.x + off(), b.z + off(), *inertias)
 
     arm, bucket, wheel, axle = scaled(MASS), scaled(MASS), p.wheel, scaled(MASS)
+    # drawn apart: a tyre that is stiff radially need not be stiff along or across
     radial, slip, cornering = scaled(STIFFNESS), scaled(STIFFNESS), scaled(STIFFNESS)
     return p._replace(
         front=body(p.front),
@@ -69,5 +71,6 @@ def wrong_parameters(p: Parameters, draw: random.Random) -> Parameters:
             slip_stiffness=slip * wheel.slip_stiffness,
             cornering_stiffness=cornering * wheel.cornering_stiffness,
         ),
+        # the same tyre in another place of the calibration: it must not contradict itself
         prediction=p.prediction._replace(tyre_stiffness=radial * p.prediction.tyre_stiffness),
     )

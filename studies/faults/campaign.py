@@ -27,14 +27,17 @@ def run(case: Case) -> Result:
     watched = drive(case.seed, case.seconds)
     calibration = load_calibration()
     alarms = [f"in the loop: {line}" for line in watched.reported]
+    # apart from the drive's generator: another number of faults must not change the drive
     generator = random.Random(f"inject/{case.seed}")
     outcomes = []
     for number in range(case.calibrations):
         parameters = wrong(calibration.parameters, 1000 * case.seed + number)
         detector = Detector(calibration, parameters)
         modes, bounds = detector.run(watched.samples, watched.heard)
+        # begins only: an alarm that lasts is one alarm
         begins = np.argwhere((modes[1:] > 0) & (modes[:-1] == 0))
         alarms += [f"calibration {number}: {NAMES[k]} at {tick / 100:.2f} s" for tick, k in begins]
+        # false alarms cost one pass per calibration, faults one per fault: fewer calibrations are injected under
         if number >= case.rounds:
             continue
         for place in range(COUNT):
@@ -48,6 +51,7 @@ def run(case: Case) -> Result:
                         detector, watched.samples, watched.heard, kind, place, multiple * size, generator
                     )
                     if found is not None:
+                        # the size of a swap is what the two signals happen to differ by; it cannot be chosen
                         share = found["size"] / size if kind == "swap" else multiple
                         outcomes.append(
                             {

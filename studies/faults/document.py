@@ -77,6 +77,7 @@ def _bound(alarms: int, hours: float) -> str:
     if alarms:
         return ""
     return (
+        # none in T hours bounds a Poisson rate at -ln(0.05) / T, about 3 / T (rule of three)
         f"Without one in {hours:.2f} h the rate is below {3.0 / hours:.1f} per hour at 95 % confidence; "
         f"the target of 10 h would bound it at 0.3 per hour.\n"
     )
@@ -116,6 +117,7 @@ def _by_signal(outcomes: Sequence[Result]) -> str:
             if not these:
                 continue
             above = [o for o in these if o["multiple"] >= ABOVE or kind == "freeze"]
+            # noticed below the computed size: the computation is too careful there, which is no failure
             below = [o for o in these if o["multiple"] < 1.0 and kind != "freeze"]
             noticed = [o for o in above if o["noticed"]]
             size = float(np.median([o["smallest"] for o in these])) * factor

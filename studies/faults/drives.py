@@ -50,11 +50,13 @@ def scenario(seed: int, seconds: float) -> Scenario:
     channels = {
         name: replace(
             channel,
+            # within what the data sheet permits: a sound sensor may have any of these offsets
             bias=channel.bias * generator.uniform(-1.0, 1.0),
             scale_error=channel.scale_error * generator.uniform(-1.0, 1.0),
         )
         for name, channel in sensors.channels.items()
     }
+    # drawn also where it is not used: the numbers that follow then do not depend on it
     ground = Surface(
         friction=generator.uniform(*FRICTION),
         grade=math.atan(generator.uniform(-GRADE, GRADE)),
@@ -82,6 +84,7 @@ def drive(seed: int, seconds: float) -> Watched:
 
 def samples_of(frames: Sequence[Frame], calibration: Calibration) -> tuple[Floats, Integers]:
     """What the detection is given cycle by cycle, from when every input has been received."""
+    # the ECU's own receiver: the detection gets what passed its checks, as in the loop
     hearing = InputReceiver(calibration, loader_database())
     rows: list[list[float]] = []
     came: list[list[bool]] = []
@@ -139,6 +142,7 @@ class Detector:
         self._message = np.array([numbers.index(message) for message in MESSAGES])
         self._parameters, self._tolerances = parameters, rules.tolerances
         self.rules = rules_array(rules, cycles, parameters)
+        # as in the ECU (ecu/detection/live.py), whose thresholds these have to be
         self.height = height_for(rules.false_alarms / 3.0)
 
     def run(self, samples: Floats, heard: Integers) -> tuple[Integers, Floats]:

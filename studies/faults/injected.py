@@ -46,6 +46,7 @@ def smallest(
     test's drift by as much as lets the sum reach its height within the fault. inf: cannot be noticed.
     """
     noise = calibration.detection.sensors[FAMILIES[NAMES[place]]].noise
+    # 1.6 noise: standard deviation of an innovation against its trend (PREDICTED in ecu/detection/rules.py)
     jump = float(detector.rules[JUMP, place]) + CERTAIN * 1.6 * noise
     median = np.median(bounds, axis=0)
     speed = float(np.median(np.abs(samples[:, PLACE["wheel_speed_3"]]))) * p.wheel.unloaded_radius
@@ -53,6 +54,7 @@ def smallest(
     sensitivities(samples[len(samples) // 2], speed, p, sensitive)
     steady, after = np.inf, np.inf
     for j in range(RESIDUALS):
+        # a residual that is switched off has an endless bound
         if sensitive[j, place] == 0.0 or median[j] >= NOTHING / 2.0:
             continue
         sigma = detector.rules[NOISE, j]
@@ -62,12 +64,15 @@ def smallest(
             steady, after = float(size), LASTS / 200.0 + WINDOW
     still = float(detector.rules[FREEZE, place] * detector.rules[CYCLES, place]) / 100.0
     offset = (jump, 0.0) if jump <= steady else (steady, after)
+    # a drift has to reach the steady size by half of its time, and the test needs the other half
     ramp = steady / (LASTS / 100.0 / 2.0)
     return {
         "offset": offset,
         "spike": (jump, 0.0),
         "freeze": (0.0, still),
         "drift": (ramp, LASTS / 100.0),
+        # a normal value exceeds 1.5 standard deviations once in 7 samples: one of the ten within 0.1 s does, three
+        # times in four
         "noise": (jump / 1.5, 0.1),
         "swap": (jump, 0.0),
     }
@@ -80,6 +85,7 @@ def spoilt(
     found = samples.copy()
     at = slice(SETTLE, SETTLE + LASTS)
     sign = generator.choice((-1.0, 1.0))
+    # messages of 20 ms: a sample stands for two cycles, and a spike lasts as long as its sample
     ticks = 2 if heard[:, place].mean() < 0.75 else 1
     came = np.flatnonzero(heard[at, place]) + SETTLE
     if kind == "offset":
@@ -118,6 +124,7 @@ def try_one(
     if kind == "swap":
         size = float(np.abs(before[SETTLE, place] - before[SETTLE, wrong[-1]]))
     modes, _ = detector.run(changed, came)
+    # a false alarm before the fault: it is counted as one elsewhere, and must not count as found here
     if modes[:SETTLE].any():
         return None
     hit = np.flatnonzero(modes[SETTLE : SETTLE + LASTS].any(axis=1))

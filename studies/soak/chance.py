@@ -41,6 +41,7 @@ def driver(generator: random.Random, duration_s: float) -> dict[str, Table]:
 
 def fault(generator: random.Random) -> Table:
     """The table of a fault of a random kind with random parameters; the caller adds its times."""
+    # every kind as often: rare kinds are those whose handling is tried least
     kind = generator.choice(tuple(KINDS))
     return {"kind": kind, **_PARAMETERS[kind](generator)}
 
@@ -75,6 +76,7 @@ def _shift(key: str) -> Callable[[random.Random], Table]:
 
 
 def _swap(generator: random.Random) -> Table:
+    # only messages with two signals of one meaning: others would be out of range, which `offset` covers
     name = generator.choice(("WheelSpeedsFront", "WheelSpeedsRear", "WheelTorquesFront", "WheelTorquesRear"))
     return {"message": name, "signals": ["Left", "Right"]}
 

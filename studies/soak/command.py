@@ -53,6 +53,7 @@ def soak(
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(text, encoding="utf-8")
+    # inconclusive ends with 0: a starved host says nothing against the ECU, and the page names the doubt
     ending = Ending.FAILED if found.result is Result.FAILED else Ending.PASSED
     if junit is not None:
         write_junit(junit, "soak", [suite_of(found)])

@@ -105,6 +105,7 @@ class Tried:
 def try_all(cases: Sequence[Table] = CASES) -> list[Tried]:
     """The result of every fault alone on the same drive. Raises ValueError if anything is detected without a fault."""
     scenario = load_scenario(DRIVE)
+    # the proof that what is seen later comes from the fault
     quiet = _run(scenario, None)
     if quiet.first_ms or quiet.degraded:
         raise ValueError(
@@ -115,7 +116,9 @@ def try_all(cases: Sequence[Table] = CASES) -> list[Tried]:
 
 def _run(scenario: Scenario, table: Table | None) -> Tried:
     fault = read_fault(
-        CheckedTable(table or {"kind": "drop", "probability": 0.0}, file="case"), loader_database()
+        # a fault that never acts: `Tried` names one in any case
+        CheckedTable(table or {"kind": "drop", "probability": 0.0}, file="case"),
+        loader_database(),
     )
     watch = Watch(scenario, [fault] if table else [], seed=SEED)
     while watch.now_ns < SETTLED_S * SECOND:
@@ -123,6 +126,7 @@ def _run(scenario: Scenario, table: Table | None) -> Tried:
     watch.forget()
     while watch.now_ns < (BEGINS_S + LASTS_S + AFTERWARDS_S) * SECOND and not watch.finished:
         watch.step()
+    # from the first affected frame: a fault of a rare message begins to act later than it is switched on
     struck_ns = watch.injector.first_struck_ns(1) or round(BEGINS_S * SECOND)
     return Tried(
         fault=fault,

@@ -33,6 +33,7 @@ _FINDING = re.compile(
 )
 _CHECK = re.compile(r"what=<Finding\.(\w+):")
 _GROUP = re.compile(r"group='(\w+)'")
+# What the plant checks of what it receives (plant.unit.reception).
 HEARD_BY_MACHINE = ("Limits", "LinkageLimits", "EcuStatus")
 
 
@@ -90,6 +91,7 @@ def _checked(frames: FrameTable, codec: MessageCodec) -> Iterator[Detection]:
 def of_bench(frames: FrameTable) -> list[Detection]:
     """Identifiers that no DBC knows."""
     known = np.array(sorted(loader_database().by_id), np.uint32)
+    # with flags: an extended identifier of the same number is another message
     rows = np.flatnonzero(~np.isin(frames.can_id, known))
     return [
         Detection(int(frames.time_ns[row]), Witness.BENCH, Mechanism.UNKNOWN, "not in the DBC")
@@ -154,6 +156,7 @@ def by_a_wait(detection: Detection, waits: Mapping[str, Mapping[str, Rows]], sta
 
     waits: by node, see `hil.judgement.waits_of_senders`. stale_ns: timeout of the machine; the ECU has its own rule.
     """
+    # no wait of a processor changes the content of a frame
     if detection.mechanism is not Mechanism.TIMEOUT:
         return False
     ecu = detection.who is Witness.ECU

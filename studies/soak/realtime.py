@@ -42,6 +42,7 @@ def soak_realtime(
     """Run for `seconds` and judge the run; scenario and run directory stay in `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
     scenario, run = folder / f"{NAME}.toml", folder / "run"
+    # as a file: processes read scenarios, and a run that failed can be repeated by hand
     scenario.write_text(written(random.Random(f"{seed}/real time"), seconds, seed), encoding="utf-8")
 
     def on_event(_: str, event: Event) -> None:
@@ -78,6 +79,7 @@ def written(generator: random.Random, seconds: float, seed: int) -> str:
     ]
     for key, table in chance.driver(generator, seconds).items():
         lines += ["", f"[driver.{key}]", f"points = {json.dumps(table['points'])}"]
+    # the plan of the lockstep soak: both put the same load on the ECU
     for table in plan(generator, seconds, afterwards_s, permitted):
         lines += ["", "[[fault]]", *(f"{key} = {json.dumps(value)}" for key, value in table.items())]
     return "\n".join(lines) + "\n"
@@ -97,6 +99,7 @@ def judge(found: Soak, run: Path, faults: Sequence[Fault], stale_s: float) -> No
     """Add the violations and detections in the run directory to `found`."""
     plant_bus, ecu_bus = evidence.read_bus(run, rundir.BUS), evidence.read_bus(run, rundir.ECU_BUS)
     samples_ns = plant_bus.time_ns[plant_bus.can_id == loader_database().by_name["Articulation"].can_id]
+    # without a sample there is no time zero, and nothing below could be placed
     if not samples_ns.size:
         found.violations.add("the machine sent no sample")
         return

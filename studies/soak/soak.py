@@ -97,6 +97,7 @@ def soak(seconds: float, seed: int, progress: Callable[[float], None] = lambda d
     """The result of a soak of `seconds` of simulated time; progress: called with the seconds done."""
     found = Soak(seed)
     while found.simulated_s < seconds:
+        # a last drive of a second would hold no fault; it may end a little late instead
         left_s = max(seconds - found.simulated_s, FIRST_S + 10.0)
         _Episode(found, min(EPISODE_S, left_s)).run(progress)
     return found
@@ -124,6 +125,7 @@ class _Episode:
         self._until(round(SETTLED_S * SECOND))
         watch.forget()
         for number, fault in enumerate(self._plan, start=1):
+            # between two faults: what is detected here has no cause
             self._until(fault.at_ns)
             self._nothing_detected()
             if not self._until(fault.at_ns + (fault.for_ns or 0) + round(AFTERWARDS_S * SECOND)):
@@ -196,6 +198,7 @@ class Keeper:
             return
         state = State(answer.state)
         self._found.states[state.name.lower()] += 1
+        # that state is for a failed estimator; no fault on the bus may bring it about
         if state is State.FAULT:
             self._violate(answer, "in its fault state")
         if (
@@ -238,6 +241,7 @@ def plan(
     at_s = FIRST_S
     while at_s + LASTS_S[1] + AFTERWARDS_S < duration_s:
         table = chance.fault(generator)
+        # drawn anew, not changed: the others keep their shares
         if not permitted(table):
             continue
         for_s = round(generator.uniform(*LASTS_S), 2)

@@ -89,6 +89,7 @@ class Watch:
         self._stale_ns = round(scenario.equipment.obedience.stale_after * 1e9)
         self._unit = plant_unit(scenario)
         calibration = calibration_of(scenario)
+        # between ECU and wire: a fault on the bus must not change what the ECU is judged by
         self._probe = _Probe(
             RestartableEcu(lambda: ecu_cycle(form="corrected", limits=True, calibration=calibration))
         )
@@ -156,6 +157,7 @@ class Watch:
         """
         first: dict[tuple[Witness, Mechanism], float] = {}
         for detection in self.detections:
+            # detections are in the order of time: the first stays
             first.setdefault((detection.who, detection.mechanism), (detection.at_ns - since_ns) * 1e-6)
         if self.late_messages():
             first[Witness.BENCH, Mechanism.DEADLINE] = 0.0
@@ -173,6 +175,7 @@ class Watch:
                 ),
                 observer,
             )
+            # also messages without a stamp: one that stays away has no other sign
             for can_id, codec in self._cyclic.items()
         ]
         return [f"{v.name}: {v.reason}" for v in verdicts if v.result is Result.FAILED]

@@ -58,6 +58,7 @@ class Check:
         """PASSED or FAILED by the bound, INCONCLUSIVE without a measured value, None without a bound."""
         if self.bound is None:
             return None
+        # before the comparison: NaN is neither above nor below, and would fail every bound
         if math.isnan(self.measured):
             return Result.INCONCLUSIVE
         kept = (

@@ -58,10 +58,12 @@ def standards(
 
     if name is not None and name not in NAMES:
         raise NoSuchStandard(f"no standard named {name!r}; there are {', '.join(NAMES)}")
+    # read before the first test: a wrong file must not be found out after a minute
     candidate = candidate_of(machine, equipment, changes or [])
     console = Console(highlight=False)
     wanted = [name] if name else list(NAMES)
     done = {}
+    # results after all tests: the bar and the tables would overwrite one another
     for key in track(wanted, "standards", console=Console(stderr=True), transient=True):
         standard = by_name(key)
         done[key] = (standard, standard.perform(candidate))

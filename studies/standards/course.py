@@ -40,6 +40,7 @@ class Course:
 
     def departure(self, point: Array) -> float:
         """Distance of a point from the centre line [m], left positive."""
+        # both neighbours are needed for the direction
         i = min(max(self.nearest(point), 1), len(self.centre) - 2)
         along = self.centre[i + 1] - self.centre[i - 1]
         off = point - self.centre[i]
@@ -51,6 +52,7 @@ def double_lane_change(offset: float, length: float) -> Course:
     x = np.arange(0.0, 3 * STRAIGHT_M + 2 * length, 0.1)
     over = np.clip((x - STRAIGHT_M) / length, 0.0, 1.0)
     back = np.clip((x - 2 * STRAIGHT_M - length) / length, 0.0, 1.0)
+    # a cosine has no step of its slope at both ends: curvature is what an articulated machine can follow
     y = offset * (np.cos(np.pi * back) - np.cos(np.pi * over)) / 2
     return Course(np.column_stack((x, y)))
 
@@ -96,6 +98,7 @@ def drive(plant: Plant, course: Course, speed: float) -> Drive:
         ended = nearest + far >= last
         if ended:
             break
+        # a ramp: full torque at rest would spin the wheels before the course begins
         wanted = min(speed, first + PULL_AWAY * truth.time_s)
         plant.advance(_commands(plant.machine, course, truth, wanted), STEP_S)
         truth = plant.truth()
@@ -115,9 +118,11 @@ def _commands(machine: Machine, course: Course, truth: Truth, speed: float) -> C
     aim = course.centre[min(course.nearest(place) + points_ahead(course, machine), len(course.centre) - 1)]
     ahead, behind = machine.geometry.front_axle_x, -machine.geometry.rear_axle_x
     delta = truth.articulation_angle
+    # the joint travels between the directions of both frames, by their lengths
     travel = truth.yaw + math.atan2(behind * math.sin(delta), ahead + behind * math.cos(delta))
     off = aim - place
     bearing = math.remainder(math.atan2(off[1], off[0]) - travel, math.tau)
+    # circle through the joint along its direction of travel and through the aim (pure pursuit)
     curvature = 2.0 * math.sin(bearing) / math.hypot(*off)
     limit = machine.steering.limit
     # a machine with halves of equal length on a circle of this curvature is articulated by 2 atan(curvature L / 2)

@@ -80,6 +80,7 @@ def drawing(chart: Chart) -> str:
         drawn.savefig(out, format="svg", metadata={"Date": None})
         plt.close(drawn)
     text = out.getvalue()
+    # from <svg on: a declaration of XML has no place inside HTML
     return f"<figure><figcaption>{escape(chart.title)}</figcaption>{text[text.index('<svg') :]}</figure>"
 
 

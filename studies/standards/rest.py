@@ -19,6 +19,7 @@ def rigid(machine: Machine) -> Machine:
     """The machine on hard tyres with the radius at which the machine file gives its heights."""
     hard = replace(
         machine.tyre,
+        # on hard tyres nothing is compressed: the radius has to be the height of the wheel's centre under load
         radius=machine.geometry.wheel_centre_height,
         qfz1=1000.0 * machine.tyre.qfz1,
         qfz2=0.0,
@@ -29,6 +30,7 @@ def rigid(machine: Machine) -> Machine:
 def rear_load(machine: Machine, articulation: float, payload: float) -> Array:
     """Normal force of both rear wheels together [N], (1,), with the arm level: the bucket at its largest reach."""
     plant = Plant(machine, payload_mass=payload, articulation_angle=articulation, lift_arm_angle=0.0)
+    # a plant starts in equilibrium: no time has to pass
     return plant.truth().normal_force[2:].sum(keepdims=True)
 
 
@@ -71,6 +73,7 @@ def first_zero(loads: Callable[[float], Array], first: float, second: float) -> 
     # A secant method that takes only 85 % of each step, so that it approaches from one side: beyond the zero the machine has no equilibrium.
     a, at_a, b, at_b = first, loads(first), second, loads(second)
     for _ in range(30):
+        # loads that rise have no zero ahead; of the others the first zero decides
         falling = at_b < at_a
         zero = float((b + at_b[falling] * (b - a) / (at_a - at_b)[falling]).min())
         if abs(zero - b) < NEAR * abs(zero):
