@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from bus.frame import ERROR, EXTENDED, FD, Frame
 from bus.hub.client import hub_status
 from bus.python_can import HubBus, from_message, to_message
-from tests.bus.hub.test_hub import RunningHub
+from tests.bus.hub.running import RunningHub
 from tests.bus.laws import WAIT_S, classic, collect, fd, remote, unstamped
 from tests.bus.terminal import Terminal, feed_until_shown
 

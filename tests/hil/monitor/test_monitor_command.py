@@ -18,7 +18,7 @@ from bus.frame import Frame
 from bus.hub.client import hub_status
 from dbc.recordings.logfile import parse_candump
 from dbc.recordings.writer import candump_line
-from tests.bus.hub.test_hub import RunningHub
+from tests.bus.hub.running import RunningHub
 from tests.bus.laws import collect, numbered
 from tests.hil.monitor.candump_tool import every_kind
 from tests.hil.monitor.make_golden import file_of

@@ -21,7 +21,7 @@ from hil.monitor.run import Plan, open_source
 from hil.monitor.source import Batch, Buses, Source
 from hil.monitor.target import Target, TargetError
 from hil.shell.process import Stop
-from tests.bus.hub.test_hub import RunningHub
+from tests.bus.hub.running import RunningHub
 from tests.bus.laws import WAIT_S, numbered, unstamped
 from tests.hil.monitor.candump_tool import every_kind
 

@@ -23,7 +23,7 @@ from bus.hub.client import hub_status
 from bus.hub.peer import BACKLOG_LIMIT
 from dbc import FOLDER
 from hil.faults.control import ControlServer
-from tests.bus.hub.test_hub import RunningHub
+from tests.bus.hub.running import RunningHub
 from tests.bus.laws import numbered
 from tests.hil.monitor.test_monitor_command import send_all
 from tests.hil.monitor.traffic import can_id_of, machine_frames

@@ -20,7 +20,7 @@ from hil.recording.files import Plan
 from hil.recording.formats import RecordingError
 from hil.recording.ring import Ring
 from hil.recording.writing import WriterProcess
-from tests.bus.hub.test_hub import RunningHub
+from tests.bus.hub.running import RunningHub
 from tests.bus.laws import WAIT_S
 
 PATIENCE_S = 60.0

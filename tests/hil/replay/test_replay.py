@@ -19,7 +19,7 @@ from hil.ending import Ending
 from hil.replay.command import ReplayError, targets
 from hil.replay.replay import RETRY_NS, TURN, Player, due_ns
 from studies.campaigns.memory import table_of
-from tests.bus.hub.test_hub import RunningHub
+from tests.bus.hub.running import RunningHub
 from tests.bus.laws import WAIT_S, collect, unstamped
 
 MS = 1_000_000
