@@ -28,7 +28,7 @@ ACTIVE, PREVIOUS, FROZEN_FRAME = "ActiveFaults", "PreviousFaults", "FaultFreezeF
 
 
 class Mode(enum.IntEnum):
-    """Failure modes of J1939-73 that the ECU tells apart; values are those of the DBC's Fmi."""
+    """Failure modes of J1939-73 that the ECU distinguishes; values are those of the DBC's Fmi."""
 
     ERRATIC = 2
     ABOVE_RANGE = 3

@@ -1,15 +1,15 @@
 """Exchanged wheel sensors of an axle, found by the yaw rate that their difference would mean.
 
 An axle that turns with yaw rate w has its right wheel faster by w T / r (ISO 8855, left positive). The gyro sits on the
-rear frame; the front axle turns with it and with the articulation. Slip adds to the difference of the wheels, and seldom
-turns it round: only a difference near the opposite of the expected one, many frames in a row, counts. A lifted wheel
-that is driven does turn it round: not to be asked near lift-off.
+rear frame; the front axle turns with it and with the articulation. Slip changes the difference of the wheels, but seldom
+its sign. So a difference counts only if it is near the opposite of the expected one, for many frames in a row. A lifted
+wheel that is driven does change the sign: callers must not ask near lift-off.
 """
 
 from dataclasses import dataclass
 
 NEAR = 0.5
-"""Share of the expected difference within which a measured one is near it: it cannot be near both."""
+"""A measured difference is near an expected one if they differ by less than this share of it. Half: it cannot be near both signs."""
 
 
 @dataclass(slots=True)

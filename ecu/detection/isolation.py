@@ -2,7 +2,7 @@
 
 A residual's test is a CUSUM in standard deviations beyond its bound, upwards and downwards. When one has fired, each
 signal is tried as the one that is wrong: the size that explains the fired residuals best has to leave no residual
-beyond its bound. Every signal that passes is a candidate; several of them cannot be told apart.
+beyond its bound. Every signal that passes is a candidate; where several pass, the readings do not show which one is wrong.
 """
 
 import numpy as np

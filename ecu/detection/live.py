@@ -119,7 +119,7 @@ class Detection:
         return pattern
 
     def _said(self, new: frozenset[str]) -> Iterator[tuple[tuple[str, ...], Mode]]:
-        """The new faults, each with its failure mode; signals that cannot be told apart together."""
+        """The new faults, each with its failure mode; signals of which any one could be wrong together."""
         undecided = tuple(sorted(name for name in new if self._state[MODE, PLACE[name]] == UNDECIDED))
         if undecided:
             yield undecided, Mode.ROOT_CAUSE_NOT_KNOWN

@@ -46,7 +46,7 @@ from ecu.estimators.tyres.wheels import radius, shared, transient_forces, wheel_
 
 
 class Present(NamedTuple):
-    """The machine as it is now, and where a prediction starts."""
+    """Estimates of this cycle, and the state from which the prediction starts."""
 
     normal: NormalForces
     forces: WheelForces
@@ -64,7 +64,7 @@ class Present(NamedTuple):
 
 
 class Future(NamedTuple):
-    """What follows within the horizon, and what the machine is permitted because of it."""
+    """The prediction over its horizon, and the limits that follow from it."""
 
     prediction: Prediction
     permitted_rate: float  # articulation rate [rad/s]
@@ -213,7 +213,10 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
 
 @compiled
 def lever_demands(i: Inputs, arm: Turning, bucket: Turning, p: Parameters) -> Levers:
-    """Lift arm and bucket, and what the driver asks of them as far as it is permitted; their motion goes on where the demand is not known."""
+    """Angles and rates of lift arm and bucket, with the rates that the driver demands within the present limits.
+
+    Where the demand is not known, the present rates stand for it.
+    """
     drive = p.linkage_drive
     if i.demand_usable == 0.0:
         return Levers(arm.angle, arm.rate, arm.rate, bucket.angle, bucket.rate, bucket.rate)
@@ -306,6 +309,6 @@ def corrected(i: Inputs, s: State, p: Parameters) -> tuple[Estimates, State]:
 
 @compiled
 def corrected_now(i: Inputs, s: State, p: Parameters) -> tuple[Estimates, State]:
-    """The same without the prediction: what belongs to the prediction is not a number."""
+    """One cycle without the prediction: predicted values are NaN."""
     now, state = present(i, s, p)
     return estimates_of(now, NOT_PREDICTED, p), state

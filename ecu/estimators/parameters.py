@@ -175,10 +175,9 @@ class Sensors(NamedTuple):
 class Contact(NamedTuple):
     """How the loads follow the gyro and the balance of forces."""
 
-    settling_time: (
-        float  # below it the gyro tells the tilt, above it the balance of forces [s]; 0: balance alone
-    )
-    bias_time: float  # ... and the bias of the gyro is learnt in this time [s]
+    # time constant of the tilt [s]: faster changes come from the gyro, slower ones from the balance of forces; 0: balance alone
+    settling_time: float
+    bias_time: float  # time constant with which the gyro's bias is learnt [s]
     latency: float  # age of a gyro sample when the estimate arrives [s]
     damping: float  # of a tyre, radial [N s/m]
 

@@ -1,8 +1,8 @@
-"""What is permitted: articulation rate and speed that keep a margin now, and later while the machine slows down.
+"""Permitted articulation rate and speed: the largest that keep the roll-over margin now and while the machine slows down.
 
-A limit does not act at once: the machine slows down no faster than its brakes and the slope let it, and goes on
-turning meanwhile. On a slope a turn that is safe now may point its outer side downhill two seconds later. So a turn
-counts with every heading it comes to within `turn_ahead`, at the speed that is left there. ISO 8855, rear frame axes.
+A limit does not act at once: brakes and slope bound the deceleration, and the machine goes on turning meanwhile. On a
+slope, a turn that is safe now may point its outer side downhill two seconds later. A turn is therefore judged at every
+heading that it reaches within `turn_ahead`, at the speed that is left there. ISO 8855, rear frame axes.
 """
 
 import math
@@ -15,17 +15,17 @@ from ecu.estimators.stability.rollover import LoadedMachine, margin, steady_load
 from ecu.estimators.tyres.contact import Tilt, tilt_of
 
 TURN_STEP = 0.5
-"""Headings are looked at so often [s]: at 0.3 g and 10 km/h the machine turns by 30 degrees meanwhile."""
+"""Time between two judged headings [s]: at 0.3 g and 10 km/h the machine turns by 30 degrees in it."""
 LEANING = 2
-"""How often the lean of a steady turn is found anew from the loads: a fifth of what is missing is left each time."""
+"""Iterations for the lean of a steady turn, which depends on the loads that it changes: each leaves a fifth of the error."""
 
 
 TRANSIENT = 0.05
-"""A rate that helps may cost this much margin on its way: turning back accelerates the front unit sideways."""
+"""Margin that a recovering rate may cost on its way: turning back accelerates the front unit sideways."""
 BETTER = 0.005
-"""... and has to bring this much, more than the rounding of the margins."""
+"""Margin that a recovering rate has to gain in the end: more than the rounding of margins."""
 RECOVERY_RATES = 4
-"""How many rates are tried for recovery: the largest, its half, its quarter, its eighth."""
+"""Rates tried for recovery: the largest, a half, a quarter and an eighth of it."""
 
 
 @compiled
@@ -130,7 +130,7 @@ def helps(start: PredictionState, rate: float, machine: LoadedMachine) -> bool:
 
 @compiled
 def permitted_rate(start: PredictionState, machine: LoadedMachine) -> float:
-    """Largest articulation rate [rad/s] in the demanded direction that keeps the margins, to a 64th of the largest there is.
+    """Largest articulation rate [rad/s] in the demanded direction that keeps the margins, found to 1/64 of the machine's largest.
 
     Without a demand the direction that tightens the turn is taken. Where even holding the angle violates a floor, a
     rate that helps is permitted, and no other: to refuse it would keep the machine where it is about to tip over.
@@ -165,7 +165,7 @@ def demanded_direction(start: PredictionState) -> float:
 def permitted_speed(
     articulation_angle: float, ground: Vector, direction: float, machine: LoadedMachine
 ) -> float:
-    """Largest speed [m/s] at which a turn at this angle may be begun, to a 256th of the largest there is: it keeps `speed_floor`.
+    """Largest speed [m/s] from which a turn at this angle keeps `speed_floor`, found to 1/256 of the machine's largest.
 
     direction: +1 forward, -1 reverse. 0 where the machine would not keep it standing.
     """

@@ -24,7 +24,8 @@ from ecu.estimators.stability.prediction import PredictionState, predict, with_l
 from ecu.estimators.stability.rollover import LoadedMachine, posed, share_lost
 
 AMPLE = 0.25
-"""A motion counts as harmless if its estimated cost leaves the floor and this much margin: the estimate may be 0.20 too small."""
+"""Margin above the floor that a motion's estimated cost has to leave, so that it is permitted in full without a prediction.
+The estimate of the cost may be 0.20 too small."""
 SWING = 2.0
 """A step of force on an undamped spring: twice its size."""
 DRIVEN_STEP = 0.05
@@ -113,7 +114,7 @@ def lever_helps(start: PredictionState, motion: int, rate: float, m: LoadedMachi
 
 @compiled
 def permitted_lever(start: PredictionState, motion: int, margin: float, m: LoadedMachine) -> float:
-    """Largest rate [rad/s] of this motion that keeps the margins; the full one where it is harmless.
+    """Largest rate [rad/s] of this motion that keeps the margins; the full one, without a prediction, where its cost leaves AMPLE.
 
     margin: the smallest predicted one without this motion. Where even the arm's rest violates a floor only a rate that
     helps is permitted.

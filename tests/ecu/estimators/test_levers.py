@@ -97,7 +97,7 @@ def test_at_the_permitted_rate_the_margins_are_kept(speed, angle, arm, motion):
 
 @pytest.mark.parametrize("arm", [-0.65, 0.0, 0.8])
 @pytest.mark.parametrize("payload", [0.0, 1600.0, 3204.0])
-def test_what_counts_as_harmless_keeps_the_margins(arm, payload):
+def test_a_motion_permitted_without_prediction_keeps_the_margins(arm, payload):
     """The cheap estimate never passes what the whole prediction refuses; in turns to both sides."""
     m = machine(arm, payload)
     for motion, (speed, angle) in itertools.product(range(MOTIONS), TURNS):
@@ -107,7 +107,7 @@ def test_what_counts_as_harmless_keeps_the_margins(arm, payload):
             assert keeps_with_lever(now, motion, largest(motion, m.drive), m)
 
 
-def test_something_counts_as_harmless():
+def test_some_motions_are_permitted_without_prediction():
     m = machine(CARRIED, 0.0)
     now = start(6.0, 0.15, CARRIED, m)
     assert predict(now, RULES.demand_hold, 0.0, m).margin > RULES.margin_floor + AMPLE
