@@ -37,6 +37,7 @@ def creep(candidate: Candidate, grade: float, payload: float, brakes: Four) -> f
     try:
         plant = Plant(candidate.machine, Surface(grade=grade), payload_mass=payload)
     except NoEquilibriumError:
+        # without an equilibrium the machine tips: no distance describes that, and every bound is exceeded
         return math.inf
     start = plant.truth().position.copy()
     plant.advance(Commands(brake_torque=brakes), HOLD_S)
@@ -45,6 +46,7 @@ def creep(candidate: Candidate, grade: float, payload: float, brakes: Four) -> f
 
 def across(candidate: Candidate, payload: float, bank_deg: float) -> tuple[Array, Array]:
     """Distance driven [m] and smallest wheel load over that on level ground, from standstill straight across a side slope."""
+    # over the load of each wheel on level ground: wheels of one machine carry different loads
     level = Plant(candidate.machine, payload_mass=payload).truth().normal_force
     plant = Plant(candidate.machine, Surface(bank=math.radians(bank_deg)), payload_mass=payload)
     done = drive(plant, straight(ACROSS_M), ACROSS_KMH * KMH)
@@ -54,6 +56,7 @@ def across(candidate: Candidate, payload: float, bank_deg: float) -> tuple[Array
 def steepest_crossing(candidate: Candidate, payload: float) -> float:
     """The steepest side slope [deg] that the machine crosses with all wheels on the ground, by bisection."""
     low, high = 0.0, STEEPEST_DEG
+    # bisection: whether it crosses is yes or no, and gives a secant nothing to go by
     while high - low > RESOLUTION_DEG:
         middle = (low + high) / 2.0
         try:

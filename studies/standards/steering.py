@@ -72,6 +72,7 @@ def _drive(machine: Machine, payload: float, course: Course, kmh: float) -> Driv
 
 def course_checks(name: str, done: Drive, kmh: float, half_corridor: float) -> list[Check]:
     """Checks of corridor and speed; without a measured value if the drive did not reach the end."""
+    # a drive that ended early has kept the corridor only so far
     off = float(done.departure.max()) if done.finished else math.nan
     error = float(np.abs(done.speed - kmh * KMH).max()) / KMH if done.finished else math.nan
     return [
@@ -95,6 +96,7 @@ def lock_to_lock(machine: Machine) -> float:
     limit = machine.steering.limit
     plant = Plant(machine, articulation_angle=-limit)
     commands = Commands(articulation_rate=machine.steering.rate_limit)
+    # five times what the steering needs at its full rate; a blocked one must not run for ever
     longest = 10.0 * limit / machine.steering.rate_limit
     while plant.truth().articulation_angle < 0.99 * limit:
         if plant.time_s > longest:
@@ -113,6 +115,7 @@ def turning_radius(machine: Machine) -> float:
     plant = Plant(machine, speed=speed, articulation_angle=machine.steering.limit)
     plant.advance(Commands(), SETTLED_S)
     truth = plant.truth()
+    # the rear axle's middle moves along its frame, so its radius is speed over yaw rate
     rear = truth.speed / truth.angular_velocity[2]
     front = math.sqrt(rear**2 + behind**2 - ahead**2)
     return max(front, rear) + machine.geometry.track / 2.0

@@ -39,6 +39,7 @@ def iso_secondary(speed_kmh: float) -> float:
 
 def mine_service(speed: float) -> float:
     """Longest stopping distance [m] from `speed` [m/s], without the operator's reaction time: the simulation brakes at once."""
+    # the table counts one second of reaction, which the simulated driver does not need
     return speed * (MINES_DELAY_S - 1.0) + speed**2 / (2.0 * MINES_DECELERATION)
 
 
@@ -66,6 +67,7 @@ def stop(
     commands = Commands(brake_torque=torque)
     start = plant.truth().position
     times, speeds, ways = [0.0], [speed], [0.0]
+    # a threshold above zero: the machine rocks on its tyres after the stop
     while speeds[-1] > STANDING and times[-1] < LONGEST_S:
         plant.advance(commands, EVERY_S)
         truth = plant.truth()
@@ -90,6 +92,7 @@ def perform(candidate: Candidate) -> Findings:
             checks.append(check_of(f"service brakes, {load}, {kmh:.0f} km/h", done, iso_service(kmh), ISO))
             lines.append(Line(f"{load}, {kmh:.0f} km/h", done.travelled, done.speed / KMH))
         done = stop(candidate, MINE_KMH * KMH, payload)
+        # the table gives heavier machines other distances
         if candidate.machine.mass + payload <= MINES_MASS_KG:
             limit = mine_service(MINE_KMH * KMH)
             checks.append(check_of(f"service brakes, {load}, {MINE_KMH:.1f} km/h", done, limit, MINES))

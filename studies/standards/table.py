@@ -20,6 +20,7 @@ from studies.standards.page import HEADINGS, row
 
 def by_name(name: str) -> Standard:
     """The test of that name."""
+    # on use: each test loads the plant, and the help page needs the names alone
     standard: Standard = importlib.import_module(f"studies.standards.{name}").STANDARD
     return standard
 

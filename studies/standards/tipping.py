@@ -45,6 +45,7 @@ def perform(candidate: Candidate) -> Findings:
 def _chart(candidate: Candidate, tyres: dict[str, Machine], found: dict[tuple[str, float], float]) -> Chart:
     lines = []
     for (name, angle), tips in found.items():
+        # not to the tipping load itself: there the machine has no equilibrium
         loads = np.linspace(0.0, 0.98 * tips, POINTS)
         forces = [float(rear_load(tyres[name], angle, load)[0]) / 1e3 for load in loads]
         label = f"{name} tyres, {math.degrees(angle):.0f}°"

@@ -47,6 +47,7 @@ class Run:
         """Of the form, or of the 'plant' [N]."""
         force = self.truth["normal_force"] if form == "plant" else self.forces[form]
         front = force[:, 0] + force[:, 1]
+        # over the mean of the last half second before the brake: each form has its own offset there
         return np.asarray(front - front[~self.braking][-50:].mean())
 
     def peak(self, form: str) -> float:
@@ -61,6 +62,7 @@ class Run:
     def locked_s(self) -> float:
         """How long all wheels stand while the machine slides [s]."""
         speed = self.truth["speed"]
+        # the fastest wheel: only when it stands do all stand
         rolling = np.abs(self.truth["wheel_speed"]).max(axis=1) * machine_of(SHEET).tyre.radius
         return float(np.count_nonzero((rolling < STILL * speed) & (speed > MOVING)) * TICK_S)
 
@@ -108,6 +110,7 @@ def answer() -> Answer:
     many = [measure(ASPHALT, split) for split in SPLITS]
     machine = machine_of(SHEET)
     reading = hub_reading(firm.truth, machine)
+    # from 1 s on, when the start has died out, to just before the brake at 3 s
     offset = (firm.forces["printed"] - reading)[100:290].mean(axis=0)
     left = np.abs(with_tare(reading, machine) - firm.truth["normal_force"])[firm.braking].max()
     swing = firm.transfer("plant")[firm.braking]

@@ -63,6 +63,7 @@ def line(*points: tuple[float, float]) -> Profile:
 
 def driven(case: Scenario, split: Split, *effects: ActiveEffect) -> Truths:
     """The truth of the drive, one row per 10 ms."""
+    # no ECU at all: the thesis' simulation had none, and limits would change the drive
     unit = PlantUnit(replace(machine_of(split), effects=effects), case, seed=case.seed, obey_limits=False)
     rows: list[Array] = []
     while not unit.finished:
@@ -91,6 +92,7 @@ def inputs_of(truth: Truths) -> Array:
         rows[:, at[name]] = truth[name]
     for name in ("wheel_speed", "wheel_torque"):
         rows[:, at[f"{name}_1"] : at[f"{name}_1"] + 4] = truth[name]
+    # consecutive places: the three axes of a sensor stand side by side in `Inputs`
     rows[:, at["specific_force_x"] : at["specific_force_x"] + 3] = truth["imu_specific_force"]
     rows[:, at["roll_rate"] : at["roll_rate"] + 3] = truth["angular_velocity"]
     return rows
@@ -131,5 +133,6 @@ def repaired(truth: Truths, split: Split, **corrections: float) -> Array:
     motion = np.column_stack((*angles, *rates, changes[0], changes[1], speed, changes[2]))
     rows = np.hstack((motion, truth["longitudinal_force"], truth["lateral_force"]))
     normal, side, torque = np.empty((len(rows), 4)), np.empty(len(rows)), np.empty(len(rows))
+    # in place: the compiled loop fills the three arrays
     estimate(rows, Corrections(**corrections), float(truth["payload_mass"][0]), p, normal, side, torque)
     return normal

@@ -23,6 +23,7 @@ from studies.thesis.split import SHEET, SPLITS, Split, parameters_of
 SPEEDS = (1.0, 2.0, 3.0, 4.0)  # [m/s]
 ANGLE = math.radians(20.0)
 HELD = 0.95  # of the angle: the turn counts as held
+# Each side twice: an offset that drifts with time would not change its sign.
 TURNS = (1, -1, 1, -1)  # left, right
 REPAIRS: Mapping[str, Mapping[str, float]] = {
     "pivot arm alone (E-15)": {"pivot_arm": 1.0},
@@ -94,6 +95,7 @@ def offsets(error: Array, angle: Array) -> Offsets:
 def missing_arm(truth: Truths, split: Split) -> Array:
     """-F_R Y_cog/(b1 + b2) [N]: the offset that E-15 alone makes, to first order, from the true rear load."""
     p = parameters_of(split)
+    # what the joint carries of the rear: the load of the rear wheels without their axle, which swings below it
     pivot = truth["normal_force"][:, 2:].sum(axis=1) - p.axle.mass * GRAVITY
     lever = []
     for angle, centre in zip(truth["articulation_angle"], centres(truth, split, p.rear), strict=True):
@@ -106,6 +108,7 @@ def slope(run: Run, split: Split = SHEET) -> float:
     """Of the printed form's offset over what the missing arm explains; 1 where nothing else is wrong."""
     error, explained = run.errors["printed"], missing_arm(run.truth, split)
     offset = (error[:, 0] - error[:, 1]) / 2.0
+    # regression through the origin: no arm, no offset
     return float(explained @ offset / (explained @ explained))
 
 

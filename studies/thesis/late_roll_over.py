@@ -72,6 +72,7 @@ def measure(split: Split = SHEET, side: float = 1.0) -> Run:
     """Drive once; all forms, and the outlook of the corrected one."""
     truth = driven(abrupt(side=side), split)
     corrected = estimated(truth, split, "corrected", outlook=True)
+    # the same drive with one signal taken away: what it contributes is the difference
     level = {**truth, "roll": np.zeros_like(truth["roll"])}
     forces = {
         "printed": estimated(truth, split, "printed")["normal_force"],
@@ -80,6 +81,7 @@ def measure(split: Split = SHEET, side: float = 1.0) -> Run:
         "corrected": corrected["normal_force"],
     }
     time = truth["time_s"]
+    # for as long as a lift-off has to last, so that both are moments of one kind
     foreseen = lasting(time, corrected["predicted_margin"] <= 0.0, LIFT_MIN_S)
     return Run(
         truth,
@@ -99,6 +101,7 @@ def answer() -> Answer:
     """Left and right with the sheet's masses, over the bus, and the splits."""
     run, mirrored = measure(), measure(side=-1.0)
     many = [measure(split) for split in SPLITS]
+    # once more through sensors and bus: the estimates above have neither noise nor delay
     warned, _ = campaign.drive(abrupt(), "corrected", limits=False)
     ahead = _ahead(run)
     text = (

@@ -84,6 +84,7 @@ def answer() -> Answer:
     with tempfile.TemporaryDirectory() as scratch:
         main = record(Path(scratch) / "held_turns")
         judged = diagnose(main)
+        # seed and payload of the scenario file
         first = Case(4, 0.0, judged.findings)
         others = [
             Case(seed, load, diagnose(record(Path(scratch) / f"other{seed}", seed, load)).findings)
@@ -130,6 +131,7 @@ def _counted(case: Case) -> str:
 
 
 def _totals(cases: Sequence[Case]) -> str:
+    # names alone count as right; a true effect that is only the best proxy is counted beside them
     right = sum(len(case.right) for case in cases)
     proxies = sum(not f.named and f.effect in EXPECTED for case in cases for f in case.findings.findings)
     wrong = [name for case in cases for name in case.wrong]

@@ -25,6 +25,7 @@ def write_page(question: Question, out: Path) -> Path:
         parents=True, exist_ok=True
     )  # first, so that an unwritable folder is reported before the long computation
     answer = question.measured()
+    # beside the page under its name, so that the page links it without a path
     picture = f"{question.name}.svg"
     answer.draw(out / picture)
     parts = (

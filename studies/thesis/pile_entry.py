@@ -78,6 +78,7 @@ class Run:
 def measure(case: str, split: Split = SHEET) -> Run:
     """Drive once; printed (payload known), with a vertical force from one pressure, corrected (both pressures and traction)."""
     truth = driven(entry(case), split, pile())
+    # all corrections but the pile's force: what the pressures add is then visible by itself
     base = repaired(truth, split, **WHOLE)[:, :2].sum(axis=1)
     changes = {name: from_one(truth, name, parameters_of(split)) for name in ("lift", "tilt")}
     front = {
@@ -105,6 +106,7 @@ def from_one(truth: Truths, which: str, p: Parameters) -> Array:
         ex, _ = rotated(p.digging.edge_forward, p.digging.edge_above, i.tilt_angle - p.bucket.carried)
         # the moment divided by the horizontal arm of the edge: about the arm's pivot, or about the bucket's pin
         upward = -(r.weight + r.place) / (px + ex) if which == "lift" else -r.place / ex
+        # moment about the rear axle over the wheelbase: the share of the force that the front axle carries
         found.append(-(p.arm.pivot_x + px + ex + p.geometry.rear_length) * upward)
     return np.array(found) / (p.geometry.front_length + p.geometry.rear_length)
 
