@@ -62,6 +62,10 @@ PANELS: Final[dict[str, dict[str, Command]]] = {
             "deploy.command",
             "Run the ECU as a service of a Linux computer: `deploy new`, `deploy check`, `deploy units`.",
         ),
+        "export-c": Command(
+            "deploy.c.command",
+            "Write the ECU as C99 for a microcontroller: estimators and calibration, single precision, without heap.",
+        ),
         "soak": Command(
             "studies.soak.command",
             "Test the ECU with random faults in random drives: is every fault detected, and do states and outputs stay as declared?",

@@ -6,8 +6,12 @@ from ecu.estimators.motion.arm import Turning
 from ecu.estimators.motion.motion import Motion
 from ecu.estimators.quantities import NormalForces, WheelForces
 from ecu.estimators.signals import Inputs
+from ecu.estimators.stability.levers import MOTIONS
 from ecu.estimators.state import State
 from ecu.estimators.tyres.contact import Tilt
+
+MOST_CYCLES = 8_000_000.0
+"""From here on the counter turns back: single precision counts no further than 2^24, which is 46 h of cycles."""
 
 
 @compiled
@@ -16,8 +20,10 @@ def next_state(
     n: NormalForces, f: WheelForces, u: WheelForces, drift: float, tilt: Tilt, bias: Tilt, arm: Turning, bucket: Turning,
 ) -> State:  # fmt: skip
     """The state for the next cycle."""
+    # by whole turns of the levers' four motions, whose limits are looked for one after another
+    cycles = s.cycles + 1.0 if s.cycles < MOST_CYCLES else s.cycles + 1.0 - MOTIONS
     return State(
-        s.cycles + 1.0, load.payload, fused, i.articulation_rate, m.articulation_acceleration,
+        cycles, load.payload, fused, i.articulation_rate, m.articulation_acceleration,
         i.roll_rate, m.change.x, i.pitch_rate, m.change.y, i.yaw_rate, m.change.z,
         i.wheel_speed_1, i.wheel_speed_2, i.wheel_speed_3, i.wheel_speed_4,
         m.wheel_acceleration_1, m.wheel_acceleration_2, m.wheel_acceleration_3, m.wheel_acceleration_4,

@@ -1,8 +1,8 @@
 """Forces of the cylinders of arm and bucket, and their levers about the arm's pivot and the bucket's pin.
 
 Lift cylinders between front frame and arm; a tilt cylinder from the front frame to a bell crank on the arm, whose link
-turns the bucket. A lever is the derivative of a cylinder's length by the angle (virtual work), here by central
-differences: lengths are all that has to be known. Holds at rest and while the arm moves evenly.
+turns the bucket. A lever is the derivative of a cylinder's length by the angle (virtual work), in closed form: single
+precision leaves three digits of a difference of lengths. Holds at rest and while the arm moves evenly.
 """
 
 import math
@@ -12,8 +12,8 @@ from ecu.estimators.compiled import compiled
 from ecu.estimators.loads.cog import rotated
 from ecu.estimators.parameters import Arm, Bucket, Cylinders, TiltLinkage
 
-STEP = 1e-4
-"""Half the difference of angle [rad]: the lever's error is below 1e-7 m."""
+LEAST_SINE = 1e-3
+"""Of the angle between crank and link, where both stand in line and the lever grows without bound."""
 
 
 class Levers(NamedTuple):
@@ -25,27 +25,38 @@ class Levers(NamedTuple):
 
 
 @compiled
-def lift_length(arm_angle: float, arm: Arm, c: Cylinders) -> float:
-    """Length of the lift cylinders between their pins [m]."""
+def lift_lever(arm_angle: float, arm: Arm, c: Cylinders) -> float:
+    """Lever of the lift cylinders about the arm's pivot [m]: change of their length by the arm's angle."""
     x, z = rotated(c.pin_along, c.pin_above, arm_angle)
-    x += arm.pivot_x - c.base_x
-    z += arm.pivot_z - c.base_z
-    return math.sqrt(x * x + z * z)
+    base_x, base_z = arm.pivot_x - c.base_x, arm.pivot_z - c.base_z
+    dx, dz = base_x + x, base_z + z
+    return (base_z * x - base_x * z) / math.sqrt(dx * dx + dz * dz)
 
 
 @compiled
-def tilt_length(arm_angle: float, tilt_angle: float, arm: Arm, bucket: Bucket, t: TiltLinkage) -> float:
-    """Length of the tilt cylinder between its pins [m]."""
+def tilt_lever(
+    arm_angle: float, tilt_angle: float, arm_turns: float, arm: Arm, bucket: Bucket, t: TiltLinkage
+) -> float:
+    """Change of the tilt cylinder's length by the bucket's angle [m]; arm_turns: 1 while the arm turns with it, else 0."""
     cx, cz = rotated(t.crank_along, t.crank_above, arm_angle)
     px, pz = rotated(arm.length, 0.0, arm_angle)
     bx, bz = rotated(t.pin_forward, t.pin_above, tilt_angle - bucket.carried)
+    # from the crank's pivot to the link's pin on the bucket, and how that changes
     dx, dz = px + bx - cx, pz + bz - cz
-    away = math.sqrt(dx * dx + dz * dz)
-    cosine = (t.link_arm * t.link_arm + away * away - t.link * t.link) / (2.0 * t.link_arm * away)
-    at = math.atan2(dz, dx) - math.acos(min(max(cosine, -1.0), 1.0)) + t.between
-    x = arm.pivot_x + cx + t.cylinder_arm * math.cos(at) - t.base_x
-    z = arm.pivot_z + cz + t.cylinder_arm * math.sin(at) - t.base_z
-    return math.sqrt(x * x + z * z)
+    ddx, ddz = -arm_turns * (pz - cz) - bz, arm_turns * (px - cx) + bx
+    square = dx * dx + dz * dz
+    away = math.sqrt(square)
+    cosine = (t.link_arm * t.link_arm + square - t.link * t.link) / (2.0 * t.link_arm * away)
+    cosine = min(max(cosine, -1.0), 1.0)
+    at = math.atan2(dz, dx) - math.acos(cosine) + t.between
+    bent = (square - t.link_arm * t.link_arm + t.link * t.link) / (2.0 * t.link_arm * square)
+    bent *= (dx * ddx + dz * ddz) / away
+    sine = math.sqrt(max(1.0 - cosine * cosine, LEAST_SINE * LEAST_SINE))
+    turned = (dx * ddz - dz * ddx) / square + bent / sine
+    ax, az = t.cylinder_arm * math.cos(at), t.cylinder_arm * math.sin(at)
+    x, z = arm.pivot_x + cx + ax - t.base_x, arm.pivot_z + cz + az - t.base_z
+    moved_x, moved_z = -arm_turns * cz - turned * az, arm_turns * cx + turned * ax
+    return (x * moved_x + z * moved_z) / math.sqrt(x * x + z * z)
 
 
 @compiled
@@ -53,13 +64,11 @@ def levers(
     arm_angle: float, tilt_angle: float, arm: Arm, bucket: Bucket, cylinders: Cylinders, t: TiltLinkage
 ) -> Levers:
     """Levers of the cylinders; angles above the front frame's horizontal [rad]."""
-    down, up = arm_angle - STEP, arm_angle + STEP
-    lift = lift_length(up, arm, cylinders) - lift_length(down, arm, cylinders)
-    back = tilt_length(arm_angle, tilt_angle + STEP, arm, bucket, t)
-    forth = tilt_length(arm_angle, tilt_angle - STEP, arm, bucket, t)
-    with_arm = tilt_length(up, tilt_angle + STEP, arm, bucket, t)  # arm and bucket turn as one
-    against = tilt_length(down, tilt_angle - STEP, arm, bucket, t)
-    return Levers(lift / (2.0 * STEP), (with_arm - against) / (2.0 * STEP), (back - forth) / (2.0 * STEP))
+    return Levers(
+        lift_lever(arm_angle, arm, cylinders),
+        tilt_lever(arm_angle, tilt_angle, 1.0, arm, bucket, t),
+        tilt_lever(arm_angle, tilt_angle, 0.0, arm, bucket, t),
+    )
 
 
 @compiled

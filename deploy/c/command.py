@@ -1,0 +1,32 @@
+"""`loaderhil export-c`: the ECU as C99 for a microcontroller."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def export_c(
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write; made if it does not exist.")],
+    calibration: Annotated[
+        str,
+        typer.Option(
+            "--calibration", metavar="NAME", help="Calibration of the machine: l60, compact, or a .toml file."
+        ),
+    ] = "l60",
+) -> None:
+    """Write the ECU as C99 for a microcontroller: estimators and calibration, single precision, without heap.
+
+    Exit code 0: written; 2: the calibration or the folder cannot be used. Example: `loaderhil export-c out/c --calibration l60`
+    """
+    from deploy.c.project import write_project
+    from ecu.calibration import load_calibration
+
+    files = write_project(out, load_calibration(calibration))
+    for file in files:
+        print(f"written: {file}")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command("export-c")(export_c)

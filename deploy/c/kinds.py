@@ -1,0 +1,68 @@
+"""Kinds of values that both languages have: real, integer, truth value, record of named fields, tuple.
+
+A record is a NamedTuple or a frozen dataclass in Python and a struct in C; a tuple is a struct without field names.
+"""
+
+import dataclasses
+import enum
+from dataclasses import dataclass
+from typing import Any, Final, get_args, get_origin, get_type_hints
+
+
+@dataclass(frozen=True, slots=True)
+class Scalar:
+    """A number or truth value."""
+
+    c: str  # type in C
+
+
+REAL: Final = Scalar("real_t")
+INT: Final = Scalar("int32_t")
+BOOL: Final = Scalar("bool")
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A NamedTuple or a dataclass."""
+
+    python: type
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """A tuple of values that a function returns."""
+
+    items: "tuple[Kind, ...]"
+
+
+Kind = Scalar | Record | Group
+
+
+def kind_of(hint: Any) -> Kind | None:
+    """The kind of an annotation; None where C has no exact counterpart here."""
+    scalar = {float: REAL, int: INT, bool: BOOL}.get(hint)
+    if scalar is not None:
+        return scalar
+    if is_record(hint):
+        return Record(hint)
+    if isinstance(hint, type) and issubclass(hint, enum.IntEnum):
+        return INT
+    if get_origin(hint) is tuple:
+        items = tuple(kind_of(item) for item in get_args(hint))
+        kinds = tuple(item for item in items if item is not None)
+        return Group(kinds) if kinds and len(kinds) == len(items) else None
+    return None
+
+
+def is_record(thing: Any) -> bool:
+    """Whether it is the type of a NamedTuple or of a dataclass."""
+    return isinstance(thing, type) and (
+        (issubclass(thing, tuple) and hasattr(thing, "_fields")) or dataclasses.is_dataclass(thing)
+    )
+
+
+def fields_of(record: type) -> dict[str, Kind | None]:
+    """Field -> its kind, in their order."""
+    hints = get_type_hints(record)
+    names = getattr(record, "_fields", None) or [field.name for field in dataclasses.fields(record)]
+    return {name: kind_of(hints[name]) for name in names}

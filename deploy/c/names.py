@@ -1,0 +1,89 @@
+"""Names in C for what Python keeps apart by modules: types, functions, constants, locals."""
+
+import re
+from types import ModuleType
+from typing import Any, Final
+
+from deploy.c.kinds import BOOL, REAL, Group, Kind, Record, Scalar
+
+RESERVED: Final = frozenset(
+    {
+        "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern", "float", "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return", "short", "signed", "sizeof", "static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile", "while", "bool", "true", "false", "real_t", "main", "errno",
+    }
+)  # fmt: skip
+"""Words of C99 and of the runtime that are ordinary names in Python."""
+
+
+class Names:
+    """Gives every type one name; a second class of the same name gets its module's name before its own."""
+
+    def __init__(self) -> None:
+        self._types: dict[type, str] = {}
+        self._groups: dict[Group, str] = {}
+
+    def record(self, record: type) -> str:
+        """Name of a struct."""
+        if record not in self._types:
+            name = record.__name__
+            if name in self._types.values():
+                name = _capitalised(record.__module__.rsplit(".", 1)[-1]) + name
+            self._types[record] = name
+        return self._types[record]
+
+    def group(self, group: Group) -> str:
+        """Name of the struct for a tuple: that of its items one after another, `Two` where both are alike."""
+        if group not in self._groups:
+            parts = [self._word(item) for item in group.items]
+            alike = len(set(parts)) == 1
+            counts = {2: "Two", 3: "Three", 4: "Four"}
+            self._groups[group] = (
+                counts.get(len(parts), f"Tuple{len(parts)}") + parts[0] + "s" if alike else "And".join(parts)
+            )
+        return self._groups[group]
+
+    def kind(self, kind: Kind) -> str:
+        """Name of any type."""
+        if isinstance(kind, Scalar):
+            return kind.c
+        return self.record(kind.python) if isinstance(kind, Record) else self.group(kind)
+
+    def _word(self, kind: Kind) -> str:
+        if isinstance(kind, Scalar):
+            return {REAL: "Real", BOOL: "Bool"}.get(kind, "Int")
+        return self.kind(kind)
+
+
+def _capitalised(snake: str) -> str:
+    return "".join(word.capitalize() for word in snake.split("_"))
+
+
+def function_name(function: Any) -> str:
+    """`module_function`: modules keep equal names of functions apart, in C nothing else does."""
+    module = function.__module__.rsplit(".", 1)[-1]
+    return f"{module}_{function.__name__.lstrip('_')}"
+
+
+def constant_name(module: ModuleType, name: str) -> str:
+    """`MODULE_NAME`."""
+    return f"{module.__name__.rsplit('.', 1)[-1]}_{name}".upper()
+
+
+def local_name(name: str) -> str:
+    """A local or a field under its own name, unless C needs it."""
+    return f"{name}_" if name in RESERVED else name
+
+
+def wrapped(line: str, width: int = 110) -> str:
+    """A line of C broken at spaces; continuation lines are indented by two more steps."""
+    if len(line) <= width:
+        return line
+    indent = re.match(r" *", line)
+    assert indent is not None
+    hang = indent.group() + " " * 8
+    lines, current = [], indent.group()
+    for word in line.split():
+        if len(current) + len(word) >= width and current.strip():
+            lines.append(current.rstrip())
+            current = hang
+        current += word + " "
+    return "\n".join([*lines, current.rstrip()])

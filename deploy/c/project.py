@@ -1,0 +1,44 @@
+"""The folder that `loaderhil export-c` writes: generated files and the runtime that is the same for every machine."""
+
+from pathlib import Path
+from typing import Final
+
+from bus.user_error import UserError
+from deploy.c.calibration import calibration_files
+from deploy.c.estimators import estimator_files
+from ecu.calibration import Calibration
+
+RUNTIME: Final = Path(__file__).resolve().parent / "runtime"
+MARK: Final = "Written by `loaderhil export-c`"
+
+
+class FolderInUseError(UserError, ValueError):
+    """The folder holds files of somebody else."""
+
+
+def project_files(calibration: Calibration) -> dict[str, str]:
+    """File name -> text."""
+    fixed = {
+        file.name: file.read_text(encoding="utf-8") for file in sorted(RUNTIME.iterdir()) if file.is_file()
+    }
+    return fixed | estimator_files() | calibration_files(calibration)
+
+
+def write_project(folder: Path, calibration: Calibration) -> list[Path]:
+    """Write all files; FolderInUseError where one of them exists and is not of an earlier export."""
+    files = project_files(calibration)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        known = (folder / "estimators.c").is_file() and MARK in (folder / "estimators.c").read_text(
+            "utf-8", "replace"
+        )
+        taken = sorted(name for name in files if (folder / name).exists())
+        if taken and not known:
+            raise FolderInUseError(
+                f"{folder}: {taken[0]} is there and was not written by an earlier export: choose another folder"
+            )
+        for name, text in files.items():
+            (folder / name).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise FolderInUseError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    return [folder / name for name in files]

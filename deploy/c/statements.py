@@ -1,0 +1,269 @@
+"""Statements of the Python subset in C: assignments, if, for over a range, break, continue, return."""
+
+import ast
+from typing import Final
+
+from deploy.c.expressions import Expressions
+from deploy.c.kinds import INT, REAL, Group, Kind, Record, Scalar, fields_of
+from deploy.c.names import local_name, wrapped
+from deploy.c.placement import Placement, placement_of
+from deploy.c.scope import Scope, Value
+
+STEP: Final = "    "
+
+
+class Statements:
+    """Translates the body of one function into lines."""
+
+    def __init__(self, scope: Scope) -> None:
+        self.scope = scope
+        self.expressions = Expressions(scope)
+        tree = scope.source.tree
+        self._placement: Placement = placement_of(tree, set(scope.locals))
+        self._pending = dict(scope.source.comments)
+        self._pending = {line: text for line, text in self._pending.items() if line >= tree.body[0].lineno}
+        self._ahead: dict[str, int] = {}  # names whose declaration stands in `lines` at this place
+        self.lines: list[str] = []
+        self._indent = 1
+        self._loops = 0
+
+    def translate(self) -> list[str]:
+        """The lines of the body."""
+        body = self.scope.source.tree.body
+        if isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
+            body = body[1:]
+        self._block(body)
+        return self.lines
+
+    def _emit(self, text: str) -> None:
+        self.lines.append(wrapped(STEP * self._indent + text))
+
+    def _flush(self) -> None:
+        for text in self.scope.before:
+            self._emit(text)
+        self.scope.before.clear()
+
+    def _block(self, statements: list[ast.stmt]) -> None:
+        for statement in statements:
+            self._remarks(statement)
+            for name in self._placement.ahead.get(id(statement), []):
+                # the kind is known once the first assignment has been translated
+                self._ahead[name] = len(self.lines)
+                self.lines.append(f"{STEP * self._indent}?{name}?")
+            method = getattr(self, f"_{type(statement).__name__.lower()}", None)
+            if method is None:
+                raise self.scope.refused(statement, f"the statement {type(statement).__name__}")
+            method(statement)
+
+    def _remarks(self, statement: ast.stmt) -> None:
+        """Comments above the statement and, of a simple one, on its lines."""
+        compound = isinstance(statement, (ast.If, ast.For))
+        last = statement.lineno if compound else (statement.end_lineno or statement.lineno)
+        texts = [self._pending.pop(line) for line in sorted(self._pending) if line <= last]
+        for text in texts:
+            if text:
+                self._emit(f"/* {text} */")
+
+    # -- assignments
+
+    def _assign(self, node: ast.Assign) -> None:
+        if len(node.targets) > 1:
+            if not all(isinstance(target, ast.Name) for target in node.targets):
+                raise self.scope.refused(node, "a chain of assignments to more than names")
+            value = self.expressions.value(node.value)
+            for target in node.targets:
+                assert isinstance(target, ast.Name)
+                self._store(node, target.id, value)
+            return
+        target = node.targets[0]
+        if isinstance(target, ast.Name):
+            self._store(node, target.id, self.expressions.value(node.value))
+        elif isinstance(target, ast.Tuple) and all(isinstance(name, ast.Name) for name in target.elts):
+            names = [name.id for name in target.elts if isinstance(name, ast.Name)]
+            self._unpack(node, names, node.value)
+        else:
+            raise self.scope.refused(node, f"an assignment to {ast.unparse(target)}")
+
+    def _annassign(self, node: ast.AnnAssign) -> None:
+        if node.value is None or not isinstance(node.target, ast.Name):
+            raise self.scope.refused(node, "an annotation without a value")
+        self._store(node, node.target.id, self.expressions.value(node.value))
+
+    def _augassign(self, node: ast.AugAssign) -> None:
+        if not isinstance(node.target, ast.Name):
+            raise self.scope.refused(node, f"an assignment to {ast.unparse(node.target)}")
+        known = self.scope.locals.get(node.target.id)
+        sign = {ast.Add: "+=", ast.Sub: "-=", ast.Mult: "*="}.get(type(node.op))
+        if sign is not None and known is not None and not self.scope.program.perturbed:
+            text = self.expressions.as_kind(node.value, known.kind)
+            self._flush()
+            self._emit(f"{known.c} {sign} {text};")
+            return
+        load = ast.copy_location(ast.Name(node.target.id, ast.Load()), node)
+        whole = ast.copy_location(ast.BinOp(load, node.op, node.value), node)
+        self._store(node, node.target.id, self.expressions.value(whole))
+
+    def _store(self, node: ast.stmt, name: str, value: Value) -> None:
+        """Assign one name, and declare it where this is the place."""
+        known = self.scope.locals.get(name)
+        if known is not None and known.pointer:
+            raise self.scope.refused(node, f"an assignment to the argument {name}, which is a record")
+        kind = known.kind if known is not None else value.kind
+        if kind != value.kind:
+            value = self.expressions.converted(value, kind, node)
+        c = self.scope.program.needs_kind(kind)
+        here, once = (id(node), name) in self._placement.at_assignment, self._placement.assigned[name] == 1
+        if here and once and isinstance(kind, Record) and "->" in value.place:
+            # A part of an argument, which nobody changes: a pointer instead of a copy.
+            local = self.scope.declare(name, kind, pointer=True)
+            self._flush()
+            self._emit(f"const {c} *{local.c} = &{value.place};")
+            return
+        local = self.scope.declare(name, kind)
+        self._flush()
+        if here:
+            constant = "const " if once else ""
+            self._emit(f"{constant}{c} {local.c} = {value.c.removeprefix(f'({c})')};")
+            return
+        if name in self._ahead:
+            zero = literal_zero(kind)
+            place = self._ahead.pop(name)
+            self.lines[place] = self.lines[place].replace(f"?{name}?", f"{c} {local.c} = {zero};")
+        self._emit(f"{local.c} = {value.c};")
+
+    def _unpack(self, node: ast.Assign, names: list[str], source: ast.expr) -> None:
+        if isinstance(source, ast.Tuple):
+            self._each(node, names, list(source.elts))
+        elif (
+            isinstance(source, ast.IfExp)
+            and isinstance(source.body, ast.Tuple)
+            and isinstance(source.orelse, ast.Tuple)
+        ):
+            if not isinstance(source.test, ast.Name):
+                raise self.scope.refused(node, "a choice of tuples by more than a name")
+            pairs = zip(source.body.elts, source.orelse.elts, strict=True)
+            self._each(
+                node, names, [ast.copy_location(ast.IfExp(source.test, a, b), source) for a, b in pairs]
+            )
+        else:
+            value = self.expressions.value(source)
+            if not value.place:
+                label = ast.unparse(source.func) if isinstance(source, ast.Call) else names[0]
+                held = self.scope.temporary(node, label, value.kind, value.c)
+                value = Value(held, value.kind, place=held)
+            parts = self._parts(node, value)
+            if len(parts) != len(names):
+                raise self.scope.refused(node, f"{len(names)} names for {len(parts)} values")
+            for name, part in zip(names, parts, strict=True):
+                self._store(node, name, part)
+
+    def _parts(self, node: ast.stmt, value: Value) -> list[Value]:
+        if isinstance(value.kind, Group):
+            return [
+                Value(value.field(f"item{k}"), kind, place=value.field(f"item{k}"))
+                for k, kind in enumerate(value.kind.items)
+            ]
+        if isinstance(value.kind, Record):
+            found = []
+            for name, kind in fields_of(value.kind.python).items():
+                if kind is None:
+                    raise self.scope.refused(node, f"the field {name} is of no known kind")
+                text = value.field(local_name(name))
+                found.append(Value(text, kind, place=text))
+            return found
+        raise self.scope.refused(node, f"unpacking {value.kind}")
+
+    def _each(self, node: ast.Assign, names: list[str], sources: list[ast.expr]) -> None:
+        """Several names at once; through temporaries where a value reads a name that is assigned before it."""
+        if len(names) != len(sources):
+            raise self.scope.refused(node, f"{len(names)} names for {len(sources)} values")
+        crossed = any(
+            isinstance(n, ast.Name) and n.id in names[:k]
+            for k, source in enumerate(sources)
+            for n in ast.walk(source)
+        )
+        if not crossed:
+            for name, source in zip(names, sources, strict=True):
+                self._store(node, name, self.expressions.value(source))
+            return
+        values = []
+        for name, source in zip(names, sources, strict=True):
+            value = self.expressions.value(source)
+            held = self.scope.temporary(node, f"new_{name}", value.kind, value.c)
+            values.append(Value(held, value.kind, place=held))
+        for name, value in zip(names, values, strict=True):
+            self._store(node, name, value)
+
+    # -- control
+
+    def _if(self, node: ast.If) -> None:
+        test = self.expressions.truth(node.test)
+        self._flush()
+        self._emit(f"if ({test.c}) {{")
+        self._inside(node.body)
+        if node.orelse:
+            self._emit("} else {")
+            self._inside(node.orelse)
+        self._emit("}")
+
+    def _inside(self, statements: list[ast.stmt]) -> None:
+        self._indent += 1
+        self._block(statements)
+        self._indent -= 1
+
+    def _for(self, node: ast.For) -> None:
+        call = node.iter
+        if node.orelse or not (
+            isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "range"
+        ):
+            raise self.scope.refused(node, "a loop over more than a range")
+        if not isinstance(node.target, ast.Name) or len(call.args) > 2:
+            raise self.scope.refused(node, "a range with a step")
+        bounds = [self.expressions.value(bound) for bound in call.args]
+        if any(bound.kind != INT for bound in bounds):
+            raise self.scope.refused(node, "a range whose bounds are no integers")
+        name = node.target.id
+        self._loops += 1
+        if name == "_":
+            name = f"turn_{self._loops}"
+        local = self.scope.declare(name, INT)
+        self._flush()
+        first = bounds[0].c if len(bounds) == 2 else "0"
+        last = bounds[-1].c
+        if bounds[-1].exact is None:
+            # Python evaluates the bound once
+            self._emit(f"const int32_t turns_{self._loops} = {last};")
+            last = f"turns_{self._loops}"
+        self._emit(f"for (int32_t {local.c} = {first}; {local.c} < {last}; ++{local.c}) {{")
+        self._inside(node.body)
+        self._emit("}")
+
+    def _break(self, node: ast.Break) -> None:
+        self._emit("break;")
+
+    def _continue(self, node: ast.Continue) -> None:
+        self._emit("continue;")
+
+    def _pass(self, node: ast.Pass) -> None:
+        self._emit("/* nothing */")
+
+    def _return(self, node: ast.Return) -> None:
+        if node.value is None:
+            raise self.scope.refused(node, "a return without a value")
+        kind: Kind = self.scope.result
+        if isinstance(node.value, ast.Tuple) and isinstance(kind, Group):
+            parts = [
+                self.expressions.as_kind(item, k) for item, k in zip(node.value.elts, kind.items, strict=True)
+            ]
+            text = f"({self.scope.program.needs_kind(kind)}){{{', '.join(parts)}}}"
+        else:
+            text = self.expressions.as_kind(node.value, kind)
+        self._flush()
+        self._emit(f"return {text};")
+
+
+def literal_zero(kind: Kind) -> str:
+    """What a variable holds that is declared before its first assignment; Python would not let it be read before."""
+    if isinstance(kind, Scalar):
+        return {REAL: "R(0.0)", INT: "0"}.get(kind, "false")
+    return "{0}"

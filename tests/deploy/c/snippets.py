@@ -1,0 +1,169 @@
+"""Functions for the tests of the translation: what it takes and what it refuses."""
+
+import math
+from typing import NamedTuple
+
+LARGEST = 4.0
+"""A constant of this module."""
+WAYS = 4
+
+
+class Point(NamedTuple):
+    """A record."""
+
+    x: float  # to the right [m]
+    y: float
+
+
+class Segment(NamedTuple):
+    """A record of records."""
+
+    begin: Point
+    end: Point
+
+
+def swapped_in_a_loop(a: float, b: float) -> float:
+    """Names that are assigned from one another, carried from turn to turn."""
+    for k in range(5):
+        a, b = b, a + b * k
+        if a > 100.0:
+            break
+    return a - 2.0 * b
+
+
+def carried_past_a_condition(a: float, b: float) -> float:
+    """A local whose first assignment lies inside a condition inside a loop."""
+    total = 0.0
+    for k in range(4):
+        if k == 0:  # noqa: SIM108
+            kept = a  # both branches assign: declared above the loop in C
+        else:
+            kept = kept * b
+        if k % 2 == 1:
+            continue
+        total += kept
+    return total
+
+
+def chosen(a: float, b: float) -> float:
+    """Chains of comparisons, membership, nested choices, truth values as numbers."""
+    way = int(abs(a)) % WAYS
+    sign = (a > 0.0) - (a < 0.0)
+    if way in (1, 3) and -LARGEST <= b <= LARGEST:
+        return b * sign if not a == b else math.copysign(1.0, a)  # noqa: SIM201
+    return min(max(b, -1.0, a), LARGEST, 2.0**way)
+
+
+def halved(a: float, b: float) -> Segment:
+    """A record of records from two numbers."""
+    middle = (a + b) / 2.0
+    return Segment(Point(a, y=middle), Point(x=middle, y=b))
+
+
+def length(segment: Segment) -> float:
+    """A record as an argument, its parts by name and by unpacking."""
+    begin, end = segment
+    x, y = end
+    return math.sqrt((x - begin.x) * (x - begin.x) + (y - begin.y) * (y - begin.y))
+
+
+def both(a: float, b: float) -> tuple[float, float]:
+    """Two results."""
+    return a * b, divided_by(a, b)
+
+
+def divided_by(a: float, b: float) -> float:
+    """A quotient."""
+    return a / b
+
+
+def through_records(a: float, b: float) -> float:
+    """Results of calls as arguments, and items of tuples."""
+    product, quotient = both(a, b)
+    return length(halved(a, b)) + product - quotient * both(b, a)[0]
+
+
+TAKEN = (swapped_in_a_loop, carried_past_a_condition, chosen, divided_by, through_records)
+
+
+# -- refused
+
+
+def loops_while(a: float) -> float:
+    while a > 1.0:
+        a = a / 2.0
+    return a
+
+
+def takes_text(a: float) -> float:
+    return a if f"{a}" else 0.0
+
+
+def keeps_a_list(a: float) -> float:
+    values = [a, a]
+    return values[0]
+
+
+def reads_a_number_as_truth(a: float) -> float:
+    return 1.0 if a else 0.0
+
+
+def raises_to_any_power(a: float) -> float:
+    return a**3.5
+
+
+def catches(a: float) -> float:
+    try:
+        return 1.0 / a
+    except ZeroDivisionError:
+        return 0.0
+
+
+def calls_what_is_unknown(a: float) -> float:
+    return float(round(a))
+
+
+def calls_itself(a: float) -> float:
+    return calls_itself(a - 1.0) if a > 0.0 else a
+
+
+def skips_a_call(a: float) -> float:
+    return length(halved(a, 1.0)) if a > 0.0 else 0.0
+
+
+def has_a_default(a: float, b: float = 1.0) -> float:
+    return a + b
+
+
+def mixes_kinds(a: float) -> float:
+    found = 1
+    if a > 0.0:
+        found = a
+    return found
+
+
+def steps_by_two(a: float) -> float:
+    for _ in range(0, 4, 2):
+        a += 1.0
+    return a
+
+
+def without_annotation(a):
+    return a
+
+
+REFUSED = {
+    loops_while: "While",
+    takes_text: "JoinedStr",
+    keeps_a_list: "List",
+    reads_a_number_as_truth: "no truth value",
+    raises_to_any_power: "power",
+    catches: "Try",
+    calls_what_is_unknown: "round",
+    calls_itself: "recursion",
+    skips_a_call: "may be skipped",
+    has_a_default: "argument b",
+    mixes_kinds: "is needed",
+    steps_by_two: "a step",
+    without_annotation: "argument a",
+}
