@@ -71,6 +71,8 @@ def _page(exhibit: Exhibit, found: Findings, seconds: float) -> str:
             "",
             f"    {command}",
             "",
+            "Written with `Settings(average=True, set_aside=True)` in Python; the command leaves both off, so that its verdict may differ.",
+            "",
             f"**The tool says: {found.status}.** {'; '.join(found.reasons)}.",
             "",
             *table,
