@@ -26,8 +26,8 @@ UNITS: Final[Mapping[str, tuple[str, float]]] = {
 ABOVE = 1.3
 """Faults from this multiple of the computed size on are above it: the size varies with speed and load of the moment."""
 WORDS = f"""
-The detection is off by default; the figures below are those of `loaderhil ecu --detect-faults`. Random drives seldom contain hard
-manoeuvres (full braking in a turn, driving into a pile), and the detection still takes some of them for faults of sensors.
+The detection is off by default; the figures below are those of `loaderhil ecu --detect-faults`. The random drives are calm
+(at most 16 km/h, and 10 degrees of articulation above 9 km/h). In harder manoeuvres the detection still takes some motions for faults of sensors.
 
 Each fault lasts {LASTS / 100:g} s, in random drives with random payload, ground and sensor offsets, under a calibration whose masses are
 wrong by up to 3 %, centres of gravity by 5 cm, radii by 1 %, stiffness by 15 %. *Computed* is the smallest size that the
