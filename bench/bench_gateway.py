@@ -80,7 +80,7 @@ def relay_raw(source: str, sink: str) -> None:
         sender = socket.socket(fileno=os.dup(far.fileno()))
         receiver.setblocking(True)
         sender.setblocking(True)
-        # as many records at once as the gateway reads: the floor is a good relay, not a bad one
+        # many records at once, as the transport reads: the floor is a good relay, not a bad one
         while records := receiver.recv(64 * packet.SIZE):
             sender.sendall(records)
 

@@ -97,7 +97,7 @@ class Done:
         if np.isinf(self.arm.strength):
             return True
         low, high = (share * self.arm.strength for share in NEAR)
-        # None: a size was given, not a lambda
+        # None: it was not measured
         return self.truth.reached is None or low <= self.truth.reached <= high
 
     @property

@@ -109,7 +109,7 @@ def _noise(rng: np.random.Generator, n: int, sd: float, arm: Arm) -> np.ndarray:
     white = sd * rng.normal(size=n)
     if arm.noise != "coloured":
         return white
-    # correlated over 0.05 s, three gyro samples, with the variance of the white noise
+    # correlated over 0.05 s, two or three gyro samples, with the variance of the white noise
     a = float(np.exp(-STEP_S / 0.05))
     return lfilter([np.sqrt(1.0 - a * a)], [1.0, -a], white)
 
