@@ -151,13 +151,17 @@ def lockstep(
     reference: bool = True,
     injector: Injector | None = None,
     calibration: str | None = None,
+    detect_faults: bool = False,
 ) -> Lockstep:
-    """Plant and ECU on one virtual clock. reference: record the frames of the test instrumentation too."""
+    """Plant and ECU on one virtual clock.
+
+    reference: record the frames of the test instrumentation too; detect_faults: the ECU tests its sensors against each other.
+    """
     fitting = calibration_of(scenario, calibration)
 
     # a fault may kill the ECU; its restart needs a new one without any state
     def fresh() -> EcuCycle:
-        return ecu_cycle(form=form, limits=limits, calibration=fitting)
+        return ecu_cycle(form=form, limits=limits, calibration=fitting, detect_faults=detect_faults)
 
     if injector is None:
         return Lockstep(plant_unit(scenario), fresh(), reference=reference)

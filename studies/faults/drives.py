@@ -76,7 +76,7 @@ def scenario(seed: int, seconds: float) -> Scenario:
 
 def drive(seed: int, seconds: float) -> Watched:
     """One drive in lockstep, with the ECU's detection in the loop."""
-    recording = lockstep(scenario(seed, seconds), reference=False).run()
+    recording = lockstep(scenario(seed, seconds), reference=False, detect_faults=True).run()
     samples, heard = samples_of(recording.bus, load_calibration())
     reported = tuple(str(finding) for finding in recording.ecu_findings if isinstance(finding, FaultFound))
     return Watched(samples, heard, reported)
