@@ -38,13 +38,13 @@ class Consistency:
     def __init__(self, wheel: Wheel, database: Database) -> None:
         self._pull = PULL * wheel.nominal_load
         self._friction = FRICTION * max(wheel.friction, wheel.lateral_peak)
-        self._ranges = tuple(_ranges(database))
+        self.ranges = tuple(_ranges(database))
 
     def contradicted(self, e: Estimates) -> frozenset[str]:
         """Entries of the validity table whose estimates break a rule."""
         normal, along = e[0:4], e[4:8]
         across = (e.lateral_1, e.lateral_2, e.lateral_3, e.lateral_4)
-        found = {validity for validity, k, least, most in self._ranges if not least <= e[k] <= most}
+        found = {validity for validity, k, least, most in self.ranges if not least <= e[k] <= most}
         if min(normal) < -self._pull:
             found |= {"normal", "roll_over"}
         if max(abs(e.load_transfer_ratio), abs(e.predicted_load_transfer_ratio)) > 1.0:

@@ -6,7 +6,6 @@ A division by zero raises in Python; in C the runtime's `divided` takes a note o
 import ast
 import builtins
 import math
-import struct
 import types
 from collections.abc import Callable, Mapping
 from typing import Any, Final
@@ -97,16 +96,8 @@ class Expressions:
         if isinstance(number, int):
             return Value(str(number), INT, exact=number)
         if isinstance(number, float):
-            return self._real(number)
+            return Value(literal(number), REAL, exact=number)
         raise self.scope.refused(node, f"the constant {number!r}")
-
-    def _real(self, number: float) -> Value:
-        rounded = (
-            struct.unpack("<f", struct.pack("<f", number))[0] != number if math.isfinite(number) else False
-        )
-        text = literal(number)
-        perturbed = self.scope.program.perturbed and rounded
-        return Value(f"PERTURBED({text})" if perturbed else text, REAL, exact=number)
 
     def _name(self, node: ast.Name) -> Value:
         local = self.scope.locals.get(node.id)
@@ -130,9 +121,9 @@ class Expressions:
             return Value(program.needs_constant(module, name, thing), INT, exact=int(thing))
         if isinstance(thing, float):
             if not math.isfinite(thing):
-                return self._real(thing)
+                return Value(literal(thing), REAL, exact=thing)
             c = program.needs_constant(module, name, thing)
-            return Value(f"PERTURBED({c})" if program.perturbed else c, REAL, exact=thing)
+            return Value(c, REAL, exact=thing)
         if is_record(type(thing)):
             place = program.needs_constant(module, name, thing)
             return Value(place, Record(type(thing)), place=place)

@@ -8,7 +8,7 @@ from deploy.c.kinds import BOOL, REAL, Group, Kind, Record, Scalar
 
 RESERVED: Final = frozenset(
     {
-        "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern", "float", "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return", "short", "signed", "sizeof", "static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile", "while", "bool", "true", "false", "real_t", "main", "errno",
+        "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern", "float", "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return", "short", "signed", "sizeof", "static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile", "while", "bool", "true", "false", "real_t", "main", "errno", "free", "abs", "exit", "signal", "time",
     }
 )  # fmt: skip
 """Words of C99 and of the runtime that are ordinary names in Python."""

@@ -4,7 +4,9 @@ from pathlib import Path
 from typing import Final
 
 from bus.user_error import UserError
+from dbc import loader_database
 from deploy.c.calibration import calibration_files
+from deploy.c.ecu_tables import table_files
 from deploy.c.estimators import estimator_files
 from ecu.calibration import Calibration
 
@@ -21,7 +23,12 @@ def project_files(calibration: Calibration) -> dict[str, str]:
     fixed = {
         file.name: file.read_text(encoding="utf-8") for file in sorted(RUNTIME.iterdir()) if file.is_file()
     }
-    return fixed | estimator_files() | calibration_files(calibration)
+    return (
+        fixed
+        | estimator_files()
+        | calibration_files(calibration)
+        | table_files(calibration, loader_database())
+    )
 
 
 def write_project(folder: Path, calibration: Calibration) -> list[Path]:

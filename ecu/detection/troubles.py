@@ -39,7 +39,7 @@ class Troubles:
 
     def __init__(self, rules: InputRules, database: Database) -> None:
         self.codes = TroubleCodes(database)
-        self._full = {name: getattr(rules, row.limit) if row.limit else 1.0 for name, row in _ROWS.values()}
+        self.full = {name: getattr(rules, row.limit) if row.limit else 1.0 for name, row in _ROWS.values()}
         self._started_ns: int | None = None
 
     def step(self, findings: Iterable[Finding], received: CycleInputs, speed: float, now_ns: int) -> None:
@@ -50,7 +50,7 @@ class Troubles:
         if self._started_ns is None:
             self._started_ns = now_ns
         self.codes.continued(received.unusable | received.silent | received.doubted, now_ns)
-        for name in received.silent:
+        for name in sorted(received.silent):  # a set has no order of its own, and codes keep that of their coming
             self._occurred(name, Mode.UPDATE_RATE, received, speed, now_ns)
         for finding in findings:
             match finding:
@@ -69,7 +69,7 @@ class Troubles:
         assert self._started_ns is not None
         v = received.values
         frozen = FreezeFrame(
-            v.get(name, 0.0) / self._full.get(name, 1.0),
+            v.get(name, 0.0) / self.full.get(name, 1.0),
             speed,
             v["articulation_angle"],
             v["lift_arm_angle"],

@@ -22,7 +22,11 @@ typedef float real_t;
 #endif
 
 /* A constant: written in full, rounded to the type by the compiler. */
+#ifdef ECU_PERTURBED
+#define R(number) ((real_t)(float)(number)) /* a double build with the constants of the single one, for tests */
+#else
 #define R(number) ((real_t)(number))
+#endif
 
 #define real_sin(x) REAL_OF(sin)(x)
 #define real_cos(x) REAL_OF(cos)(x)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deploy.c.estimators import estimator_files
-from deploy.c.project import RUNTIME
+from deploy.c.project import RUNTIME, write_project
 from ecu.calibration import load_calibration
 from tests.deploy.c.building import STRICT, BuiltEstimators, build, write
 from tests.deploy.c.drives import driven_rows
@@ -55,6 +55,7 @@ def perturbed(tmp_path_factory):
         "-shared",
         "-fPIC",
         "-DECU_DOUBLE",
+        "-DECU_PERTURBED",
     )
     return BuiltEstimators(library, np.float64, rounded(CALIBRATION.parameters))
 
@@ -64,3 +65,30 @@ def rounded(record):
     return type(record)(
         *(rounded(value) if isinstance(value, tuple) else float(np.float32(value)) for value in record)
     )
+
+
+@pytest.fixture(scope="session")
+def ecu_sources(tmp_path_factory):
+    """The exported folder."""
+    folder = tmp_path_factory.mktemp("ecu")
+    write_project(folder, CALIBRATION)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def ecu_double(ecu_sources):
+    """The whole ECU in double precision."""
+    return build(
+        sorted(ecu_sources.glob("*.c")),
+        ecu_sources / "double.so",
+        *STRICT,
+        "-shared",
+        "-fPIC",
+        "-DECU_DOUBLE",
+    )
+
+
+@pytest.fixture(scope="session")
+def ecu_single(ecu_sources):
+    """The whole ECU as it is exported."""
+    return build(sorted(ecu_sources.glob("*.c")), ecu_sources / "single.so", *STRICT, "-shared", "-fPIC")

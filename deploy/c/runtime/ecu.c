@@ -1,0 +1,275 @@
+/* The ECU's cycle: states, estimators, limits, warnings, frames. After ecu/cycle.py. */
+#include "ecu.h"
+
+#include <string.h>
+
+#include "ecu_internal.h"
+
+enum { MOST_OVERRUNS = 1023, ROLL_OVER_NOT_AVAILABLE = 7 };
+
+/* records of reals only: a row of numbers can become one */
+typedef char inputs_are_reals[(sizeof(Inputs) == (ESTIMATOR_INPUTS * sizeof(real_t))) ? 1 : -1];
+typedef char estimates_are_reals[(sizeof(Estimates) == (ESTIMATES * sizeof(real_t))) ? 1 : -1];
+typedef char frames_suffice[(MOST_FRAMES <= ECU_MOST_FRAMES) ? 1 : -1];
+
+typedef struct {
+    bool limits_enabled;
+    uint8_t state;
+    uint32_t ticks;
+    bool started; /* whether a frame has been received */
+    int64_t started_ns;
+    int64_t bad_ns; /* when an input was last bad */
+    int64_t fault_ns; /* when an estimator last failed */
+    bool has_previous;
+    int64_t previous_ns; /* time of the previous cycle */
+    int64_t execution_ns;
+    uint32_t overruns;
+    bool overran; /* since the last tick, as is the next */
+    bool protection_failed;
+    State estimator;
+    LimitState limits;
+    AlarmState alarms[ALARMS];
+    uint8_t counters[OUTPUT_FRAMES];
+} Ecu;
+
+static Ecu ecu;
+
+void ecu_init(bool limits_enabled)
+{
+    (void)memset(&ecu, 0, sizeof ecu);
+    ecu.limits_enabled = limits_enabled;
+    ecu.state = STATE_INIT;
+    ecu.bad_ns = -1;
+    ecu.fault_ns = -1;
+    ecu.limits = limits_safe();
+    for (uint8_t k = 0U; k < ALARMS; ++k) {
+        ecu.alarms[k].against_ns = NEVER_NS;
+    }
+    inputs_start();
+    codes_start();
+}
+
+uint8_t ecu_state(void)
+{
+    return ecu.state;
+}
+
+void ecu_executed(int64_t execution_ns)
+{
+    ecu.execution_ns = execution_ns;
+}
+
+void ecu_overran(uint32_t skipped)
+{
+    const uint32_t room = MOST_OVERRUNS - ecu.overruns;
+    ecu.overruns += (skipped < room) ? skipped : room;
+    ecu.overran = true;
+}
+
+void ecu_receive(uint32_t id, const uint8_t *data, uint8_t length, int64_t now_ns)
+{
+    if (!ecu.started) {
+        ecu.started = true;
+        ecu.started_ns = now_ns;
+    }
+    if (inputs_receive(id, data, length, now_ns)) {
+        ecu.protection_failed = true;
+    }
+}
+
+/* Time since the previous cycle, in whole periods: the sensors sample by the same clock. */
+static real_t period(int64_t now_ns)
+{
+    if (!ecu.has_previous) {
+        return (real_t)TICK_NS * R(1e-9);
+    }
+    const int64_t turns = ratio_rounded(now_ns - ecu.previous_ns, TICK_NS);
+    return (real_t)(((turns > 1) ? turns : 1) * TICK_NS) * R(1e-9);
+}
+
+static uint8_t input_event(const CycleInputs *inputs, int64_t now_ns)
+{
+    if (((inputs->stale | inputs->implausible) & RULE_COUNTED_GROUPS) == 0U) {
+        const int64_t since_ns = (ecu.bad_ns > ecu.fault_ns) ? ecu.bad_ns : ecu.fault_ns;
+        const bool recovered = (now_ns - since_ns) >= RULE_RECOVERY_NS;
+        return ((ecu.state == STATE_FAULT) && recovered) ? EVENT_RECOVERED : EVENT_INPUTS_GOOD;
+    }
+    ecu.bad_ns = now_ns;
+    const int64_t waiting_ns = ecu.started ? (now_ns - ecu.started_ns) : 0;
+    return ((ecu.state == STATE_INIT) && (waiting_ns >= RULE_START_UP_NS)) ? EVENT_START_UP_OVER : EVENT_INPUTS_BAD;
+}
+
+static void moved(uint8_t event)
+{
+    const uint8_t before = ecu.state;
+    ecu.state = state_after[before][event];
+    if ((before == STATE_INIT) && (ecu.state == STATE_RUNNING) && (ecu.fault_ns < 0)) {
+        ecu.limits = limits_none(); /* at the start there is nothing to rise slowly from */
+    }
+}
+
+static void estimator_inputs(const CycleInputs *received, real_t dt, Inputs *inputs)
+{
+    real_t row[ESTIMATOR_INPUTS];
+    uint8_t at = 0U;
+    row[at] = dt;
+    at += 1U;
+    for (uint8_t k = 0U; k < ESTIMATOR_SIGNALS; ++k) {
+        row[at] = received->values[estimator_signals[k]];
+        at += 1U;
+    }
+    for (uint8_t k = 0U; k < FLAGS; ++k) {
+        row[at] = ((received->unusable & flag_inputs[k]) == 0U) ? R(1.0) : R(0.0);
+        at += 1U;
+    }
+    row[at] = ecu.limits.rate;
+    at += 1U;
+    for (uint8_t k = 0U; k < LEVERS; ++k) {
+        row[at] = ecu.limits.levers[k];
+        at += 1U;
+    }
+    (void)memcpy(inputs, row, sizeof *inputs);
+}
+
+/* Estimates, and which of them are known, a bit each. Estimators that fail start anew after a fault. */
+static uint32_t estimated(const CycleInputs *received, int64_t now_ns, Estimates *estimates, bool *failed)
+{
+    Inputs inputs;
+    *failed = false;
+    if ((ecu.state != STATE_RUNNING) && (ecu.state != STATE_DEGRADED)) {
+        return 0U;
+    }
+    estimator_inputs(received, period(now_ns), &inputs);
+    bool well = estimators_cycle(&inputs, &ecu.estimator, &calibration_parameters, estimates);
+    real_t found[ESTIMATES];
+    (void)memcpy(found, estimates, sizeof found);
+    for (uint8_t k = 0U; k < ESTIMATES; ++k) {
+        well = well && real_is_finite(found[k]);
+    }
+    if (well) {
+        return validity_without(received->unusable);
+    }
+    *failed = true;
+    (void)memset(estimates, 0, sizeof *estimates);
+    (void)memset(&ecu.estimator, 0, sizeof ecu.estimator);
+    ecu.fault_ns = now_ns;
+    moved(EVENT_INTERNAL_ERROR);
+    return 0U;
+}
+
+static void limits_stepped(const Estimates *estimates, uint32_t known, int64_t now_ns)
+{
+    if (!ecu.limits_enabled) {
+        ecu.limits = limits_none();
+    } else if (((known >> VALID_ROLL_OVER) & 1U) == 0U) {
+        ecu.limits = limits_safe();
+    } else {
+        ecu.limits = limits_next(&ecu.limits, estimates, now_ns, period(now_ns));
+    }
+}
+
+static void alarms_stepped(const Estimates *e, const CycleInputs *inputs, uint32_t known, bool invalid, int64_t now_ns)
+{
+    bool found[ALARMS] = {false};
+    reasons_found(e, inputs, known, ecu.alarms, found);
+    found[REASON_ESTIMATE_INVALID] = invalid;
+    found[REASON_PROTECTION_ERROR] = ecu.protection_failed;
+    found[REASON_CYCLE_OVERRUN] = ecu.overran;
+    ecu.protection_failed = false;
+    ecu.overran = false;
+    for (uint8_t k = 0U; k < ALARMS; ++k) {
+        ecu.alarms[k] = alarm_after(ecu.alarms[k], found[k], now_ns, alarm_times[k].on_delay_ns);
+    }
+}
+
+static real_t as_real(bool flag)
+{
+    return flag ? R(1.0) : R(0.0);
+}
+
+static void warnings_valued(uint32_t known, real_t *values)
+{
+    uint8_t level = 0U;
+    for (uint8_t k = 0U; k < REASONS; ++k) {
+        values[VALUE_REASON_ROLL_OVER_PREDICTED + k] = as_real(ecu.alarms[k].on);
+        if (ecu.alarms[k].on && (alarm_times[k].level > level)) {
+            level = alarm_times[k].level;
+        }
+    }
+    uint8_t state = 0U;
+    for (uint8_t k = REASONS; k < ALARMS; ++k) {
+        if (ecu.alarms[k].on) {
+            state = (uint8_t)((k - REASONS) + 1U);
+        }
+    }
+    const bool roll_over = ((known >> VALID_ROLL_OVER) & 1U) != 0U;
+    values[VALUE_WARNING_LEVEL] = (real_t)level;
+    values[VALUE_ROLL_OVER_STATE] = (real_t)(roll_over ? state : (uint8_t)ROLL_OVER_NOT_AVAILABLE);
+}
+
+static void limits_valued(real_t *values)
+{
+    const LimitState *acting = &ecu.limits;
+    const LimitState none = limits_none();
+    const bool prevents = (acting->cause == ROLL_OVER_PREVENTION) || (acting->cause == SAFE_VALUES);
+    values[VALUE_LIMIT_FRONT_TORQUE] = acting->front_torque;
+    values[VALUE_LIMIT_REAR_TORQUE] = acting->rear_torque;
+    values[VALUE_LIMIT_SPEED] = acting->speed;
+    values[VALUE_LIMIT_RATE] = acting->rate;
+    values[VALUE_LIMIT_CAUSE] = (real_t)acting->cause;
+    values[VALUE_LIMIT_LIFT_UP_RATE] = acting->levers[0];
+    values[VALUE_LIMIT_LIFT_DOWN_RATE] = acting->levers[1];
+    values[VALUE_LIMIT_TILT_BACK_RATE] = acting->levers[2];
+    values[VALUE_LIMIT_TILT_FORWARD_RATE] = acting->levers[3];
+    values[VALUE_LINKAGE_LIMIT_CAUSE] = (real_t)acting->lever_cause;
+    values[VALUE_PREVENTION_LIMITS_TORQUE] = as_real(prevents && (acting->front_torque < none.front_torque));
+    values[VALUE_PREVENTION_LIMITS_SPEED] = as_real(prevents && (acting->speed < none.speed));
+}
+
+static uint8_t frames_made(const real_t *values, EcuFrame *frames)
+{
+    uint8_t made = 0U;
+    for (uint8_t k = 0U; k < OUTPUT_FRAMES; ++k) {
+        const OutputFrame *frame = &output_frames[k];
+        if ((ecu.ticks % frame->every) == frame->phase) {
+            frame_packed(frame, values, &ecu.counters[k], &frames[made]);
+            made += 1U;
+        }
+    }
+    return made;
+}
+
+uint8_t ecu_tick(int64_t now_ns, EcuFrame frames[ECU_MOST_FRAMES])
+{
+    static real_t values[VALUES];
+    Estimates estimates;
+    bool failed;
+    (void)memset(&estimates, 0, sizeof estimates);
+    (void)memset(values, 0, sizeof values);
+    const CycleInputs *received = inputs_gathered(now_ns);
+    moved(input_event(received, now_ns));
+    const uint32_t known = estimated(received, now_ns, &estimates, &failed);
+    codes_stepped(received, failed, estimates.speed, now_ns);
+    limits_stepped(&estimates, known, now_ns);
+    const uint32_t valid = validity_consistent(known, &estimates);
+    const bool invalid = valid != (((uint32_t)1U << VALIDITIES) - 1U);
+    alarms_stepped(&estimates, received, known, invalid, now_ns);
+
+    (void)memcpy(values, &estimates, sizeof estimates);
+    for (uint8_t k = 0U; k < VALIDITIES; ++k) {
+        values[VALUE_NORMAL_VALID + k] = as_real(((valid >> k) & 1U) != 0U);
+    }
+    warnings_valued(known, values);
+    limits_valued(values);
+    codes_valued(ecu.ticks, invalid, ecu.state == STATE_FAULT, values);
+    values[VALUE_ECHO] = received->values[INPUT_SEQUENCE];
+    values[VALUE_EXECUTION_TIME] = (real_t)ecu.execution_ns * R(1e-9);
+    values[VALUE_OVERRUNS] = (real_t)ecu.overruns;
+    values[VALUE_STATE] = (real_t)ecu.state;
+    values[VALUE_STALE_INPUTS] = (real_t)(received->stale & RULE_COUNTED_GROUPS);
+    const uint8_t made = frames_made(values, frames);
+    ecu.has_previous = true;
+    ecu.previous_ns = now_ns;
+    ecu.ticks += 1U;
+    return made;
+}

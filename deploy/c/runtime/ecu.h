@@ -1,0 +1,39 @@
+/*
+ * The ECU of an articulated wheel loader: frames and times in, frames out. No clock, no bus, no heap.
+ *
+ * Call ecu_receive for every frame and ecu_tick every 10 ms, from one context. Times are of one monotonic clock, in
+ * nanoseconds. There is one ECU per program; ecu_init starts it anew.
+ */
+#ifndef ECU_H
+#define ECU_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define ECU_MOST_FRAMES 32U /* of one tick */
+
+typedef struct {
+    uint32_t id; /* bit 31: a 29-bit identifier */
+    uint8_t length;
+    uint8_t data[8];
+} EcuFrame;
+
+/* Start anew. limits_enabled: false only warns. */
+void ecu_init(bool limits_enabled);
+
+/* Take one frame from the bus; frames of other identifiers are ignored. */
+void ecu_receive(uint32_t id, const uint8_t *data, uint8_t length, int64_t now_ns);
+
+/* One cycle; returns how many frames of `frames` are to be sent. */
+uint8_t ecu_tick(int64_t now_ns, EcuFrame frames[ECU_MOST_FRAMES]);
+
+/* The last tick took so long; it is reported in the next status. */
+void ecu_executed(int64_t execution_ns);
+
+/* So many ticks had to be left out. */
+void ecu_overran(uint32_t skipped);
+
+/* 0 init, 1 running, 2 degraded, 3 fault. */
+uint8_t ecu_state(void);
+
+#endif

@@ -1,0 +1,80 @@
+/* What the parts of the ECU know of one another. */
+#ifndef ECU_INTERNAL_H
+#define ECU_INTERNAL_H
+
+#include "calibration.h"
+#include "ecu.h"
+#include "ecu_tables.h"
+
+#define NEVER_NS INT64_MIN /* a time that has not come */
+
+/* -- frames (ecu_frames.c) */
+
+typedef enum { CHECK_OK, CHECK_LOST, CHECK_FAILED } Check; /* usable; usable but frames are missing; not usable */
+
+typedef struct {
+    bool heard;
+    uint8_t counter; /* of the newest frame accepted */
+    int64_t heard_ns; /* when a frame with a good checksum last came */
+    bool has_stale;
+    uint8_t stale_counter; /* of the frame before, if that was a step back */
+} Checker;
+
+uint64_t frame_bits(const uint8_t *data, uint8_t length);
+int32_t raw_value(uint64_t bits, uint8_t first_bit, uint8_t count, bool is_signed);
+Check frame_checked(Checker *checker, const Listener *listener, const uint8_t *data, uint8_t length, int64_t now_ns);
+int64_t ratio_rounded(int64_t numerator, int64_t denominator);
+void frame_packed(const OutputFrame *frame, const real_t *values, uint8_t *counter, EcuFrame *out);
+
+/* -- inputs (ecu_inputs.c) */
+
+typedef struct {
+    real_t values[INPUTS]; /* the last good value of every input, SI */
+    uint64_t unusable; /* inputs that must not be relied on, a bit each */
+    uint16_t stale; /* groups without a fresh frame, a bit each */
+    uint16_t implausible; /* groups with an implausible signal */
+    uint32_t silent; /* messages that have fallen silent */
+} CycleInputs;
+
+void inputs_start(void);
+bool inputs_receive(uint32_t id, const uint8_t *data, uint8_t length, int64_t now_ns); /* whether a protection failed */
+const CycleInputs *inputs_gathered(int64_t now_ns);
+
+/* -- trouble codes (ecu_codes.c) */
+
+void codes_start(void);
+void codes_noted(uint16_t suspect, uint8_t mode); /* a fault that the next tick turns into a code */
+void codes_stepped(const CycleInputs *inputs, bool estimators_failed, real_t speed, int64_t now_ns);
+void codes_valued(uint32_t tick, bool invalid, bool stopped, real_t *values);
+
+/* -- rules (ecu_rules.c) */
+
+typedef struct {
+    bool on;
+    int64_t raised_ns;
+    int64_t against_ns; /* since when the condition has contradicted `on`; NEVER_NS while it agrees */
+} AlarmState;
+
+enum { LEVERS = 4, NO_LIMIT = 0, PRECAUTION = 1, ROLL_OVER_PREVENTION = 2, SAFE_VALUES = 3 };
+
+typedef struct {
+    real_t front_torque;
+    real_t rear_torque;
+    real_t speed;
+    real_t rate;
+    real_t direction;
+    real_t levers[LEVERS];
+    uint8_t cause;
+    uint8_t lever_cause;
+    AlarmState prevention;
+} LimitState;
+
+AlarmState alarm_after(AlarmState alarm, bool condition, int64_t now_ns, int64_t on_delay_ns);
+LimitState limits_none(void);
+LimitState limits_safe(void);
+LimitState limits_next(const LimitState *before, const Estimates *e, int64_t now_ns, real_t dt);
+uint32_t validity_without(uint64_t unusable);
+uint32_t validity_consistent(uint32_t valid, const Estimates *e);
+void reasons_found(const Estimates *e, const CycleInputs *inputs, uint32_t known, const AlarmState *alarms, bool *found);
+
+#endif
