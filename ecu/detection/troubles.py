@@ -50,7 +50,8 @@ class Troubles:
         if self._started_ns is None:
             self._started_ns = now_ns
         self.codes.continued(received.unusable | received.silent | received.doubted, now_ns)
-        for name in sorted(received.silent):  # a set has no order of its own, and codes keep that of their coming
+        # sorted: a set has no order of its own, and codes keep that in which they came
+        for name in sorted(received.silent):
             self._occurred(name, Mode.UPDATE_RATE, received, speed, now_ns)
         for finding in findings:
             match finding:
