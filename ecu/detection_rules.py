@@ -20,6 +20,8 @@ class Tolerances(NamedTuple):
     power: float  # from which on the wheels' torques follow their speeds [W]
     back_pressure: float  # of the steering line that does not push [Pa]
     digging: float  # force of a pile that is no fault of a torque [N]
+    gain: float  # of rates and angles, share
+    time: float  # between samples of two sensors: cycles of messages, lags [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +30,9 @@ class Sensor:
 
     noise: float  # standard deviation
     offset: float  # that a sound one may have
-    onset: float  # largest innovation beside noise when the machine starts something
+    onset: (
+        float  # innovation beside noise when the machine sets in, in proportion to those of the other sensors
+    )
     resolution: float
 
 
@@ -52,6 +56,8 @@ _RULES: Final = {
     "power": Quantity("power_kn_m_s", 1.0, 1000.0),
     "back_pressure": Quantity("back_pressure_kpa", 0.0, 5000.0),
     "digging": Quantity("digging_kn", 0.0, 100.0),
+    "gain": Quantity("gain", 0.0, 0.1),
+    "time": Quantity("time_ms", 0.0, 200.0),
 }
 SENSORS: Final[Mapping[str, str]] = {
     "articulation_angle": "deg",

@@ -26,10 +26,13 @@ from ecu.detection.layout import (
     ROWS,
     SINCE,
     SOUND,
+    SUSPECTED,
+    THRESHOLD,
     UNDECIDED,
     WIDTH,
 )  # fmt: skip
-from ecu.detection.residuals import NOTHING, residuals
+from ecu.detection.machine import NOTHING
+from ecu.detection.residuals import residuals
 from ecu.detection_rules import Tolerances
 from ecu.estimators.parameters import Parameters
 from ecu.watched import COUNT
@@ -113,12 +116,12 @@ def cycles(
     r: Floats,
     bound: Floats,
 ) -> Iterator[int]:
-    """The live loop's: each step reads the arrays anew and yields how many signals are faulty; dt: (1,)."""
+    """The live loop's: each step reads the arrays anew and yields how many signals are faulty or suspected; dt: (1,)."""
     while True:
         step(m, heard, usable, message, p, t, rules, height, state, dt[0], r, bound)
         faulty = 0
         for k in range(COUNT):
-            faulty += 1 if state[FAULTY, k] != 0.0 else 0
+            faulty += 1 if state[FAULTY, k] != 0.0 or state[SUSPECTED, k] > 0.0 else 0
         yield faulty
 
 
@@ -126,6 +129,7 @@ def cycles(
 def columns(
     rows: Floats,
     heard: Integers,
+    usable: Floats,
     message: Integers,
     p: Parameters,
     t: Tolerances,
@@ -133,12 +137,13 @@ def columns(
     height: float,
     state: Floats,
     modes: Integers,
+    thresholds: Floats,
     r: Floats,
     bound: Floats,
 ) -> None:
-    """Many cycles of 10 ms: modes (n, COUNT), 0 where a signal is sound; r and bound, (n, RESIDUALS)."""
-    usable = np.ones(COUNT)
+    """Many cycles of 10 ms: heard and usable as of `step`, (n, COUNT); modes (n, COUNT), 0 where a signal is sound; thresholds of jumps, likewise; r and bound, (n, RESIDUALS)."""
     for i in range(rows.shape[0]):
-        step(rows[i], heard[i], usable, message, p, t, rules, height, state, 0.01, r[i], bound[i])
+        step(rows[i], heard[i], usable[i], message, p, t, rules, height, state, 0.01, r[i], bound[i])
         for k in range(COUNT):
             modes[i, k] = int(state[MODE, k]) if state[FAULTY, k] != 0.0 else 0
+            thresholds[i, k] = state[THRESHOLD, k]

@@ -44,7 +44,7 @@ from ecu.detection.layout import (
     WAITING,
     YAW_STEERING,
 )  # fmt: skip
-from ecu.detection.residuals import NOTHING, effective_radius, machine_mass
+from ecu.detection.machine import NOTHING, effective_radius, machine_mass
 from ecu.estimators.parameters import GRAVITY, Parameters
 from ecu.watched import (
     ANGLE,
@@ -76,8 +76,8 @@ RECOVERY = 1.5
 """How long a residual's filters take to forget a fault [s]."""
 AVERAGE = 0.1
 """Time constant of the mean of a residual [s]."""
-SLACK = 1.25
-"""A candidate may leave so much of a bound."""
+SLACK = 0.7
+"""A candidate may leave so much of a bound: bounds add up what is worst, sound residuals stay below two thirds of theirs."""
 QUIET = 2.0
 """A fault found by residuals is over after so long without one [s]."""
 
@@ -117,7 +117,8 @@ def sensitivities(m: Floats, speed: float, p: Parameters, out: Floats) -> None:
     out[BUCKET_LOAD, TILT] = p.tilt_linkage.head_area * 0.3
     out[BUCKET_LOAD, LIFT] = -p.cylinders.head_area * 0.08
     out[BUCKET_LOAD, ARM] = out[BUCKET_LOAD, BUCKET] = 0.2 * p.bucket.mass * GRAVITY
-    out[STEERING_LINES, LEFT_LINE] = out[STEERING_LINES, RIGHT_LINE] = 1.0
+    # the lower pressure is that of the line that does not push
+    out[STEERING_LINES, LEFT_LINE if m[LEFT_LINE] < m[RIGHT_LINE] else RIGHT_LINE] = 1.0
 
 
 @compiled

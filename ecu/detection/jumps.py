@@ -1,8 +1,8 @@
 """Test of every single sample against its prediction: jumps, spikes, exchanged signals, and what stands still.
 
-A sensor's noise and the machine's inertia bound how far a sample can lie from its prediction. A shock moves the
-signals of several messages in one cycle; a fault moves those of one. The jumps of a signal add up to the offset that it
-carries: a spike takes its jump back, an offset does not.
+A sample may lie from its prediction as far as noise goes, and further by what the signals of other messages show of a shock
+or of the driver's doing. Because some feel it later, a jump waits for them before it is a fault. The jumps of a
+signal add up to the offset that it carries: a spike takes its jump back, an offset does not.
 """
 
 import math
@@ -21,14 +21,20 @@ from ecu.detection.layout import (
     GAP,
     JUMP,
     JUMPED,
+    LARGEST,
     LAST,
     LEVEL,
     MODE,
+    ONSET,
     REJECTED,
     SAME,
     SAMPLE,
     SINCE,
     SOUND,
+    STIR,
+    STIRRED,
+    SUSPECTED,
+    THRESHOLD,
     TREND,
 )  # fmt: skip
 from ecu.watched import (
@@ -53,6 +59,12 @@ MEMORY = 0.05
 """Share of a sample that the level of a signal's liveliness takes over: 0.2 s."""
 LIVELY = 9.0
 """Innovations this many times their usual magnitude are jumps: 7 standard deviations of Gaussian noise."""
+SWINGS = 0.1
+"""Time constant with which a shock fades [s]: tyres and frame swing on."""
+REACH = 16.0
+"""How many times more onsets than the others a signal may show: a wheel on a kerb turns before the frame has moved."""
+EXPLAINED = 0.05
+"""How long a jump waits for others that explain it [s]: gyros and pressures follow a wheel's jump within it."""
 HELD_STILL = 3.0
 """A jump after so many equal samples is the end of a standstill, not an offset."""
 
@@ -85,7 +97,6 @@ def together(k: int, first: int, m: Floats, state: Floats) -> float:
 @compiled
 def look(m: Floats, heard: Integers, message: Integers, rules: Floats, state: Floats, dt: float) -> int:
     """Test the samples of one cycle; returns how many signals turned faulty. heard: what came of each."""
-    first, second = -1, -1
     innovation = np.zeros(COUNT)
     for k in range(COUNT):
         state[GAP, k] += 1.0
@@ -100,41 +111,63 @@ def look(m: Floats, heard: Integers, message: Integers, rules: Floats, state: Fl
         innovation[k] = m[k] - state[LAST, k] - increment(k, m, state, dt)
         if state[GAP, k] > rules[CYCLES, k]:  # after a gap there is no prediction
             innovation[k] = 0.0
-        if abs(innovation[k]) > max(rules[JUMP, k], LIVELY * state[LEVEL, k]):
-            if first < 0 or message[k] == first:
-                first = message[k]
-            else:
-                second = message[k]
+    stir(innovation, message, rules, state, dt)
     found = 0
-    alone = second < 0
     for k in range(COUNT):
+        state[THRESHOLD, k] = threshold(k, message[k], rules, state)
         if heard[k] == SAMPLE:
-            found += sample(k, m, innovation[k], alone and message[k] == first, rules, state)
+            found += sample(k, m, innovation[k], rules, state)
+        if state[SUSPECTED, k] > 0.0:
+            found += suspected(k, message, rules, state, dt)
     return found + standstill(heard, rules, state)
 
 
 @compiled
-def sample(k: int, m: Floats, innovation: float, alone: bool, rules: Floats, state: Floats) -> int:
+def stir(innovation: Floats, message: Integers, rules: Floats, state: Floats, dt: float) -> None:
+    """How much each message's signals were stirred lately, in onsets: what fades with SWINGS, and what came now.
+
+    A signal that is known to be faulty stirs nothing.
+    """
+    fade = math.exp(-dt / SWINGS)
+    for i in range(state.shape[1]):
+        state[STIR, i] *= fade
+    for k in range(COUNT):
+        beyond = abs(innovation[k]) - rules[STIRRED, k]
+        if beyond > 0.0 and state[FAULTY, k] == 0.0:
+            state[STIR, message[k]] = max(state[STIR, message[k]], beyond / rules[ONSET, k])
+
+
+@compiled
+def threshold(k: int, own: int, rules: Floats, state: Floats) -> float:
+    """The innovation from which on a sample of signal `k` is a jump: noise, and what the rest of the machine feels.
+
+    What moves the machine moves signals of several messages. Each sensor has its onset: how far it goes when the machine
+    sets in. REACH says how many times more onsets one signal may show than the most stirred one of the other messages.
+    """
+    others = 0.0
+    for i in range(state.shape[1]):
+        if i != own:
+            others = max(others, state[STIR, i])
+    return max(rules[JUMP, k] + REACH * others * rules[ONSET, k], LIVELY * state[LEVEL, k])
+
+
+@compiled
+def sample(k: int, m: Floats, innovation: float, rules: Floats, state: Floats) -> int:
     """Take one sample over; 1 if its signal turned faulty."""
+    far = abs(innovation) > state[THRESHOLD, k]
     found = 0
-    far = abs(innovation) > max(rules[JUMP, k], LIVELY * state[LEVEL, k])
-    if far and alone and not (TORQUE <= k < TORQUE + 4 and follower(k, m, state)):
+    if far and not (TORQUE <= k < TORQUE + 4 and follower(k, m, state)):
         if state[MODE, k] == BY_FREEZE:
             state[JUMPED, k] = 0.0
             state[FAULTY, k], state[MODE, k] = 0.0, SOUND
         else:
-            before = state[FAULTY, k]
             still = state[EVER, k] >= HELD_STILL
             state[JUMPED, k] = 0.0 if still else state[JUMPED, k] + innovation
-            away = abs(state[JUMPED, k]) > rules[JUMP, k] / 2.0
-            if away or before == 0.0:
-                state[MODE, k] = BY_JUMP
-            state[FAULTY, k] = 1.0
-            if not away:  # back where it came from: sound from the next cycle on
-                state[SINCE, k] = -1.0
+            if state[FAULTY, k] == 0.0:
+                state[LARGEST, k] = max(state[LARGEST, k], abs(innovation))
+                state[SUSPECTED, k] = max(state[SUSPECTED, k], 1e-9)
             else:
-                state[SINCE, k] = 0.0
-            found = 1 if before == 0.0 else 0
+                placed(k, rules, state)
     elif not far:
         if state[SINCE, k] < 0.0:
             state[FAULTY, k], state[MODE, k], state[JUMPED, k], state[SINCE, k] = 0.0, SOUND, 0.0, 0.0
@@ -143,6 +176,33 @@ def sample(k: int, m: Floats, innovation: float, alone: bool, rules: Floats, sta
     state[EVER, k] = state[SAME, k]
     state[LAST, k], state[GAP, k] = m[k], 0.0
     return found
+
+
+@compiled
+def suspected(k: int, message: Integers, rules: Floats, state: Floats, dt: float) -> int:
+    """A jump that waits for the rest of the machine to explain it; 1 if its time is over and it turned into a fault."""
+    if state[LARGEST, k] <= state[THRESHOLD, k] or state[FAULTY, k] != 0.0:
+        state[SUSPECTED, k] = state[LARGEST, k] = 0.0
+        if state[FAULTY, k] == 0.0:
+            state[JUMPED, k] = 0.0
+        return 0
+    state[SUSPECTED, k] += dt
+    if state[SUSPECTED, k] < EXPLAINED:
+        return 0
+    state[SUSPECTED, k] = state[LARGEST, k] = 0.0
+    state[FAULTY, k] = 1.0
+    state[STIR, message[k]] = 0.0  # it was no motion of the machine
+    placed(k, rules, state)
+    return 1
+
+
+@compiled
+def placed(k: int, rules: Floats, state: Floats) -> None:
+    """Whether a signal with jumps is away from where it was, or back and sound from the next sample on."""
+    away = abs(state[JUMPED, k]) > rules[JUMP, k] / 2.0
+    if away or state[MODE, k] == SOUND:
+        state[MODE, k] = BY_JUMP
+    state[SINCE, k] = 0.0 if away else -1.0
 
 
 @compiled

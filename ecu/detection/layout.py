@@ -17,31 +17,47 @@ BUCKET_LOAD: Final = 17  # tilt pressure against lift pressure: place of the pay
 STEERING_LINES: Final = 18  # the line that does not push
 RESIDUALS: Final = 19
 
-# Rows of the state, (ROWS, COUNT): what is kept of each signal ...
+# Rows of the state, (ROWS, WIDTH): what is kept of each signal ...
 LAST, TREND, LEVEL, JUMPED, SAME, FAULTY, SINCE, MODE, EVER = range(9)
 GAP: Final = 13  # cycles since the last sample
-MEAN, SPOILED, WAITING = (
-    14,
-    15,
-    16,
-)  # of each residual: its mean, time until it means something again; waiting for others
-# ... and of each residual: sum of the sequential test up and down, and whether it has fired.
+SIZE: Final = 17  # of the offset that explains the residuals
+SUSPECTED: Final = 18  # time since a jump that others may still explain [s]; 0: none
+LARGEST: Final = 19  # jump of those that wait for others to explain them
+THRESHOLD: Final = 20  # of a jump, at present
+# ... of each residual: sum of the sequential test up and down, and whether it has fired ...
 UP, DOWN, FIRED = 9, 10, 11
+MEAN, SPOILED = 14, 15  # its mean, time until it means something again
+WAITING: Final = 16  # for other tests, in the first column
+PAUSED: Final = 21  # time until a residual's filters have forgotten what its equation does not hold for [s]
+# ... and of each message: how much its signals were stirred lately, in onsets.
+STIR: Final = 22
 # Filters of the residuals.
 FILTERS: Final = 12
 F_ANGLE, F_ROLL, F_PITCH, F_SPEED, F_ACCELERATION, F_ALONG, F_ACROSS, F_CYCLES, F_COUPLE, F_WARM, F_UP = (
     range(11)
 )
-SIZE: Final = 17  # of the offset that explains the residuals
-ROWS: Final = 18
-WIDTH: Final = max(COUNT, RESIDUALS, 11)
+F_TURNED, F_ROLLED, F_PITCHED, F_YAWED = 11, 12, 13, 14  # what the rates add to the observers' angles
+F_DRAG: Final = 15  # force that slows the machine and that neither torques nor mass explain
+F_SLOW_YAW, F_SLOW_ROLL = 16, 17  # slow means of rates, for their derivatives
+F_PLACE, F_DUG = 18, 19  # of the payload in the bucket [m]; whether it is to be learned
+# Filters of the motion: quick means of what changes, then how far it was from them lately.
+MOTION: Final = 23
+JOINT, ROLLING_RATE, PITCHING, YAWING, SPEED, GRIPPING, AHEAD, ASIDE, UPRIGHT, LIFTING, TILTING, LINES = (
+    range(12)
+)
+QUICKS: Final = 12
+PEAKS: Final = 24
+ROWS: Final = 25
+WIDTH: Final = max(COUNT, RESIDUALS, 20)
 
-# Rows of the rules, (RULES, COUNT), by signal: see `ecu.detection.rules`.
+# Rows of the rules, (RULES, WIDTH), by signal: see `ecu.detection.rules`.
 JUMP, FREEZE = 0, 1
 # ... and by residual: noise, and how far the sequential test goes.
 NOISE, TOLERANCE = 2, 3
 CYCLES: Final = 4  # between two samples of a signal
-RULES: Final = 5
+ONSET: Final = 5  # innovation of a signal when the machine sets in
+STIRRED: Final = 6  # innovation from which on noise does not explain it
+RULES: Final = 7
 
 # What a signal's fault was found by.
 SOUND, BY_JUMP, BY_FREEZE, BY_RESIDUAL, UNDECIDED = range(5)

@@ -1,7 +1,7 @@
 """The detection in the live loop: the cycle's inputs in, inputs without what is faulty out, and what was found.
 
-A signal that jumped is replaced by its sample less the jump for REPLACED_NS, one pressure by what the other one means;
-estimates from them stay valid. Every other faulty signal is not usable, so that the estimators go on without it.
+A signal that jumped is replaced by its sample less the jump for REPLACED_S, from the jump on, also while it waits for others
+that explain it; one pressure by what the other one means. Estimates from them stay valid. Every other faulty signal is not usable, so that the estimators go on without it.
 """
 
 from collections.abc import Iterator, Mapping
@@ -13,6 +13,7 @@ import numpy as np
 from dbc.database import Database
 from ecu.calibration import Calibration
 from ecu.codes import Mode
+from ecu.detection.bucket import pressure_from_other
 from ecu.detection.detector import cycles, initial
 from ecu.detection.layout import (
     BY_FREEZE,
@@ -28,9 +29,9 @@ from ecu.detection.layout import (
     SAMPLE,
     SINCE,
     SIZE,
+    SUSPECTED,
     UNDECIDED,
 )  # fmt: skip
-from ecu.detection.residuals import pressure_from_other
 from ecu.detection.rules import height_for, rules_array
 from ecu.findings import EstimatorFailed, FaultFound
 from ecu.inputs import GROUP_OF, OUTSIDE_ESTIMATES, CycleInputs
@@ -97,13 +98,18 @@ class Detection:
         if not ready:
             self._known = _NONE
             return received, []
-        faulty = frozenset(NAMES[k] for k in np.flatnonzero(self._state[FAULTY]))
+        faulty = frozenset(NAMES[k] for k in np.flatnonzero(self._state[FAULTY, :COUNT]))
         new = faulty - self._known
         self._known = faulty
         found: list[FaultFound | EstimatorFailed] = [
             FaultFound(names, mode, now_ns) for names, mode in self._said(new)
         ]
-        return self._without(received, faulty), found
+        return self._without(received, faulty, self._suspects()), found
+
+    def _suspects(self) -> Mapping[str, float]:
+        """Signals with a jump that others may still explain, each with its sample less the jump."""
+        waiting = (self._state[SUSPECTED, :COUNT] > 0.0) & (self._state[FAULTY, :COUNT] == 0.0)
+        return {NAMES[k]: self._samples[k] - self._state[JUMPED, k] for k in np.flatnonzero(waiting)}
 
     def _pattern(self, received: CycleInputs) -> tuple[np.ndarray, np.ndarray]:
         """Which samples came, and which of them other checks accept; kept, because there are few patterns."""
@@ -138,13 +144,15 @@ class Detection:
                 return Mode.EXCHANGED
         return Mode.RATE_OF_CHANGE
 
-    def _without(self, received: CycleInputs, faulty: frozenset[str]) -> CycleInputs:
+    def _without(
+        self, received: CycleInputs, faulty: frozenset[str], suspects: Mapping[str, float]
+    ) -> CycleInputs:
         replaced = self._replaced(faulty)
         lost = faulty - set(replaced)
         groups = {GROUP_OF[MESSAGES[PLACE[name]]] for name in lost} - OUTSIDE_ESTIMATES
         return replace(
             received,
-            values={**received.values, **replaced},
+            values={**received.values, **suspects, **replaced},
             unusable=received.unusable | lost,
             implausible=received.implausible | groups,
             doubted=faulty,

@@ -23,6 +23,7 @@ from ecu.detection.layout import (
     FRONT_TORQUES,
     JUMP,
     NOISE,
+    ONSET,
     PITCH_GYRO,
     PITCH_RATES,
     REAR_TORQUES,
@@ -31,13 +32,15 @@ from ecu.detection.layout import (
     RULES,
     SPEEDS,
     STEERING_LINES,
+    STIRRED,
     TOLERANCE,
     TRACTION,
     UPWARDS,
     WIDTH,
     YAW_STEERING,
 )
-from ecu.detection.residuals import OBSERVED, effective_radius, machine_mass
+from ecu.detection.machine import effective_radius, machine_mass
+from ecu.detection.residuals import OBSERVED
 from ecu.detection_rules import DetectionRules, Sensor
 from ecu.estimators.parameters import GRAVITY, Parameters
 from ecu.watched import NAMES
@@ -67,6 +70,10 @@ FAMILIES: Final[Mapping[str, str]] = {
 """The make of every watched signal's sensor."""
 PREDICTED: Final = 1.6
 """Standard deviation of an innovation over that of a sample: two samples, and the trend."""
+STIRS: Final = 4.0
+"""Standard deviations of an innovation from which on it says that the machine was stirred."""
+UNSEEN: Final = 0.25
+"""Share of an onset that a signal may show while no other shows anything."""
 
 
 def height_for(per_hour: float) -> float:
@@ -105,7 +112,9 @@ def rules_array(rules: DetectionRules, cycles: Mapping[str, float], p: Parameter
                 f"the calibration has no section [sensor_{FAMILIES[name]}]: the detection cannot watch {name} without its noise"
             )
         sensor = rules.sensors[FAMILIES[name]]
-        found[JUMP, place] = deviations_for(share) * PREDICTED * sensor.noise + sensor.onset
+        innovation = PREDICTED * sensor.noise
+        found[JUMP, place] = deviations_for(share) * innovation + UNSEEN * sensor.onset
+        found[ONSET, place], found[STIRRED, place] = sensor.onset, STIRS * innovation
         found[FREEZE, place] = frames_for(share, sensor)
         found[CYCLES, place] = cycles[name]
     _residuals(found[NOISE], found[TOLERANCE], rules, p)
@@ -123,6 +132,7 @@ def _residuals(noise: Floats, offset: Floats, rules: DetectionRules, p: Paramete
     )
     radius, track = effective_radius(p), (g.front_track + g.rear_track) / 2.0
     base = g.front_length + g.rear_length
+    upright = rules.tolerances.gain * GRAVITY  # of axes that are not quite at right angles
     # an observer of OBSERVED seconds turns an offset of the rate into one of the angle
     noise[ANGLE_RATE], offset[ANGLE_RATE] = angle.noise, rate.offset * OBSERVED + angle.onset
     for j in (ROLL_GYRO, PITCH_GYRO):
@@ -132,10 +142,10 @@ def _residuals(noise: Floats, offset: Floats, rules: DetectionRules, p: Paramete
         noise[j] = 1.5 * wheel.noise * radius + gyro.noise * track
         offset[j] = wheel.offset * radius + (gyro.offset + rate.offset) * track
     noise[YAW_STEERING] = gyro.noise + rate.noise * g.front_length / base
-    offset[YAW_STEERING] = 3.0 * gyro.offset + rate.offset + wheel.onset * radius / base
+    offset[YAW_STEERING] = 3.0 * gyro.offset + rate.offset + wheel.onset / 2.0 * radius / base
     noise[ALONG] = noise[ACROSS] = force.noise
-    offset[ALONG] = offset[ACROSS] = force.offset + slope.offset * GRAVITY + force.onset / 2.0
-    noise[UPWARDS], offset[UPWARDS] = 1.5 * force.noise, force.offset + force.onset
+    offset[ALONG] = offset[ACROSS] = force.offset + slope.offset * GRAVITY + upright
+    noise[UPWARDS], offset[UPWARDS] = 1.5 * force.noise, force.offset + upright
     for j in (FRONT_TORQUES, REAR_TORQUES):
         noise[j], offset[j] = 1.5 * torque.noise, torque.offset
     noise[TRACTION] = 2.0 * torque.noise / radius + machine_mass(p) * force.noise

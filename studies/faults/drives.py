@@ -1,4 +1,4 @@
-"""Random drives without a fault as the ECU's detection receives them, and calibrations that are wrong as real ones are."""
+"""Drives without a fault as the ECU's detection receives them, and the detection over them."""
 
 import math
 import random
@@ -11,16 +11,18 @@ from numpy.typing import NDArray
 from bus.frame import Frame
 from dbc import loader_database
 from ecu.calibration import Calibration, load_calibration
+from ecu.cycle import EcuCycle
 from ecu.detection.detector import columns, initial
-from ecu.detection.layout import RESIDUALS
+from ecu.detection.layout import NO_SAMPLE, REJECTED, RESIDUALS, SAMPLE
+from ecu.detection.machine import effective_radius
 from ecu.detection.rules import height_for, rules_array
 from ecu.estimators.parameters import Parameters
 from ecu.findings import FaultFound
-from ecu.inputs import InputReceiver
+from ecu.inputs import CycleInputs, InputReceiver
 from ecu.outputs import TICK_NS
 from ecu.watched import COUNT, MESSAGES, NAMES
-from hil.compose import lockstep
-from hil.lockstep import ECU_PHASE_NS
+from hil.compose import calibration_of, plant_unit
+from hil.lockstep import ECU_PHASE_NS, Lockstep
 from plant.physics.surface import Surface
 from plant.unit.scenario import Scenario, load_scenario
 from studies.soak import chance
@@ -35,10 +37,11 @@ SLOPING = 0.6
 
 @dataclass(frozen=True, slots=True)
 class Watched:
-    """Samples of a drive and where they came, both (n, COUNT); faults that the ECU in the loop reported."""
+    """What the detection was given in a drive, and the faults that the ECU in the loop reported."""
 
-    samples: Floats
-    heard: Integers
+    samples: Floats  # (n, COUNT)
+    heard: Integers  # what came of each signal (`ecu.detection.layout`), (n, COUNT)
+    usable: Floats  # 0 where other checks reject the signal, (n, COUNT)
     reported: tuple[str, ...]
 
 
@@ -75,19 +78,26 @@ def scenario(seed: int, seconds: float) -> Scenario:
 
 
 def drive(seed: int, seconds: float) -> Watched:
-    """One drive in lockstep, with the ECU's detection in the loop."""
-    recording = lockstep(scenario(seed, seconds), reference=False, detect_faults=True).run()
-    samples, heard = samples_of(recording.bus, load_calibration())
+    """One random drive."""
+    return driven(scenario(seed, seconds))
+
+
+def driven(chosen: Scenario, calibration: Calibration | None = None) -> Watched:
+    """One drive in lockstep, with the ECU's detection in the loop; by the machine's own calibration where None is given."""
+    calibration = calibration or load_calibration(calibration_of(chosen))
+    recording = Lockstep(plant_unit(chosen), EcuCycle(calibration, detect_faults=True), reference=False).run()
+    samples, heard, usable = samples_of(recording.bus, calibration)
     reported = tuple(str(finding) for finding in recording.ecu_findings if isinstance(finding, FaultFound))
-    return Watched(samples, heard, reported)
+    return Watched(samples, heard, usable, reported)
 
 
-def samples_of(frames: Sequence[Frame], calibration: Calibration) -> tuple[Floats, Integers]:
-    """What the detection is given cycle by cycle, from when every input has been received."""
+def samples_of(frames: Sequence[Frame], calibration: Calibration) -> tuple[Floats, Integers, Floats]:
+    """What the detection is given cycle by cycle, from when every input has been received: samples, heard, usable."""
     # the ECU's own receiver: the detection gets what passed its checks, as in the loop
     hearing = InputReceiver(calibration, loader_database())
     rows: list[list[float]] = []
-    came: list[list[bool]] = []
+    came: list[list[int]] = []
+    usable: list[list[bool]] = []
     waiting = iter(frames)
     frame = next(waiting, None)
     for now_ns in range(ECU_PHASE_NS, frames[-1].at_ns + TICK_NS, TICK_NS):
@@ -97,36 +107,35 @@ def samples_of(frames: Sequence[Frame], calibration: Calibration) -> tuple[Float
         received = hearing.gather(now_ns)
         if rows or not received.stale:
             rows.append([received.values[name] for name in NAMES])
-            came.append([message in received.heard for message in MESSAGES])
-    return np.array(rows), np.array(came, np.int64)
+            came.append(
+                [_came(received, name, message) for name, message in zip(NAMES, MESSAGES, strict=True)]
+            )
+            usable.append([name not in received.unusable for name in NAMES])
+    return np.array(rows), np.array(came, np.int64), np.array(usable, float)
 
 
-def wrong(p: Parameters, seed: int) -> Parameters:
-    """The parameters with masses wrong by 3 %, centres of gravity by 5 cm, radii by 1 %, stiffness by 15 %."""
-    generator = random.Random(f"calibration/{seed}")
+def _came(received: CycleInputs, name: str, message: str) -> int:
+    """As the detection in the live loop is told."""
+    if message not in received.heard:
+        return NO_SAMPLE
+    if name in received.stepped:
+        return REJECTED
+    return NO_SAMPLE if name in received.unusable else SAMPLE
 
-    def share(bound: float) -> float:
-        return 1.0 + generator.uniform(-bound, bound)
 
-    def place() -> float:
-        return generator.uniform(-0.05, 0.05)
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What the detection says of a recording, cycle by cycle."""
 
-    wheel, bucket = p.wheel, p.bucket
-    return p._replace(
-        front=p.front._replace(mass=p.front.mass * share(0.03), x=p.front.x + place(), z=p.front.z + place()),
-        rear=p.rear._replace(mass=p.rear.mass * share(0.03), x=p.rear.x + place(), z=p.rear.z + place()),
-        arm=p.arm._replace(mass=p.arm.mass * share(0.03), along=p.arm.along + place()),
-        bucket=bucket._replace(
-            mass=bucket.mass * share(0.03),
-            forward=bucket.forward + place(),
-            payload_forward=bucket.payload_forward + place(),
-        ),
-        wheel=wheel._replace(
-            unloaded_radius=wheel.unloaded_radius * share(0.01),
-            slip_stiffness=wheel.slip_stiffness * share(0.15),
-            cornering_stiffness=wheel.cornering_stiffness * share(0.15),
-        ),
-    )
+    modes: Integers  # how each signal was found faulty, (n, COUNT), 0 where sound
+    thresholds: Floats  # innovation from which on a sample is a jump, (n, COUNT)
+    residuals: Floats  # (n, RESIDUALS)
+    bounds: Floats  # likewise
+
+    def begins(self) -> list[tuple[int, int]]:
+        """Cycle and place of every signal that turned faulty."""
+        turned = np.argwhere((self.modes[1:] > 0) & (self.modes[:-1] == 0))
+        return [(int(cycle) + 1, int(place)) for cycle, place in turned]
 
 
 class Detector:
@@ -140,17 +149,24 @@ class Detector:
         }
         numbers = list(dict.fromkeys(MESSAGES))
         self._message = np.array([numbers.index(message) for message in MESSAGES])
-        self._parameters, self._tolerances = parameters, rules.tolerances
+        self.parameters, self._tolerances = parameters, rules.tolerances
+        self.radius = effective_radius(parameters)
         self.rules = rules_array(rules, cycles, parameters)
         # as in the ECU (ecu/detection/live.py), whose thresholds these have to be
         self.height = height_for(rules.false_alarms / 3.0)
 
-    def run(self, samples: Floats, heard: Integers) -> tuple[Integers, Floats]:
-        """How each signal was found faulty, (n, COUNT), 0 where sound, and the residuals' bounds, (n, RESIDUALS)."""
-        modes = np.zeros((len(samples), COUNT), np.int64)
-        residuals, bounds = np.zeros((2, len(samples), RESIDUALS))
+    def run(self, samples: Floats, heard: Integers, usable: Floats | None = None) -> Judged:
+        """The detection from its start; arguments as in `Watched`, all signals usable where None is given."""
+        n = len(samples)
+        usable = np.ones((n, COUNT)) if usable is None else usable
+        found = Judged(
+            np.zeros((n, COUNT), np.int64),
+            np.zeros((n, COUNT)),
+            np.zeros((n, RESIDUALS)),
+            np.zeros((n, RESIDUALS)),
+        )
         columns(
-            samples, heard, self._message, self._parameters, self._tolerances, self.rules, self.height, initial(),
-            modes, residuals, bounds,
+            samples, heard, usable, self._message, self.parameters, self._tolerances, self.rules, self.height, initial(),
+            found.modes, found.thresholds, found.residuals, found.bounds,
         )  # fmt: skip
-        return modes, bounds
+        return found

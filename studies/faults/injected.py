@@ -1,5 +1,6 @@
-"""Faults in recorded samples, sizes from which they are noticed as computed, and what became of each."""
+"""Faults in recorded samples, and what became of each."""
 
+import math
 import random
 from collections.abc import Mapping
 from typing import Any, Final
@@ -7,21 +8,17 @@ from typing import Any, Final
 import numpy as np
 
 from ecu.calibration import Calibration
-from ecu.detection.isolation import DRIFT, WINDOW, sensitivities
-from ecu.detection.layout import CYCLES, FREEZE, JUMP, NOISE, RESIDUALS
-from ecu.detection.residuals import NOTHING
 from ecu.detection.rules import FAMILIES
-from ecu.estimators.parameters import Parameters
-from ecu.watched import COUNT, NAMES, PLACE
+from ecu.watched import NAMES, PLACE
 from studies.faults.drives import Detector, Floats, Integers
+from studies.faults.sizes import sizes
 
 KINDS: Final = ("offset", "spike", "freeze", "drift", "noise", "swap")
 SETTLE, LASTS, AFTERWARDS = 600, 300, 50
 """Ticks before a fault, of a fault, and after it in which a notice of its end is not counted against anybody."""
+DURING: Final = slice(SETTLE, SETTLE + LASTS)
 MULTIPLES: Final = (0.5, 1.0, 1.3, 2.0, 4.0)
 """Sizes of injected faults over the computed smallest one."""
-CERTAIN = 2.0
-"""Standard deviations above its threshold from which a test misses one fault in 40."""
 SPIKE_EVERY = 20
 PAIRS: Final[Mapping[str, str]] = {
     "wheel_speed_1": "wheel_speed_2",
@@ -35,47 +32,6 @@ PAIRS: Final[Mapping[str, str]] = {
 }
 """Signals of one message that are exchanged."""
 Outcome = dict[str, Any]
-
-
-def smallest(
-    calibration: Calibration, p: Parameters, detector: Detector, bounds: Floats, samples: Floats, place: int
-) -> dict[str, tuple[float, float]]:
-    """Per kind the smallest size of a fault that is noticed and how soon [s], at the median bounds of a drive.
-
-    A jump has to pass its threshold by CERTAIN standard deviations of an innovation; a residual's mean its bound and the
-    test's drift by as much as lets the sum reach its height within the fault. inf: cannot be noticed.
-    """
-    noise = calibration.detection.sensors[FAMILIES[NAMES[place]]].noise
-    # 1.6 noise: standard deviation of an innovation against its trend (PREDICTED in ecu/detection/rules.py)
-    jump = float(detector.rules[JUMP, place]) + CERTAIN * 1.6 * noise
-    median = np.median(bounds, axis=0)
-    speed = float(np.median(np.abs(samples[:, PLACE["wheel_speed_3"]]))) * p.wheel.unloaded_radius
-    sensitive = np.zeros((RESIDUALS, COUNT))
-    sensitivities(samples[len(samples) // 2], speed, p, sensitive)
-    steady, after = np.inf, np.inf
-    for j in range(RESIDUALS):
-        # a residual that is switched off has an endless bound
-        if sensitive[j, place] == 0.0 or median[j] >= NOTHING / 2.0:
-            continue
-        sigma = detector.rules[NOISE, j]
-        # height / excess ticks until the test fires: within half of the fault
-        size = (median[j] + sigma * (DRIFT + detector.height / (LASTS / 2.0))) / abs(sensitive[j, place])
-        if size < steady:
-            steady, after = float(size), LASTS / 200.0 + WINDOW
-    still = float(detector.rules[FREEZE, place] * detector.rules[CYCLES, place]) / 100.0
-    offset = (jump, 0.0) if jump <= steady else (steady, after)
-    # a drift has to reach the steady size by half of its time, and the test needs the other half
-    ramp = steady / (LASTS / 100.0 / 2.0)
-    return {
-        "offset": offset,
-        "spike": (jump, 0.0),
-        "freeze": (0.0, still),
-        "drift": (ramp, LASTS / 100.0),
-        # a normal value exceeds 1.5 standard deviations once in 7 samples: one of the ten within 0.1 s does, three
-        # times in four
-        "noise": (jump / 1.5, 0.1),
-        "swap": (jump, 0.0),
-    }
 
 
 def spoilt(
@@ -107,7 +63,39 @@ def spoilt(
     return found, [place]
 
 
-def try_one(
+def try_all(
+    calibration: Calibration,
+    detector: Detector,
+    samples: Floats,
+    heard: Integers,
+    place: int,
+    generator: random.Random,
+) -> list[Outcome]:
+    """Faults of every kind and size of one signal, each at a random place of a drive that the detection takes for sound."""
+    found = []
+    noise = calibration.detection.sensors[FAMILIES[NAMES[place]]].noise
+    for kind in KINDS:
+        if kind == "swap" and NAMES[place] not in PAIRS:
+            continue
+        for multiple in MULTIPLES if kind not in ("freeze", "swap") else (1.0,):
+            begin = generator.randrange(len(samples) - SETTLE - LASTS - AFTERWARDS)
+            window = slice(begin, begin + SETTLE + LASTS + AFTERWARDS)
+            sound = detector.run(samples[window], heard[window])
+            # a false alarm before the fault: it is counted as one elsewhere, and must not count as found here
+            if sound.modes[:SETTLE].any():
+                continue
+            size, soon = sizes(detector, sound, samples[window], noise, place, DURING)[kind]
+            if not math.isfinite(size):
+                continue
+            outcome = tried(detector, samples[window], heard[window], kind, place, multiple * size, generator)
+            # the size of a swap is what the two signals happen to differ by; it cannot be chosen
+            share = outcome["size"] / size if kind == "swap" else multiple
+            about = {"signal": NAMES[place], "kind": kind, "multiple": share, "smallest": size, "soon": soon}
+            found.append(about | outcome)
+    return found
+
+
+def tried(
     detector: Detector,
     samples: Floats,
     heard: Integers,
@@ -115,19 +103,13 @@ def try_one(
     place: int,
     size: float,
     generator: random.Random,
-) -> Outcome | None:
-    """Inject one fault at a random place of a drive and look; None where the detection had found something before."""
-    begin = generator.randrange(len(samples) - SETTLE - LASTS - AFTERWARDS)
-    window = slice(begin, begin + SETTLE + LASTS + AFTERWARDS)
-    before, came = samples[window], heard[window]
-    changed, wrong = spoilt(before, came, kind, place, size, generator)
+) -> Outcome:
+    """Inject one fault and look what the detection says while it lasts."""
+    changed, wrong = spoilt(samples, heard, kind, place, size, generator)
     if kind == "swap":
-        size = float(np.abs(before[SETTLE, place] - before[SETTLE, wrong[-1]]))
-    modes, _ = detector.run(changed, came)
-    # a false alarm before the fault: it is counted as one elsewhere, and must not count as found here
-    if modes[:SETTLE].any():
-        return None
-    hit = np.flatnonzero(modes[SETTLE : SETTLE + LASTS].any(axis=1))
+        size = float(np.abs(samples[SETTLE, place] - samples[SETTLE, wrong[-1]]))
+    modes = detector.run(changed, heard).modes
+    hit = np.flatnonzero(modes[DURING].any(axis=1))
     if not len(hit):
         return {"noticed": False, "size": size}
     # what is named is read two cycles later: the two samples of slower messages do not come together

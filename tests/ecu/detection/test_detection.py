@@ -65,11 +65,11 @@ def test_a_sound_machine_has_no_fault():
 
 
 @pytest.mark.parametrize("name", SIGNALS)
-def test_an_offset_is_noticed_and_named_at_once(name):
+def test_an_offset_is_noticed_and_named_within_a_tenth_of_a_second(name):
     ecu, machine = started()
     size = 2.0 * jump_of(ecu, name)
     machine.wrong[name] = lambda value, tick: value + size
-    _, findings = play(ecu, machine, 4)
+    _, findings = play(ecu, machine, 10)
     assert [f.signals for f in faults(findings)] == [(name,)]
     assert faults(findings)[0].mode is Mode.RATE_OF_CHANGE
 
@@ -101,7 +101,7 @@ def test_exchanged_sensors_are_both_named():
     apart = 3.0 * jump_of(ecu, "wheel_speed_1")
     machine.wrong["wheel_speed_1"] = lambda value, tick: value + apart
     machine.wrong["wheel_speed_2"] = lambda value, tick: value - apart
-    _, findings = play(ecu, machine, 4)
+    _, findings = play(ecu, machine, 10)
     assert {(f.signals, f.mode) for f in faults(findings)} == {
         (("wheel_speed_1",), Mode.EXCHANGED),
         (("wheel_speed_2",), Mode.EXCHANGED),

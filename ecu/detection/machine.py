@@ -1,0 +1,43 @@
+"""Plain sizes of the machine that several residuals need."""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecu.detection.compiled import compiled
+from ecu.detection.layout import FILTERS
+from ecu.estimators.parameters import Parameters
+
+Floats = NDArray[np.float64]
+
+NOTHING: Final = 1e30
+"""Bound of a residual that says nothing at present."""
+
+
+@compiled
+def effective_radius(p: Parameters) -> float:
+    """Effective radius of a wheel at its nominal load [m]: (112) to first order, R0 - rho / 3."""
+    return p.wheel.unloaded_radius * (1.0 - sunk(p) / 3.0)
+
+
+@compiled
+def sunk(p: Parameters) -> float:
+    """Deflection of a tyre at its nominal load over its unloaded radius, by (118)."""
+    w = p.wheel
+    linear = w.radial_linear
+    return (math.sqrt(linear * linear + 4.0 * w.radial_quadratic) - linear) / (2.0 * w.radial_quadratic)
+
+
+@compiled
+def machine_mass(p: Parameters) -> float:
+    """Mass of the empty machine [kg]."""
+    return p.front.mass + p.arm.mass + p.bucket.mass + p.rear.mass + p.axle.mass
+
+
+@compiled
+def follow(state: Floats, place: int, value: float, share: float) -> float:
+    """A first-order filter kept in the state."""
+    state[FILTERS, place] += share * (value - state[FILTERS, place])
+    return state[FILTERS, place]
