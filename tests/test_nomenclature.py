@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = (ROOT / "docs/nomenclature.md").read_text(encoding="utf-8")
 PACKAGES = (
-    "bus", "configuration", "dbc", "plant", "ecu", "discrepancy", "hil", "report", "diagnosis", "identify", "studies", "loaderhil",
+    "bus", "configuration", "dbc", "plant", "ecu", "discrepancy", "hil", "report", "diagnosis", "identify", "studies", "loaderhil", "testbench", "deploy",
 )  # fmt: skip
 DEFINED = PAGE[PAGE.index("## 2 ") : PAGE.index("## 4 ")]
 
