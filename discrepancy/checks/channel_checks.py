@@ -44,8 +44,7 @@ class _Part:
 def failing_channels(problem: Problem) -> list[Complaint]:
     """One complaint per channel with a wrong scale, sign or clock. Raises Unusable if the model predicts no finite numbers."""
     start = problem.start()
-    with np.errstate(all="ignore"):
-        base = problem.predict(start)
+    base = problem.predict_unbounded(start)
     if not np.isfinite(base).all():
         raise Unusable([_unbounded(problem, base)])
     local = differences(problem, start, base, problem.local_names)

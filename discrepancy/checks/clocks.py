@@ -124,8 +124,7 @@ def estimate_offset(model: Model, reference: Recording, part: Recording) -> tupl
     except Unusable:
         return 0.0, 0.0
     start = problem.start()
-    with np.errstate(all="ignore"):
-        base = problem.predict(start)
+    base = problem.predict_unbounded(start)
     if not np.isfinite(base).all():
         return 0.0, 0.0
     inputs_there = all(n in reference.signals for n in model.inputs)

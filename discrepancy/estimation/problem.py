@@ -33,6 +33,9 @@ from discrepancy.model.windows import (
 from discrepancy.signals.recording import Array, Complaint, Recording, cleaned
 
 RECENT = 4  # predictions that are kept, because a fit often starts at a point that the one before has tried
+FAR = (
+    1e6  # largest misfit of a prediction, in the largest value of its channel: beyond it a model has diverged
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +164,7 @@ class Problem:
         self.channels = tuple(dict.fromkeys(name for block in self.blocks for name in block.channels))
         self.missing = tuple(name for name in model.outputs if name not in self.channels)
         self.row_window, self.row_channel, self.row_time = self._labels()
+        self._reach = self._reaches()
         self.local_names = tuple(p.name for p in model.nuisances if p.scope == "window")
         self.initial_uncertainty_names = tuple(
             p.name for p in model.nuisances if p.scope == "initial_uncertainty"
@@ -200,6 +204,12 @@ class Problem:
             time_s[rows] = np.repeat(block.time_s, c)
         return window, channel, time_s
 
+    def _reaches(self) -> Array:
+        """How far a prediction may lie from a measured value, by channel."""
+        of = [self.measured[self.row_channel == i] for i in range(len(self.channels))]
+        sizes = np.array([np.max(np.abs(values)) for values in of])
+        return FAR * np.where(sizes > 0.0, sizes, 1.0)
+
     def start(self) -> Values:
         """The baseline: every effect off, initial states at their guess."""
         shared = {p.name: p.value for p in self.model.parameters if p.scope != "window"}
@@ -220,7 +230,7 @@ class Problem:
         """Sensor outputs on the grid of one window."""
         parameters = values.in_window(index)
         window = _warmed(self.windows[index], values)
-        return self._sensed(index, self.model.simulate(window, parameters, extra or {}), parameters)
+        return self._sensed(index, self._simulated(window, parameters, extra or {}), parameters)
 
     def _sensed(
         self, index: int, true: Mapping[str, Array], parameters: dict[str, float]
@@ -237,39 +247,66 @@ class Problem:
         """Predicted rows (N,), read-only because they are kept; extra: by window, signals that are added at the model's ports."""
         if extra is not None:
             self._count.simulations += 1
-            return self._predicted(values, extra)
+            return self._within_reach(self._predicted(values, extra))
         for known, rows in self._recent:
             if known.same(values):
                 return rows
         self._count.simulations += 1
-        rows = self._predicted(values)
+        rows = self._within_reach(self._predicted(values))
         rows.flags.writeable = False
         self._recent.appendleft((values, rows))
         return rows
+
+    def predict_unbounded(self, values: Values) -> Array:
+        """Predicted rows (N,) as the model gives them: infinite or not a number where it diverges."""
+        self._count.simulations += 1
+        return self._predicted(values)
 
     def predict_each(self, points: Sequence[Values]) -> list[Array]:
         """Predicted rows at many points, in parallel if the model allows it."""
         self._count.simulations += len(points)
         if not self.model.threads or len(points) < 2:
-            return [self._predicted(values) for values in points]
+            return [self._within_reach(self._predicted(values)) for values in points]
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            return list(pool.map(self._predicted, points))
+            return [self._within_reach(rows) for rows in pool.map(self._predicted, points)]
 
     def _predicted(self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None) -> Array:
         rows = np.empty(self.measured.size)
-        seen = self._all_outputs(values, extra)
-        for block, place in zip(self.blocks, self._places, strict=True):
-            outputs = np.stack([seen[block.window][name] for name in block.channels])
-            rows[block.start : block.stop] = means_of(place.of(outputs), block.averaged).T.ravel()
+        # A model that diverges at some values overflows; that is no fault of its code, and no value of a warning.
+        with np.errstate(over="ignore", invalid="ignore"):
+            seen = self._all_outputs(values, extra)
+            for block, place in zip(self.blocks, self._places, strict=True):
+                outputs = np.stack([seen[block.window][name] for name in block.channels])
+                rows[block.start : block.stop] = means_of(place.of(outputs), block.averaged).T.ravel()
         return rows
+
+    def _within_reach(self, rows: Array) -> Array:
+        """The rows, each at most FAR spreads of its channel from what was measured.
+
+        A search tries values at which a model diverges. They have to lose against others by their misfit, and sums of their
+        squares have to stay numbers.
+        """
+        reach, off = self._reach[self.row_channel], rows - self.measured
+        if (np.abs(off) <= reach).all():  # false for what is not a number
+            return rows
+        return np.asarray(self.measured + np.clip(np.nan_to_num(off, nan=np.inf), -reach, reach), float)
 
     def motions(self, windows: Sequence[Window], values: Values) -> Sequence[Mapping[str, Array]]:
         """True outputs of every window, before sensor faults; windows: those of the problem, possibly with fewer signals."""
         together = getattr(self.model.simulate, "together", None)
         warmed = [_warmed(window, values) for window in windows]
         if self.local_names or values.active_intervals or together is None:
-            return [self.model.simulate(w, values.in_window(i), {}) for i, w in enumerate(warmed)]
+            return [self._simulated(w, values.in_window(i), {}) for i, w in enumerate(warmed)]
         return list(together(warmed, values.shared))
+
+    def _simulated(
+        self, window: Window, values: Mapping[str, float], extra: Mapping[str, Array]
+    ) -> Mapping[str, Array]:
+        """One window; not a number where the model's code overflows or divides by zero at these values, as Python's floats do."""
+        try:
+            return self.model.simulate(window, values, extra)
+        except ArithmeticError:
+            return {name: np.full(window.time_s.size, np.nan) for name in self.model.outputs}
 
     def _all_outputs(
         self, values: Values, extra: Sequence[Mapping[str, Array]] | None
