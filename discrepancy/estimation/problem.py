@@ -6,7 +6,7 @@ rows of a window are therefore contiguous, and its initial states can be project
 
 import os
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -33,9 +33,8 @@ from discrepancy.model.windows import (
 from discrepancy.signals.recording import Array, Complaint, Recording, cleaned
 
 RECENT = 4  # predictions that are kept, because a fit often starts at a point that the one before has tried
-FAR = (
-    1e6  # largest misfit of a prediction, in the largest value of its channel: beyond it a model has diverged
-)
+FAR = 1e6  # largest misfit of a prediction, in the largest value of its channel: beyond it, a model has diverged
+USED = 0.9  # share of a channel's samples below which it is worth a line that the others are not used
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +149,7 @@ class Problem:
                     self.blocks.append(Block(index, group, channels, stamps, rows, time_s[:whole], each))
                     measured.append(means.ravel())
                     rows += means.size
+            complaints += _left_out(clean, interval, self.blocks, range(before, len(self.windows)))
             if len(self.windows) == before:
                 low, high = interval
                 text = (
@@ -315,6 +315,20 @@ class Problem:
             return [self.outputs(i, values, extra[i]) for i in range(len(self.windows))]
         motions = self.motions(self.windows, values)
         return [self._sensed(i, true, values.in_window(i)) for i, true in enumerate(motions)]
+
+
+def _left_out(
+    recording: Recording, interval: tuple[float, float], blocks: Sequence[Block], windows: range
+) -> Iterator[Complaint]:
+    """A complaint for each channel of which much is not used, because it lies in blocks that are too short."""
+    blocks = [block for block in blocks if block.window in windows]
+    for name in dict.fromkeys(name for block in blocks for name in block.channels):
+        time_s = recording.signals[name].time_s
+        there = int(np.count_nonzero((time_s >= interval[0]) & (time_s <= interval[1])))
+        used = sum(block.sample_s.size for block in blocks if name in block.channels)
+        if used < USED * there:
+            text = f"{there - used} of {there} samples are not used: gaps leave fewer than {FEWEST_SAMPLES} of them in a row"
+            yield Complaint(recording.name, name, text)
 
 
 def _warmed(window: Window, values: Values) -> Window:

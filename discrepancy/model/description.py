@@ -194,7 +194,7 @@ class Model:
     sentence: str
     inputs: Mapping[str, str]  # channels with their units
     outputs: Mapping[str, str]
-    nuisances: tuple[Parameter, ...]
+    nuisances: tuple[Parameter, ...] = ()
     effects: tuple[Effect, ...]
     simulate: Simulate
     step_s: float  # of the grid

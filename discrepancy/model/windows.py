@@ -13,7 +13,7 @@ from discrepancy.model.description import Model, Window
 from discrepancy.signals.recording import Array, Complaint, Recording, Signal
 from discrepancy.signals.units import parse_unit
 
-GAP = 3.5  # in median sample times: a longer pause starts a new block of the whitening filter
+GAP = 3.5  # in usual pauses between samples: a longer one starts a new block of the whitening filter
 OUTPUTS = "outputs"  # in place of a channel's name, in complaints about all of them
 MILLI = 3e-3  # of the model's step or its inverse, beyond which stamps are likely in ms or in s by mistake
 HOLD_TOLERANCE = 1e-3  # of a grid step, by which a held value may be stamped late and still be of this point
@@ -214,7 +214,9 @@ def sample_blocks(
         if inside.size < FEWEST_SAMPLES:
             continue
         pauses = np.diff(stamps[inside])
-        for at in np.split(inside, np.flatnonzero(pauses > GAP * np.median(pauses)) + 1):
+        # The upper quartile, not the median: samples may come in bursts, with every other pause a long one.
+        usual = np.quantile(pauses, 0.75)
+        for at in np.split(inside, np.flatnonzero(pauses > GAP * usual) + 1):
             if at.size >= FEWEST_SAMPLES:
                 yield (
                     tuple(names),

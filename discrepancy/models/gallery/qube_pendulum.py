@@ -13,13 +13,16 @@ CREEP_RAD_S = 0.05  # speed within which the direction of dry friction is not ce
 
 
 def _turned(
-    push: Array, h: float, damping: float, dry: float, cable: float, angle: float, speed: float
+    push: Array, h: float, swing: Array, damping: float, dry: float, cable: float, angle: float, speed: float
 ) -> Array:
+    """swing: what the pendulum's own acceleration adds to the arm's speed."""
     angles = np.empty(push.size)
     for i, pushed in enumerate(push):
         angles[i] = angle
         before = speed
         speed += h * (pushed - damping * speed - dry * math.tanh(speed / CREEP_RAD_S) - cable * angle)
+        if i + 1 < push.size:
+            speed += swing[i + 1] - swing[i]
         angle += 0.5 * h * (before + speed)
     return angles
 
@@ -32,8 +35,9 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
     dead = values.get("dead", 0.0)
     volts = volts - values.get("offset", 0.0) - np.clip(volts, -dead, dead)
     push = values["push"] * volts + values["lean"] * lean
+    swing = -values["coupling"] * np.gradient(lean, window.step_s)
     resisted = values["damping"], values.get("dry", 0.0), values.get("cable", 0.0)
-    return {"arm": _compiled(push, window.step_s, *resisted, values["start"], values["start_speed"])}
+    return {"arm": _compiled(push, window.step_s, swing, *resisted, values["start"], values["start_speed"])}
 
 
 def _effect(
@@ -47,7 +51,7 @@ def _effect(
 
 model = Model(
     name="qube pendulum",
-    sentence="an arm that a motor turns and a pendulum's weight pushes, with linear damping",
+    sentence="an arm that a motor turns and a pendulum pushes, with linear damping",
     inputs={"voltage": "V", "pendulum": "rad"},
     held=("voltage",),
     outputs={"arm": "rad"},
@@ -56,6 +60,7 @@ model = Model(
         Parameter(name="push", unit="rad/(s^2.V)", value=50.0, lower=1.0, upper=500.0, typical=5.0, prior_sd=50.0),
         Parameter(name="damping", unit="1/s", value=10.0, lower=0.0, upper=100.0, typical=1.0, prior_sd=10.0),
         Parameter(name="lean", unit="1/s^2", value=0.0, lower=-500.0, upper=500.0, typical=10.0, prior_sd=100.0),
+        Parameter(name="coupling", unit="1", value=0.2, lower=-2.0, upper=2.0, typical=0.02, prior_sd=0.5),
         Parameter(name="start", unit="rad", typical=0.01, scope="window", guess=lambda window: window.at_start("arm")),
         Parameter(name="start_speed", unit="rad/s", typical=0.5, scope="window"),
     ),
