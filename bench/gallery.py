@@ -42,8 +42,8 @@ def main() -> None:
 
 def _shown(exhibit: Exhibit, out: Path) -> str:
     """The page of one exhibit; its picture is written beside it."""
-    # averaged, because emps is sampled at 500 Hz, far above its model's bandwidth (ADR 27)
-    settings, start = Settings(average=True, set_aside=True), time.perf_counter()
+    # as the command line does, so that the command on the page gives what the page says
+    settings, start = Settings(), time.perf_counter()
     model, recordings = model_and_recordings(exhibit, folder())
     judged = investigate(model, recordings, settings, lambda _: None, [])
     # a recording that cannot be judged has no page: its data or its model are broken
@@ -56,7 +56,11 @@ def _shown(exhibit: Exhibit, out: Path) -> str:
 
 def _page(exhibit: Exhibit, found: Findings, seconds: float) -> str:
     model = model_file(exhibit)
-    command = f"loaderhil diagnose {' '.join(f'FOLDER/{exhibit.name}/{file}' for file in exhibit.files)} --model {model} --out out/{exhibit.name}"
+    place = "out" if exhibit.prepare else f"FOLDER/{exhibit.name}"
+    files = " ".join(f"{place}/{file}" for file in exhibit.files)
+    commands = [f"    loaderhil diagnose {files} --model {model} --out out/{exhibit.name}"]
+    if exhibit.prepare:
+        commands.insert(0, f"    python -m bench.{exhibit.prepare} FOLDER/{exhibit.name} {files}")
     rows = [
         f"| {describe.alternatives(f)} | {'cause' if f.named else 'best proxy'} | {'; '.join(map(describe.estimate, f.parameters[:2]))} |"
         for f in found.findings
@@ -69,7 +73,7 @@ def _page(exhibit: Exhibit, found: Findings, seconds: float) -> str:
             "",
             f"{exhibit.story} [The model]({'../' * 2}{model}) has {len(model.read_text(encoding='utf-8').splitlines())} lines.",
             "",
-            f"    {command}",
+            *commands,
             "",
             "Written with `Settings(average=True, set_aside=True)` in Python; the command leaves both off, so that its verdict may differ.",
             "",
