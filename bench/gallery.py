@@ -43,7 +43,7 @@ def main() -> None:
 def _shown(exhibit: Exhibit, out: Path) -> str:
     """The page of one exhibit; its picture is written beside it."""
     # as the command line does, so that the command on the page gives what the page says
-    settings, start = Settings(), time.perf_counter()
+    settings, start = Settings(average=exhibit.average), time.perf_counter()
     model, recordings = model_and_recordings(exhibit, folder())
     judged = investigate(model, recordings, settings, lambda _: None, [])
     # a recording that cannot be judged has no page: its data or its model are broken
@@ -58,7 +58,9 @@ def _page(exhibit: Exhibit, found: Findings, seconds: float) -> str:
     model = model_file(exhibit)
     place = "out" if exhibit.prepare else f"FOLDER/{exhibit.name}"
     files = " ".join(f"{place}/{file}" for file in exhibit.files)
-    commands = [f"    loaderhil diagnose {files} --model {model} --out out/{exhibit.name}"]
+    commands = [
+        f"    loaderhil diagnose {files} --model {model}{' --average' * exhibit.average} --out out/{exhibit.name}"
+    ]
     if exhibit.prepare:
         commands.insert(0, f"    python -m bench.{exhibit.prepare} FOLDER/{exhibit.name} {files}")
     rows = [
@@ -74,8 +76,6 @@ def _page(exhibit: Exhibit, found: Findings, seconds: float) -> str:
             f"{exhibit.story} [The model]({'../' * 2}{model}) has {len(model.read_text(encoding='utf-8').splitlines())} lines.",
             "",
             *commands,
-            "",
-            "Written with `Settings(average=True, set_aside=True)` in Python; the command leaves both off, so that its verdict may differ.",
             "",
             f"**The tool says: {found.status}.** {'; '.join(found.reasons)}.",
             "",

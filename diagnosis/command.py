@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from diagnosis.question import Question
+    from discrepancy.selection.state import Settings
 
 EXIT = {
     "explained": int(Ending.PASSED),
@@ -112,6 +113,20 @@ def diagnose(
             help="With --each: address of a dask cluster; default: processes of this machine.",
         ),
     ] = None,
+    average: Annotated[
+        bool,
+        typer.Option(
+            "--average",
+            help="Average samples that come faster than the model moves, until 1 % of what a parameter does would be lost: for sampling rates far above the physics.",
+        ),
+    ] = False,
+    set_aside: Annotated[
+        bool,
+        typer.Option(
+            "--set-aside",
+            help="Leave out what nothing explains, at most a tenth of a channel, and search again; the intervals are listed.",
+        ),
+    ] = False,
     workers: Annotated[
         int | None,
         typer.Option(
@@ -128,6 +143,7 @@ def diagnose(
     with ended_at_once(CLUSTER_ENDS_S if each else COMPUTING_ENDS_S):
         from diagnosis.question import Question
         from diagnosis.reading.reading import Misuse, ReadOptions, assigned, measured, numbers
+        from discrepancy.selection.state import Settings
 
         given_channels = assigned(channel or [])
         options = ReadOptions(
@@ -146,13 +162,18 @@ def diagnose(
         if out is not None:
             write("--out", out, {})
         if each:
+            if average or set_aside:
+                raise Misuse("--average and --set-aside: apply to one diagnosis, not with --each")
             raise typer.Exit(_each(question, out, apply, scheduler, workers))
         if scheduler is not None or workers is not None:
             raise Misuse("--scheduler and --workers: apply to many diagnoses; add --each")
-        raise typer.Exit(_one(question, out, apply, everything=everything))
+        settings = Settings(average=average, set_aside=set_aside)
+        raise typer.Exit(_one(question, out, apply, settings, everything=everything))
 
 
-def _one(question: "Question", out: Path | None, apply: Path | None, *, everything: bool) -> int:
+def _one(
+    question: "Question", out: Path | None, apply: Path | None, settings: "Settings", *, everything: bool
+) -> int:
     """All recordings together: the verdict on the terminal, in DIR and in the files of --apply; the exit code."""
     from rich.console import Console
 
@@ -163,13 +184,12 @@ def _one(question: "Question", out: Path | None, apply: Path | None, *, everythi
     from diagnosis.question import answer
     from diagnosis.terminal import render
     from discrepancy.decision.evidence import evidence
-    from discrepancy.selection.state import Settings
     from discrepancy.signals.findings import to_json
 
     if apply is not None:
         check_applicable(apply)
         write("--apply", apply.parent, {})
-    settings, start = Settings(), time.monotonic()
+    start = time.monotonic()
     with shown_progress(Console(stderr=True)) as progress:
         found = answer(question, settings, progress)
         result, shown = found.findings, None
