@@ -39,9 +39,10 @@ check: $(BIN)/.test ## format, lint, types, import contracts
 	$(BIN)/lint-imports
 
 fast: $(BIN)/.test ## tests that need no real time, browser or CAN in the kernel
-	$(BIN)/pytest -n 2 --dist loadfile -m 'not processes and not browser and not socketcan'
+	$(BIN)/pytest -n 2 --dist loadfile -m 'not processes and not browser and not socketcan and not slow'
 
-slow-tests: $(BIN)/.test ## tests with processes in real time and in a real browser
+slow-tests: $(BIN)/.test ## tests that compute for long, then those with processes in real time and in a real browser
+	$(BIN)/pytest -n 2 --dist loadfile -m 'slow and not processes and not browser'
 	$(BIN)/pytest -m 'processes or browser'
 
 socketcan: $(BIN)/.test ## SocketCAN tests: natively where the kernel has CAN, else under user-mode Linux

@@ -14,6 +14,8 @@ from dbc.columns import ColumnDecoder
 from dbc.database import Database
 from dbc.recordings.reading import read_frames
 
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]  # the copy compiles the plant and the ECU anew
+
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "walks" / "add-a-signal.md").read_text(encoding="utf-8")
 TOLERANCE_DEG = 0.05  # of a mean of 20 readings: noise 0.03 deg each, resolution 0.02 deg

@@ -211,7 +211,8 @@ def test_the_plants_effect_is_known_to_effects_machine_files_and_the_diagnosis(
     assert "c2 = -0.8" in printed.stdout
 
 
-@pytest.mark.timeout(300)  # it compiles the plant
+@pytest.mark.timeout(900)  # it compiles the plant
+@pytest.mark.slow
 def test_the_plants_effect_pushes_as_the_equation_says(own_effects: list[Any]) -> None:
     """Articulating at 0.4 rad/s for 0.2 s it gains speed ahead, within a half of c1 r |r| dt (the servo needs its time, the tyres hold against it)."""
     (crab, (with_term, without), _), plain = own_effects, moving(turning=True)
@@ -222,7 +223,8 @@ def test_the_plants_effect_pushes_as_the_equation_says(own_effects: list[Any]) -
     assert (with_term["left"] - without["left"]) * sideways > 0.0
 
 
-@pytest.mark.timeout(300)  # it compiles the plant
+@pytest.mark.timeout(900)  # it compiles the plant
+@pytest.mark.slow
 def test_the_effect_of_the_how_to_works(own_effects: list[Any]) -> None:
     """Its force over the mass, less what turns with the wheels, is the deceleration."""
     first, second = own_effects[2]

@@ -43,6 +43,7 @@ def test_seal_friction_of_the_cylinder_has_its_known_size(recordings: Path) -> N
 
 
 @pytest.mark.data
+@pytest.mark.slow
 def test_tanks_that_overflow_are_unknown_with_the_size_and_place_of_the_error(recordings: Path) -> None:
     """The error is slow, so an autoregression takes it for noise; the simulation still misses a third of the movement."""
     found = found_in("cascaded_tanks", recordings, Settings(open_ended=False))
@@ -55,6 +56,7 @@ def test_tanks_that_overflow_are_unknown_with_the_size_and_place_of_the_error(re
 
 
 @pytest.mark.data
+@pytest.mark.slow
 def test_friction_of_the_linear_drive_has_its_published_size_at_500_hz(recordings: Path) -> None:
     """Janot, Gautier and Brunot (2019): 203.5 N s/m and 20.4 N. One-step errors of single samples gave 422 and no dry friction."""
     found = found_in("emps", recordings, Settings(open_ended=False, average=True, set_aside=True))
@@ -68,7 +70,7 @@ def test_friction_of_the_linear_drive_has_its_published_size_at_500_hz(recording
 
 
 @pytest.mark.data
-@pytest.mark.processes
+@pytest.mark.slow
 def test_a_spring_that_stiffens_is_the_one_cause_named_in_the_silverbox(recordings: Path) -> None:
     """Published: the cubic term alone takes the multisine's simulated error from 6.87 to 1.06 mV, by 85 %."""
     found = found_in("silverbox", recordings, Settings())
@@ -92,7 +94,7 @@ def test_distances_that_radios_read_too_large_have_their_known_scale(recordings:
 
 
 @pytest.mark.data
-@pytest.mark.processes
+@pytest.mark.slow
 def test_an_arm_that_a_linear_model_explains_gets_no_cause(recordings: Path) -> None:
     """Of the arm's acceleration 8.7 % are unexplained, and dry friction, the likeliest cause, takes that to 8.4 %."""
     assert found_in("qube_pendulum", recordings, Settings()).named == []
