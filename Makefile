@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check fast slow-tests socketcan fuzz bench shape speed proof identification results pages clean lock
+.PHONY: help demo test check fast slow-tests socketcan fuzz bench shape speed proof identification microcontroller results pages clean lock
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
@@ -63,6 +63,9 @@ proof: $(BIN)/.bench ## prove the diagnosis: all arms into docs/results/proof.md
 
 identification: $(BIN)/.test ## coverage of the identification on 200 seeded cases into docs/results/identification.md (an hour; run again to take up)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.identify_coverage --cases 200 --out docs/results/identification.md
+
+microcontroller: $(BIN)/.test ## the exported C ECU against the Python one, and its cost on a Cortex-M4F, into docs/results/microcontroller.md (some ten minutes)
+	$(BIN)/python -m bench.microcontroller --out docs/results/microcontroller.md
 
 results: $(BIN)/.test ## regenerate the campaigns' tables and docs/thesis (tens of minutes; results of single runs are kept)
 	$(BIN)/loaderhil campaign normal-force --out docs/results

@@ -64,7 +64,7 @@ PANELS: Final[dict[str, dict[str, Command]]] = {
         ),
         "export-c": Command(
             "deploy.c.command",
-            "Write the ECU as C99 for a microcontroller: estimators and calibration, single precision, without heap.",
+            "Write the ECU as C99 for a microcontroller: single precision, no heap; with builds for Linux and a Cortex-M4F.",
         ),
         "soak": Command(
             "studies.soak.command",

@@ -2,10 +2,10 @@
 
 from typing import Any, Final
 
-from deploy.c.kinds import Record, fields_of
-from deploy.c.names import local_name
-from deploy.c.program import comment, initialiser
-from deploy.c.python_source import field_comments
+from deploy.c.translation.kinds import Record, fields_of
+from deploy.c.translation.names import local_name
+from deploy.c.translation.program import comment, initialiser
+from deploy.c.translation.python_source import field_comments
 from ecu.calibration import Calibration
 
 _HEADER: Final = """\

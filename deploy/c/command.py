@@ -15,7 +15,7 @@ def export_c(
         ),
     ] = "l60",
 ) -> None:
-    """Write the ECU as C99 for a microcontroller: estimators and calibration, single precision, without heap.
+    """Write the ECU as C99 for a microcontroller: single precision, no heap; with builds for Linux and a Cortex-M4F.
 
     Exit code 0: written; 2: the calibration or the folder cannot be used. Example: `loaderhil export-c out/c --calibration l60`
     """

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Final
 
-from deploy.c.program import Translation
+from deploy.c.translation.program import Translation
 from ecu.estimators.estimate import corrected
 
 ROOT: Final = Path(__file__).resolve().parents[2]

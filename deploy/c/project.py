@@ -21,7 +21,9 @@ class FolderInUseError(UserError, ValueError):
 def project_files(calibration: Calibration) -> dict[str, str]:
     """File name -> text."""
     fixed = {
-        file.name: file.read_text(encoding="utf-8") for file in sorted(RUNTIME.iterdir()) if file.is_file()
+        file.relative_to(RUNTIME).as_posix(): file.read_text(encoding="utf-8")
+        for file in sorted(RUNTIME.rglob("*"))
+        if file.is_file()
     }
     return (
         fixed
@@ -45,6 +47,7 @@ def write_project(folder: Path, calibration: Calibration) -> list[Path]:
                 f"{folder}: {taken[0]} is there and was not written by an earlier export: choose another folder"
             )
         for name, text in files.items():
+            (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).write_text(text, encoding="utf-8")
     except OSError as error:
         raise FolderInUseError(f"{folder}: cannot be written: {error.strerror or error}") from error

@@ -1,4 +1,6 @@
 /* Alarms, limits, validity, warnings. After ecu/alarms.py, ecu/limits.py, ecu/validity.py, ecu/consistency.py, ecu/reasons.py. */
+#include <string.h>
+
 #include "ecu_internal.h"
 
 /* -- alarms: conditions that must last to be raised, and must stay away to be dropped */
@@ -177,7 +179,8 @@ static uint32_t beyond_friction(const Estimates *e)
 
 uint32_t validity_consistent(uint32_t valid, const Estimates *e)
 {
-    const real_t *values = (const real_t *)e;
+    real_t values[ESTIMATES];
+    (void)memcpy(values, e, sizeof values);
     uint32_t broken = beyond_friction(e);
     for (uint8_t k = 0U; k < RANGES; ++k) {
         const ValueRange *range = &value_ranges[k];

@@ -1,6 +1,9 @@
 """The whole ECU in C against the Python ECU: the same frames from the same frames, in double precision to the bit."""
 
+import os
 import random
+import subprocess
+import sys
 from collections import Counter
 
 import pytest
@@ -9,7 +12,7 @@ from bus.frame import Frame
 from dbc import loader_database
 from dbc.protection import Protector
 from ecu.cycle import EcuCycle
-from tests.deploy.c.building import STRICT, build
+from tests.deploy.c.building import STRICT, build, compiler
 from tests.deploy.c.conftest import CALIBRATION
 from tests.deploy.c.ecu_build import BuiltEcu
 from tests.ecu.machine import PERIOD_NS, FakeMachine
@@ -228,3 +231,20 @@ def test_a_changed_threshold_is_noticed(ecu_sources, tmp_path):
     # the articulation sensor stands still, which is noticed a frame later
     with pytest.raises(AssertionError, match="tick 19 "):
         drive_with_a_frozen_sensor(pair, machine)
+
+
+def test_random_frames_meet_no_undefined_behaviour(ecu_sources, tmp_path):
+    """Address and undefined-behaviour sanitizers, casts of reals that do not fit included: the process ends by itself."""
+    library = build(
+        sorted(ecu_sources.glob("*.c")), tmp_path / "sanitized.so", "-std=c99", "-O1", "-g", "-shared", "-fPIC",
+        "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all",
+    )  # fmt: skip
+    runtime = subprocess.run(
+        [compiler(), "-print-file-name=libasan.so"], capture_output=True, text=True, check=True
+    ).stdout.strip()
+    ran = subprocess.run(
+        [sys.executable, "-m", "tests.deploy.c.sanitized", str(library), "1", "5000"],
+        env=os.environ | {"LD_PRELOAD": runtime, "ASAN_OPTIONS": "detect_leaks=0"},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (ran.returncode, ran.stdout) == (0, "5000\n"), ran.stderr[-2000:]

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from deploy.c.estimators import DIVIDED, MODULO
-from deploy.c.names import wrapped
-from deploy.c.program import Translation
 from deploy.c.project import RUNTIME
-from deploy.c.refused import TranslationRefused
+from deploy.c.translation.names import wrapped
+from deploy.c.translation.program import Translation
+from deploy.c.translation.refused import TranslationRefused
 from tests.deploy.c import snippets
 from tests.deploy.c.building import STRICT, build
 

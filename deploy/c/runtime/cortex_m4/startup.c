@@ -19,7 +19,7 @@ void stopped(void)
 void reset_handler(void)
 {
     CPACR |= 0xFU << 20; /* access to the floating-point unit, before any register of it is used */
-    __asm volatile("dsb\n isb");
+    __asm__ volatile("dsb\n isb");
     const uint32_t *from = &data_load;
     for (uint32_t *to = &data_start; to < &data_end; ++to) {
         *to = *from;
@@ -30,7 +30,7 @@ void reset_handler(void)
     }
     /* the free memory gets a pattern, so that the depth of the stack can be seen afterwards */
     uint32_t *here;
-    __asm volatile("mov %0, sp" : "=r"(here));
+    __asm__ volatile("mov %0, sp" : "=r"(here));
     for (uint32_t *to = &bss_end; to < (here - 16); ++to) {
         *to = STACK_PATTERN;
     }

@@ -3,7 +3,7 @@
  *
  * Ends with 0 on SIGINT and SIGTERM, 2 for wrong arguments, 4 where the interface does not exist or goes away.
  */
-#define _GNU_SOURCE
+#define _GNU_SOURCE /* for SOCK_NONBLOCK beside C99 */
 #include <errno.h>
 #include <linux/can.h>
 #include <linux/can/raw.h>

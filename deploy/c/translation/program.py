@@ -8,13 +8,13 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, get_type_hints
 
-from deploy.c.expressions import literal
-from deploy.c.kinds import Group, Kind, Record, fields_of, kind_of
-from deploy.c.names import Names, constant_name, function_name, local_name, wrapped
-from deploy.c.python_source import definition_of, field_comments, function_source
-from deploy.c.refused import refused
-from deploy.c.scope import Scope
-from deploy.c.statements import Statements
+from deploy.c.translation.expressions import literal
+from deploy.c.translation.kinds import Group, Kind, Record, fields_of, kind_of
+from deploy.c.translation.names import Names, constant_name, function_name, local_name, wrapped
+from deploy.c.translation.python_source import definition_of, field_comments, function_source
+from deploy.c.translation.refused import refused
+from deploy.c.translation.scope import Scope
+from deploy.c.translation.statements import Statements
 
 Signature = tuple[str, list[tuple[str, Kind]], Kind]
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from deploy.c.refused import refused
+from deploy.c.translation.refused import refused
 
 _NO_REMARK = re.compile(r"#\s*(fmt:|noqa|type:|pragma)")
 """Comments for tools, not for readers."""

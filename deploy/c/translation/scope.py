@@ -5,10 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from deploy.c.kinds import Kind, Record
-from deploy.c.names import Names, local_name
-from deploy.c.python_source import FunctionSource
-from deploy.c.refused import TranslationRefused, refused_node
+from deploy.c.translation.kinds import Kind, Record
+from deploy.c.translation.names import Names, local_name
+from deploy.c.translation.python_source import FunctionSource
+from deploy.c.translation.refused import TranslationRefused, refused_node
 
 
 class Program(Protocol):

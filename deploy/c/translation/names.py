@@ -4,7 +4,7 @@ import re
 from types import ModuleType
 from typing import Any, Final
 
-from deploy.c.kinds import BOOL, REAL, Group, Kind, Record, Scalar
+from deploy.c.translation.kinds import BOOL, REAL, Group, Kind, Record, Scalar
 
 RESERVED: Final = frozenset(
     {

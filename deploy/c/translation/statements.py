@@ -3,11 +3,11 @@
 import ast
 from typing import Final
 
-from deploy.c.expressions import Expressions
-from deploy.c.kinds import INT, REAL, Group, Kind, Record, Scalar, fields_of
-from deploy.c.names import local_name, wrapped
-from deploy.c.placement import Placement, placement_of
-from deploy.c.scope import Scope, Value
+from deploy.c.translation.expressions import Expressions
+from deploy.c.translation.kinds import INT, REAL, Group, Kind, Record, Scalar, fields_of
+from deploy.c.translation.names import local_name, wrapped
+from deploy.c.translation.placement import Placement, placement_of
+from deploy.c.translation.scope import Scope, Value
 
 STEP: Final = "    "
 

@@ -10,9 +10,9 @@ import types
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from deploy.c.kinds import BOOL, INT, REAL, Group, Kind, Record, fields_of, is_record
-from deploy.c.names import local_name
-from deploy.c.scope import Scope, Value
+from deploy.c.translation.kinds import BOOL, INT, REAL, Group, Kind, Record, fields_of, is_record
+from deploy.c.translation.names import local_name
+from deploy.c.translation.scope import Scope, Value
 
 MATH: Final[Mapping[str, int]] = {
     "sin": 1, "cos": 1, "tan": 1, "asin": 1, "acos": 1, "atan": 1, "atan2": 2, "exp": 1, "log": 1, "sqrt": 1,
