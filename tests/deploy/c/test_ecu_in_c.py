@@ -34,8 +34,8 @@ CHOSEN_SIGNALS = frozenset(
 class Pair:
     """The Python ECU and the one in C, fed alike; every answer is compared."""
 
-    def __init__(self, library, **options):
-        self.python = EcuCycle(CALIBRATION, **options)
+    def __init__(self, library, calibration=CALIBRATION, **options):
+        self.python = EcuCycle(calibration, **options)
         self.c = BuiltEcu(library, limits_enabled=options.get("limits_enabled", True))
         self.ticks = 0
 
