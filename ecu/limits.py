@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from ecu.alarms import SILENT, Alarm, Times, after, below
 from ecu.estimators.parameters import LinkageDrive, PredictionRules
 from ecu.estimators.signals import Estimates
+from ecu.estimators.stability.levers import LIFT_DOWN, LIFT_UP, MOTIONS, TILT_BACK
 from ecu.rules import LimitRules
 
 SPEED_HEADROOM = 0.3
@@ -78,19 +79,27 @@ def torque_share(margin: float, rules: LimitRules) -> float:
     return rules.torque_least_share + (1.0 - rules.torque_least_share) * place
 
 
+def next_lever(before: float, permitted: float, full: float, rise: float) -> float:
+    """The limit of one motion [rad/s]: it rises no faster than it may; where it comes to what the drive can do, it is none."""
+    reached = min(permitted, before + rise)
+    return math.inf if reached >= full else reached
+
+
 def next_levers(
     before: Levers, estimates: Estimates, dt: float, rules: LimitRules, drive: LinkageDrive
 ) -> Levers:
-    """The limits of the levers' motions; the estimates bring one of them, the others stay as they are.
-
-    A limit rises no faster than it may; where it comes to what the drive can do, it is none.
-    """
-    motion = int(estimates.permitted_motion)
-    rise = rules.linkage_rise * dt * len(before)  # once in so many cycles
-    reached = min(estimates.permitted_lever, before[motion] + rise)
-    full = (drive.lift_up, drive.lift_down, drive.tilt_back, drive.tilt_forward)[motion]
-    new = math.inf if reached >= full else reached
-    up, down, back, forward = (new if k == motion else limit for k, limit in enumerate(before))
+    """The limits of the levers' motions; the estimates bring one of them, the others stay as they are."""
+    motion, permitted = int(estimates.permitted_motion), estimates.permitted_lever
+    rise = rules.linkage_rise * dt * MOTIONS  # once in so many cycles
+    up, down, back, forward = before
+    if motion == LIFT_UP:
+        up = next_lever(up, permitted, drive.lift_up, rise)
+    elif motion == LIFT_DOWN:
+        down = next_lever(down, permitted, drive.lift_down, rise)
+    elif motion == TILT_BACK:
+        back = next_lever(back, permitted, drive.tilt_back, rise)
+    else:
+        forward = next_lever(forward, permitted, drive.tilt_forward, rise)
     return up, down, back, forward
 
 
@@ -122,7 +131,8 @@ def next_limits(
     rear = min(share * none.rear_torque, before.rear_torque + rules.torque_rise * dt)
     levers = next_levers(before.levers, estimates, dt, rules, drive)
     lever_cause = Cause.NO_LIMIT
-    if min(levers) < math.inf:
+    up, down, back, forward = levers
+    if min(up, down, back, forward) < math.inf:
         lever_cause = Cause.ROLL_OVER_PREVENTION if prevention.on else Cause.PRECAUTION
     limited = rate < none.rate or speed < none.speed or front < none.front_torque or rear < none.rear_torque
     cause = Cause.PRECAUTION if limited else Cause.NO_LIMIT
@@ -133,7 +143,7 @@ def next_limits(
         rate=rate,
         levers=levers,
         lever_cause=lever_cause,
-        direction=side or before.direction,
+        direction=side if side != 0.0 else before.direction,
         cause=Cause.ROLL_OVER_PREVENTION if prevention.on else cause,
         prevention=prevention,
     )

@@ -2,9 +2,10 @@
 
 from typing import Any, Final
 
+from deploy.c.translation.expressions import initialiser
 from deploy.c.translation.kinds import Record, fields_of
 from deploy.c.translation.names import local_name
-from deploy.c.translation.program import comment, initialiser
+from deploy.c.translation.program import comment
 from deploy.c.translation.python_source import field_comments
 from ecu.calibration import Calibration
 
@@ -16,6 +17,7 @@ _HEADER: Final = """\
 #include "estimators.h"
 
 extern const Parameters calibration_parameters;
+extern const LimitRules calibration_limits;
 
 #endif
 """
@@ -26,6 +28,11 @@ _SOURCE: Final = """\
 const Parameters calibration_parameters = {{
 {parts}
 }};
+
+/* How the limits answer to the margin. */
+const LimitRules calibration_limits = {{
+{limits}
+}};
 """
 
 
@@ -35,7 +42,9 @@ def calibration_files(calibration: Calibration) -> dict[str, str]:
     parts = "\n".join(lines(calibration.parameters, 1))
     return {
         "calibration.h": _HEADER.format(name=name),
-        "calibration.c": _SOURCE.format(name=name, parts=parts),
+        "calibration.c": _SOURCE.format(
+            name=name, parts=parts, limits="\n".join(lines(calibration.limits, 1))
+        ),
     }
 
 

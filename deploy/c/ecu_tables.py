@@ -30,6 +30,7 @@ from ecu.calibration import Calibration
 from ecu.codes import Mode
 from ecu.estimators.signals import Estimates, Inputs
 from ecu.inputs import GROUP_OF
+from ecu.limits import Cause
 from ecu.outputs import TICK_NS, messages
 from ecu.states import State
 from ecu.validity import NEEDS
@@ -82,6 +83,7 @@ def table_files(calibration: Calibration, database: Database) -> dict[str, str]:
         ),
         enumeration("States", (constant("STATE", state.name) for state in State), "ALL_STATES"),
         enumeration("Events", (constant("EVENT", event.name) for event in EVENTS), "ALL_EVENTS"),
+        "".join(f"enum {{ {constant('CAUSE', cause.name)} = {int(cause)} }};\n" for cause in Cause),
         "".join(f"enum {{ {constant('MODE', mode.name)} = {int(mode)} }};\n" for mode in Mode),
         "".join(f"enum {{ {name} = {size} }};\n" for name, size in sizes.items()),
         f"enum {{ REASONS = {len(reasons.REASONS)}, SUSPECTS = INPUTS + LISTENERS + 1 }};\n",

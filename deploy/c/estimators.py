@@ -4,16 +4,21 @@ from pathlib import Path
 from typing import Final
 
 from deploy.c.translation.program import Translation
+from ecu import alarms, limits
 from ecu.estimators.estimate import corrected
 
+RULES: Final = (limits.unlimited, limits.safe, limits.next_limits, alarms.after, alarms.below)
+"""Translated beside the estimators: what decides limits and alarms."""
 ROOT: Final = Path(__file__).resolve().parents[2]
 
 _HEADER: Final = """\
-/* Estimators of the ECU. Written by `loaderhil export-c` from ecu/estimators; edit the Python source, not this file. */
+/* Estimators of the ECU. Written by `loaderhil export-c` from ecu/estimators, ecu/limits.py and ecu/alarms.py; edit the Python source, not this file. */
 #ifndef ESTIMATORS_H
 #define ESTIMATORS_H
 
 #include "real.h"
+
+#define NEVER_NS INT64_MIN /* a time that has not come */
 
 {types}
 /*
@@ -23,10 +28,13 @@ _HEADER: Final = """\
  */
 bool estimators_cycle(const Inputs *inputs, State *state, const Parameters *parameters, Estimates *estimates);
 
+/* Limits and alarms; what they do is said at their definitions. */
+{rules}
+
 #endif
 """
 _SOURCE: Final = """\
-/* Estimators of the ECU. Written by `loaderhil export-c` from ecu/estimators; edit the Python source, not this file. */
+/* Estimators of the ECU. Written by `loaderhil export-c` from ecu/estimators, ecu/limits.py and ecu/alarms.py; edit the Python source, not this file. */
 #include "estimators.h"
 
 {divided}{extra}
@@ -89,12 +97,14 @@ static inline real_t PERTURBED(real_t exact)
 
 def estimator_files(*, perturbed: bool = False) -> dict[str, str]:
     """File name -> text. perturbed: the build that measures what rounding does to the results, for tests only."""
-    translation = Translation(ROOT, perturbed=perturbed)
+    translation = Translation(ROOT, exported=RULES, perturbed=perturbed)
     entry = translation.add(getattr(corrected, "py_func", corrected))
+    for rule in RULES:
+        translation.add(rule)
     functions = "\n".join(translation.functions)
     modulo = MODULO if "modulo(" in functions else ""
     return {
-        "estimators.h": _HEADER.format(types=translation.types),
+        "estimators.h": _HEADER.format(types=translation.types, rules="\n".join(translation.prototypes)),
         "estimators.c": _SOURCE.format(
             divided=DIVIDED,
             extra=modulo + (_PERTURBED if perturbed else ""),

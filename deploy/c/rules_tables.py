@@ -6,7 +6,7 @@ from typing import Final
 
 from dbc.database import Database
 from deploy.c.tables import Received, constant, enumeration, real, rows
-from ecu import limits, reasons
+from ecu import reasons
 from ecu.calibration import Calibration
 from ecu.codes import ACTIVE, ESTIMATORS, HOLD_NS, NO_CODE, NO_FROZEN
 from ecu.consistency import FRICTION, PULL, Consistency
@@ -130,16 +130,16 @@ def rule_constants(calibration: Calibration) -> str:
         "RULE_REAR_LEVER": real(wheel.unloaded_radius / geometry.rear_track),
         "RULE_PULL": real(PULL * wheel.nominal_load),
         "RULE_FRICTION": real(FRICTION * max(wheel.friction, wheel.lateral_peak)),
-        "RULE_SPEED_HEADROOM": real(limits.SPEED_HEADROOM),
         "RULE_NEVER": real(NEVER),
         "RULE_NO_CODE": real(NO_CODE),
         "RULE_NO_FROZEN": real(NO_FROZEN),
         "RULE_COUNTED_GROUPS": f"{sum(1 << g for g in set(GROUP_OF.values()) - OUTSIDE_ESTIMATES):#x}U",
     }
-    for prefix, record in (("LIMIT", calibration.limits), ("WARNING", calibration.warnings)):
-        found |= {
-            constant(prefix, name): real(getattr(record, name)) for name in type(record).__dataclass_fields__
-        }
+    warnings = calibration.warnings
+    found |= {
+        constant("WARNING", name): real(getattr(warnings, name))
+        for name in type(warnings).__dataclass_fields__
+    }
     return "".join(f"#define {name} {value}\n" for name, value in found.items())
 
 

@@ -27,12 +27,24 @@ typedef struct {
     bool overran; /* since the last tick, as is the next */
     bool protection_failed;
     State estimator;
-    LimitState limits;
-    AlarmState alarms[ALARMS];
+    Limits limits;
+    Alarm alarms[ALARMS];
     uint8_t counters[OUTPUT_FRAMES];
 } Ecu;
 
 static Ecu ecu;
+
+/* The machine's own limits only. */
+static Limits limits_none(void)
+{
+    return limits_unlimited(&calibration_limits, &calibration_parameters.prediction);
+}
+
+static Times times_of(int64_t on_delay_ns)
+{
+    const Times times = {.on_delay_ns = on_delay_ns, .least_on_ns = RULE_LEAST_ON_NS, .off_delay_ns = RULE_OFF_DELAY_NS};
+    return times;
+}
 
 void ecu_init(bool limits_enabled)
 {
@@ -41,7 +53,7 @@ void ecu_init(bool limits_enabled)
     ecu.state = STATE_INIT;
     ecu.bad_ns = -1;
     ecu.fault_ns = -1;
-    ecu.limits = limits_safe();
+    ecu.limits = limits_safe(&calibration_limits);
     for (uint8_t k = 0U; k < ALARMS; ++k) {
         ecu.alarms[k].against_ns = NEVER_NS;
     }
@@ -124,10 +136,7 @@ static void estimator_inputs(const CycleInputs *received, real_t dt, Inputs *inp
     }
     row[at] = ecu.limits.rate;
     at += 1U;
-    for (uint8_t k = 0U; k < LEVERS; ++k) {
-        row[at] = ecu.limits.levers[k];
-        at += 1U;
-    }
+    (void)memcpy(&row[at], &ecu.limits.levers, sizeof ecu.limits.levers);
     (void)memcpy(inputs, row, sizeof *inputs);
 }
 
@@ -162,9 +171,12 @@ static void limits_stepped(const Estimates *estimates, uint32_t known, int64_t n
     if (!ecu.limits_enabled) {
         ecu.limits = limits_none();
     } else if (((known >> VALID_ROLL_OVER) & 1U) == 0U) {
-        ecu.limits = limits_safe();
+        ecu.limits = limits_safe(&calibration_limits);
     } else {
-        ecu.limits = limits_next(&ecu.limits, estimates, now_ns, period(now_ns));
+        const Limits none = limits_none();
+        const Times times = times_of(0); /* prevention acts at once */
+        ecu.limits = limits_next_limits(&ecu.limits, estimates, now_ns, period(now_ns), &times, &calibration_limits,
+                                        &none, &calibration_parameters.linkage_drive);
     }
 }
 
@@ -178,7 +190,8 @@ static void alarms_stepped(const Estimates *e, const CycleInputs *inputs, uint32
     ecu.protection_failed = false;
     ecu.overran = false;
     for (uint8_t k = 0U; k < ALARMS; ++k) {
-        ecu.alarms[k] = alarm_after(ecu.alarms[k], found[k], now_ns, alarm_times[k].on_delay_ns);
+        const Times times = times_of(alarm_times[k].on_delay_ns);
+        ecu.alarms[k] = alarms_after(&ecu.alarms[k], found[k], now_ns, &times);
     }
 }
 
@@ -209,18 +222,18 @@ static void warnings_valued(uint32_t known, real_t *values)
 
 static void limits_valued(real_t *values)
 {
-    const LimitState *acting = &ecu.limits;
-    const LimitState none = limits_none();
-    const bool prevents = (acting->cause == ROLL_OVER_PREVENTION) || (acting->cause == SAFE_VALUES);
+    const Limits *acting = &ecu.limits;
+    const Limits none = limits_none();
+    const bool prevents = (acting->cause == CAUSE_ROLL_OVER_PREVENTION) || (acting->cause == CAUSE_SAFE_VALUES);
     values[VALUE_LIMIT_FRONT_TORQUE] = acting->front_torque;
     values[VALUE_LIMIT_REAR_TORQUE] = acting->rear_torque;
     values[VALUE_LIMIT_SPEED] = acting->speed;
     values[VALUE_LIMIT_RATE] = acting->rate;
     values[VALUE_LIMIT_CAUSE] = (real_t)acting->cause;
-    values[VALUE_LIMIT_LIFT_UP_RATE] = acting->levers[0];
-    values[VALUE_LIMIT_LIFT_DOWN_RATE] = acting->levers[1];
-    values[VALUE_LIMIT_TILT_BACK_RATE] = acting->levers[2];
-    values[VALUE_LIMIT_TILT_FORWARD_RATE] = acting->levers[3];
+    values[VALUE_LIMIT_LIFT_UP_RATE] = acting->levers.item0;
+    values[VALUE_LIMIT_LIFT_DOWN_RATE] = acting->levers.item1;
+    values[VALUE_LIMIT_TILT_BACK_RATE] = acting->levers.item2;
+    values[VALUE_LIMIT_TILT_FORWARD_RATE] = acting->levers.item3;
     values[VALUE_LINKAGE_LIMIT_CAUSE] = (real_t)acting->lever_cause;
     values[VALUE_PREVENTION_LIMITS_TORQUE] = as_real(prevents && (acting->front_torque < none.front_torque));
     values[VALUE_PREVENTION_LIMITS_SPEED] = as_real(prevents && (acting->speed < none.speed));

@@ -6,8 +6,6 @@
 #include "ecu.h"
 #include "ecu_tables.h"
 
-#define NEVER_NS INT64_MIN /* a time that has not come */
-
 /* -- frames (ecu_frames.c) */
 
 typedef enum { CHECK_OK, CHECK_LOST, CHECK_FAILED } Check; /* usable; usable but frames are missing; not usable */
@@ -49,32 +47,8 @@ void codes_valued(uint32_t tick, bool invalid, bool stopped, real_t *values);
 
 /* -- rules (ecu_rules.c) */
 
-typedef struct {
-    bool on;
-    int64_t raised_ns;
-    int64_t against_ns; /* since when the condition has contradicted `on`; NEVER_NS while it agrees */
-} AlarmState;
-
-enum { LEVERS = 4, NO_LIMIT = 0, PRECAUTION = 1, ROLL_OVER_PREVENTION = 2, SAFE_VALUES = 3 };
-
-typedef struct {
-    real_t front_torque;
-    real_t rear_torque;
-    real_t speed;
-    real_t rate;
-    real_t direction;
-    real_t levers[LEVERS];
-    uint8_t cause;
-    uint8_t lever_cause;
-    AlarmState prevention;
-} LimitState;
-
-AlarmState alarm_after(AlarmState alarm, bool condition, int64_t now_ns, int64_t on_delay_ns);
-LimitState limits_none(void);
-LimitState limits_safe(void);
-LimitState limits_next(const LimitState *before, const Estimates *e, int64_t now_ns, real_t dt);
 uint32_t validity_without(uint64_t unusable);
 uint32_t validity_consistent(uint32_t valid, const Estimates *e);
-void reasons_found(const Estimates *e, const CycleInputs *inputs, uint32_t known, const AlarmState *alarms, bool *found);
+void reasons_found(const Estimates *e, const CycleInputs *inputs, uint32_t known, const Alarm *alarms, bool *found);
 
 #endif

@@ -10,7 +10,19 @@ import types
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from deploy.c.translation.kinds import BOOL, INT, REAL, Group, Kind, Record, fields_of, is_record
+from deploy.c.translation.kinds import (
+    BOOL,
+    INT,
+    NUMBERS,
+    REAL,
+    TIME,
+    Group,
+    Kind,
+    Record,
+    defaults_of,
+    fields_of,
+    is_record,
+)
 from deploy.c.translation.names import local_name
 from deploy.c.translation.scope import Scope, Value
 
@@ -23,6 +35,8 @@ _ARITHMETIC: Final = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*"}
 _COMPARISONS: Final = {
     ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=", ast.Is: "==", ast.IsNot: "!=",
 }  # fmt: skip
+NEVER: Final = "NEVER_NS"
+"""None, where a time is meant."""
 _BUILTINS: Final = ("abs", "min", "max", "int", "float", "bool")
 
 
@@ -31,6 +45,22 @@ def literal(number: float) -> str:
     if math.isinf(number):
         return "-REAL_INFINITY" if number < 0 else "REAL_INFINITY"
     return f"R({number!r})"
+
+
+def initialiser(value: Any) -> str:
+    """A constant record, field by field."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return str(int(value))
+    if isinstance(value, float):
+        return literal(value)
+    if value is None:
+        return NEVER
+    if type(value) is tuple:
+        return "{" + ", ".join(map(initialiser, value)) + "}"
+    parts = [f".{local_name(name)} = {initialiser(getattr(value, name))}" for name in fields_of(type(value))]
+    return "{" + ", ".join(parts) + "}"
 
 
 class Expressions:
@@ -60,6 +90,8 @@ class Expressions:
                 return Value(literal(float(value.exact)), REAL, exact=float(value.exact))
             inner = value.operand() if value.kind == INT else f"({value.operand()} ? 1 : 0)"
             return Value(f"(real_t){inner}", REAL)
+        if kind == TIME and value.kind == INT:
+            return Value(f"(int64_t){value.operand()}", TIME)
         if kind == INT and value.kind == BOOL:
             return Value(f"({value.operand()} ? 1 : 0)", INT)
         raise self.scope.refused(node, f"{value.kind} where {kind} is needed")
@@ -95,6 +127,8 @@ class Expressions:
             return Value("true" if number else "false", BOOL)
         if isinstance(number, int):
             return Value(str(number), INT, exact=number)
+        if number is None:
+            return Value(NEVER, TIME)
         if isinstance(number, float):
             return Value(literal(number), REAL, exact=number)
         raise self.scope.refused(node, f"the constant {number!r}")
@@ -183,7 +217,7 @@ class Expressions:
     def _binop(self, node: ast.BinOp) -> Value:
         left, right = self.value(node.left), self.value(node.right)
         for side, value in ((node.left, left), (node.right, right)):
-            if value.kind not in (REAL, INT, BOOL):
+            if value.kind not in NUMBERS:
                 raise self.scope.refused(side, f"arithmetic with {value.kind}")
         if isinstance(node.op, ast.Div):
             return self._division(node, self.converted(left, REAL, node), self.converted(right, REAL, node))
@@ -200,7 +234,7 @@ class Expressions:
         sign = _ARITHMETIC.get(type(node.op))
         if sign is None:
             raise self.scope.refused(node, f"the operator {type(node.op).__name__}")
-        kind = REAL if REAL in (left.kind, right.kind) else INT
+        kind = next((k for k in (REAL, TIME) if k in (left.kind, right.kind)), INT)
         left, right = self.converted(left, kind, node), self.converted(right, kind, node)
         # a + b + c and a * b * c need no parentheses in C: the order is Python's, from the left
         chained = (
@@ -255,10 +289,11 @@ class Expressions:
     def _pair(self, node: ast.Compare, left: ast.expr, op: ast.cmpop, right: ast.expr) -> str:
         a, b = self.value(left), self.value(right)
         sign = _COMPARISONS.get(type(op))
-        if sign is None or a.kind not in (REAL, INT, BOOL) or b.kind not in (REAL, INT, BOOL):
+        if sign is None or a.kind not in NUMBERS or b.kind not in NUMBERS:
             raise self.scope.refused(node, f"the comparison {ast.unparse(node)}")
         if a.kind != b.kind:
-            a, b = self.converted(a, REAL, node), self.converted(b, REAL, node)
+            common = TIME if TIME in (a.kind, b.kind) else REAL
+            a, b = self.converted(a, common, node), self.converted(b, common, node)
         return f"{a.operand()} {sign} {b.operand()}"
 
     def _among(self, node: ast.Compare, left: ast.expr, right: ast.Tuple) -> str:
@@ -295,14 +330,16 @@ class Expressions:
         """A record made from its fields, as a compound literal that names them."""
         fields = fields_of(record)
         given = dict(zip(fields, node.args, strict=False)) | {k.arg: k.value for k in node.keywords if k.arg}
-        missing = fields.keys() - given.keys()
+        defaults = defaults_of(record)
+        missing = fields.keys() - given.keys() - defaults.keys()
         if missing or len(node.args) > len(fields):
             raise self.scope.refused(node, f"{record.__name__} without {', '.join(sorted(missing))}")
         parts = []
         for name, kind in fields.items():
             if kind is None:
                 raise self.scope.refused(node, f"{record.__name__}.{name} is of no known kind")
-            parts.append(f".{local_name(name)} = {self.as_kind(given[name], kind)}")
+            text = self.as_kind(given[name], kind) if name in given else initialiser(defaults[name])
+            parts.append(f".{local_name(name)} = {text}")
         c = self.scope.program.needs_kind(Record(record))
         return Value(f"({c}){{{', '.join(parts)}}}", Record(record))
 

@@ -19,6 +19,9 @@ class Scalar:
 REAL: Final = Scalar("real_t")
 INT: Final = Scalar("int32_t")
 BOOL: Final = Scalar("bool")
+TIME: Final = Scalar("int64_t")
+"""Nanoseconds: an integer whose name ends in `_ns`; None, a time that has not come, is NEVER_NS."""
+NUMBERS: Final = (REAL, INT, BOOL, TIME)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +41,10 @@ class Group:
 Kind = Scalar | Record | Group
 
 
-def kind_of(hint: Any) -> Kind | None:
-    """The kind of an annotation; None where C has no exact counterpart here."""
+def kind_of(hint: Any, name: str = "") -> Kind | None:
+    """The kind of an annotation; None where C has no exact counterpart here. name: of what is annotated."""
+    if name.endswith("_ns") and hint in (int, int | None):
+        return TIME
     scalar = {float: REAL, int: INT, bool: BOOL}.get(hint)
     if scalar is not None:
         return scalar
@@ -65,4 +70,11 @@ def fields_of(record: type) -> dict[str, Kind | None]:
     """Field -> its kind, in their order."""
     hints = get_type_hints(record)
     names = getattr(record, "_fields", None) or [field.name for field in dataclasses.fields(record)]
-    return {name: kind_of(hints[name]) for name in names}
+    return {name: kind_of(hints[name], name) for name in names}
+
+
+def defaults_of(record: type) -> dict[str, Any]:
+    """Field -> its default, of those that have one."""
+    if dataclasses.is_dataclass(record):
+        return {f.name: f.default for f in dataclasses.fields(record) if f.default is not dataclasses.MISSING}
+    return dict(getattr(record, "_field_defaults", {}))

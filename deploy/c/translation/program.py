@@ -3,12 +3,12 @@
 import importlib
 import inspect
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from types import ModuleType
 from typing import Any, get_type_hints
 
-from deploy.c.translation.expressions import literal
+from deploy.c.translation.expressions import initialiser, literal
 from deploy.c.translation.kinds import Group, Kind, Record, fields_of, kind_of
 from deploy.c.translation.names import Names, constant_name, function_name, local_name, wrapped
 from deploy.c.translation.python_source import definition_of, field_comments, function_source
@@ -26,15 +26,16 @@ class Translation:
     to the results (docs/adr/0032-c-from-python.md).
     """
 
-    def __init__(self, root: Path, *, perturbed: bool = False) -> None:
-        """root: folder of the Python packages; files are named from there in comments."""
+    def __init__(self, root: Path, *, exported: Collection[Any] = (), perturbed: bool = False) -> None:
+        """root: folder of the Python packages; files are named from there in comments. exported: functions that others call."""
+        self._exported = exported
         self.names = Names()
         self.perturbed = perturbed
         self._root = root
         self._signatures: dict[Any, Signature] = {}
         self._open: list[Any] = []  # functions under translation, for recursion
         self.functions: list[str] = []  # their texts, callees first
-        self.prototypes: list[str] = []
+        self.prototypes: list[str] = []  # of what is exported
         self._kinds: dict[Kind, str] = {}  # struct definitions, parts first
         self._constants: dict[str, str] = {}
 
@@ -130,7 +131,7 @@ class Translation:
         hints = get_type_hints(function)
         parameters = []
         for name, parameter in inspect.signature(function).parameters.items():
-            kind = kind_of(hints.get(name))
+            kind = kind_of(hints.get(name), name)
             if (
                 kind is None
                 or parameter.default is not parameter.empty
@@ -154,7 +155,11 @@ class Translation:
             c = self.needs_kind(kind)
             texts.append(f"const {c} *{local.c}" if pointer else f"{c} {local.c}")
         body = Statements(scope).translate()
-        head = f"static {self.needs_kind(result)} {name}({', '.join(texts) or 'void'})"
+        head = f"{self.needs_kind(result)} {name}({', '.join(texts) or 'void'})"
+        if function in self._exported:
+            self.prototypes.append(wrapped(f"{head};"))
+        else:
+            head = f"static {head}"
         origin = f"{source.file.relative_to(self._root)}:{source.first_line}"
         used = " ".join(body)
         idle = [
@@ -181,15 +186,3 @@ def comment(text: str, indent: str) -> str:
     return (
         indent + "/*\n" + "".join(f"{indent} * {line}".rstrip() + "\n" for line in lines) + f"{indent} */\n"
     )
-
-
-def initialiser(value: Any) -> str:
-    """A constant record, field by field."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, int):
-        return str(int(value))
-    if isinstance(value, float):
-        return literal(value)
-    parts = [f".{local_name(name)} = {initialiser(getattr(value, name))}" for name in fields_of(type(value))]
-    return "{" + ", ".join(parts) + "}"

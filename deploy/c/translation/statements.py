@@ -4,7 +4,7 @@ import ast
 from typing import Final
 
 from deploy.c.translation.expressions import Expressions
-from deploy.c.translation.kinds import INT, REAL, Group, Kind, Record, Scalar, fields_of
+from deploy.c.translation.kinds import INT, REAL, TIME, Group, Kind, Record, Scalar, fields_of
 from deploy.c.translation.names import local_name, wrapped
 from deploy.c.translation.placement import Placement, placement_of
 from deploy.c.translation.scope import Scope, Value
@@ -123,7 +123,9 @@ class Statements:
         self._flush()
         if here:
             constant = "const " if once else ""
-            self._emit(f"{constant}{c} {local.c} = {value.c.removeprefix(f'({c})')};")
+            # a compound literal of the declared type is an initialiser; a cast stays a cast
+            text = value.c.removeprefix(f"({c})") if value.c.startswith(f"({c}){{") else value.c
+            self._emit(f"{constant}{c} {local.c} = {text};")
             return
         if name in self._ahead:
             zero = literal_zero(kind)
@@ -265,5 +267,5 @@ class Statements:
 def literal_zero(kind: Kind) -> str:
     """What a variable holds that is declared before its first assignment; Python would not let it be read before."""
     if isinstance(kind, Scalar):
-        return {REAL: "R(0.0)", INT: "0"}.get(kind, "false")
+        return {REAL: "R(0.0)", INT: "0", TIME: "0"}.get(kind, "false")
     return "{0}"

@@ -1,6 +1,8 @@
 """Functions for the tests of the translation: what it takes and what it refuses."""
 
+import enum
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 LARGEST = 4.0
@@ -83,7 +85,41 @@ def through_records(a: float, b: float) -> float:
     return length(halved(a, b)) + product - quotient * both(b, a)[0]
 
 
-TAKEN = (swapped_in_a_loop, carried_past_a_condition, chosen, divided_by, through_records)
+class Mood(enum.IntEnum):
+    """An enumeration."""
+
+    CALM = 3
+    WILD = 7
+
+
+@dataclass(frozen=True, kw_only=True)
+class Watch:
+    """A record with defaults, among them one that is a record and a time that has not come."""
+
+    mood: Mood = Mood.CALM
+    since_ns: int | None = None
+    pair: tuple[float, float] = (0.5, -0.5)
+    place: Point = Point(1.0, 2.0)  # noqa: RUF009 - a named tuple cannot be changed
+
+
+def watched(before: Watch, now_ns: int, wild: bool) -> Watch:
+    """Times, enumerations, defaults and choices of records."""
+    if wild and before.since_ns is None:
+        return Watch(mood=Mood.WILD, since_ns=now_ns)
+    return before if wild else Watch()
+
+
+def times_and_moods(a: float, b: float) -> float:
+    """How long it has been wild, in whole steps of time."""
+    seen, start_ns = Watch(), 10
+    seen = watched(seen, start_ns, a > 0.0)
+    seen = watched(seen, start_ns + 5, a > 0.0 and b > 0.0)
+    first, second = seen.pair
+    known = 0.0 if seen.since_ns is None else 1.0
+    return seen.mood * known + first - second * seen.place.y
+
+
+TAKEN = (times_and_moods, swapped_in_a_loop, carried_past_a_condition, chosen, divided_by, through_records)
 
 
 # -- refused

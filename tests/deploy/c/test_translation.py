@@ -30,7 +30,7 @@ def library(tmp_path_factory):
     ]
     protos = [f"double {name}_in_c(double a, double b);" for name in names]
     text = "\n".join(
-        ['#include "real.h"', *protos, "bool failed_in_c(void);", DIVIDED.replace("divided_by_zero", "failed"), MODULO,
+        ['#include "real.h"', "#define NEVER_NS INT64_MIN", *protos, "bool failed_in_c(void);", DIVIDED.replace("divided_by_zero", "failed"), MODULO,
          translation.types, translation.constants, *translation.functions, *entries,
          "bool failed_in_c(void) { return failed; }"]
     )  # fmt: skip
