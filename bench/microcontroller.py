@@ -198,7 +198,9 @@ class Builds:
         return found
 
 
-def scenario_row(name: str, builds: Builds, instructions: list[int], stacks: list[int]) -> str:
+def scenario_row(
+    name: str, builds: Builds, instructions: list[int], stacks: list[int], shares: list[float]
+) -> str:
     """One scenario through every build."""
     kept = Kept()
     Lockstep(plant_unit(Choice(scenario=name).load()), kept, reference=False).run()
@@ -219,6 +221,7 @@ def scenario_row(name: str, builds: Builds, instructions: list[int], stacks: lis
         f"{min(d[1] for d in draws)} to {max(d[1] for d in draws)}",
         f"{min(d[3] for d in draws)} to {max(d[3] for d in draws)}",
     )
+    shares.append(chosen / max(max(d[3] for d in draws), 1))
     print(name, total, double, measured, steps, chosen, others, unlike, flush=True)
     return f"| {name} | {total} | {double} | {measured} | {others[0]} | {steps} | {chosen} | {others[1]} | {unlike} |"
 
@@ -252,7 +255,13 @@ def random_rows(builds: Builds, frames: int) -> list[str]:
 
 
 def page(
-    builds: Builds, rows: list[str], random_lines: list[str], instructions: list[int], stack: int, frames: int
+    builds: Builds,
+    rows: list[str],
+    random_lines: list[str],
+    instructions: list[int],
+    stack: int,
+    share: float,
+    frames: int,
 ) -> str:
     """The whole page."""
     revision, clean = commit()
@@ -281,7 +290,7 @@ The frames that the Python ECU received in a scenario go through each build of t
 
 *Measured* signals are estimates and flags; *chosen* ones come from a choice among rates or from the end of a prediction (limits, predicted values, roll-over state), where two margins that are closer than the rounding give
 another choice. The bound of both is what rounding does to the same equations: {DRAWS} builds in double precision whose every result is changed at random by the rounding of single precision (Monte Carlo arithmetic). Single precision
-is one more such draw. A frame in which QEMU and the host differ comes from their libraries: newlib and glibc may round a sine to different neighbours. *Steps*: raw numbers between the two values of a measured signal; 1 is the other neighbour of a value that lies between two.
+is one more such draw, and not quite: of the chosen signals it changes up to {share:.2f} times as many as the draw that changes most. A frame in which QEMU and the host differ comes from their libraries: newlib and glibc may round a sine to different neighbours. *Steps*: raw numbers between the two values of a measured signal; 1 is the other neighbour of a value that lies between two.
 
 {chr(10).join(random_lines)}
 
@@ -305,7 +314,7 @@ are computed with {CLOCKS} clocks per instruction at {CLOCK_MHZ} MHz, an assumpt
 {chr(10).join(f"| `{name}` | {size:,} |" for name, size in parts)}
 | start, replay, `libm` and `libc` less what the linker left out | {libraries:,} |
 
-Of {len(instructions):,} cycles of the ten scenarios. Most instructions are those of the predictions behind the permitted rates: up to some twenty horizons of 31 steps in a cycle.
+Of {len(instructions):,} cycles of {len(rows)} scenarios. Most instructions are those of the predictions behind the permitted rates: up to some twenty horizons of 31 steps in a cycle.
 """
 
 
@@ -323,10 +332,12 @@ def main() -> None:
         builds = Builds(Path(folder))
         instructions: list[int] = []
         stacks: list[int] = []
-        rows = [scenario_row(name, builds, instructions, stacks) for name in options.scenarios]
+        shares: list[float] = []
+        rows = [scenario_row(name, builds, instructions, stacks, shares) for name in options.scenarios]
         random_lines = random_rows(builds, options.frames)
         options.out.write_text(
-            page(builds, rows, random_lines, instructions, max(stacks), options.frames), encoding="utf-8"
+            page(builds, rows, random_lines, instructions, max(stacks), max(shares), options.frames),
+            encoding="utf-8",
         )
     print(f"{options.out} after {time.monotonic() - started:.0f} s")
 

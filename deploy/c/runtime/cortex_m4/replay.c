@@ -100,7 +100,7 @@ int main(void)
     while (*untouched == STACK_PATTERN) {
         ++untouched;
     }
-    const uint32_t depth = (uint32_t)((const uint8_t *)&stack_top - (const uint8_t *)untouched);
+    const uint32_t depth = (uint32_t)&stack_top - (uint32_t)untouched;
     const uint32_t end[4] = {TICK_MARK, TICK_MARK, depth, 0U};
     written(out, end, sizeof end);
     (void)semihosted(SYS_CLOSE, &out);

@@ -21,17 +21,17 @@ void reset_handler(void)
     CPACR |= 0xFU << 20; /* access to the floating-point unit, before any register of it is used */
     __asm__ volatile("dsb\n isb");
     const uint32_t *from = &data_load;
-    for (uint32_t *to = &data_start; to < &data_end; ++to) {
+    for (uint32_t *to = &data_start; (uintptr_t)to < (uintptr_t)&data_end; ++to) {
         *to = *from;
         ++from;
     }
-    for (uint32_t *to = &bss_start; to < &bss_end; ++to) {
+    for (uint32_t *to = &bss_start; (uintptr_t)to < (uintptr_t)&bss_end; ++to) {
         *to = 0U;
     }
     /* the free memory gets a pattern, so that the depth of the stack can be seen afterwards */
-    uint32_t *here;
+    uintptr_t here;
     __asm__ volatile("mov %0, sp" : "=r"(here));
-    for (uint32_t *to = &bss_end; to < (here - 16); ++to) {
+    for (uint32_t *to = &bss_end; (uintptr_t)to < (here - 64U); ++to) {
         *to = STACK_PATTERN;
     }
     (void)main();
