@@ -46,7 +46,8 @@ class Tick:
 class EcuCycle:
     """One ECU. form: estimator equations, corrected or as printed; limits_enabled: False only warns.
 
-    detect_faults: whether sensors are tested against each other. Off, because hard manoeuvres still pass for faults (docs/results/faults.md).
+    detect_faults: whether sensors are tested against each other. Off: a signal that it calls faulty is no longer used,
+    and too few hours of hard driving were measured to rely on it (docs/results/faults.md).
     """
 
     def __init__(

@@ -18,7 +18,10 @@ from ecu.detection.layout import (
     DOWN,
     F_ANGLE,
     F_PITCH,
+    F_PITCHED,
     F_ROLL,
+    F_ROLLED,
+    F_TURNED,
     F_WARM,
     FAULTY,
     FILTERS,
@@ -161,12 +164,13 @@ def test(
 @compiled
 def resynchronised(m: Floats, state: Floats) -> None:
     """Observers of residuals that a fault has spoiled begin anew."""
+    # with what the rates have added since: gain errors count from the new beginning on
     if state[SPOILED, ANGLE_RATE] > 0.0:
-        state[FILTERS, F_ANGLE] = m[ANGLE]
+        state[FILTERS, F_ANGLE], state[FILTERS, F_TURNED] = m[ANGLE], 0.0
     if state[SPOILED, ROLL_GYRO] > 0.0:
-        state[FILTERS, F_ROLL] = m[ROLL]
+        state[FILTERS, F_ROLL], state[FILTERS, F_ROLLED] = m[ROLL], 0.0
     if state[SPOILED, PITCH_GYRO] > 0.0:
-        state[FILTERS, F_PITCH] = m[PITCH]
+        state[FILTERS, F_PITCH], state[FILTERS, F_PITCHED] = m[PITCH], 0.0
 
 
 @compiled

@@ -119,6 +119,27 @@ def test_a_shock_that_several_sensors_feel_is_no_fault():
     assert faults(findings) == []
 
 
+@pytest.mark.parametrize(("later", "fault"), [(0, False), (3, False), (12, True)])
+def test_a_jump_waits_for_the_rest_of_the_machine_to_explain_it(later, fault):
+    """A wheel on a kerb: it turns before gyro and accelerometer have felt anything; what comes too late explains nothing."""
+    ecu, machine = started()
+    at = machine.tick + 5
+    for name, when in (("wheel_speed_1", at), ("roll_rate", at + later), ("specific_force_z", at + later)):
+        size = 3.0 * jump_of(ecu, name)
+        machine.wrong[name] = lambda value, tick, size=size, when=when: value + size * (tick == when)
+    _, findings = play(ecu, machine, 11)
+    assert [f.signals for f in faults(findings)] == ([("wheel_speed_1",)] if fault else [])
+
+
+def test_a_jump_that_waits_is_kept_from_the_estimators():
+    ecu, machine = started()
+    size = 4.0 * jump_of(ecu, "yaw_rate")
+    machine.wrong["yaw_rate"] = lambda value, tick: value + size
+    results, findings = play(ecu, machine, 4)
+    assert faults(findings) == []
+    assert all(abs(result.estimates.yaw_rate) < size / 4.0 for result in results)
+
+
 def test_a_slow_drift_of_a_wheel_is_found_by_its_residuals():
     ecu, machine = started()
     begin = machine.tick
