@@ -39,7 +39,7 @@ SCENARIOS = (
     "abrupt_articulation", "hard_braking", "high_articulation", "loaded", "pile_entry", "standstill", "transient_articulation",
     "transient_torque", "unloaded", "wheel_lock",
 )  # fmt: skip
-DRAWS = 8
+DRAWS = int(os.environ.get("DRAWS", "8"))
 DATABASE = loader_database()
 Calls = list[tuple[Frame | None, int]]
 Sent = list[list[tuple[int, bytes]]]
@@ -278,7 +278,7 @@ def page(
     ms = [n * CLOCKS / CLOCK_MHZ / 1e3 for n in (median, p99, most)]
     return f"""# The ECU in C
 
-Commit {revision}{"" if clean else " (with changes)"}; `make microcontroller` (`python -m bench.microcontroller --frames {frames}`); {arm} {version}, {qemu}.
+Commit {revision}{"" if clean else " (with changes)"}; `make microcontroller` (`DRAWS={DRAWS} python -m bench.microcontroller --frames {frames}`); {arm} {version}, {qemu}.
 
 ## Equal to the Python ECU
 
