@@ -290,7 +290,7 @@ The frames that the Python ECU received in a scenario go through each build of t
 
 *Measured* signals are estimates and flags; *chosen* ones come from a choice among rates or from the end of a prediction (limits, predicted values, roll-over state), where two margins that are closer than the rounding give
 another choice. The bound of both is what rounding does to the same equations: {DRAWS} builds in double precision whose every result is changed at random by the rounding of single precision (Monte Carlo arithmetic). Single precision
-is one more such draw, and not quite: of the chosen signals it changes up to {share:.2f} times as many as the draw that changes most. A frame in which QEMU and the host differ comes from their libraries: newlib and glibc may round a sine to different neighbours. *Steps*: raw numbers between the two values of a measured signal; 1 is the other neighbour of a value that lies between two.
+is one more such draw; of the chosen signals it changes at most {share:.2f} times as many as the draw that changes most. A frame in which QEMU and the host differ comes from their libraries: newlib and glibc may round a sine to different neighbours. *Steps*: raw numbers between the two values of a measured signal; 1 is the other neighbour of a value that lies between two.
 
 {chr(10).join(random_lines)}
 
