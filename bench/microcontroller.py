@@ -276,6 +276,8 @@ def page(
     )
     version = run("arm-none-eabi-gcc", "-dumpversion").strip()
     ms = [n * CLOCKS / CLOCK_MHZ / 1e3 for n in (median, p99, most)]
+    late = " **The most costly cycle is beyond its budget**: it would end late, and the next tick be skipped and reported."
+    verdict = late if ms[2] > 10.0 else ""
     return f"""# The ECU in C
 
 Commit {revision}{"" if clean else " (with changes)"}; `make microcontroller` (`DRAWS={DRAWS} python -m bench.microcontroller --frames {frames}`); {arm} {version}, {qemu}.
@@ -314,7 +316,7 @@ are computed with {CLOCKS} clocks per instruction at {CLOCK_MHZ} MHz, an assumpt
 {chr(10).join(f"| `{name}` | {size:,} |" for name, size in parts)}
 | start, replay, `libm` and `libc` less what the linker left out | {libraries:,} |
 
-Of {len(instructions):,} cycles of {len(rows)} scenarios. Most instructions are those of the predictions behind the permitted rates: up to some twenty horizons of 31 steps in a cycle.
+Of {len(instructions):,} cycles of {len(rows)} scenarios. Most instructions are those of the predictions behind the permitted rates: up to some twenty horizons of 31 steps in a cycle.{verdict}
 """
 
 
