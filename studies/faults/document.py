@@ -72,7 +72,7 @@ def page(results: Sequence[Result], calibrations: int, command: str) -> str:
 def _false_alarms(results: Sequence[Result], calibrations: int) -> str:
     """Drives, hours and alarms by kind of drive, with what the hours say of the rate, and every alarm."""
     rows = []
-    for kind in ("random", *HARD):
+    for kind in _driven(results):
         these = [r for r in results if r["kind"] == kind]
         wrong = sum(1 for r in these if r["alarms"])
         rows.append((kind, str(len(these)), f"{sum(r['hours'] for r in these):.2f}", str(wrong)))
@@ -90,20 +90,25 @@ def _false_alarms(results: Sequence[Result], calibrations: int) -> str:
     return "\n".join((table, said, "".join(alarms[:40])))
 
 
+def _driven(results: Sequence[Result]) -> list[str]:
+    """The kinds of drives that there are, random ones first."""
+    return [kind for kind in ("random", *HARD) if any(result["kind"] == kind for result in results)]
+
+
 def _by_manoeuvre(results: Sequence[Result]) -> str:
     """A row per signal: the computed smallest offset while the machine does this or that."""
     found: defaultdict[tuple[str, str], list[float]] = defaultdict(list)
     for result in results:
         for name, values in result["sizes"].items():
             found[name, result["kind"]] += values
-    rows = []
+    rows, hard = [], [kind for kind in _driven(results) if kind != "random"]
     for name in NAMES:
         unit, factor = UNITS[FAMILIES[name]]
         calm = np.array(found[name, "random"] or [np.inf]) * factor
         sizes = [float(np.quantile(calm, share, method="lower")) for share in (0.1, 0.5, 0.95)]
-        sizes += [float(np.median(found[name, kind] or [np.inf])) * factor for kind in HARD]
+        sizes += [float(np.median(found[name, kind] or [np.inf])) * factor for kind in hard]
         rows.append((f"{name} [{unit}]", *(f"{size:.3g}" if np.isfinite(size) else "none" for size in sizes)))
-    return markdown_table(("signal", "random 10 %", "50 %", "95 %", *HARD), rows)
+    return markdown_table(("signal", "random 10 %", "50 %", "95 %", *hard), rows)
 
 
 def _share(some: Sequence[Any], of: Sequence[Any]) -> str:
