@@ -115,7 +115,7 @@ def samples_of(frames: Sequence[Frame], calibration: Calibration) -> tuple[Float
 
 
 def _came(received: CycleInputs, name: str, message: str) -> int:
-    """As the detection in the live loop is told."""
+    """As in the live loop."""
     if message not in received.heard:
         return NO_SAMPLE
     if name in received.stepped:

@@ -55,12 +55,12 @@ class Pair:
 
 def differences(found, expected):
     """Signals that differ, with both values."""
-    told = []
+    differing = []
     for (can_id, data), (_, other) in zip(found, expected, strict=False):
         codec = DATABASE.by_id[can_id]
         pairs = zip(codec.signals, codec.decode(data), codec.decode(other), strict=True)
-        told += [f"{codec.name}.{name} {a} for {b}" for name, a, b in pairs if a != b]
-    return ", ".join(told)
+        differing += [f"{codec.name}.{name} {a} for {b}" for name, a, b in pairs if a != b]
+    return ", ".join(differing)
 
 
 @pytest.fixture

@@ -44,12 +44,12 @@ def test_static_analysis_finds_nothing(export, tmp_path):
     if shutil.which("cppcheck") is None:
         pytest.skip("no cppcheck: Debian's package cppcheck")
     assert export(tmp_path / "c").exit_code == 0
-    told = subprocess.run(
+    done = subprocess.run(
         ["cppcheck", "--enable=warning,style,performance,portability", "--std=c99", "--quiet", "--error-exitcode=1",
          "--suppress=missingIncludeSystem", "--inline-suppr", "-UECU_DOUBLE", "-UECU_PERTURBED", str(tmp_path / "c")],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert told.returncode == 0, told.stderr
+    assert done.returncode == 0, done.stderr
 
 
 def test_equal_sources_give_equal_files():
