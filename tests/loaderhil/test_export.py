@@ -10,6 +10,7 @@ from dbc import loader_database
 from dbc.columns import ColumnDecoder
 from loaderhil.cli import app
 from loaderhil.export import ExportError, write_mcap
+from testbench.conform.evidence import Bench
 from testbench.conform.live import keep
 from testbench.frames import table_of
 from testbench.restbus.core import RestBus
@@ -63,9 +64,9 @@ def test_the_command_writes_a_file_that_reads(tmp_path, capsys):
     class Kept:
         record = sent()
 
-    keep(Kept, tmp_path / "drive.log")
+    keep(Kept, Bench(), tmp_path)
     with pytest.raises(SystemExit) as ended:
-        app(["export", str(tmp_path / "drive.log"), "--out", str(tmp_path / "drive.mcap")])
+        app(["export", str(tmp_path / "bus.log"), "--out", str(tmp_path / "drive.mcap")])
     assert not ended.value.code
     assert f"{len(Kept.record)} of {len(Kept.record)} frames" in capsys.readouterr().out
     with (tmp_path / "drive.mcap").open("rb") as file:

@@ -195,6 +195,7 @@ def test_the_loaders_files_hold_what_was_found(machine: Path) -> None:
     assert "does not follow yaw_rate delay" in machine.read_text()
 
 
+@pytest.mark.slow
 def test_the_baseline_of_the_files_predicts_what_the_effects_do(machine: Path) -> None:
     """The model of the written files at its baseline is the plain model with the found values, to the bit."""
     from tests.discrepancy.models.loader.test_loader import recorded

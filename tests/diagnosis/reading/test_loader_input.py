@@ -183,7 +183,9 @@ def test_damaged_channels_are_reported_one_by_one_and_the_others_judged(
     )
     ended = loaderhil("diagnose", file, "--model", "loader")
     assert ended.result is not None, ended.err
-    texts = {c.signal: c.text for c in ended.result.complaints if c.signal}
+    texts: dict[str, str] = {}
+    for c in ended.result.complaints:
+        texts[c.signal] = f"{texts.get(c.signal, '')}; {c.text}"
     assert "is constant at 0.1 rad/s: a dead sensor" in texts["roll_rate"]
     assert "samples are not numbers; dropped" in texts["specific_force_x"]
     assert "has 0 usable samples" in texts["specific_force_z"]

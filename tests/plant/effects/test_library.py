@@ -83,6 +83,7 @@ def test_none_on_means_the_plain_plant():
     assert active_vector((find_effect("pivot_friction").typical(),)) is not None
 
 
+@pytest.mark.slow
 def test_effects_of_no_size_leave_the_motion_as_it_was():
     """The same trajectory to rounding, through the plant that calls the effects' functions."""
     nothing = (
