@@ -1,10 +1,11 @@
 """Published recordings with a small model each, for the gallery and the proof: files, what is known, how the verdict compares."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from bench import plaza
 from diagnosis.models import find_model
 from diagnosis.reading.reading import ReadOptions, read_all
 from discrepancy.model.description import Model
@@ -23,7 +24,9 @@ class Exhibit:
     known: str  # what is known of the truth, and from where
     judgement: str  # how the verdict compares with it
     average: bool = False  # --average of the command
-    prepare: str = ""  # module of bench that makes the table of `files` from the published ones; `write_table(folder, file)`
+    prepare: Callable[[Path, Path], None] | None = (
+        None  # makes the table of `files` from the folder of published ones
+    )
 
 
 EXHIBITS = (
@@ -68,7 +71,7 @@ EXHIBITS = (
         "A lawn mower measures its distance to four radio beacons; satellites give its place. The model: geometry.",
         "Against the reference every distance is 1.069 to 1.070 times too large, plus 0 to 0.03 m; each beacon alone gives 1.068 to 1.071.",
         "Right, and alone among twelve effects: neither the offset, the height of the antennas nor one beacon's own scale is taken for it.",
-        prepare="plaza",
+        prepare=plaza.write_table,
     ),
     Exhibit(
         "double_pendulum",
@@ -102,8 +105,7 @@ def model_and_recordings(exhibit: Exhibit, data: Path) -> tuple[Model, list[Reco
     with TemporaryDirectory() as made:
         folder = data / exhibit.name
         if exhibit.prepare:
-            write = import_module(f"bench.{exhibit.prepare}").write_table
-            write(folder, Path(made) / exhibit.files[0])
+            exhibit.prepare(folder, Path(made) / exhibit.files[0])
             folder = Path(made)
         options = ReadOptions(paths=[folder / file for file in exhibit.files])
         read = read_all(choice, options, lambda _: None)

@@ -62,7 +62,7 @@ def _page(exhibit: Exhibit, found: Findings, seconds: float) -> str:
         f"    loaderhil diagnose {files} --model {model}{' --average' * exhibit.average} --out out/{exhibit.name}"
     ]
     if exhibit.prepare:
-        commands.insert(0, f"    python -m bench.{exhibit.prepare} FOLDER/{exhibit.name} {files}")
+        commands.insert(0, f"    python -m {exhibit.prepare.__module__} FOLDER/{exhibit.name} {files}")
     rows = [
         f"| {describe.alternatives(f)} | {'cause' if f.named else 'best proxy'} | {'; '.join(map(describe.estimate, f.parameters[:2]))} |"
         for f in found.findings

@@ -30,9 +30,8 @@ class Sensor:
 
     noise: float  # standard deviation
     offset: float  # that a sound one may have
-    onset: (
-        float  # innovation beside noise when the machine sets in, in proportion to those of the other sensors
-    )
+    # innovation beside noise when the machine sets in, in proportion to those of the other sensors
+    onset: float
     resolution: float
 
 

@@ -190,12 +190,13 @@ class _Listener:
             zip(self._names, self._limits, self._steps, self._still, signals, previous, strict=True)
         ):
             same[i] = unchanged = same[i] + 1 if value == before else 0
-            # What is plausible at first sight, nearly every sample, needs no reason; a NaN fails each comparison.
-            if sound and abs(value) <= limit and abs(value - before) <= step and unchanged < still:
+            # false for a value that is not a number; after one, any value within the limit is plausible
+            plausible = abs(value) <= limit and not abs(value - before) > step
+            if plausible and sound and unchanged < still:  # nearly every sample needs no reason
                 values[key] = float(value)  # an int would compile the estimators anew
                 continue
             field = self._fields[i]
-            reason = bad.get(key) or _doubt(field, value, before)
+            reason = bad.get(key) or ("" if plausible else _doubt(field, value, before))
             if not reason and unchanged >= still and among.mostly_moving():
                 reason = FROZEN
             if not reason:
@@ -223,9 +224,7 @@ class _Listener:
 
 
 def _doubt(field: Field, value: float, before: float) -> str:
-    """Why a value is not plausible, '' if it is; `before` is that of the previous frame, good or bad."""
-    if abs(value) <= field.limit and not abs(value - before) > field.step:
-        return ""
+    """Why a value is not plausible; `before` is that of the previous frame, good or bad."""
     if math.isnan(value):
         return "not available"
     if abs(value) > field.limit:

@@ -1,11 +1,13 @@
 """Judges one run from its folder, for `run` and the campaigns: roll-over, timing, expectations of its scenario, remarks."""
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from bus.address import inside_computer
 from dbc import loader_database
 from hil import rundir
 from hil.compose import Choice
@@ -16,7 +18,6 @@ from hil.judgement import NODES, PROCESSES, judge_run, timing_of
 from hil.results import Case, Suite
 from hil.rundir import RunDirectory, RunError
 from hil.runs import RunResult
-from hil.timing.measured import starvation, starved_moment
 from hil.verdict import Result, RunVerdict, Verdict, judge_warning
 from testbench.expect.evidence import Evidence
 from testbench.expect.expectations import Expectation, judge_all
@@ -78,16 +79,23 @@ def _verdicts(run: RunDirectory, seen: RunVerdict | None) -> Iterator[Verdict]:
     if seen is not None and seen.lifted:
         # only where a wheel lifted: without lift-off there is nothing that a warning could precede
         yield judge_warning(seen)
-    timing = timing_of(run)
-    starved = starvation(timing) or starved_moment(timing) if run.record.mode == "realtime" else ""
-    for side in run.record.foreign:
+    for side, bus in run.record.foreign.items():
         node = NODE_OF[side]
         times = [columns.time_s for columns in run.messages.values() if node in columns.codec.senders]
+        # a node beyond a CAN interface does not wait for this computer
+        host_s = _kept_waiting(run) if inside_computer(bus) else 0.0
         yield judge_presence(
-            node, np.concatenate(times) if times else [], end_s=run.record.duration_s, starved=starved
+            node, np.concatenate(times) if times else [], end_s=run.record.duration_s, host_s=host_s
         )
     yield from judge_senders(run.record.statistics, PROCESSES)
     yield from timing_verdicts(run)
+
+
+def _kept_waiting(run: RunDirectory) -> float:
+    """How long the host kept a process of the run from its processor within one second [s]."""
+    timing = timing_of(run)
+    shares = (timing.worst_stolen, *timing.worst_waited.values())
+    return max(share for share in shares if math.isfinite(share))
 
 
 def roll_over_of(run: RunDirectory) -> RunVerdict | None:

@@ -42,11 +42,12 @@ class _Part:
 
 
 def failing_channels(problem: Problem) -> list[Complaint]:
-    """One complaint per channel with a wrong scale, sign or clock. Raises Unusable if the model predicts no finite numbers."""
+    """One complaint per channel with a wrong scale, sign or clock. Raises Unusable if the model diverges."""
     start = problem.start()
-    base = problem.predict_unbounded(start)
-    if not np.isfinite(base).all():
-        raise Unusable([_unbounded(problem, base)])
+    base = problem.predict(start)
+    diverged = problem.diverged(base)
+    if diverged.any():
+        raise Unusable([_unbounded(problem, int(np.argmax(diverged)))])
     local = differences(problem, start, base, problem.local_names)
     scaled = _scaled_base(problem, start, base)
     found = []
@@ -57,8 +58,7 @@ def failing_channels(problem: Problem) -> list[Complaint]:
     return found
 
 
-def _unbounded(problem: Problem, base: Array) -> Complaint:
-    row = int(np.argmin(np.isfinite(base)))
+def _unbounded(problem: Problem, row: int) -> Complaint:
     recording = problem.windows[problem.row_window[row]].recording
     text = (
         f"cannot be predicted at {problem.row_time[row]:.3g} s: the model {problem.model.name} gives no finite number there;"

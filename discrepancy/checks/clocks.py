@@ -124,8 +124,8 @@ def estimate_offset(model: Model, reference: Recording, part: Recording) -> tupl
     except Unusable:
         return 0.0, 0.0
     start = problem.start()
-    base = problem.predict_unbounded(start)
-    if not np.isfinite(base).all():
+    base = problem.predict(start)
+    if problem.diverged(base).any():
         return 0.0, 0.0
     inputs_there = all(n in reference.signals for n in model.inputs)
     channels = [c for c in problem.channels if (c in part.signals) == inputs_there]

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from discrepancy.estimation.effort import Costs
 from discrepancy.estimation.jacobian_cache import JacobianCache
 from discrepancy.model.description import Model, Parameter, Window
+from discrepancy.model.failure import BadModel
 from discrepancy.model.sensors import through_sensors
 from discrepancy.model.windows import (
     FEWEST_SAMPLES,
@@ -32,8 +33,9 @@ from discrepancy.model.windows import (
 )
 from discrepancy.signals.recording import Array, Complaint, Recording, cleaned
 
+Mask = NDArray[np.bool_]
 RECENT = 4  # predictions that are kept, because a fit often starts at a point that the one before has tried
-FAR = 1e6  # largest misfit of a prediction, in the largest value of its channel: beyond it, a model has diverged
+FAR = 1e9  # largest misfit of a prediction, in the largest value of its channel: beyond any wrong unit, so the model has diverged
 USED = 0.9  # share of a channel's samples below which it is worth a line that the others are not used
 
 
@@ -205,10 +207,10 @@ class Problem:
         return window, channel, time_s
 
     def _reaches(self) -> Array:
-        """How far a prediction may lie from a measured value, by channel."""
+        """How far a prediction may lie from each measured row (N,)."""
         of = [self.measured[self.row_channel == i] for i in range(len(self.channels))]
         sizes = np.array([np.max(np.abs(values)) for values in of])
-        return FAR * np.where(sizes > 0.0, sizes, 1.0)
+        return np.asarray(FAR * np.where(sizes > 0.0, sizes, 1.0)[self.row_channel], float)
 
     def start(self) -> Values:
         """The baseline: every effect off, initial states at their guess."""
@@ -257,10 +259,9 @@ class Problem:
         self._recent.appendleft((values, rows))
         return rows
 
-    def predict_unbounded(self, values: Values) -> Array:
-        """Predicted rows (N,) as the model gives them: infinite or not a number where it diverges."""
-        self._count.simulations += 1
-        return self._predicted(values)
+    def diverged(self, rows: Array) -> Mask:
+        """Rows (N,) of a prediction at which the model has diverged."""
+        return np.asarray(np.abs(rows - self.measured) > 0.999 * self._reach, bool)
 
     def predict_each(self, points: Sequence[Values]) -> list[Array]:
         """Predicted rows at many points, in parallel if the model allows it."""
@@ -281,15 +282,16 @@ class Problem:
         return rows
 
     def _within_reach(self, rows: Array) -> Array:
-        """The rows, each at most FAR spreads of its channel from what was measured.
+        """The rows, each at most FAR times the largest value of its channel from what was measured.
 
         A search tries values at which a model diverges. They have to lose against others by their misfit, and sums of their
         squares have to stay numbers.
         """
-        reach, off = self._reach[self.row_channel], rows - self.measured
-        if (np.abs(off) <= reach).all():  # false for what is not a number
+        off = rows - self.measured
+        if (np.abs(off) <= self._reach).all():  # false for what is not a number
             return rows
-        return np.asarray(self.measured + np.clip(np.nan_to_num(off, nan=np.inf), -reach, reach), float)
+        off = np.clip(np.nan_to_num(off, nan=np.inf), -self._reach, self._reach)
+        return np.asarray(self.measured + off, float)
 
     def motions(self, windows: Sequence[Window], values: Values) -> Sequence[Mapping[str, Array]]:
         """True outputs of every window, before sensor faults; windows: those of the problem, possibly with fewer signals."""
@@ -302,10 +304,12 @@ class Problem:
     def _simulated(
         self, window: Window, values: Mapping[str, float], extra: Mapping[str, Array]
     ) -> Mapping[str, Array]:
-        """One window; not a number where the model's code overflows or divides by zero at these values, as Python's floats do."""
+        """One window; not a number where Python's floats overflow at these values, which is a model that diverges. Raises BadModel."""
         try:
             return self.model.simulate(window, values, extra)
-        except ArithmeticError:
+        except Exception as error:
+            if not isinstance(error, OverflowError):
+                raise BadModel.failing(self.model, error) from error
             return {name: np.full(window.time_s.size, np.nan) for name in self.model.outputs}
 
     def _all_outputs(

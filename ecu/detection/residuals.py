@@ -81,6 +81,8 @@ STRUCK = 0.5
 """Onsets in two messages or more from which on the machine was struck: its tyres and its frame swing."""
 FORGOTTEN = 1.0
 """Time after which a residual means something again when its premises hold again [s]: three of SLOW."""
+CHANGING_LAG = 0.05
+"""Time by which filtered accelerations of different sensors differ at most [s]."""
 
 
 @compiled
@@ -227,10 +229,6 @@ def accelerations(
     bound[ACROSS] += give / SLOW * min(1.0, q.aside / (q.side * GRAVITY + 0.1) + (q.yaw + q.joint) * SLOW)
     bound[ACROSS] += 0.3 * (abs(yawing) * behind + abs(rolling) * s.imu_z) + CHANGING_LAG / SLOW * q.aside
     bound[UPWARDS] += abs(m[PITCH_RATE]) * v + 0.5 * q.upright + CHANGING_LAG / SLOW * q.pitch * behind
-
-
-CHANGING_LAG = 0.05
-"""Time by which filtered accelerations of different sensors differ at most [s]."""
 
 
 @compiled

@@ -21,6 +21,8 @@ SCRUB = 0.05
 """How much a wheel's speed over ground differs from its place's, per yaw rate, by its width and the tyres' give [m]."""
 COMPLIANCE = 0.15
 """Time in which the tyres' sideways give lets the machine follow its joint [s]."""
+LOAD_UNKNOWN = 0.3
+"""Share of a wheel's load that its place in the machine and the ground's unevenness leave open."""
 
 
 class Wheels(NamedTuple):
@@ -92,10 +94,6 @@ def speed_bound(used: float, speed: float, q: Motion, p: Parameters, t: Toleranc
     turning = w.spin_inertia * q.speed / (w.unloaded_radius * w.unloaded_radius * w.nominal_load)
     slip += (q.grip + turning) / (w.slip_stiffness * (1.0 - t.stiffness))
     return abs(speed) * (radius + slip) + t.time * q.speed
-
-
-LOAD_UNKNOWN = 0.3
-"""Share of a wheel's load that its place in the machine and the ground's unevenness leave open."""
 
 
 @compiled

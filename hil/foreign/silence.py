@@ -1,5 +1,6 @@
 """Finds the silences of a node from the stamps of its frames, for `attend` and for the verdict after the run. Pure."""
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -20,6 +21,11 @@ class Silence:
     from_s: float  # last frame before it [s]
     until_s: float | None  # first frame after it [s]; None: silent until the end
 
+    @property
+    def lasts_s(self) -> float:
+        """How long it lasts [s]; infinite for a node that never came back."""
+        return math.inf if self.until_s is None else self.until_s - self.from_s
+
     def __str__(self) -> str:
         return f"{self.from_s:.2f} s " + ("on" if self.until_s is None else f"to {self.until_s:.2f} s")
 
@@ -36,11 +42,11 @@ def silences(time_s: ArrayLike, *, end_s: float, silent_s: float = SILENT_NS * 1
     ]
 
 
-def judge_presence(node: str, time_s: ArrayLike, *, end_s: float, starved: str = "") -> Verdict:
+def judge_presence(node: str, time_s: ArrayLike, *, end_s: float, host_s: float = 0.0) -> Verdict:
     """Whether a foreign node was there throughout the run.
 
-    starved: why the host may have kept its processes waiting. Silences that end are then inconclusive, because the node may be
-    one of them; a node that stays silent has failed in any case.
+    host_s: how long the host may have kept the node waiting [s], if it is a process of the bench's own computer. Silences that
+    this explains are inconclusive; a node that stays silent has failed in any case.
     """
     question = f"{node} is there throughout"
     times = np.asarray(time_s, float)
@@ -53,12 +59,11 @@ def judge_presence(node: str, time_s: ArrayLike, *, end_s: float, starved: str =
             question=question, result=Result.PASSED, reason=f"{count} frames, never silent for 100 ms"
         )
     shown = ", ".join(map(str, found[:3])) + (f" and {len(found) - 3} times more" if len(found) > 3 else "")
-    if starved and found[-1].until_s is not None:
-        return Verdict(
-            question=question,
-            result=Result.INCONCLUSIVE,
-            reason=f"silent from {shown}; the host was starved: {starved}",
+    if all(each.lasts_s <= SILENT_NS * 1e-9 + host_s for each in found):
+        reason = (
+            f"silent from {shown}; the host kept processes of this computer waiting for up to {host_s:.2f} s"
         )
+        return Verdict(question=question, result=Result.INCONCLUSIVE, reason=reason)
     return Verdict(question=question, result=Result.FAILED, reason=f"silent from {shown}")
 
 

@@ -135,12 +135,10 @@ def _cycle(name: str, traffic: Traffic, evidence: Evidence) -> Requirement:
     events = ", ".join(late) + at
     if found.result is Result.INCONCLUSIVE:
         return unknown(Kind.CYCLE, name, found.reason)
-    # A delayed frame makes the gap before it long and the one after it short.
-    delays = ([found.worst_gap_ns - period] if found.worst_gap_ns else []) + (
-        [period // 2] if found.early else []
-    )
+    # A delayed frame makes the gap before it long and the one after it short, by half a cycle and more where that is an event.
+    delay_ns = max((found.worst_gap_ns or 0) - period, period // 2 if found.early else 0)
     # no busy host makes stamps run backwards
-    if not found.backwards and (excuse := evidence.excuse(max(delays))):
+    if not found.backwards and (excuse := evidence.excuse(delay_ns)):
         return unknown(Kind.CYCLE, name, f"{events}; {excuse}")
     return failed(Kind.CYCLE, name, events)
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from discrepancy.checks.model_check import BadModel
 from discrepancy.examine import examine
 from discrepancy.model.description import Window
+from discrepancy.model.failure import BadModel
 from discrepancy.selection.state import Settings
 from discrepancy.signals.recording import Array
 from tests.discrepancy.toys import record, simulate, tank

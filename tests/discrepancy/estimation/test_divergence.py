@@ -6,6 +6,7 @@ import pytest
 from discrepancy.estimation.problem import Problem
 from discrepancy.examine import investigate
 from discrepancy.model import Effect, Model, Parameter
+from discrepancy.model.failure import BadModel
 from discrepancy.selection.state import Settings
 from discrepancy.signals.recording import Recording, Signal
 
@@ -54,19 +55,35 @@ def test_a_diverged_prediction_is_finite_and_worse_than_any_other():
     problem = Problem(model(), [recording(0.0)])
     start = problem.start()
     far = start.having(cubic=50.0)
-    assert not np.isfinite(problem.predict_unbounded(far)).all()
+    sound = problem.predict(start)
+    assert not problem.diverged(sound).any()
     for rows in (problem.predict(far), *problem.predict_each([far])):
         assert np.isfinite(rows).all()
-        assert np.sum((rows - problem.measured) ** 2) > 1e6 * np.sum(
-            (problem.predict(start) - problem.measured) ** 2
-        )
+        assert problem.diverged(rows).any()
+        assert np.sum((rows - problem.measured) ** 2) > 1e6 * np.sum((sound - problem.measured) ** 2)
 
 
-def test_a_prediction_that_does_not_diverge_is_untouched():
+def test_a_prediction_that_does_not_diverge_is_that_of_the_model():
     problem = Problem(model(), [recording(0.0)])
-    np.testing.assert_array_equal(
-        problem.predict(problem.start()), problem.predict_unbounded(problem.start())
-    )
+    start = problem.start()
+    window = problem.windows[0]
+    expected = simulate(window, start.in_window(0), {})["place"]
+    block = problem.blocks[0]
+    rows = problem.predict(start)[block.start : block.stop]
+    np.testing.assert_array_equal(rows, np.interp(block.time_s, window.time_s, expected))
+
+
+def test_an_error_in_the_models_code_is_no_divergence():
+    def faulty(window, values, extra):
+        if values.get("cubic", 0.0):
+            raise ZeroDivisionError("division by zero")
+        return simulate(window, values, extra)
+
+    problem = Problem(model(faulty), [recording(0.0)])
+    with pytest.raises(
+        BadModel, match=r"its simulate fails, .*test_divergence\.py, line .*ZeroDivisionError"
+    ):
+        problem.predict(problem.start().having(cubic=0.1))
 
 
 @pytest.mark.parametrize(("cubic", "status"), [(0.0, "nothing missing"), (0.3, "explained")])

@@ -5,9 +5,11 @@ import os
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import cantools
+import numpy as np
 import pytest
 
 from bus.frame import EXTENDED, Frame
@@ -131,6 +133,21 @@ def test_a_bench_that_was_late_accuses_nobody_of_one_late_frame(good):
     ):
         seen = Evidence.of(without, loader_database(), "EstimatorEcu", bench)
         assert asked(judge(seen), "Limits", "cycle time").result is result
+
+
+@pytest.mark.parametrize(("slower", "result"), [(1.3, Result.INCONCLUSIVE), (2.0, Result.FAILED)])
+def test_a_bench_that_is_always_late_still_finds_another_cycle_time(good, slower, result):
+    """A starved computer delays frames, but twice the cycle time is another one."""
+    table = good.evidence().table
+    of_limits = table.can_id == loader_database().by_name["Limits"].can_id
+    begin_ns = int(table.time_ns[of_limits][0])
+    times = np.where(
+        of_limits, begin_ns + (slower * (table.time_ns - begin_ns)).astype(np.int64), table.time_ns
+    )
+    seen = Evidence.of(
+        replace(table, time_ns=times), loader_database(), "EstimatorEcu", Bench(late_share=0.2)
+    )
+    assert asked(judge(seen), "Limits", "cycle time").result is result
 
 
 def test_a_node_on_the_same_computer_is_accused_of_what_no_computer_explains(good):

@@ -1,0 +1,25 @@
+"""A model whose own code fails: an error of the model, whatever the recordings are."""
+
+import traceback
+from typing import Self
+
+from bus.user_error import UserError
+from discrepancy.model.description import Model
+
+
+class BadModel(UserError, ValueError):
+    """A model whose function raises, or returns something else than the model describes."""
+
+    @classmethod
+    def failing(cls, model: Model, error: Exception) -> Self:
+        """Its simulate raised this."""
+        return cls(f"model {model.name}: its simulate fails{_place(model.simulate, error)}")
+
+
+def _place(simulate: object, error: Exception) -> str:
+    """', in tank.py, line 12: KeyError 'areaa'': the deepest line in the function's own file, since that is the one to mend."""
+    frames = traceback.extract_tb(error.__traceback__)
+    file = getattr(getattr(simulate, "__code__", None), "co_filename", None)
+    at = next((f for f in reversed(frames) if f.filename == file), frames[-1])
+    what = error.args[0] if isinstance(error, KeyError) and error.args else error
+    return f", {at.filename}, line {at.lineno}: {type(error).__name__}: {what}"
