@@ -8,6 +8,7 @@ import math
 from typing import NamedTuple
 
 from ecu.estimators.compiled import compiled
+from ecu.estimators.joint import Joint
 from ecu.estimators.loads import normal_force
 from ecu.estimators.loads.arm_forces import ArmForces
 from ecu.estimators.loads.normal_force import Support
@@ -61,10 +62,11 @@ def lateral_balance(
     arm: ArmForces,
     along: WheelForces,
     trail: float,
+    joint: Joint,
     p: Parameters,
 ) -> Lateral:
     """Lateral axle forces and joint torque from the moments of both halves about the joint."""
-    c, s = math.cos(i.articulation_angle), math.sin(i.articulation_angle)
+    c, s = joint.cosine, joint.sine
     side = front.mass * a.front.y + p.rear.mass * a.rear.y + p.axle.mass * a.axle.y
     side -= push.x * s  # its line passes through the joint: no moment about it
     front_yaw = m.change.z + m.articulation_acceleration
@@ -74,7 +76,7 @@ def lateral_balance(
     moment = front_moment + p.rear.mass * p.rear.x * a.rear.y
     moment -= p.axle.mass * p.geometry.rear_length * a.axle.y
     moment += (p.rear.yaw_inertia + p.axle.roll_inertia) * m.change.z
-    return turning.lateral_forces(side, moment, front_moment, along, trail, i.articulation_angle, p.geometry)
+    return turning.lateral_forces(side, moment, front_moment, along, trail, joint, p.geometry)
 
 
 @compiled
@@ -87,6 +89,7 @@ def balance(
     arm: ArmForces,
     along: WheelForces,
     trail: float,
+    joint: Joint,
     p: Parameters,
 ) -> Balance:
     """Lateral and normal forces; trail: pneumatic trail with the sign of travel [m].
@@ -95,9 +98,9 @@ def balance(
 
     Beyond the axle's stop the front wheels' forces are those that lifted them, the others those on the stop.
     """
-    g, w, d = p.geometry, p.wheel, i.articulation_angle
-    c, s = math.cos(d), math.sin(d)
-    lateral = lateral_balance(i, m, a, front, push, arm, along, trail, p)
+    g, w = p.geometry, p.wheel
+    c, s = joint.cosine, joint.sine
+    lateral = lateral_balance(i, m, a, front, push, arm, along, trail, joint, p)
     xf, yf = front.x * c, front.x * s
     carried = front.mass * a.front.z + p.rear.mass * a.rear.z - push.z + arm.z
     pivot_side = lateral.rear - p.axle.mass * a.axle.y
@@ -129,8 +132,8 @@ def balance(
     support = Support(carried, about_y / carried, about_x / carried)
     axle_load = p.axle.mass * a.axle.z
     axle_moment = g.pivot_height * pivot_side + p.axle.height * p.axle.mass * a.axle.y + gyro_rear
-    free = normal_force.normal_forces(support, d, axle_load, axle_moment, g)
-    stopped = normal_force.on_axle_stop(free, d, axle_moment, axle_load, g)
+    free = normal_force.normal_forces(support, joint, axle_load, axle_moment, g)
+    stopped = normal_force.on_axle_stop(free, joint, axle_moment, axle_load, g)
     normal = NormalForces(
         free.front_left if free.front_left < 0.0 else stopped.front_left,
         free.front_right if free.front_right < 0.0 else stopped.front_right,

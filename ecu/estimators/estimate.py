@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from ecu.estimators.balance import balance, longitudinal_forces
 from ecu.estimators.compiled import compiled
+from ecu.estimators.joint import Joint, joint_at
 from ecu.estimators.loads.arm_forces import arm_forces
 from ecu.estimators.loads.cog import front_unit, machine_centre
 from ecu.estimators.loads.payload import (
@@ -35,7 +36,7 @@ from ecu.estimators.next_state import next_state
 from ecu.estimators.parameters import GRAVITY, Body, Parameters
 from ecu.estimators.quantities import NormalForces, Vector, WheelForces
 from ecu.estimators.signals import Estimates, Inputs
-from ecu.estimators.stability import permitted, permitted_levers, prediction, rollover, turning
+from ecu.estimators.stability import permitted, permitted_levers, prediction, rollover, steady, turning
 from ecu.estimators.stability.levers import MOTIONS, Levers, demanded
 from ecu.estimators.stability.prediction import Prediction, PredictionState
 from ecu.estimators.stability.rollover import LoadedMachine, Margin
@@ -79,9 +80,9 @@ NOT_PREDICTED = Future(Prediction(*[math.nan] * 4), *[math.nan] * 5)
 
 
 @compiled
-def in_front_axes(i: Inputs, v: Vector) -> Vector:
+def in_front_axes(joint: Joint, v: Vector) -> Vector:
     """A vector of the rear frame's axes in those of the front frame."""
-    c, s = math.cos(i.articulation_angle), math.sin(i.articulation_angle)
+    c, s = joint.cosine, joint.sine
     return Vector(v.x * c + v.y * s, v.y * c - v.x * s, v.z)
 
 
@@ -94,13 +95,13 @@ def bucket_load(
     x: WheelForces,
     front: Body,
     lift: Turning,
+    joint: Joint,
     p: Parameters,
 ) -> BucketLoad:
     """What the bucket carries and pushes, from the pressures and the traction that the motion does not explain."""
-    c = math.cos(i.articulation_angle)
-    traction = (x.x1 + x.x2) * c + x.x3 + x.x4
+    traction = (x.x1 + x.x2) * joint.cosine + x.x3 + x.x4
     traction -= front.mass * a.front.x + p.rear.mass * a.rear.x + p.axle.mass * a.axle.x
-    return followed_load(i, s, r, in_front_axes(i, a.front), traction, s.speed, lift, p)
+    return followed_load(i, s, r, in_front_axes(joint, a.front), traction, s.speed, lift, p)
 
 
 @compiled
@@ -118,7 +119,7 @@ def arm_motion(i: Inputs, s: State) -> tuple[Turning, Turning]:
 
 @compiled
 def follow_tilt(
-    i: Inputs, s: State, m: Motion, n: NormalForces, p: Parameters
+    i: Inputs, s: State, m: Motion, n: NormalForces, joint: Joint, p: Parameters
 ) -> tuple[NormalForces, Followed]:
     """Loads that follow the gyro in the short run, and the state of that filter.
 
@@ -127,20 +128,21 @@ def follow_tilt(
     """
     g, w = p.geometry, p.wheel
     bias = Tilt(s.roll_bias, s.pitch_bias)
-    balanced = contact.tilt_of(n, i.articulation_angle, w, g)
+    balanced = contact.tilt_of(n, joint, w, g)
     if s.cycles == 0.0 or i.rates_usable == 0.0 or p.contact.settling_time == 0.0:
         return n, Followed(balanced, bias, Tilt(0.0, 0.0))
     before, gyro = Tilt(s.roll_tilt, s.pitch_tilt), Tilt(i.roll_rate, i.pitch_rate)
     if not contact.stands(n):
         return n, contact.carried_on(before, bias, gyro, m.rate.z, i.dt)
     now = contact.followed(before, bias, gyro, m.rate.z, balanced, s.cycles, i.dt, p.contact)
-    return contact.carried(n, now.tilt, now.rate, i.articulation_angle, i.dt, w, g, p.contact), now
+    return contact.carried(n, now.tilt, now.rate, joint, i.dt, w, g, p.contact), now
 
 
 @compiled
 def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     """The estimates of this moment, and the state for the next cycle."""
     g, w, d = p.geometry, p.wheel, i.articulation_angle
+    joint = joint_at(d)
     m = motion(i, s, p)
     front = front_unit(i.lift_arm_angle, i.tilt_angle, s.payload, p.front, p.arm, p.bucket)
     if i.acceleration_usable != 0.0:
@@ -149,9 +151,9 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
         a = kinematic_accelerations(i, s, m, front, p)
     x = longitudinal_forces(i, s, m, a, front, p)
     arm, bucket = arm_motion(i, s)
-    along = in_front_axes(i, a.front)
+    along = in_front_axes(joint, a.front)
     moments = residual(i, along.x, along.z, p)
-    load = bucket_load(i, s, moments, a, x, front, arm, p)
+    load = bucket_load(i, s, moments, a, x, front, arm, joint, p)
     front = front_unit(i.lift_arm_angle, i.tilt_angle, load.payload, p.front, p.arm, p.bucket)
     machine = rollover.loaded_machine(front, load.payload, p)
 
@@ -166,28 +168,27 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     front_yaw = m.rate.z + i.articulation_rate
     quick = Turning(arm.angle, arm.rate, lift_acceleration(i, moments, along, load, arm, p), arm.sample)
     moved = arm_forces(quick, bucket, front_yaw, load.payload, p.arm, p.bucket)
-    lateral, balanced = balance(i, m, a, front, push_of(i, load, p), moved, x, trail, p)
-    n, tilt = follow_tilt(i, s, m, balanced, p)
+    lateral, balanced = balance(i, m, a, front, push_of(i, load, p), moved, x, trail, joint, p)
+    n, tilt = follow_tilt(i, s, m, balanced, joint, p)
 
     rest = Vector(a.rear.x, a.rear.y, a.rear.z)
     if i.slope_usable != 0.0:
         rest = gravity_reaction(i.pitch, i.roll, GRAVITY)
     acceleration = (a.axle.x - rest.x) if i.acceleration_usable != 0.0 else axle_acceleration
     front_load, rear_load = n.front_left + n.front_right, n.rear_left + n.rear_right
-    c, across = math.cos(d), math.sin(d)
     steering = Steering(
-        d, i.articulation_rate, m.articulation_acceleration, v, acceleration, rest.x, rest.y,
-        moved.x * across + moved.y * c, moved.yawing,
+        joint, i.articulation_rate, m.articulation_acceleration, v, acceleration, rest.x, rest.y,
+        moved.x * joint.sine + moved.y * joint.cosine, moved.yawing,
     )  # fmt: skip
     slide = lateral_step(
         s.drift, m.rate.z, steering, front_load, rear_load, i.dt, front, machine.rear_unit, w, g
     )
-    ground = permitted.leaned(rest, Tilt(-tilt.tilt.roll, -tilt.tilt.pitch))
+    ground = steady.leaned(rest, Tilt(-tilt.tilt.roll, -tilt.tilt.pitch))
     over = rollover.support_of(n, d, g)
     demand = i.articulation_rate_demand if i.demand_usable != 0.0 else i.articulation_rate
     start = PredictionState(
         d, i.articulation_rate, demand, v, acceleration, rest.x, rest.y, rest.z, ground, slide.drift,
-        m.rate.z, front_load, rear_load, over.y, contact.support_rate(n, tilt.rate, d, i.articulation_rate, w, g),
+        m.rate.z, front_load, rear_load, over.y, contact.support_rate(n, tilt.rate, joint, i.articulation_rate, w, g),
         lever_demands(i, arm, bucket, p),
     )  # fmt: skip
 

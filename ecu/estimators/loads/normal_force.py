@@ -14,6 +14,7 @@ import math
 from typing import NamedTuple
 
 from ecu.estimators.compiled import compiled
+from ecu.estimators.joint import Joint, joint_at
 from ecu.estimators.parameters import Geometry
 from ecu.estimators.quantities import Centre, NormalForces
 
@@ -90,7 +91,7 @@ def lateral_share(centre_x: float, articulation_angle: float, geometry: Geometry
 @compiled
 def normal_forces(
     support: Support,
-    articulation_angle: float,
+    joint: Joint,
     axle_load: float,
     axle_moment: float,
     geometry: Geometry,
@@ -100,7 +101,7 @@ def normal_forces(
     axle_load: m_a f_z of the rear axle [N]; axle_moment: moment about x that lateral and gyroscopic
     forces exert on the rear axle about its contact line, loading the right wheel [N m].
     """
-    c, s = math.cos(articulation_angle), math.sin(articulation_angle)
+    c, s = joint.cosine, joint.sine
     lf, lr, half = geometry.front_length, geometry.rear_length, geometry.front_track / 2.0
     scale = support.load / (geometry.front_track * (lf + lr * c))
     forward = support.x + lr
@@ -127,12 +128,12 @@ def rigid_normal_forces(
     """The closed form for one rigid body with specific force (fx, fy, fz) [m/s2]."""
     support = support_point(centre, fx, fy, fz, axle_mass, axle_height, geometry.pivot_height, share)
     moment = (share * centre.mass * geometry.pivot_height + axle_mass * axle_height) * fy
-    return normal_forces(support, articulation_angle, axle_mass * fz, moment, geometry)
+    return normal_forces(support, joint_at(articulation_angle), axle_mass * fz, moment, geometry)
 
 
 @compiled
 def on_axle_stop(
-    forces: NormalForces, articulation_angle: float, axle_moment: float, axle_load: float, geometry: Geometry
+    forces: NormalForces, joint: Joint, axle_moment: float, axle_load: float, geometry: Geometry
 ) -> NormalForces:
     """Forces after a front wheel has lifted and the rear axle has come to its stop.
 
@@ -143,7 +144,7 @@ def on_axle_stop(
     lifted_left = forces.front_left < 0.0
     if not (lifted_left or forces.front_right < 0.0):
         return forces
-    c, s = math.cos(articulation_angle), math.sin(articulation_angle)
+    c, s = joint.cosine, joint.sine
     lf, lr, half = geometry.front_length, geometry.rear_length, geometry.front_track / 2.0
     base = geometry.front_track * (lf + lr * c)
     left_arm = (lf * c + lr + half * s) / base  # change of n1 per N m of -M_p

@@ -6,10 +6,10 @@ axle by the brush model. State: velocity of the joint to the left and yaw rate o
 rear frame axes. Left out: relaxation of the tyres, load transfer within an axle, roll.
 """
 
-import math
 from typing import NamedTuple
 
 from ecu.estimators.compiled import compiled
+from ecu.estimators.joint import Joint
 from ecu.estimators.parameters import GRAVITY, Body, Geometry, Wheel
 from ecu.estimators.tyres import tyre
 
@@ -17,7 +17,7 @@ from ecu.estimators.tyres import tyre
 class Steering(NamedTuple):
     """Prescribed motion: articulation, speed of the rear axle, and the specific force at rest."""
 
-    angle: float  # articulation [rad]
+    joint: Joint
     rate: float  # [rad/s]
     change: float  # of the rate [rad/s2]
     speed: float  # [m/s]
@@ -80,7 +80,7 @@ def lateral_step(
 
     front_load, rear_load: normal forces of the axles [N]; rear: the rear unit with its axle.
     """
-    c, s = math.cos(steering.angle), math.sin(steering.angle)
+    c, s = steering.joint.cosine, steering.joint.sine
     u, turn = steering.speed, yaw_rate + steering.rate
     lf, lr = geometry.front_length, geometry.rear_length
     f = side_force(u * c + drift * s, -u * s + drift * c + lf * turn, front_load, dt, wheel)

@@ -5,20 +5,11 @@ slope, a turn that is safe now may point its outer side downhill two seconds lat
 heading that it reaches within `turn_ahead`, at the speed that is left there. ISO 8855, rear frame axes.
 """
 
-import math
-
 from ecu.estimators.compiled import compiled
-from ecu.estimators.loads.normal_force import normal_forces
-from ecu.estimators.quantities import NormalForces, Vector
+from ecu.estimators.quantities import Vector
 from ecu.estimators.stability.prediction import PredictionState, predict, with_demand
-from ecu.estimators.stability.rollover import LoadedMachine, margin, steady_loads, steady_rate
-from ecu.estimators.tyres.contact import Tilt, tilt_of
-
-TURN_STEP = 0.5
-"""Time between two judged headings [s]: at 0.3 g and 10 km/h the machine turns by 30 degrees in it."""
-LEANING = 2
-"""Iterations for the lean of a steady turn, which depends on the loads that it changes: each leaves a fifth of the error."""
-
+from ecu.estimators.stability.rollover import LoadedMachine
+from ecu.estimators.stability.steady import SteadyTurns, least_margin, steady_turns
 
 TRANSIENT = 0.05
 """Margin that a recovering rate may cost on its way: turning back accelerates the front unit sideways."""
@@ -29,68 +20,11 @@ RECOVERY_RATES = 4
 
 
 @compiled
-def leaned(gravity: Vector, tilt: Tilt) -> Vector:
-    """The specific force of rest [m/s2] in axes that are tilted by a small angle (roll left up, pitch nose down)."""
-    return Vector(gravity.x - gravity.z * tilt.pitch, gravity.y + gravity.z * tilt.roll, gravity.z)
-
-
-@compiled
-def turned_gravity(gravity: Vector, angle: float) -> Vector:
-    """Specific force at rest once the machine has turned left by `angle` [rad] on the same slope."""
-    c, s = math.cos(angle), math.sin(angle)
-    return Vector(gravity.x * c + gravity.y * s, gravity.y * c - gravity.x * s, gravity.z)
-
-
-@compiled
-def steady_forces(
-    speed: float, articulation_angle: float, ground: Vector, machine: LoadedMachine
-) -> NormalForces:
-    """Normal forces of a steady turn on tyres that give way: the machine leans to its outer side and its weight with it.
-
-    speed: [m/s], reverse negative; ground: specific force of rest in axes of the ground [m/s2].
-    """
-    m, gravity = machine, ground
-    for k in range(LEANING + 1):
-        loads = steady_loads(
-            speed, articulation_angle, gravity, m.wheel.lateral_peak, m.front, m.rear, m.axle, m.geometry
-        )
-        forces = normal_forces(
-            loads.support, articulation_angle, loads.axle_load, loads.axle_moment, m.geometry
-        )
-        if k < LEANING:
-            gravity = leaned(ground, tilt_of(forces, articulation_angle, m.wheel, m.geometry))
-    return forces
-
-
-@compiled
-def least_margin(
-    floor: float, speed: float, articulation_angle: float, ground: Vector, machine: LoadedMachine
-) -> float:
-    """Smallest margin of a turn begun at `speed` [m/s, reverse negative] while the machine slows down.
-
-    It slows down by `braking`, uphill by more and downhill by less. No heading is looked at after one below `floor`.
-    """
-    prediction, grip = machine.prediction, machine.wheel.lateral_peak
-    direction = 1.0 if speed >= 0.0 else -1.0
-    here, least = ground, 1e9
-    for _ in range(int(prediction.turn_ahead / TURN_STEP + 0.5) + 1):
-        forces = steady_forces(speed, articulation_angle, here, machine)
-        least = min(least, margin(forces, machine.standing).ratio)
-        if least < floor:
-            return least
-        turn = steady_rate(speed, articulation_angle, grip, machine.geometry) * TURN_STEP
-        slower = max(prediction.braking + direction * here.x, 0.0) * TURN_STEP
-        speed = direction * max(abs(speed) - slower, 0.0)
-        here = turned_gravity(here, turn)
-    return least
-
-
-@compiled
 def stays_above(
-    floor: float, speed: float, articulation_angle: float, ground: Vector, machine: LoadedMachine
+    floor: float, speed: float, turns: SteadyTurns, ground: Vector, machine: LoadedMachine
 ) -> bool:
     """Whether a turn begun at `speed` [m/s, reverse negative] keeps the margin `floor` while the machine slows down."""
-    return least_margin(floor, speed, articulation_angle, ground, machine) >= floor
+    return least_margin(floor, speed, turns, ground, machine) >= floor
 
 
 @compiled
@@ -105,9 +39,10 @@ def keeps_margins(start: PredictionState, rate: float, machine: LoadedMachine) -
     """Whether the articulation rate [rad/s] keeps `margin_floor` over the horizon, and `turn_floor` in the turn that follows."""
     prediction = machine.prediction
     ahead = predict(with_demand(start, rate), prediction.limit_hold, prediction.margin_floor, machine)
-    return ahead.margin > prediction.margin_floor and stays_above(
-        prediction.turn_floor, start.speed, turned_to(start, rate, machine), start.ground, machine
-    )
+    if ahead.margin <= prediction.margin_floor:
+        return False
+    turns = steady_turns(turned_to(start, rate, machine), start.ground.z, machine)
+    return stays_above(prediction.turn_floor, start.speed, turns, start.ground, machine)
 
 
 @compiled
@@ -122,9 +57,11 @@ def helps(start: PredictionState, rate: float, machine: LoadedMachine) -> bool:
     held = predict(with_demand(start, 0.0), hold, none, machine)
     if moved.margin < held.margin - TRANSIENT:
         return False
-    angle, ground, speed = start.articulation_angle, start.ground, start.speed
-    after_move = least_margin(none, speed, turned_to(start, rate, machine), ground, machine)
-    after_hold = least_margin(none, speed, angle, ground, machine)
+    ground, speed = start.ground, start.speed
+    turned = steady_turns(turned_to(start, rate, machine), ground.z, machine)
+    stayed = steady_turns(start.articulation_angle, ground.z, machine)
+    after_move = least_margin(none, speed, turned, ground, machine)
+    after_hold = least_margin(none, speed, stayed, ground, machine)
     return after_move > after_hold + BETTER
 
 
@@ -170,11 +107,12 @@ def permitted_speed(
     direction: +1 forward, -1 reverse. 0 where the machine would not keep it standing.
     """
     floor, low, high = machine.prediction.speed_floor, 0.0, machine.prediction.largest_speed
-    if stays_above(floor, direction * high, articulation_angle, ground, machine):
+    turns = steady_turns(articulation_angle, ground.z, machine)
+    if stays_above(floor, direction * high, turns, ground, machine):
         return high
     for _ in range(8):
         trial = (low + high) / 2.0
-        if stays_above(floor, direction * trial, articulation_angle, ground, machine):
+        if stays_above(floor, direction * trial, turns, ground, machine):
             low = trial
         else:
             high = trial

@@ -19,9 +19,10 @@ from ecu.estimators.stability.levers import (
     largest,
     with_motion,
 )
-from ecu.estimators.stability.permitted import BETTER, RECOVERY_RATES, TRANSIENT, least_margin
+from ecu.estimators.stability.permitted import BETTER, RECOVERY_RATES, TRANSIENT
 from ecu.estimators.stability.prediction import PredictionState, predict, with_levers
 from ecu.estimators.stability.rollover import LoadedMachine, posed, share_lost
+from ecu.estimators.stability.steady import least_margin, steady_turns
 
 AMPLE = 0.25
 """Margin above the floor that a motion's estimated cost has to leave, so that it is permitted in full without a prediction.
@@ -71,13 +72,15 @@ def largest_loss(start: PredictionState, motion: int, machine: LoadedMachine) ->
 
 
 @compiled
-def pose_after(start: PredictionState, levers: Levers, m: LoadedMachine) -> LoadedMachine:
-    """The machine with the pose that these demands lead to while a limit holds."""
+def margin_after(floor: float, start: PredictionState, levers: Levers, m: LoadedMachine) -> float:
+    """Least margin of the present turn in the pose that these demands lead to while a limit holds; floor: as in `least_margin`."""
     lift = Turning(levers.lift_angle, levers.lift_rate, 0.0, 0.0)
     tilt = Turning(levers.tilt_angle, levers.tilt_rate, 0.0, 0.0)
     for _ in range(int(m.prediction.limit_hold / DRIVEN_STEP + 0.5)):
         lift, tilt = driven(lift, tilt, levers, True, DRIVEN_STEP, m.drive)
-    return posed(m, lift.angle, tilt.angle)
+    then = posed(m, lift.angle, tilt.angle)
+    turns = steady_turns(start.articulation_angle, start.ground.z, then)
+    return least_margin(floor, start.speed, turns, start.ground, then)
 
 
 @compiled
@@ -87,9 +90,7 @@ def keeps_with_lever(start: PredictionState, motion: int, rate: float, m: Loaded
     ahead = predict(with_levers(start, levers), rules.limit_hold, rules.margin_floor, m)
     if ahead.margin <= rules.margin_floor:
         return False
-    then = pose_after(start, levers, m)
-    floor = rules.turn_floor
-    return least_margin(floor, start.speed, start.articulation_angle, start.ground, then) >= floor
+    return margin_after(rules.turn_floor, start, levers, m) >= rules.turn_floor
 
 
 @compiled
@@ -106,10 +107,7 @@ def lever_helps(start: PredictionState, motion: int, rate: float, m: LoadedMachi
     )
     if moving.margin < still.margin - TRANSIENT:
         return False
-    angle, ground, speed = start.articulation_angle, start.ground, start.speed
-    after_move = least_margin(none, speed, angle, ground, pose_after(start, levers, m))
-    after_rest = least_margin(none, speed, angle, ground, pose_after(start, rest, m))
-    return after_move > after_rest + BETTER
+    return margin_after(none, start, levers, m) > margin_after(none, start, rest, m) + BETTER
 
 
 @compiled

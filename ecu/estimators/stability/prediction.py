@@ -9,6 +9,7 @@ import math
 from typing import NamedTuple
 
 from ecu.estimators.compiled import compiled
+from ecu.estimators.joint import joint_at
 from ecu.estimators.loads.arm_forces import NO_ARM_FORCES, arm_forces
 from ecu.estimators.loads.cog import front_unit
 from ecu.estimators.loads.normal_force import Support, normal_forces
@@ -116,15 +117,16 @@ def predict(start: PredictionState, hold: float, floor: float, machine: LoadedMa
                     lift.angle, tilt.angle, machine.payload, machine.frame, machine.arm, machine.bucket
                 )
             arm = arm_forces(lift, tilt, yaw + rate, machine.payload, machine.arm, machine.bucket)
-        c, s = math.cos(angle), math.sin(angle)
+        joint = joint_at(angle)
         steering = Steering(
-            angle, rate, change, speed, acceleration, gx, gy, arm.x * s + arm.y * c, arm.yawing
-        )
+            joint, rate, change, speed, acceleration, gx, gy,
+            arm.x * joint.sine + arm.y * joint.cosine, arm.yawing,
+        )  # fmt: skip
         slide = lateral_step(
             drift, yaw, steering, front_load, rear_load, dt, front, machine.rear_unit, machine.wheel, geometry
         )  # fmt: skip
         loads = loads_of(
-            acceleration - yaw * drift, slide.drift_change + yaw * speed, yaw, slide.yaw_change, angle, rate, change,
+            acceleration - yaw * drift, slide.drift_change + yaw * speed, yaw, slide.yaw_change, joint, rate, change,
             Vector(gx, gy, start.gravity_z), front, machine.rear, machine.axle, geometry, arm,
         )  # fmt: skip
         drift, yaw = slide.drift, slide.yaw_rate
@@ -137,7 +139,7 @@ def predict(start: PredictionState, hold: float, floor: float, machine: LoadedMa
             offset = start.support - loads.support.y
         before = loads.support.y
         support = Support(loads.support.load, loads.support.x, loads.support.y + offset)
-        forces = normal_forces(support, angle, loads.axle_load, loads.axle_moment, geometry)
+        forces = normal_forces(support, joint, loads.axle_load, loads.axle_moment, geometry)
         if arm_moves:
             bounce = bounced(bounce, forces, front_load, rear_load, k == 0, dt, machine)
             forces = with_bounce(forces, bounce)
@@ -151,8 +153,8 @@ def predict(start: PredictionState, hold: float, floor: float, machine: LoadedMa
             if worst <= 0.0:
                 lift_off = k * dt
             break
-        turn = yaw * dt
-        gx, gy = gx * math.cos(turn) + gy * math.sin(turn), gy * math.cos(turn) - gx * math.sin(turn)
+        turn_cosine, turn_sine = math.cos(yaw * dt), math.sin(yaw * dt)
+        gx, gy = gx * turn_cosine + gy * turn_sine, gy * turn_cosine - gx * turn_sine
         angle = min(max(angle + rate * dt, -stop), stop)
         faster = speed + acceleration * dt
         speed = faster if faster * speed > 0.0 else 0.0

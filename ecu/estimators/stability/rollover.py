@@ -7,6 +7,7 @@ import math
 from typing import NamedTuple
 
 from ecu.estimators.compiled import compiled
+from ecu.estimators.joint import Joint, joint_at
 from ecu.estimators.loads.arm_forces import NO_ARM_FORCES, ArmForces
 from ecu.estimators.loads.cog import front_unit, with_axle
 from ecu.estimators.loads.normal_force import Support, normal_forces
@@ -105,7 +106,7 @@ def loads_of(
     joint_y: float,
     rate: float,
     change: float,
-    articulation_angle: float,
+    joint: Joint,
     articulation_rate: float,
     articulation_acceleration: float,
     gravity: Vector,
@@ -120,7 +121,7 @@ def loads_of(
     joint_x, joint_y: acceleration of the joint [m/s2]; rate, change: yaw of the rear frame [rad/s, rad/s2];
     gravity: specific force at rest on this ground [m/s2]; arm: of arm and bucket that move on the front frame.
     """
-    c, s = math.cos(articulation_angle), math.sin(articulation_angle)
+    c, s = joint.cosine, joint.sine
     xf, yf = front.x * c, front.x * s
     front_rate, front_change = rate + articulation_rate, change + articulation_acceleration
     ffx, ffy = planar_acceleration(joint_x, joint_y, xf, yf, front_rate, front_change)
@@ -138,7 +139,7 @@ def loads_of(
     moment = front_moment + rear.x * rear_force.y + rear.yaw_inertia * change - geometry.rear_length * axle_y
     lateral = lateral_forces(
         front_force.y + rear_force.y + axle_y + arm.x * s + arm.y * c, moment, front_moment,
-        WheelForces(push, push, push, push, 0.0, 0.0, 0.0, 0.0), 0.0, articulation_angle, geometry,
+        WheelForces(push, push, push, push, 0.0, 0.0, 0.0, 0.0), 0.0, joint, geometry,
     )  # fmt: skip
     pivot_side = lateral.rear - axle_y
     load = front_force.z + rear_force.z + arm.z
@@ -154,15 +155,20 @@ def loads_of(
 
 
 @compiled
-def steady_rate(speed: float, articulation_angle: float, grip: float, geometry: Geometry) -> float:
-    """Yaw rate [rad/s] of a steady turn.
+def within_grip(rate: float, speed: float, grip: float) -> float:
+    """The yaw rate [rad/s] that tyres can hold at this speed [m/s] of the one that the geometry asks for.
 
     grip: largest lateral acceleration over gravity that the tyres can give; beyond it the machine turns less
     than its geometry says.
     """
-    rate = yaw_rate(speed, articulation_angle, 0.0, geometry)
     most = grip * GRAVITY / max(abs(speed), 0.1)
     return min(max(rate, -most), most)
+
+
+@compiled
+def steady_rate(speed: float, articulation_angle: float, grip: float, geometry: Geometry) -> float:
+    """Yaw rate [rad/s] of a steady turn; grip: as in `within_grip`."""
+    return within_grip(yaw_rate(speed, articulation_angle, 0.0, geometry), speed, grip)
 
 
 @compiled
@@ -178,12 +184,12 @@ def steady_loads(
 ) -> Loads:
     """Support point of the machine rolling at a constant angle and speed.
 
-    gravity: specific force at rest on this ground [m/s2]; grip: as in `steady_rate`.
+    gravity: specific force at rest on this ground [m/s2]; grip: as in `within_grip`.
     """
     rate = steady_rate(speed, articulation_angle, grip, geometry)
     joint_x, joint_y = joint_acceleration(speed, 0.0, rate, 0.0, geometry)
     return loads_of(
-        joint_x, joint_y, rate, 0.0, articulation_angle, 0.0, 0.0, gravity, front, rear, axle, geometry,
+        joint_x, joint_y, rate, 0.0, joint_at(articulation_angle), 0.0, 0.0, gravity, front, rear, axle, geometry,
         NO_ARM_FORCES,
     )  # fmt: skip
 
@@ -192,7 +198,7 @@ def steady_loads(
 def standing_forces(front: Body, rear: Body, axle: Axle, geometry: Geometry) -> NormalForces:
     """Normal forces of the straight machine at rest on level ground."""
     loads = steady_loads(0.0, 0.0, Vector(0.0, 0.0, GRAVITY), 0.0, front, rear, axle, geometry)
-    return normal_forces(loads.support, 0.0, loads.axle_load, loads.axle_moment, geometry)
+    return normal_forces(loads.support, joint_at(0.0), loads.axle_load, loads.axle_moment, geometry)
 
 
 @compiled

@@ -8,6 +8,7 @@ import math
 from typing import NamedTuple
 
 from ecu.estimators.compiled import compiled
+from ecu.estimators.joint import Joint
 from ecu.estimators.parameters import Body, Geometry
 from ecu.estimators.quantities import WheelForces
 
@@ -108,7 +109,7 @@ def lateral_forces(
     front_moment: float,
     longitudinal: WheelForces,
     trail: float,
-    articulation_angle: float,
+    joint: Joint,
     geometry: Geometry,
 ) -> Lateral:
     """Lateral axle forces and joint torque that the measured motion requires: 2.9 backwards.
@@ -117,7 +118,7 @@ def lateral_forces(
     of angular momentum about the joint, gravity included [N m]; front_moment: the front unit's part,
     about the joint; longitudinal: wheel forces along x; trail: pneumatic trail with the sign of travel [m].
     """
-    c, s = math.cos(articulation_angle), math.sin(articulation_angle)
+    c, s = joint.cosine, joint.sine
     lf, lr = geometry.front_length - trail, geometry.rear_length + trail
     front_x = geometry.front_track / 2.0 * (longitudinal.x2 - longitudinal.x1)
     rear_x = geometry.rear_track / 2.0 * (longitudinal.x4 - longitudinal.x3)

@@ -9,10 +9,10 @@ Tilt is that of the rear frame against the road: roll left up, pitch nose down [
 are deflected alike. Front wheels and the oscillation pivot are the three points that it moves.
 """
 
-import math
 from typing import NamedTuple
 
 from ecu.estimators.compiled import compiled
+from ecu.estimators.joint import Joint
 from ecu.estimators.parameters import Contact, Geometry, Wheel
 from ecu.estimators.quantities import NormalForces
 from ecu.estimators.tyres import tyre
@@ -48,9 +48,9 @@ def springs(forces: NormalForces, wheel: Wheel) -> Springs:
 
 
 @compiled
-def tilt_of(forces: NormalForces, articulation_angle: float, wheel: Wheel, geometry: Geometry) -> Tilt:
+def tilt_of(forces: NormalForces, joint: Joint, wheel: Wheel, geometry: Geometry) -> Tilt:
     """The tilt at which the tyres carry these loads."""
-    c, s = math.cos(articulation_angle), math.sin(articulation_angle)
+    c, s = joint.cosine, joint.sine
     lf, lr = geometry.front_length, geometry.rear_length
     left = tyre.deflection(forces.front_left, wheel.front_stiffening, wheel)
     right = tyre.deflection(forces.front_right, wheel.front_stiffening, wheel)
@@ -64,10 +64,10 @@ def tilt_of(forces: NormalForces, articulation_angle: float, wheel: Wheel, geome
 
 @compiled
 def shifted(
-    forces: NormalForces, change: Tilt, articulation_angle: float, stiffness: Springs, geometry: Geometry
+    forces: NormalForces, change: Tilt, joint: Joint, stiffness: Springs, geometry: Geometry
 ) -> NormalForces:
     """Forces after a small change of tilt at the same total load."""
-    c, s = math.cos(articulation_angle), math.sin(articulation_angle)
+    c, s = joint.cosine, joint.sine
     lf, lr = geometry.front_length, geometry.rear_length
     across = geometry.front_track * (change.roll * c + change.pitch * s)
     along = change.pitch * (lr + lf * c) - change.roll * lf * s
@@ -144,7 +144,7 @@ def carried(
     forces: NormalForces,
     tilt: Tilt,
     rate: Tilt,
-    articulation_angle: float,
+    joint: Joint,
     dt: float,
     wheel: Wheel,
     geometry: Geometry,
@@ -155,29 +155,29 @@ def carried(
     The sum over samples is half a cycle ahead of them already.
     """
     stiffness = springs(forces, wheel)
-    known = tilt_of(forces, articulation_angle, wheel, geometry)
+    known = tilt_of(forces, joint, wheel, geometry)
     lead = contact.latency - dt / 2.0 + contact.damping / ((stiffness.left + stiffness.right) / 2.0)
     change = Tilt(
         tilt.roll + rate.roll * lead - known.roll,
         tilt.pitch + rate.pitch * lead - known.pitch,
     )
-    return shifted(forces, change, articulation_angle, stiffness, geometry)
+    return shifted(forces, change, joint, stiffness, geometry)
 
 
 @compiled
 def support_rate(
     forces: NormalForces,
     rate: Tilt,
-    articulation_angle: float,
+    joint: Joint,
     articulation_rate: float,
     wheel: Wheel,
     geometry: Geometry,
 ) -> float:
     """How fast the support point moves to the left [m/s] as the machine tilts and bends."""
-    c, s = math.cos(articulation_angle), math.sin(articulation_angle)
+    c, s = joint.cosine, joint.sine
     lf, half = geometry.front_length, geometry.front_track / 2.0
     n1, n2 = forces.front_left, forces.front_right
-    then = shifted(forces, rate, articulation_angle, springs(forces, wheel), geometry)
+    then = shifted(forces, rate, joint, springs(forces, wheel), geometry)
     moved = (then.front_left - n1) * (lf * s + half * c) + (then.front_right - n2) * (lf * s - half * c)
     bent = articulation_rate * (n1 * (lf * c - half * s) + n2 * (lf * c + half * s))
     return (moved + bent) / (n1 + n2 + forces.pivot)

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ecu.calibration import load_calibration
+from ecu.estimators.joint import joint_at
 from ecu.estimators.quantities import NormalForces
 from ecu.estimators.stability.rollover import support_of
 from ecu.estimators.tyres import tyre
@@ -54,7 +55,7 @@ def deflections(roll, pitch, angle, height=0.0):
 @unhurried
 @given(four, angles)
 def test_the_tilt_is_the_plane_through_the_tyres_deflections(n, angle):
-    tilt = tilt_of(n, angle, WHEEL, GEOMETRY)
+    tilt = tilt_of(n, joint_at(angle), WHEEL, GEOMETRY)
     left = tyre.deflection(n.front_left, WHEEL.front_stiffening, WHEEL)
     right = tyre.deflection(n.front_right, WHEEL.front_stiffening, WHEEL)
     rear = tyre.deflection((n.rear_left + n.rear_right) / 2, WHEEL.rear_stiffening, WHEEL)
@@ -66,9 +67,12 @@ def test_the_tilt_is_the_plane_through_the_tyres_deflections(n, angle):
 @given(four, angles, small, small)
 def test_a_shift_changes_the_tilt_by_what_it_was_asked_for_and_keeps_the_weight(n, angle, roll, pitch):
     stiffness = springs(n, WHEEL)
-    then = shifted(n, Tilt(roll, pitch), angle, stiffness, GEOMETRY)
+    then = shifted(n, Tilt(roll, pitch), joint_at(angle), stiffness, GEOMETRY)
     assert sum(then) - then.pivot == pytest.approx(sum(n) - n.pivot, rel=1e-12)
-    before, after = tilt_of(n, angle, WHEEL, GEOMETRY), tilt_of(then, angle, WHEEL, GEOMETRY)
+    before, after = (
+        tilt_of(n, joint_at(angle), WHEEL, GEOMETRY),
+        tilt_of(then, joint_at(angle), WHEEL, GEOMETRY),
+    )
     assert after.roll - before.roll == pytest.approx(roll, abs=2e-7)
     assert after.pitch - before.pitch == pytest.approx(pitch, abs=2e-7)
     assert then.rear_right - then.rear_left == pytest.approx(n.rear_right - n.rear_left, abs=1e-6)
@@ -134,15 +138,15 @@ def test_turning_on_a_tilted_frame_turns_the_tilt():
 @unhurried
 @given(four, angles)
 def test_at_rest_the_carried_forces_are_those_of_the_balance(n, angle):
-    tilt = tilt_of(n, angle, WHEEL, GEOMETRY)
-    assert carried(n, tilt, NOTHING, angle, DT, WHEEL, GEOMETRY, CONTACT) == pytest.approx(n)
+    tilt = tilt_of(n, joint_at(angle), WHEEL, GEOMETRY)
+    assert carried(n, tilt, NOTHING, joint_at(angle), DT, WHEEL, GEOMETRY, CONTACT) == pytest.approx(n)
 
 
 def test_a_rolling_machine_is_seen_ahead_by_latency_and_damping():
     """Rolling with the left side up: the left tyre is unloaded by stiffness times what it will have risen."""
     n, rate = forces(30e3, 30e3, 30e3, 30e3), Tilt(0.05, 0.0)
-    tilt = tilt_of(n, 0.0, WHEEL, GEOMETRY)
-    ahead = carried(n, tilt, rate, 0.0, DT, WHEEL, GEOMETRY, CONTACT)
+    tilt = tilt_of(n, joint_at(0.0), WHEEL, GEOMETRY)
+    ahead = carried(n, tilt, rate, joint_at(0.0), DT, WHEEL, GEOMETRY, CONTACT)
     stiffness, half = tyre.radial_stiffness(30e3, 1.0, WHEEL), GEOMETRY.front_track / 2
     speed = 0.05 * half
     expected = -(stiffness * (CONTACT.latency - DT / 2) + CONTACT.damping) * speed
@@ -158,9 +162,11 @@ def test_the_rate_of_the_support_point_is_its_difference(n, angle, roll, pitch, 
 
     def at(time):
         turned = Tilt(roll * time, pitch * time)
-        return support_of(shifted(n, turned, angle, stiffness, GEOMETRY), angle + bend * time, GEOMETRY).y
+        return support_of(
+            shifted(n, turned, joint_at(angle), stiffness, GEOMETRY), angle + bend * time, GEOMETRY
+        ).y
 
-    found = support_rate(n, Tilt(roll, pitch), angle, bend, WHEEL, GEOMETRY)
+    found = support_rate(n, Tilt(roll, pitch), joint_at(angle), bend, WHEEL, GEOMETRY)
     assert found == pytest.approx((at(step) - at(-step)) / (2 * step), abs=1e-4)
 
 

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from ecu.calibration import load_calibration
 from ecu.estimators.columns import estimate_columns
 from ecu.estimators.estimate import corrected, follow_tilt
+from ecu.estimators.joint import joint_at
 from ecu.estimators.live import LiveEstimator
 from ecu.estimators.loads.normal_force import rigid_normal_forces, standing
 from ecu.estimators.motion.motion import Motion
@@ -331,7 +332,7 @@ def test_a_tick_without_a_wheels_load_keeps_the_tilt_of_the_gyro():
     s = INITIAL._replace(cycles=500.0, roll_tilt=0.03, pitch_tilt=0.001, roll_bias=0.01)
     moved = Motion(Vector(0.2, 0.0, 0.0), Vector(0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, 0.0)
     lifted = NormalForces(-500.0, 50e3, 55e3, 31e3, 31e3)
-    n, followed = follow_tilt(i, s, moved, lifted, PARAMETERS)
+    n, followed = follow_tilt(i, s, moved, lifted, joint_at(i.articulation_angle), PARAMETERS)
     assert n == lifted
     assert followed.tilt.roll == pytest.approx(0.03 + (0.2 - 0.01) * i.dt)
     assert followed.bias.roll == 0.01

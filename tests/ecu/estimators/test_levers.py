@@ -6,6 +6,7 @@ import math
 import pytest
 
 from ecu.calibration import load_calibration
+from ecu.estimators.joint import joint_at
 from ecu.estimators.loads.arm_forces import ArmForces
 from ecu.estimators.loads.cog import front_unit
 from ecu.estimators.loads.normal_force import Support, normal_forces
@@ -22,7 +23,6 @@ from ecu.estimators.stability.levers import (
     largest,
     with_motion,
 )
-from ecu.estimators.stability.permitted import steady_forces
 from ecu.estimators.stability.permitted_levers import AMPLE, keeps_with_lever, largest_loss, permitted_lever
 from ecu.estimators.stability.prediction import (
     STILL,
@@ -34,6 +34,7 @@ from ecu.estimators.stability.prediction import (
     with_levers,
 )
 from ecu.estimators.stability.rollover import loaded_machine, share_lost, steady_rate, support_of
+from ecu.estimators.stability.steady import steady_forces, steady_turns
 
 P = load_calibration().parameters
 DRIVE, RULES = P.linkage_drive, P.prediction
@@ -50,8 +51,8 @@ def machine(arm, payload, **prediction):
 
 def start(speed, angle, arm, m, ground=LEVEL):
     """A steady turn with the arm at rest."""
-    n = steady_forces(speed, angle, ground, m)
     turn = steady_rate(speed, angle, m.wheel.lateral_peak, m.geometry)
+    n = steady_forces(speed, turn, steady_turns(angle, ground.z, m), ground, m)
     return PredictionState(
         angle, 0.0, 0.0, speed, 0.0, *ground, ground, m.geometry.rear_length * turn, turn,
         n.front_left + n.front_right, n.rear_left + n.rear_right, support_of(n, angle, m.geometry).y, 0.0,
@@ -153,11 +154,11 @@ def test_the_share_lost_is_that_of_the_balance(angle):
     n = m.standing
     c, s = math.cos(angle), math.sin(angle)
     load = n.front_left + n.front_right + n.pivot
-    base = normal_forces(Support(load, 0.4, 0.0), angle, 0.0, 0.0, m.geometry)
+    base = normal_forces(Support(load, 0.4, 0.0), joint_at(angle), 0.0, 0.0, m.geometry)
     more = load + arm.z
     x = (load * 0.4 + arm.pitching * c - arm.rolling * s) / more
     y = (arm.pitching * s + arm.rolling * c) / more
-    then = normal_forces(Support(more, x, y), angle, 0.0, 0.0, m.geometry)
+    then = normal_forces(Support(more, x, y), joint_at(angle), 0.0, 0.0, m.geometry)
     lost = [(b - t) / w for b, t, w in zip(base, then, n, strict=True)]
     del lost[2]  # the pivot
     assert share_lost(arm, angle, m) == pytest.approx(max(lost), rel=1e-9)

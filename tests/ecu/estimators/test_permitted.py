@@ -1,4 +1,4 @@
-"""Permitted rate and speed: what they lead to, on the level and on slopes, and what the machine leans on."""
+"""Permitted rate and speed: what they lead to, on the level and on slopes."""
 
 import math
 
@@ -6,40 +6,28 @@ import pytest
 
 from ecu.calibration import load_calibration
 from ecu.estimators.loads.cog import front_unit
-from ecu.estimators.loads.normal_force import normal_forces
 from ecu.estimators.quantities import Vector
 from ecu.estimators.stability.levers import Levers
 from ecu.estimators.stability.permitted import (
-    LEANING,
     helps,
     keeps_margins,
-    leaned,
-    least_margin,
     limit_for,
     permitted_rate,
     permitted_speed,
     stays_above,
-    steady_forces,
-    turned_gravity,
 )
 from ecu.estimators.stability.prediction import PredictionState
-from ecu.estimators.stability.rollover import (
-    loaded_machine,
-    margin,
-    steady_loads,
-    steady_rate,
-    support_of,
-)
-from ecu.estimators.tyres.contact import Tilt
+from ecu.estimators.stability.rollover import loaded_machine, steady_rate, support_of
+from ecu.estimators.stability.steady import least_margin, steady_forces, steady_turns, turned_gravity
 
 P = load_calibration().parameters
 G, LOCK = 9.81, 0.66
 LEVEL = Vector(0.0, 0.0, G)
 
 
-def machine(wheel=P.wheel, **prediction):
+def machine(**prediction):
     """The empty machine with the bucket carried, other numbers of its prediction."""
-    given = P._replace(wheel=wheel, prediction=P.prediction._replace(**prediction))
+    given = P._replace(prediction=P.prediction._replace(**prediction))
     return loaded_machine(front_unit(-0.65, 0.82, 0.0, P.front, P.arm, P.bucket), 0.0, given)
 
 
@@ -49,18 +37,6 @@ MACHINE = machine()
 def uphill(angle):
     """What an accelerometer reads on a machine that stands nose up by `angle`."""
     return Vector(G * math.sin(angle), 0.0, G * math.cos(angle))
-
-
-def test_turning_on_the_spot_turns_gravity_the_other_way():
-    """Nose up, a quarter turn to the left brings the right side up: the reading points to the right."""
-    turned = turned_gravity(uphill(0.15), math.pi / 2)
-    assert turned == pytest.approx((0.0, -G * math.sin(0.15), G * math.cos(0.15)), abs=1e-12)
-    assert turned_gravity(turned, -math.pi / 2) == pytest.approx(uphill(0.15), abs=1e-12)
-
-
-def test_leaning_with_the_slope_is_standing_on_it():
-    """A body nose down and left side up by small angles reads what it would on a slope of these angles."""
-    assert leaned(LEVEL, Tilt(0.01, 0.02)) == pytest.approx((-0.02 * G, 0.01 * G, G))
 
 
 @pytest.mark.parametrize("braking", [0.0, 1.0, 5.0])
@@ -78,8 +54,9 @@ def test_driving_straight_only_the_present_heading_counts():
 def test_at_the_permitted_speed_the_floor_is_just_kept():
     slope = turned_gravity(uphill(0.15), 1.0)
     speed, floor = permitted_speed(LOCK, slope, 1.0, MACHINE), P.prediction.speed_floor
-    assert stays_above(floor, 0.99 * speed, LOCK, slope, MACHINE)
-    assert not stays_above(floor, 1.02 * speed, LOCK, slope, MACHINE)
+    turns = steady_turns(LOCK, slope.z, MACHINE)
+    assert stays_above(floor, 0.99 * speed, turns, slope, MACHINE)
+    assert not stays_above(floor, 1.02 * speed, turns, slope, MACHINE)
 
 
 def test_a_turn_that_will_point_its_outer_side_downhill_has_to_be_begun_slower():
@@ -113,50 +90,10 @@ def test_forward_to_the_left_and_mirrored_to_the_right_are_alike():
     assert permitted_speed(LOCK, right_up, 1.0, MACHINE) == permitted_speed(-LOCK, mirrored, 1.0, MACHINE)
 
 
-def rigid_margin(speed, angle, ground, m):
-    """Margin of the turn on tyres that do not give way."""
-    loads = steady_loads(speed, angle, ground, m.wheel.lateral_peak, m.front, m.rear, m.axle, m.geometry)
-    forces = normal_forces(loads.support, angle, loads.axle_load, loads.axle_moment, m.geometry)
-    return margin(forces, m.standing).ratio
-
-
-@pytest.mark.parametrize("hardness", [1e3, 1.0])
-def test_a_machine_leans_to_its_outer_side_as_its_tyres_are_soft(hardness):
-    """Hard tyres: the rigid machine. Soft ones take more from the inner wheel, by weight times height over stiffness.
-
-    The lean is the roll moment M over the front tyres' stiffness K; it moves the weight that leans, W at the height h
-    above the roll axis, and so adds W h / K of M, and that of this: M / (1 - W h / K).
-    """
-    tyre = P.wheel
-    wheel = tyre._replace(
-        radial_linear=hardness * tyre.radial_linear, radial_quadratic=hardness * tyre.radial_quadratic
-    )
-    m = machine(wheel)
-    speed, angle = 4.5, 0.3
-    lost = 1.0 - rigid_margin(speed, angle, LEVEL, m)
-    leaning = 1.0 - margin(steady_forces(speed, angle, LEVEL, m), m.standing).ratio
-    standing = 1.0 - rigid_margin(0.0, angle, LEVEL, m)
-    gain = (leaning - standing) / (lost - standing)
-    if hardness > 1.0:
-        assert gain == pytest.approx(1.0, abs=2e-3)
-        return
-    k = (
-        P.wheel.nominal_load
-        * (tyre.radial_linear + 2.0 * tyre.radial_quadratic * 0.05)
-        / tyre.unloaded_radius
-    )
-    half = P.geometry.front_track / 2.0
-    height = (m.front.mass * m.front.z + m.rear.mass * m.rear.z) - (m.front.mass + m.rear.mass) * 0.4
-    ratio = G * height / (2.0 * k * half**2)
-    expected = sum(ratio**n for n in range(LEANING + 1))
-    assert gain == pytest.approx(expected, abs=0.1)
-    assert gain > 1.05
-
-
 def start(speed, angle, demanded, ground, m=MACHINE):
     """A steady turn on this ground in which another articulation rate is demanded."""
-    forces = steady_forces(speed, angle, ground, m)
     turn = steady_rate(speed, angle, m.wheel.lateral_peak, m.geometry)
+    forces = steady_forces(speed, turn, steady_turns(angle, ground.z, m), ground, m)
     front, rear = forces.front_left + forces.front_right, forces.rear_left + forces.rear_right
     support = support_of(forces, angle, m.geometry).y
     return PredictionState(
@@ -173,7 +110,8 @@ def test_at_the_permitted_rate_both_margins_are_just_kept(ground):
     assert keeps_margins(now, rate, MACHINE)
     assert not keeps_margins(now, rate + step, MACHINE)
     angle = 0.2 + rate * P.prediction.limit_hold
-    assert stays_above(P.prediction.turn_floor, 6.0, angle, ground, MACHINE)
+    turns = steady_turns(angle, ground.z, MACHINE)
+    assert stays_above(P.prediction.turn_floor, 6.0, turns, ground, MACHINE)
 
 
 def test_the_turn_that_follows_binds_the_rate_before_the_horizon_does():
@@ -246,4 +184,5 @@ def test_a_rate_that_helps_leaves_a_better_turn_behind():
     assert helps(now, 0.4, m)
     assert not helps(now, -0.4, m)
     assert not helps(now, 0.0, m)
-    assert least_margin(-9.0, 7.0, -0.3, LEVEL, m) > least_margin(-9.0, 7.0, -0.4, LEVEL, m)
+    back, here = (least_margin(-9.0, 7.0, steady_turns(angle, G, m), LEVEL, m) for angle in (-0.3, -0.4))
+    assert back > here

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ecu.calibration import load_calibration
+from ecu.estimators.joint import joint_at
 from ecu.estimators.loads.cog import front_unit, with_axle
 from ecu.estimators.motion.acceleration import yaw_rate
 from ecu.estimators.motion.planar import Steering, lateral_step, side_force
@@ -22,7 +23,7 @@ speeds, angles = st.floats(0.5, 8.0), st.floats(-0.68, 0.68)
 
 def turned(angle, speed, seconds=6.0, dt=0.01, wheel=WHEEL, gravity_y=0.0, rate=0.0):
     """The lateral state of a machine that has driven like this for some time."""
-    steering = Steering(angle, rate, 0.0, speed, 0.0, 0.0, gravity_y, 0.0, 0.0)
+    steering = Steering(joint_at(angle), rate, 0.0, speed, 0.0, 0.0, gravity_y, 0.0, 0.0)
     drift, yaw, state = 0.0, 0.0, None
     for _ in range(round(seconds / dt)):
         state = lateral_step(drift, yaw, steering, *LOAD, dt, FRONT, REAR, wheel, GEOMETRY)
@@ -48,7 +49,7 @@ def test_it_corners_no_harder_than_its_tyres_grip(speed, grips):
         state = lateral_step(
             drift,
             yaw,
-            Steering(angle, rate, 0, speed, 0, 0, 0, 0, 0),
+            Steering(joint_at(angle), rate, 0, speed, 0, 0, 0, 0, 0),
             *LOAD,
             dt,
             FRONT,
@@ -93,7 +94,7 @@ def test_a_step_halved_halves_the_error_and_the_predictions_step_is_short_enough
 @given(angles, speeds, st.floats(-0.4, 0.4), st.floats(-0.5, 0.5), st.floats(-0.4, 0.4), st.floats(-2, 2))
 def test_forces_and_inertia_balance(angle, speed, rate, drift, yaw, change):
     """In the limit of a short step: d'Alembert for both bodies, every mass at its own place, no torque outside."""
-    steering = Steering(angle, rate, change, speed, 0.5, 0.1, -0.2, 0.0, 0.0)
+    steering = Steering(joint_at(angle), rate, change, speed, 0.5, 0.1, -0.2, 0.0, 0.0)
     state = lateral_step(drift, yaw, steering, *LOAD, 1e-7, FRONT, REAR, WHEEL, GEOMETRY)
     c, s = math.cos(angle), math.sin(angle)
     lf, lr = GEOMETRY.front_length, GEOMETRY.rear_length

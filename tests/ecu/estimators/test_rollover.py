@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ecu.calibration import load_calibration
+from ecu.estimators.joint import joint_at
 from ecu.estimators.loads.cog import front_unit
 from ecu.estimators.loads.normal_force import Support, normal_forces
 from ecu.estimators.motion.acceleration import yaw_rate
@@ -53,7 +54,7 @@ def turning(speed, angle, given=EMPTY, gravity=LEVEL):
     loads = steady_loads(
         speed, angle, gravity, P.wheel.lateral_peak, given.front, given.rear, given.axle, given.geometry
     )
-    return normal_forces(loads.support, angle, loads.axle_load, loads.axle_moment, given.geometry)
+    return normal_forces(loads.support, joint_at(angle), loads.axle_load, loads.axle_moment, given.geometry)
 
 
 def start(speed, angle, given=EMPTY, gravity=LEVEL, rate=0.0):
@@ -131,7 +132,7 @@ def test_the_support_point_gives_the_loads_back(n, angle):
     """`support_of` inverts `normal_forces`."""
     moment = P.geometry.rear_track * (n.rear_right - n.rear_left) / 2.0
     axle = n.rear_left + n.rear_right - n.pivot
-    again = normal_forces(support_of(n, angle, P.geometry), angle, axle, moment, P.geometry)
+    again = normal_forces(support_of(n, angle, P.geometry), joint_at(angle), axle, moment, P.geometry)
     assert again == pytest.approx(n, rel=1e-6, abs=1e-4)
 
 
@@ -142,9 +143,9 @@ def test_a_front_wheel_lifts_on_the_edge_of_the_support_triangle(angle, forward)
     half, c, s = g.front_track / 2.0, math.cos(angle), math.sin(angle)
     edge = (half * c - g.front_length * s) / (g.front_length * c + g.rear_length + half * s)
     across = -(forward + g.rear_length) * edge
-    n = normal_forces(Support(1e5, forward, across), angle, 1e4, 0.0, g)
+    n = normal_forces(Support(1e5, forward, across), joint_at(angle), 1e4, 0.0, g)
     assert n.front_left == pytest.approx(0.0, abs=1e-8 * 1e5)
-    assert normal_forces(Support(1e5, forward, across + 0.01), angle, 1e4, 0.0, g).front_left > 0.0
+    assert normal_forces(Support(1e5, forward, across + 0.01), joint_at(angle), 1e4, 0.0, g).front_left > 0.0
 
 
 # steady turns
