@@ -185,6 +185,7 @@ class CheckedTable:
 
     def unknown(self, key: str, known: Iterable[str]) -> ConfigurationError:
         """The error for an unknown key, with the most similar known one."""
+        # sorted: the same error at every start, whatever the order of a set
         names = sorted(known)
         # most unknown keys are misspelt ones
         near = difflib.get_close_matches(key, names, n=1)
@@ -201,6 +202,7 @@ class CheckedTable:
     def _value(self, key: str, default: object, permitted: str = "") -> object:
         """The value at `key`; where there is none, the error says what is permitted."""
         self._asked.add(key)
+        # TOML has no null, so None can only mean that the key is absent
         value = self._values.get(key, default)
         if value is None:
             raise self.error(key, f"is missing ({permitted})" if permitted else "is missing")
@@ -213,6 +215,7 @@ def read_toml(path: Path) -> dict[str, object]:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError(f"{path}: not valid TOML: {error}") from error
+    # a UTF-16 file from an editor is as common as a missing one
     except (OSError, UnicodeDecodeError) as error:
         cause = error.strerror if isinstance(error, OSError) else f"not UTF-8, {error}"
         raise ConfigurationError(f"{path}: cannot be read: {cause}") from error
@@ -240,6 +243,7 @@ def _merged(base: Mapping[str, object], over: Mapping[str, object]) -> dict[str,
 def _lay_over(values: dict[str, object], key: tuple[str, ...], value: object, file: str) -> None:
     """Set the value at a dotted key; missing tables on the way are created."""
     for depth, part in enumerate(key[:-1], 1):
+        # --set may name a table that the file leaves out: its defaults are then laid over
         inner = values.setdefault(part, {})
         if not isinstance(inner, dict):
             raise ConfigurationError(

@@ -38,6 +38,7 @@ def check(settings: ServiceSettings) -> list[Verdict]:
     verdicts = [judge_interface(settings, Link.read(settings.can.interface))]
     if verdicts[0].result is Result.PASSED:
         try:
+            # an interface that is down would make every later verdict a wrong one, so listening comes only after the first
             with open_transport(settings.address, name="deploy check") as bus:
                 heard = listen(bus, settings.can.listen_s)
         except BusUnavailable as error:
@@ -57,6 +58,7 @@ def listen(bus: Transport, duration_s: float) -> Heard:
                 while frames := bus.drain():
                     heard.frames.update(frame.can_id for frame in frames)
                 heard.findings += bus.findings()
+    # the transport counts error frames that it does not hand on
     heard.errors = bus.statistics().errors
     return heard
 

@@ -37,6 +37,7 @@ def check_command(file: SettingsArgument) -> None:
     """
     from hil.shell.lean import without_mf4
 
+    # asammdf takes a second to load, and a check before every start must not
     without_mf4()
 
     from deploy.check import check
@@ -74,8 +75,10 @@ def units(
     from deploy.units import SETTINGS, service_files
 
     settings = ServiceSettings.from_file(file)
+    # systemd takes absolute paths only
     found = str(program or shutil.which("loaderhil") or "/usr/bin/loaderhil")
     target = out / SETTINGS.lstrip("/")
+    # --out / with /etc/loaderhil/ecu.toml itself: nothing to copy
     if target.absolute() != file.absolute():
         _write(target, file.read_text(encoding="utf-8"))
     for name, text in service_files(settings, found).items():

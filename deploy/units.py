@@ -45,6 +45,7 @@ RestartSec={can.restart_ms}ms
 def _service(settings: ServiceSettings, program: str, settings_file: str) -> str:
     interface = settings.can.interface
     realtime = settings.realtime
+    # each capability only where an option needs it: what a service may do should follow from its settings
     needed = [
         *(["CAP_SYS_NICE"] if realtime.fifo is not None else []),
         *(["CAP_IPC_LOCK"] if realtime.lock_memory else []),

@@ -45,6 +45,7 @@ def table_files(calibration: Calibration, database: Database) -> dict[str, str]:
     validities = [f"{name} valid" for name in NEEDS]
     named = [f"reason {name}" for name in reasons.REASONS]
     others = [name for name in all_values() if name not in {*estimates, *validities, *named}]
+    # Estimates, validities and reasons come first and without gaps: the runtime copies each of these blocks in one loop.
     values = {name: constant("VALUE", name) for name in (*estimates, *validities, *named, *others)}
     conditions, validity_rows = needs_table(inputs)
     received, (sent, most) = received_tables(calibration, database), sent_tables(messages(), values, database)
@@ -90,6 +91,7 @@ def table_files(calibration: Calibration, database: Database) -> dict[str, str]:
         f"#define TICK_NS {TICK_NS}LL\n",
         counters(),
     ]
+    # messages that fall silent in one cycle get their codes in the order of names, as in Python
     ordered = sorted(range(len(GROUP_OF)), key=lambda k: list(GROUP_OF)[k])
     header = "\n".join(
         [_NOTE + "#ifndef ECU_TABLES_H\n#define ECU_TABLES_H\n\n#include \"ecu_types.h\"\n", *enums, conditions,

@@ -98,10 +98,12 @@ static inline real_t PERTURBED(real_t exact)
 def estimator_files(*, perturbed: bool = False) -> dict[str, str]:
     """File name -> text. perturbed: the build that measures what rounding does to the results, for tests only."""
     translation = Translation(ROOT, exported=RULES, perturbed=perturbed)
+    # numba's wrapper has no source; the function in it has
     entry = translation.add(getattr(corrected, "py_func", corrected))
     for rule in RULES:
         translation.add(rule)
     functions = "\n".join(translation.functions)
+    # an unused static function is a warning, and warnings are errors
     modulo = MODULO if "modulo(" in functions else ""
     return {
         "estimators.h": _HEADER.format(types=translation.types, rules="\n".join(translation.prototypes)),

@@ -102,6 +102,7 @@ def suspects(inputs: Sequence[Received], calibration: Calibration, database: Dat
 
 def least_ns(holds: Callable[[int], bool]) -> int:
     """The smallest whole number of nanoseconds for which a comparison of Python's holds."""
+    # Python compares seconds as floats. The runtime compares whole nanoseconds, so it needs the number at which that comparison turns.
     low, high = -1, 1 << 50
     while high - low > 1:
         middle = (low + high) // 2
@@ -115,11 +116,13 @@ def rule_constants(calibration: Calibration) -> str:
     geometry = calibration.parameters.geometry
     times = reasons.times(alarms)[reasons.PREVENTION]
     found: dict[str, str] = {
+        # > or >= as in the Python source of each rule
         "RULE_RECOVERY_NS": f"{least_ns(lambda ns: ns * 1e-9 >= inputs.recovery)}LL",
         "RULE_START_UP_NS": f"{least_ns(lambda ns: ns * 1e-9 > inputs.start_up)}LL",
         "RULE_LEAST_ON_NS": f"{times.least_on_ns}LL",
         "RULE_OFF_DELAY_NS": f"{times.off_delay_ns}LL",
         "RULE_CODE_HOLD_NS": f"{HOLD_NS}LL",
+        # counted in frames: rounding down would call a signal frozen one frame too early
         "RULE_FROZEN_FRAMES": f"{math.ceil(inputs.frozen_frames)}U",
         "RULE_STANDING_FRAMES": f"{math.ceil(inputs.frozen_frames / 4)}U",
         "RULE_EXCHANGED_FRAMES": f"{math.ceil(inputs.exchanged_frames)}U",

@@ -49,6 +49,7 @@ def inputs_of(calibration: Calibration) -> list[Received]:
 
 def constant(prefix: str, name: str) -> str:
     """An enumerator's name: words of camel case and spaces apart."""
+    # camel case would be unreadable in capitals: WheelSpeeds -> WHEEL_SPEEDS
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
     return f"{prefix}_{re.sub(r'[^A-Za-z0-9]+', '_', words)}".upper()
 
@@ -126,6 +127,7 @@ def received_tables(calibration: Calibration, database: Database) -> str:
 
 def _input_row(codec: MessageCodec, field: Any, factor: float) -> str:
     signal = codec.by_signal[field.row.signal]
+    # a value table may name raw values outside of the range of numbers: they are states, not errors
     lowest, highest = signal.raw_range if not signal.choices else signal.raw_limits
     return (
         f"{{{place(codec, signal)}, .scale = {real(signal.scale)}, .offset = {real(signal.offset)}, .factor = {real(factor)},"
@@ -141,6 +143,7 @@ def sent_tables(
     outgoing: Mapping[str, Signals], values: Mapping[str, str], database: Database
 ) -> tuple[str, int]:
     """Signals and messages of the ECU, and the most frames of a tick. values: name of a value -> its enumerator."""
+    # the order and the phases of the Python ECU, so that both put the same frames into the same tick
     codecs = sorted((database.by_name[name] for name in outgoing), key=lambda codec: codec.cycle_ns)
     cycles = [codec.cycle_ns // TICK_NS for codec in codecs]
     starts = phases(cycles)
@@ -152,6 +155,7 @@ def sent_tables(
         first = len(signals)
         for (name, (_, source)), factor in zip(chosen.items(), binding.factors, strict=True):
             signals.append(_output_row(codec, codec.by_signal[name], factor, values[source]))
+        # the bits that no value writes: unused ones and those of signals that this ECU does not fill
         resting = int.from_bytes(binding.encode([0.0] * len(chosen)), "little")
         for name in chosen:
             signal = codec.by_signal[name]

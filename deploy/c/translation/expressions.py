@@ -167,6 +167,7 @@ class Expressions:
         thing = self._python(node)
         if thing is not None:
             owner = self._python(node.value)
+            # module.NAME: the constant keeps its module's name, so that two modules may have the same one
             if isinstance(owner, types.ModuleType):
                 return self._known(node, node.attr, thing, owner.__name__)
             if isinstance(thing, int):  # a member of an enumeration
@@ -184,6 +185,7 @@ class Expressions:
                 node, f"{owner_value.kind.python.__name__} has no field {node.attr} of a known kind"
             )
         text = owner_value.field(local_name(node.attr))
+        # a field of a call's result has no address of its own
         has_place = bool(owner_value.place)
         return Value(text, kind, place=text if has_place else "")
 
@@ -222,18 +224,21 @@ class Expressions:
         if isinstance(node.op, ast.Div):
             return self._division(node, self.converted(left, REAL, node), self.converted(right, REAL, node))
         if isinstance(node.op, ast.Pow):
+            # powf differs between libraries in its last bits, ldexp is exact everywhere
             if left.exact != 2 or right.kind != INT:
                 raise self.scope.refused(
                     node, "a power that is not 2.0 ** integer: write the product or the root"
                 )
             return Value(f"real_ldexp(R(1.0), {right.c})", REAL)
         if isinstance(node.op, ast.Mod):
+            # with a negative divisor the remainders of C and Python have different signs
             if left.kind != INT or not isinstance(right.exact, int) or right.exact <= 0:
                 raise self.scope.refused(node, "a remainder that is not integer % positive constant")
             return Value(f"modulo({left.c}, {right.c})", INT)
         sign = _ARITHMETIC.get(type(node.op))
         if sign is None:
             raise self.scope.refused(node, f"the operator {type(node.op).__name__}")
+        # Python widens integers to real numbers; times in nanoseconds need 64 bits
         kind = next((k for k in (REAL, TIME) if k in (left.kind, right.kind)), INT)
         left, right = self.converted(left, kind, node), self.converted(right, kind, node)
         # a + b + c and a * b * c need no parentheses in C: the order is Python's, from the left
@@ -251,6 +256,7 @@ class Expressions:
 
     def _division(self, node: ast.BinOp, left: Value, right: Value) -> Value:
         if right.exact is not None:
+            # found here rather than in the vehicle
             if right.exact == 0:
                 raise self.scope.refused(node, "a division by zero")
             return self._rounded(f"{left.operand()} / {right.operand()}", REAL)
@@ -268,6 +274,7 @@ class Expressions:
 
     def _boolop(self, node: ast.BoolOp) -> Value:
         sign = " && " if isinstance(node.op, ast.And) else " || "
+        # The first operand is always evaluated, the others perhaps not: what they need must not be computed before the statement.
         parts = [self.truth(node.values[0]).operand()]
         self.scope.conditional += 1
         parts += [self.truth(value).operand() for value in node.values[1:]]
@@ -291,6 +298,7 @@ class Expressions:
         sign = _COMPARISONS.get(type(op))
         if sign is None or a.kind not in NUMBERS or b.kind not in NUMBERS:
             raise self.scope.refused(node, f"the comparison {ast.unparse(node)}")
+        # C would convert by its own rules, a signed 64-bit time to float among them
         if a.kind != b.kind:
             common = TIME if TIME in (a.kind, b.kind) else REAL
             a, b = self.converted(a, common, node), self.converted(b, common, node)
@@ -344,10 +352,12 @@ class Expressions:
         return Value(f"({c}){{{', '.join(parts)}}}", Record(record))
 
     def _mathematics(self, node: ast.Call, name: str) -> Value:
+        # only what newlib and glibc both have in single precision
         if name not in MATH or len(node.args) != MATH[name]:
             raise self.scope.refused(node, f"math.{name}")
         arguments = ", ".join(self.as_kind(argument, REAL) for argument in node.args)
         text = f"real_{name}({arguments})"
+        # copysign rounds nothing, so there is nothing to perturb
         exact = name == "copysign" or not self.scope.program.perturbed
         return Value(text if exact else f"PERTURBED({text})", REAL)
 
@@ -368,6 +378,7 @@ class Expressions:
             return Value(f"{word}_abs({texts[0]})", kind)
         if name == "bool" or len(texts) < 2:
             raise self.scope.refused(node, f"{name}() of {len(texts)} argument")
+        # min and max of several: pairwise from the left, as Python compares them
         found = texts[0]
         for text in texts[1:]:
             found = f"{word}_{name}({found}, {text})"

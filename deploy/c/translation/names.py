@@ -25,6 +25,7 @@ class Names:
         """Name of a struct."""
         if record not in self._types:
             name = record.__name__
+            # C has one name space for all structs of a file
             if name in self._types.values():
                 name = _capitalised(record.__module__.rsplit(".", 1)[-1]) + name
             self._types[record] = name

@@ -62,12 +62,14 @@ class Translation:
 
     def needs_function(self, function: Any, where: Callable[[str], Exception]) -> Signature:
         """Translate a function that is called, once."""
+        # recursion has no bound on the stack that a microcontroller could reserve
         if function in self._open:
             raise refused(Path(inspect.getfile(function)), function.__code__.co_firstlineno, "recursion")
         if function in self._signatures:
             return self._signatures[function]
         if not inspect.isfunction(function):
             raise where(f"a call of {function!r}")
+        # callees are translated first, so that C needs no forward declarations
         self._open.append(function)
         signature = self._signature(function)
         self._translate(function, signature)
@@ -150,6 +152,7 @@ class Translation:
         scope = Scope(self, source, result)
         texts = []
         for parameter, kind in parameters:
+            # a record by value would be copied onto the stack at every call
             pointer = isinstance(kind, (Record, Group))
             local = scope.declare(parameter, kind, pointer=pointer)
             c = self.needs_kind(kind)
@@ -161,6 +164,7 @@ class Translation:
         else:
             head = f"static {head}"
         origin = f"{source.file.relative_to(self._root)}:{source.first_line}"
+        # -Wextra rejects a parameter that nobody reads; Python permits one for the sake of a common signature
         used = " ".join(body)
         idle = [
             f"    (void){scope.locals[p].c};" for p, _ in parameters if not _word_in(scope.locals[p].c, used)
@@ -177,6 +181,7 @@ def _word_in(word: str, text: str) -> bool:
 
 def comment(text: str, indent: str) -> str:
     """A C comment of one or several lines; "" for no text."""
+    # a docstring may itself contain the marks of a C comment
     text = text.strip().replace("*/", "* /").replace("/*", "/ *")
     if not text:
         return ""

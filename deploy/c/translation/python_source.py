@@ -34,6 +34,7 @@ class FunctionSource:
 @lru_cache(maxsize=512)
 def function_source(function: Any) -> FunctionSource:
     """Source of a Python function; OSError where Python has none."""
+    # a method or nested function is indented, which ast.parse rejects
     text = textwrap.dedent(inspect.getsource(function))
     tree = ast.parse(text).body[0]
     file, line = Path(inspect.getfile(function)), function.__code__.co_firstlineno
@@ -62,6 +63,7 @@ def field_comments(record: type) -> Mapping[str, str]:
     found = {}
     for item in tree.body:
         if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name):
+            # a formatter may have moved the remark to the last line of a long annotation
             lines = range(item.lineno, (item.end_lineno or item.lineno) + 1)
             remark = " ".join(comments[line] for line in lines if line in comments)
             if remark:
@@ -87,6 +89,7 @@ def definition_of(module: ModuleType, name: str) -> tuple[ModuleType, str]:
     """Module that defines a constant which `module` uses under `name`, and the docstring below it, "" if it has none."""
     body = _module_tree(module).body
     for place, statement in enumerate(body):
+        # follow imports to where the constant is assigned: its comment and its one name in C stand there
         if isinstance(statement, ast.ImportFrom) and statement.module:
             for alias in statement.names:
                 if (alias.asname or alias.name) == name:

@@ -57,6 +57,7 @@ class Statements:
 
     def _remarks(self, statement: ast.stmt) -> None:
         """Comments above the statement and, of a simple one, on its lines."""
+        # the body of a compound statement emits its own remarks, each where it stands
         compound = isinstance(statement, (ast.If, ast.For))
         last = statement.lineno if compound else (statement.end_lineno or statement.lineno)
         texts = [self._pending.pop(line) for line in sorted(self._pending) if line <= last]
@@ -67,6 +68,7 @@ class Statements:
     # -- assignments
 
     def _assign(self, node: ast.Assign) -> None:
+        # a = b = value: the value is evaluated once in C too
         if len(node.targets) > 1:
             if not all(isinstance(target, ast.Name) for target in node.targets):
                 raise self.scope.refused(node, "a chain of assignments to more than names")
@@ -94,6 +96,7 @@ class Statements:
             raise self.scope.refused(node, f"an assignment to {ast.unparse(node.target)}")
         known = self.scope.locals.get(node.target.id)
         sign = {ast.Add: "+=", ast.Sub: "-=", ast.Mult: "*="}.get(type(node.op))
+        # /= may divide by zero, and the perturbed build wraps each result: both need the long form below
         if sign is not None and known is not None and not self.scope.program.perturbed:
             text = self.expressions.as_kind(node.value, known.kind)
             self._flush()
@@ -106,8 +109,10 @@ class Statements:
     def _store(self, node: ast.stmt, name: str, value: Value) -> None:
         """Assign one name, and declare it where this is the place."""
         known = self.scope.locals.get(name)
+        # a record comes as a pointer to the caller's own: storing through it would change the caller's
         if known is not None and known.pointer:
             raise self.scope.refused(node, f"an assignment to the argument {name}, which is a record")
+        # a variable of C keeps the type of its first value
         kind = known.kind if known is not None else value.kind
         if kind != value.kind:
             value = self.expressions.converted(value, kind, node)
@@ -141,6 +146,7 @@ class Statements:
             and isinstance(source.body, ast.Tuple)
             and isinstance(source.orelse, ast.Tuple)
         ):
+            # every name gets its own choice, so the test is evaluated again for each: a name costs nothing and cannot change
             if not isinstance(source.test, ast.Name):
                 raise self.scope.refused(node, "a choice of tuples by more than a name")
             pairs = zip(source.body.elts, source.orelse.elts, strict=True)
@@ -149,6 +155,7 @@ class Statements:
             )
         else:
             value = self.expressions.value(source)
+            # the parts are read one by one: a call must not be repeated for each
             if not value.place:
                 label = ast.unparse(source.func) if isinstance(source, ast.Call) else names[0]
                 held = self.scope.temporary(node, label, value.kind, value.c)
@@ -226,6 +233,7 @@ class Statements:
             raise self.scope.refused(node, "a range whose bounds are no integers")
         name = node.target.id
         self._loops += 1
+        # nested loops over `_` need variables of their own
         if name == "_":
             name = f"turn_{self._loops}"
         local = self.scope.declare(name, INT)
@@ -253,6 +261,7 @@ class Statements:
         if node.value is None:
             raise self.scope.refused(node, "a return without a value")
         kind: Kind = self.scope.result
+        # converted item by item, for a tuple may hold an integer where the signature says a real number
         if isinstance(node.value, ast.Tuple) and isinstance(kind, Group):
             parts = [
                 self.expressions.as_kind(item, k) for item, k in zip(node.value.elts, kind.items, strict=True)
