@@ -29,8 +29,8 @@ demo: $(BIN)/.run ## roll-over with the ECU's limits off and on; writes out/demo
 
 test: check fast slow-tests socketcan ## every test, linter and import contract
 
-fuzz: $(BIN)/.test ## 10^5 mutated files through every reader; writes docs/results/fuzz.md
-	$(BIN)/python -m tests.fuzz 10000 docs/results/fuzz.md
+fuzz: $(BIN)/.test ## 10^5 mutated files through every reader, 10^7 frames through ECU, gateway and hub, into docs/results/fuzz.md (hours; run again to take up)
+	$(BIN)/python -m tests.fuzz --report docs/results/fuzz.md $(FUZZ)
 
 check: $(BIN)/.test ## format, lint, types, import contracts
 	$(BIN)/ruff format --check .

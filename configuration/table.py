@@ -213,12 +213,16 @@ def read_toml(path: Path) -> dict[str, object]:
     """The values of a TOML file, unchecked. Raises ConfigurationError where it cannot be read."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{path}: not valid TOML: {error}") from error
     # a UTF-16 file from an editor is as common as a missing one
     except (OSError, UnicodeDecodeError) as error:
         cause = error.strerror if isinstance(error, OSError) else f"not UTF-8, {error}"
         raise ConfigurationError(f"{path}: cannot be read: {cause}") from error
+    except RecursionError:
+        # tomllib calls itself for every bracket
+        raise ConfigurationError(f"{path}: not valid TOML: brackets nested hundreds deep") from None
+    # ValueError beside TOMLDecodeError: an integer of more than 4300 digits
+    except ValueError as error:
+        raise ConfigurationError(f"{path}: not valid TOML: {error}") from error
 
 
 def _base(path: Path, name: object, bases: Path) -> Path:

@@ -5,13 +5,13 @@ applied and the others are listed in a comment. Baseline parameters keep their v
 """
 
 import json
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 from bus.user_error import UserError
+from configuration import ConfigurationError, read_toml
 from diagnosis.apply.toml_text import Line, with_values
 from diagnosis.describe import evidence, rounded
 from discrepancy.model.description import Effect, Model, Parameter
@@ -139,11 +139,9 @@ def plain(model: str) -> str:
 def read(path: Path, model: Model) -> Values:
     """The effects in a file that --apply wrote, checked against the model. Raises BadExtension."""
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadExtension(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise BadExtension(f"{path}: not valid TOML: {error}") from error
+        tables = read_toml(path)
+    except ConfigurationError as error:
+        raise BadExtension(str(error)) from error
     named = tables.get("model")
     if named != model.name:
         raise BadExtension(

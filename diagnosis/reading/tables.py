@@ -167,7 +167,7 @@ def _read_parquet(path: Path) -> _Found:
 def _read_csv(path: Path) -> _Found:
     raw, cut = path.read_bytes(), list[str]()
     if path.suffix.lower() == ".gz":
-        raw, cut = _unpacked(raw, path.name)
+        raw, cut = unpacked(raw, path.name)
     encoding, doubtful = _encoding(raw, path.name)
     # Decoded as it is read: io.StringIO would take four bytes per character.
     lines = io.TextIOWrapper(io.BytesIO(raw), encoding, errors="replace", newline="")
@@ -205,7 +205,7 @@ def _read_csv(path: Path) -> _Found:
     return columns, constants, [*cut, *doubtful, *skipped.sentences()]
 
 
-def _unpacked(raw: bytes, name: str) -> tuple[bytes, list[str]]:
+def unpacked(raw: bytes, name: str) -> tuple[bytes, list[str]]:
     """The content of a gzip file; of one that is cut off, up to its last complete line.
 
     Raises OSError or zlib.error for other damage, Unreadable for one that unpacks to more than any recording.

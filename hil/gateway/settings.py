@@ -14,7 +14,6 @@ pass = false
 """
 
 import difflib
-import tomllib
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -22,6 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bus.frame import EXTENDED, EXTENDED_MASK, STANDARD_MASK
 from bus.user_error import UserError
+from configuration import ConfigurationError, read_toml
 from dbc.database import Database
 from hil.gateway.core import QUEUE_FRAMES
 from hil.gateway.routes import NODES, SIDES, Routes, Rule, Side
@@ -57,11 +57,9 @@ class Settings(_Table):
 def read_settings(file: Path) -> Settings:
     """The settings in `file`; SettingsError if it is missing, not TOML, or not valid."""
     try:
-        content = tomllib.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SettingsError(f"{file}: cannot be read: {error.strerror or error}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{file}: not a TOML file: {error}") from error
+        content = read_toml(file)
+    except ConfigurationError as error:
+        raise SettingsError(str(error)) from error
     try:
         return Settings.model_validate(content)
     except ValidationError as error:

@@ -1,13 +1,15 @@
 """The recording of a small car under motion capture, as TU Delft's DART writes it: rows of 100 Hz, slow sensors repeated in them."""
 
 import csv
-import gzip
+import io
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.reading.tables import unpacked
 from identify.reading import BadRecording
 
 Array = NDArray[np.float64]
@@ -42,11 +44,14 @@ class CarLog:
 
 def read_car(path: Path) -> CarLog:
     """A CSV file, compressed or not. Raises BadRecording."""
-    opener = gzip.open if path.suffix == ".gz" else open
     try:
-        with opener(path, "rt", encoding="utf-8", newline="") as stream:
-            rows = list(csv.reader(stream))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raw = path.read_bytes()
+        if path.suffix == ".gz":
+            raw, cut = unpacked(raw, path.name)
+            if cut:
+                raise BadRecording(f"{path}: {cut[0]}")
+        rows = list(csv.reader(io.StringIO(raw.decode("utf-8"), newline="")))
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError, csv.Error) as error:
         raise BadRecording(f"{path}: cannot be read: {error}") from error
     if len(rows) < 3:
         raise BadRecording(f"{path}: has no rows below its heading")

@@ -57,7 +57,7 @@ def _value(word: str, text: str) -> object:
     """A value as TOML writes it; a bare word is a text."""
     try:
         table = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):  # no TOML, a number of thousands of digits, brackets in brackets
         table = {}
     if len(table) == 1:
         return table["value"]

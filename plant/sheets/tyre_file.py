@@ -77,7 +77,7 @@ def read_tir(path: Path) -> TyreFile:
         elif "=" in content:
             key, value = (part.strip() for part in content.split("=", 1))
             if _NUMBER.fullmatch(value):
-                numbers[key.upper()] = float(re.sub("[dD]", "e", value))
+                numbers[key.upper()] = _float(value)
             else:
                 words[key.upper()] = value.strip("'\" ")
         else:
@@ -86,11 +86,16 @@ def read_tir(path: Path) -> TyreFile:
                 raise ConfigurationError(
                     f"{path}:{line}: {content!r} is neither KEY = VALUE nor a row of numbers"
                 )
-            tables.setdefault(section, []).append(tuple(float(part) for part in parts))
+            tables.setdefault(section, []).append(tuple(map(_float, parts)))
     for key, unit in _UNITS.items():
         if words.get(key, unit).lower() not in (unit, unit.removesuffix("s"), unit + "s"):
             raise ConfigurationError(f"{path}: [UNITS] {key} = {words[key]!r}; only {unit} is read")
     return TyreFile(path, numbers, words, {name: tuple(rows) for name, rows in tables.items()})
+
+
+def _float(text: str) -> float:
+    """A number that _NUMBER matches; Fortran programs write 3.4D+04."""
+    return float(re.sub("[dD]", "e", text))
 
 
 def lacking(file: TyreFile) -> dict[str, list[str]]:

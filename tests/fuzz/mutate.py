@@ -1,6 +1,7 @@
 """Mutations of bytes, repeatable from a seed: what damage, carelessness and malice make of a file."""
 
 import random
+import re
 import struct
 from collections.abc import Callable
 
@@ -88,5 +89,26 @@ def _splice(data: bytearray, others: list[bytes], rng: random.Random) -> None:
     data[at:at] = other[start : start + rng.choice((4, 40, 400))]
 
 
+def _digits(data: bytearray, _: list[bytes], rng: random.Random) -> None:
+    """Another number in the place of one: a text file stays well formed, and its reader's own checks are reached."""
+    if found := list(re.finditer(rb"\d[\d.]*", data)):
+        start, end = rng.choice(found).span()
+        new = rng.choice(
+            (rng.choice(NUMBERS), rng.uniform(-10.0, 10.0), rng.randrange(10), 1e308, "nan", "-inf")
+        )
+        data[start:end] = str(new).encode()
+
+
 Edit = Callable[[bytearray, list[bytes], random.Random], None]
-EDITS: tuple[Edit, ...] = (_flip, _flip, _number, _number, _word, _cut, _delete, _repeat, _splice)
+EDITS: tuple[Edit, ...] = (
+    _flip,
+    _flip,
+    _number,
+    _number,
+    _word,
+    _cut,
+    _delete,
+    _repeat,
+    _splice,
+    *[_digits] * 6,
+)

@@ -104,7 +104,7 @@ def test_without_a_file_nothing_unknown_passes():
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
-        ("unknown = maybe", ("not a TOML file", "line 1")),
+        ("unknown = maybe", ("not valid TOML", "line 1")),
         ('unknown = "maybe"', ("unknown", "'drop' or 'pass'", "'maybe'")),
         ("queue_frames = 0", ("queue_frames", "greater than or equal to 1", "got 0")),
         ("queue = 5", ("queue", "no such key")),
