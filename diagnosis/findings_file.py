@@ -31,5 +31,6 @@ def read_findings(path: Path) -> Findings:
         raise NoFindings(
             f"{path}: {error.strerror or error}; `loaderhil diagnose --out DIR` writes it"
         ) from error
-    except (ValidationError, UnicodeDecodeError) as error:
+    # RecursionError: the first look at the model's name is json's, which calls itself for every bracket
+    except (ValidationError, ValueError, RecursionError) as error:
         raise NoFindings(f"{path}: is not a findings.json that this version can read") from error

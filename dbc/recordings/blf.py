@@ -6,6 +6,7 @@ begins in there.
 """
 
 import mmap
+import os
 import re
 import struct
 import zlib
@@ -17,6 +18,8 @@ from dbc.recordings.logfile import Damage
 _OBJECT: Final = struct.Struct("<4sHHLL")  # signature, length of the header, its version, length, kind
 _CONTAINER: Final = struct.Struct("<H6xL4x")  # compression, length of the content
 _CONTAINER_KIND, _PLAIN, _DEFLATED = 10, 0, 2
+CONTAINER_LIMIT: Final = 64 << 20
+"""Most bytes that a container may hold; loggers write 128 KiB, some a few MiB."""
 _CONTAINER_BEGINS: Final = re.compile(rb"LOBJ\x10\x00\x01\x00.{4}\x0a\x00\x00\x00", re.DOTALL)
 
 
@@ -63,16 +66,44 @@ class _Source:
 
     def __init__(self, file: BinaryIO, given: bytes, start: int) -> None:
         self._file, self._given = file, given
+        self._in_container = False  # whether the next piece is the content of a container
+        self._size = file.seek(0, os.SEEK_END)
         file.seek(start)
 
     def read(self, size: int) -> bytes:
-        """At most `size` bytes; none where a damaged length makes it negative."""
+        """At most `size` bytes; none where a damaged length makes it negative. The content of a container comes inflated."""
         size = max(size, 0)
         piece, self._given = self._given[:size], self._given[size:]
-        return piece + self._file.read(size - len(piece))
+        # Not more than the file still has: Python makes room for all that is asked for, and a damaged length asks for 4 GiB.
+        piece += self._file.read(min(size - len(piece), max(self._size - self._file.tell(), 0)))
+        # python-can reads an object in two steps, its head and the rest
+        begins, self._in_container = self._in_container, _is_container(piece)
+        return _inflated(piece) if begins else piece
 
     def close(self) -> None:
         """The reader has done with it; the file belongs to whoever opened it."""
+
+
+def _is_container(piece: bytes) -> bool:
+    return (
+        len(piece) == _OBJECT.size
+        and piece.startswith(b"LOBJ")
+        and _OBJECT.unpack(piece)[4] == _CONTAINER_KIND
+    )
+
+
+def _inflated(body: bytes) -> bytes:
+    """The content of a container without compression; of one that is cut off, what there is of it. zlib.error, ValueError.
+
+    python-can inflates without a bound, a thousand times as many bytes as were in the file.
+    """
+    if len(body) < _CONTAINER.size or _CONTAINER.unpack_from(body)[0] != _DEFLATED:
+        return body
+    stream = zlib.decompressobj()
+    objects = stream.decompress(body[_CONTAINER.size :], CONTAINER_LIMIT)
+    if stream.unconsumed_tail:
+        raise ValueError(f"a container holds more than {CONTAINER_LIMIT >> 20} MiB")
+    return _CONTAINER.pack(_PLAIN, len(objects)) + objects
 
 
 def _object_before(content: mmap.mmap, at: int, position: int) -> tuple[int, bool]:
@@ -102,7 +133,7 @@ def _from_first_object(content: mmap.mmap, at: int) -> bytes:
     if body[:2] == _DEFLATED.to_bytes(2, "little"):
         try:
             # a decompressobj returns what it has, also when the stream is cut off
-            objects = zlib.decompressobj().decompress(objects)
+            objects = zlib.decompressobj().decompress(objects, CONTAINER_LIMIT)
         except zlib.error:
             return b""
     first = objects.find(b"LOBJ")

@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from asammdf import MDF, Source
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from bus.frame import BRS, ERROR, ESI, EXTENDED, EXTENDED_MASK, FD, REMOTE
 from dbc.errors import LogError
 from dbc.recordings.logfile import Damage, FrameTable
+from dbc.recordings.mf4_blocks import DATA, Broken, broken_block, channel_beyond_record
 
 _KINDS = {"CAN_DataFrame": 0, "CAN_ErrorFrame": ERROR, "CAN_RemoteFrame": REMOTE}
 """Structures of the bus-logging standard, and what they add to the identifier."""
@@ -27,10 +28,6 @@ _UNREADABLE = (MdfException, OSError, ValueError, KeyError, IndexError, TypeErro
 _LENGTHS = np.array([*range(9), 12, 16, 20, 24, 32, 48, 64], np.uint8)
 """Data length of a data length code (ISO 11898-1, table 5)."""
 _UNFINISHED = b"UnFinMF "
-_HEADER_AT = 64
-_BLOCK = struct.Struct("<4s4xQQ")  # of every block: kind, length, number of links
-_DATA = (b"##DT", b"##DZ", b"##SD", b"##RD", b"##DV")
-"""Blocks that hold records and no links."""
 
 
 def read_mf4(path: Path, progress: Callable[[int, int], None] | None = None) -> FrameTable:
@@ -40,11 +37,16 @@ def read_mf4(path: Path, progress: Callable[[int, int], None] | None = None) -> 
     """
     with path.open("rb") as file:
         unfinished = file.read(len(_UNFINISHED)) == _UNFINISHED
-        broken = _broken_block(file, path.stat().st_size)
-        if broken is not None and broken[1] not in _DATA:
+        size = path.stat().st_size
+        broken = broken_block(file, size)
+        if broken is not None and broken.kind not in DATA:
             raise LogError(
-                f"{path}: byte {broken[0]}: the MF4's structure breaks off here ({path.stat().st_size} bytes in all), "
+                f"{path}: byte {broken.at}: the MF4's structure breaks off here ({size} bytes in all), "
                 "so its data cannot be found; was it cut off while being copied or written?"
+            )
+        if (at := channel_beyond_record(file, size)) is not None:
+            raise LogError(
+                f"{path}: byte {at}: the MF4 describes a channel that lies beyond its record; is the file damaged?"
             )
         file.seek(0)
         source: Any = io.BytesIO(file.read()) if unfinished else file  # finalising writes into the copy
@@ -64,28 +66,8 @@ def _opened(source: Any, path: Path) -> Any:
     raise LogError(f"{path}: the MF4 cannot be read: {reason}")
 
 
-def _broken_block(file: BinaryIO, size: int) -> tuple[int, bytes] | None:
-    """Address and kind of the first block, by following the links, that does not lie within the file."""
-    waiting, seen, broken = [_HEADER_AT], {0, _HEADER_AT}, []
-    while waiting:
-        at = waiting.pop()
-        if at >= size:  # a damaged link may be more than a file's position can be
-            broken.append((at, b""))
-            continue
-        file.seek(at)
-        head = file.read(_BLOCK.size)
-        kind, length, count = _BLOCK.unpack(head) if len(head) == _BLOCK.size else (b"", 0, 0)
-        if not kind.startswith(b"##") or at + length > size:
-            broken.append((at, kind))
-        elif kind not in _DATA and _BLOCK.size + 8 * count <= length:
-            links = struct.unpack(f"<{count}Q", file.read(8 * count))
-            waiting += [link for link in links if link not in seen]
-            seen.update(links)
-    return min(broken, key=lambda block: (block[1] in _DATA, block[0]), default=None)
-
-
 def _table(
-    mdf: Any, path: Path, broken: tuple[int, bytes] | None, progress: Callable[[int, int], None] | None
+    mdf: Any, path: Path, broken: Broken | None, progress: Callable[[int, int], None] | None
 ) -> FrameTable:
     groups = [(index, name) for index, group in enumerate(mdf.groups) if (name := _bus_structure(group))]
     parts, damaged = [], []
@@ -95,7 +77,7 @@ def _table(
         count = 0 if signal is None else len(signal.timestamps)
         if count < wanted:
             reason = f"{wanted - count} of {wanted} records of group {index} ({name}) cannot be read"
-            at = broken[0] if broken else path.stat().st_size
+            at = broken.at if broken else path.stat().st_size
             damaged.append(Damage(at, f"the data break off: {reason}", "byte", at_end=True))
         if count:
             parts.append(_columns(signal, name, mdf.header.abs_time))

@@ -47,7 +47,10 @@ def _weighing(path: Path, number: int, row: list[str], columns: dict[str, tuple[
     try:
         value = {name: float(row[at]) * factor for name, (at, factor) in columns.items()}
     except (ValueError, IndexError) as error:
-        raise BadRecording(f"{path}:{number}: a cell is no number or missing: {','.join(row)}") from error
+        # repr: a quoted cell may hold line ends
+        raise BadRecording(
+            f"{path}:{number}: a cell is no number or missing: {','.join(row)[:80]!r}"
+        ) from error
     return Weighing(
         loads=np.array([value[n] for n in LOADS]),
         articulation=value["articulation"],

@@ -109,7 +109,6 @@ def _process(name: str, first: int, count: int) -> tuple[Outcome, int]:
 
 def _work(name: str, first: int, count: int, at: Any, answer: Connection) -> None:
     with tempfile.TemporaryDirectory() as folder, case_of(name, Path(folder)) as case:
-        case(first)  # what is compiled or imported on first use takes no case's time and memory
         # beyond the limit Python raises MemoryError, which no reader may let out
         limit = _data_bytes() + (MOST_MIB << 20)
         resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))

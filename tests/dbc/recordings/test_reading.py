@@ -1,5 +1,8 @@
 """One table from every format; python-can's writers are the reference, damage is reported with its place."""
 
+import struct
+import zlib
+
 import can
 import numpy as np
 import pytest
@@ -8,6 +11,7 @@ from hypothesis import strategies as st
 
 from bus.frame import BRS, ERROR, ESI, EXTENDED, FD, REMOTE, Frame
 from dbc.errors import LogError
+from dbc.recordings.blf import CONTAINER_LIMIT, read_blf
 from dbc.recordings.reading import read_frames
 
 FORMATS = ["log", "blf", "asc", "mf4"]
@@ -282,3 +286,62 @@ def test_what_is_no_line_of_an_asc_is_counted(junk, files, tmp_path):
     table = read_frames(file)
     assert table.damaged_count == max(junk.count(b"\n"), 1)
     assert table.damaged[0].at == 11
+
+
+class Asked:
+    """A file that keeps how many bytes it was asked for."""
+
+    def __init__(self, file):
+        self._file, self.most = file, 0
+        self.seek, self.tell, self.fileno = file.seek, file.tell, file.fileno
+
+    def read(self, size=-1):
+        self.most = max(self.most, size)
+        return self._file.read(size)
+
+
+def test_a_blf_that_claims_4_gib_asks_for_no_more_than_there_is(files, tmp_path):
+    content = bytearray(files["blf"].read_bytes())
+    content[144 + 8 : 144 + 12] = b"\xff\xff\xff\xff"  # length of the first container
+    (tmp_path / "long.blf").write_bytes(content)
+    with (tmp_path / "long.blf").open("rb") as file:
+        asked = Asked(file)
+        list(read_blf(asked))
+    assert 0 < asked.most <= len(content)
+
+
+def test_a_container_that_inflates_without_end_is_damage(files, tmp_path):
+    """Zeros deflate a thousand times: 1 MB of a file would be 1 GB of objects."""
+    content = files["blf"].read_bytes()[:144]
+    bomb = zlib.compress(bytes(CONTAINER_LIMIT + 1), 9)
+    head = struct.pack("<4sHHLL", b"LOBJ", 16, 1, 32 + len(bomb), 10) + struct.pack("<H6xL4x", 2, 0)
+    (tmp_path / "bomb.blf").write_bytes(content + head + bomb + bytes(len(bomb) % 4))
+    with pytest.raises(LogError, match="a container holds more than 64 MiB"):
+        read_frames(tmp_path / "bomb.blf")
+
+
+def behind_links(content, kind):
+    """Where the fields of the first block of a kind begin."""
+    at = content.index(kind)
+    return at, at + 24 + 8 * int.from_bytes(content[at + 16 : at + 24], "little")
+
+
+@pytest.mark.parametrize("beyond", [1, 1 << 20, 1 << 31])
+def test_an_mf4_channel_beyond_its_record_is_one_clear_error(files, tmp_path, beyond):
+    """asammdf's C code reads there, and the process ends."""
+    content = bytearray(files["mf4"].read_bytes())
+    channel, fields = behind_links(content, b"##CN")
+    _, group = behind_links(content, b"##CG")
+    record_bytes = int.from_bytes(content[group + 24 : group + 28], "little")
+    bits = int.from_bytes(content[fields + 8 : fields + 12], "little")
+    last_place = record_bytes - bits // 8
+    file = tmp_path / "beyond.mf4"
+    content[fields + 4 : fields + 8] = (last_place + beyond).to_bytes(4, "little")
+    file.write_bytes(content)
+    with pytest.raises(
+        LogError, match=rf"byte {channel}: the MF4 describes a channel that lies beyond its record"
+    ):
+        read_frames(file)
+    content[fields + 4 : fields + 8] = last_place.to_bytes(4, "little")
+    file.write_bytes(content)
+    assert len(read_frames(file)) == len(read_frames(files["mf4"]))
