@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check fast slow-tests socketcan fuzz bench shape speed proof identification microcontroller results pages clean lock
+.PHONY: help demo test check fast slow-tests socketcan fuzz kills bench shape speed proof identification microcontroller results pages clean lock
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
@@ -31,6 +31,9 @@ test: check fast slow-tests socketcan ## every test, linter and import contract
 
 fuzz: $(BIN)/.test ## 10^5 mutated files through every reader, 10^7 frames through ECU, gateway and hub, into docs/results/fuzz.md (hours; run again to take up)
 	$(BIN)/python -m tests.fuzz --report docs/results/fuzz.md $(FUZZ)
+
+kills: $(BIN)/.bench ## kill -9 of every process of a run, 20 times each, into docs/results/kills.md (half an hour)
+	$(BIN)/python -m bench.kills --out docs/results/kills.md
 
 check: $(BIN)/.test ## format, lint, types, import contracts
 	$(BIN)/ruff format --check .

@@ -5,8 +5,9 @@ from pathlib import Path
 from bus.closing import Closing
 from bus.frame import ERROR, EXTENDED, EXTENDED_MASK, FD, REMOTE, Frame
 
-FLUSH_EVERY = 64
-"""Frames after which the file is flushed: what a killed process can lose at most."""
+FLUSH_NS = 100_000_000
+"""Time between stamps after which the file is flushed [ns]: half of the 0.2 s that a kill may lose. By time and not by frames,
+because 64 frames of a quiet bus are many seconds."""
 
 
 def candump_line(frame: Frame, channel: str) -> str:
@@ -27,23 +28,28 @@ def candump_line(frame: Frame, channel: str) -> str:
 
 
 class CandumpWriter(Closing):
-    """A candump log that is complete up to the last flush, whatever ends the process."""
+    """A candump log that is complete up to the last flush, whatever ends the process.
+
+    Frames that wait when a bus falls silent go with the next frame; who waits for a silent bus calls `flush`.
+    """
 
     def __init__(self, path: str | Path) -> None:
         self._file = Path(path).open("w", encoding="ascii", newline="\n")  # noqa: SIM115 - closed by close()
-        self._unflushed = 0
+        self._flushed_ns: int | None = None
 
     def write(self, frame: Frame, channel: str) -> None:
         """Append one frame as seen on `channel`."""
         self._file.write(f"{candump_line(frame, channel)}\n")
-        self._unflushed += 1
-        if self._unflushed >= FLUSH_EVERY:
+        if self._flushed_ns is None:
+            self._flushed_ns = frame.at_ns
+        # either way: stamps of another clock, or of a machine that starts anew, may lie before
+        elif abs(frame.at_ns - self._flushed_ns) >= FLUSH_NS:
+            self._flushed_ns = frame.at_ns
             self.flush()
 
     def flush(self) -> None:
         """Hand everything written so far to the kernel."""
         self._file.flush()
-        self._unflushed = 0
 
     def close(self) -> None:
         """Flush and close; a second call does nothing."""

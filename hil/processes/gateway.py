@@ -96,12 +96,14 @@ def run(line: Lifeline, between: Between, out: Path | None, realtime: RealtimeOp
         waits = stack.enter_context(OwnWaits(line.waited))
         realtime.apply()
         line.ready()
+        kept = 0
         try:
             for _ in stop.readable(loop.fileno(), *([control.fileno()] if control else [])):
                 if control is not None:
                     control.serve()
                 loop.serve()
                 waits.look(time.monotonic_ns())
+                kept = _keep(injector, core, out, kept)
             _pass_what_came(loop)
         finally:
             _log_troubles(watcher)
@@ -133,6 +135,14 @@ def _act(line: Lifeline, action: Action) -> None:
     log.warning(
         "%s the %s process%s", action.kind, action.target, "" if line.supervised else ": nobody supervises it"
     )
+
+
+def _keep(injector: Injector | None, core: GatewayCore, out: Path | None, kept: int) -> int:
+    """Write faults.json when a fault has begun or ended since `kept` events were: a killed gateway leaves them. Returns how many are."""
+    if injector is None or out is None or len(injector.events) == kept:
+        return kept
+    write_faults(out, injected(injector.events, core.started_ns or 0))
+    return len(injector.events)
 
 
 def _conclude(injector: Injector, core: GatewayCore, out: Path | None) -> None:

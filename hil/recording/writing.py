@@ -35,7 +35,8 @@ def main(ring_descriptor: int, life_descriptor: int, plan: Plan) -> int:
             selector.register(life_descriptor, selectors.EVENT_READ)
             while not ended:
                 # before the ring is emptied: frames that were put before the end are then all taken
-                ended = bool(selector.select(plan.flush_s))
+                # Half of the time promised: writing and waiting for a processor have the other half.
+                ended = bool(selector.select(plan.flush_s / 2))
                 while len(records := ring.peek(BATCH)):
                     files.write(records)
                     # after the write: the count of a killed writer is then that of its file

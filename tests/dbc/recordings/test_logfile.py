@@ -139,6 +139,19 @@ def test_python_can_reads_what_we_write(tmp_path):
     assert [m.timestamp for m in read] == [1.5, 1.6]
 
 
+@pytest.mark.parametrize("step_ns", [1_000_000, 100_000_000, -100_000_000])
+def test_a_kill_loses_no_more_of_a_quiet_bus_than_of_a_full_one(tmp_path, step_ns):
+    """Whatever the distance of the frames: what is more than 0.1 s older than the last one is in the file."""
+    file = tmp_path / "open.log"
+    with CandumpWriter(file) as writer:
+        for k in range(300):
+            writer.write(Frame(0x123, b"", 10**12 + k * step_ns), "can0")
+        waiting_ns = (299 - file.read_text().count("\n")) * abs(step_ns)
+        assert waiting_ns <= 100_000_000
+        writer.flush()
+        assert file.read_text().count("\n") == 300
+
+
 def test_chunks_and_compression_change_nothing(tmp_path, monkeypatch):
     text = "".join(f"({i}.5) can{i % 3} 18FEF1{i % 256:02X}#{i:04X}\n" for i in range(2000)).encode()
     plain, packed = tmp_path / "a.log", tmp_path / "a.log.gz"
