@@ -162,7 +162,13 @@ def kill(victim: str, folder: Path, wait_s: float) -> Kill:
         paths = until(lambda: len(found := hubs(run.pid)) == 2 and found, START_S, "hubs")
         until(lambda: all(map(os.path.exists, paths)), START_S, "sockets of the hubs")
         listeners = [Listener(path) for path in paths]
-        until(lambda: len(listeners[0].stamps) > 300 or run.poll() is not None, START_S, "the plant's frames")
+        # samples of the plant: the ECU's frames come before the plant is let go
+        sample = loader_database().by_name["Articulation"].can_id
+        until(
+            lambda: sum(can_id == sample for _, can_id in listeners[0].stamps) > 10,
+            START_S,
+            "the plant's frames",
+        )
         pids = until(lambda: len(found := processes(run.pid)) == len(VICTIMS) and found, START_S, "processes")
         time.sleep(1.0 + wait_s)
         os.kill(pids[victim], signal.SIGKILL)

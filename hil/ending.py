@@ -1,6 +1,7 @@
 """The exit codes of all commands, for scripts and the supervisor; docs/howto lists them for users."""
 
 import enum
+import errno
 
 
 class Ending(enum.IntEnum):
@@ -18,3 +19,17 @@ class Ending(enum.IntEnum):
     """The recordings do not allow a verdict."""
     INTERRUPTED = 130
     """Ctrl-C, as shells report it: 128 + SIGINT."""
+
+
+STORAGE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""Errors of a write: no space left, quota, limit of file size, a broken disk."""
+
+
+def ending_of_error(error: BaseException) -> Ending:
+    """The ending of a command that an error of the user ended: FAILED where the disk took no more, which no other command line mends."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, OSError) and cause.errno in STORAGE:
+            return Ending.FAILED
+        cause = cause.__cause__
+    return Ending.MISUSED

@@ -10,6 +10,7 @@
                     of each process, see hil.timing.waits [ns] (optional)
     latency.hlog    histograms of the hops of that way, HdrHistogram log format (optional)
     ecu.log, plant.log, gateway.log   findings of the processes of a real-time run, one line each (optional)
+    .room           takes up space while a run goes on, so that a full disk has room for the last run.json (optional)
     faults.json     injected faults: when each began and ended, and how many frames it affected (optional)
 
 The directory of a killed run is still readable: missing and cut-off files are listed in
@@ -41,6 +42,9 @@ if TYPE_CHECKING:
 
 RECORD, TRUTH, BUS, REFERENCE, TIMING = "run.json", "truth.npz", "bus.log", "reference.log", "timing.npz"
 TRUTH_ROWS = "truth.rows"
+ROOM = ".room"
+"""A file that only takes up space while a run goes on, and makes room for its record when the disk is full."""
+ROOM_BYTES = 1 << 16
 ECU_BUS, LATENCY = "ecu-bus.log", "latency.hlog"
 ECU_LOG, PLANT_LOG, GATEWAY_LOG = "ecu.log", "plant.log", "gateway.log"
 FAULTS = "faults.json"
@@ -57,6 +61,7 @@ FILES = (
     PLANT_LOG,
     GATEWAY_LOG,
     FAULTS,
+    ROOM,
 )
 
 FOREIGN_ZERO = "attend_zero_ns"
@@ -206,6 +211,9 @@ def begin(path: Path, record: RunRecord) -> None:
         for file in (*(path / name for name in FILES), *path.glob("timing.*.npz"), *path.glob("stamps.*")):
             file.unlink(missing_ok=True)
     write_record(path, record)
+    # the record of the end replaces the first one, for which both have to lie on the disk for a moment
+    with writing(path / ROOM), (path / ROOM).open("wb") as room:
+        os.posix_fallocate(room.fileno(), 0, ROOM_BYTES)
 
 
 @contextlib.contextmanager
@@ -220,6 +228,7 @@ def writing(path: Path) -> Iterator[None]:
 def write_record(path: Path, record: RunRecord) -> None:
     """Replace run.json in one step: a reader sees the old or the new one, never half."""
     text = _record.dump_json(record, indent=2).decode() + "\n"
+    (path / ROOM).unlink(missing_ok=True)
     with writing(path / RECORD), _replacing(path / RECORD) as part:
         part.write_text(text, encoding="utf-8")
 
@@ -299,6 +308,8 @@ def keep_truth(path: Path) -> None:
     from plant.recorder import read_rows
 
     with contextlib.suppress(ValueError):  # killed before the first row
+        # of a plant that found no room for it
+        (path / f"{TRUTH}.partial").unlink(missing_ok=True)
         write_table(path / TRUTH, read_rows(path / TRUTH_ROWS))
         (path / TRUTH_ROWS).unlink()
 

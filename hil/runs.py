@@ -10,7 +10,7 @@ from dbc.recordings.writer import CandumpWriter
 from hil import rundir
 from hil.compose import Choice, lockstep, record_of, truth_columns
 from hil.ending import Ending
-from hil.faults.record import injected, write_faults
+from hil.faults.record import Injected, injected, write_faults
 from hil.lockstep import Recording
 from hil.rundir import Outcome, RunError, RunRecord
 
@@ -50,12 +50,11 @@ def run_lockstep(choice: Choice, out: Path, progress: Callable[[float], None] | 
         ending = Ending.INTERRUPTED
     recording = bench.recording
     reason = "" if ending is Ending.PASSED else "interrupted"
-    lost = write_recording(out, recording)
-    if lost:
-        ending, reason = Ending.FAILED, "; ".join(lost)
     if injector is not None:
         injector.finish(bench.now_ns)
-        write_faults(out, injected(injector.events))
+    lost = write_recording(out, recording, injected(injector.events) if injector is not None else None)
+    if lost:
+        ending, reason = Ending.FAILED, "; ".join(lost)
     record = replace(
         record,
         outcome=_OUTCOMES[ending],
@@ -67,9 +66,10 @@ def run_lockstep(choice: Choice, out: Path, progress: Callable[[float], None] | 
     return RunResult(ending, reason, record)
 
 
-def write_recording(out: Path, recording: Recording) -> list[str]:
-    """Write truth.npz, bus.log and reference.log of a lockstep run; returns a sentence for each that could not be written."""
+def write_recording(out: Path, recording: Recording, faults: Sequence[Injected] | None = None) -> list[str]:
+    """Write the files of a lockstep run; returns a sentence for each that could not be written."""
     parts: tuple[Callable[[], None], ...] = (
+        *([lambda: write_faults(out, faults)] if faults is not None else []),
         lambda: rundir.write_table(out / rundir.TRUTH, truth_columns(recording.truth)),
         lambda: _write_log(out / rundir.BUS, recording.bus, BUS_CHANNEL),
         lambda: _write_log(out / rundir.REFERENCE, recording.reference, REFERENCE_CHANNEL),

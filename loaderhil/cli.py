@@ -5,7 +5,6 @@ Exit codes: 0 passed, 1 failed, 2 misused, 3 a process of the bench died, 4 the 
 quick and a hub or a recorder does not load a plant.
 """
 
-import errno
 import importlib
 import sys
 from typing import Annotated, Any
@@ -15,12 +14,10 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_group
 
 from bus.user_error import UserError
-from hil.ending import Ending
+from hil.ending import STORAGE, Ending, ending_of_error
 from hil.shell.interruption import report_interruption
 from loaderhil.commands import COMMANDS, PANELS
 
-STORAGE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
-"""Errors of a write, which names no file: no space left, quota, limit of file size, a broken disk."""
 EPILOG = "Exit codes: 0 passed, 1 failed, 2 misused, 3 a process died, 4 bus lost, 5 inconclusive, 130 interrupted."
 
 
@@ -94,7 +91,7 @@ def main() -> None:
         raise
     except UserError as error:
         print(f"loaderhil: {error}", file=sys.stderr)
-        sys.exit(Ending.MISUSED)
+        sys.exit(ending_of_error(error))
     except OSError as error:
         # no file of the user is concerned: a defect, which keeps its traceback
         if error.filename is None and error.errno not in STORAGE:

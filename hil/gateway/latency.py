@@ -28,12 +28,13 @@ def conclude(out: Path, record: rundir.RunRecord) -> None:
     )
     if any(column.size for column in way.values()):
         rundir.write_table(rundir.part_of_timing(out, "way"), way)
-        histograms.write_log(
-            out / rundir.LATENCY,
-            histograms.counted(hops(way)),
-            start_s=datetime.datetime.fromisoformat(record.started).timestamp(),
-            duration_s=record.duration_s,
-        )
+        with rundir.writing(out / rundir.LATENCY):
+            histograms.write_log(
+                out / rundir.LATENCY,
+                histograms.counted(hops(way)),
+                start_s=datetime.datetime.fromisoformat(record.started).timestamp(),
+                duration_s=record.duration_s,
+            )
     for process in TICKING:
         keep_ticks(out, process)
     for file in files:

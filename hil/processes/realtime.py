@@ -5,6 +5,7 @@ ends all of them with the first that ends. The result is a run directory, comple
 with the reason why not.
 """
 
+import contextlib
 import shutil
 import signal
 import tempfile
@@ -99,16 +100,33 @@ def run_realtime(
         figures = _stop_in_order(supervisor)
         waits = _waits(supervisor)
     record = replace(_ended(record, ending, reason, figures), vitals=bench.watch.vitals())
+    # first: where the disk is full, at least how and why the run ended is known
+    rundir.write_record(out, record)
+    try:
+        record = _concluded(out, record, waits)
+    except rundir.RunError as error:
+        # the rows and stamps of the processes stay, from which the files would have been made
+        ending, reason = (
+            Ending.FAILED if ending is Ending.PASSED else ending,
+            "; ".join(filter(None, (reason, str(error)))),
+        )
+        record = replace(record, outcome="failed", reason=reason)
+        with contextlib.suppress(rundir.RunError):
+            rundir.write_record(out, record)
+    return RunResult(ending, reason, record)
+
+
+def _concluded(out: Path, record: RunRecord, waits: dict[str, Rows]) -> RunRecord:
+    """Make truth and timing of what the processes wrote, and judge them. RunError where the disk takes no more."""
     rundir.keep_truth(out)
     latency.conclude(out, record)
     if waits:
         rundir.write_table(rundir.part_of_timing(out, "waits"), waits)
     rundir.merge_timing(out)
-    rundir.write_record(out, record)
     # judged from the files, after they are complete; then written into run.json
     record = replace(record, punctuality=punctuality_of(RunDirectory.read(out)))
     rundir.write_record(out, record)
-    return RunResult(ending, reason, record)
+    return record
 
 
 class _Bench:

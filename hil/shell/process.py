@@ -5,7 +5,6 @@ through their lifeline.
 """
 
 import asyncio
-import errno
 import logging
 import os
 import selectors
@@ -17,12 +16,9 @@ from typing import Any, Self
 from bus.address import open_transport
 from bus.transport import BusClosed, BusUnavailable, Transport
 from bus.user_error import UserError
-from hil.ending import Ending
+from hil.ending import STORAGE, Ending, ending_of_error
 from hil.shell.lifeline import Lifeline, SupervisorGone
 from hil.timing.host import Sleeps
-
-STORAGE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
-"""Errors of a write, which names no file: no space left, quota, limit of file size, a broken disk."""
 
 
 def ending_of(body: Callable[[Lifeline], Ending]) -> Ending:
@@ -39,7 +35,7 @@ def ending_of(body: Callable[[Lifeline], Ending]) -> Ending:
         return Ending.PEER_DIED
     except UserError as error:
         line.error(str(error))
-        return Ending.MISUSED
+        return ending_of_error(error)
     except OSError as error:
         if error.errno not in STORAGE:
             raise

@@ -15,7 +15,7 @@ from PIL import Image
 
 from bus.user_error import UserError
 from hil.judgement import judge_run
-from hil.rundir import RunDirectory
+from hil.rundir import RunDirectory, writing
 from report.render.board import WarningLine, written
 from report.render.camera import View, scene_in
 from report.render.loader import FIELDS
@@ -87,12 +87,13 @@ def write(file: Path, pictures: Iterator[Pixels], fps: float) -> None:
     """Write all pictures into `file`, complete or not at all; its suffix chooses the format."""
     # the suffix stays last: Pillow and PyAV choose the format by it
     part = file.with_name(f".{file.stem}.part{file.suffix}")
-    file.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        _WRITERS[file.suffix](part, pictures, fps)
-        part.replace(file)
-    finally:
-        part.unlink(missing_ok=True)
+    with writing(file):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            _WRITERS[file.suffix](part, pictures, fps)
+            part.replace(file)
+        finally:
+            part.unlink(missing_ok=True)
 
 
 def suffix_checked(file: Path) -> None:

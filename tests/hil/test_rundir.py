@@ -162,7 +162,14 @@ def test_a_missing_column_is_an_error_that_says_what_there_is(path):
 def test_a_new_run_in_the_same_place_leaves_nothing_of_the_old(path):
     rundir.write_table(rundir.part_of_timing(path, "ecu"), {"lateness_ns": np.arange(3)})
     rundir.begin(path, RECORD)
-    assert [file.name for file in path.iterdir()] == [rundir.RECORD]
+    assert {file.name for file in path.iterdir()} == {rundir.RECORD, rundir.ROOM}
+
+
+def test_the_record_of_the_end_gives_the_reserved_room_back(path):
+    rundir.begin(path, RECORD)
+    assert (path / rundir.ROOM).stat().st_size == rundir.ROOM_BYTES
+    rundir.write_record(path, replace(RECORD, outcome="failed"))
+    assert not (path / rundir.ROOM).exists()
 
 
 def test_a_folder_with_other_things_in_it_is_not_touched(tmp_path):
