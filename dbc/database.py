@@ -15,6 +15,7 @@ from dbc import codegen
 from dbc.conduct import LossConduct, NodeConduct
 from dbc.errors import DatabaseError, DecodeError, EncodeError
 from dbc.j1939 import pgn
+from dbc.lean import without_mf4
 from dbc.limits import check_name, check_text
 from dbc.protections import Profile1, Protection, ProtectionError
 from dbc.signal import Signal
@@ -164,8 +165,9 @@ class Database:
     def from_file(cls, path: str | Path, *, strict: bool = True) -> Self:
         """Read a DBC file; `strict` refuses signals that overlap or do not fit their message."""
         check_text(Path(path))
-        import cantools.database  # takes half a second to load with python-can; commands without a DBC do not pay
-        import cantools.errors
+        with without_mf4():
+            import cantools.database  # takes half a second to load with python-can; commands without a DBC do not pay
+            import cantools.errors
 
         try:
             read: Any = cantools.database.load_file(str(path), database_format="dbc", strict=strict)

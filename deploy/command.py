@@ -35,11 +35,6 @@ def check_command(file: SettingsArgument) -> None:
 
     Exit code 0: the ECU may start; 1: it must not; 2: the settings cannot be used. Example: `loaderhil deploy check ecu.toml`
     """
-    from hil.shell.lean import without_mf4
-
-    # asammdf takes a second to load, and a check before every start must not
-    without_mf4()
-
     from deploy.check import check
     from deploy.settings import ServiceSettings
     from hil.verdict import Result

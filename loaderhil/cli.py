@@ -30,6 +30,21 @@ class CommandTable(TyperGroup):
             for name, command in commands.items():
                 self.add_command(TyperCommand(name, help=command.summary, rich_help_panel=panel))
 
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """The help page in plain text: loading what draws boxes takes as long as all the rest, and this page is asked for most."""
+        self.rich_markup_mode = None
+        super().format_help(ctx, formatter)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """The commands under their titles, each with its summary."""
+        # one width for all titles: write_dl aligns the summaries of a section only
+        width = max(len(name) for commands in PANELS.values() for name in commands)
+        for panel, commands in PANELS.items():
+            with formatter.section(panel):
+                formatter.write_dl(
+                    [(name.ljust(width), command.summary) for name, command in commands.items()]
+                )
+
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that the first word names, imported; also Typer's error with a suggestion for a wrong word."""
         # only the chosen command is imported: numpy, pandas or the plant would make every call slow

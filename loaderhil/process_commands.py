@@ -47,11 +47,6 @@ def plant(
 
     Example, against a real ECU: `loaderhil plant loaded --bus socketcan:can0`
     """
-    from hil.shell.lean import without_mf4
-
-    # before anything that imports cantools, and with it python-can: hence the imports in two halves
-    without_mf4()
-
     from hil.compose import Choice
     from hil.processes import plant as process
     from hil.shell.process import ending_of
@@ -90,10 +85,6 @@ def ecu(
 
     Example: `loaderhil ecu --bus socketcan:can0 --fifo 50 --lock-memory --cpu 1`
     """
-    from hil.shell.lean import without_mf4
-
-    without_mf4()
-
     from hil.processes import ecu as process
     from hil.shell.process import ending_of
 

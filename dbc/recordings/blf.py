@@ -13,6 +13,7 @@ import zlib
 from collections.abc import Iterator
 from typing import Any, BinaryIO, Final, cast
 
+from dbc.lean import without_mf4
 from dbc.recordings.logfile import Damage
 
 _OBJECT: Final = struct.Struct("<4sHHLL")  # signature, length of the header, its version, length, kind
@@ -25,7 +26,8 @@ _CONTAINER_BEGINS: Final = re.compile(rb"LOBJ\x10\x00\x01\x00.{4}\x0a\x00\x00\x0
 
 def read_blf(file: BinaryIO) -> Iterator[Any]:
     """python-can's messages in the order of the file, and between them a Damage for each place that cannot be read."""
-    from can.io.blf import BLFParseError, BLFReader
+    with without_mf4():
+        from can.io.blf import BLFParseError, BLFReader
 
     with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         start = int.from_bytes(content[4:8], "little")

@@ -19,6 +19,7 @@ import numpy as np
 from bus.bounded_json import printable
 from bus.frame import BRS, ERROR, ESI, EXTENDED, EXTENDED_MASK, FD, REMOTE, STANDARD_MASK
 from dbc.errors import LogError
+from dbc.lean import without_mf4
 from dbc.recordings.blf import read_blf
 from dbc.recordings.logfile import DAMAGE_SHOWN, Damage, FrameTable, read_candump
 
@@ -213,7 +214,8 @@ class _NumberedLines:
 
 
 def _read_asc(path: Path, progress: Progress | None) -> FrameTable:
-    from can.io.asc import ASCReader
+    with without_mf4():
+        from can.io.asc import ASCReader
 
     size, rows = path.stat().st_size, _Rows()
     with path.open("rb") as file:

@@ -23,10 +23,6 @@ def attend(
 
     Exit code 3: the node did not come. Example: `loaderhil attend socketcan:can0 --node EstimatorEcu --for-s 10`
     """
-    from hil.shell.lean import without_mf4
-
-    without_mf4()
-
     from hil.foreign import attend as process
     from hil.shell.process import ending_of
 

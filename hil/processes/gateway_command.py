@@ -70,10 +70,6 @@ def gateway(
     The times of faults count from the first frame of the machine. Example:
     `loaderhil gateway --plant-bus hub:/tmp/plant.hub --ecu-bus socketcan:can0 --control /tmp/loaderhil.control`
     """
-    from hil.shell.lean import without_mf4
-
-    without_mf4()
-
     from hil.processes import gateway as process
     from hil.shell.process import ending_of
 

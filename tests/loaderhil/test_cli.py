@@ -53,7 +53,30 @@ def test_the_help_page_loads_no_command():
     ).stdout
     modules = shown.splitlines()[-1].split()
     assert "typer" in modules
-    assert not {"numpy", "pydantic", "pandas", "can", "plant", "ecu"} & set(modules)
+    assert not {"numpy", "numba", "scipy", "pyarrow", "pydantic", "pandas", "can", "plant", "ecu"} & set(
+        modules
+    )
+    # it draws the boxes of the commands' own help pages, and takes twice as long as everything else here
+    assert "rich" not in modules
+
+
+def test_a_run_in_lockstep_loads_no_library_for_tables():
+    """pandas and pyarrow came with asammdf, that with python-can, and that with cantools."""
+    code = "import sys, hil.compose, hil.rundir, loaderhil.single; from dbc import loader_database; loader_database(); print(*sys.modules)"
+    loaded = set(
+        subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        ).stdout.split()
+    )
+    assert {"numba", "cantools"} <= loaded
+    assert not {"pandas", "pyarrow", "asammdf", "matplotlib", "rich.markdown"} & loaded
+
+
+def test_mf4_is_read_after_a_dbc_was():
+    """asammdf is hidden from python-can only while that is loaded."""
+    code = "from dbc import loader_database; loader_database(); import asammdf, can.io.mf4; print(asammdf.MDF, can.io.mf4.asammdf)"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert shown.split() == ["<class", "'asammdf.mdf.MDF'>", "None"]
 
 
 @pytest.mark.parametrize("command", COMMANDS)

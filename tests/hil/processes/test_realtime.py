@@ -120,6 +120,30 @@ def fewest_reactions(run: RunDirectory) -> int:
     return max(len(run.messages["Articulation"].time_s) - timing_of(run).overruns["ecu"], 0) // 2
 
 
+USELESS = {
+    "hub": ("numpy", "scipy", "llvmlite", "pandas", "pyarrow"),
+    "record": ("scipy", "llvmlite", "pandas", "pyarrow"),
+    "gateway": ("scipy", "llvmlite", "pandas", "pyarrow"),
+    "ecu": ("pandas", "pyarrow"),
+    "plant": ("pandas", "pyarrow"),
+}
+"""Libraries that a process has no use for; each would cost it tens of megabytes and its start a part of a second."""
+
+
+def test_no_process_loads_a_library_that_it_does_not_use(scenario, tmp_path):
+    out = tmp_path / "run"
+    with started("run", scenario(60.0), "--realtime", "--gateway", "--out", out) as process:
+        pids = wait_until_ticking(process, out)
+        loaded = {name: Path(f"/proc/{pid}/maps").read_text() for name, pid in pids.items()}
+        process.send_signal(signal.SIGINT)
+        end(process)
+    assert set(loaded) == set(USELESS)
+    found = {
+        name: [each for each in useless if f"/{each}/" in loaded[name]] for name, useless in USELESS.items()
+    }
+    assert not any(found.values()), found
+
+
 def test_bus_and_truth_share_a_clock(scenario, tmp_path):
     """The frame of sample k is on the bus within the tick that made it, on the truth's own clock; how late that tick was the plant says."""
     out = tmp_path / "run"
