@@ -71,9 +71,9 @@ microcontroller: $(BIN)/.test ## the exported C ECU against the Python one, and 
 	$(BIN)/python -m bench.microcontroller --out docs/results/microcontroller.md
 
 results: $(BIN)/.test ## regenerate the campaigns' tables and docs/thesis (tens of minutes; results of single runs are kept)
-	$(BIN)/loaderhil campaign normal-force --out docs/results
-	$(BIN)/loaderhil campaign roll-over --out docs/results
-	$(BIN)/loaderhil campaign roll-over --extended --out docs/results
+	$(BIN)/loaderhil campaign normal-force --out docs/results || test $$? = 1 # a target missed: the page says so
+	$(BIN)/loaderhil campaign roll-over --out docs/results || test $$? = 1 # a target missed: the page says so
+	$(BIN)/loaderhil campaign roll-over --extended --out docs/results || test $$? = 1 # a target missed: the page says so
 	$(BIN)/loaderhil thesis all --out docs/thesis
 
 pages: $(BIN)/.test ## regenerate the reference pages from DBC, effects, faults and the schema of findings.json

@@ -1,13 +1,21 @@
 """`loaderhil scenarios`, `report` and `campaign`: the options of these commands."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from hil.results import Suite
 
 # a process per processor: simulations of a campaign share nothing and never wait
 JobsOption = Annotated[
     int | None, typer.Option("--jobs", min=1, help="Number of processes; by default one per processor.")
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the verdicts as JSON.")]
+JunitOption = Annotated[
+    Path | None, typer.Option("--junit", metavar="FILE", help="Write the verdicts as JUnit XML.")
 ]
 ResultsOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the table.")]
 
@@ -56,11 +64,19 @@ def report(
     print(write_report(runs, out))
 
 
-def campaign_normal_force(out: ResultsOption = Path("docs/results"), jobs: JobsOption = None) -> None:
-    """Compare estimated and true normal forces in every scenario, for both forms of the estimators."""
+def campaign_normal_force(
+    out: ResultsOption = Path("docs/results"),
+    jobs: JobsOption = None,
+    as_json: JsonOption = False,
+    junit: JunitOption = None,
+) -> None:
+    """Compare estimated and true normal forces in every scenario, for both forms of the estimators.
+
+    The exit code is 1 when the corrected form misses its target in a scenario.
+    """
     from studies.campaigns.normal_force import run_campaign
 
-    print(run_campaign(out, jobs))
+    _give("normal-force", *run_campaign(out, jobs), as_json, junit)
 
 
 def campaign_roll_over(
@@ -72,11 +88,17 @@ def campaign_roll_over(
             "--extended", help="Drive on grades, banks and slippery ground instead of level ground."
         ),
     ] = False,
+    as_json: JsonOption = False,
+    junit: JunitOption = None,
 ) -> None:
-    """Measure warnings before lift-off, and prevented roll-overs, over a grid of speed, payload and articulation rate."""
+    """Measure warnings before lift-off, and prevented roll-overs, over a grid of speed, payload and articulation rate.
+
+    The exit code is 1 when a lift-off is not announced or not prevented, or a warning has no reason.
+    """
     from studies.campaigns import roll_over, roll_over_extended
 
-    print((roll_over_extended if extended else roll_over).run_campaign(out, jobs))
+    file, suites = (roll_over_extended if extended else roll_over).run_campaign(out, jobs)
+    _give("roll-over", file, suites, as_json, junit)
 
 
 def campaign_prevention(
@@ -84,24 +106,29 @@ def campaign_prevention(
     jobs: JobsOption = None,
     runs: Annotated[int, typer.Option("--runs", min=1, help="Number of drives.")] = 1000,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Draws the drives and their calibrations.")] = 1,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the verdicts as JSON.")] = False,
-    junit: Annotated[
-        Path | None, typer.Option("--junit", metavar="FILE", help="Write the verdicts as JUnit XML.")
-    ] = None,
+    as_json: JsonOption = False,
+    junit: JunitOption = None,
 ) -> None:
     """Drive random manoeuvres with the limits on, half of them with a wrong calibration, and explain every wheel that lifts.
 
     The exit code is 1 when a wheel lifts that a limit could have kept down. An interrupted campaign goes on where it stopped.
     """
-    from hil.results import as_json as json_of
-    from hil.results import write_junit
-    from studies.campaigns.prevention import ending_of, run_campaign
+    from studies.campaigns.prevention import run_campaign
 
     # its arms are stored one by one, so that Ctrl-C loses only those that were running
     file, suite = run_campaign(out, runs=runs, seed=seed, jobs=jobs)
-    ending = ending_of(suite)
+    _give("prevention", file, [suite], as_json, junit)
+
+
+def _give(name: str, page: Path, suites: "Sequence[Suite]", as_json: bool, junit: Path | None) -> None:
+    """Print a campaign's results, and end with their exit code."""
+    from hil.results import as_json as json_of
+    from hil.results import write_junit
+    from studies.campaigns.verdicts import ending_of
+
+    ending = ending_of(suites)
     if junit is not None:
-        write_junit(junit, "campaign prevention", [suite])
+        write_junit(junit, f"campaign {name}", suites)
     # the path alone, or JSON alone: both are read by scripts
-    print(json_of("campaign prevention", ending, [suite], page=str(file)) if as_json else file)
+    print(json_of(f"campaign {name}", ending, suites, page=str(page)) if as_json else page)
     raise typer.Exit(ending)

@@ -17,11 +17,13 @@ from ecu.calibration import load_calibration
 from hil.compose import Choice, calibration_of, lockstep
 from hil.ecu_side import FORMS, Form
 from hil.lockstep import Recording
+from hil.results import Suite
 from hil.verdict import WHEELS, first_lift_off
 from plant.unit.scenario import list_scenarios
 from studies.campaigns.ablation import VARIANTS, estimated, inputs_of
 from studies.campaigns.batch import Result, header, markdown_table, results_of
 from studies.campaigns.memory import columns_of
+from studies.campaigns.verdicts import accuracy
 
 COMMAND = "loaderhil campaign normal-force"
 FILE = "normal_force.md"
@@ -110,14 +112,18 @@ def errors_of(series: Series, time_s: NDArray[np.float64], force: NDArray[np.flo
     }
 
 
-def run_campaign(out: Path, jobs: int | None = None) -> Path:
-    """Run every case and write the table."""
+def run_campaign(out: Path, jobs: int | None = None) -> tuple[Path, list[Suite]]:
+    """Run every case and write the table; returns it, and whether the corrected form is as accurate as aimed at."""
     cases = [Case(summary.name, form) for summary in list_scenarios() for form in FORMS]
     results = results_of(cases, run_case, cache=CACHE, jobs=jobs, title="drive cases")
     file = out / FILE
     out.mkdir(parents=True, exist_ok=True)
     file.write_text(table(cases, results))
-    return file
+    # the printed form is what the campaign compares with; nothing is aimed at with it
+    aimed = [(c, r) for c, r in zip(cases, results, strict=True) if c.form == "corrected"]
+    return file, [
+        Suite(name="normal force", cases=tuple(accuracy(c.scenario, r, target_of(c)) for c, r in aimed))
+    ]
 
 
 def table(cases: Sequence[Case], results: Sequence[Result]) -> str:

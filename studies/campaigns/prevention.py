@@ -14,7 +14,6 @@ import numpy as np
 from ecu.calibration import load_calibration
 from ecu.cycle import EcuCycle
 from hil.compose import calibration_of, plant_unit, standing_loads
-from hil.ending import Ending
 from hil.judgement import first_warning
 from hil.lockstep import Lockstep, Recording
 from hil.results import Case, Suite
@@ -128,14 +127,6 @@ def run_campaign(
 def suite_of(cases: Sequence[Manoeuvre], found: Sequence[Found]) -> Suite:
     """One question per kind of drive: does a wheel lift that a limit could have kept down?"""
     return Suite(name="prevention", cases=tuple(_question(kind, cases, found) for kind in KINDS))
-
-
-def ending_of(suite: Suite) -> Ending:
-    """Exit code: failed if one kind failed, inconclusive if one was not driven."""
-    results = {case.result for case in suite.cases}
-    if Result.FAILED in results:
-        return Ending.FAILED
-    return Ending.INCONCLUSIVE if Result.INCONCLUSIVE in results else Ending.PASSED
 
 
 def _question(kind: str, cases: Sequence[Manoeuvre], found: Sequence[Found]) -> Case:

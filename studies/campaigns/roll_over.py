@@ -17,7 +17,8 @@ from dbc.columns import Columns
 from hil.compose import lockstep, standing_loads
 from hil.ecu_side import Form
 from hil.judgement import first_warning, warning_flickers
-from hil.verdict import RunVerdict, judge
+from hil.results import Suite
+from hil.verdict import JUSTIFIED_MARGIN, RunVerdict, judge
 from plant.physics.surface import Surface
 from plant.unit.profile import Profile
 from plant.unit.scenario import Scenario, load_scenario
@@ -25,6 +26,7 @@ from studies.campaigns.batch import Result, results_of
 from studies.campaigns.memory import columns_of
 from studies.campaigns.roll_over_document import FILE, document
 from studies.campaigns.roll_over_picture import draw
+from studies.campaigns.verdicts import roll_over
 
 BASE = "abrupt_articulation"
 KMH = 1 / 3.6
@@ -206,8 +208,8 @@ def named_wheel(messages: Mapping[str, Columns], lift_off_s: float | None) -> in
     return int(before[-1]) - 1 if before.size and 1 <= before[-1] <= 4 else None
 
 
-def run_campaign(out: Path, jobs: int | None = None) -> Path:
-    """Run the grids; write the tables and the pictures beside them."""
+def run_campaign(out: Path, jobs: int | None = None) -> tuple[Path, list[Suite]]:
+    """Run the grids; write the tables and the pictures beside them. Returns the page, and a suite per grid."""
     out.mkdir(parents=True, exist_ok=True)
     found = []
     for grid in GRIDS:
@@ -216,4 +218,4 @@ def run_campaign(out: Path, jobs: int | None = None) -> Path:
         draw(cases, results, out / grid.picture)
         found.append((grid.name, grid.picture, cases, results))
     (out / FILE).write_text(document(found))
-    return out / FILE
+    return out / FILE, [roll_over(name, results, JUSTIFIED_MARGIN) for name, _, _, results in found]

@@ -4,11 +4,13 @@ import random
 from collections.abc import Sequence
 from pathlib import Path
 
+from hil.results import Suite
 from hil.verdict import JUSTIFIED_MARGIN
 from studies.campaigns.batch import Result, header, results_of
 from studies.campaigns.false_alarms import SLIDING, by_cause, explain
 from studies.campaigns.roll_over import CACHE, LEVEL, Case, Grid, Ground, Load, run_case
 from studies.campaigns.roll_over_document import COLUMNS, Cell, failures, lifting_table, summary
+from studies.campaigns.verdicts import roll_over
 
 COMMAND = "loaderhil campaign roll-over --extended"
 FILE = "rollover_extended.md"
@@ -52,15 +54,15 @@ slides sideways tips where it comes to better ground, which can be a machine's l
 """
 
 
-def run_campaign(out: Path, jobs: int | None = None) -> Path:
-    """Run the grid and write its page."""
+def run_campaign(out: Path, jobs: int | None = None) -> tuple[Path, list[Suite]]:
+    """Run the grid and write its page; returns it, and what was aimed at."""
     cases = EXTENDED.cases()
     results = results_of(cases, run_case, cache=CACHE, jobs=jobs, title="turns off the level")
     false = [case for case, result in zip(cases, results, strict=True) if result["false_alarm"]]
     reasons = results_of(false, explain, cache=CACHE, jobs=jobs, title="false alarms")
     out.mkdir(parents=True, exist_ok=True)
     (out / FILE).write_text(page(cases, results, reasons))
-    return out / FILE
+    return out / FILE, [roll_over(EXTENDED.name, results, JUSTIFIED_MARGIN)]
 
 
 def tuning_half(cases: Sequence[Case]) -> set[Case]:
