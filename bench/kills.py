@@ -218,8 +218,9 @@ def _before(killed_ns: int, missing_ns: np.ndarray) -> float:
     return float(killed_ns - missing_ns.min()) * 1e-9 if missing_ns.size else 0.0
 
 
-def page(results: dict[str, list[Kill]], seed: int, command: str) -> str:
-    """The kills as Markdown."""
+def page(results: dict[str, list[Kill]], seed: int, times: int) -> str:
+    """The kills as Markdown. times: aimed at for each process."""
+    command = re.sub(r" --out \S+", "", " ".join(["python -m bench.kills", *sys.argv[1:]]))
     name, clean = commit()
     lines = [
         "# kill -9 of every process",
@@ -228,6 +229,7 @@ def page(results: dict[str, list[Kill]], seed: int, command: str) -> str:
         "",
         "A run of `loaded` in real time over a gateway with a fault; one process is killed by SIGKILL at a random moment 1 to 2 s after the start. *Lost*: how long before the kill the",
         f"first frame (the first tick) was that is missing from the file, largest of all kills; at most {ALLOWED_S} s is promised. A listener of its own on each bus says what there was.",
+        f"{times} kills of each process are aimed at; the page is written after each round, so that of a run that was ended early tells of fewer.",
         f"For `{REFERENCE}`, which nothing but the plant hears: time from its last frame to the kill. The median over the kills is in brackets.",
         "",
         f"| killed | times | exit code | as documented | processes left | `{BUS}` [s] | `{ECU_BUS}` [s] | truth [s] | `{REFERENCE}` [s] | `faults.json` there |",
@@ -275,14 +277,8 @@ def main() -> int:
             print(f"{number + 1} {victim}: code {done.code}, {done.left} left, lost {values}", *(done.notes if wrong else []),
                   "WRONG" if wrong else "", file=sys.stderr, flush=True)  # fmt: skip
         if options.out:
-            options.out.write_text(
-                page(
-                    results,
-                    options.seed,
-                    re.sub(r" --out \S+", "", " ".join(["python -m bench.kills", *sys.argv[1:]])),
-                )
-            )
-    print(page(results, options.seed, "python -m bench.kills"))
+            options.out.write_text(page(results, options.seed, options.times), encoding="utf-8")
+    print(page(results, options.seed, options.times))
     return int(broken > 0)
 
 

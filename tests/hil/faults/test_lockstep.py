@@ -43,7 +43,7 @@ process = "ecu"
 at_s = 0.8
 for_s = 0.6
 """
-DEGRADED, SAFE_VALUES = 2, 3
+RUNNING, DEGRADED, SAFE_VALUES = 1, 2, 3
 
 
 @pytest.fixture
@@ -144,3 +144,28 @@ def test_a_dead_side_says_and_hears_nothing_until_it_is_restarted():
     assert len(made[1].ticked) == 10
     assert made[1].heard == []
     assert len(inner.ticked) == 30
+
+
+@pytest.mark.parametrize("offset", [-9.81, -9.0])
+def test_a_sensor_without_gravity_is_found_and_left_out_until_it_is_back(run, offset):
+    """Once it left the ECU in FAULT for good (-9.81), or was believed (-9.0)."""
+    fault = f"""
+[[fault]]
+kind = "offset"
+message = "BodyAcceleration"
+signal = "Vertical"
+offset = {offset}
+at_s = 0.8
+for_s = 0.6
+"""
+    with_fault = run(inject=fault)
+    status = with_fault.messages["EcuStatus"]
+    states = status.signals["State"]
+    assert np.all(states[(status.time_s > 0.85) & (status.time_s < 1.4)] == DEGRADED)
+    assert states[-1] == RUNNING
+    loads = with_fault.messages["NormalForces"]
+    front = loads.signals["FrontLeft"]
+    before, during = front[loads.time_s < 0.8][-1], front[(loads.time_s > 0.85) & (loads.time_s < 1.4)]
+    valid = loads.signals["FrontLeftValid"][(loads.time_s > 0.85) & (loads.time_s < 1.4)] > 0
+    # a load that is marked valid is one: a driver's torque changes it by a few percent meanwhile
+    assert np.all(np.abs(during[valid] / before - 1.0) < 0.1)
