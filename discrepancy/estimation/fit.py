@@ -92,9 +92,20 @@ class WindowStates:
 
 
 def differences(
-    problem: Problem, values: Values, base: Array, names: Sequence[str], *, cached: bool = False
+    problem: Problem,
+    values: Values,
+    base: Array,
+    names: Sequence[str],
+    *,
+    cached: bool = False,
+    backward: bool = False,
 ) -> Array:
-    """Derivatives of the raw rows by parameters (N, k). cached: columns that were kept at any other point may be used."""
+    """Derivatives of the raw rows by parameters (N, k). cached: columns that were kept at any other point may be used.
+
+    backward: parameters whose step is a step of the grid are stepped the other way.
+    """
+    if backward:
+        return _turned(problem, values, base, names)
     # A parameter of single windows is stepped in all windows at once, since no window depends on another: one simulation is enough.
     found = {name: problem.jacobian.column(name, None, values.shared, anywhere=cached) for name in names}
     new = [name for name, column in found.items() if column is None]
@@ -105,6 +116,16 @@ def differences(
         problem.jacobian.keep(name, None, values.shared, column)
     columns = [column for column in found.values() if column is not None]
     return np.stack(columns, axis=1) if columns else np.zeros((base.size, 0))
+
+
+def _turned(problem: Problem, values: Values, base: Array, names: Sequence[str]) -> Array:
+    """Derivatives, those by steps of the grid with the step of the opposite sign."""
+    found = differences(problem, values, base, names)
+    steps = {name: -_difference(problem, values, name) for name in names if _steps_by_grid(problem, name)}
+    rows = problem.predict_each([_stepped(problem, values, name, step) for name, step in steps.items()])
+    for (name, step), moved in zip(steps.items(), rows, strict=True):
+        found[:, list(names).index(name)] = (moved - base) / step
+    return found
 
 
 def initial_uncertainty(problem: Problem, values: Values, base: Array, *, cached: bool = False) -> Array:
@@ -118,13 +139,17 @@ def _difference(problem: Problem, values: Values, name: str) -> float:
     """Step of a finite difference in the parameter's unit, within its bounds; negative for a negative typical change."""
     parameter = problem.model.parameter(name)
     step = STEP * parameter.typical
-    if (
-        parameter.unit == "s"
-    ):  # a delay below one step of the grid only tests the interpolation, which has kinks at the samples
+    # a delay below one step of the grid only tests the interpolation, which has kinks at the samples
+    if parameter.unit == "s":
         step = max(step, problem.model.step_s)
     if parameter.scope == "all" and not parameter.lower <= values.shared[name] + step <= parameter.upper:
         return -step
     return step
+
+
+def _steps_by_grid(problem: Problem, name: str) -> bool:
+    parameter = problem.model.parameter(name)
+    return parameter.unit == "s" and STEP * parameter.typical < problem.model.step_s
 
 
 def _stepped(problem: Problem, values: Values, name: str, step: float) -> Values:
@@ -151,6 +176,7 @@ def fit(
     borrowed = cached = effort.cached and problem.model.costly
     chord = effort.chord and borrowed
     point = _Point.at(problem, noise, parameters, start, rows, cached)
+    turned = not any(_steps_by_grid(problem, name) for name in names)
     for later in reversed(range(effort.iterations)):
         # the linear problem in the shared parameters alone: initial states are already projected out of its columns
         A = np.concatenate([point.columns[rows] * scale, np.diag(prior)])
@@ -171,6 +197,11 @@ def fit(
         if better is None and cached and later and not chord:
             # the columns of another point led to no improvement here: compute those of this point
             cached, point = False, _Point.at(problem, noise, parameters, point.values, rows)
+            continue
+        if better is None and worth and later and not turned:
+            # at a kink the slope towards larger values may promise what only smaller ones keep
+            turned = True
+            point = _Point.at(problem, noise, parameters, point.values, rows, backward=True)
             continue
         if better is None:
             break
@@ -246,10 +277,13 @@ class _Point:
         values: Values,
         rows: Mask,
         cached: bool = False,
+        backward: bool = False,
     ) -> "_Point":
         base = problem.predict(values)
         names = [p.name for p in parameters]
-        raw = differences(problem, values, base, [*names, *problem.local_names], cached=cached)
+        raw = differences(
+            problem, values, base, [*names, *problem.local_names], cached=cached, backward=backward
+        )
         moved = noise.whiten(raw)
         J, L = moved[:, : len(names)], moved[:, len(names) :]
         e = noise.whiten(problem.measured - base)
