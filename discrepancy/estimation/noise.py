@@ -3,6 +3,10 @@
 A whitened residual is the error of a one-step predictor, which uses the residual's own past. Therefore feedback through a driver or
 controller does not make noise look like physics (Ljung, System Identification, 2nd ed., section 8.4). BIC chooses the order. The model
 assumes evenly spaced samples: jitter is neglected, and the filter starts again after a gap.
+
+The first rows of a block have too short a past for the autoregression. Left out, they would leave initial states nearly free: beside a
+noise with a long memory, states would run far from what was measured and imitate any slow effect in a short window. So together they count
+as one row whose standard deviation is five times the size of the residual.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,6 +29,9 @@ from discrepancy.model.windows import Block
 from discrepancy.signals.recording import Array
 
 HIGHEST_ORDER = 10
+# Standard deviation of the first rows of a block, in sizes of the residual. At 10 initial states run away again; at 1 what is peculiar to the
+# start of a real recording counts too much: a baseball's release was taken for a lag of the camera.
+START = 5.0
 ROWS_PER_TERM = (
     15  # rows per coefficient of the autoregression, at least: with fewer it follows the residual itself
 )
@@ -32,10 +39,14 @@ ROWS_PER_TERM = (
 
 @dataclass(frozen=True, slots=True)
 class Whitener:
-    """e_t = r_t - sum_i A_i r_(t-i), whitened by the inverse Cholesky factor of its covariance."""
+    """e_t = r_t - sum_i A_i r_(t-i), whitened by the inverse Cholesky factor of its covariance.
+
+    The autoregression has to be stable: every eigenvalue of its companion matrix below 1 in size (`memory_limited`).
+    """
 
     past: Array  # A_i, shape (order, c, c)
     inverse_factor: Array  # (c, c)
+    size: Array | None = None  # root mean square (c,) of the residual from which it was estimated
 
     @property
     def order(self) -> int:
@@ -47,8 +58,19 @@ class Whitener:
         factor = np.linalg.inv(self.inverse_factor)
         return np.asarray(np.sqrt(np.sum(factor**2, axis=1)), float)
 
+    @property
+    def start(self) -> Array:
+        """Factor (c,) of each of the first `order` rows of a block: together they count as one row."""
+        if self.size is None:
+            return np.zeros(self.inverse_factor.shape[0])
+        return np.asarray(1.0 / (START * np.sqrt(max(self.order, 1)) * self.size), float)
+
+    def whiten(self, rows: Array) -> Array:
+        """rows (n, c, k) of a block -> whitened (n, c, k)."""
+        return np.concatenate([rows[: self.order] * self.start[:, None], self.apply(rows)])
+
     def apply(self, rows: Array) -> Array:
-        """rows (n, c, k) -> whitened (n - order, c, k)."""
+        """rows (n, c, k) -> whitened (n - order, c, k): only those with the whole past that the autoregression uses."""
         n, c, k = rows.shape
         flat = np.ascontiguousarray(rows.transpose(1, 0, 2)).reshape(c, n * k)
         e = flat[:, self.order * k :].copy()
@@ -58,7 +80,7 @@ class Whitener:
 
 
 class Noise:
-    """Whitening of all rows of a problem; `keep` are the raw rows that remain (the first `order` of a block do not).
+    """Whitening of all rows of a problem; `keep` are the raw rows that remain.
 
     initial_uncertainty: raw rows (N, k) of one standard deviation of each initial state that is nearly known (Parameter.scope); what those
     states may do in each window is part of the noise.
@@ -78,13 +100,7 @@ class Noise:
         )
         self._blocks = problem.blocks
         self.set_aside = tuple(set_aside)
-        kept = [
-            np.arange(
-                block.start + self.whiteners[block.group].order * block.shape[1], max(block.stop, block.start)
-            )
-            for block in self._blocks
-        ]
-        self.keep: NDArray[np.intp] = np.concatenate(kept)
+        self.keep: NDArray[np.intp] = np.concatenate([np.arange(b.start, b.stop) for b in self._blocks])
         self._chosen = self._not_set_aside() if self.set_aside else None
         if self._chosen is not None:
             self.keep = self.keep[self._chosen]
@@ -112,18 +128,18 @@ class Noise:
         return rows if self._chosen is None else rows[self._chosen]
 
     def _not_set_aside(self) -> Mask:
-        """Which of the rows that the whiteners leave are kept."""
+        """Which rows are kept."""
         parts = []
         for block, out in zip(self._blocks, self.set_aside, strict=True):
             order = self.whiteners[block.group].order
-            parts.append(np.repeat(~after(out, order)[order:], block.shape[1]))
+            parts.append(np.repeat(~after(out, order), block.shape[1]))
         return np.concatenate(parts)
 
     def errors(self, rows: Array) -> list[Array]:
-        """Raw rows (N,) -> one-step errors of every block (n - order, c), those set aside too."""
+        """Raw rows (N,) -> whitened one-step errors of every block (n, c), those set aside too."""
         return [
-            self.whiteners[block.group].apply(rows[block.start : block.stop].reshape(*block.shape, 1))[
-                :, :, 0
+            self.whiteners[block.group].whiten(rows[block.start : block.stop].reshape(*block.shape, 1))[
+                ..., 0
             ]
             for block in self._blocks
         ]
@@ -173,8 +189,9 @@ class Noise:
         parts = []
         for block in self._blocks:
             whitener, (n, c), k = self.whiteners[block.group], block.shape, columns.shape[1]
-            white = whitener.apply(columns[block.start : block.stop].reshape(n, c, k))
-            parts.append(white.reshape((n - whitener.order) * c, k))
+            parts.append(
+                whitener.whiten(columns[block.start : block.stop].reshape(n, c, k)).reshape(n * c, k)
+            )
         white = np.concatenate(parts)
         white = self.kept(white)
         return white[:, 0] if rows.ndim == 1 else white
@@ -348,7 +365,9 @@ def autoregression(
     assert best is not None
     _, matrices, covariance = best
     return Whitener(
-        matrices, np.linalg.inv(np.linalg.cholesky(covariance * freedom_correction + np.diag(floors**2)))
+        matrices,
+        np.linalg.inv(np.linalg.cholesky(covariance * freedom_correction + np.diag(floors**2))),
+        np.sqrt(freedom_correction * np.mean(target**2, axis=0) + np.diag(covariance) + floors**2),
     )
 
 
@@ -374,16 +393,22 @@ def memory_limited(past: Array, samples: int) -> Array:
 
     An autoregression that integrates, or grows, would call any slow mismatch noise.
     """
-    order, c = past.shape[:2]
+    order = len(past)
     if order == 0:
         return past
     # the largest eigenvalue of the companion matrix is the factor by which the slowest memory decays per sample
-    companion = np.zeros((order * c, order * c))
-    companion[:c] = np.concatenate(list(past), axis=1)
-    companion[c:, :-c] = np.eye((order - 1) * c)
-    radius = float(np.max(np.abs(np.linalg.eigvals(companion))))
+    radius = float(np.max(np.abs(np.linalg.eigvals(companion(past)))))
     allowed = 1.0 - 4.0 / max(samples, 8)
     if radius <= allowed:
         return past
     # scaling A_i by r^i scales every eigenvalue by r and keeps the form of the memory
     return past * ((allowed / radius) ** np.arange(1, order + 1))[:, None, None]
+
+
+def companion(past: Array) -> Array:
+    """The autoregression (order, c, c) as one step of a state that holds `order` rows, the newest first (order c, order c)."""
+    order, c = past.shape[:2]
+    matrix = np.zeros((order * c, order * c))
+    matrix[:c] = np.concatenate(list(past), axis=1)
+    matrix[c:, :-c] = np.eye((order - 1) * c)
+    return matrix

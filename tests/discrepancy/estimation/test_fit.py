@@ -19,6 +19,8 @@ from discrepancy.signals.recording import Array, Recording, signal
 from tests.discrepancy.toys import record, tank
 
 STRICT = Settings()
+# A power of two: with a rounded step a window of 5 s would begin with the last reading of the coast before.
+STEP_S = 0.0625
 
 
 def stopping() -> Model:
@@ -40,17 +42,19 @@ def stopping() -> Model:
         nuisances=(drag, start),
         effects=(),
         simulate=simulate,
-        step_s=0.05,
+        step_s=STEP_S,
         window_s=5.0,
     )
 
 
 def coasting(seed: int) -> Recording:
     rng = np.random.default_rng(seed)
-    t = np.arange(0.0, 5.0, 0.05)
-    speed = np.concatenate([np.maximum(v - t, 0.0) for v in rng.uniform(0.3, 6.0, 12)])
+    t = np.arange(0.0, 5.0, STEP_S)
+    coasts = [np.maximum(v - t, 0.0) for v in rng.uniform(0.3, 6.0, 12)]
+    # The reading at the end makes each of the windows one coast.
+    speed = np.concatenate([*coasts, [0.0]])
     noise = lfilter([1.0], [1.0, -0.95], rng.normal(0.0, 0.02, speed.size))
-    return Recording("coast", {"speed": signal(0.05 * np.arange(speed.size), speed + noise, "m/s")})
+    return Recording("coast", {"speed": signal(STEP_S * np.arange(speed.size), speed + noise, "m/s")})
 
 
 @pytest.mark.parametrize(("typical", "at"), [(0.05, 1.0), (-0.05, 0.0), (0.05, 0.0), (-0.05, 1.0)])
