@@ -33,7 +33,7 @@ class Arm:
     """One recording of the proof, with what is hidden in it."""
 
     body: str  # of truth
-    # null, effect, outside (no effect of the library is the cause), pair, stretch (acts between start_s and end_s only), real
+    # null, effect, outside (no effect of the library is the cause), pair, interval (acts between start_s and end_s only), real
     kind: str
     seed: int
     effects: tuple[str, ...] = ()

@@ -13,7 +13,7 @@ from discrepancy.model.description import Effect, Model
 from discrepancy.signals.recording import Recording
 
 Record = Callable[[Mapping[str, float], Arm, np.random.Generator], list[Recording]]
-"""Truth by parameter name, arm (noise, stretch), generator -> recordings; the baseline's own errors are drawn first."""
+"""Truth by parameter name, arm (noise, interval), generator -> recordings; the baseline's own errors are drawn first."""
 
 ROUNDS = 10  # of sizing an effect
 NEAR = 0.1  # of the logarithm of the wanted lambda, at which a size is right
@@ -36,7 +36,7 @@ class Body:
         default_factory=dict
     )  # truths that no effect of the library can be
     pairs: tuple[tuple[str, str], ...] = ()
-    stretches: tuple[str, ...] = ()  # effects that act for a part of the time
+    intervals: tuple[str, ...] = ()  # effects that act for a part of the time
     peer: Callable[[list[Recording]], Mapping[str, str]] | None = (
         None  # another tool's answer on the same recordings
     )
@@ -70,22 +70,22 @@ class Body:
                 yield self._arm(
                     "pair", 50_000 + 1_000 * seed + number, effects=pair, noise=noise, strength=250.0
                 )
-            for number, effect in enumerate(self.stretches):
-                yield self._stretch(
+            for number, effect in enumerate(self.intervals):
+                yield self._interval(
                     effect, 60_000 + 1_000 * seed + number, self.noises[(number + seed) % len(self.noises)]
                 )
 
     def _arm(self, kind: str, seed: int, **more) -> Arm:
         return Arm(body=self.name, kind=kind, seed=seed, **more)
 
-    def _stretch(self, effect: str, seed: int, noise: str) -> Arm:
+    def _interval(self, effect: str, seed: int, noise: str) -> Arm:
         # 3: the interval must not depend on the numbers of the recording's noise
         rng = np.random.default_rng([seed, 3])
         # of 96 s: the effect begins and ends within the drive
         start = float(rng.uniform(10.0, 45.0))
         end = start + float(rng.uniform(25.0, 40.0))
         return self._arm(
-            "stretch", seed, effects=(effect,), noise=noise, strength=2500.0, start_s=start, end_s=end
+            "interval", seed, effects=(effect,), noise=noise, strength=2500.0, start_s=start, end_s=end
         )
 
     def carried_out(self, arm: Arm) -> Row:

@@ -119,7 +119,7 @@ def table(done: Sequence[Done]) -> Iterator[Line]:
     """The metrics of one body."""
     of = {
         kind: [d for d in done if d.arm.kind == kind]
-        for kind in ("null", "effect", "outside", "pair", "stretch")
+        for kind in ("null", "effect", "outside", "pair", "interval")
     }
     strong = [d for d in of["effect"] if d.lam >= STRONG]
     exact = [d for d in strong if d.lam >= EXACT]
@@ -144,7 +144,7 @@ def table(done: Sequence[Done]) -> Iterator[Line]:
         yield Line("of those with a name explained in part only", "", str(part))
     yield from _outside(of["outside"])
     yield from _sizes(strong, exact)
-    yield from _places(strong, of["stretch"])
+    yield from _places(strong, of["interval"])
     if pairs := [d for d in of["pair"] if d.arm.body not in LOADERS or d.lam >= EXACT]:
         both = share(pairs, found)
         yield Line(
@@ -234,7 +234,7 @@ def parameters(run: Done) -> Iterator[tuple[float, bool]]:
                 yield abs(e.value - true) / abs(true), bool(low <= true <= high)
 
 
-def _places(strong: Sequence[Done], stretches: Sequence[Done]) -> Iterator[Line]:
+def _places(strong: Sequence[Done], intervals: Sequence[Done]) -> Iterator[Line]:
     channels = [channel_right(d) for d in strong]
     judged = [c for c in channels if c is not None]
     if judged:
@@ -242,8 +242,8 @@ def _places(strong: Sequence[Done], stretches: Sequence[Done]) -> Iterator[Line]
         yield Line(
             "location: the channel, of effects found", ">= 95 %", str(hits), hits.hits >= 0.95 * hits.of
         )
-    if stretches:
-        overlaps = [overlap(d) for d in stretches]
+    if intervals:
+        overlaps = [overlap(d) for d in intervals]
         middle = float(np.median(overlaps))
         yield Line(
             "location: interval of an effect that acts for a while, IoU",

@@ -18,8 +18,8 @@ def recorded(values, arm: Arm, rng: np.random.Generator) -> list[Recording]:
         "mass": MASS_KG * (1.0 + 0.03 * rng.normal()),
         "viscous": max(400.0 + 100.0 * rng.normal(), 50.0),
     }
-    stretch = (arm.start_s, arm.end_s) if arm.start_s is not None and arm.end_s is not None else None
-    return [record({**machine, **values}, NOISES[arm.noise], rng, stretch=stretch)]
+    interval = (arm.start_s, arm.end_s) if arm.start_s is not None and arm.end_s is not None else None
+    return [record({**machine, **values}, NOISES[arm.noise], rng, interval=interval)]
 
 
 def sindy(recordings: list[Recording]) -> dict[str, str]:
@@ -42,6 +42,6 @@ STRAIGHT = Body(
         "warming oil 60 %": {"warming": 0.6},
     },
     pairs=tuple((NAMES[i], NAMES[(i + 5) % len(NAMES)]) for i in range(0, len(NAMES), 2)),
-    stretches=("slope", "rolling resistance", "drive loss", "reverse drag"),
+    intervals=("slope", "rolling resistance", "drive loss", "reverse drag"),
     peer=sindy,
 )

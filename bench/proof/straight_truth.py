@@ -105,20 +105,20 @@ def record(
     *,
     duration_s: float = 96.0,
     one_way: bool = False,
-    stretch: tuple[float, float] | None = None,
+    interval: tuple[float, float] | None = None,
     keep: int = KEEP,
 ) -> Recording:
     """Drive a random sequence of target speeds; truth: parameters by the model's names, mass and sensors included.
 
-    keep: one of so many steps is recorded. stretch: the time [s] in which the effects act; else always.
+    keep: one of so many steps is recorded. interval: the time [s] in which the effects act; else always.
     """
     n = int(duration_s / STEP_S)
     always = np.array([truth.get(name, 0.0) if name in STANDING else 0.0 for name in ORDER])
     effects = np.array([0.0 if name in STANDING else truth.get(name, 0.0) for name in ORDER])
     acts = np.ones(n)
-    if stretch is not None:
+    if interval is not None:
         at = STEP_S * np.arange(n)
-        acts = ((at >= stretch[0]) & (at < stretch[1])).astype(float)
+        acts = ((at >= interval[0]) & (at < interval[1])).astype(float)
     target = np.repeat(
         rng.choice([0.0, 1.5, 3.0, 5.0] if one_way else [-3.0, -1.5, 0.0, 2.0, 5.0], size=n // 600 + 1), 600
     )[:n]

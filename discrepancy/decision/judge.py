@@ -16,7 +16,7 @@ from discrepancy.decision.drop_one import DropOneTest, backward, drop_one_tests
 from discrepancy.decision.groups import Alternative, alternatives, separation
 from discrepancy.decision.location import locate
 from discrepancy.decision.missing_channels import missing_channels
-from discrepancy.decision.not_understood import complaints_of, stretches_not_understood
+from discrepancy.decision.not_understood import complaints_of, intervals_not_understood
 from discrepancy.decision.verdict import verdict
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.problem import Problem, Unusable
@@ -29,7 +29,7 @@ from discrepancy.selection.state import Progress, Settings, State
 from discrepancy.signals import findings as f
 from discrepancy.signals.recording import Complaint
 
-# what a status becomes where some stretch of time is not understood
+# what a status becomes where some interval of time is not understood
 LESS_SURE: Final[Mapping[f.Status, f.Status]] = {
     "nothing missing": "unknown",
     "explained": "explained in part",
@@ -88,7 +88,7 @@ def judge(
         settings,
         len(history[-1].accepted),
     )
-    if unclear := stretches_not_understood(problem, history[0]):
+    if unclear := intervals_not_understood(problem, history[0]):
         status, reasons = LESS_SURE.get(status, status), [*unclear, *reasons]
     findings = f.Findings(
         model=problem.model.name,

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from discrepancy.estimation.problem import Problem
 from discrepancy.estimation.set_aside import (
     Mask,
-    Stretch,
+    OddInterval,
     after,
-    stretches,
+    intervals,
     unexplained_steps,
     without_echoes,
 )
@@ -273,14 +273,14 @@ def restored(problem: Problem, residual: Array, used: float, noise: Noise) -> No
     )
 
 
-def what_is_aside(problem: Problem, residual: Array, noise: Noise) -> list[Stretch]:
-    """The rows that a noise sets aside, as stretches of time in order; residual: raw rows (N,)."""
+def what_is_aside(problem: Problem, residual: Array, noise: Noise) -> list[OddInterval]:
+    """The rows that a noise sets aside, as intervals of time in order; residual: raw rows (N,)."""
     if not noise.set_aside:
         return []
     errors, found = noise.errors(residual), []
     for at in _by_group(problem):
         own = [problem.blocks[i] for i in at]
-        found += stretches(own, [errors[i] for i in at], [noise.set_aside[i] for i in at])
+        found += intervals(own, [errors[i] for i in at], [noise.set_aside[i] for i in at])
     return sorted(found, key=lambda s: (s.window, s.start_s))
 
 

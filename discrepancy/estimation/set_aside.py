@@ -1,4 +1,4 @@
-"""Readings that nothing explains: single outliers, and stretches of time in which the error is far larger than elsewhere.
+"""Readings that nothing explains: single outliers, and intervals of time in which the error is far larger than elsewhere.
 
 Under Gaussian noise a few such readings rule the noise of a whole recording, and with it everything that is decided by it. They are taken out of the
 noise, the fits and the tests, and are reported with their time. Thresholds are so high that a recording without them loses no row.
@@ -18,21 +18,21 @@ from discrepancy.signals.recording import Array
 Mask = NDArray[np.bool_]
 
 OUTLIER: Final = gates.OUTLIER.threshold
-STRETCH: Final = gates.STRETCH.threshold
+ODD_INTERVAL: Final = gates.ODD_INTERVAL.threshold
 MOST_SHARE: Final = gates.SET_ASIDE.threshold
-STEPS: Final = 10  # rows in a row over which a stretch is judged
-MOST_EACH: Final = 1.5 * STRETCH  # that a row counts for in a stretch: one outlier is none
+STEPS: Final = 10  # rows in a row over which an interval is judged
+MOST_EACH: Final = 1.5 * ODD_INTERVAL  # that a row counts for in an interval: one outlier is none
 INNER: Final = 1.0 - MOST_SHARE  # share of the errors that are no outliers in any case
 INNER_SD: Final = 0.8939  # root mean square of a normal error of unit size, when what is beyond that share is moved to its edge
-EXPLAINED: Final = 0.5  # share of the squared errors of a stretch that candidates have to leave there
+EXPLAINED: Final = 0.5  # share of the squared errors of an interval that candidates have to leave there
 MANY: Final = (
-    0.4  # share of rows with a large residual of their own, from which rows in a row are one stretch
+    0.4  # share of rows with a large residual of their own, from which rows in a row are one interval
 )
 NORMAL: Final = 1.4826  # standard deviations in a median absolute deviation
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class OddInterval:
     """Rows of one block, one after the other, that nothing explains."""
 
     window: int
@@ -48,7 +48,7 @@ class SetAside:
     """What a search leaves out."""
 
     rows: tuple[Mask, ...] = ()  # of every block; empty: none
-    stretches: tuple[Stretch, ...] = ()
+    intervals: tuple[OddInterval, ...] = ()
 
 
 NOTHING: Final = SetAside()
@@ -68,7 +68,7 @@ def unexplained_steps(
         size = np.abs(e) / scale
         late = out.copy()
         first = out.size - len(e)
-        new = np.any(size > OUTLIER, axis=1) | _in_stretches(size)
+        new = np.any(size > OUTLIER, axis=1) | _in_intervals(size)
         # candidates enter to first order: what they explain for the most part is a strong effect, not a riddle
         for start, stop in _spans(new):
             if np.sum(e[start:stop] ** 2) < EXPLAINED * np.sum(was[start:stop] ** 2):
@@ -89,11 +89,11 @@ def _scale(errors: Array) -> Array:
     return np.asarray(np.maximum(np.maximum(spread, whole), 1e-300), float)
 
 
-def _in_stretches(size: Array) -> Mask:
+def _in_intervals(size: Array) -> Mask:
     """Which rows (n,) lie in some STEPS rows that together are too large; size: (n, c) in standard deviations."""
     steps = min(STEPS, len(size))
     sums = np.cumsum(np.concatenate([np.zeros((1, size.shape[1])), np.minimum(size, MOST_EACH) ** 2]), axis=0)
-    large = np.any((sums[steps:] - sums[:-steps]) / steps > STRETCH**2, axis=1)
+    large = np.any((sums[steps:] - sums[:-steps]) / steps > ODD_INTERVAL**2, axis=1)
     return np.asarray(np.convolve(large, np.ones(steps)) > 0.5, bool)
 
 
@@ -102,7 +102,7 @@ def without_echoes(residuals: Sequence[Array], out: Sequence[Mask]) -> list[Mask
     scale = _scale(np.concatenate([r[~rows] for r, rows in zip(residuals, out, strict=True)]))
     found = []
     for residual, rows in zip(residuals, out, strict=True):
-        large, kept = np.any(np.abs(residual) > STRETCH * scale, axis=1) & rows, rows.copy()
+        large, kept = np.any(np.abs(residual) > ODD_INTERVAL * scale, axis=1) & rows, rows.copy()
         for start, stop in _spans(rows):
             share = float(np.mean(large[start:stop]))
             if 0.0 < share < MANY:
@@ -134,8 +134,8 @@ def after(out: Mask, order: int) -> Mask:
     return touched
 
 
-def stretches(blocks: Sequence[Block], errors: Sequence[Array], out: Sequence[Mask]) -> list[Stretch]:
-    """What is out, as stretches of time; errors: as in `unexplained_steps`."""
+def intervals(blocks: Sequence[Block], errors: Sequence[Array], out: Sequence[Mask]) -> list[OddInterval]:
+    """What is out, as intervals of time; errors: as in `unexplained_steps`."""
     kept = np.concatenate([e[~o[o.size - len(e) :]] for e, o in zip(errors, out, strict=True)])
     rms, found = np.sqrt(np.mean(kept**2, axis=0)), []
     for block, e, rows in zip(blocks, errors, out, strict=True):
@@ -145,7 +145,7 @@ def stretches(blocks: Sequence[Block], errors: Sequence[Array], out: Sequence[Ma
                 continue
             sizes = np.sqrt(np.mean(own**2, axis=0)) / np.maximum(rms, 1e-300)
             found.append(
-                Stretch(
+                OddInterval(
                     block.window,
                     block.channels,
                     float(block.time_s[start]),

@@ -81,7 +81,7 @@ OUTLIER: Final = _gate(
     otherwise="the row is set aside, and the result lists it",
     module="estimation.set_aside",
 )
-STRETCH: Final = _gate(
+ODD_INTERVAL: Final = _gate(
     name="no interval that nothing explains",
     of="row",
     statistic="root mean square of ten such errors that follow one another, none counted for more than 6",

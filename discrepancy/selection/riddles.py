@@ -1,4 +1,4 @@
-"""What remains a riddle when a search has ended: outliers and stretches that nothing explains, to be left out of a second search."""
+"""What remains a riddle when a search has ended: outliers and intervals that nothing explains, to be left out of a second search."""
 
 from typing import Final
 

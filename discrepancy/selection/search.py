@@ -30,10 +30,10 @@ def search(
     """
     state, history = _search(problem, settings, progress, NOTHING)
     aside = to_set_aside(problem, state) if settings.set_aside else NOTHING
-    if not aside.stretches:
+    if not aside.intervals:
         return state, history
     progress(
-        f"{sum(s.rows for s in aside.stretches)} rows that nothing explains are set aside; searching again"
+        f"{sum(s.rows for s in aside.intervals)} rows that nothing explains are set aside; searching again"
     )
     again, steps = _search(problem, settings, progress, aside)
     # An effect that passes only without the rows that contradict it has not passed: those rows may be the evidence against it.

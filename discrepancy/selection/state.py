@@ -35,7 +35,7 @@ class Settings:
     # linkage became a lag of its servo, and a leak of another size in every minute passed for one of a constant size.
     average: bool = False  # samples that come faster than the model moves become means (ADR 27)
     set_aside: bool = (
-        False  # outliers and stretches that nothing explains are left out of a second search (ADR 29)
+        False  # outliers and intervals that nothing explains are left out of a second search (ADR 29)
     )
 
     def least_held_out(self, reduction: float) -> float:

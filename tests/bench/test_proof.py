@@ -142,9 +142,9 @@ def test_places() -> None:
     interval = Interval(recording="r", start_s=20.0, end_s=40.0, share=1.0)
     regime = Regime(text="speed below -1 m/s", share=1.0, density=2.0)
     where = Where(channels={"one": 0.7, "two": 0.3}, throughout=False, intervals=[interval], regimes=[regime])
-    stretch = done("stretch", start_s=30.0, end_s=50.0, found=(replace(A, where=where),))
-    assert score.overlap(stretch) == pytest.approx(10.0 / 30.0)
-    assert score.overlap(done("stretch", start_s=30.0, end_s=50.0)) == 0.0
+    interval = done("interval", start_s=30.0, end_s=50.0, found=(replace(A, where=where),))
+    assert score.overlap(interval) == pytest.approx(10.0 / 30.0)
+    assert score.overlap(done("interval", start_s=30.0, end_s=50.0)) == 0.0
     named = replace(A, where=where)
     for channels, right in (
         ({"one": 0.9, "two": 0.1}, True),
@@ -165,7 +165,7 @@ def test_places() -> None:
 def test_a_row_reads_back(tmp_path) -> None:
     arm = Arm(
         body="straight",
-        kind="stretch",
+        kind="interval",
         seed=3,
         effects=("a b", "c"),
         noise="white",
@@ -213,15 +213,15 @@ def test_the_report_lists_failures_and_what_did_not_finish() -> None:
 
 
 def test_the_straight_truth_is_the_model_where_nothing_is_hidden() -> None:
-    """Without noise the model predicts the truth, by another integrator, within a thousandth; with an effect in a stretch it does not, there only."""
+    """Without noise the model predicts the truth, by another integrator, within a thousandth; with an effect in an interval it does not, there only."""
     from bench.proof.straight_truth import Noise, record
     from discrepancy.models.straight import MASS_KG, model
 
     quiet = Noise(speed_sd=1e-9, acceleration_sd=1e-9, quantised=False)
     machine = {"mass": MASS_KG, "viscous": 400.0}
     late = {}
-    for name, values, stretch in (("none", {}, None), ("hill", {"slope": 0.02}, (40.0, 60.0))):
-        drive = record({**machine, **values}, quiet, np.random.default_rng(1), stretch=stretch)
+    for name, values, interval in (("none", {}, None), ("hill", {"slope": 0.02}, (40.0, 60.0))):
+        drive = record({**machine, **values}, quiet, np.random.default_rng(1), interval=interval)
         problem = Problem(model(), [drive])
         wrong = np.abs(problem.measured - problem.predict(problem.start()))
         force = problem.row_channel == problem.channels.index("acceleration")
@@ -304,7 +304,7 @@ def test_play_in_the_steering_is_no_delay_of_the_servo_but_an_equation_with_its_
 @pytest.mark.parametrize("seed", [1, 2, 73011])
 def test_friction_that_acts_for_a_while_is_seen_in_its_windows_though_noise_could_hold_it(seed) -> None:
     """4.3 kN from 30 to 68 s, windows of 8 s: noise from which a constant one is projected out holds it to nearly nothing."""
-    arm = Arm(body="straight", kind="stretch", seed=seed, noise="quantised", start_s=30.0, end_s=68.0)
+    arm = Arm(body="straight", kind="interval", seed=seed, noise="quantised", start_s=30.0, end_s=68.0)
     body = BODIES["straight"]
     problem = Problem(body.model(), body.record({"rolling": 0.037}, arm, np.random.default_rng(seed)))
     state = assess(problem, (), problem.start(), Settings())

@@ -32,9 +32,9 @@ def test_intervals_widen_where_scores_are_correlated_over_time() -> None:
     leak = problem.model.parameter("leak")
     plain, found = estimate(leak, state.fit), estimate(leak, state.fit, state.noise)
     direction = project_out(state.fit, [state.fit.names.index("leak")])[:, 0]
-    # errors that keep one sign against the sensitivity over each stretch of time push the estimate about
-    stretch = np.where(time_blocks_of(state.noise) % 2 == 0, 1.0, -1.0)
-    pushed = replace(state.fit, residual=2.0 * stretch * np.sign(direction))
+    # errors that keep one sign against the sensitivity over each interval of time push the estimate about
+    interval = np.where(time_blocks_of(state.noise) % 2 == 0, 1.0, -1.0)
+    pushed = replace(state.fit, residual=2.0 * interval * np.sign(direction))
     wide = estimate(leak, pushed, state.noise)
     assert width(found) == pytest.approx(width(plain), rel=0.5)
     assert width(wide) > 4.0 * width(plain)

@@ -1,4 +1,4 @@
-"""Outliers and stretches that nothing explains are set aside with their time, and rule nothing."""
+"""Outliers and intervals that nothing explains are set aside with their time, and rule nothing."""
 
 from dataclasses import replace
 
@@ -57,7 +57,7 @@ def test_a_hundredth_of_outliers_does_not_widen_an_interval(seed: int) -> None:
 def test_every_outlier_is_set_aside_and_hardly_anything_else() -> None:
     spoilt, at = with_outliers(record(3), 0.01)
     times = spoilt.signals["level"].time_s[at]
-    aside = searched(spoilt).aside.stretches
+    aside = searched(spoilt).aside.intervals
     found = np.concatenate([np.linspace(s.start_s, s.end_s, s.rows) for s in aside])
     assert all(np.min(np.abs(found - time)) < 0.05 for time in times)
     assert found.size <= times.size + 3
@@ -86,18 +86,18 @@ def test_an_interval_that_nothing_explains_is_reported_with_its_time() -> None:
     assert found.named == ["leak"]
 
 
-def test_nothing_missing_is_not_said_of_a_recording_with_such_a_stretch() -> None:
+def test_nothing_missing_is_not_said_of_a_recording_with_such_an_interval() -> None:
     found = examine(tank(), [with_a_bad_contact(record(1), 42.0, 47.0)], BRIEF)
     assert found.status == "unknown"
     assert "not understood from" in found.reasons[0]
 
 
-def test_an_effect_that_acts_for_a_while_is_no_such_stretch() -> None:
+def test_an_effect_that_acts_for_a_while_is_no_such_interval() -> None:
     """The level reads 0.2 m too much for a window and a half: the library has a bias."""
     recording = record(1)
     time_s = recording.signals["level"].time_s
     raised = with_errors(recording, 0.2 * ((time_s >= 40.0) & (time_s < 60.0)))
-    rows = sum(stretch.rows for stretch in searched(raised).aside.stretches)
+    rows = sum(interval.rows for interval in searched(raised).aside.intervals)
     assert rows <= 2
 
 
