@@ -12,7 +12,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from hil.compose import Choice
 from hil.ending import Ending
 from hil.gateway.buses import ONE_BUS, Buses
-from hil.processes.realtime import run_realtime
 from hil.processes.supervisor import Event
 from hil.runs import RunResult, run_lockstep
 from hil.shell.realtime_options import RealtimeOptions
@@ -39,6 +38,9 @@ def run_with_progress(
     on = Console(stderr=True) if quiet else console
     with _bar(title, duration_s, on) as advance:
         if realtime is not None:
+            # imported here: a run in lockstep needs neither supervisor nor histograms, a tenth of its start
+            from hil.processes.realtime import run_realtime
+
             result = run_realtime(choice, out, _shown(advance, on), buses, realtime)
         else:
             result = run_lockstep(choice, out, advance)

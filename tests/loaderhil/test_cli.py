@@ -69,7 +69,10 @@ def test_a_run_in_lockstep_loads_no_library_for_tables():
         ).stdout.split()
     )
     assert {"numba", "cantools"} <= loaded
-    assert not {"pandas", "pyarrow", "asammdf", "matplotlib", "rich.markdown"} & loaded
+    assert (
+        not {"pandas", "pyarrow", "asammdf", "matplotlib", "rich.markdown", "hdrh", "hil.processes.realtime"}
+        & loaded
+    )
 
 
 def test_mf4_is_read_after_a_dbc_was():
