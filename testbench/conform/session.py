@@ -154,9 +154,7 @@ class Session:
         self.phase = "all inputs"
         if inputs:
             senders = {s for n in inputs for s in self.database.by_name[n].senders} - {self.node}
-            bus = RestBus(
-                self.database, senders, self._known(senders), start_ns=self._now_ns, without=[self.node]
-            )
+            bus = RestBus(self.database, senders, self.generators, start_ns=self._now_ns, without=[self.node])
             # only what the node receives: other messages of the same senders would load the bus and test nothing
             bus.stop(*(set(bus.messages) - set(inputs)))
             self._bus = bus
@@ -187,15 +185,6 @@ class Session:
     def _resume(self, names: Iterable[str]) -> None:
         assert self._bus is not None
         self._bus.resume(self._now_ns, *names)
-
-    def _known(self, senders: set[str]) -> dict[str, Generator]:
-        """The generators of what these nodes send; a values file may also have those of others."""
-        sent = {
-            n
-            for n, c in self.database.by_name.items()
-            if senders.intersection(c.senders) and self.node not in c.senders
-        }
-        return {name: g for name, g in self.generators.items() if name.partition(".")[0] in sent}
 
     def _inputs(self) -> list[str]:
         return [

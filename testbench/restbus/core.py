@@ -51,6 +51,7 @@ class RestBus:
         without: Iterable[str] = (),
     ) -> None:
         """generators: by `Message.Signal`; signals without one have their start value, else the one nearest to 0.
+        Those of messages of other nodes are left out: one values file serves every node of a DBC.
 
         without: nodes that are real; of a message with several senders nothing is sent where one of them is.
         """
@@ -68,7 +69,10 @@ class RestBus:
             if wanted.intersection(codec.senders) and not real.intersection(codec.senders):
                 self._messages[codec.name] = self._made(codec, start_ns + len(self._messages) * SPREAD_NS)
         for name, generator in (generators or {}).items():
-            self.generate(name, generator)
+            message = name.partition(".")[0]
+            # of another node of this DBC; a name that no message has is still an error
+            if message in self._messages or message not in database.by_name:
+                self.generate(name, generator)
 
     @staticmethod
     def _made(codec: MessageCodec, first_ns: int) -> _Message:

@@ -18,7 +18,7 @@ from dbc.protections import ProtectionError, read_protections
 from hil.check.check import Rules, check
 from testbench.frames import table_of
 from testbench.restbus.core import RestBus, RestBusError
-from testbench.restbus.generators import Count, Noise, Points, Ramp, Sine, Square
+from testbench.restbus.generators import Constant, Count, Noise, Points, Ramp, Sine, Square
 from testbench.restbus.values import Order, Values, values_for
 from tests.examples.test_foreign_nodes import hub  # noqa: F401
 
@@ -174,6 +174,16 @@ def test_noise_repeats_by_its_seed_and_has_its_deviation():
     assert abs(mean - 5.0) < 5 * 2.0 / math.sqrt(4000)
     assert math.sqrt(sum((v - mean) ** 2 for v in values) / 4000) == pytest.approx(2.0, rel=0.06)
     assert [Count(3).value(0.0, k) for k in range(5)] == [0, 1, 2, 0, 1]
+
+
+def test_the_values_file_of_a_dbc_serves_each_of_its_nodes():
+    """loader.values.toml is about the machine, and is read by itself for the ECU too."""
+    values = values_for(FOLDER / "loader.dbc", None)
+    for node in ("Machine", "EstimatorEcu"):
+        bus = RestBus(loader_database(), [node], values.generators)
+        assert bus.due(MS * 20)
+    with pytest.raises(RestBusError, match="'Nonsense': not sent here"):
+        RestBus(loader_database(), ["EstimatorEcu"], {"Nonsense.Level": Constant(1.0)})
 
 
 def test_a_values_file_has_values_generators_and_a_script(tmp_path):
