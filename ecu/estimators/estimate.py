@@ -11,7 +11,7 @@ from ecu.estimators.balance import balance, longitudinal_forces
 from ecu.estimators.compiled import compiled
 from ecu.estimators.joint import Joint, joint_at
 from ecu.estimators.loads.arm_forces import arm_forces
-from ecu.estimators.loads.cog import front_unit, machine_centre
+from ecu.estimators.loads.cog import front_unit_in, machine_centre, pose_at
 from ecu.estimators.loads.payload import (
     BucketLoad,
     Residual,
@@ -144,7 +144,8 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     g, w, d = p.geometry, p.wheel, i.articulation_angle
     joint = joint_at(d)
     m = motion(i, s, p)
-    front = front_unit(i.lift_arm_angle, i.tilt_angle, s.payload, p.front, p.arm, p.bucket)
+    pose = pose_at(i.lift_arm_angle, i.tilt_angle, p.arm, p.bucket)
+    front = front_unit_in(pose, s.payload, p.front, p.arm, p.bucket)
     if i.acceleration_usable != 0.0:
         a = measured_accelerations(i, m, front, p)
     else:
@@ -154,7 +155,7 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     along = in_front_axes(joint, a.front)
     moments = residual(i, along.x, along.z, p)
     load = bucket_load(i, s, moments, a, x, front, arm, joint, p)
-    front = front_unit(i.lift_arm_angle, i.tilt_angle, load.payload, p.front, p.arm, p.bucket)
+    front = front_unit_in(pose, load.payload, p.front, p.arm, p.bucket)
     machine = rollover.loaded_machine(front, load.payload, p)
 
     r1 = radius(s.normal_1, w.front_stiffening, w)
@@ -167,7 +168,8 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
 
     front_yaw = m.rate.z + i.articulation_rate
     quick = Turning(arm.angle, arm.rate, lift_acceleration(i, moments, along, load, arm, p), arm.sample)
-    moved = arm_forces(quick, bucket, front_yaw, load.payload, p.arm, p.bucket)
+    pose = pose_at(quick.angle, bucket.angle, p.arm, p.bucket)  # the tracked one, whose motion it is
+    moved = arm_forces(pose, quick, bucket, front_yaw, load.payload, p.arm, p.bucket)
     lateral, balanced = balance(i, m, a, front, push_of(i, load, p), moved, x, trail, joint, p)
     n, tilt = follow_tilt(i, s, m, balanced, joint, p)
 

@@ -8,7 +8,7 @@ Left out: Coriolis accelerations from roll and pitch rates, a tenth of those fro
 from typing import NamedTuple
 
 from ecu.estimators.compiled import compiled
-from ecu.estimators.loads.cog import rotated
+from ecu.estimators.loads.cog import Pose
 from ecu.estimators.motion.arm import Turning, moving
 from ecu.estimators.parameters import Arm, Bucket
 
@@ -58,15 +58,13 @@ def lump(mass: float, x: float, z: float, spin: float, motion: Relative, yaw_rat
 
 @compiled
 def arm_forces(
-    lift: Turning, tilt: Turning, yaw_rate: float, payload: float, arm: Arm, bucket: Bucket
+    pose: Pose, lift: Turning, tilt: Turning, yaw_rate: float, payload: float, arm: Arm, bucket: Bucket
 ) -> ArmForces:
-    """Forces of the lumps while one of them moves; yaw_rate: of the front frame [rad/s]; payload [kg]."""
+    """Forces of the lumps in this pose while one of them moves; yaw_rate: of the front frame [rad/s]; payload [kg]."""
     if not (moving(lift) or moving(tilt)):
         return NO_ARM_FORCES
-    ax, az = rotated(arm.along, arm.above, lift.angle)
-    px, pz = rotated(arm.length, 0.0, lift.angle)
-    bx, bz = rotated(bucket.forward, bucket.above, tilt.angle - bucket.carried)
-    lx, lz = rotated(bucket.payload_forward, bucket.payload_above, tilt.angle - bucket.carried)
+    ax, az, px, pz = pose.arm_x, pose.arm_z, pose.pin_x, pose.pin_z
+    bx, bz, lx, lz = pose.bucket_x, pose.bucket_z, pose.load_x, pose.load_z
     pin = relative(px, pz, lift.rate, lift.acceleration)
     of_bucket = relative(bx, bz, tilt.rate, tilt.acceleration)
     of_load = relative(lx, lz, tilt.rate, tilt.acceleration)

@@ -5,6 +5,7 @@ the errata (signs of the lateral distances, moment of the rear body, rotation ab
 """
 
 import math
+from typing import NamedTuple
 
 from ecu.estimators.compiled import compiled
 from ecu.estimators.parameters import Arm, Axle, Body, Bucket, Geometry
@@ -18,23 +19,52 @@ def rotated(x: float, z: float, angle: float) -> tuple[float, float]:
     return x * c - z * s, x * s + z * c
 
 
+class Pose(NamedTuple):
+    """Where arm and bucket hold their masses, in the axes of the front frame [m]."""
+
+    arm_x: float  # centre of gravity of the arm, from its pivot
+    arm_z: float
+    pin_x: float  # the bucket's pin, from the arm's pivot
+    pin_z: float
+    bucket_x: float  # centre of gravity of the bucket, from its pin
+    bucket_z: float
+    load_x: float  # that of the payload, from the bucket's pin
+    load_z: float
+
+
+@compiled
+def pose_at(lift_arm_angle: float, tilt_angle: float, arm: Arm, bucket: Bucket) -> Pose:
+    """The pose at these angles [rad] above the front frame's horizontal, with the full rotation about the arm's pivot (E-11, E-12)."""
+    c, s = math.cos(lift_arm_angle), math.sin(lift_arm_angle)
+    turned = tilt_angle - bucket.carried
+    tc, ts = math.cos(turned), math.sin(turned)
+    return Pose(
+        arm.along * c - arm.above * s,
+        arm.along * s + arm.above * c,
+        arm.length * c,
+        arm.length * s,
+        bucket.forward * tc - bucket.above * ts,
+        bucket.forward * ts + bucket.above * tc,
+        bucket.payload_forward * tc - bucket.payload_above * ts,
+        bucket.payload_forward * ts + bucket.payload_above * tc,
+    )
+
+
 @compiled
 def front_unit(
     lift_arm_angle: float, tilt_angle: float, payload: float, frame: Body, arm: Arm, bucket: Bucket
 ) -> Body:
-    """The front frame with arm, bucket and payload as one lump, in the axes of the front frame.
+    """The front frame with arm, bucket and payload as one lump at these angles [rad]; otherwise as `front_unit_in`."""
+    return front_unit_in(pose_at(lift_arm_angle, tilt_angle, arm, bucket), payload, frame, arm, bucket)
 
-    lift_arm_angle, tilt_angle [rad] above the front frame's horizontal; payload [kg].
-    (37), (42) with the full rotation about the arm's pivot (E-11, E-12).
-    """
-    ax, az = rotated(arm.along, arm.above, lift_arm_angle)
-    ax, az = arm.pivot_x + ax, arm.pivot_z + az
-    px, pz = rotated(arm.length, 0.0, lift_arm_angle)
-    px, pz = arm.pivot_x + px, arm.pivot_z + pz
-    bx, bz = rotated(bucket.forward, bucket.above, tilt_angle - bucket.carried)
-    bx, bz = px + bx, pz + bz
-    lx, lz = rotated(bucket.payload_forward, bucket.payload_above, tilt_angle - bucket.carried)
-    lx, lz = px + lx, pz + lz
+
+@compiled
+def front_unit_in(pose: Pose, payload: float, frame: Body, arm: Arm, bucket: Bucket) -> Body:
+    """The front frame with arm, bucket and payload [kg] as one lump, in the axes of the front frame: (37), (42)."""
+    ax, az = arm.pivot_x + pose.arm_x, arm.pivot_z + pose.arm_z
+    px, pz = arm.pivot_x + pose.pin_x, arm.pivot_z + pose.pin_z
+    bx, bz = px + pose.bucket_x, pz + pose.bucket_z
+    lx, lz = px + pose.load_x, pz + pose.load_z
 
     mass = frame.mass + arm.mass + bucket.mass + payload
     x = (frame.mass * frame.x + arm.mass * ax + bucket.mass * bx + payload * lx) / mass

@@ -39,26 +39,35 @@ def demanded(lever: float, up: float, down: float, up_limit: float, down_limit: 
 
 
 @compiled
+def share_followed(dt: float, drive: LinkageDrive) -> float:
+    """Share of the way to its demand that a rate goes within `dt` [s]; the same in every step of a prediction."""
+    return 1.0 - math.exp(-dt / drive.lag)
+
+
+@compiled
 def followed(
-    part: Turning, demand: float, dt: float, low: float, high: float, drive: LinkageDrive
+    part: Turning, demand: float, dt: float, share: float, low: float, high: float, cushion: float
 ) -> Turning:
-    """The part `dt` [s] later: its rate follows the demand with the drive's lag and fades before the end of the stroke."""
-    rate = part.rate + (demand - part.rate) * (1.0 - math.exp(-dt / drive.lag))
+    """The part `dt` [s] later: its rate goes a `share` of the way to the demand, and fades before the end of the stroke.
+
+    cushion: time constant of that fading [s].
+    """
+    rate = part.rate + (demand - part.rate) * share
     left = high - part.angle if rate > 0.0 else part.angle - low
-    most = max(left, 0.0) / drive.cushion
+    most = max(left, 0.0) / cushion
     rate = min(max(rate, -most), most)
     return Turning(part.angle + rate * dt, rate, (rate - part.rate) / dt, part.sample)
 
 
 @compiled
 def driven(
-    lift: Turning, tilt: Turning, levers: Levers, held: bool, dt: float, drive: LinkageDrive
+    lift: Turning, tilt: Turning, levers: Levers, held: bool, dt: float, share: float, drive: LinkageDrive
 ) -> tuple[Turning, Turning]:
-    """Lift arm and bucket `dt` [s] later; held: whether the levers are still held."""
+    """Lift arm and bucket `dt` [s] later; held: whether the levers are still held; share: of `share_followed`."""
     up, back = (levers.lift_demand, levers.tilt_demand) if held else (0.0, 0.0)
     return (
-        followed(lift, up, dt, drive.lift_low, drive.lift_high, drive),
-        followed(tilt, back, dt, drive.tilt_low, drive.tilt_high, drive),
+        followed(lift, up, dt, share, drive.lift_low, drive.lift_high, drive.cushion),
+        followed(tilt, back, dt, share, drive.tilt_low, drive.tilt_high, drive.cushion),
     )
 
 

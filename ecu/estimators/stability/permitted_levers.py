@@ -9,6 +9,7 @@ import math
 
 from ecu.estimators.compiled import compiled
 from ecu.estimators.loads.arm_forces import ArmForces, arm_forces
+from ecu.estimators.loads.cog import pose_at
 from ecu.estimators.motion.arm import Turning
 from ecu.estimators.stability.levers import (
     LIFT_DOWN,
@@ -17,6 +18,7 @@ from ecu.estimators.stability.levers import (
     Levers,
     driven,
     largest,
+    share_followed,
     with_motion,
 )
 from ecu.estimators.stability.permitted import BETTER, RECOVERY_RATES, TRANSIENT
@@ -51,7 +53,8 @@ def at_rate(levers: Levers, motion: int, rate: float, change: float) -> tuple[Tu
 def exerted(start: PredictionState, motion: int, rate: float, change: float, m: LoadedMachine) -> ArmForces:
     """Forces of the parts in this motion in the present turn."""
     lift, tilt = at_rate(start.levers, motion, rate, change)
-    return arm_forces(lift, tilt, start.yaw_rate + start.articulation_rate, m.payload, m.arm, m.bucket)
+    pose = pose_at(lift.angle, tilt.angle, m.arm, m.bucket)
+    return arm_forces(pose, lift, tilt, start.yaw_rate + start.articulation_rate, m.payload, m.arm, m.bucket)
 
 
 @compiled
@@ -76,8 +79,9 @@ def margin_after(floor: float, start: PredictionState, levers: Levers, m: Loaded
     """Least margin of the present turn in the pose that these demands lead to while a limit holds; floor: as in `least_margin`."""
     lift = Turning(levers.lift_angle, levers.lift_rate, 0.0, 0.0)
     tilt = Turning(levers.tilt_angle, levers.tilt_rate, 0.0, 0.0)
+    share = share_followed(DRIVEN_STEP, m.drive)
     for _ in range(int(m.prediction.limit_hold / DRIVEN_STEP + 0.5)):
-        lift, tilt = driven(lift, tilt, levers, True, DRIVEN_STEP, m.drive)
+        lift, tilt = driven(lift, tilt, levers, True, DRIVEN_STEP, share, m.drive)
     then = posed(m, lift.angle, tilt.angle)
     turns = steady_turns(start.articulation_angle, start.ground.z, then)
     return least_margin(floor, start.speed, turns, start.ground, then)

@@ -11,14 +11,14 @@ from typing import NamedTuple
 from ecu.estimators.compiled import compiled
 from ecu.estimators.joint import joint_at
 from ecu.estimators.loads.arm_forces import NO_ARM_FORCES, arm_forces
-from ecu.estimators.loads.cog import front_unit
+from ecu.estimators.loads.cog import front_unit_in, pose_at
 from ecu.estimators.loads.normal_force import Support, normal_forces
 from ecu.estimators.motion.arm import Turning
 from ecu.estimators.motion.planar import Steering, lateral_step
 from ecu.estimators.parameters import Geometry, PredictionRules
 from ecu.estimators.quantities import NormalForces, Vector
 from ecu.estimators.signals import NEVER
-from ecu.estimators.stability.levers import Levers, driven, moved
+from ecu.estimators.stability.levers import Levers, driven, moved, share_followed
 from ecu.estimators.stability.rollover import LoadedMachine, load_transfer_ratio, loads_of, margin
 
 
@@ -91,6 +91,7 @@ def predict(start: PredictionState, hold: float, floor: float, machine: LoadedMa
     omega = machine.roll_frequency
     damping = 2.0 * prediction.roll_damping * omega
     share = 1.0 - math.exp(-dt / prediction.steering_lag)
+    drive_share = share_followed(dt, machine.drive)
     stop = geometry.articulation_stop
     angle, rate = start.articulation_angle, start.articulation_rate
     speed, acceleration = start.speed, start.acceleration
@@ -112,11 +113,11 @@ def predict(start: PredictionState, hold: float, floor: float, machine: LoadedMa
             rate = steered_rate
         if arm_moves:
             if k > 0:
-                lift, tilt = driven(lift, tilt, levers, k * dt < hold, dt, machine.drive)
-                front = front_unit(
-                    lift.angle, tilt.angle, machine.payload, machine.frame, machine.arm, machine.bucket
-                )
-            arm = arm_forces(lift, tilt, yaw + rate, machine.payload, machine.arm, machine.bucket)
+                lift, tilt = driven(lift, tilt, levers, k * dt < hold, dt, drive_share, machine.drive)
+            pose = pose_at(lift.angle, tilt.angle, machine.arm, machine.bucket)
+            if k > 0:
+                front = front_unit_in(pose, machine.payload, machine.frame, machine.arm, machine.bucket)
+            arm = arm_forces(pose, lift, tilt, yaw + rate, machine.payload, machine.arm, machine.bucket)
         joint = joint_at(angle)
         steering = Steering(
             joint, rate, change, speed, acceleration, gx, gy,

@@ -21,6 +21,7 @@ from ecu.estimators.stability.levers import (
     demanded,
     followed,
     largest,
+    share_followed,
     with_motion,
 )
 from ecu.estimators.stability.permitted_levers import AMPLE, keeps_with_lever, largest_loss, permitted_lever
@@ -167,10 +168,10 @@ def test_the_share_lost_is_that_of_the_balance(angle):
 def test_a_part_follows_its_demand_and_stops_at_the_end_of_its_stroke():
     part, dt = Turning(0.0, 0.0, 0.0, 0.0), 0.01
     for _ in range(20):
-        part = followed(part, 0.4, dt, -0.8, 0.8, DRIVE)
+        part = followed(part, 0.4, dt, share_followed(dt, DRIVE), -0.8, 0.8, DRIVE.cushion)
     assert part.rate == pytest.approx(0.4 * (1.0 - math.exp(-0.2 / DRIVE.lag)))
     for _ in range(2000):
-        part = followed(part, 0.4, dt, -0.8, 0.8, DRIVE)
+        part = followed(part, 0.4, dt, share_followed(dt, DRIVE), -0.8, 0.8, DRIVE.cushion)
     assert part.angle <= 0.8
     assert part.rate == pytest.approx(0.0, abs=1e-3)
 
