@@ -8,6 +8,7 @@ import math
 from typing import NamedTuple
 
 from ecu.estimators.compiled import compiled
+from ecu.estimators.joint import Joint, joint_at
 from ecu.estimators.parameters import Arm, Axle, Body, Bucket, Geometry
 from ecu.estimators.quantities import Centre
 
@@ -34,10 +35,14 @@ class Pose(NamedTuple):
 
 @compiled
 def pose_at(lift_arm_angle: float, tilt_angle: float, arm: Arm, bucket: Bucket) -> Pose:
-    """The pose at these angles [rad] above the front frame's horizontal, with the full rotation about the arm's pivot (E-11, E-12)."""
-    c, s = math.cos(lift_arm_angle), math.sin(lift_arm_angle)
-    turned = tilt_angle - bucket.carried
-    tc, ts = math.cos(turned), math.sin(turned)
+    """The pose at these angles [rad] above the front frame's horizontal."""
+    return pose_of(joint_at(lift_arm_angle), joint_at(tilt_angle - bucket.carried), arm, bucket)
+
+
+@compiled
+def pose_of(pivot: Joint, pin: Joint, arm: Arm, bucket: Bucket) -> Pose:
+    """The pose with the full rotation about the arm's pivot (E-11, E-12); pin: of the bucket, 0 where it is carried."""
+    c, s, tc, ts = pivot.cosine, pivot.sine, pin.cosine, pin.sine
     return Pose(
         arm.along * c - arm.above * s,
         arm.along * s + arm.above * c,

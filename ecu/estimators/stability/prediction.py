@@ -9,9 +9,9 @@ import math
 from typing import NamedTuple
 
 from ecu.estimators.compiled import compiled
-from ecu.estimators.joint import joint_at
+from ecu.estimators.joint import joint_at, slight, turned
 from ecu.estimators.loads.arm_forces import NO_ARM_FORCES, arm_forces
-from ecu.estimators.loads.cog import front_unit_in, pose_at
+from ecu.estimators.loads.cog import front_unit_in, pose_of
 from ecu.estimators.loads.normal_force import Support, normal_forces
 from ecu.estimators.motion.arm import Turning
 from ecu.estimators.motion.planar import Steering, lateral_step
@@ -93,7 +93,7 @@ def predict(start: PredictionState, hold: float, floor: float, machine: LoadedMa
     share = 1.0 - math.exp(-dt / prediction.steering_lag)
     drive_share = share_followed(dt, machine.drive)
     stop = geometry.articulation_stop
-    angle, rate = start.articulation_angle, start.articulation_rate
+    joint, rate = joint_at(start.articulation_angle), start.articulation_rate
     speed, acceleration = start.speed, start.acceleration
     drift, yaw = start.drift, start.yaw_rate
     front_load, rear_load = start.front_load, start.rear_load
@@ -103,22 +103,23 @@ def predict(start: PredictionState, hold: float, floor: float, machine: LoadedMa
     lift = Turning(levers.lift_angle, levers.lift_rate, 0.0, levers.lift_angle)
     tilt = Turning(levers.tilt_angle, levers.tilt_rate, 0.0, levers.tilt_angle)
     arm_moves, bounce = moved(levers), STILL
-    lift_off, worst, lifting, transfer = NEVER, 1e9, 0.0, 0.0
+    pivot, pin = joint_at(lift.angle), joint_at(tilt.angle - machine.bucket.carried)
+    lift_off, worst, lifting, forces = NEVER, 1e9, 0.0, machine.standing
     for k in range(int(prediction.horizon / dt + 0.5) + 1):
         change = 0.0
         if k > 0:
             target = start.demanded_rate if k * dt < hold else 0.0
-            steered_rate = steered(rate, target, angle, share, dt, geometry, prediction)
+            steered_rate = steered(rate, target, joint.angle, share, dt, geometry, prediction)
             change = (steered_rate - rate) / dt
             rate = steered_rate
         if arm_moves:
             if k > 0:
                 lift, tilt = driven(lift, tilt, levers, k * dt < hold, dt, drive_share, machine.drive)
-            pose = pose_at(lift.angle, tilt.angle, machine.arm, machine.bucket)
+                pivot, pin = turned(pivot, lift.angle), turned(pin, tilt.angle - machine.bucket.carried)
+            pose = pose_of(pivot, pin, machine.arm, machine.bucket)
             if k > 0:
                 front = front_unit_in(pose, machine.payload, machine.frame, machine.arm, machine.bucket)
             arm = arm_forces(pose, lift, tilt, yaw + rate, machine.payload, machine.arm, machine.bucket)
-        joint = joint_at(angle)
         steering = Steering(
             joint, rate, change, speed, acceleration, gx, gy,
             arm.x * joint.sine + arm.y * joint.cosine, arm.yawing,
@@ -146,7 +147,6 @@ def predict(start: PredictionState, hold: float, floor: float, machine: LoadedMa
             forces = with_bounce(forces, bounce)
         front_load = forces.front_left + forces.front_right
         rear_load = forces.rear_left + forces.rear_right
-        transfer = load_transfer_ratio(forces)
         now = margin(forces, machine.standing)
         if now.ratio < worst:
             worst, lifting = now.ratio, now.wheel
@@ -154,13 +154,13 @@ def predict(start: PredictionState, hold: float, floor: float, machine: LoadedMa
             if worst <= 0.0:
                 lift_off = k * dt
             break
-        turn_cosine, turn_sine = math.cos(yaw * dt), math.sin(yaw * dt)
-        gx, gy = gx * turn_cosine + gy * turn_sine, gy * turn_cosine - gx * turn_sine
-        angle = min(max(angle + rate * dt, -stop), stop)
+        c, s = slight(yaw * dt)
+        gx, gy = gx * c + gy * s, gy * c - gx * s
+        joint = turned(joint, min(max(joint.angle + rate * dt, -stop), stop))
         faster = speed + acceleration * dt
         speed = faster if faster * speed > 0.0 else 0.0
         acceleration *= fade
-    return Prediction(lift_off, worst, lifting, transfer)
+    return Prediction(lift_off, worst, lifting, load_transfer_ratio(forces))
 
 
 class Bounce(NamedTuple):
