@@ -9,7 +9,8 @@ from ecu.estimators.compiled import compiled
 from ecu.estimators.quantities import Vector
 from ecu.estimators.stability.prediction import PredictionState, predict, with_demand
 from ecu.estimators.stability.rollover import LoadedMachine
-from ecu.estimators.stability.steady import SteadyTurns, least_margin, steady_turns
+from ecu.estimators.stability.search import begun, goes_on, narrowed, next_trial
+from ecu.estimators.stability.steady import least_margin, steady_turns
 
 TRANSIENT = 0.05
 """Margin that a recovering rate may cost on its way: turning back accelerates the front unit sideways."""
@@ -17,14 +18,22 @@ BETTER = 0.005
 """Margin that a recovering rate has to gain in the end: more than the rounding of margins."""
 RECOVERY_RATES = 4
 """Rates tried for recovery: the largest, a half, a quarter and an eighth of it."""
+NONE = 1e9
+"""So far below its floor no margin comes: a prediction or a turn is then looked at to its end."""
+DEEP = 0.15
+"""So far below its floor a prediction ends: how far a rate is beyond the limit tells a search where to look next."""
+RATE_TRIALS = 6
+"""Halvings between holding the angle and the largest rate: the limit is known to 1/64 of it.
 
-
-@compiled
-def stays_above(
-    floor: float, speed: float, turns: SteadyTurns, ground: Vector, machine: LoadedMachine
-) -> bool:
-    """Whether a turn begun at `speed` [m/s, reverse negative] keeps the margin `floor` while the machine slows down."""
-    return least_margin(floor, speed, turns, ground, machine) >= floor
+Halvings and no quicker search: over the rate the predicted margin has dips of some hundredths, and a search by its
+slope looks beyond them (in 0.3 % of the states in which the rate was limited).
+"""
+NONE = -1e9
+"""A floor that no margin reaches: a prediction or a turn is then looked at to its end."""
+SPEED_STEP, SPEED_TRIALS = 0.1 / 3.6, 11
+"""Raw step of the limit's signal [m/s], and trials that find it at worst; the margin of a turn falls evenly with speed."""
+DEEP = 0.15
+"""So far below its floor a turn is looked at no further: how far tells the search for the speed where to look next."""
 
 
 @compiled
@@ -35,34 +44,41 @@ def turned_to(start: PredictionState, rate: float, machine: LoadedMachine) -> fl
 
 
 @compiled
-def keeps_margins(start: PredictionState, rate: float, machine: LoadedMachine) -> bool:
-    """Whether the articulation rate [rad/s] keeps `margin_floor` over the horizon, and `turn_floor` in the turn that follows."""
-    prediction = machine.prediction
-    ahead = predict(with_demand(start, rate), prediction.limit_hold, prediction.margin_floor, machine)
-    if ahead.margin <= prediction.margin_floor:
-        return False
+def margin_after(floor: float, start: PredictionState, rate: float, machine: LoadedMachine) -> float:
+    """Least margin of the turn that follows this articulation rate [rad/s]; floor: as of `least_margin`."""
     turns = steady_turns(turned_to(start, rate, machine), start.ground.z, machine)
-    return stays_above(prediction.turn_floor, start.speed, turns, start.ground, machine)
+    return least_margin(floor, start.speed, turns, start.ground, machine)
 
 
 @compiled
-def helps(start: PredictionState, rate: float, machine: LoadedMachine) -> bool:
-    """Whether the articulation rate [rad/s] brings the machine further from roll-over than holding the angle does.
-
-    The loads at the end of the limit's hold have to be better, and those of the turn that follows; on the way the margin
-    may fall no further than `TRANSIENT` below what holding the angle leaves.
-    """
-    hold, none = machine.prediction.limit_hold, -1e9
-    moved = predict(with_demand(start, rate), hold, none, machine)
-    held = predict(with_demand(start, 0.0), hold, none, machine)
-    if moved.margin < held.margin - TRANSIENT:
+def keeps_margins(start: PredictionState, rate: float, machine: LoadedMachine) -> bool:
+    """Whether the articulation rate [rad/s] keeps `margin_floor` over the horizon, and `turn_floor` in the turn that follows."""
+    rules = machine.prediction
+    # the turn first: it costs a fifth of a prediction, and where it fails it spares one
+    if margin_after(rules.turn_floor, start, rate, machine) < rules.turn_floor:
         return False
-    ground, speed = start.ground, start.speed
-    turned = steady_turns(turned_to(start, rate, machine), ground.z, machine)
-    stayed = steady_turns(start.articulation_angle, ground.z, machine)
-    after_move = least_margin(none, speed, turned, ground, machine)
-    after_hold = least_margin(none, speed, stayed, ground, machine)
-    return after_move > after_hold + BETTER
+    ahead = predict(with_demand(start, rate), rules.limit_hold, rules.margin_floor, machine)
+    return ahead.margin > rules.margin_floor
+
+
+@compiled
+def recovery_rate(
+    start: PredictionState, direction: float, held: float, after_hold: float, machine: LoadedMachine
+) -> float:
+    """Largest of the tried articulation rates [rad/s] to this side that bring the machine further from roll-over; 0 if none does.
+
+    held, after_hold: margins if the angle is held, over the horizon and in the turn that follows. The turn that
+    follows the rate has to be better; on the way the margin may fall no further than `TRANSIENT` below `held`.
+    """
+    rules, least = machine.prediction, held - TRANSIENT
+    for k in range(RECOVERY_RATES):
+        rate = rules.largest_rate / 2.0**k
+        if margin_after(NONE, start, direction * rate, machine) > after_hold + BETTER:
+            # a prediction ends where its rate is refused
+            moved = predict(with_demand(start, direction * rate), rules.limit_hold, least, machine)
+            if moved.margin > least:
+                return rate
+    return 0.0
 
 
 @compiled
@@ -72,17 +88,16 @@ def permitted_rate(start: PredictionState, machine: LoadedMachine) -> float:
     Without a demand the direction that tightens the turn is taken. Where even holding the angle violates a floor, a
     rate that helps is permitted, and no other: to refuse it would keep the machine where it is about to tip over.
     """
-    direction, high = demanded_direction(start), machine.prediction.largest_rate
+    rules, direction = machine.prediction, demanded_direction(start)
+    low, high = 0.0, rules.largest_rate
     if keeps_margins(start, direction * high, machine):
         return high
-    if not keeps_margins(start, 0.0, machine):
-        for k in range(RECOVERY_RATES):
-            rate = high / 2.0**k
-            if helps(start, direction * rate, machine):
-                return rate
-        return 0.0
-    low = 0.0
-    for _ in range(6):
+    # to the end, because recovery compares with them
+    after_hold = margin_after(NONE, start, 0.0, machine)
+    held = predict(with_demand(start, 0.0), rules.limit_hold, NONE, machine).margin
+    if after_hold < rules.turn_floor or held <= rules.margin_floor:
+        return recovery_rate(start, direction, held, after_hold, machine)
+    for _ in range(RATE_TRIALS):
         trial = (low + high) / 2.0
         if keeps_margins(start, direction * trial, machine):
             low = trial
@@ -102,21 +117,26 @@ def demanded_direction(start: PredictionState) -> float:
 def permitted_speed(
     articulation_angle: float, ground: Vector, direction: float, machine: LoadedMachine
 ) -> float:
-    """Largest speed [m/s] from which a turn at this angle keeps `speed_floor`, found to 1/256 of the machine's largest.
+    """Largest speed [m/s] from which a turn at this angle keeps `speed_floor`, found to a raw step of its signal.
 
     direction: +1 forward, -1 reverse. 0 where the machine would not keep it standing.
     """
-    floor, low, high = machine.prediction.speed_floor, 0.0, machine.prediction.largest_speed
+    rules = machine.prediction
+    floor, full = rules.speed_floor, rules.largest_speed
     turns = steady_turns(articulation_angle, ground.z, machine)
-    if stays_above(floor, direction * high, turns, ground, machine):
-        return high
-    for _ in range(8):
-        trial = (low + high) / 2.0
-        if stays_above(floor, direction * trial, turns, ground, machine):
-            low = trial
-        else:
-            high = trial
-    return low
+    at_full = least_margin(floor - DEEP, direction * full, turns, ground, machine) - floor
+    if at_full >= 0.0:
+        return full
+    standing = least_margin(floor - DEEP, 0.0, turns, ground, machine) - floor
+    if standing < 0.0:
+        return 0.0
+    search = begun(full, standing, at_full)
+    for k in range(SPEED_TRIALS):
+        if goes_on(search, SPEED_STEP):
+            trial = next_trial(search, SPEED_TRIALS - 1 - k, SPEED_STEP, SPEED_STEP)
+            left = least_margin(floor - DEEP, direction * trial, turns, ground, machine) - floor
+            search = narrowed(search, trial, left)
+    return search.low
 
 
 @compiled

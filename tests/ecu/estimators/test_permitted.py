@@ -3,18 +3,22 @@
 import math
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from dbc import loader_database
 from ecu.calibration import load_calibration
 from ecu.estimators.loads.cog import front_unit
 from ecu.estimators.quantities import Vector
 from ecu.estimators.stability.levers import Levers
 from ecu.estimators.stability.permitted import (
-    helps,
+    NONE,
+    SPEED_STEP,
     keeps_margins,
     limit_for,
+    margin_after,
     permitted_rate,
     permitted_speed,
-    stays_above,
 )
 from ecu.estimators.stability.prediction import PredictionState
 from ecu.estimators.stability.rollover import loaded_machine, steady_rate, support_of
@@ -23,6 +27,7 @@ from ecu.estimators.stability.steady import least_margin, steady_forces, steady_
 P = load_calibration().parameters
 G, LOCK = 9.81, 0.66
 LEVEL = Vector(0.0, 0.0, G)
+unhurried = settings(deadline=None, max_examples=60)  # the first example compiles
 
 
 def machine(**prediction):
@@ -32,6 +37,11 @@ def machine(**prediction):
 
 
 MACHINE = machine()
+
+
+def stays_above(floor, speed, turns, ground, m):
+    """Whether a turn begun at this speed keeps the floor while the machine slows down."""
+    return least_margin(floor, speed, turns, ground, m) >= floor
 
 
 def uphill(angle):
@@ -87,7 +97,8 @@ def test_what_pushes_downhill_comes_off_the_brakes():
 def test_forward_to_the_left_and_mirrored_to_the_right_are_alike():
     right_up = turned_gravity(uphill(0.15), 1.1)
     mirrored = Vector(right_up.x, -right_up.y, right_up.z)
-    assert permitted_speed(LOCK, right_up, 1.0, MACHINE) == permitted_speed(-LOCK, mirrored, 1.0, MACHINE)
+    left = permitted_speed(LOCK, right_up, 1.0, MACHINE)
+    assert permitted_speed(-LOCK, mirrored, 1.0, MACHINE) == pytest.approx(left, rel=1e-9)
 
 
 def start(speed, angle, demanded, ground, m=MACHINE):
@@ -129,7 +140,7 @@ def test_rates_to_either_side_are_mirrored():
     mirrored = Vector(slope.x, -slope.y, slope.z)
     left = permitted_rate(start(6.0, 0.2, 0.5, slope), MACHINE)
     assert 0.0 < left < P.prediction.largest_rate
-    assert permitted_rate(start(6.0, -0.2, -0.5, mirrored), MACHINE) == left
+    assert permitted_rate(start(6.0, -0.2, -0.5, mirrored), MACHINE) == pytest.approx(left, rel=1e-9)
 
 
 def test_the_limit_is_lowered_by_what_pushes_downhill_and_by_nothing_else():
@@ -179,10 +190,75 @@ def test_the_rate_that_is_permitted_for_recovery_is_mirrored(speed, angle, groun
     assert permitted_rate(left, m) == permitted_rate(right, m)
 
 
-def test_a_rate_that_helps_leaves_a_better_turn_behind():
-    m, now = raised(1600.0), start(7.0, -0.4, 0.5, LEVEL, raised(1600.0))
-    assert helps(now, 0.4, m)
-    assert not helps(now, -0.4, m)
-    assert not helps(now, 0.0, m)
-    back, here = (least_margin(-9.0, 7.0, steady_turns(angle, G, m), LEVEL, m) for angle in (-0.3, -0.4))
-    assert back > here
+@pytest.mark.parametrize("demand", [0.5, -0.5])
+def test_a_rate_for_recovery_leaves_a_better_turn_behind(demand):
+    m = raised(1600.0)
+    now = start(7.0, -0.4, demand, LEVEL, m)
+    rate = permitted_rate(now, m)
+    back, here = (margin_after(NONE, now, math.copysign(r, demand), m) for r in (rate, 0.0))
+    assert (rate == 0.0) if demand < 0.0 else (back > here)
+
+
+def test_the_speed_is_known_to_a_raw_step_of_its_signal():
+    signal = loader_database().by_name["Limits"].by_signal["Speed"]
+    assert pytest.approx(signal.scale) == 3.6 * SPEED_STEP
+
+
+def bisected(keeps, most):
+    """The largest value that keeps, to a thousandth of `most` over the ten halvings after; as the limits were found before."""
+    low, high = 0.0, most
+    for _ in range(14):
+        trial = (low + high) / 2.0
+        low, high = (trial, high) if keeps(trial) else (low, trial)
+    return low
+
+
+SPEEDS, ANGLES = st.floats(-6.0, 10.0), st.floats(-0.6, 0.6)
+GROUNDS = st.builds(
+    lambda grade, heading: turned_gravity(uphill(grade), heading), st.floats(0.0, 0.2), st.floats(-3.1, 3.1)
+)
+
+
+@unhurried
+@given(SPEEDS, ANGLES, GROUNDS, st.sampled_from((0.5, -0.5)))
+def test_a_permitted_rate_keeps_both_margins_and_is_not_above_the_bisected_one(speed, angle, ground, demand):
+    now, side = start(speed, angle, demand, ground), math.copysign(1.0, demand)
+    rate = permitted_rate(now, MACHINE)
+    if not keeps_margins(now, 0.0, MACHINE):
+        return  # recovery has laws of its own
+    assert keeps_margins(now, side * rate, MACHINE)
+    if rate < P.prediction.largest_rate:
+        found = bisected(lambda r: keeps_margins(now, side * r, MACHINE), P.prediction.largest_rate)
+        assert found - P.prediction.largest_rate / 64.0 <= rate <= found
+
+
+@unhurried
+@given(ANGLES, GROUNDS, st.sampled_from((1.0, -1.0)))
+def test_a_permitted_speed_is_the_bisected_one_to_a_raw_step(angle, ground, direction):
+    turns, floor = steady_turns(angle, ground.z, MACHINE), P.prediction.speed_floor
+    speed = permitted_speed(angle, ground, direction, MACHINE)
+    if speed < P.prediction.largest_speed:
+        found = bisected(
+            lambda v: stays_above(floor, direction * v, turns, ground, MACHINE), P.prediction.largest_speed
+        )
+        assert speed == pytest.approx(found, abs=SPEED_STEP)
+        assert speed == 0.0 or stays_above(floor, direction * speed, turns, ground, MACHINE)
+
+
+@unhurried
+@given(SPEEDS, ANGLES, GROUNDS, st.sampled_from((0.5, -0.5)))
+def test_mirrored_states_have_the_same_limits(speed, angle, ground, demand):
+    mirrored, direction = Vector(ground.x, -ground.y, ground.z), math.copysign(1.0, speed)
+    right, left = start(speed, angle, demand, ground), start(speed, -angle, -demand, mirrored)
+    # a margin that is within its rounding of a choice may be chosen otherwise
+    rate, speed = permitted_rate(right, MACHINE), permitted_speed(angle, ground, direction, MACHINE)
+    assert permitted_rate(left, MACHINE) == pytest.approx(rate, abs=P.prediction.largest_rate / 64.0)
+    assert permitted_speed(-angle, mirrored, direction, MACHINE) == pytest.approx(speed, abs=SPEED_STEP)
+
+
+@pytest.mark.parametrize("angle", [0.2, -0.4, 0.66])
+def test_a_higher_floor_permits_no_more_speed(angle):
+    ground = turned_gravity(uphill(0.12), 1.0)
+    found = [permitted_speed(angle, ground, 1.0, machine(speed_floor=f)) for f in (0.1, 0.2, 0.3, 0.5)]
+    assert found == sorted(found, reverse=True)
+    assert found[-1] < found[0]
