@@ -182,11 +182,12 @@ class MutatedFiles:
     """The cases of one reader: a number always gives the same bytes."""
 
     def __init__(self, name: str, folder: Path) -> None:
-        """folder: for the one file that is written anew for every case. The seeds themselves have to be read."""
+        """folder: for the files that are written anew for every case. The seeds themselves have to be read."""
         self._name, self._reader = name, READERS[name]
-        self._file = folder / f"mutated{self._reader.suffix}"
+        self._folder = folder
         known = seeds_of(name)
-        self._seeds = [file.read_bytes() for file in known]
+        # with its name, because a scenario has to be called as its file is
+        self._seeds = [(file.name, file.read_bytes()) for file in known]
         for file in known:
             self._read(file)  # what is compiled and loaded on first use takes no case's time
 
@@ -196,19 +197,22 @@ class MutatedFiles:
             warnings.simplefilter("ignore")
             self._reader.read(file)
 
-    def _mutation(self, rng: random.Random) -> bytes:
-        seed = rng.choice(self._seeds)
-        if not self._file.name.endswith(".gz") or rng.random() < 0.5:
-            return mutated(seed, self._seeds, rng)
+    def _mutation(self, rng: random.Random) -> tuple[str, bytes]:
+        """Name and content of a file."""
+        name, seed = rng.choice(self._seeds)
+        if not self._reader.suffix.endswith(".gz") or rng.random() < 0.5:
+            return name, mutated(seed, [content for _, content in self._seeds], rng)
         # gzip finds every flipped bit by its checksum: half of the packed files are damaged before they are packed
-        return gzip.compress(mutated(gzip.decompress(seed), [gzip.decompress(seed)], rng), 1, mtime=0)
+        return name, gzip.compress(mutated(gzip.decompress(seed), [gzip.decompress(seed)], rng), 1, mtime=0)
 
     def __call__(self, number: int) -> tuple[int, int]:
         """Read one mutation; returns (1, whether it was read). AssertionError, or whatever the reader must not raise."""
         rng = random.Random(f"{self._name}/{number}")
-        self._file.write_bytes(self._mutation(rng))
+        name, content = self._mutation(rng)
+        file = self._folder / name
+        file.write_bytes(content)
         try:
-            self._read(self._file)
+            self._read(file)
         except self._reader.permitted as error:
             if "\n" in str(error).strip():
                 raise AssertionError(f"more than one line: {error}") from error
