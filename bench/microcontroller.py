@@ -316,7 +316,7 @@ are computed with {CLOCKS} clocks per instruction at {CLOCK_MHZ} MHz, an assumpt
 {chr(10).join(f"| `{name}` | {size:,} |" for name, size in parts)}
 | start, replay, `libm` and `libc` less what the linker left out | {libraries:,} |
 
-Of {len(instructions):,} cycles of {len(rows)} scenarios. Most instructions are those of the predictions behind the permitted rates: up to some twenty horizons of 31 steps in a cycle.{verdict}
+Of {len(instructions):,} cycles of {len(rows)} scenarios. Most instructions are those of the predictions behind the permitted rates.{verdict}
 """
 
 
