@@ -12,6 +12,7 @@ from hil.ending import Ending
 from hil.verdict import Result
 from studies.campaigns import prevention
 from studies.campaigns.manoeuvres import DRY, KINDS, drawn, manoeuvre, scenario_of, straight
+from studies.campaigns.verdicts import ending_of
 from studies.campaigns.wrong_calibration import MASS, PLACE, RADIUS, STIFFNESS, wrong_calibration
 
 RIGHT = load_calibration("l60")
@@ -102,10 +103,10 @@ def test_only_what_a_limit_could_keep_down_fails():
     found[KINDS.index("kerb")] = lifting(prevention.GROUND)
     suite = prevention.suite_of(cases, found)
     assert {case.result for case in suite.cases} == {Result.PASSED}
-    assert prevention.ending_of(suite) is Ending.PASSED
+    assert ending_of([suite]) is Ending.PASSED
     found[KINDS.index("slope")] = lifting(prevention.UNEXPLAINED)
-    assert prevention.ending_of(prevention.suite_of(cases, found)) is Ending.FAILED
-    assert prevention.ending_of(prevention.suite_of(cases[:2], found[:2])) is Ending.INCONCLUSIVE
+    assert ending_of([prevention.suite_of(cases, found)]) is Ending.FAILED
+    assert ending_of([prevention.suite_of(cases[:2], found[:2])]) is Ending.INCONCLUSIVE
 
 
 def test_the_page_counts_lift_offs_and_says_how_to_repeat_them():
