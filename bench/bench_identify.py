@@ -9,7 +9,7 @@ import time
 import numpy as np
 from scipy.optimize import least_squares
 
-from discrepancy.estimation.noise import Whitener
+from discrepancy.estimation.autoregression import Whitener
 from identify.make.rig import Plan, make_rig
 from identify.rig.chain import first_stage, prepare, problem_of
 from identify.tyre.estimate import Noise, estimate

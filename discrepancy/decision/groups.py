@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from discrepancy import gates
+from discrepancy.estimation.autoregression import Whitener
 from discrepancy.estimation.effort import BRIEF, Effort
 from discrepancy.estimation.fit import Fit, fit
-from discrepancy.estimation.noise import Noise, Whitener, by_group
+from discrepancy.estimation.noise import Noise, by_group
 from discrepancy.estimation.problem import Problem, Unusable, Values
 from discrepancy.model.description import Effect, Manoeuvre, Model, Parameter
 from discrepancy.selection.active_intervals import active_interval_of, sse_threshold

@@ -6,11 +6,7 @@ from dataclasses import replace
 from discrepancy import gates
 from discrepancy.estimation.effort import AS_IT_IS, CACHED, FULL, Effort
 from discrepancy.estimation.fit import Fit, fit, initial_uncertainty
-from discrepancy.estimation.noise import (
-    Noise,
-    estimate_noise,
-    white_noise,
-)
+from discrepancy.estimation.noise import Noise, estimate_noise, white_noise
 from discrepancy.estimation.problem import Problem, Values
 from discrepancy.estimation.set_aside import NOTHING, SetAside
 from discrepancy.model.description import Effect

@@ -11,8 +11,9 @@ from typing import Final
 import numpy as np
 
 from discrepancy import gates
+from discrepancy.estimation.autoregression import HIGHEST_ORDER, ROWS_PER_TERM
 from discrepancy.estimation.fit import differences
-from discrepancy.estimation.noise import HIGHEST_ORDER, ROWS_PER_TERM, by_group
+from discrepancy.estimation.noise import by_group
 from discrepancy.estimation.problem import Problem
 from discrepancy.model.windows import FEWEST_SAMPLES, Block, means_of
 from discrepancy.selection.screen import sensitivities

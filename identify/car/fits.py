@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from discrepancy.estimation.noise import Whitener
+from discrepancy.estimation.autoregression import Whitener
 from identify.car.log import CarLog
 from identify.car.motion import CUTOFF_HZ, RATE_HZ, Body
 from identify.car.regression import Regression, blocks

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from discrepancy.estimation.noise import Whitener
+from discrepancy.estimation.autoregression import Whitener
 from identify.field.chain import FieldResult, Points
 from identify.tyre.curve import steady
 from identify.tyre.estimate import Estimate, Noise, estimate

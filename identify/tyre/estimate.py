@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import norm
 
-from discrepancy.estimation.noise import Whitener, autoregression
+from discrepancy.estimation.autoregression import Whitener, autoregression
 from discrepancy.estimation.normal_equations import inverse
 from discrepancy.model.windows import Block
 from identify.tyre.rig_problem import Part, Unknown

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, differential_evolution
 
-from discrepancy.estimation.noise import Whitener
+from discrepancy.estimation.autoregression import Whitener
 from identify.rig.preparing import slower
 from identify.tyre.estimate import Noise, estimate
 from identify.tyre.rig_problem import RigProblem, Unknown

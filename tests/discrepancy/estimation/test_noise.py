@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from discrepancy.estimation.noise import autoregression, estimate_noise, memory_limited
+from discrepancy.estimation.autoregression import autoregression, memory_limited
+from discrepancy.estimation.noise import estimate_noise
 from discrepancy.estimation.problem import Problem
 from discrepancy.model.windows import Block
 from tests.discrepancy.toys import record, tank
