@@ -28,14 +28,12 @@ ROWS_PER_TERM = (
 
 @dataclass(frozen=True, slots=True)
 class Whitener:
-    """e_t = r_t - sum_i A_i r_(t-i), whitened by the inverse Cholesky factor of its covariance.
-
-    The autoregression has to be stable: every eigenvalue of its companion matrix below 1 in size (`memory_limited`).
-    """
+    """e_t = r_t - sum_i A_i r_(t-i), whitened by the inverse Cholesky factor of its covariance."""
 
     past: Array  # A_i, shape (order, c, c)
     inverse_factor: Array  # (c, c)
-    size: Array | None = None  # root mean square (c,) of the residual from which it was estimated
+    # root mean square (c,) of the residual from which it was estimated, with its one-step error; None: the first rows of a block count for nothing
+    size: Array | None = None
 
     @property
     def order(self) -> int:

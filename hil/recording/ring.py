@@ -38,7 +38,7 @@ SLOTS = 1 << 18
 """Frames that can wait to be written: 6.5 s of ten full buses (40 000 frames/s), 21 MB."""
 CHANNELS = 256
 _LAYOUT = struct.Struct("<qIBBBx64s")
-_WORD = struct.Struct("<Q")
+_WORD = 8  # bytes
 _HEAD, _TAIL, _DROPPED, _RECORDS = 0, 64, 128, 192
 
 
@@ -51,6 +51,8 @@ class Ring:
         # MAP_POPULATE: all pages now, so that no frame waits for a page fault and the process' memory does not grow.
         size = _RECORDS + slots * RECORD.itemsize
         self._map = mmap.mmap(descriptor, size, flags=mmap.MAP_SHARED | mmap.MAP_POPULATE)
+        # A word of a view is written in one step. struct.pack_into clears its place first, so that the other side could read 0.
+        self._words = memoryview(self._map)[:_RECORDS].cast("Q")
         # own copies of the words that only this side writes; the other side's word is read each time
         self._head = self._read(_HEAD)
         self._tail = self._read(_TAIL)
@@ -135,15 +137,15 @@ class Ring:
         return np.frombuffer(self._map[at : at + count * RECORD.itemsize], RECORD)
 
     def _read(self, offset: int) -> int:
-        word: int = _WORD.unpack_from(self._map, offset)[0]
-        return word
+        return self._words[offset // _WORD]
 
     def _write(self, offset: int, value: int) -> None:
-        _WORD.pack_into(self._map, offset, value)
+        self._words[offset // _WORD] = value
 
     def close(self) -> None:
         """Release the memory; a second call does nothing."""
         if self._descriptor >= 0:
+            self._words.release()
             self._map.close()
             os.close(self._descriptor)
             self._descriptor = -1

@@ -1,6 +1,8 @@
 """The ring: first in, first out, never waiting; what finds no room is counted."""
 
 import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -65,6 +67,33 @@ def test_a_long_frame_leaves_nothing_in_the_slot_of_a_short_one(ring):
         ring.take(16)
     ring.put([Frame(2, b"\x01")], 0)
     assert bytes(ring.take(1)["data"][0]) == b"\x01" + bytes(63)
+
+
+PUTTING = """
+import sys
+from bus.frame import Frame
+from hil.recording.ring import Ring
+
+ring = Ring.attach(int(sys.argv[1]))
+for count in range(int(sys.argv[2])):
+    ring.put([Frame(1, b"", count, 0)], 0)
+"""
+
+
+def test_another_process_never_reads_a_count_that_is_half_written():
+    """Frames one by one from another process: all come, in order, whatever moment the counts are read at."""
+    ring, count = Ring.create(slots=1 << 18), 200_000
+    with subprocess.Popen(
+        [sys.executable, "-c", PUTTING, str(ring.fileno()), str(count)], pass_fds=(ring.fileno(),)
+    ) as putting:
+        seen = 0
+        while putting.poll() is None:
+            taken = ring.take(1 << 15)
+            assert taken["at_ns"].tolist() == list(range(seen, seen + len(taken)))
+            seen += len(taken)
+        assert putting.returncode == 0
+    assert seen + len(ring.take(count)) == count
+    ring.close()
 
 
 def test_a_ring_needs_a_slot():
