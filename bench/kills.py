@@ -229,7 +229,7 @@ def page(results: dict[str, list[Kill]], seed: int, times: int) -> str:
         "",
         "A run of `loaded` in real time over a gateway with a fault; one process is killed by SIGKILL at a random moment 1 to 2 s after the start. *Lost*: how long before the kill the",
         f"first frame (the first tick) was that is missing from the file, largest of all kills; at most {ALLOWED_S} s is promised. A listener of its own on each bus says what there was.",
-        f"{times} kills of each process are aimed at; the page is written after each round, so that of a run that was ended early tells of fewer.",
+        f"The aim is {times} kills of each process. The page is written after each round: if the run was ended early, it shows fewer.",
         f"For `{REFERENCE}`, which nothing but the plant hears: time from its last frame to the kill. The median over the kills is in brackets.",
         "",
         f"| killed | times | exit code | as documented | processes left | `{BUS}` [s] | `{ECU_BUS}` [s] | truth [s] | `{REFERENCE}` [s] | `faults.json` there |",

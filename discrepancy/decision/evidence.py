@@ -117,7 +117,7 @@ def held_out_prediction(
     following = np.clip(np.searchsorted(noise.keep, np.arange(problem.measured.size)), 0, noise.keep.size - 1)
     folds = cross_validated(problem, noise, effects, start, settings, least_reduction=least_reduction)
     for test, judged in folds:
-        rows = test[following]  # the first rows of a block belong to the fold of the row that follows them
+        rows = test[following]  # a row that is set aside belongs to the fold of the row that follows it
         predicted[rows] = problem.predict(judged.values)[rows]
     return predicted
 

@@ -9,7 +9,7 @@ SHOWN = 3  # times of single readings in a complaint
 
 
 def complaints_of(problem: Problem, state: State) -> list[Complaint]:
-    """One complaint for each interval of time, and one for all single readings of the same channels of a recording."""
+    """One complaint for each interval, and one for all single readings of the same channels of a recording."""
     found: list[Complaint] = []
     single: dict[tuple[str, str], list[OddInterval]] = {}
     for interval in state.aside.intervals:

@@ -104,28 +104,21 @@ def differences(
 
     backward: parameters whose step is a step of the grid are stepped the other way.
     """
-    if backward:
-        return _turned(problem, values, base, names)
+    turned = {name for name in names if backward and _steps_by_grid(problem, name)}
     # A parameter of single windows is stepped in all windows at once, since no window depends on another: one simulation is enough.
-    found = {name: problem.jacobian.column(name, None, values.shared, anywhere=cached) for name in names}
+    found = {
+        name: None if name in turned else problem.jacobian.column(name, None, values.shared, anywhere=cached)
+        for name in names
+    }
     new = [name for name, column in found.items() if column is None]
-    steps = {name: _difference(problem, values, name) for name in new}
+    steps = {name: _difference(problem, values, name, backward=name in turned) for name in new}
     rows = problem.predict_each([_stepped(problem, values, name, step) for name, step in steps.items()])
     for (name, step), moved in zip(steps.items(), rows, strict=True):
         found[name] = column = (moved - base) / step
-        problem.jacobian.keep(name, None, values.shared, column)
+        if name not in turned:
+            problem.jacobian.keep(name, None, values.shared, column)
     columns = [column for column in found.values() if column is not None]
     return np.stack(columns, axis=1) if columns else np.zeros((base.size, 0))
-
-
-def _turned(problem: Problem, values: Values, base: Array, names: Sequence[str]) -> Array:
-    """Derivatives, those by steps of the grid with the step of the opposite sign."""
-    found = differences(problem, values, base, names)
-    steps = {name: -_difference(problem, values, name) for name in names if _steps_by_grid(problem, name)}
-    rows = problem.predict_each([_stepped(problem, values, name, step) for name, step in steps.items()])
-    for (name, step), moved in zip(steps.items(), rows, strict=True):
-        found[:, list(names).index(name)] = (moved - base) / step
-    return found
 
 
 def initial_uncertainty(problem: Problem, values: Values, base: Array, *, cached: bool = False) -> Array:
@@ -135,19 +128,19 @@ def initial_uncertainty(problem: Problem, values: Values, base: Array, *, cached
     return np.asarray(differences(problem, values, base, names, cached=cached) * np.array(sds), float)
 
 
-def _difference(problem: Problem, values: Values, name: str) -> float:
-    """Step of a finite difference in the parameter's unit, within its bounds; negative for a negative typical change."""
+def _difference(problem: Problem, values: Values, name: str, *, backward: bool = False) -> float:
+    """Step of a finite difference in the parameter's unit, within its bounds; negative for a negative typical change, and backward."""
     parameter = problem.model.parameter(name)
-    step = STEP * parameter.typical
     # a delay below one step of the grid only tests the interpolation, which has kinks at the samples
-    if parameter.unit == "s":
-        step = max(step, problem.model.step_s)
+    step = problem.model.step_s if _steps_by_grid(problem, name) else STEP * parameter.typical
+    step = -step if backward else step
     if parameter.scope == "all" and not parameter.lower <= values.shared[name] + step <= parameter.upper:
         return -step
     return step
 
 
 def _steps_by_grid(problem: Problem, name: str) -> bool:
+    """Whether the finite difference of a parameter is a step of the model's grid."""
     parameter = problem.model.parameter(name)
     return parameter.unit == "s" and STEP * parameter.typical < problem.model.step_s
 

@@ -122,6 +122,7 @@ class Noise:
     def log_density(self) -> float:
         """Logarithm of the density of raw rows that are whitened to nothing, but for a constant."""
         out = [int(rows.sum()) for rows in self.set_aside] or [0] * len(self._blocks)
+        # the first rows of a block count as the others do, or noises of different order could not be compared
         known = sum(
             (block.shape[0] - gone) * float(np.linalg.slogdet(self.whiteners[block.group].inverse_factor)[1])
             for block, gone in zip(self._blocks, out, strict=True)

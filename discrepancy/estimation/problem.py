@@ -307,10 +307,10 @@ class Problem:
         """One window; not a number where Python's floats overflow at these values, which is a model that diverges. Raises BadModel."""
         try:
             return self.model.simulate(window, values, extra)
-        except Exception as error:
-            if not isinstance(error, OverflowError):
-                raise BadModel.failing(self.model, error) from error
+        except OverflowError:
             return {name: np.full(window.time_s.size, np.nan) for name in self.model.outputs}
+        except Exception as error:
+            raise BadModel.failing(self.model, error) from error
 
     def _all_outputs(
         self, values: Values, extra: Sequence[Mapping[str, Array]] | None

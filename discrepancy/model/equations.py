@@ -15,7 +15,8 @@ READING = (
 )
 
 ROUNDS = 4
-"""Simulations by which a term that feeds back on its own signals is settled: 0.02 level·|level| in a tank is then right to 0.1 %."""
+"""Simulations by which a term that feeds back on its own signals is settled. A leak that adds a quarter to a tank's own outflow is then right to
+0.5 %, which is the error of the grid (19 % after one). The number is fixed, because one that depends on the values would put steps into derivatives."""
 
 Signals = Mapping[str, Array]
 Term = Callable[[Signals, Mapping[str, float], float], Array]
@@ -41,9 +42,13 @@ def with_effect(model: Model, effect: Effect, terms: Mapping[str, Term]) -> Mode
         if not any(values.get(name, 0.0) for name in effect.names):
             return inner(window, values, extra)
         pushed: dict[str, Array] = {}
+
+        def pushed_motions(blind: Sequence[Window]) -> list[Mapping[str, Array]]:
+            return [inner(w, values, pushed) for w in blind]
+
         # What acts at a port changes the outputs on which it depends. Each round carries that change one order further.
         for _ in range(ROUNDS if ports.intersection(terms) else 1):
-            signals = driven(model, [window], lambda blind: [inner(w, values, pushed) for w in blind])[0]  # noqa: B023
+            signals = driven(model, [window], pushed_motions)[0]
             added = {place: term(signals, values, window.step_s) for place, term in terms.items()}
             pushed = {name: more for name, more in added.items() if name in ports}
         outputs = inner(

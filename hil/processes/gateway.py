@@ -138,7 +138,7 @@ def _act(line: Lifeline, action: Action) -> None:
 
 
 def _keep(injector: Injector | None, core: GatewayCore, out: Path | None, kept: int) -> int:
-    """Write faults.json when a fault has begun or ended since `kept` events were: a killed gateway leaves them. Returns how many are."""
+    """Write faults.json if a fault has begun or ended since `kept` events were written; a killed gateway leaves it. Returns the events written."""
     if injector is None or out is None or len(injector.events) == kept:
         return kept
     write_faults(out, injected(injector.events, core.started_ns or 0))

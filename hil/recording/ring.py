@@ -38,8 +38,8 @@ SLOTS = 1 << 18
 """Frames that can wait to be written: 6.5 s of ten full buses (40 000 frames/s), 21 MB."""
 CHANNELS = 256
 _LAYOUT = struct.Struct("<qIBBBx64s")
-_WORD = 8  # bytes
-_HEAD, _TAIL, _DROPPED, _RECORDS = 0, 64, 128, 192
+_HEAD, _TAIL, _DROPPED = 0, 8, 16  # words of 8 bytes
+_RECORDS = 192  # bytes
 
 
 class Ring:
@@ -54,9 +54,9 @@ class Ring:
         # A word of a view is written in one step. struct.pack_into clears its place first, so that the other side could read 0.
         self._words = memoryview(self._map)[:_RECORDS].cast("Q")
         # own copies of the words that only this side writes; the other side's word is read each time
-        self._head = self._read(_HEAD)
-        self._tail = self._read(_TAIL)
-        self._dropped = self._read(_DROPPED)
+        self._head = self._words[_HEAD]
+        self._tail = self._words[_TAIL]
+        self._dropped = self._words[_DROPPED]
 
     @classmethod
     def create(cls, slots: int = SLOTS) -> Self:
@@ -79,20 +79,20 @@ class Ring:
     @property
     def put_count(self) -> int:
         """Frames put so far, dropped ones not included."""
-        return self._read(_HEAD)
+        return self._words[_HEAD]
 
     @property
     def dropped(self) -> int:
         """Frames that found the ring full."""
-        return self._read(_DROPPED)
+        return self._words[_DROPPED]
 
     def put(self, frames: Sequence[Frame], channel: int) -> None:
         """Append frames; those that find no room are dropped and counted."""
         # the tail may grow meanwhile: the room is then larger than computed, never smaller
-        room = self._slots - (self._head - self._read(_TAIL))
+        room = self._slots - (self._head - self._words[_TAIL])
         if len(frames) > room:
             self._dropped += len(frames) - room
-            self._write(_DROPPED, self._dropped)
+            self._words[_DROPPED] = self._dropped
             frames = frames[:room]
         head, slots, size, target, pack = (
             self._head,
@@ -106,12 +106,12 @@ class Ring:
             pack(target, _RECORDS + head % slots * size, at_ns, can_id, len(data), flags, channel, data)
             head += 1
         self._head = head
-        self._write(_HEAD, head)
+        self._words[_HEAD] = head
 
     @property
     def taken_count(self) -> int:
         """Frames released so far by the taking side."""
-        return self._read(_TAIL)
+        return self._words[_TAIL]
 
     def take(self, limit: int) -> Records:
         """At most `limit` of the oldest frames, as a copy; they make room."""
@@ -121,7 +121,7 @@ class Ring:
 
     def peek(self, limit: int) -> Records:
         """At most `limit` of the oldest frames, as a copy; they stay until they are released."""
-        waiting = min(self._read(_HEAD) - self._tail, limit)
+        waiting = min(self._words[_HEAD] - self._tail, limit)
         start = self._tail % self._slots
         first = self._records(start, min(waiting, self._slots - start))
         rest = self._records(0, waiting - len(first))
@@ -130,17 +130,11 @@ class Ring:
     def release(self, count: int) -> None:
         """Free the slots of the `count` oldest frames, after they have been written to the file."""
         self._tail += count
-        self._write(_TAIL, self._tail)
+        self._words[_TAIL] = self._tail
 
     def _records(self, start: int, count: int) -> Records:
         at = _RECORDS + start * RECORD.itemsize
         return np.frombuffer(self._map[at : at + count * RECORD.itemsize], RECORD)
-
-    def _read(self, offset: int) -> int:
-        return self._words[offset // _WORD]
-
-    def _write(self, offset: int, value: int) -> None:
-        self._words[offset // _WORD] = value
 
     def close(self) -> None:
         """Release the memory; a second call does nothing."""

@@ -38,8 +38,10 @@ def test_light_balls_have_drag_with_the_coefficient_of_a_sphere(recordings: Path
     [drag] = result.findings[0].parameters
     assert drag.low is not None
     assert drag.high is not None
-    assert 0.2 < drag.low < 0.5 < drag.high + 0.1
-    assert drag.high < 0.8
+    # the interval overlaps 0.4 to 0.5, and is not so wide that it says nothing
+    assert drag.low < 0.5
+    assert drag.high > 0.4
+    assert drag.high - drag.low < 0.25
     assert result.findings[0].held_out_error["height"] < 0.75
 
 

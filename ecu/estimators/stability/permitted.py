@@ -9,7 +9,7 @@ from ecu.estimators.compiled import compiled
 from ecu.estimators.quantities import Vector
 from ecu.estimators.stability.prediction import PredictionState, predict, with_demand
 from ecu.estimators.stability.rollover import LoadedMachine
-from ecu.estimators.stability.search import begun, goes_on, narrowed, next_trial
+from ecu.estimators.stability.search import goes_on, narrowed, next_trial, over
 from ecu.estimators.stability.steady import least_margin, steady_turns
 
 TRANSIENT = 0.05
@@ -18,10 +18,6 @@ BETTER = 0.005
 """Margin that a recovering rate has to gain in the end: more than the rounding of margins."""
 RECOVERY_RATES = 4
 """Rates tried for recovery: the largest, a half, a quarter and an eighth of it."""
-NONE = 1e9
-"""So far below its floor no margin comes: a prediction or a turn is then looked at to its end."""
-DEEP = 0.15
-"""So far below its floor a prediction ends: how far a rate is beyond the limit tells a search where to look next."""
 RATE_TRIALS = 6
 """Halvings between holding the angle and the largest rate: the limit is known to 1/64 of it.
 
@@ -29,11 +25,11 @@ Halvings and no quicker search: over the rate the predicted margin has dips of s
 slope looks beyond them (in 0.3 % of the states in which the rate was limited).
 """
 NONE = -1e9
-"""A floor that no margin reaches: a prediction or a turn is then looked at to its end."""
+"""A floor that no margin reaches: every heading of a turn, or the whole prediction, is then computed."""
 SPEED_STEP, SPEED_TRIALS = 0.1 / 3.6, 11
 """Raw step of the limit's signal [m/s], and trials that find it at worst; the margin of a turn falls evenly with speed."""
 DEEP = 0.15
-"""So far below its floor a turn is looked at no further: how far tells the search for the speed where to look next."""
+"""Margin below its floor at which no further heading of a turn is computed. The search for the speed needs to know how far below it is."""
 
 
 @compiled
@@ -130,7 +126,7 @@ def permitted_speed(
     standing = least_margin(floor - DEEP, 0.0, turns, ground, machine) - floor
     if standing < 0.0:
         return 0.0
-    search = begun(full, standing, at_full)
+    search = over(full, standing, at_full)
     for k in range(SPEED_TRIALS):
         if goes_on(search, SPEED_STEP):
             trial = next_trial(search, SPEED_TRIALS - 1 - k, SPEED_STEP, SPEED_STEP)

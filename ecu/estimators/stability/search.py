@@ -22,7 +22,7 @@ class Search(NamedTuple):
 
 
 @compiled
-def begun(high: float, above: float, below: float) -> Search:
+def over(high: float, above: float, below: float) -> Search:
     """The search between 0, where the margin left is `above`, and `high`, where it is `below`."""
     return Search(0.0, high, above, below, 0.0, above)
 

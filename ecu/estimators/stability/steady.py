@@ -109,9 +109,9 @@ def steady_forces(
 def least_margin(
     floor: float, speed: float, turns: SteadyTurns, ground: Vector, machine: LoadedMachine
 ) -> float:
-    """Smallest margin of a turn begun at `speed` [m/s, reverse negative] while the machine slows down.
+    """Smallest margin of a turn that starts at `speed` [m/s, reverse negative], while the machine slows down.
 
-    It slows down by `braking`, uphill by more and downhill by less. No heading is looked at after one below `floor`.
+    It slows down by `braking`, uphill by more and downhill by less. No heading is computed after one below `floor`.
     """
     prediction, grip = machine.prediction, machine.wheel.lateral_peak
     direction = 1.0 if speed >= 0.0 else -1.0

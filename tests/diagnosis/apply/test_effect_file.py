@@ -115,6 +115,21 @@ def test_a_term_acts_at_its_place_and_is_off_at_zero() -> None:
         with_effect(tank(), effect, {"ghost": lambda s, v, _: s["level"]})
 
 
+def test_a_term_of_the_level_is_the_leak_that_it_stands_for() -> None:
+    """-c level at the inflow against the parameter `leak` = c, which the tank integrates exactly: the term acts on the level that it lowers."""
+    effect = Effect(
+        name="more", sentence="", equation="", kind="physics", place="", parameters=(Parameter(name="more.c1", unit="1/s"),)
+    )  # fmt: skip
+    drive = [record(1)]
+    plain = Problem(tank("leak"), drive)
+    added = Problem(
+        with_effect(tank("leak"), effect, {"inflow": lambda s, v, _: -v["more.c1"] * s["level"]}), drive
+    )
+    tight, leaking = plain.predict(plain.start()), plain.predict(plain.start().having(leak=0.05))
+    found = added.predict(added.start().having(**{"more.c1": 0.05}))
+    assert np.linalg.norm(found - leaking) < 0.01 * np.linalg.norm(leaking - tight)
+
+
 def term(place: str, function: str, coefficient: float = 2.0) -> OpenTerm:
     return OpenTerm(
         place=place,

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ecu.estimators.stability.search import begun, goes_on, narrowed, next_trial
+from ecu.estimators.stability.search import goes_on, narrowed, next_trial, over
 
 unhurried = settings(deadline=None)  # the first example compiles
 FINE, COARSE = 1.0 / 512.0, 1.0 / 64.0
@@ -14,7 +14,7 @@ FINE, COARSE = 1.0 / 512.0, 1.0 / 64.0
 
 def searched(margin, trials, coarse, fine=FINE):
     """The search between 0 and 1, and how many margins it looked at."""
-    search, looked = begun(1.0, margin(0.0), margin(1.0)), 0
+    search, looked = over(1.0, margin(0.0), margin(1.0)), 0
     for k in range(trials):
         if goes_on(search, fine):
             trial = next_trial(search, trials - 1 - k, fine, coarse)
