@@ -1,7 +1,7 @@
 """Writes verdicts as JSON and as JUnit XML, for scripts and build servers."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -40,6 +40,15 @@ class Suite:
     cases: tuple[Case, ...]
     time_s: float = 0.0  # simulated or recorded time [s], as JUnit's time
     remarks: tuple[str, ...] = ()
+
+
+def ending_of(results: Iterable[Result]) -> Ending:
+    """The ending that verdicts of equal weight make: FAILED if one failed, else INCONCLUSIVE if one could not be reached."""
+    # failed before inconclusive: a known failure is worth more than an open question
+    found = set(results)
+    if Result.FAILED in found:
+        return Ending.FAILED
+    return Ending.INCONCLUSIVE if Result.INCONCLUSIVE in found else Ending.PASSED
 
 
 def as_json(command: str, ending: Ending, suites: Sequence[Suite], **more: Any) -> str:

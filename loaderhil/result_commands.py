@@ -123,10 +123,9 @@ def campaign_prevention(
 def _give(name: str, page: Path, suites: "Sequence[Suite]", as_json: bool, junit: Path | None) -> None:
     """Print a campaign's results, and end with their exit code."""
     from hil.results import as_json as json_of
-    from hil.results import write_junit
-    from studies.campaigns.verdicts import ending_of
+    from hil.results import ending_of, write_junit
 
-    ending = ending_of(suites)
+    ending = ending_of(case.result for suite in suites for case in suite.cases)
     if junit is not None:
         write_junit(junit, f"campaign {name}", suites)
     # the path alone, or JSON alone: both are read by scripts

@@ -30,8 +30,7 @@ def compare(
 
     from dbc import loader_database
     from hil.check.tables import COLOUR
-    from hil.ending import Ending
-    from hil.results import Case, Suite, as_json, write_junit
+    from hil.results import Case, Suite, as_json, ending_of, write_junit
     from hil.rundir import RunDirectory
     from hil.verdict import Result
     from report.testing.comparison import page
@@ -41,15 +40,7 @@ def compare(
 
     chosen = Tolerances.from_file(tolerances, loader_database()) if tolerances else Tolerances()
     found = compared(RunDirectory.read(first), RunDirectory.read(second), chosen)
-    results = {each.result for each in found}
-    # failed before inconclusive: a known difference is worth more than an open question
-    ending = (
-        Ending.FAILED
-        if Result.FAILED in results
-        else Ending.INCONCLUSIVE
-        if Result.INCONCLUSIVE in results
-        else Ending.PASSED
-    )
+    ending = ending_of(each.result for each in found)
     suite = Suite(name=f"{first} and {second}", cases=tuple(Case.of(each.verdict) for each in found))
     if junit is not None:
         write_junit(junit, "compare", [suite])

@@ -70,11 +70,11 @@ def conform(
     broken; 3: the node did not come; 5: one could not be judged. Examples: `loaderhil conform socketcan:can0`,
     `loaderhil conform drive.blf --dbc car.dbc --node Engine`
     """
-    from hil.results import as_json, write_junit
+    from hil.results import as_json, ending_of, write_junit
     from loaderhil.testing.databases import database_of
     from report.testing.conformance import page
     from report.testing.writing import write_page
-    from testbench.conform.results import ending_of, suite_of
+    from testbench.conform.results import suite_of
     from testbench.conform.session import judge
 
     database = database_of(dbc, protection)
@@ -87,7 +87,7 @@ def conform(
     else:
         evidence = _recorded(Path(source), database, node, from_start)
     found = judge(evidence)
-    ending = ending_of(found)
+    ending = ending_of(each.result for each in found)
     suite = suite_of(f"{node} on {source}", found, evidence.since(evidence.observer.end_ns))
     if junit is not None:
         write_junit(junit, "conform", [suite])

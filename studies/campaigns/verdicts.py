@@ -4,18 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hil.ending import Ending
 from hil.results import Case, Suite
 from hil.verdict import Result as Verdict
 from studies.campaigns.batch import Result
-
-
-def ending_of(suites: Sequence[Suite]) -> Ending:
-    """Exit code: failed if one case failed, else inconclusive if one could not be judged."""
-    results = {case.result for suite in suites for case in suite.cases}
-    if Verdict.FAILED in results:
-        return Ending.FAILED
-    return Ending.INCONCLUSIVE if Verdict.INCONCLUSIVE in results else Ending.PASSED
 
 
 def accuracy(name: str, result: Result, target: float) -> Case:

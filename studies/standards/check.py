@@ -8,7 +8,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.ending import Ending
 from hil.verdict import Result
 from plant.sheets.machine import Machine
 from plant.unit.equipment import Equipment
@@ -120,11 +119,3 @@ class Standard:
     title: str
     method: str  # the procedure in a few sentences, for the page
     perform: Callable[[Candidate], Findings]
-
-
-def ending_of(checks: list[Check]) -> Ending:
-    """FAILED if a bound is violated, else INCONCLUSIVE if a measured value is missing, else PASSED."""
-    results = {check.result for check in checks}
-    if Result.FAILED in results:
-        return Ending.FAILED
-    return Ending.INCONCLUSIVE if Result.INCONCLUSIVE in results else Ending.PASSED

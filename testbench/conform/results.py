@@ -3,18 +3,9 @@
 from collections import Counter
 from collections.abc import Sequence
 
-from hil.ending import Ending
 from hil.results import Case, Suite
 from hil.verdict import Result
 from testbench.conform.requirements import Requirement
-
-
-def ending_of(found: Sequence[Requirement]) -> Ending:
-    """FAILED if a requirement is broken, INCONCLUSIVE if one could not be judged, else PASSED."""
-    results = {each.result for each in found}
-    if Result.FAILED in results:
-        return Ending.FAILED
-    return Ending.INCONCLUSIVE if Result.INCONCLUSIVE in results else Ending.PASSED
 
 
 def suite_of(name: str, found: Sequence[Requirement], duration_s: float) -> Suite:

@@ -9,10 +9,10 @@ from typer.testing import CliRunner
 
 from ecu.calibration import load_calibration
 from hil.ending import Ending
+from hil.results import ending_of
 from hil.verdict import Result
 from studies.campaigns import prevention
 from studies.campaigns.manoeuvres import DRY, KINDS, drawn, manoeuvre, scenario_of, straight
-from studies.campaigns.verdicts import ending_of
 from studies.campaigns.wrong_calibration import MASS, PLACE, RADIUS, STIFFNESS, wrong_calibration
 
 RIGHT = load_calibration("l60")
@@ -103,10 +103,13 @@ def test_only_what_a_limit_could_keep_down_fails():
     found[KINDS.index("kerb")] = lifting(prevention.GROUND)
     suite = prevention.suite_of(cases, found)
     assert {case.result for case in suite.cases} == {Result.PASSED}
-    assert ending_of([suite]) is Ending.PASSED
+    assert ending_of(case.result for case in suite.cases) is Ending.PASSED
     found[KINDS.index("slope")] = lifting(prevention.UNEXPLAINED)
-    assert ending_of([prevention.suite_of(cases, found)]) is Ending.FAILED
-    assert ending_of([prevention.suite_of(cases[:2], found[:2])]) is Ending.INCONCLUSIVE
+    assert ending_of(case.result for case in prevention.suite_of(cases, found).cases) is Ending.FAILED
+    assert (
+        ending_of(case.result for case in prevention.suite_of(cases[:2], found[:2]).cases)
+        is Ending.INCONCLUSIVE
+    )
 
 
 def test_the_page_counts_lift_offs_and_says_how_to_repeat_them():

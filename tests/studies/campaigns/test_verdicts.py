@@ -7,11 +7,11 @@ import typer
 from typer.testing import CliRunner
 
 from hil.ending import Ending
-from hil.results import Suite
+from hil.results import ending_of
 from hil.verdict import Result
 from loaderhil.result_commands import campaign_normal_force, campaign_roll_over
 from studies.campaigns import normal_force, roll_over, roll_over_extended
-from studies.campaigns.verdicts import accuracy, ending_of
+from studies.campaigns.verdicts import accuracy
 from studies.campaigns.verdicts import roll_over as suite_of
 
 STANDING = [10e3, 20e3, 30e3, 40e3]
@@ -77,5 +77,5 @@ def test_every_campaign_gives_verdicts_for_machines(monkeypatch, tmp_path, modul
 
 
 def test_an_open_aim_is_no_pass():
-    assert ending_of([suite_of("level", [CALM], 0.3)]) is Ending.INCONCLUSIVE
-    assert ending_of([Suite(name="none", cases=())]) is Ending.PASSED
+    assert ending_of(case.result for case in suite_of("level", [CALM], 0.3).cases) is Ending.INCONCLUSIVE
+    assert ending_of([]) is Ending.PASSED

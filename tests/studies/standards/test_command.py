@@ -5,8 +5,9 @@ import typer
 from typer.testing import CliRunner
 
 from hil.ending import Ending
+from hil.results import ending_of
 from studies.standards import command
-from studies.standards.check import Bound, Check, Clause, ending_of
+from studies.standards.check import Bound, Check, Clause
 from studies.standards.page import figure, row
 from studies.standards.table import by_name, candidate_of
 
@@ -60,11 +61,11 @@ def test_verdicts_and_ending():
         for value in (2.0, 2.1, float("nan"))
     )
     informs = Check(what="", unit="m", measured=9.0)
-    assert ending_of([kept, informs]) is Ending.PASSED
-    assert ending_of([kept, missing]) is Ending.INCONCLUSIVE
-    assert ending_of([kept, missing, broken]) is Ending.FAILED
+    assert ending_of(check.result for check in [kept, informs]) is Ending.PASSED
+    assert ending_of(check.result for check in [kept, missing]) is Ending.INCONCLUSIVE
+    assert ending_of(check.result for check in [kept, missing, broken]) is Ending.FAILED
     least = Check(what="", unit="m", measured=1.9, bound=Bound("at least", 2.0, CLAUSE))
-    assert ending_of([least]) is Ending.FAILED
+    assert ending_of(check.result for check in [least]) is Ending.FAILED
 
 
 def test_an_unverified_formula_is_marked_wherever_it_is_shown():

@@ -15,10 +15,10 @@ import pytest
 from bus.frame import EXTENDED, Frame
 from dbc import FOLDER, loader_database
 from hil.ending import Ending
+from hil.results import ending_of
 from hil.verdict import Result
 from testbench.conform.evidence import Bench, ConformError, Evidence
 from testbench.conform.live import keep, kept_bench
-from testbench.conform.results import ending_of
 from testbench.conform.session import Session, judge
 from testbench.restbus.values import values_for
 from tests.bus.conftest import vcan  # noqa: F401
@@ -92,7 +92,7 @@ class TestTheExample:
         found = judge(Evidence.of(table, loader_database(), "EstimatorEcu"))
         assert asked(found, "EstimatorEcu", "start-up").result is Result.INCONCLUSIVE
         assert asked(found, "NormalForces", "initial values").result is Result.INCONCLUSIVE
-        assert ending_of(found) is Ending.INCONCLUSIVE
+        assert ending_of(each.result for each in found) is Ending.INCONCLUSIVE
 
 
 @pytest.mark.parametrize("name", VIOLATIONS)
@@ -104,7 +104,7 @@ def test_a_planted_violation_is_named_and_no_other(name):
     others = broken(found) - {(subject, kind), ("return of all inputs", "recovery")}
     assert others == set()
     assert asked(found, subject, kind).evidence
-    assert ending_of(found) is Ending.FAILED
+    assert ending_of(each.result for each in found) is Ending.FAILED
 
 
 def test_our_own_ecu_conforms():
