@@ -22,7 +22,7 @@ from bench.loader_mujoco import MujocoMotion
 from discrepancy.model.description import Model
 from discrepancy.models.loader import model as loader
 from hil import rundir
-from hil.compose import record_of
+from hil.compose import Choice
 from hil.ecu_side import ecu_cycle
 from hil.lockstep import Lockstep
 from hil.runs import write_recording
@@ -162,7 +162,7 @@ def record(arm: Arm, folder: Path) -> dict[str, float]:
     scenario = drive(arm, rng, payload, replace(equipment, sensors=_sensors(equipment, effects)))
     unit = PlantUnit(machine, scenario, seed=scenario.seed, motion=_motion(arm, machine, scenario))
     bench = Lockstep(unit, ecu_cycle(form="corrected", limits=True))
-    started = record_of(scenario, form="corrected", limits=True, mode="lockstep")
+    started = Choice(scenario=scenario.name).record(scenario, "lockstep")
     folder.mkdir(parents=True, exist_ok=True)
     rundir.refuse_if_foreign(folder)
     rundir.begin(folder, started)

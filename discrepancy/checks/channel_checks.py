@@ -26,6 +26,7 @@ from discrepancy.signals.units import confusions
 ALIKE: Final = gates.SAME_QUANTITY.threshold
 NEAR: Final = gates.UNIT_FACTOR.threshold
 OTHER_CLOCK: Final = gates.OTHER_CLOCK.threshold
+WITHIN_PRIORS: Final = gates.WITHIN_PRIORS.threshold
 FEWEST: Final = gates.SAMPLES_TO_CHECK.threshold
 LONGEST_SHIFT_S = 30.0  # largest shift that is tried
 SHIFTS = 160  # tried in either direction
@@ -44,18 +45,33 @@ class _Part:
 def failing_channels(problem: Problem) -> list[Complaint]:
     """One complaint per channel with a wrong scale, sign or clock. Raises Unusable if the model diverges."""
     start = problem.start()
-    base = problem.predict(start)
+    base = _predicted(problem, start)
     diverged = problem.diverged(base)
     if diverged.any():
         raise Unusable([_unbounded(problem, int(np.argmax(diverged)))])
     local = differences(problem, start, base, problem.local_names)
     scaled = _scaled_base(problem, start, base)
-    found = []
+    found: list[Complaint] = []
+    suspected: list[tuple[_Part, Complaint]] = []
     for part in _parts(problem):
-        complaint = _synchrony(problem, part, base, local) or _scale(problem, part, scaled, local)
-        if complaint:
+        if complaint := _synchrony(problem, part, base, local):
             found.append(complaint)
+            continue
+        slope, alike = _slope(problem, part, scaled, local)
+        if complaint := _wrong_sign(problem, part, slope, alike):
+            suspected.append((part, complaint))
+        elif complaint := _wrong_unit(problem, part, slope, alike):
+            found.append(complaint)
+    if suspected:
+        allowed = _predicted(problem, _within_priors(problem, start, base))
+        found += [complaint for part, complaint in suspected if not _explains(problem, part, allowed, scaled)]
     return found
+
+
+def _explains(problem: Problem, part: _Part, allowed: Array, base: Array) -> bool:
+    """Whether a prediction takes most of another one's misfit away."""
+    left, whole = ((problem.measured - rows)[part.rows] for rows in (allowed, base))
+    return float(left @ left) < WITHIN_PRIORS * float(whole @ whole)
 
 
 def _unbounded(problem: Problem, row: int) -> Complaint:
@@ -79,30 +95,63 @@ def _parts(problem: Problem) -> Iterator[_Part]:
 def _scaled_base(problem: Problem, start: Values, base: Array) -> Array:
     """The prediction (N,) with nuisances without a prior fitted: one of them may be a scale, which would look like a wrong unit."""
     free = [p.name for p in problem.model.nuisances if p.scope == "all" and p.prior_sd is None]
-    if not free:
-        return base
+    return _predicted(problem, _fitted(problem, start, base, free)) if free else base
+
+
+def _within_priors(problem: Problem, start: Values, base: Array) -> Values:
+    """All nuisances fitted, none further from its prior than a nuisance may be.
+
+    On an even drive a small zero error looks like a wrong sign: two constants, opposite to one another.
+    """
+    known = [p for p in problem.model.nuisances if p.scope == "all" and p.prior_sd is not None]
+    values = _fitted(problem, start, base, [p.name for p in known]) if known else start
+    reach = {p.name: gates.PRIOR_CONFLICT.threshold * (p.prior_sd or 0.0) for p in known}
+    return values.with_shared(
+        {
+            p.name: min(max(values.shared[p.name], p.value - reach[p.name]), p.value + reach[p.name])
+            for p in known
+        }
+    )
+
+
+def _predicted(problem: Problem, values: Values) -> Array:
+    with np.errstate(all="ignore"):  # a model may divide by zero where an input is in the wrong unit
+        return problem.predict(values)
+
+
+def _fitted(problem: Problem, start: Values, base: Array, free: list[str]) -> Values:
     noise = white_noise(problem, problem.measured - base)
     with np.errstate(all="ignore"):
-        return problem.predict(fit(problem, noise, free, start, effort=BRIEF).values)
+        return fit(problem, noise, free, start, effort=BRIEF).values
 
 
-def _scale(problem: Problem, part: _Part, base: Array, local: Array) -> Complaint | None:
+def _slope(problem: Problem, part: _Part, base: Array, local: Array) -> tuple[float, float]:
+    """Slope of the measured rows over the predicted ones and their correlation, initial states taken off; zeros where either is zero throughout."""
     states = WindowStates(local, problem.row_window, part.rows)
     measured, predicted = states.off(problem.measured)[part.rows], states.off(base)[part.rows]
-    power = float(predicted @ predicted)
-    if power == 0.0:
+    sizes = float(np.linalg.norm(measured)), float(np.linalg.norm(predicted))
+    if 0.0 in sizes:
+        return 0.0, 0.0
+    alike = float((measured / sizes[0]) @ (predicted / sizes[1]))
+    return alike * sizes[0] / sizes[1], alike
+
+
+def _wrong_sign(problem: Problem, part: _Part, slope: float, alike: float) -> Complaint | None:
+    """slope, alike: of `_slope`."""
+    if alike >= -ALIKE or abs(slope + 1.0) >= NEAR or _may_be_reversed(problem.model, part.channel):
         return None
-    slope = float(measured @ predicted) / power
-    alike = slope * np.sqrt(power / max(float(measured @ measured), 1e-300))
-    model = problem.model
-    if alike < -ALIKE and abs(slope + 1.0) < NEAR and not _may_be_reversed(model, part.channel):
-        text = (
-            f"moves opposite to the model's prediction (correlation {alike:.2f}): does it, or an input, have the wrong sign? "
-            "Left out; correct the sign and diagnose again"
-        )
-        return Complaint(part.recording, part.channel, text, fatal=True)
+    text = (
+        f"moves opposite to the model's prediction (correlation {alike:.2f}): does it, or an input, have the wrong sign? "
+        "Left out; correct the sign and diagnose again"
+    )
+    return Complaint(part.recording, part.channel, text, fatal=True)
+
+
+def _wrong_unit(problem: Problem, part: _Part, slope: float, alike: float) -> Complaint | None:
+    """slope, alike: of `_slope`."""
     if alike < ALIKE:
         return None
+    model = problem.model
     blamed = [(part.channel, model.outputs[part.channel], slope)]
     blamed += [(name, unit, 1.0 / slope) for name, unit in model.inputs.items()]
     likely = [

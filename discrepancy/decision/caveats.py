@@ -7,12 +7,16 @@ from discrepancy.decision.drop_one import DropOneTest
 from discrepancy.decision.groups import in_between
 from discrepancy.decision.summary import estimate
 from discrepancy.estimation.fit import Fit
+from discrepancy.estimation.noise import Noise
+from discrepancy.estimation.normal_equations import inverse
 from discrepancy.estimation.problem import Problem
-from discrepancy.model.description import Effect
+from discrepancy.model.description import Effect, Parameter
 from discrepancy.selection.active_intervals import active_interval_of, time_varying_nuisance
+from discrepancy.selection.candidate_fits import shapes_held
 from discrepancy.selection.open_ended import OpenEnded, explore
 from discrepancy.selection.screen import FEW
 from discrepancy.selection.state import Settings, State, switched_off
+from discrepancy.signals import findings as f
 from discrepancy.signals.quantities import figures, quantity
 
 
@@ -35,8 +39,9 @@ def caveats_of(
             f"and {_evidence(test.held_out_sse_reduction)} on held-out data"
         )
     found += _in_between(problem, state, fitted)
-    found += _at_bounds(problem, effect, fitted)
-    found += _at_baseline(problem, state, effect, fitted)
+    kept = _present(effect, fitted, state.noise)
+    found += _at_bounds(effect, kept)
+    found += _at_baseline(kept, fitted, effect)
     found += _cancelled(problem, state, test)
     found += prior_conflicts(problem, fitted)
     found += _superseded(problem, state, test, equation, settings)
@@ -50,26 +55,48 @@ def _evidence(sse_reduction: float) -> str:
     return f"evidence {sse_reduction:.0f}" if sse_reduction >= 0.5 else "no evidence"
 
 
-def _at_bounds(problem: Problem, effect: Effect, fitted: Fit) -> list[str]:
+Estimated = list[tuple[Parameter, f.Estimate]]
+"""Amplitude parameters with value and interval."""
+
+
+def _is_profile(effect: Effect) -> bool:
+    """Of a profile most values may be zero or at a bound."""
+    return len(effect.amplitude_parameters) > FEW
+
+
+def _present(effect: Effect, fitted: Fit, noise: Noise) -> Estimated:
+    """Amplitude parameters less those that are absent for certain: of brakes that drag in front, the torque of the rear ones."""
+    own = [(p, estimate(p, fitted, noise)) for p in effect.amplitude_parameters]
+    if _is_profile(effect):
+        return own
+    largest = max(abs(e.value - p.value) / abs(p.typical) for p, e in own)
+
+    def farthest(p: Parameter, e: f.Estimate) -> float:
+        return max(abs(end - p.value) for end in (e.low or 0.0, e.high or 0.0)) / abs(p.typical)
+
+    return [(p, e) for p, e in own if farthest(p, e) >= gates.ABSENT_PART.threshold * largest]
+
+
+def _at_bounds(effect: Effect, present: Estimated) -> list[str]:
     """Amplitude parameters at a physical bound; for a profile only if all are. A fit at a bound would go on: something else is missing."""
-    ends = [estimate(p, fitted) for p in effect.amplitude_parameters]
-    at_bound = [
-        e for e in ends if e.at_bound is not None and e.value != problem.model.parameter(e.name).value
-    ]
-    if at_bound and (len(ends) <= FEW or len(at_bound) == len(ends)):
+    at_bound = [e for p, e in present if e.at_bound is not None and e.value != p.value]
+    if at_bound and (not _is_profile(effect) or len(at_bound) == len(present)):
         first = at_bound[0]
         return [f"{first.name} stops at its physical bound, {quantity(first.value, first.unit)}"]
     return []
 
 
-def _at_baseline(problem: Problem, state: State, effect: Effect, fitted: Fit) -> list[str]:
-    """Amplitude parameters whose interval contains the baseline. Profiles are exempt: most of their values may be zero."""
-    own = effect.amplitude_parameters
-    if len(own) > FEW:
+def _at_baseline(present: Estimated, fitted: Fit, effect: Effect) -> list[str]:
+    """Amplitude parameters whose interval, at this shape, contains the baseline. Profiles are exempt."""
+    if _is_profile(effect):
         return []
     found = []
-    for p, e in [(p, estimate(p, fitted, state.noise)) for p in own]:
-        distance, reach = abs(e.value - p.value), 0.5 * ((e.high or 0.0) - (e.low or 0.0))
+    variances = np.diag(inverse(shapes_held(effect, fitted)))
+    held = dict(zip(effect.amplitude_names, np.sqrt(variances), strict=True))
+    for p, e in present:
+        sd = fitted.sd(p.name)
+        reach = 0.5 * ((e.high or 0.0) - (e.low or 0.0)) * (held[p.name] / sd if sd > 0.0 else 1.0)
+        distance = abs(e.value - p.value)
         if distance < gates.OFF_BASELINE.threshold * reach:
             interval = f"{figures(e.low or 0.0)} to {quantity(e.high or 0.0, e.unit)}"
             found.append(

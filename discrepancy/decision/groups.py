@@ -15,7 +15,7 @@ from discrepancy.model.description import Effect, Manoeuvre, Model, Parameter
 from discrepancy.selection.active_intervals import active_interval_of, sse_threshold
 from discrepancy.selection.candidate_fits import project_out, size_of
 from discrepancy.selection.screen import Score, collinearity, time_blocks_of
-from discrepancy.selection.starts import starts
+from discrepancy.selection.starts import Starts
 from discrepancy.selection.state import Settings, State, free_names, switched_off
 from discrepancy.signals import findings as f
 from discrepancy.signals.recording import Array, Recording, Signal
@@ -35,9 +35,18 @@ class Alternative:
 
 
 def alternatives(
-    problem: Problem, state: State, effect: str, without: Fit, scores: Sequence[Score], settings: Settings
+    problem: Problem,
+    state: State,
+    effect: str,
+    without: Fit,
+    scores: Sequence[Score],
+    starts: Starts,
+    settings: Settings,
 ) -> list[Alternative]:
-    """Effects that explain the recordings as well as `effect` does in its place, best first; the best one may be another than `effect`."""
+    """Effects that explain the recordings as well as `effect` does in its place, best first; the best one may be another than `effect`.
+
+    without: the fit without it; scores, starts: of the library beside that fit.
+    """
     # Rivals are compared by likelihood, each fitted in the finding's place, and not by the collinearity of their sensitivities: beside a
     # nuisance that nearly imitates both, the projection leaves only rounding and noise even of two identical effects.
     others = tuple(name for name in state.accepted if name != effect)
@@ -50,9 +59,7 @@ def alternatives(
             continue
         candidate = problem.model.effect(score.effect)
         names = free_names(problem, (*others, candidate.name))
-        points = starts(without.values, candidate, score)
-        if interval is not None:
-            points = [point.active_in(candidate.amplitude_parameters, interval) for point in points]
+        points = [start.values for start in starts.of(score, interval)]
         fits = [fit(problem, state.noise, names, point, effort=RIVAL) for point in points]
         best = min(fits, key=lambda f: f.sse)
         if size_of(candidate, best) < problem.model.negligible:

@@ -25,6 +25,7 @@ from discrepancy.selection.assess import screen
 from discrepancy.selection.open_ended import OpenEnded, explore
 from discrepancy.selection.screen import Score, sensitivities
 from discrepancy.selection.search import best_confirmed, search
+from discrepancy.selection.starts import Starts
 from discrepancy.selection.state import Progress, Settings, State
 from discrepancy.signals import findings as f
 from discrepancy.signals.recording import Complaint
@@ -131,8 +132,8 @@ def _finding(
 ) -> f.Finding:
     others = tuple(n for n in state.accepted if n != test.effect)
     active = active_interval_of(problem.model.effect(test.effect), state.fit.values)
-    scores = _scores_without(problem, state, others, test.without, active, settings)
-    best, *rest = alternatives(problem, state, test.effect, test.without, scores, settings)
+    scores, starts = _rivals(problem, state, others, test.without, active, settings)
+    best, *rest = alternatives(problem, state, test.effect, test.without, scores, starts, settings)
     effect = problem.model.effect(best.effect)
     confounded = next((s.confounded_share for s in baseline.scores if s.effect == effect.name), 0.0)
     caveats = caveats_of(problem, state, test, effect, best.fit, equation, settings)
@@ -170,18 +171,22 @@ def _member(problem: Problem, state: State, best: Alternative, other: Alternativ
     )
 
 
-def _scores_without(
+def _rivals(
     problem: Problem,
     state: State,
     others: tuple[str, ...],
     without: Fit,
     active: range | None,
     settings: Settings,
-) -> list[Score]:
-    """Screen of the library with one accepted effect taken out again; active: the windows in which it acted, None for all."""
+) -> tuple[list[Score], Starts]:
+    """Scores of the library with one accepted effect taken out again, and where fits of it begin.
+
+    active: the windows in which that effect acted, None for all.
+    """
     base = problem.predict(without.values)
     rest = [e for e in problem.model.effects if e.name not in others]
     columns = sensitivities(problem, without.values, base, rest, cached=True)
     if active is not None:
         columns = restricted_to(problem, columns, active)
-    return screen(problem, state.noise, without, columns, settings)
+    scores = screen(problem, state.noise, without, columns, settings)
+    return scores, Starts(problem, state.noise, without, columns)

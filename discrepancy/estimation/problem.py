@@ -137,7 +137,9 @@ class Problem:
                 continue
             outputs, interval = found
             before = len(self.windows)
+            scored: list[tuple[float, float]] = []
             for window in cut(model, clean, interval):
+                scored.append((window.start_s, window.end_s))
                 index = len(self.windows)
                 parts = list(sample_blocks(window, {name: clean.signals[name] for name in outputs}))
                 if not parts:
@@ -151,7 +153,7 @@ class Problem:
                     self.blocks.append(Block(index, group, channels, stamps, rows, time_s[:whole], each))
                     measured.append(means.ravel())
                     rows += means.size
-            complaints += _left_out(clean, interval, self.blocks, range(before, len(self.windows)))
+            complaints += _left_out(clean, scored, self.blocks, range(before, len(self.windows)))
             if len(self.windows) == before:
                 low, high = interval
                 text = (
@@ -299,7 +301,12 @@ class Problem:
         warmed = [_warmed(window, values) for window in windows]
         if self.local_names or values.active_intervals or together is None:
             return [self._simulated(w, values.in_window(i), {}) for i, w in enumerate(warmed)]
-        return list(together(warmed, values.shared))
+        try:
+            return list(together(warmed, values.shared))
+        except OverflowError:
+            return [self._diverged(window) for window in warmed]
+        except Exception as error:
+            raise BadModel.failing(self.model, error) from error
 
     def _simulated(
         self, window: Window, values: Mapping[str, float], extra: Mapping[str, Array]
@@ -308,9 +315,12 @@ class Problem:
         try:
             return self.model.simulate(window, values, extra)
         except OverflowError:
-            return {name: np.full(window.time_s.size, np.nan) for name in self.model.outputs}
+            return self._diverged(window)
         except Exception as error:
             raise BadModel.failing(self.model, error) from error
+
+    def _diverged(self, window: Window) -> dict[str, Array]:
+        return {name: np.full(window.time_s.size, np.nan) for name in self.model.outputs}
 
     def _all_outputs(
         self, values: Values, extra: Sequence[Mapping[str, Array]] | None
@@ -322,13 +332,16 @@ class Problem:
 
 
 def _left_out(
-    recording: Recording, interval: tuple[float, float], blocks: Sequence[Block], windows: range
+    recording: Recording, scored: Sequence[tuple[float, float]], blocks: Sequence[Block], windows: range
 ) -> Iterator[Complaint]:
-    """A complaint for each channel of which much is not used, because it lies in blocks that are too short."""
+    """A complaint for each channel of which much is not used, because it lies in blocks that are too short.
+
+    scored: from when to when; a model's lead-in, and what its segments leave out, is no loss.
+    """
     blocks = [block for block in blocks if block.window in windows]
     for name in dict.fromkeys(name for block in blocks for name in block.channels):
         time_s = recording.signals[name].time_s
-        there = int(np.count_nonzero((time_s >= interval[0]) & (time_s <= interval[1])))
+        there = int(np.count_nonzero(np.any([(time_s >= a) & (time_s <= b) for a, b in scored], axis=0)))
         used = sum(block.sample_s.size for block in blocks if name in block.channels)
         if used < USED * there:
             text = f"{there - used} of {there} samples are not used: gaps leave fewer than {FEWEST_SAMPLES} of them in a row"

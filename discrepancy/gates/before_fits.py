@@ -42,6 +42,15 @@ UNIT_FACTOR: Final = _gate(
     otherwise="closer: the channel is left out and the likely heading is named",
     module="checks.channel_checks",
 )
+WITHIN_PRIORS: Final = _gate(
+    name="within the priors",
+    of="channel",
+    statistic="misfit with the nuisances fitted, none beyond its prior, over the misfit without",
+    threshold=0.5,
+    source="on an even drive a zero error within its prior looks like a wrong sign: it takes most of the misfit, a wrong sign leaves it",
+    otherwise="lower: the sign of the channel is taken as right",
+    module="checks.channel_checks",
+)
 OTHER_CLOCK: Final = _gate(
     name="another clock",
     of="channel",

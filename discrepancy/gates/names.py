@@ -107,10 +107,20 @@ AT_BOUND: Final = _gate(
 OFF_BASELINE: Final = _gate(
     name="off the baseline",
     of="name",
-    statistic="distance of each amplitude parameter from its baseline, in half widths of its 95 % interval; not of profiles",
+    statistic="distance of each amplitude parameter from its baseline, in half widths of its 95 % interval with the effect's shapes held; not of profiles",
     threshold=1.0,
     source="an effect of which one part may be absent is not determined by the data",
     otherwise="best proxy, cause unknown",
+    module="decision.caveats",
+)
+ABSENT_PART: Final = _gate(
+    name="a part that is absent",
+    of="name",
+    statistic="farthest value of the 95 % interval of an amplitude parameter from its baseline, over the effect's largest amplitude, both in typical changes",
+    threshold=0.1,
+    passes="below",
+    source="a tenth: what is certainly absent is determined, and the rest is an effect with one parameter less: brakes that drag at one axle",
+    otherwise="the parameter has to be off its baseline and inside its bounds",
     module="decision.caveats",
 )
 NOT_CANCELLING: Final = _gate(

@@ -256,10 +256,20 @@ def size_of(effect: Effect, fitted: Fit) -> float:
     # All amplitudes are moved towards zero together, until the Wald statistic of the distance is that of 95 %.
     own = effect.amplitude_parameters
     distance = np.array([fitted.values.shared[p.name] - p.value for p in own])
-    at = [fitted.names.index(p.name) for p in own]
-    sure = float(distance @ inverse(fitted.covariance[np.ix_(at, at)]) @ distance)
+    sure = float(distance @ shapes_held(effect, fitted) @ distance)
     left = max(1.0 - SURE / np.sqrt(sure), 0.0) if sure > 0.0 else 0.0
     return left * float(np.max(np.abs(distance) / np.abs([p.typical for p in own])))
+
+
+def shapes_held(effect: Effect, fitted: Fit) -> Array:
+    """Information (k, k) on the k amplitude parameters of an effect, its shapes held: whether it is there, not how large each is.
+
+    A recording at one speed leaves the growth of a resistance with speed open, and with it the resistance at rest, but not that there is one.
+    """
+    own = effect.amplitude_names
+    at = [fitted.names.index(name) for name in own]
+    at += [fitted.names.index(p.name) for p in effect.parameters if p.shape and p.name in fitted.names]
+    return inverse(fitted.covariance[np.ix_(at, at)])[: len(own), : len(own)]
 
 
 def confirm(

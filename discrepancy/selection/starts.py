@@ -3,8 +3,9 @@
 Several starts, because effects such as friction or a lag have more than one local minimum.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from discrepancy.estimation.noise import Noise
 from discrepancy.estimation.problem import Problem, Values
 from discrepancy.model.description import Effect
 from discrepancy.selection.screen import Columns, Projector, Score
+
+CLOSER: Final = 0.3  # share of its size that a start keeps in one step back
+BACK: Final = 4  # steps, to a hundredth
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +51,7 @@ class Starts:
 
         def start_at(point: Values) -> Start:
             acting = point if windows is None else point.active_in(effect.amplitude_parameters, windows)
-            return Start(acting, self._sse_reduction(acting))
+            return moved_back(effect, acting, self._sse_reduction)
 
         points = []
         for point in starts(self._fit.values, effect, found):
@@ -97,3 +101,22 @@ def starts(at: Values, effect: Effect, found: Score) -> list[Values]:
         step = {p.name: p.trial_values[min(found.nearest, len(p.trial_values) - 1)] for p in own}
         points.append(at.with_shared({**shapes, **step}))
     return points
+
+
+def moved_back(effect: Effect, point: Values, sse_reduction: Callable[[Values], float]) -> Start:
+    """The point itself if it explains anything, else the first one on the way back to the baseline that does; the point if none does.
+
+    A score is linear. Where an effect is strong, the size that it expects can be ten times too large, and no fit returns from there.
+    """
+    whole = Start(point, sse_reduction(point))
+    if whole.sse_reduction > 0.0 or any(p.discrete for p in effect.amplitude_parameters):
+        return whole  # half a wrong sign is no start for a wrong sign
+    near = point
+    for _ in range(BACK):
+        near = near.with_shared(
+            {p.name: p.value + CLOSER * (near.shared[p.name] - p.value) for p in effect.amplitude_parameters}
+        )
+        reduction = sse_reduction(near)
+        if reduction > 0.0:
+            return Start(near, reduction)
+    return whole

@@ -37,6 +37,10 @@ class Channel:
     scale: float = 0.0  # standard deviation of the sensor's scale [1]; 0: exact
 
 
+TORQUE_SCALE_SD: Final = (
+    0.02  # of a wheel torque's scale error: motor controllers and brake pressure only estimate it [1]
+)
+RATE_ZERO_SD: Final = 0.006  # of a rate sensor's zero error [rad/s]
 PRESSURE_SCALE_SD: Final = 2.5e-3  # accuracy class of the pressure transducers in the equipment's sheet [1]
 
 
@@ -53,7 +57,7 @@ def _machine_channels() -> dict[str, Channel]:
             for i, axis in enumerate("xyz")
         },
         **{
-            f"{axis}_rate": Channel("rad/s", 0.01, 0.006, ("angular_velocity", i), faults)
+            f"{axis}_rate": Channel("rad/s", 0.01, RATE_ZERO_SD, ("angular_velocity", i), faults)
             for i, axis in enumerate(("roll", "pitch", "yaw"))
         },
         "pitch_angle": Channel("rad", 0.005, 0.005, ("pitch", None), ("bias", "delay", "lag")),

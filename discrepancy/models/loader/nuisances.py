@@ -3,7 +3,7 @@
 from typing import Final
 
 from discrepancy.model.description import Parameter
-from discrepancy.models.loader.channels import CHANNELS
+from discrepancy.models.loader.channels import CHANNELS, TORQUE_SCALE_SD
 
 BOUNCE: Final = (
     12.0  # natural frequency of the loader on its tyres [rad/s]; relates the priors of positions and rates
@@ -47,7 +47,14 @@ NUISANCES = (
     Parameter(name="front_mass", unit="kg", lower=-800.0, upper=800.0, typical=50.0, prior_sd=60.0),
     Parameter(name="rear_height", unit="m", lower=-0.4, upper=0.4, typical=0.03, prior_sd=0.05),
     Parameter(name="tyre_stiffness", unit="1", lower=-0.5, upper=1.0, typical=0.05, prior_sd=0.05),
-    Parameter(name="torque_scale", unit="1", lower=-0.2, upper=0.2, typical=0.02, prior_sd=0.02),
+    Parameter(
+        name="torque_scale",
+        unit="1",
+        lower=-0.2,
+        upper=0.2,
+        typical=TORQUE_SCALE_SD,
+        prior_sd=TORQUE_SCALE_SD,
+    ),
     Parameter(name="articulation_zero", unit="rad", lower=-0.05, upper=0.05, typical=0.003, prior_sd=0.004),
     Parameter(name="lift_zero", unit="rad", lower=-0.05, upper=0.05, typical=0.004, prior_sd=0.005),
     Parameter(name="tilt_zero", unit="rad", lower=-0.05, upper=0.05, typical=0.004, prior_sd=0.005),

@@ -12,11 +12,13 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import savgol_coeffs, savgol_filter
+from scipy.stats import trim_mean
 
 from discrepancy.model.description import Window
 from discrepancy.model.sensors import delayed
-from discrepancy.models.loader.channels import SPEEDS, TORQUES
+from discrepancy.models.loader.channels import RATE_ZERO_SD, SPEEDS, TORQUE_SCALE_SD, TORQUES
 from discrepancy.signals.recording import Array
 from plant.compiled import compiled
 from plant.replay import (
@@ -37,6 +39,14 @@ from plant.unit.sensor_parameters import ChannelParameters, SensorParameters
 SMOOTHED: Final = 11  # grid points (10 ms each) of the quadratic filter for articulation and wheel speed
 LEVELLED: Final = 51  # the same for the linkage's angles, and for differences to the driver's demand
 ROLLS: Final = 0.1  # wheel speed from which on a brake's friction is that of a rolling wheel [rad/s]
+RATE_SCALE_SD: Final = 0.01  # of the scale error of a rate sensor
+AROUND: Final = 201  # grid points over which the power of a difference is taken
+BY_CHANCE: Final = 4.0  # multiple of its mean power that noise alone exceeded there at 6 of 100 000 points
+EVENTS: Final = 0.03  # share of the differences at either end that an offset is taken without: limits, and the start of a drive
+QUARTILE: Final = (
+    0.6745  # of the normal distribution: the median of deviations is that many standard deviations
+)
+TINY: Final = 1e-12
 DEMANDS: Final = ("articulation_rate_demand", "lift_demand", "tilt_demand")
 """In the order of plant.replay.JOINTS."""
 SPEED_FAULTS: Final = ("scale", "delay")
@@ -113,16 +123,16 @@ def measured_rows(
         return delayed(window[name], -_lateness_s(sensors.of(name), window.step_s), window.time_s)
 
     rows = np.zeros((window.time_s.size, MEASURED))
-    # nominal torque from the pedals, plus the smoothed difference to the measured torque: fast without noise
-    torque = _demanded_torque(window, machine, abilities)
+    nominal = _demanded_torque(window, machine, abilities)
     for i, name in enumerate(TORQUES):
-        rows[:, M_TORQUE + i] = torque[:, i] + _smooth(read(name) - torque[:, i], LEVELLED)
+        rows[:, M_TORQUE + i] = _with_difference(nominal[:, i], read(name))
     if window.has("brake_demand"):
         rows[:, M_BRAKING] = window["brake_demand"] > 0.0
     rows[:, M_SPEED] = np.mean(list(speeds.values()), axis=0) if speeds else 0.0
     for i, name in enumerate(SPEEDS):
         rows[:, M_TURNING + i] = speeds.get(name, rows[:, M_SPEED])
-    angle, rate = read("articulation_angle"), read("articulation_rate")
+    angle = read("articulation_angle")
+    rate = _without_offset(read("articulation_rate"), angle, sensors.of("articulation_angle"), window.step_s)
     rows[:, M_ARTICULATION : M_ARTICULATION + 2] = np.stack(
         _steering(window, machine, angle, rate, demanded=demanded[0]), axis=1
     )
@@ -206,6 +216,24 @@ def _servo(angle: Array, servo: Lift | Tilt, demand: Array | None, step_s: float
     return _driven_angle(angle, demand, cylinder, step_s), demand
 
 
+def _without_offset(rate: Array, angle: Array, sheet: ChannelParameters, step_s: float) -> Array:
+    """A measured rate less the zero error of its sensor, which the angle shows.
+
+    Both drive the replay: with the zero error, a machine that stands on locked wheels is turned at its joint until its tyres hold it.
+    The integral of the rate is fitted to the angle with an offset and a scale error. sheet: of the angle's sensor.
+    """
+    time = step_s * np.arange(angle.size)
+    turned = np.cumsum(rate) * step_s
+    columns = np.stack([np.ones_like(time), time - time.mean(), turned - turned.mean()], axis=1)
+    # In an even turn offset and scale do the same to the integral; what sensors usually have decides there.
+    noise = math.hypot(sheet.noise, sheet.resolution / math.sqrt(12.0))
+    usual = np.diag([0.0, noise / RATE_ZERO_SD, noise / RATE_SCALE_SD])
+    found, *_ = np.linalg.lstsq(
+        np.concatenate([columns, usual]), np.concatenate([turned - angle, np.zeros(3)]), rcond=None
+    )
+    return np.asarray(rate - found[1], float)
+
+
 def _driven_angle(angle: Array, demand: Array, cylinder: _Cylinder, step_s: float) -> Array:
     """Angle of a joint whose cylinder executes a demanded rate; the smoothed difference to the sensor is added."""
     room = _smooth(angle)
@@ -227,6 +255,28 @@ def _executed_rate(demand: Array, rate: Array, lag_s: float, step_s: float) -> A
     acting = 0.5 * (demand + np.append(demand[1:], demand[-1]))
     executed = rate + lag_s * np.gradient(rate, step_s)
     return np.asarray(demand + _smooth(executed - acting, LEVELLED), float)
+
+
+def _with_difference(nominal: Array, measured: Array) -> Array:
+    """A torque from the pedals, corrected by its difference to the sensor as far as that is more than noise [N m].
+
+    Noise that is left in an input makes the machine seem to follow it by a part only (regression dilution): on a drive with hardly any
+    torque the motors were said to deliver half of it. So offset and factor are taken from the whole, and what then is left is smoothed, and
+    kept where it is larger than noise is after that smoothing. Pedals have no noise, so the factor is not diluted itself.
+    """
+    noise = float(np.median(np.abs(np.diff(measured - nominal)))) / (math.sqrt(2.0) * QUARTILE)
+    varying = nominal - nominal.mean()
+    factor = varying @ (measured - nominal) / (varying @ varying + (noise / TORQUE_SCALE_SD) ** 2 + TINY)
+    level = nominal + factor * varying
+    level += trim_mean(measured - level, EVENTS)
+    # mirrored ends: a repeated last sample would carry half of its own noise into the result
+    odd = _odd(LEVELLED, measured)
+    rest = savgol_filter(measured - level, odd, 2, mode="mirror")
+    left = noise**2 * float(np.sum(savgol_coeffs(odd, 2) ** 2))
+    power = uniform_filter1d(rest**2, min(AROUND, rest.size), mode="mirror")
+    return np.asarray(
+        level + rest * np.clip(1.0 - (BY_CHANCE * left / (power + TINY)) ** 2, 0.0, None), float
+    )
 
 
 def _demanded_torque(window: Window, machine: Machine, abilities: Abilities) -> Array:
@@ -264,9 +314,14 @@ def first_order_lag(demand: Array, lag_s: float, rate: float, step_s: float) -> 
 
 def _smooth(values: Array, points: int = SMOOTHED, *, rate_of: float | None = None) -> Array:
     """Centred quadratic filter over `points`; its slope per second where rate_of gives the step [s]."""
-    odd = min(points, values.size // 2 * 2 - 1)
+    odd = _odd(points, values)
     order, delta = (0, 1.0) if rate_of is None else (1, rate_of)
     return np.asarray(savgol_filter(values, odd, 2, deriv=order, delta=delta, mode="nearest"), np.float64)
+
+
+def _odd(points: int, values: Array) -> int:
+    """Length of a centred filter: `points`, or what the values allow."""
+    return min(points, values.size // 2 * 2 - 1)
 
 
 def kept_share(lag_s: float, step_s: float) -> float:

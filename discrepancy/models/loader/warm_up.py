@@ -23,6 +23,7 @@ WARM_UP_S: Final = (
     15.0  # initial errors must vanish: swings decay within two seconds, errors of speed within six
 )
 ROLLING_RADIUS: Final = 0.98  # share of the unloaded radius
+UNIT: Final = 1e-3  # by which the norm of an attitude may be off
 STANDING: Final = 0.02  # wheel speed below which a machine counts as standing [rad/s]
 
 
@@ -37,7 +38,8 @@ def warm_up(
     """States (n, STATES) of a machine at some rows of a whole recording, after a warm-up run to each of them.
 
     values: sensor errors, as in `replay_segments`; equilibria: cache of states by row, may be shared by threads and by machines; yaw_rate: of
-    the rear frame (rows of the recording,) [rad/s], if it was measured. Raises NoEquilibriumError.
+    the rear frame (rows of the recording,) [rad/s], if it was measured. A row of which the run diverges is not a number.
+    Raises NoEquilibriumError.
 
     Effects with states of their own depend on the whole past: their warm-up run starts with the recording. Without them a run of
     WARM_UP_S forgets its start, so that any machine's equilibrium will do.
@@ -57,12 +59,15 @@ def warm_up(
     p = segment_parameters(machine, inputs, STEP_S)
     starts = np.stack([_at_pose(rest, poses[run.start], p) for rest, run in zip(rests, runs, strict=True)])
     states = replay_segments(machine, values, inputs, starts, np.zeros((0, REST)), STEP_S, states=True)
-    arrived = states[np.searchsorted(used, rows)]
+    arrived = np.asarray(states[np.searchsorted(used, rows)], float)
+    # after a divergence on the way there is no attitude, and nothing that could be turned
+    there = np.abs(np.linalg.norm(arrived[:, s.ATTITUDE : s.ATTITUDE + 4], axis=1) - 1.0) < UNIT
+    arrived[~there] = np.nan
     if yaw_rate is not None:
         # unknown forces of the road turn the real machine, so the heading is that of the gyro and not that of the replay
-        for state, row in zip(arrived, rows, strict=True):
-            _turn(state, poses[row, 2] - _heading(state), p)
-    return np.asarray(arrived, float)
+        for at in np.flatnonzero(there).tolist():
+            _turn(arrived[at], poses[rows[at], 2] - _heading(arrived[at]), p)
+    return arrived
 
 
 def _equilibrium(machine: Machine, whole: ReplayInputs, row: int, cache: dict[int, Array]) -> Array:

@@ -22,9 +22,9 @@ from tests.diagnosis.cases import Call, loaderhil
 
 __all__ = ["loaderhil"]
 pytestmark = [
-    pytest.mark.processes,
+    pytest.mark.slow,
     pytest.mark.timeout(900),
-]  # it starts none, but computes for a minute or two
+]
 
 SEARCHED = (
     "payload_mass",

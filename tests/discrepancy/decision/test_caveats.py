@@ -1,15 +1,21 @@
 """When a finding is the best proxy and not the cause."""
 
+from collections.abc import Mapping
 from dataclasses import replace
+
+import numpy as np
+import pytest
 
 from discrepancy.decision.caveats import caveats_of
 from discrepancy.decision.drop_one import drop_one_tests
 from discrepancy.estimation.problem import Problem
 from discrepancy.examine import examine
+from discrepancy.model.description import Model, Window
 from discrepancy.selection.open_ended import OpenEnded
 from discrepancy.selection.search import search
 from discrepancy.selection.state import Settings
-from tests.discrepancy.toys import record, tank
+from discrepancy.signals.recording import Array, Recording, signal
+from tests.discrepancy.toys import record, simulate, tank
 
 STRICT = Settings()
 
@@ -39,3 +45,60 @@ def test_evidence_that_is_not_there_on_held_out_data_is_a_caveat() -> None:
     assert sure == []
     assert len(doubted) == 1
     assert "held-out" in doubted[0]
+
+
+SIDES = ("left", "right")
+
+
+def two_tanks(share: float) -> Model:
+    """Two tanks, and one effect with a leak of each. share: of the left one's inflow that the right one gets."""
+    alone = tank("leak")
+    [leak] = alone.effects[0].parameters
+    level = alone.nuisances[1]
+
+    def both(window: Window, values: Mapping[str, float], extra: Mapping[str, Array]) -> dict[str, Array]:
+        found = {}
+        for side, part in zip(SIDES, (1.0, share), strict=True):
+            own = {
+                "area": 1.0 / part,
+                "level": values[f"{side}.level"],
+                "leak": values.get(f"{side}.leak", 0.0),
+            }
+            found |= {side: simulate(window, own, {})["level"]}
+        return found
+
+    return replace(
+        alone,
+        outputs=dict.fromkeys(SIDES, "m"),
+        nuisances=tuple(
+            replace(level, name=f"{side}.level", guess=lambda w, side=side: w.at_start(side))
+            for side in SIDES
+        ),
+        effects=(
+            replace(alone.effects[0], parameters=tuple(replace(leak, name=f"{side}.leak") for side in SIDES)),
+        ),
+        simulate=both,
+        ports=(),
+    )
+
+
+@pytest.mark.parametrize(("share", "named"), [(1.0, ["leak"]), (0.01, [])])
+def test_a_part_that_is_absent_for_certain_does_not_cost_the_name(share: float, named: list[str]) -> None:
+    """Only the left tank leaks. That the right one does not shows where it is filled as well; else nobody knows."""
+    left, right = record(3, leak=0.05), record(3)
+    tight = right.signals["level"].value
+    noise = 0.02 * np.random.default_rng(8).normal(size=tight.size)
+    seen = Recording(
+        "tanks",
+        {
+            "inflow": left.signals["inflow"],
+            "left": left.signals["level"],
+            "right": signal(right.signals["level"].time_s, share * tight + noise, "m"),
+        },
+    )
+    result = examine(two_tanks(share), [seen], STRICT)
+    assert result.named == named
+    [leak] = result.findings
+    assert leak.parameters[0].value == pytest.approx(0.05, abs=0.005)
+    if not named:
+        assert any("right.leak" in caveat for caveat in leak.caveats)

@@ -11,7 +11,7 @@ from discrepancy.estimation.noise import white_noise
 from discrepancy.estimation.problem import Problem
 from discrepancy.selection import candidate_fits as trials
 from discrepancy.selection.assess import assess
-from discrepancy.selection.starts import Starts
+from discrepancy.selection.starts import Starts, moved_back
 from discrepancy.selection.state import Settings
 from tests.discrepancy.toys import record, tank
 
@@ -115,6 +115,35 @@ def test_an_effect_that_is_sure_only_as_a_whole_has_a_size() -> None:
     assert fitted.sd("leak") > known["leak"]
     # (1 + 1)^2 x 25 = 10 sd from nothing
     assert trials.size_of(both, fitted) == pytest.approx(1.0 - trials.SURE / 10.0, rel=1e-3)
+
+
+def test_an_effect_whose_shape_is_open_is_there_all_the_same() -> None:
+    """Size and shape are known as a product only: the size may be anything but nothing."""
+    problem, state = assessed("leak", leak=0.05)
+    [leak] = problem.model.effects
+    shape = replace(leak.parameters[0], name="leak.shape", shape=True)
+    shaped = replace(leak, parameters=(*leak.parameters, shape))
+    one = np.ones((2, 2)) / 0.005**2
+    fitted = replace(
+        state.fit,
+        names=("leak", "leak.shape"),
+        values=state.fit.values.with_shared({"leak": 0.05, "leak.shape": 0.05}),
+        information=one + 1e-3 * np.diag(np.diag(one)),
+    )
+    assert fitted.sd("leak") > 0.05
+    # 0.05 is 10 sd from nothing while the shape is held
+    assert trials.size_of(shaped, fitted) == pytest.approx(1.0 - trials.SURE / 10.0, rel=1e-2)
+
+
+@pytest.mark.parametrize(("good_below", "expected"), [(2.0, 1.0), (0.5, 0.3), (0.05, 0.027), (0.0, 1.0)])
+def test_a_start_that_is_too_large_moves_back(good_below: float, expected: float) -> None:
+    """To three tenths, again and again, until it explains anything; where nothing does, it stays."""
+    problem, state = assessed("leak", leak=0.05)
+    [leak] = problem.model.effects
+    point = state.fit.values.with_shared({"leak": 1.0})
+    near = moved_back(leak, point, lambda at: 1.0 if at.shared["leak"] < good_below else -1.0).values
+    assert near.shared["leak"] == pytest.approx(expected)
+    assert near.shared["area"] == point.shared["area"]
 
 
 def test_what_scores_enough_is_tried_even_if_it_is_not_among_the_first() -> None:

@@ -238,7 +238,7 @@ LIBRARY = (
 )
 
 
-@pytest.mark.processes  # a search takes a minute
+@pytest.mark.slow
 def test_a_concealed_effect_is_named_with_its_size():
     from discrepancy.examine import examine
     from discrepancy.selection.state import Settings
@@ -252,7 +252,7 @@ def test_a_concealed_effect_is_named_with_its_size():
     assert extra.value == pytest.approx(700.0, rel=0.1)
 
 
-@pytest.mark.processes
+@pytest.mark.slow
 def test_nothing_is_found_where_nothing_was_concealed(plain):
     from discrepancy.examine import examine
     from discrepancy.selection.state import Settings
@@ -261,7 +261,7 @@ def test_nothing_is_found_where_nothing_was_concealed(plain):
     assert examine(model, [plain], Settings(open_ended=False)).status == "nothing missing"
 
 
-@pytest.mark.processes
+@pytest.mark.slow
 def test_the_pile_of_the_scenario_is_found_where_it_is(tmp_path):
     """Without it the machine pushes forward for seconds where the recorded one stands: nothing of the baseline is near."""
     from discrepancy.examine import examine

@@ -11,6 +11,7 @@ from discrepancy.model.windows import resampled
 from discrepancy.models.loader.channels import INPUTS, OPTIONAL, SPEEDS, TORQUES
 from discrepancy.models.loader.recorded_run import load_run
 from discrepancy.models.loader.replay_inputs import (
+    DEMANDS,
     LINKAGE,
     demanded_joints,
     first_order_lag,
@@ -20,7 +21,7 @@ from discrepancy.models.loader.replay_inputs import (
     without_sensor_errors,
 )
 from hil.rundir import RunDirectory
-from plant.replay import M_LIFT, M_SPEED, M_TORQUE
+from plant.replay import M_ARTICULATION, M_LIFT, M_SPEED, M_TORQUE
 from plant.sheets.machine import load_machine
 from plant.unit.actuators import abilities_of
 from plant.unit.equipment import load_equipment
@@ -89,6 +90,85 @@ def test_a_torque_below_the_demand_is_followed():
     true = np.full(TIME_S.size, 0.04) * ABILITIES.drive_torque[0]
     known = rows_of(window(**dict.fromkeys(TORQUES, true), torque_demand=pedal))
     np.testing.assert_allclose(known[INNER, M_TORQUE], true[INNER], atol=1e-6)
+
+
+def pedalled(share: np.ndarray) -> np.ndarray:
+    """Torque of the front left wheel [N m] for a pedal (n,), within the motors' lag and rate."""
+    drive = L60.drive
+    asked = share[:, None] * np.array(ABILITIES.drive_torque)
+    return first_order_lag(asked, drive.time_constant, drive.rate_limit, STEP_S)[:, 0]
+
+
+def input_of(pedal: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    """Replay's torque of the front left wheel, for a pedal and a torque as the sensor reports it."""
+    known = window(**dict.fromkeys(TORQUES, torque), torque_demand=pedal)
+    return rows_of(known)[INNER, M_TORQUE]
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("share", [0.002, 0.0005])
+def test_noise_of_a_torque_sensor_does_not_dilute_what_the_pedal_does(seed, share):
+    """The true torque regressed on the input: below 1 by the share of noise in the input."""
+    rng = np.random.default_rng(seed)
+    pedal = share * np.sin(2.0 * np.pi * 0.7 * TIME_S)
+    true = pedalled(pedal)
+    given = input_of(pedal, late(true, TORQUES[0]) + 50.0 * rng.normal(size=TIME_S.size))
+    assert np.std(true) < 50.0  # the noise is larger than the torque
+    assert np.polyfit(given, true[INNER], 1)[0] == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.05])
+def test_a_factor_between_pedal_and_sensor_is_kept(factor):
+    """Also where the torque changes faster than the smoothed difference can follow."""
+    rng = np.random.default_rng(3)
+    pedal = 0.05 * np.sin(2.0 * np.pi * 3.0 * TIME_S)
+    true = factor * pedalled(pedal)
+    given = input_of(pedal, late(true, TORQUES[0]) + 50.0 * rng.normal(size=TIME_S.size))
+    assert np.polyfit(true[INNER], given, 1)[0] == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_limit_that_acts_for_two_seconds_is_followed_beside_noise():
+    rng = np.random.default_rng(4)
+    pedal = np.full(TIME_S.size, 0.1)
+    full = ABILITIES.drive_torque[0]
+    limited = np.where((TIME_S > 3.0) & (TIME_S < 5.0), 0.04, 0.1) * full
+    given = input_of(pedal, limited + 50.0 * rng.normal(size=TIME_S.size))
+    inside = (TIME_S[INNER] > 3.4) & (TIME_S[INNER] < 4.6)
+    np.testing.assert_allclose(given[inside], 0.04 * full, atol=0.01 * full)
+
+
+JOINT = {
+    "at rest": 0.1 + 0.0 * TIME_S,
+    "slalom": 0.3 * np.sin(TIME_S),
+    "to one side": np.interp(TIME_S, [2.0, 5.0], [0.0, 0.5]),
+}
+
+
+@pytest.mark.parametrize("motion", JOINT)
+@pytest.mark.parametrize("scale", [0.0, 0.01])
+def test_the_angle_shows_the_zero_error_of_its_rate(motion, scale):
+    angle = JOINT[motion]
+    rate = np.gradient(angle, STEP_S)
+    noise = 3e-4 * np.random.default_rng(5).normal(size=(2, TIME_S.size))
+    silent = {
+        name: replace(EQUIPMENT.sensors.of(name), lag=0.0, delay=0.0)
+        for name in ("articulation_angle", "articulation_rate")
+    }
+    sensors = replace(EQUIPMENT.sensors, channels={**EQUIPMENT.sensors.channels, **silent})
+    known = window(
+        articulation_angle=angle + noise[0], articulation_rate=(1.0 + scale) * rate + 2e-3 + noise[1]
+    )
+    undemanded = replace(known, known={k: v for k, v in known.known.items() if k not in DEMANDS})
+    given = measured_rows(
+        undemanded,
+        wheel_speeds(undemanded, sensors),
+        sensors,
+        L60,
+        ABILITIES,
+        demanded=demanded_joints(undemanded),
+    )[INNER, M_ARTICULATION + 1]
+    # of 2 mrad/s less than a tenth is left; a scale error is not taken off
+    assert abs(np.mean(given - (1.0 + scale) * rate[INNER])) < 2e-4
 
 
 def test_brake_torque_opposes_the_rolling():

@@ -10,7 +10,7 @@ from discrepancy.models.loader import warm_up
 from discrepancy.models.loader.replay_inputs import ReplayInputs
 from plant.effects import find_effect
 from plant.physics import state as s
-from plant.replay import M_ARTICULATION, M_SPEED, M_TURNING, MEASURED
+from plant.replay import M_ARTICULATION, M_SPEED, M_TORQUE, M_TURNING, MEASURED
 from plant.sheets.machine import load_machine
 
 L60 = load_machine("l60")
@@ -78,6 +78,15 @@ def test_the_heading_is_that_of_the_gyro(off):
     assert math.remainder(drift - free_drift, math.tau) == pytest.approx(0.0, abs=1e-6)
     joints = slice(s.JOINT + s.FRONT_FRAME, s.JOINT + s.BODIES)
     np.testing.assert_allclose(state[joints], free[joints])
+
+
+def test_a_run_that_diverges_is_not_a_number_from_there_on():
+    """A search tries effects of any size, and such a start must not end the diagnosis."""
+    inputs = circling(20.0)
+    inputs.measured[1000:, M_TORQUE : M_TORQUE + 4] = 1e30
+    before, after = warm_up.warm_up(L60, {}, inputs, [900, 1900], {}, np.full(len(inputs.measured), 0.1))
+    assert np.isfinite(before).all()
+    assert np.isnan(after).all()
 
 
 def test_equilibria_cached_for_one_machine_change_nothing_for_another():
