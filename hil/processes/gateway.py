@@ -138,7 +138,10 @@ def _act(line: Lifeline, action: Action) -> None:
 
 
 def _keep(injector: Injector | None, core: GatewayCore, out: Path | None, kept: int) -> int:
-    """Write faults.json if a fault has begun or ended since `kept` events were written; a killed gateway leaves it. Returns the events written."""
+    """Write faults.json if faults began or ended since it was written last; a gateway that is killed then leaves the file.
+
+    kept: number of events in the file. Returns how many are in it now.
+    """
     if injector is None or out is None or len(injector.events) == kept:
         return kept
     write_faults(out, injected(injector.events, core.started_ns or 0))

@@ -13,9 +13,14 @@ from pathlib import Path
 
 from bus.closing import Closing
 
+CLOCK_TICK_NS = 1_000_000_000 // os.sysconf("SC_CLK_TCK")
 STEAL = 7  # field of the cpu line after its name: user nice system idle iowait irq softirq steal
 LEAST_WAIT_NS = 1_000_000
 """Shorter waits [ns] occur in every period and excuse nothing."""
+LATE_NS = 4_000_000
+"""A tick that ends so long [ns] after it was due may have been kept by the hypervisor; a usual one takes a millisecond."""
+FRESH_NS = 100_000_000
+"""Age [ns] up to which a reading of the stolen time stands for the time before a late tick."""
 FIELDS = 8  # guest time is already part of user time
 
 
@@ -76,12 +81,15 @@ class OwnWaits(Closing):
         report: Callable[[int, int, int], None],
         sleeps: Sleeps | None = None,
         file: Path = Path("/proc/self/schedstat"),
+        host: Path = Path("/proc/stat"),
     ) -> None:
         """report: called with the times of two looks and the wait between them [ns], if that is LEAST_WAIT_NS or more.
 
-        sleeps: of the process' event loop. A kernel without such a file reports nothing.
+        sleeps: of the process' event loop. A kernel without such a file reports nothing. host: the file with the stolen time.
         """
-        self._report, self._sleeps = report, sleeps
+        self._report, self._sleeps, self._host = report, sleeps, host
+        self._stolen, self._stolen_ns = 0, -FRESH_NS  # read at the first look
+        self._late: tuple[int, int, int] | None = None
         self._fd = os.open(file, os.O_RDONLY | os.O_CLOEXEC) if file.exists() else -1
         self._seen_ns, self._waited_ns = time.monotonic_ns(), self._read() if self._fd >= 0 else 0
 
@@ -98,9 +106,27 @@ class OwnWaits(Closing):
         # the host's. schedstat does not count it when the whole virtual machine stood still.
         if self._sleeps is not None and due_ns is not None:
             kept_ns = max(kept_ns, self._sleeps.woken_late_ns(due_ns))
+        if due_ns is not None:
+            self._report_stolen(now_ns)
         if kept_ns >= LEAST_WAIT_NS:
             self._report(self._seen_ns, now_ns, kept_ns)
+        elif due_ns is not None and now_ns - due_ns >= LATE_NS:
+            self._late = self._seen_ns, now_ns, now_ns - due_ns
         self._seen_ns, self._waited_ns = now_ns, waited_ns
+
+    def _report_stolen(self, now_ns: int) -> None:
+        """Report the tick before this one if it was late for no other reason and the hypervisor took time meanwhile.
+
+        A process that computes while its virtual machine stands still neither waits nor sleeps. The kernel counts stolen time
+        some milliseconds later, hence one look later.
+        """
+        if self._late is None and now_ns - self._stolen_ns < FRESH_NS:
+            return
+        stolen = HostClock.read(self._host).stolen
+        if self._late is not None and stolen > self._stolen:
+            begin_ns, end_ns, late_ns = self._late
+            self._report(begin_ns, end_ns, min((stolen - self._stolen) * CLOCK_TICK_NS, late_ns))
+        self._stolen, self._stolen_ns, self._late = stolen, now_ns, None
 
     def close(self) -> None:
         """Close the file; a second call does nothing."""

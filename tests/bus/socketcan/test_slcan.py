@@ -42,7 +42,8 @@ class Adapter:
         self.sent = b""
         self._listening = threading.Event()
         self._listening.set()
-        threading.Thread(target=self._listen, name="adapter", daemon=True).start()
+        self._listener = threading.Thread(target=self._listen, name="adapter", daemon=True)
+        self._listener.start()
         ip("link", "set", self.interface, "type", "can", "bitrate", "500000")
         ip("link", "set", self.interface, "up")
         self.read_until(b"S6\rO\r")
@@ -75,11 +76,14 @@ class Adapter:
         self._listening.set()
 
     def unplug(self) -> None:
-        """Be gone; a second call does nothing."""
+        """Be gone, and the kernel's interface too; a second call does nothing."""
+        if self._ours < 0:
+            return
         self.go_on()
-        for descriptor in (self._theirs, self._ours):
-            if descriptor >= 0:
-                os.close(descriptor)
+        os.close(self._theirs)
+        # the interface goes with the last holder of the terminal: a listener that still reads would keep it
+        self._listener.join(WAIT_S)
+        os.close(self._ours)
         self._theirs = self._ours = -1
 
 

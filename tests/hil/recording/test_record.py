@@ -23,6 +23,7 @@ from hil.recording.ring import Ring
 from hil.recording.writing import WriterProcess
 from tests.bus.hub.running import RunningHub
 from tests.bus.laws import WAIT_S
+from tests.children import command_lines
 
 PATIENCE_S = 60.0
 
@@ -161,7 +162,7 @@ def recorder(*words):
     try:
         yield process
     finally:
-        writers = children(process.pid)
+        writers = command_lines(process.pid)
         process.kill()
         process.communicate()
         for pid in writers:
@@ -171,13 +172,6 @@ def recorder(*words):
 def waiting_ns(pid):
     """How long a process has waited for a processor so far [ns], proc(5)."""
     return int(Path(f"/proc/{pid}/schedstat").read_text().split()[1])
-
-
-def children(pid):
-    try:
-        return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-    except FileNotFoundError:
-        return []
 
 
 @pytest.fixture
@@ -197,7 +191,7 @@ class TestRecord:
     def test_two_buses_into_one_file_until_ctrl_c(self, hubs, tmp_path):
         path = tmp_path / "both.log"
         with recorder(*(f"hub:{hub.path}" for hub in hubs), "--out", path) as process:
-            until(lambda: len(children(process.pid)) == 1)
+            until(lambda: len(command_lines(process.pid)) == 1)
             with hubs[0].connect() as front, hubs[1].connect() as rear:
                 until(lambda: send_until_seen((front, rear), path))
                 process.send_signal(signal.SIGINT)
@@ -215,7 +209,7 @@ class TestRecord:
         """kill -9 of the listening process: the writer finishes the file."""
         path = tmp_path / "killed.mf4"
         with recorder(f"hub:{hubs[0].path}", "--out", path, "--flush-s", "0.05") as process:
-            (writer,) = until(lambda: children(process.pid))
+            (writer,) = until(lambda: command_lines(process.pid))
             with hubs[0].connect() as bus:
                 until(lambda: send_until_seen((bus,), path))
                 seen = len(read_frames(path))
@@ -231,7 +225,7 @@ class TestRecord:
         path = tmp_path / f"killed{suffix}"
         sent: list[int] = []
         with recorder(f"hub:{hubs[0].path}", "--out", path) as process:
-            (writer,) = until(lambda: children(process.pid))
+            (writer,) = until(lambda: command_lines(process.pid))
             with hubs[0].connect() as bus:
                 until(lambda: send_until_seen((bus,), path))
                 waited_ns = -waiting_ns(process.pid) - waiting_ns(writer)

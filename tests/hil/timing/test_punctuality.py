@@ -10,7 +10,7 @@ from dbc import loader_database
 from dbc.recordings.writer import candump_line
 from hil import rundir
 from hil.check.observed import ECU_BUS, PLANT_BUS, punctuality_of
-from hil.compose import lockstep, record_of
+from hil.compose import Choice, lockstep
 from hil.faults.record import Injected, write_faults
 from hil.rundir import RunDirectory
 from hil.timing.vitals import Life, Vitals
@@ -45,7 +45,7 @@ def frames():
 def run(frames, tmp_path):
     """A real-time run that kept its times, over a gateway."""
     path = tmp_path / "run"
-    record = record_of(load_scenario("standstill"), form="corrected", limits=True, mode="realtime")
+    record = Choice(scenario="standstill").record(load_scenario("standstill"), "realtime")
     rundir.begin(path, record)
     write(path / rundir.BUS, frames)
     write(path / rundir.ECU_BUS, [frame._replace(at_ns=frame.at_ns + 200_000) for frame in frames])

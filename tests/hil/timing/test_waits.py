@@ -5,6 +5,7 @@ import selectors
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from hil.timing.deadlines import Observation, Observer, judge_message
-from hil.timing.host import LEAST_WAIT_NS, OwnWaits, Sleeps
+from hil.timing.host import FRESH_NS, LEAST_WAIT_NS, OwnWaits, Sleeps
 from hil.timing.measured import Ticks, explain_reactions, explain_ticks
 from hil.timing.waits import Wait, explaining, longest_of
 from hil.verdict import Result
@@ -323,3 +324,69 @@ def test_a_process_that_slept_when_its_tick_was_due_was_woken_late_by_the_host(t
         assert len(reported) == 1
     os.close(reader)
     os.close(writer)
+
+
+class Machine:
+    """A virtual machine whose hypervisor takes time, as the two files of the kernel show it."""
+
+    def __init__(self, folder: Path) -> None:
+        self._schedstat, self._stat = folder / "schedstat", folder / "stat"
+        self.reported: list[tuple[int, ...]] = []
+        self.waited_ns, self.stolen = 0, 40
+        self._write()
+        self.waits = OwnWaits(lambda *row: self.reported.append(row), file=self._schedstat, host=self._stat)
+
+    def _write(self) -> None:
+        self._schedstat.write_text(f"0 {self.waited_ns} 0")
+        self._stat.write_text(f"cpu  9 9 9 9 9 9 9 {self.stolen} 0 0\n")
+
+    def tick(self, due_ms: int, ends_ms: int) -> None:
+        self._write()
+        self.waits.look(ends_ms * MS, due_ms * MS)
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Iterator[Machine]:
+    machine = Machine(tmp_path)
+    machine.tick(10, 11)
+    yield machine
+    machine.waits.close()
+
+
+def test_a_late_tick_is_the_hypervisors_as_far_as_it_took_time(machine: Machine) -> None:
+    machine.tick(20, 31)  # the kernel has not counted yet
+    machine.stolen += 2
+    assert machine.reported == []
+    machine.tick(30, 32)
+    assert machine.reported == [(11 * MS, 31 * MS, 11 * MS)]  # 20 ms were taken, but only 11 passed
+    machine.tick(40, 41)
+    machine.tick(50, 65)
+    machine.stolen += 1
+    machine.tick(60, 66)
+    assert machine.reported[1:] == [(41 * MS, 65 * MS, 10 * MS)]
+
+
+def test_a_tick_that_is_late_by_itself_stays_so(machine: Machine) -> None:
+    machine.tick(20, 31)
+    machine.tick(30, 32)
+    machine.stolen += 3  # later, in the ticks that were in time
+    machine.tick(40, 41)
+    machine.tick(50, 51)
+    assert machine.reported == []
+
+
+def test_what_was_taken_long_before_excuses_nothing(machine: Machine) -> None:
+    machine.stolen += 5
+    begin = 10 + FRESH_NS // MS
+    machine.tick(begin, begin + 1)
+    machine.tick(begin + 10, begin + 25)
+    machine.tick(begin + 20, begin + 26)
+    assert machine.reported == []
+
+
+def test_a_wait_for_a_processor_is_not_counted_twice(machine: Machine) -> None:
+    machine.waited_ns += 8 * MS
+    machine.stolen += 1
+    machine.tick(20, 31)
+    machine.tick(30, 32)
+    assert machine.reported == [(11 * MS, 31 * MS, 8 * MS)]
