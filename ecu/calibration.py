@@ -6,12 +6,12 @@ the plant.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 from configuration import CheckedTable, ConfigurationError
-from ecu.detection_rules import SECTIONS, DetectionRules, read_detection
+from ecu.detection_rules import DETECTION_QUANTITIES, SECTIONS, DetectionRules, read_detection
 from ecu.estimators.parameters import (
     Arm,
     Axle,
@@ -33,8 +33,6 @@ from ecu.quantity import Quantity, read_section
 from ecu.rules import AlarmRules, InputRules, LimitRules, WarningRules
 
 CALIBRATIONS = Path(__file__).resolve().parent / "calibrations"
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -341,9 +339,22 @@ _TILT_LINKAGE: Mapping[str, Quantity] = {
 }
 _SECTIONS = frozenset(_TABLES) | SECTIONS | {"cylinders", "tilt_linkage", "name"}
 
+QUANTITIES: Mapping[str, tuple[Quantity, ...]] = {
+    **{section: tuple(quantities.values()) for section, (_, quantities) in _TABLES.items()},
+    "cylinders": tuple(_CYLINDERS.values()),
+    "tilt_linkage": tuple(_TILT_LINKAGE.values()),
+    **DETECTION_QUANTITIES,
+}
+"""Every number of a calibration file: section -> its keys with unit and permitted range."""
+
 
 def load_calibration(name_or_path: str | Path = "l60") -> Calibration:
     """A calibration by name, or from a TOML file. Raises ConfigurationError."""
+    return read_calibration(calibration_table(name_or_path))
+
+
+def calibration_table(name_or_path: str | Path = "l60") -> CheckedTable:
+    """The unchecked table of a calibration, by name or from a TOML file. ConfigurationError where it cannot be read."""
     path = Path(name_or_path)
     if path.suffix != ".toml":
         path = CALIBRATIONS / f"{name_or_path}.toml"
@@ -352,7 +363,11 @@ def load_calibration(name_or_path: str | Path = "l60") -> Calibration:
             raise ConfigurationError(
                 f"no calibration named {str(name_or_path)!r}; known: {known}, or give a .toml file"
             )
-    top = CheckedTable.from_file(path)
+    return CheckedTable.from_file(path)
+
+
+def read_calibration(top: CheckedTable) -> Calibration:
+    """The calibration of a table with all its checks. Raises ConfigurationError."""
     for section in top.values:
         if section not in _SECTIONS:
             raise top.unknown(section, _SECTIONS)
@@ -360,37 +375,41 @@ def load_calibration(name_or_path: str | Path = "l60") -> Calibration:
         raise top.error("name", "is missing: name the machine this calibration fits")
     name = top.text("name")
 
-    def part(section: str, kind: type[T]) -> T:
-        return kind(**read_section(top, section, _TABLES[section][1]))
-
-    parameters = Parameters(
-        geometry=part("geometry", Geometry),
-        front=part("front", Body),
-        arm=part("arm", Arm),
-        bucket=part("bucket", Bucket),
-        rear=part("rear", Body),
-        axle=part("axle", Axle),
-        cylinders=Cylinders(**_with_areas(top, "cylinders", _CYLINDERS)),
-        tilt_linkage=TiltLinkage(**_with_areas(top, "tilt_linkage", _TILT_LINKAGE)),
-        digging=part("digging", Digging),
-        linkage_drive=part("linkage_drive", LinkageDrive),
-        wheel=part("wheel", Wheel),
-        magic_formula=part("magic_formula", MagicFormula),
-        sensors=part("sensors", Sensors),
-        contact=part("contact", Contact),
-        prediction=part("prediction", PredictionRules),
-    )
     calibration = Calibration(
         name=name,
-        parameters=parameters,
-        limits=part("limits", LimitRules),
-        warnings=part("warnings", WarningRules),
-        alarms=part("alarms", AlarmRules),
-        inputs=part("inputs", InputRules),
+        parameters=Parameters(**{section: _section(top, section) for section in Parameters._fields}),
+        limits=_section(top, "limits"),
+        warnings=_section(top, "warnings"),
+        alarms=_section(top, "alarms"),
+        inputs=_section(top, "inputs"),
         detection=read_detection(top),
     )
-    _check(calibration, path)
+    _check(calibration, top.file)
     return calibration
+
+
+def reread(calibration: Calibration, top: CheckedTable, section: str) -> Calibration:
+    """`calibration` with one of its sections read anew from `top`, checked as in a whole file; not for [detection].
+
+    A hundredth of the time of reading all sections: for changes while the ECU runs. Raises ConfigurationError.
+    """
+    part = _section(top, section)
+    if section in Parameters._fields:
+        changed = replace(calibration, parameters=calibration.parameters._replace(**{section: part}))
+    else:
+        changed = replace(calibration, **{section: part})
+    _check(changed, top.file)
+    return changed
+
+
+def _section(top: CheckedTable, section: str) -> Any:
+    """The part of a calibration that a section of the file makes."""
+    if section == "cylinders":
+        return Cylinders(**_with_areas(top, section, _CYLINDERS))
+    if section == "tilt_linkage":
+        return TiltLinkage(**_with_areas(top, section, _TILT_LINKAGE))
+    kind, quantities = _TABLES[section]
+    return kind(**read_section(top, section, quantities))
 
 
 def _with_areas(top: CheckedTable, section: str, quantities: Mapping[str, Quantity]) -> dict[str, float]:
@@ -405,12 +424,12 @@ def _with_areas(top: CheckedTable, section: str, quantities: Mapping[str, Quanti
     return {**values, "head_area": area * bore**2, "rod_area": area * (bore**2 - rod**2)}
 
 
-def _check(calibration: Calibration, path: Path) -> None:
+def _check(calibration: Calibration, file: str) -> None:
     """Refuse values that are possible each but not together."""
     p, limits, warnings = calibration.parameters, calibration.limits, calibration.warnings
     if not p.rear.x < 0 < p.front.x:
         raise ConfigurationError(
-            f"{path}: rear.x_m = {p.rear.x:g} m and front.x_m = {p.front.x:g} m do not lie on their own sides of the "
+            f"{file}: rear.x_m = {p.rear.x:g} m and front.x_m = {p.front.x:g} m do not lie on their own sides of the "
             "joint (rear below 0, front above): x is forward of the joint"
         )
     ordered = (
@@ -448,4 +467,4 @@ def _check(calibration: Calibration, path: Path) -> None:
     )
     for low_key, low, high_key, high in ordered:
         if not low < high:
-            raise ConfigurationError(f"{path}: {low_key} = {low:g} is not below {high_key} = {high:g}")
+            raise ConfigurationError(f"{file}: {low_key} = {low:g} is not below {high_key} = {high:g}")

@@ -87,6 +87,20 @@ class TroubleCodes:
         """The previously active codes, the oldest first."""
         return tuple(self._previous)
 
+    def possible(self) -> list[tuple[int, Mode]]:
+        """SPN and failure mode of every code that there can be, in the order of the DBC's table."""
+        return [(spn, mode) for name, spn in self._spns.items() if spn != NO_CODE for mode in _modes_of(name)]
+
+    def clear(self) -> None:
+        """Forget the previous codes. Those whose fault is there now stay, as if it had occurred for the first time.
+
+        Faults are found when they begin: an active code that was forgotten would not come back while its fault goes on.
+        """
+        self._codes = {key: code for key, code in self._codes.items() if code.active}
+        for code in self._codes.values():
+            code.occurrences = 1
+        self._sort()
+
     def occurred(self, name: str, mode: Mode, now_ns: int, frozen: FreezeFrame) -> bool:
         """A fault is there; whether its code was not active before. KeyError for a name without an SPN."""
         code = self._codes.get((name, mode))
@@ -134,6 +148,15 @@ class TroubleCodes:
             **_message(PREVIOUS, self._previous, turn, (False, False, False)),
             **_frozen((*self._active, *self._previous), turn),
         }
+
+
+def _modes_of(name: str) -> tuple[Mode, ...]:
+    """The failure modes that a suspect parameter of this name can have."""
+    if name == ESTIMATORS:
+        return (Mode.BAD_DEVICE,)
+    if name.startswith("message_"):
+        return (Mode.UPDATE_RATE, Mode.DATA_IN_ERROR)
+    return tuple(mode for mode in Mode if mode not in (Mode.UPDATE_RATE, Mode.DATA_IN_ERROR))
 
 
 _LAMPS: Final = ("ProtectLamp", "AmberWarningLamp", "RedStopLamp")

@@ -36,9 +36,13 @@ class Consistency:
     """The rules for one machine."""
 
     def __init__(self, wheel: Wheel, database: Database) -> None:
+        self.ranges = tuple(_ranges(database))
+        self.change(wheel)
+
+    def change(self, wheel: Wheel) -> None:
+        """Judge by another wheel from now on."""
         self._pull = PULL * wheel.nominal_load
         self._friction = FRICTION * max(wheel.friction, wheel.lateral_peak)
-        self.ranges = tuple(_ranges(database))
 
     def contradicted(self, e: Estimates) -> frozenset[str]:
         """Entries of the validity table whose estimates break a rule."""

@@ -15,6 +15,7 @@ from dbc.database import Database
 from ecu import limits, reasons
 from ecu.alarms import Alarm, advanced
 from ecu.calibration import Calibration
+from ecu.codes import TroubleCodes
 from ecu.consistency import Consistency
 from ecu.detection.live import Detection
 from ecu.detection.troubles import Troubles
@@ -64,6 +65,7 @@ class EcuCycle:
         self._parameters = calibration.parameters
         self._estimator = LiveEstimator(self._parameters, form)
         self._limits_enabled = limits_enabled
+        self._database = database
         self._receiver = InputReceiver(calibration, database)
         self._consistency = Consistency(self._parameters.wheel, database)
         self._outputs = Outputs(database)
@@ -84,11 +86,72 @@ class EcuCycle:
         self._overruns = 0
         self._overran = False  # since the last tick, as is the next
         self._protection_failed = False
+        self._values_now: Mapping[str, float] = {}
+        self._inputs_now: Mapping[str, float] = {}
+
+    @property
+    def calibration(self) -> Calibration:
+        """The numbers that the cycle works with at present."""
+        return self._calibration
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """What the last cycle found, by the names of `ecu.outputs.messages` and of `Estimates`, SI; {} before the first."""
+        return self._values_now
+
+    @property
+    def inputs(self) -> Mapping[str, float]:
+        """The input values of the last cycle, by the names of the signal table, SI; {} before the first."""
+        return self._inputs_now
+
+    @property
+    def detects_faults(self) -> bool:
+        """Whether sensors are tested against each other."""
+        return self._detection is not None
+
+    @property
+    def trouble_codes(self) -> TroubleCodes:
+        """The codes since start."""
+        return self._troubles.codes
 
     @property
     def state(self) -> State:
         """The state of the cycle."""
         return self._state
+
+    def recalibrate(self, calibration: Calibration) -> None:
+        """Work with another calibration from the next cycle on; what the estimators and alarms have learnt is kept.
+
+        Raises ValueError if it differs in what is fixed at the start: geometry, rules of the inputs, the detection.
+        """
+        old, wheel = self._calibration, calibration.parameters.wheel
+        if (
+            calibration.inputs != old.inputs
+            or calibration.detection != old.detection
+            or calibration.parameters.geometry != old.parameters.geometry
+            or wheel.unloaded_radius != old.parameters.wheel.unloaded_radius
+        ):
+            raise ValueError(f"calibration {calibration.name}: differs in what is fixed while the ECU runs")
+        if self._detection is not None and calibration.parameters != old.parameters:
+            raise ValueError("parameters are fixed while sensors are tested against each other")
+        self._calibration, self._parameters = calibration, calibration.parameters
+        self._estimator.change(calibration.parameters)
+        self._consistency.change(wheel)
+        self._unlimited = limits.unlimited(calibration.limits, calibration.parameters.prediction)
+        self._times = reasons.times(calibration.alarms)
+
+    def restart(self) -> None:
+        """Begin anew as after power-on: inputs, learnt loads and alarms are forgotten, limits are safe. Trouble codes stay."""
+        self._receiver = InputReceiver(self._calibration, self._database)
+        self._estimator.reset()
+        if self._detection is not None:
+            self._detection.reset()
+        self._state, self._limits = State.INIT, limits.safe(self._calibration.limits)
+        self._stale, self._alarms = frozenset(), {}
+        self._heard.clear()
+        self._started_ns = self._previous_ns = None
+        self._bad_ns = self._fault_ns = -1
+        self._overran = self._protection_failed = False
 
     def warm_up(self) -> None:
         """Compile the estimators, so that the first cycle is as fast as the others."""
@@ -136,6 +199,7 @@ class EcuCycle:
         valid = self._consistency.valid(estimates, flags)
         self._alarms = self._next_alarms(estimates, flags, valid, received, now_ns)
         values = self._values(estimates, flags, valid, received)
+        self._values_now, self._inputs_now = values, received.values
         frames = self._outputs.frames(self._ticks, values)
         self._previous_ns = now_ns
         self._ticks += 1

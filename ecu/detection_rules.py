@@ -101,3 +101,10 @@ def _keys(unit: str) -> dict[str, Quantity]:
         name: Quantity(f"{name}_{unit}", 1e-6 if name == "noise" else 0.0, 1e6)
         for name in ("noise", "offset", "onset", "resolution")
     }
+
+
+DETECTION_QUANTITIES: Final[Mapping[str, tuple[Quantity, ...]]] = {
+    "detection": tuple(_RULES.values()),
+    **{section_of(family): tuple(_keys(unit).values()) for family, unit in SENSORS.items()},
+}
+"""Section of a calibration -> its keys with unit and permitted range."""

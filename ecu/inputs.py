@@ -30,6 +30,7 @@ from ecu.watched import Beside
 
 FROZEN: Final = "stands still to the bit while others move"
 EXCHANGED: Final = "left and right are exchanged, by the yaw rate"
+REPORTED: Final = "its sensor reports a fault"
 OUTSIDE: Final = "outside"
 MOVED: Final = "moved"
 WEIGHTLESS: Final = "a machine on the ground feels its weight"
@@ -196,7 +197,7 @@ class _Listener:
                 values[key] = float(value)  # an int would compile the estimators anew
                 continue
             field = self._fields[i]
-            reason = bad.get(key) or ("" if plausible else _doubt(field, value, before))
+            reason = bad.get(key) or ("" if plausible else doubt(field, value, before))
             if not reason and unchanged >= still and among.mostly_moving():
                 reason = FROZEN
             if not reason:
@@ -204,7 +205,7 @@ class _Listener:
                 continue
             bad[key] = reason
             if key not in self.unusable:
-                found.append(Implausible(name, field.row.signal, value, reason, now_ns))
+                found.append(Implausible(name, field.row.signal, float(value), reason, now_ns))
         self._previous = signals
         self.unusable = frozenset(bad) if bad else _NONE
         self.stepped = (
@@ -215,15 +216,10 @@ class _Listener:
     def _faulty(self, states: tuple[float, ...]) -> dict[str, str]:
         """The inputs whose sensor does not vouch for them, and the reason."""
         reported = zip(states, self._states, strict=True)
-        return {
-            name: "its sensor reports a fault"
-            for state, names in reported
-            if state >= FAULTY
-            for name in names
-        }
+        return {name: REPORTED for state, names in reported if state >= FAULTY for name in names}
 
 
-def _doubt(field: Field, value: float, before: float) -> str:
+def doubt(field: Field, value: float, before: float) -> str:
     """Why a value is not plausible; `before` is that of the previous frame, good or bad."""
     if math.isnan(value):
         return "not available"

@@ -3,7 +3,7 @@
 import asyncio
 import contextlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import pytest
 
@@ -12,12 +12,16 @@ from bus.pacing import KeptTiming, readable
 from bus.transport import BusClosed
 from bus.virtual import VirtualBus, VirtualTransport
 from dbc import loader_database
+from dbc.j1939 import pgn, source_address
 from dbc.protection import Checker
 from dbc.protection import Finding as Check
 from ecu import node
 from ecu.calibration import load_calibration
 from ecu.cycle import EcuCycle, Tick
 from ecu.findings import Finding, StateChanged
+from ecu.j1939.claim import ADDRESS_CLAIMED, CONTENTION_NS, NULL, message
+from ecu.j1939.name import Name
+from ecu.j1939.service import j1939_service
 from ecu.states import State
 from tests.ecu.machine import FakeMachine
 
@@ -25,6 +29,8 @@ DATABASE = loader_database()
 STATUS = DATABASE.by_name["EcuStatus"]
 PATIENCE_S = 30.0
 PERIOD_NS = 10_000_000
+ADDRESS = source_address(STATUS.can_id)
+MARK = Frame(0, b"")
 
 
 class Machine:
@@ -35,6 +41,12 @@ class Machine:
         self._machine = FakeMachine()
         self.answers: list[Frame] = []
         self.echoes: list[float] = []
+
+    def send(self, frame: Frame) -> None:
+        self._transport.send(frame)
+
+    def fileno(self) -> int:
+        return self._transport.fileno()
 
     async def drive(self, ticks: int) -> None:
         for sequence in range(ticks):
@@ -70,7 +82,9 @@ class Hindered(EcuCycle):
 
 
 def run(
-    cycle: EcuCycle, play: Callable[[Machine, VirtualBus], asyncio.Future[None]]
+    cycle: EcuCycle,
+    play: Callable[[Machine, VirtualBus], asyncio.Future[None]],
+    services: Sequence[node.BusService] = (),
 ) -> tuple[Machine, list[Finding], KeptTiming]:
     """The shell and a machine on one bus, until `play` is over."""
     cycle.warm_up()  # compiling does not count against the patience
@@ -78,7 +92,9 @@ def run(
 
     async def both(near: VirtualTransport, machine: Machine) -> None:
         async with asyncio.timeout(PATIENCE_S):
-            shell = asyncio.create_task(node.run(near, cycle, found=findings.append, timing=timing))
+            shell = asyncio.create_task(
+                node.run(near, cycle, found=findings.append, timing=timing, services=services)
+            )
             await asyncio.wait(
                 [asyncio.ensure_future(play(machine, bus)), shell], return_when="FIRST_COMPLETED"
             )
@@ -137,3 +153,28 @@ def test_a_fault_in_the_cycle_is_not_hidden():
     with pytest.raises(ExceptionGroup) as caught:
         run(Broken(load_calibration()), waiting)
     assert caught.group_contains(ZeroDivisionError, match="broken")
+
+
+def test_an_ecu_without_its_address_is_silent():
+    """Silent while it claims, sending while it owns, silent for good once another has the address."""
+    service = j1939_service(
+        Name(identity=1, manufacturer=0), DATABASE, calibration="l60", version="1", random=lambda: 0
+    )
+
+    async def contended(machine: Machine, bus: VirtualBus) -> None:
+        await machine.drive(30)
+        machine.send(message(ADDRESS_CLAIMED, ADDRESS, bytes(8)))  # the lowest NAME of all
+        while machine.answers[-1].can_id & 0xFF != NULL:
+            await readable(machine.fileno())
+            machine.hear()
+        machine.answers.append(MARK)
+        await asyncio.sleep(0.2)
+        machine.hear()
+
+    machine, _, _ = run(EcuCycle(load_calibration()), contended, [service])
+    sent = [source_address(frame.can_id) for frame in machine.answers]
+    claim, first = machine.answers[:2]
+    assert pgn(claim.can_id) == ADDRESS_CLAIMED
+    assert first.at_ns - claim.at_ns >= CONTENTION_NS - PERIOD_NS  # stamps of the bus, not of the cycle
+    assert set(sent[: sent.index(NULL)]) == {ADDRESS}
+    assert machine.answers[-1] is MARK

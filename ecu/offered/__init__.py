@@ -1,0 +1,1 @@
+"""What an ECU offers on the bus beside its cycle, by the user's options."""
