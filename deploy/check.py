@@ -11,8 +11,10 @@ from bus.socketcan.link import Link, can_interfaces
 from bus.transport import BusUnavailable, Transport
 from dbc import loader_database
 from dbc.database import Database
+from deploy.c.core import BY_NAME
 from deploy.settings import ServiceSettings
-from ecu.calibration import load_calibration
+from ecu.calibration import calibration_table, read_calibration
+from ecu.offered.services import services_of
 from hil.foreign.silence import identifiers_of
 from hil.processes.ecu import NODE
 from hil.verdict import Result, Verdict
@@ -34,7 +36,10 @@ class Heard:
 
 def check(settings: ServiceSettings) -> list[Verdict]:
     """All verdicts, in the order in which they were found; raises UserError where a setting cannot be used."""
-    load_calibration(settings.calibration)
+    # made once here: what is not in C, cannot be compiled or cannot be offered is found before the service starts
+    table = calibration_table(settings.calibration)
+    cycle = BY_NAME[settings.core].ecu(read_calibration(table), form=settings.form, limits=settings.limits)
+    services_of(cycle, table, settings.offered)
     verdicts = [judge_interface(settings, Link.read(settings.can.interface))]
     if verdicts[0].result is Result.PASSED:
         try:

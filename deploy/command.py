@@ -62,7 +62,7 @@ def units(
         ),
     ] = None,
 ) -> None:
-    """Write the files for systemd: CAN interface, service with watchdog and sandbox, user.
+    """Write the files for systemd: CAN interface, services with watchdog and sandbox, user.
 
     Example: `loaderhil deploy units ecu.toml --out /`
     """
@@ -76,14 +76,16 @@ def units(
     # --out / with /etc/loaderhil/ecu.toml itself: nothing to copy
     if target.absolute() != file.absolute():
         _write(target, file.read_text(encoding="utf-8"))
-    for name, text in service_files(settings, found).items():
+    files = service_files(settings, found)
+    for name, text in files.items():
         _write(out / name, text)
     print("then, on the target, as root:")
     for line in (
         "systemd-sysusers",
         "systemctl enable --now systemd-networkd",
         "systemctl daemon-reload",
-        "systemctl enable --now loaderhil-ecu",
+        # the name that systemctl knows a service by
+        *(f"systemctl enable --now {Path(name).stem}" for name in files if name.endswith(".service")),
     ):
         print(f"    {line}")
 

@@ -1,13 +1,16 @@
-"""Files for systemd: the CAN interface, the ECU's service, its user. Text from settings; nothing is written here.
+"""Files for systemd: the CAN interfaces, the services of ECU, recorder and gateway, their user. Text from settings; nothing is written here.
 
 systemd.network(5), systemd.service(5), systemd.exec(5), sysusers.d(5).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
-from deploy.settings import ServiceSettings
+from deploy.settings import CORES, GatewaySettings, RecorderSettings, ServiceSettings
+from ecu.offered.services import ServiceOptions
 from hil.ending import Ending
+from hil.shell.realtime_options import RealtimeOptions
 
+ECU, RECORDER, GATEWAY = "loaderhil-ecu", "loaderhil-recorder", "loaderhil-gateway"
 USER = "loaderhil"
 SETTINGS = "/etc/loaderhil/ecu.toml"
 START_TIMEOUT_S = 180
@@ -21,20 +24,29 @@ def service_files(
 
     program: absolute path of the `loaderhil` command on the target; settings_file: absolute path there.
     """
-    interface = settings.can.interface
+    interfaces = [settings.can.interface]
+    services = {ECU: _ecu(settings, program, settings_file)}
+    if settings.recorder is not None:
+        services[RECORDER] = _recorder(settings, settings.recorder, program)
+    if settings.gateway is not None:
+        interfaces.append(settings.gateway.machine_interface)
+        services[GATEWAY] = _gateway(settings, settings.gateway, program)
     return {
-        f"etc/systemd/network/70-loaderhil-{interface}.network": _network(settings),
-        "etc/systemd/system/loaderhil-ecu.service": _service(settings, program, settings_file),
+        **{
+            f"etc/systemd/network/70-loaderhil-{name}.network": _network(settings, name)
+            for name in interfaces
+        },
+        **{f"etc/systemd/system/{name}.service": text for name, text in services.items()},
         "usr/lib/sysusers.d/loaderhil.conf": f'u {USER} - "loaderhil virtual ECU"\n',
     }
 
 
-def _network(settings: ServiceSettings) -> str:
+def _network(settings: ServiceSettings, interface: str) -> str:
     can = settings.can
     return f"""\
-# systemd-networkd sets the bit rate and brings {can.interface} up whenever it appears, also after an unplug.
+# systemd-networkd sets the bit rate and brings {interface} up whenever it appears, also after an unplug.
 [Match]
-Name={can.interface}
+Name={interface}
 
 [CAN]
 BitRate={can.bit_rate}
@@ -42,56 +54,50 @@ RestartSec={can.restart_ms}ms
 """
 
 
-def _service(settings: ServiceSettings, program: str, settings_file: str) -> str:
-    interface = settings.can.interface
-    realtime = settings.realtime
-    # each capability only where an option needs it: what a service may do should follow from its settings
+def _devices(interfaces: Sequence[str]) -> str:
+    """The names under which systemd knows the interfaces."""
+    return " ".join(f"sys-subsystem-net-devices-{name}.device" for name in interfaces)
+
+
+def _unit(description: str, interfaces: Sequence[str]) -> str:
+    """The section [Unit] of a service that lives as long as its interfaces."""
+    devices = _devices(interfaces)
+    return f"""\
+[Unit]
+Description={description}
+# An interface is a device of the unit: an unplug stops the service, and the next plug starts it again.
+BindsTo={devices}
+After={devices} systemd-networkd.service
+# A service that fails five times in a minute stays down until somebody looks: without the ECU the machine is on its own safe limits.
+StartLimitIntervalSec=60
+StartLimitBurst=5
+"""
+
+
+def _install(interfaces: Sequence[str]) -> str:
+    return f"""\
+
+[Install]
+WantedBy=multi-user.target {_devices(interfaces)}
+"""
+
+
+def _rights(realtime: RealtimeOptions) -> str:
+    """Capabilities and limits: each only where an option needs it, so that what a service may do follows from its settings."""
     needed = [
         *(["CAP_SYS_NICE"] if realtime.fifo is not None else []),
         *(["CAP_IPC_LOCK"] if realtime.lock_memory else []),
     ]
     capabilities = " ".join(needed)
-    options = [
-        f"--bus {settings.address}",
-        f"--calibration {settings.calibration}",
-        f"--form {settings.form}",
-        *([] if settings.limits else ["--no-limits"]),
-        *realtime.words(),
-    ]
     return f"""\
-[Unit]
-Description=loaderhil virtual ECU on {interface}
-# The interface is a device of the unit: an unplug stops the ECU, and the next plug starts it again.
-BindsTo=sys-subsystem-net-devices-{interface}.device
-After=sys-subsystem-net-devices-{interface}.device systemd-networkd.service
-# A service that fails five times in a minute stays down: the machine is then on its own safe limits.
-StartLimitIntervalSec=60
-StartLimitBurst=5
-
-[Service]
-Type=notify
-User={USER}
-ExecStartPre={program} deploy check {settings_file}
-ExecStart={program} ecu {" ".join(options)}
-TimeoutStartSec={START_TIMEOUT_S}
-WatchdogSec={settings.watchdog_s:g}
-# Without the ECU the machine falls back on safe limits by itself, so that a quick restart costs comfort and not safety.
-Restart=always
-RestartSec=0.2
-# Wrong settings do not mend themselves.
-RestartPreventExitStatus={int(Ending.MISUSED)}
-SuccessExitStatus={int(Ending.INTERRUPTED)}
-
-# Compiled code is kept from one start to the next.
-CacheDirectory=loaderhil
-Environment=NUMBA_CACHE_DIR=/var/cache/loaderhil HOME=/var/cache/loaderhil
-
 AmbientCapabilities={capabilities}
 CapabilityBoundingSet={capabilities}
 LimitMEMLOCK={"infinity" if realtime.lock_memory else "64K"}
 LimitRTPRIO={realtime.fifo or 0}
+"""
 
-# Sandbox. MemoryDenyWriteExecute stays off: the estimators are compiled when first used.
+
+SANDBOX = """\
 NoNewPrivileges=yes
 ProtectSystem=strict
 ProtectHome=yes
@@ -116,7 +122,114 @@ RestrictAddressFamilies=AF_CAN AF_NETLINK AF_UNIX AF_INET
 SystemCallArchitectures=native
 SystemCallFilter=@system-service
 SystemCallErrorNumber=EPERM
-
-[Install]
-WantedBy=multi-user.target sys-subsystem-net-devices-{interface}.device
 """
+CODE = """\
+# Compiled code is kept from one start to the next.
+CacheDirectory=loaderhil
+Environment=NUMBA_CACHE_DIR=/var/cache/loaderhil HOME=/var/cache/loaderhil
+"""
+
+
+def _offered_words(offered: ServiceOptions) -> list[str]:
+    """Options of `loaderhil ecu`, quoted as systemd reads them."""
+    named = {
+        "--xcp": offered.xcp,
+        "--uds": offered.uds,
+        "--j1939": offered.j1939,
+        "--access-key": None if offered.access_key is None else str(offered.access_key),
+    }
+    return [f"{option} {_quoted(value)}" for option, value in named.items() if value is not None]
+
+
+def _quoted(value: str) -> str:
+    """A word of ExecStart=, systemd.service(5): in quotes, with what systemd would replace written twice."""
+    escaped = value.replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%").replace("$", "$$")
+    return f'"{escaped}"'
+
+
+def _ecu(settings: ServiceSettings, program: str, settings_file: str) -> str:
+    interface, realtime = settings.can.interface, settings.realtime
+    options = [
+        f"--bus {settings.address}",
+        f"--calibration {settings.calibration}",
+        f"--form {settings.form}",
+        *([] if settings.limits else ["--no-limits"]),
+        *([] if settings.core == CORES[0] else [f"--core {settings.core}"]),
+        *_offered_words(settings.offered),
+        *realtime.words(),
+    ]
+    return f"""\
+{_unit(f"loaderhil virtual ECU on {interface}", [interface])}
+[Service]
+Type=notify
+User={USER}
+ExecStartPre={program} deploy check {settings_file}
+ExecStart={program} ecu {" ".join(options)}
+TimeoutStartSec={START_TIMEOUT_S}
+WatchdogSec={settings.watchdog_s:g}
+# Without the ECU the machine falls back on safe limits by itself, so that a quick restart costs comfort and not safety.
+Restart=always
+RestartSec=0.2
+# Wrong settings do not mend themselves.
+RestartPreventExitStatus={int(Ending.MISUSED)}
+SuccessExitStatus={int(Ending.INTERRUPTED)}
+
+{CODE}
+{_rights(realtime)}
+# Sandbox. MemoryDenyWriteExecute stays off: the estimators are compiled when first used.
+{SANDBOX}{_install([interface])}"""
+
+
+def _recorder(settings: ServiceSettings, recorder: RecorderSettings, program: str) -> str:
+    interface = settings.can.interface
+    # A recording never overwrites another one, so each start has a name of its own. "$$" and "%%" are one sign each to systemd.
+    file = f"/var/log/loaderhil/{interface}-$$(date -u +%%Y%%m%%dT%%H%%M%%SZ).{recorder.suffix}"
+    command = (
+        f"exec {program} record loader={settings.address} --rotate-mib {recorder.rotate_mib:g} --out {file}"
+    )
+    return f"""\
+{_unit(f"loaderhil recorder of {interface}", [interface])}
+[Service]
+Type=exec
+User={USER}
+ExecStart=/bin/sh -c '{command}'
+LogsDirectory=loaderhil
+# It only listens: nothing on the bus depends on it, and a full disk may wait for somebody to make room.
+Restart=always
+RestartSec=20
+RestartPreventExitStatus={int(Ending.MISUSED)}
+SuccessExitStatus={int(Ending.INTERRUPTED)}
+# Behind the ECU, where both want a processor or the disk.
+Nice=10
+IOSchedulingClass=idle
+
+{CODE}
+{_rights(RealtimeOptions())}
+# Sandbox. It writes /var/log/loaderhil, and its cache.
+{SANDBOX}{_install([interface])}"""
+
+
+def _gateway(settings: ServiceSettings, gateway: GatewaySettings, program: str) -> str:
+    both = [gateway.machine_interface, settings.can.interface]
+    options = [
+        f"--plant-bus socketcan:{gateway.machine_interface}",
+        f"--ecu-bus {settings.address}",
+        *([f"--routes {gateway.routes}"] if gateway.routes else []),
+        *settings.realtime.words(),
+    ]
+    return f"""\
+{_unit(f"loaderhil gateway between {both[0]} and {both[1]}", both)}
+[Service]
+Type=exec
+User={USER}
+ExecStart={program} gateway {" ".join(options)}
+# Without the gateway the machine hears no ECU, and falls back on safe limits by itself.
+Restart=always
+RestartSec=0.2
+RestartPreventExitStatus={int(Ending.MISUSED)}
+SuccessExitStatus={int(Ending.INTERRUPTED)}
+
+{CODE}
+{_rights(settings.realtime)}
+# Sandbox.
+{SANDBOX}{_install(both)}"""

@@ -16,7 +16,13 @@ _HEADER: Final = """\
 
 #include "estimators.h"
 
-extern const Parameters calibration_parameters;
+#ifdef ECU_SETTABLE /* a bench sets the numbers of one machine after the other, without compiling for each */
+#define OF_MACHINE
+#else
+#define OF_MACHINE const
+#endif
+
+extern OF_MACHINE Parameters calibration_parameters;
 extern const LimitRules calibration_limits;
 
 #endif
@@ -25,7 +31,7 @@ _SOURCE: Final = """\
 /* What the ECU knows of the machine "{name}". Written by `loaderhil export-c`; SI, as the estimators need it. */
 #include "calibration.h"
 
-const Parameters calibration_parameters = {{
+OF_MACHINE Parameters calibration_parameters = {{
 {parts}
 }};
 

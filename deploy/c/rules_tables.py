@@ -11,6 +11,7 @@ from ecu.calibration import Calibration
 from ecu.codes import ACTIVE, ESTIMATORS, HOLD_NS, NO_CODE, NO_FROZEN
 from ecu.consistency import FRICTION, PULL, Consistency
 from ecu.detection.troubles import Troubles
+from ecu.estimators.parameters import Parameters
 from ecu.estimators.signals import NEVER, Estimates
 from ecu.inputs import FLAGS, GROUP_OF, OUTSIDE_ESTIMATES
 from ecu.states import TRANSITIONS, Event, State
@@ -112,8 +113,7 @@ def least_ns(holds: Callable[[int], bool]) -> int:
 
 def rule_constants(calibration: Calibration) -> str:
     """Thresholds and times of one machine as macros."""
-    inputs, alarms, wheel = calibration.inputs, calibration.alarms, calibration.parameters.wheel
-    geometry = calibration.parameters.geometry
+    inputs, alarms = calibration.inputs, calibration.alarms
     times = reasons.times(alarms)[reasons.PREVENTION]
     found: dict[str, str] = {
         # > or >= as in the Python source of each rule
@@ -129,10 +129,6 @@ def rule_constants(calibration: Calibration) -> str:
         "RULE_TURNING": real(inputs.turning),
         "RULE_CARRIED": real(inputs.carried),
         "RULE_LEAST_SPECIFIC_FORCE": real(inputs.least_specific_force),
-        "RULE_FRONT_LEVER": real(wheel.unloaded_radius / geometry.front_track),
-        "RULE_REAR_LEVER": real(wheel.unloaded_radius / geometry.rear_track),
-        "RULE_PULL": real(PULL * wheel.nominal_load),
-        "RULE_FRICTION": real(FRICTION * max(wheel.friction, wheel.lateral_peak)),
         "RULE_NEVER": real(NEVER),
         "RULE_NO_CODE": real(NO_CODE),
         "RULE_NO_FROZEN": real(NO_FROZEN),
@@ -143,7 +139,31 @@ def rule_constants(calibration: Calibration) -> str:
         constant("WARNING", name): real(getattr(warnings, name))
         for name in type(warnings).__dataclass_fields__
     }
-    return "".join(f"#define {name} {value}\n" for name, value in found.items())
+    of_machine = machine_rules(calibration.parameters)
+    return "\n".join(
+        [
+            *(f"#define {name} {value}" for name, value in found.items()),
+            "",
+            "#ifdef ECU_SETTABLE",
+            f"enum {{ MACHINE_RULES = {len(of_machine)} }};",
+            "extern real_t machine_rules[MACHINE_RULES];",
+            *(f"#define {name} machine_rules[{k}]" for k, name in enumerate(of_machine)),
+            "#else",
+            *(f"#define {name} {real(value)}" for name, value in of_machine.items()),
+            "#endif\n",
+        ]
+    )
+
+
+def machine_rules(parameters: Parameters) -> dict[str, float]:
+    """Thresholds that follow from what the estimators know of the machine, by their names in C."""
+    wheel, geometry = parameters.wheel, parameters.geometry
+    return {
+        "RULE_FRONT_LEVER": wheel.unloaded_radius / geometry.front_track,
+        "RULE_REAR_LEVER": wheel.unloaded_radius / geometry.rear_track,
+        "RULE_PULL": PULL * wheel.nominal_load,
+        "RULE_FRICTION": FRICTION * max(wheel.friction, wheel.lateral_peak),
+    }
 
 
 ESTIMATE_COUNT: Final = len(Estimates._fields)

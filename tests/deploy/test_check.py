@@ -4,6 +4,7 @@ import subprocess
 import threading
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -14,6 +15,10 @@ from dbc import loader_database
 from deploy.check import ALONE, HEALTHY, INTERFACE, MACHINE, Heard, check, judge, judge_interface
 from deploy.command import TEMPLATE
 from deploy.settings import ServiceSettings
+from ecu.j1939.name import BadName
+from ecu.measure.access import SecretError
+from ecu.measure.channel import ChannelError
+from ecu.offered.services import ServiceOptions
 from hil.foreign.silence import identifiers_of
 from hil.verdict import Result
 from tests.bus.conftest import vcan  # noqa: F401
@@ -42,6 +47,20 @@ def test_an_interface_that_cannot_send_is_refused_with_a_cause(link, said):
     verdict = judge_interface(SETTINGS, link)
     assert verdict.result is Result.FAILED
     assert said in verdict.reason
+
+
+@pytest.mark.parametrize(
+    ("offered", "error"),
+    [
+        (ServiceOptions(j1939="identity=1"), BadName),
+        (ServiceOptions(xcp="0x601"), ChannelError),
+        (ServiceOptions(uds="0x601,0x602", access_key=Path("/none")), SecretError),
+    ],
+    ids=["NAME", "identifiers", "key"],
+)
+def test_what_cannot_be_offered_is_found_before_the_bus_is_heard(offered, error):
+    with pytest.raises(error):
+        check(replace(SETTINGS, offered=offered))
 
 
 def test_a_machine_alone_on_the_bus_passes():

@@ -1,10 +1,13 @@
 """Settings of a deployed ECU: the template is valid, and each mistake is one error that names its key."""
 
+from pathlib import Path
+
 import pytest
 
 from configuration import ConfigurationError
 from deploy.command import TEMPLATE
 from deploy.settings import ServiceSettings
+from ecu.offered.services import NO_SERVICES, ServiceOptions
 
 LEAST = '[can]\ninterface = "can0"\n'
 
@@ -35,6 +38,20 @@ def test_only_the_interface_has_no_default(read):
         read("")
 
 
+def test_recorder_and_gateway_are_there_where_their_tables_are(read):
+    least = read(LEAST)
+    assert (least.recorder, least.gateway) == (None, None)
+    settings = read(LEAST + '[recorder]\n[gateway]\nmachine_interface = "can1"\n')
+    assert (settings.recorder.suffix, settings.recorder.rotate_mib) == ("blf", 64.0)
+    assert (settings.gateway.machine_interface, settings.gateway.routes) == ("can1", None)
+
+
+def test_what_the_ecu_offers_is_what_the_table_names(read):
+    assert read(LEAST).offered == NO_SERVICES
+    offered = read(LEAST + '[offered]\nj1939 = "identity=1,manufacturer=0"\naccess_key = "/etc/k"\n').offered
+    assert offered == ServiceOptions(j1939="identity=1,manufacturer=0", access_key=Path("/etc/k"))
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -47,7 +64,18 @@ def test_only_the_interface_has_no_default(read):
         (LEAST + '[ecu]\nform = "new"\n', "ecu.form = 'new' is not one of corrected, printed"),
         (LEAST + "[realtime]\nfifo = 100\n", "realtime.fifo = 100 is outside 1..99"),
         (LEAST + "[service]\nwatchdog_s = 0.01\n", "service.watchdog_s = 0.01 s is outside 0.2..60 s"),
+        (LEAST + '[ecu]\ncore = "rust"\n', "ecu.core = 'rust' is not one of python, c"),
+        (
+            LEAST + '[recorder]\nformat = "pcap"\n',
+            "recorder.format = 'pcap' is not one of blf, log, asc, mf4",
+        ),
+        (
+            LEAST + '[gateway]\nmachine_interface = "can0"\n',
+            "gateway.machine_interface = 'can0' is the ECU's own",
+        ),
+        (LEAST + "[gateway]\n", "gateway.machine_interface is missing"),
         (LEAST + "[watchdog]\n", "watchdog is not a known key"),
+        (LEAST + "[offered]\nisobus = 1\n", "offered.isobus is not a known key"),
     ],
 )
 def test_a_mistake_is_named_with_its_key(read, text, said):

@@ -1,15 +1,19 @@
 """Files for systemd: every setting arrives, and systemd itself accepts the service."""
 
 import configparser
+import re
+import shlex
 import shutil
 import subprocess
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from deploy.command import TEMPLATE
-from deploy.settings import ServiceSettings
+from deploy.settings import GatewaySettings, RecorderSettings, ServiceSettings
 from deploy.units import service_files
+from ecu.offered.services import ServiceOptions
 from hil.shell.realtime_options import RealtimeOptions
 
 SERVICE = "etc/systemd/system/loaderhil-ecu.service"
@@ -57,6 +61,77 @@ def test_an_ordinary_process_gets_no_privilege():
     plain = service(replace(SETTINGS, realtime=RealtimeOptions()))
     assert plain["AmbientCapabilities"] == plain["CapabilityBoundingSet"] == ""
     assert plain["LimitRTPRIO"] == "0"
+
+
+def test_a_recorder_never_needs_a_name_twice():
+    """A recording does not overwrite another one: with a fixed name the second start would fail."""
+    settings = replace(SETTINGS, recorder=RecorderSettings(suffix="mf4", rotate_mib=12.0))
+    files = service_files(settings, "/usr/bin/loaderhil")
+    assert files[SERVICE] == service_files(SETTINGS, "/usr/bin/loaderhil")[SERVICE]
+    found = sections(files["etc/systemd/system/loaderhil-recorder.service"])["Service"]
+    # as systemd reads it: "$$" and "%%" are one sign each
+    command = found["ExecStart"].replace("$$", "$").replace("%%", "%")
+    assert "record loader=socketcan:can0 --rotate-mib 12 --out" in command
+    words = shlex.split(command)
+    shown = subprocess.run(
+        [*words[:2], words[2].replace("exec /usr/bin/loaderhil", "echo")],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    assert re.search(r"--out /var/log/loaderhil/can0-\d{8}T\d{6}Z\.mf4$", shown.strip())
+    assert found["CapabilityBoundingSet"] == ""
+
+
+def test_a_gateway_needs_both_interfaces():
+    settings = replace(SETTINGS, gateway=GatewaySettings(machine_interface="can1", routes="/etc/routes.toml"))
+    files = service_files(settings, "/usr/bin/loaderhil")
+    unit = sections(files["etc/systemd/system/loaderhil-gateway.service"])
+    assert unit["Unit"]["BindsTo"].split() == [
+        f"sys-subsystem-net-devices-{n}.device" for n in ("can1", "can0")
+    ]
+    assert unit["Service"]["ExecStart"] == (
+        "/usr/bin/loaderhil gateway --plant-bus socketcan:can1 --ecu-bus socketcan:can0 --routes /etc/routes.toml"
+        " --fifo 50 --lock-memory --cpu 1"
+    )
+    assert sections(files["etc/systemd/network/70-loaderhil-can1.network"])["Match"]["Name"] == "can1"
+
+
+def test_the_core_arrives():
+    assert "--core" not in service(SETTINGS)["ExecStart"]
+    assert " --core c " in service(replace(SETTINGS, core="c"))["ExecStart"]
+
+
+OFFERED = ServiceOptions(
+    j1939="identity=1,manufacturer=0", uds="0x610,0x611", access_key=Path('/etc/my \\ "keys"/100%$x')
+)
+
+
+def test_what_the_ecu_offers_arrives_as_words_of_systemd():
+    """systemd.service(5): words in quotes; % and $ are special unless they are doubled."""
+    started = service(replace(SETTINGS, offered=OFFERED))["ExecStart"]
+    assert (
+        r'--uds "0x610,0x611" --j1939 "identity=1,manufacturer=0" --access-key "/etc/my \\ \"keys\"/100%%$$x"'
+        in started
+    )
+    assert "--xcp" not in started
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
+@pytest.mark.parametrize("name", ["ecu", "recorder", "gateway"])
+def test_systemd_accepts_every_service(tmp_path, name):
+    settings = replace(
+        SETTINGS,
+        offered=OFFERED,
+        recorder=RecorderSettings(suffix="blf", rotate_mib=64.0),
+        gateway=GatewaySettings(machine_interface="can1", routes=None),
+    )
+    unit = tmp_path / f"loaderhil-{name}.service"
+    unit.write_text(service_files(settings, "/bin/true")[f"etc/systemd/system/{unit.name}"], encoding="utf-8")
+    verified = subprocess.run(
+        ["systemd-analyze", "verify", str(unit)], capture_output=True, text=True, check=False
+    )
+    assert [line for line in verified.stderr.splitlines() if "loaderhil" in line] == []
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")

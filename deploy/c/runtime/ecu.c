@@ -30,6 +30,9 @@ typedef struct {
     Limits limits;
     Alarm alarms[ALARMS];
     uint8_t counters[OUTPUT_FRAMES];
+#ifdef ECU_FINDINGS
+    uint16_t stale; /* groups that were stale in the last cycle */
+#endif
 } Ecu;
 
 static Ecu ecu;
@@ -111,10 +114,28 @@ static uint8_t input_event(const CycleInputs *inputs, int64_t now_ns)
     return ((ecu.state == STATE_INIT) && (waiting_ns >= RULE_START_UP_NS)) ? EVENT_START_UP_OVER : EVENT_INPUTS_BAD;
 }
 
+#ifdef ECU_FINDINGS
+/* Groups that have become stale since the last cycle. */
+static void stale_found(const CycleInputs *inputs)
+{
+    for (uint8_t group = 0U; group < 16U; ++group) {
+        if ((((inputs->stale & (uint16_t)~ecu.stale) >> group) & 1U) != 0U) {
+            announced(ECU_STALE, group, 0U, 0U);
+        }
+    }
+    ecu.stale = inputs->stale;
+}
+#else
+#define stale_found(inputs) ((void)0)
+#endif
+
 static void moved(uint8_t event)
 {
     const uint8_t before = ecu.state;
     ecu.state = state_after[before][event];
+    if (ecu.state != before) {
+        announced(ECU_STATE_CHANGED, before, event, ecu.state);
+    }
     if ((before == STATE_INIT) && (ecu.state == STATE_RUNNING) && (ecu.fault_ns < 0)) {
         ecu.limits = limits_none(); /* at the start there is nothing to rise slowly from */
     }
@@ -162,6 +183,7 @@ static uint32_t estimated(const CycleInputs *received, int64_t now_ns, Estimates
     (void)memset(estimates, 0, sizeof *estimates);
     (void)memset(&ecu.estimator, 0, sizeof ecu.estimator);
     ecu.fault_ns = now_ns;
+    announced(ECU_ESTIMATOR_FAILED, 0U, 0U, 0U);
     moved(EVENT_INTERNAL_ERROR);
     return 0U;
 }
@@ -260,6 +282,7 @@ uint8_t ecu_tick(int64_t now_ns, EcuFrame frames[ECU_MOST_FRAMES])
     (void)memset(&estimates, 0, sizeof estimates);
     (void)memset(values, 0, sizeof values);
     const CycleInputs *received = inputs_gathered(now_ns);
+    stale_found(received);
     moved(input_event(received, now_ns));
     const uint32_t known = estimated(received, now_ns, &estimates, &failed);
     codes_stepped(received, failed, estimates.speed, now_ns);

@@ -36,4 +36,29 @@ void ecu_overran(uint32_t skipped);
 /* 0 init, 1 running, 2 degraded, 3 fault. */
 uint8_t ecu_state(void);
 
+#ifdef ECU_FINDINGS
+/*
+ * What the ECU found, for a log or a test bench. A build with -DECU_FINDINGS calls ecu_found, which the program supplies, for
+ * every finding, inside ecu_receive and ecu_tick. Without it nothing of this is compiled.
+ */
+typedef enum {
+    ECU_PROTECTION_FAILED, /* subject: message; detail: check */
+    ECU_IMPLAUSIBLE,       /* subject: input; detail: failure mode; other: 1 its sensor reports it, 2 the message contradicts itself */
+    ECU_STALE,             /* subject: input group */
+    ECU_STATE_CHANGED,     /* subject: state before; detail: event; other: state after */
+    ECU_ESTIMATOR_FAILED
+} EcuFindingKind;
+
+typedef struct {
+    uint8_t kind;
+    uint8_t subject;
+    uint8_t detail;
+    uint8_t other;
+    double value;  /* of an implausible input, SI */
+    double before; /* its value in the frame before */
+} EcuFinding;
+
+void ecu_found(const EcuFinding *finding);
+#endif
+
 #endif

@@ -56,7 +56,7 @@ int64_t ratio_rounded(int64_t numerator, int64_t denominator)
 }
 
 /* Place the counter on its circle, with the time passed to say how often it went round. Whole numbers: steps and times in ns. */
-static Check counted(Checker *checker, const Listener *listener, uint8_t counter, int64_t now_ns, bool *is_stale)
+static Check counted(Checker *checker, const Listener *listener, uint8_t counter, int64_t now_ns)
 {
     const int64_t cycle = listener->cycle_ns;
     const int64_t passed = now_ns - checker->heard_ns;
@@ -75,34 +75,40 @@ static Check counted(Checker *checker, const Listener *listener, uint8_t counter
     const bool follows =
         checker->has_stale && (((counter + COUNTERS - checker->stale_counter) % COUNTERS) == 1);
     if (follows && ((2 * passed) > cycle)) {
-        return CHECK_LOST; /* the sender was restarted */
+        return CHECK_RESTARTED;
     }
-    *is_stale = (step != 0);
-    return CHECK_FAILED;
+    return (step == 0) ? CHECK_REPEATED : CHECK_REORDERED;
+}
+
+bool is_usable(Check check)
+{
+    return check <= CHECK_RESTARTED;
 }
 
 Check frame_checked(Checker *checker, const Listener *listener, const uint8_t *data, uint8_t length, int64_t now_ns)
 {
     if (listener->data_id < 0) {
-        return (length < listener->length) ? CHECK_FAILED : CHECK_OK;
+        return (length < listener->length) ? CHECK_WRONG_LENGTH : CHECK_OK;
     }
-    if ((length != listener->length) || (checksum(data, length, listener->data_id) != data[0])) {
-        return CHECK_FAILED;
+    if (length != listener->length) {
+        return CHECK_WRONG_LENGTH;
+    }
+    if (checksum(data, length, listener->data_id) != data[0]) {
+        return CHECK_WRONG_CRC;
     }
     const uint8_t counter = data[1] & 0x0FU;
     if (counter >= COUNTERS) {
-        return CHECK_FAILED;
+        return CHECK_WRONG_COUNTER;
     }
-    bool is_stale = false;
-    const Check found = checker->heard ? counted(checker, listener, counter, now_ns, &is_stale) : CHECK_OK;
+    const Check check = checker->heard ? counted(checker, listener, counter, now_ns) : CHECK_OK;
     checker->heard_ns = now_ns;
-    checker->has_stale = is_stale;
+    checker->has_stale = (check == CHECK_REORDERED);
     checker->stale_counter = counter;
-    if (found != CHECK_FAILED) {
+    if (is_usable(check)) {
         checker->heard = true;
         checker->counter = counter;
     }
-    return found;
+    return check;
 }
 
 static int32_t raw_of(real_t value, const OutputSignal *signal)

@@ -157,7 +157,8 @@ static void decoded(uint8_t listener, uint64_t bits, int64_t now_ns)
         } else {
             same[k] = 0U;
         }
-        uint8_t mode = ((reported & INPUT_BIT(k)) != 0U) ? MODE_BAD_DEVICE : together;
+        const bool is_reported = (reported & INPUT_BIT(k)) != 0U;
+        uint8_t mode = is_reported ? MODE_BAD_DEVICE : together;
         if (mode == 0U) {
             mode = doubt(&input_fields[k], value, before);
         }
@@ -170,6 +171,7 @@ static void decoded(uint8_t listener, uint64_t bits, int64_t now_ns)
             bad |= INPUT_BIT(k);
             if ((state->unusable & INPUT_BIT(k)) == 0U) {
                 codes_noted(k, mode);
+                announced_value(ECU_IMPLAUSIBLE, k, mode, is_reported ? 1U : ((together != 0U) ? 2U : 0U), value, before);
             }
         }
         previous[k] = value;
@@ -182,16 +184,17 @@ bool inputs_receive(uint32_t id, const uint8_t *data, uint8_t length, int64_t no
 {
     for (uint8_t k = 0U; k < LISTENERS; ++k) {
         if (listeners[k].id == id) {
-            const Check found = frame_checked(&heard_of[k].checker, &listeners[k], data, length, now_ns);
-            if (found != CHECK_OK) {
+            const Check check = frame_checked(&heard_of[k].checker, &listeners[k], data, length, now_ns);
+            if (check != CHECK_OK) {
                 codes_noted((uint16_t)(INPUTS + k), MODE_DATA_IN_ERROR);
+                announced(ECU_PROTECTION_FAILED, k, (uint8_t)check, 0U);
             }
-            if (found != CHECK_FAILED) {
+            if (is_usable(check)) {
                 heard_of[k].heard = true;
                 heard_of[k].heard_ns = now_ns;
                 decoded(k, frame_bits(data, length), now_ns);
             }
-            return found != CHECK_OK;
+            return check != CHECK_OK;
         }
     }
     return false;

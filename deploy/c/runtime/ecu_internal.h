@@ -6,9 +6,31 @@
 #include "ecu.h"
 #include "ecu_tables.h"
 
+/* -- findings: nothing of them is compiled where nobody asked for them */
+
+#ifdef ECU_FINDINGS
+static inline void announced_value(uint8_t kind, uint8_t subject, uint8_t detail, uint8_t other, real_t value, real_t before)
+{
+    const EcuFinding finding = {kind, subject, detail, other, (double)value, (double)before};
+    ecu_found(&finding);
+}
+#else
+#define announced_value(kind, subject, detail, other, value, before) ((void)0)
+#endif
+#define announced(kind, subject, detail, other) announced_value((kind), (subject), (detail), (other), R(0.0), R(0.0))
+
 /* -- frames (ecu_frames.c) */
 
-typedef enum { CHECK_OK, CHECK_LOST, CHECK_FAILED } Check; /* usable; usable but frames are missing; not usable */
+typedef enum {
+    CHECK_OK,
+    CHECK_LOST, /* usable, but frames are missing before it */
+    CHECK_RESTARTED, /* usable: the counter jumped and goes on from there */
+    CHECK_REPEATED, /* not usable, as are those below */
+    CHECK_REORDERED,
+    CHECK_WRONG_COUNTER,
+    CHECK_WRONG_CRC,
+    CHECK_WRONG_LENGTH
+} Check;
 
 typedef struct {
     bool heard;
@@ -20,6 +42,7 @@ typedef struct {
 
 uint64_t frame_bits(const uint8_t *data, uint8_t length);
 int32_t raw_value(uint64_t bits, uint8_t first_bit, uint8_t count, bool is_signed);
+bool is_usable(Check check);
 Check frame_checked(Checker *checker, const Listener *listener, const uint8_t *data, uint8_t length, int64_t now_ns);
 int64_t ratio_rounded(int64_t numerator, int64_t denominator);
 void frame_packed(const OutputFrame *frame, const real_t *values, uint8_t *counter, EcuFrame *out);

@@ -9,7 +9,9 @@ import sys
 from bus.frame import Frame
 from dbc import loader_database
 from dbc.protection import Protector
+from ecu.calibration import load_calibration
 from tests.deploy.c.ecu_build import BuiltEcu
+from tests.deploy.c.random_drives import RandomDrive
 from tests.ecu.machine import MESSAGES, PERIOD_NS
 
 CODECS = [loader_database().by_name[name] for name in MESSAGES]
@@ -34,6 +36,12 @@ def main(library, seed, frames):
             ecu.overran(generator.randrange(3))
             ecu.executed(generator.getrandbits(34))
             ecu.tick(now)
+    # as many again in which the estimators run: random bits alone lead into FAULT
+    for frame, at in RandomDrive(load_calibration(), seed).calls(frames):
+        if frame is not None:
+            ecu.receive(frame, now + at)
+        else:
+            ecu.tick(now + at)
     print(frames)
 
 

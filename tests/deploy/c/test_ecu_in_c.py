@@ -243,8 +243,8 @@ def test_random_frames_meet_no_undefined_behaviour(ecu_sources, tmp_path):
         [compiler(), "-print-file-name=libasan.so"], capture_output=True, text=True, check=True
     ).stdout.strip()
     ran = subprocess.run(
-        [sys.executable, "-m", "tests.deploy.c.sanitized", str(library), "1", "5000"],
+        [sys.executable, "-m", "tests.deploy.c.sanitized", str(library), "1", "2500"],
         env=os.environ | {"LD_PRELOAD": runtime, "ASAN_OPTIONS": "detect_leaks=0"},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert (ran.returncode, ran.stdout) == (0, "5000\n"), ran.stderr[-2000:]
+    assert (ran.returncode, ran.stdout) == (0, "2500\n"), ran.stderr[-2000:]

@@ -1,0 +1,107 @@
+"""Builds the exported ECU as a shared library in double precision, for the bench, and keeps it as other compiled code is kept."""
+
+import hashlib
+import os
+import shlex
+import shutil
+import subprocess
+import tempfile
+from functools import lru_cache
+from pathlib import Path
+from typing import Final
+
+import dbc
+from bus.machine_code import code_folder, digest_of
+from bus.user_error import UserError
+from deploy.c.project import write_project
+from ecu.calibration import Calibration
+
+COMPILERS: Final = ("cc", "gcc", "clang")
+OPTIONS: Final = (
+    "-std=c99", "-O2", "-fPIC", "-DECU_DOUBLE", "-DECU_FINDINGS", "-DECU_SETTABLE",
+    # a fused multiplication rounds once where Python rounds twice; on x86 there is none by default, on ARM there is
+    "-ffp-contract=off",
+)  # fmt: skip
+_HERE: Final = Path(__file__).resolve().parent
+_SUFFIXES: Final = (".py", ".c", ".h", ".dbc")
+
+
+class NoCompilerError(UserError, ValueError):
+    """There is no C compiler, or it cannot compile the ECU."""
+
+
+def library(calibration: Calibration) -> Path:
+    """The shared library of the ECU with the rules of this calibration; built if its sources have changed or it was never built.
+
+    What the estimators know of the machine (`calibration.parameters`) is set in the loaded library: campaigns draw hundreds of machines.
+    Errors: NoCompilerError; NoCacheFolderError where compiled code cannot be kept.
+    """
+    folder = code_folder(_HERE, "ecu-in-c", _sources())
+    file = folder / f"{_key(calibration)}.so"
+    if not file.exists():
+        # built beside its place and moved there whole: another process may build the same at the same time
+        with tempfile.TemporaryDirectory(dir=folder) as work:
+            _build(calibration, Path(work), folder).replace(file)
+    return file
+
+
+@lru_cache(maxsize=1)
+def _sources() -> str:
+    """Fingerprint of everything that the generated C depends on but the calibration."""
+    # of the sources and not of the C: generating it takes two seconds, which every run would have to wait for
+    packages = (_HERE, _HERE.parents[1] / "ecu", Path(dbc.__file__).parent)
+    files = (file for package in packages for file in package.rglob("*"))
+    return digest_of(sorted(f for f in files if f.suffix in _SUFFIXES and "__pycache__" not in f.parts))
+
+
+def _key(calibration: Calibration) -> str:
+    """Fingerprint of the numbers that go into the C, and of the choice of compiler."""
+    c = calibration
+    # names and rules of the detection are not exported, and the machine's numbers are set after loading
+    said = repr((c.limits, c.warnings, c.alarms, c.inputs, OPTIONS, os.environ.get("CC", "")))
+    return hashlib.sha256(said.encode()).hexdigest()[:16]
+
+
+def _build(calibration: Calibration, work: Path, kept: Path) -> Path:
+    """Write the C into `work` and build it there; the estimators' object stays in `kept`."""
+    compiler = _compiler()
+    write_project(work, calibration)
+    # three quarters of the time to compile, and the same for every calibration
+    chosen = hashlib.sha256(os.environ.get("CC", "").encode()).hexdigest()[:8]
+    estimators = kept / f"estimators-{chosen}.o"
+    if not estimators.exists():
+        _compile(compiler, work, "-c", "estimators.c", "-o", "estimators.o")
+        (work / "estimators.o").replace(estimators)
+    others = sorted(
+        file.relative_to(work).as_posix()
+        for file in (*work.glob("*.c"), *work.glob("library/*.c"))
+        if file.name != "estimators.c"
+    )
+    _compile(compiler, work, "-shared", "-I.", *others, str(estimators), "-o", "ecu.so", "-lm")
+    return work / "ecu.so"
+
+
+def _compiler() -> list[str]:
+    """The command of the host's C compiler: $CC, else the first of COMPILERS."""
+    chosen = shlex.split(os.environ.get("CC", ""))
+    for words in [chosen] if chosen else [[name] for name in COMPILERS]:
+        if found := shutil.which(words[0]):
+            return [found, *words[1:]]
+    tried = f"CC={os.environ['CC']}" if chosen else ", ".join(COMPILERS)
+    raise NoCompilerError(
+        f"the ECU in C needs a C compiler, and none is there (tried {tried}): install one (Debian: gcc and libc6-dev), "
+        "or take the Python core"
+    )
+
+
+def _compile(compiler: list[str], work: Path, *words: str) -> None:
+    done = subprocess.run(
+        [*compiler, *OPTIONS, *words], cwd=work, capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        first = next(
+            (line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200]
+        )
+        raise NoCompilerError(
+            f"{compiler[0]} cannot compile the ECU in C: {first}; are the C library's headers there?"
+        )
