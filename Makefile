@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check fast slow-tests socketcan fuzz kills bench shape speed proof identification microcontroller results pages clean lock
+.PHONY: help demo test compiled check fast slow-tests socketcan fuzz kills bench shape speed proof identification microcontroller results pages clean lock
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
@@ -25,6 +25,7 @@ $(BIN)/.bench: $(BIN)/.test
 	@touch $@
 
 demo: $(BIN)/.run ## roll-over with the ECU's limits off and on; writes out/demo/report.html
+	$(BIN)/loaderhil compile
 	$(BIN)/loaderhil demo --out out/demo
 
 test: check fast slow-tests socketcan ## every test, linter and import contract
@@ -41,15 +42,18 @@ check: $(BIN)/.test ## format, lint, types, import contracts
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-fast: $(BIN)/.test ## tests that need no real time, browser or CAN in the kernel
+compiled: $(BIN)/.test # two workers of pytest would compile the same functions, each for itself
+	$(BIN)/loaderhil compile --all
+
+fast: compiled ## tests that need no real time, browser or CAN in the kernel
 	$(BIN)/pytest -n 2 --dist loadfile -m 'not processes and not browser and not socketcan and not slow'
 
 slow-tests: $(BIN)/.test ## tests that compute for long, then those with processes in real time and in a real browser
-	$(BIN)/pytest -n 2 --dist loadfile -m 'slow and not processes and not browser'
+	$(BIN)/pytest -n 2 -m 'slow and not processes and not browser'
 	$(BIN)/pytest -m 'processes or browser'
 
-socketcan: $(BIN)/.test ## SocketCAN tests: natively where the kernel has CAN, else under user-mode Linux
-	$(BIN)/loaderhil run standstill --set duration_s=0.1 --out out/compiled >/dev/null # a user-mode kernel lacks the mappings to compile
+# a user-mode kernel lacks the mappings to compile
+socketcan: compiled ## SocketCAN tests: natively where the kernel has CAN, else under user-mode Linux
 	UML_TIMEOUT_S=1800 scripts/with-vcan $(BIN)/pytest -m socketcan $$(grep -rlE 'mark\.socketcan' tests --include='test_*.py')
 
 bench: $(BIN)/.bench ## every benchmark, each against its peer

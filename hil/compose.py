@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from bus.user_error import UserError
 from dbc import loader_database
 from ecu.calibration import load_calibration
-from ecu.cycle import EcuCycle
+from ecu.core import PYTHON, Core, Ecu, Form
 from hil.companions import CALIBRATION as CALIBRATION_FILE
 from hil.companions import EQUIPMENT, companion
-from hil.ecu_side import Form, ecu_cycle
+from hil.ecu_side import ecu_cycle
 from hil.faults.injector import Injector
 from hil.faults.restartable import RestartableEcu, RestartablePlant, acting_on
 from hil.faults.table import faults_of
@@ -54,6 +54,7 @@ class Choice:
     expect: Path | None = None  # TOML file with additional expectations
     changes: tuple[str, ...] = ()  # KEY=VALUE, override the files of scenario, machine and equipment
     calibration: str | None = None  # of the ECU, a name or file; None: that of the machine's family
+    core: Core = PYTHON  # what computes the ECU; deploy.c.core.C is the exported C
 
     def on(self, machine: str) -> "Choice":
         """The same on another machine, with the equipment and the calibration that lie beside its file."""
@@ -110,6 +111,24 @@ class Choice:
             words += ["--set", change]
         return words
 
+    def record(self, scenario: Scenario, mode: Mode) -> RunRecord:
+        """The record of a run that starts now. scenario: as loaded, perhaps changed since."""
+        return RunRecord(
+            scenario=scenario.name,
+            machine=scenario.machine,
+            mode=mode,
+            form=self.form,
+            limits=self.limits,
+            ecu_core=self.core.name,
+            calibration=calibration_of(scenario, self.calibration),
+            seed=scenario.seed,
+            payload_kg=float(scenario.payload_mass),
+            changes=scenario.changes.words,
+            started=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+            versions=versions(),
+            standing_load_n=standing_loads(scenario),
+        )
+
 
 def _named(scenario: str) -> str | Path:
     return Path(scenario) if scenario.endswith(".toml") else scenario
@@ -152,16 +171,20 @@ def lockstep(
     injector: Injector | None = None,
     calibration: str | None = None,
     detect_faults: bool = False,
+    core: Core = PYTHON,
 ) -> Lockstep:
     """Plant and ECU on one virtual clock.
 
-    reference: record the frames of the test instrumentation too; detect_faults: the ECU tests its sensors against each other.
+    reference: record the frames of the test instrumentation too; detect_faults: the ECU tests its sensors against each other;
+    core: what computes the ECU.
     """
     fitting = calibration_of(scenario, calibration)
 
     # a fault may kill the ECU; its restart needs a new one without any state
-    def fresh() -> EcuCycle:
-        return ecu_cycle(form=form, limits=limits, calibration=fitting, detect_faults=detect_faults)
+    def fresh() -> Ecu:
+        return ecu_cycle(
+            form=form, limits=limits, calibration=fitting, detect_faults=detect_faults, core=core
+        )
 
     if injector is None:
         return Lockstep(plant_unit(scenario), fresh(), reference=reference)
@@ -174,26 +197,6 @@ def lockstep(
 def truth_columns(truth: Sequence[Truth]) -> dict[str, NDArray[np.float64]]:
     """The truth of a run as one array per field, first axis time."""
     return columns_of(np.array([moment.row for moment in truth]).reshape(-1, Truth.size))
-
-
-def record_of(
-    scenario: Scenario, *, form: Form, limits: bool, mode: Mode, calibration: str | None = None
-) -> RunRecord:
-    """The record of a run that starts now."""
-    return RunRecord(
-        scenario=scenario.name,
-        machine=scenario.machine,
-        mode=mode,
-        form=form,
-        limits=limits,
-        calibration=calibration_of(scenario, calibration),
-        seed=scenario.seed,
-        payload_kg=float(scenario.payload_mass),
-        changes=scenario.changes.words,
-        started=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        versions=versions(),
-        standing_load_n=standing_loads(scenario),
-    )
 
 
 def versions() -> dict[str, str]:

@@ -94,6 +94,7 @@ class RunRecord:
     outcome: Outcome = "running"  # "running" after the run's end means that it was killed
     reason: str = ""  # why it did not finish
     calibration: str = "l60"
+    ecu_core: str = "python"  # what computed the ECU; older runs had no other
     versions: dict[str, str] = field(default_factory=dict)  # of packages
     # counters of the processes, PROCESS_COUNTER
     statistics: dict[str, float | int | str] = field(default_factory=dict)

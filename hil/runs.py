@@ -8,7 +8,7 @@ from pathlib import Path
 from bus.frame import Frame
 from dbc.recordings.writer import CandumpWriter
 from hil import rundir
-from hil.compose import Choice, lockstep, record_of, truth_columns
+from hil.compose import Choice, lockstep, truth_columns
 from hil.ending import Ending
 from hil.faults.record import Injected, injected, write_faults
 from hil.lockstep import Recording
@@ -36,11 +36,14 @@ def run_lockstep(choice: Choice, out: Path, progress: Callable[[float], None] | 
     """Run `choice` on the virtual clock and leave the run directory `out`; `progress` receives simulated seconds."""
     rundir.refuse_if_foreign(out)
     scenario, injector = choice.load(), choice.injector()
-    record = record_of(
-        scenario, form=choice.form, limits=choice.limits, mode="lockstep", calibration=choice.calibration
-    )
+    record = choice.record(scenario, "lockstep")
     bench = lockstep(
-        scenario, form=choice.form, limits=choice.limits, injector=injector, calibration=choice.calibration
+        scenario,
+        form=choice.form,
+        limits=choice.limits,
+        injector=injector,
+        calibration=choice.calibration,
+        core=choice.core,
     )
     rundir.begin(out, record)
     ending = Ending.PASSED

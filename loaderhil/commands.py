@@ -23,6 +23,10 @@ PANELS: Final[dict[str, dict[str, Command]]] = {
             "Run one roll-over twice, without and with the ECU's limits, and compare.",
         ),
         "run": Command("loaderhil.run_commands", "Run one or several scenarios and show the results."),
+        "compile": Command(
+            "loaderhil.ahead",
+            "Compile plant and ECU ahead, at the same time, so that the next run starts at once.",
+        ),
         "plant": Command(
             "loaderhil.process_commands", "Start the simulated machine as a process, until its scenario ends."
         ),
@@ -65,6 +69,10 @@ PANELS: Final[dict[str, dict[str, Command]]] = {
         "export-c": Command(
             "deploy.c.command",
             "Write the ECU as C99 for a microcontroller: single precision, no heap; with builds for Linux and a Cortex-M4F.",
+        ),
+        "export-a2l": Command(
+            "deploy.a2l.command",
+            "Write the A2L file of the ECU: everything that a tool can measure and calibrate by XCP, with addresses and ranges.",
         ),
         "soak": Command(
             "studies.soak.command",

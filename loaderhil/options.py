@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from hil.ecu_side import Form
+    from ecu.core import Core, Form
 
 DEFAULT_BUS = "hub:/tmp/loaderhil.hub"  # a Unix socket; every user can name another
 
@@ -78,6 +78,20 @@ LimitsOption = Annotated[
 ]
 
 
+EcuCoreOption = Annotated[
+    str,
+    typer.Option(
+        "--ecu-core",
+        metavar="CORE",
+        help="What computes the virtual ECU: `python`, or `c`, the exported C built with this computer's compiler. Both send the same frames.",
+    ),
+]
+
+
+class CoreError(typer.BadParameter):
+    """The core does not exist; the message lists those that do."""
+
+
 class FormError(typer.BadParameter):
     """The estimator form does not exist; the message lists those that do."""
 
@@ -91,3 +105,17 @@ def checked_form(form: str) -> "Form":
         if known == form:
             return known
     raise FormError(f"{form!r} is not one of {', '.join(FORMS)}", param_hint="--form")
+
+
+def checked_core(name: str, option: str = "--ecu-core") -> "Core":
+    """The ECU's core of that name. Raises CoreError."""
+    if name == "python":
+        from ecu.core import PYTHON
+
+        return PYTHON
+    # the translation to C is loaded for those who ask for it
+    from deploy.c.core import BY_NAME
+
+    if name not in BY_NAME:
+        raise CoreError(f"{name!r} is not one of {', '.join(BY_NAME)}", param_hint=option)
+    return BY_NAME[name]

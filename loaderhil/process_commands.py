@@ -17,6 +17,7 @@ from loaderhil.options import (
     PayloadOption,
     SeedOption,
     SetOption,
+    checked_core,
     checked_form,
 )
 
@@ -75,6 +76,46 @@ def ecu(
             "--detect-faults", help="Test the sensors against each other, and go on without a faulty one."
         ),
     ] = False,
+    core: Annotated[
+        str,
+        typer.Option(
+            "--core",
+            metavar="CORE",
+            help="What computes: `python`, or `c`, the exported C built with this computer's compiler.",
+        ),
+    ] = "python",
+    xcp: Annotated[
+        str | None,
+        typer.Option(
+            "--xcp",
+            metavar="TOOL,ECU",
+            help="Offer measuring and calibrating by XCP on these two CAN identifiers, such as 0x18EF80F9,0x18EFF980.",
+        ),
+    ] = None,
+    uds: Annotated[
+        str | None,
+        typer.Option(
+            "--uds",
+            metavar="TOOL,ECU",
+            help="Offer diagnosis by UDS on ISO-TP on these two CAN identifiers, such as 0x18DA80F1,0x18DAF180.",
+        ),
+    ] = None,
+    j1939: Annotated[
+        str | None,
+        typer.Option(
+            "--j1939",
+            metavar="NAME",
+            help="Claim the ECU's address by J1939-81 with this NAME, such as identity=1,manufacturer=0, and answer requests; without the address the ECU sends nothing.",
+        ),
+    ] = None,
+    access_key: Annotated[
+        Path | None,
+        typer.Option(
+            "--access-key",
+            metavar="FILE",
+            help="File with the secret behind seed and key; without it a tool can read, and change nothing.",
+        ),
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the timing.")] = None,
     fifo: FifoOption = None,
     lock_memory: LockOption = False,
@@ -85,15 +126,19 @@ def ecu(
 
     Example: `loaderhil ecu --bus socketcan:can0 --fifo 50 --lock-memory --cpu 1`
     """
+    from ecu.offered.services import ServiceOptions
     from hil.processes import ecu as process
     from hil.shell.process import ending_of
 
     # before the process is started: a wrong name is an error of the command line
-    checked = checked_form(form)
+    checked, computing = checked_form(form), checked_core(core, "--core")
     realtime = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
+    services = ServiceOptions(xcp=xcp, uds=uds, j1939=j1939, access_key=access_key)
     raise typer.Exit(
         ending_of(
-            lambda line: process.run(line, checked, limits, bus, out, realtime, calibration, detect_faults)
+            lambda line: process.run(
+                line, checked, limits, bus, out, realtime, calibration, detect_faults, computing, services
+            )
         )
     )
 

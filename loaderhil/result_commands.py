@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from loaderhil.options import EcuCoreOption, checked_core
+
 if TYPE_CHECKING:
     from hil.results import Suite
 
@@ -88,6 +90,7 @@ def campaign_roll_over(
             "--extended", help="Drive on grades, banks and slippery ground instead of level ground."
         ),
     ] = False,
+    ecu_core: EcuCoreOption = "python",
     as_json: JsonOption = False,
     junit: JunitOption = None,
 ) -> None:
@@ -97,7 +100,9 @@ def campaign_roll_over(
     """
     from studies.campaigns import roll_over, roll_over_extended
 
-    file, suites = (roll_over_extended if extended else roll_over).run_campaign(out, jobs)
+    file, suites = (roll_over_extended if extended else roll_over).run_campaign(
+        out, jobs, checked_core(ecu_core)
+    )
     _give("roll-over", file, suites, as_json, junit)
 
 
@@ -106,6 +111,7 @@ def campaign_prevention(
     jobs: JobsOption = None,
     runs: Annotated[int, typer.Option("--runs", min=1, help="Number of drives.")] = 1000,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Draws the drives and their calibrations.")] = 1,
+    ecu_core: EcuCoreOption = "python",
     as_json: JsonOption = False,
     junit: JunitOption = None,
 ) -> None:
@@ -116,7 +122,7 @@ def campaign_prevention(
     from studies.campaigns.prevention import run_campaign
 
     # its arms are stored one by one, so that Ctrl-C loses only those that were running
-    file, suite = run_campaign(out, runs=runs, seed=seed, jobs=jobs)
+    file, suite = run_campaign(out, runs=runs, seed=seed, jobs=jobs, core=checked_core(ecu_core))
     _give("prevention", file, [suite], as_json, junit)
 
 

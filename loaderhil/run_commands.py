@@ -7,6 +7,7 @@ import typer
 
 from hil.shell.realtime_options import CpuOption, FifoOption, FreezeOption, LockOption, RealtimeOptions
 from loaderhil.options import (
+    EcuCoreOption,
     ForeignEcuOption,
     ForeignPlantOption,
     FormOption,
@@ -17,6 +18,7 @@ from loaderhil.options import (
     SeedOption,
     SetOption,
     WaitOption,
+    checked_core,
     checked_form,
 )
 
@@ -70,6 +72,7 @@ def run(
     ] = None,
     limits: LimitsOption = True,
     form: FormOption = "corrected",
+    ecu_core: EcuCoreOption = "python",
     payload_kg: PayloadOption = None,
     seed: SeedOption = None,
     changes: SetOption = None,
@@ -144,10 +147,12 @@ def run(
     from hil.gateway.buses import Buses
     from loaderhil.single import Output, report_run
 
+    core = checked_core(ecu_core)
     choices = [
         Choice(
             scenario=scenario,
             form=checked_form(form),
+            core=core,
             limits=limits,
             payload_kg=payload_kg,
             seed=seed,

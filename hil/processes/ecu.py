@@ -6,9 +6,12 @@ from pathlib import Path
 
 from dbc import loader_database
 from ecu import node
+from ecu.calibration import calibration_table, read_calibration
+from ecu.core import PYTHON, Core, Form
 from ecu.findings import Finding
+from ecu.offered.services import NO_SERVICES, ServiceOptions, services_of
 from hil import rundir
-from hil.ecu_side import CALIBRATION, Form, ecu_cycle
+from hil.ecu_side import CALIBRATION
 from hil.ending import Ending
 from hil.foreign.duplicates import OwnIdentifiers, other_sender
 from hil.gateway.latency import keep_ticks
@@ -31,14 +34,19 @@ def run(
     realtime: RealtimeOptions = ORDINARY,
     calibration: str = CALIBRATION,
     detect_faults: bool = False,
+    core: Core = PYTHON,
+    services: ServiceOptions = NO_SERVICES,
 ) -> Ending:
     """Run the virtual ECU on the bus until a signal ends it; with `out`, its timing and log are written there."""
     log_to(out and out / rundir.ECU_LOG)
     manager = ServiceManager.from_environment()
     # fails at once if there is no bus, not after the compilation
     reach(address)
-    cycle = ecu_cycle(form=form, limits=limits, calibration=calibration, detect_faults=detect_faults)
-    cycle.warm_up()  # compiles, which takes seconds the first time: before the other side waits for answers
+    # read once: the ECU and what a tool sees of its calibration are of one state of the file
+    table = calibration_table(calibration)
+    cycle = core.ecu(read_calibration(table), form=form, limits=limits, detect_faults=detect_faults)
+    offered = services_of(cycle, table, services)
+    cycle.warm_up()  # compiles Python's estimators, which takes seconds the first time: before the other side waits for answers
     # after the warm-up: objects and code that exist now are frozen and locked
     realtime.apply()
     kinds: Counter[str] = Counter()
@@ -60,7 +68,7 @@ def run(
         line.ready()
         manager.ready(f"estimating on {address}, calibration {calibration}")
         try:
-            work = node.run(bus, cycle, timing=timing, found=found, ticked=manager.alive)
+            work = node.run(bus, cycle, timing=timing, found=found, ticked=manager.alive, services=offered)
             run_until_signal(work, sleeps)
         finally:
             manager.stopping()

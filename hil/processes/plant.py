@@ -38,7 +38,7 @@ def run(
     reach(address)
     unit = plant_unit(scenario)
     # before `ready`: numba compiles for up to a minute, and the run must not begin meanwhile
-    _warm_plant(scenario)
+    compile_plant(scenario)
     realtime.apply()
     line.ready()
     line.wait_for_go()
@@ -88,7 +88,7 @@ def run(
     return Ending.INTERRUPTED if interrupted else Ending.PASSED
 
 
-def _warm_plant(scenario: Scenario) -> None:
+def compile_plant(scenario: Scenario) -> None:
     """Compile everything on a plant of its own, so that the first real tick is like every other."""
     unit = plant_unit(scenario)
     for number in range(WARM_TICKS):

@@ -20,7 +20,7 @@ import numpy as np
 
 from hil import rundir
 from hil.check.observed import punctuality_of
-from hil.compose import Choice, ChoiceError, calibration_of, record_of
+from hil.compose import Choice, ChoiceError, calibration_of
 from hil.ending import Ending
 from hil.gateway import latency
 from hil.gateway.buses import ONE_BUS, Buses
@@ -82,9 +82,7 @@ def run_realtime(
         raise ChoiceError(
             f"{choice.scenario}: has faults to inject; add --gateway to do so in real time, or run in lockstep"
         )
-    record = record_of(
-        scenario, form=choice.form, limits=choice.limits, mode="realtime", calibration=choice.calibration
-    )
+    record = choice.record(scenario, "realtime")
     record = replace(record, foreign={str(side): address for side, address in buses.foreign.items()})
     rundir.begin(out, record)
     with _sigterm_interrupts(), socket_folder() as folder, Supervisor(on_event) as supervisor:
@@ -223,6 +221,8 @@ class _Bench:
             choice.form,
             "--calibration",
             calibration_of(choice.load(), choice.calibration),
+            "--core",
+            choice.core.name,
             *([] if choice.limits else ["--no-limits"]),
         ]
         if "ecu" not in self._buses.foreign:

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from loaderhil.options import EcuCoreOption, checked_core
+
 
 def verify(
     tests: Annotated[
@@ -36,6 +38,7 @@ def verify(
         ),
     ] = None,
     at_s: Annotated[float, typer.Option("--at-s", min=0.0, help="When faults begin [s].")] = 2.0,
+    ecu_core: EcuCoreOption = "python",
     permit: Annotated[
         int, typer.Option("--permit", min=0, help="Number of mutants that nobody may notice before it fails.")
     ] = 0,
@@ -66,7 +69,8 @@ def verify(
     from testbench.verify.mutants import mutants
     from testbench.verify.verify import verify as verified
 
-    choice = Choice(scenario=scenario, expect=tests) if scenario else Choice(scenario=str(tests))
+    core = checked_core(ecu_core)
+    choice = Choice(scenario=scenario or str(tests), expect=tests if scenario else None, core=core)
     chosen = mutants(only or [], effect or [], at_s)
     # transient: the bar disappears, and the list of results begins at the left edge
     with Progress(console=Console(stderr=True), transient=True) as progress:

@@ -158,6 +158,7 @@ def conditions(run: RunDirectory) -> Figures:
         "Payload": f"{r.payload_kg:.0f} kg",
         **({"Changed": ", ".join(r.changes)} if r.changes else {}),
         "Estimators": r.form,
+        "ECU's core": r.ecu_core,
         "ECU's limits": "on" if r.limits else "off: the ECU only warns",
         "Mode": where,
         "Seed of the sensor noise": str(r.seed),
@@ -181,6 +182,8 @@ def command(run: RunDirectory) -> str:
         words.append("--realtime")
     if r.form != "corrected":
         words += ["--form", r.form]
+    if r.ecu_core != "python":
+        words += ["--ecu-core", r.ecu_core]
     for change in r.changes:
         words += ["--set", change]
     return shlex.join([*words, "--payload-kg", f"{r.payload_kg:g}", "--seed", str(r.seed)])

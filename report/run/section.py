@@ -17,6 +17,7 @@ _TRAITS: tuple[Callable[[RunRecord], str], ...] = (
     lambda r: r.form,
     lambda r: "limits on" if r.limits else "limits off",
     lambda r: "real time" if r.mode == "realtime" else "lockstep",
+    lambda r: f"{r.ecu_core} core",
     lambda r: f"seed {r.seed}",
     lambda r: ", ".join(r.changes) or "nothing changed",
 )

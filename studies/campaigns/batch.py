@@ -20,17 +20,17 @@ from rich.progress import track
 ROOT = Path(__file__).resolve().parents[2]
 # What a lockstep run is made of. Too much here only costs a run anew, too little keeps wrong results.
 SOURCES = (
-    "bus", "dbc", "ecu", "plant",
+    "bus", "dbc", "deploy/c", "ecu", "plant",
     "hil/compose.py", "hil/ecu_side.py", "hil/judgement.py", "hil/lockstep.py", "hil/verdict.py", "hil/wire.py",
 )  # fmt: skip
-SUFFIXES = (".py", ".toml", ".dbc")
+SUFFIXES = (".py", ".toml", ".dbc", ".c", ".h")
 Result = dict[str, Any]
 
 
 def results_of(
     cases: Sequence[Any],
-    run: Callable[[Any], Result],
-    *,
+    run: Callable[..., Result],
+    *given: Any,
     cache: Path,
     jobs: int | None = None,
     title: str = "",
@@ -39,16 +39,16 @@ def results_of(
     """The result of every case, in their order.
 
     cases: frozen dataclasses of plain values; run: a function of a module, deterministic, whose
-    result is plain values too. Results are kept in `cache`, one small file per case; also: more modules that they depend on.
+    result is plain values too; given: its further arguments, the same for every case. Results are kept in `cache`, one small file per case; also: more modules that they depend on.
     """
     # once for all cases: reading the sources takes longer than a look into the cache
     code = digest_of_sources(Path(run.__code__.co_filename), *also)
-    files = [cache / f"{_key(case, code)}.json" for case in cases]
+    files = [cache / f"{_key(case, code, *map(repr, given))}.json" for case in cases]
     missing = [index for index, file in enumerate(files) if not file.exists()]
     cache.mkdir(parents=True, exist_ok=True)
     # spawn: a fork would copy locks that threads of this process hold, those of compiled code and of the progress bar
     with ProcessPoolExecutor(jobs or os.cpu_count(), mp_context=get_context("spawn")) as pool:
-        pending = {pool.submit(run, cases[index]): files[index] for index in missing}
+        pending = {pool.submit(run, cases[index], *given): files[index] for index in missing}
         console = Console(stderr=True)  # the command's result goes to standard output alone
         for future in track(as_completed(pending), description=title, total=len(pending), console=console):
             _keep(pending[future], future.result())
@@ -56,9 +56,9 @@ def results_of(
     return [json.loads(file.read_text()) for file in files]
 
 
-def _key(case: Any, code: str) -> str:
+def _key(case: Any, *settings: str) -> str:
     # names of the fields are in the key as well: a campaign that gains a parameter does not take old results for new ones
-    text = json.dumps([type(case).__name__, dataclasses.asdict(case), code], sort_keys=True)
+    text = json.dumps([type(case).__name__, dataclasses.asdict(case), *settings], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecu.calibration import load_calibration
+from ecu.core import Form
 from hil.compose import Choice, calibration_of, lockstep
-from hil.ecu_side import FORMS, Form
+from hil.ecu_side import FORMS
 from hil.lockstep import Recording
 from hil.results import Suite
 from hil.verdict import WHEELS, first_lift_off

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from ecu.calibration import load_calibration
-from ecu.cycle import EcuCycle
+from ecu.core import PYTHON, Core, Ecu
 from hil.compose import calibration_of, plant_unit, standing_loads
 from hil.judgement import first_warning
 from hil.lockstep import Lockstep, Recording
@@ -44,19 +44,19 @@ UNEXPLAINED: Final = "not explained"
 CAUSES: Final = (GROUND, CALIBRATION, SLIPPERY, UNEXPLAINED)
 
 
-def cycle_of(m: Manoeuvre, scenario: Scenario, *, limits: bool) -> EcuCycle:
+def ecu_of(m: Manoeuvre, scenario: Scenario, *, limits: bool, core: Core = PYTHON) -> Ecu:
     """The ECU of a drive, with the drive's calibration."""
     name = calibration_of(scenario)
     if m.calibration_seed is None:
-        return EcuCycle(load_calibration(name), limits_enabled=limits)
-    return EcuCycle(wrong_calibration.wrong_calibration(name, m.calibration_seed), limits_enabled=limits)
+        return core.ecu(load_calibration(name), limits=limits)
+    return core.ecu(wrong_calibration.wrong_calibration(name, m.calibration_seed), limits=limits)
 
 
-def driven(m: Manoeuvre, *, limits: bool) -> tuple[RunVerdict, Recording]:
+def driven(m: Manoeuvre, *, limits: bool, core: Core = PYTHON) -> tuple[RunVerdict, Recording]:
     """One drive in lockstep, and its verdict."""
     scenario = scenario_of(m)
     # not by `lockstep`: that takes a calibration by name, and these are drawn
-    bench = Lockstep(plant_unit(scenario), cycle_of(m, scenario, limits=limits), reference=False)
+    bench = Lockstep(plant_unit(scenario), ecu_of(m, scenario, limits=limits, core=core), reference=False)
     recording = bench.run()
     truth = recording.truth
     verdict = judge(
@@ -70,55 +70,60 @@ def driven(m: Manoeuvre, *, limits: bool) -> tuple[RunVerdict, Recording]:
     return verdict, recording
 
 
-def lift_off_s(m: Manoeuvre) -> float | None:
+def lift_off_s(m: Manoeuvre, core: Core = PYTHON) -> float | None:
     """When a wheel lifts although the limits act [s]; None if none does."""
-    return driven(m, limits=True)[0].lift_off_s
+    return driven(m, limits=True, core=core)[0].lift_off_s
 
 
-def cause_of(m: Manoeuvre, lifted_s: float) -> str:
+def cause_of(m: Manoeuvre, lifted_s: float, core: Core = PYTHON) -> str:
     """Why a wheel lifted at `lifted_s` [s] although the limits acted: the first of the counterfactuals below that explains it.
 
     The ground explains a lift-off that it makes by itself at the same time; one that comes later is the driver's.
     """
     # limits stay on here too, so that only steering and levers differ
-    by_ground_s = lift_off_s(straight(m))
+    by_ground_s = lift_off_s(straight(m), core)
     if by_ground_s is not None and lifted_s <= by_ground_s + SAME_S:
         return GROUND
     # the order matters: a drive that would lift with the right calibration too is not the calibration's fault
-    if m.calibration_seed is not None and lift_off_s(dataclasses.replace(m, calibration_seed=None)) is None:
+    right, dry = dataclasses.replace(m, calibration_seed=None), dataclasses.replace(m, friction=DRY)
+    if m.calibration_seed is not None and lift_off_s(right, core) is None:
         return CALIBRATION
-    if m.friction < DRY and lift_off_s(dataclasses.replace(m, friction=DRY)) is None:
+    if m.friction < DRY and lift_off_s(dry, core) is None:
         return SLIPPERY
     return UNEXPLAINED
 
 
-def run_case(m: Manoeuvre) -> Found:
+def run_case(m: Manoeuvre, core: Core = PYTHON) -> Found:
     """One drive with the limits on, as plain values; with its cause where it lifts a wheel."""
-    verdict, _ = driven(m, limits=True)
+    verdict, _ = driven(m, limits=True, core=core)
     return {
         "lifts": verdict.lifted,
         "rolls_over": verdict.rolled_over,
         "wheel": verdict.lifting_wheel,
         "lead_s": verdict.lead_s,
         "margin": verdict.margin,
-        "cause": "" if verdict.lift_off_s is None else cause_of(m, verdict.lift_off_s),
+        "cause": "" if verdict.lift_off_s is None else cause_of(m, verdict.lift_off_s, core),
     }
 
 
-def run_free(m: Manoeuvre) -> Found:
+def run_free(m: Manoeuvre, core: Core = PYTHON) -> Found:
     """Whether the same drive lifts a wheel without limits."""
-    return {"lifts": driven(m, limits=False)[0].lifted}
+    return {"lifts": driven(m, limits=False, core=core)[0].lifted}
 
 
 def run_campaign(
-    out: Path, *, runs: int = RUNS, seed: int = SEED, jobs: int | None = None
+    out: Path, *, runs: int = RUNS, seed: int = SEED, jobs: int | None = None, core: Core = PYTHON
 ) -> tuple[Path, Suite]:
     """Drive them all and write the page; with one verdict per kind of drive for machines that read them."""
     cases = drawn(runs, seed)
     modules = [Path(module.__file__) for module in (manoeuvres, wrong_calibration) if module.__file__]
-    found = results_of(cases, run_case, cache=CACHE, jobs=jobs, title="drives with limits", also=modules)
+    found = results_of(
+        cases, run_case, core, cache=CACHE, jobs=jobs, title="drives with limits", also=modules
+    )
     some = cases[::FREE_EVERY]
-    free = results_of(some, run_free, cache=CACHE / "free", jobs=jobs, title="without limits", also=modules)
+    free = results_of(
+        some, run_free, core, cache=CACHE / "free", jobs=jobs, title="without limits", also=modules
+    )
     out.mkdir(parents=True, exist_ok=True)
     (out / FILE).write_text(page(cases, found, free, seed), encoding="utf-8")
     return out / FILE, suite_of(cases, found)

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from dbc.columns import Columns
+from ecu.core import PYTHON, Core, Form
 from hil.compose import lockstep, standing_loads
-from hil.ecu_side import Form
 from hil.judgement import first_warning, warning_flickers
 from hil.results import Suite
 from hil.verdict import JUSTIFIED_MARGIN, RunVerdict, judge
@@ -151,12 +151,12 @@ def scenario_of(case: Case) -> Scenario:
     )
 
 
-def run_case(case: Case) -> Result:
-    """The three drives of a case as plain values."""
+def run_case(case: Case, core: Core = PYTHON) -> Result:
+    """The three drives of a case as plain values; core: what computes the corrected estimators. The printed ones are Python only."""
     scenario = scenario_of(case)
     # the free drive is the truth for both forms: they only watch, so it is one and the same motion
-    free, messages = observed(scenario, "corrected", limits=False)
-    limited, _ = observed(scenario, "corrected", limits=True)
+    free, messages = observed(scenario, "corrected", limits=False, core=core)
+    limited, _ = observed(scenario, "corrected", limits=True, core=core)
     printed, _ = observed(scenario, "printed", limits=False)
     return {
         "seed": scenario.seed,
@@ -183,9 +183,11 @@ def drive(scenario: Scenario, form: Form, *, limits: bool) -> tuple[RunVerdict, 
     return verdict, warning_flickers(messages)
 
 
-def observed(scenario: Scenario, form: Form, *, limits: bool) -> tuple[RunVerdict, dict[str, Columns]]:
+def observed(
+    scenario: Scenario, form: Form, *, limits: bool, core: Core = PYTHON
+) -> tuple[RunVerdict, dict[str, Columns]]:
     """Run a scenario in lockstep and judge it; with what was on the bus."""
-    recording = lockstep(scenario, form=form, limits=limits, reference=False).run()
+    recording = lockstep(scenario, form=form, limits=limits, reference=False, core=core).run()
     truth, messages = recording.truth, columns_of(recording.bus)
     verdict = judge(
         time_s=np.array([row.time_s for row in truth]),
@@ -208,13 +210,13 @@ def named_wheel(messages: Mapping[str, Columns], lift_off_s: float | None) -> in
     return int(before[-1]) - 1 if before.size and 1 <= before[-1] <= 4 else None
 
 
-def run_campaign(out: Path, jobs: int | None = None) -> tuple[Path, list[Suite]]:
+def run_campaign(out: Path, jobs: int | None = None, core: Core = PYTHON) -> tuple[Path, list[Suite]]:
     """Run the grids; write the tables and the pictures beside them. Returns the page, and a suite per grid."""
     out.mkdir(parents=True, exist_ok=True)
     found = []
     for grid in GRIDS:
         cases = grid.cases()
-        results = results_of(cases, run_case, cache=CACHE, jobs=jobs, title=f"turns for {grid.name}")
+        results = results_of(cases, run_case, core, cache=CACHE, jobs=jobs, title=f"turns for {grid.name}")
         draw(cases, results, out / grid.picture)
         found.append((grid.name, grid.picture, cases, results))
     (out / FILE).write_text(document(found))

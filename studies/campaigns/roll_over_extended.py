@@ -4,6 +4,7 @@ import random
 from collections.abc import Sequence
 from pathlib import Path
 
+from ecu.core import PYTHON, Core
 from hil.results import Suite
 from hil.verdict import JUSTIFIED_MARGIN
 from studies.campaigns.batch import Result, header, results_of
@@ -54,10 +55,10 @@ slides sideways tips where it comes to better ground, which can be a machine's l
 """
 
 
-def run_campaign(out: Path, jobs: int | None = None) -> tuple[Path, list[Suite]]:
+def run_campaign(out: Path, jobs: int | None = None, core: Core = PYTHON) -> tuple[Path, list[Suite]]:
     """Run the grid and write its page; returns it, and what was aimed at."""
     cases = EXTENDED.cases()
-    results = results_of(cases, run_case, cache=CACHE, jobs=jobs, title="turns off the level")
+    results = results_of(cases, run_case, core, cache=CACHE, jobs=jobs, title="turns off the level")
     false = [case for case, result in zip(cases, results, strict=True) if result["false_alarm"]]
     reasons = results_of(false, explain, cache=CACHE, jobs=jobs, title="false alarms")
     out.mkdir(parents=True, exist_ok=True)

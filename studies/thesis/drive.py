@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discrepancy.models.printed_forms import Corrections, estimate
+from ecu.core import Form
 from ecu.estimators.columns import estimate_columns
 from ecu.estimators.loads.cog import front_unit, machine_centre
 from ecu.estimators.parameters import Body
 from ecu.estimators.quantities import Centre
 from ecu.estimators.signals import Estimates, Inputs
 from ecu.estimators.tyres.wheels import radius
-from hil.ecu_side import Form
 from plant.effects.effect import ActiveEffect
 from plant.physics.surface import Surface
 from plant.truth import Truth, columns_of

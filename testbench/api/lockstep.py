@@ -10,7 +10,7 @@ from bus.frame import Frame
 from dbc import loader_database
 from dbc.database import Database
 from hil import rundir
-from hil.compose import Choice, lockstep, record_of
+from hil.compose import Choice, lockstep
 from hil.faults.injector import Injector
 from hil.faults.record import injected, write_faults
 from hil.lockstep import Lockstep
@@ -59,6 +59,7 @@ class LockstepDriven:
             limits=self._choice.limits,
             injector=self._injector,
             calibration=self._choice.calibration,
+            core=self._choice.core,
         )
 
     async def advance(self, until_s: float) -> Sequence[Frame] | None:
@@ -110,14 +111,7 @@ class LockstepDriven:
         """A run directory of what was driven so far."""
         assert self._bench is not None
         assert self._injector is not None
-        choice = self._choice
-        record = record_of(
-            self._scenario,
-            form=choice.form,
-            limits=choice.limits,
-            mode="lockstep",
-            calibration=choice.calibration,
-        )
+        record = self._choice.record(self._scenario, "lockstep")
         rundir.begin(folder, record)
         recording = self._bench.recording
         lost = write_recording(folder, recording)

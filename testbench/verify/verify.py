@@ -9,7 +9,7 @@ from bus.user_error import UserError
 from configuration import CheckedTable
 from dbc import loader_database
 from hil import rundir
-from hil.compose import Choice, calibration_of, plant_unit, record_of
+from hil.compose import Choice, calibration_of, plant_unit
 from hil.ecu_side import ecu_cycle
 from hil.faults.injector import Injector
 from hil.faults.record import injected, write_faults
@@ -106,7 +106,7 @@ def _drive(choice: Choice, mutant: Mutant | None, out: Path) -> None:
 
     # a `kill` starts the ECU anew: the error has to be in the new one as well
     def fresh() -> EcuSide:
-        cycle = ecu_cycle(form=choice.form, limits=choice.limits, calibration=calibration)
+        cycle = ecu_cycle(form=choice.form, limits=choice.limits, calibration=calibration, core=choice.core)
         error = mutant.error if mutant is not None else None
         return BentEcu(cycle, error, database) if error is not None else cycle
 
@@ -117,9 +117,7 @@ def _drive(choice: Choice, mutant: Mutant | None, out: Path) -> None:
     bench = Lockstep(plant, ecu, wire=FaultyWire(injector, acting_on(plant, ecu)), reference=False)
     recording = bench.run()
     injector.finish(bench.now_ns)
-    record = record_of(
-        scenario, form=choice.form, limits=choice.limits, mode="lockstep", calibration=choice.calibration
-    )
+    record = choice.record(scenario, "lockstep")
     rundir.begin(out, record)
     if lost := write_recording(out, recording):
         raise VerifyError("; ".join(lost))

@@ -94,7 +94,7 @@ def page(state: State, files: int, frames: int) -> str:
         "and hub on random and mutated frames. Case *n* of a target always has the same bytes: its name and *n* are the seed.",
         "",
         "A file is *accepted* if it was read at least in part; else it has to end in one line. A defect is any other exception, more than 10 s for a case, a process that",
-        "ends, or more than 1 GiB. Of the receivers: the ECU's estimates stay finite, and it works again within 2.5 s of good frames (every 20th case); the gateway's queues",
+        "ends, or more than 1 GiB. Of the receivers: the ECU's estimates stay finite, and it works again within 2.5 s of good frames (every 20th case); the ECU in C answers and finds the same, and in INIT and FAULT no limit is above the safe one; the gateway's queues",
         "stay bounded and its counts add up while faults are injected; whatever one client of the hub sends, two others still reach one another.",
         "",
         "| target | done | aimed at | accepted | slowest case [s] | largest growth of memory [MiB] | per second | defects |",

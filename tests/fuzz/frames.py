@@ -29,7 +29,7 @@ FLAGS = (0, FD, FD | BRS, FD | BRS | ESI, 0x80, 0xFF)
 LENGTHS = (0, 1, 4, 7, 8, 12, 48, 64)
 
 
-class _Spoiler:
+class Spoiler:
     """Makes frames of one case bad. Frames stay such as a transport can deliver: identifier with its kind bits, at most 64 bytes."""
 
     def __init__(self, rng: random.Random) -> None:
@@ -103,7 +103,7 @@ def through_ecu(number: int) -> tuple[int, int]:
     ecu = EcuCycle(
         load_calibration(), form=rng.choice(("corrected", "printed")), detect_faults=rng.random() < 0.5
     )
-    machine, spoiler, taken = FakeMachine(), _Spoiler(rng), 0
+    machine, spoiler, taken = FakeMachine(), Spoiler(rng), 0
 
     def tick(spoil: Callable[[Frame], list[Frame]]) -> int:
         now = machine.now_ns
@@ -124,6 +124,33 @@ def through_ecu(number: int) -> tuple[int, int]:
     return taken, taken
 
 
+def through_services(number: int) -> tuple[int, int]:
+    """Commands and noise into XCP and UDS beside a running cycle: no frame raises, and without the key no number changes."""
+    from tests.ecu.uds.tool import UdsEcu
+    from tests.ecu.xcp.tool import Ecu
+
+    rng = random.Random(f"services/{number}")
+    ecu = rng.choice((Ecu, UdsEcu))(secret=None)
+    channel, calibration = ecu.channel, ecu.cycle.calibration
+    taken = answered = 0
+    while taken < FRAMES:
+        for _ in range(50):
+            data = bytearray(rng.randbytes(rng.randint(0, 8)))
+            if len(data) > 1 and rng.random() < 0.8:
+                # a command of XCP, or the length of a single frame of UDS and a service
+                data[0] = rng.randint(0xD0, 0xFF) if type(ecu) is Ecu else len(data) - 1
+                data[1] = rng.choice((0, 1, 2, 3, 0x10, 0x11, 0x14, 0x19, 0x22, 0x27, 0x31, 0x3E))
+            flags = rng.choice(FLAGS) if rng.random() < 0.05 else 0
+            frame = Frame(channel.receive, bytes(data), ecu.now_ns, flags)
+            answers = ecu.service.receive(frame, ecu.now_ns)
+            answered += bool(answers)
+            assert all(each.can_id == channel.send and len(each.data) <= 8 for each in answers)
+            taken += 1
+        ecu.cycles(1)
+        assert ecu.cycle.calibration is calibration, "a tool without the key has changed the calibration"
+    return taken, answered
+
+
 def through_gateway(number: int) -> tuple[int, int]:
     """Frames into the gateway's core with faults of every class being injected: each is passed, kept back, lost or waiting, and counted."""
     from hil.faults.injector import Injector
@@ -134,7 +161,7 @@ def through_gateway(number: int) -> tuple[int, int]:
     from tests.ecu.machine import PERIOD_NS, FakeMachine
 
     rng = random.Random(f"gateway/{number}")
-    routes, spoiler, machine = Routes(loader_database()), _Spoiler(rng), FakeMachine()
+    routes, spoiler, machine = Routes(loader_database()), Spoiler(rng), FakeMachine()
     injector = Injector(loader_database(), [read_fault(table, loader_database()) for table in _faults(rng)])
     core = GatewayCore(
         routes, injector=injector, watcher=Watcher(routes), queue_frames=rng.choice((1, 64, 4096))
@@ -185,7 +212,7 @@ class ThroughHub:
     def __call__(self, number: int) -> tuple[int, int]:
         """The records that a bad client sent until it lost its connection, and those that it sent at all."""
         rng = random.Random(f"hub/{number}")
-        spoiler = _Spoiler(rng)
+        spoiler = Spoiler(rng)
         records = [_record(spoiler.anything(0), rng) for _ in range(FRAMES)]
         sent = 0
         with raw(self._path) as client:
@@ -242,6 +269,23 @@ def _ecu() -> Iterator[Case]:
 
 
 @contextlib.contextmanager
+def _both() -> Iterator[Case]:
+    from tests.fuzz.both import through_both  # needs a C compiler, which the other receivers do not
+
+    through_both(0)
+    yield through_both
+
+
+@contextlib.contextmanager
+def _services() -> Iterator[Case]:
+    # both services: loading and compiling what they stand beside is no case's fault
+    for number in range(4):
+        with contextlib.suppress(Exception):
+            through_services(number)
+    yield through_services
+
+
+@contextlib.contextmanager
 def _hub(folder: Path) -> Iterator[Case]:
     hub = RunningHub(str(folder / "hub"))
     try:
@@ -253,6 +297,8 @@ def _hub(folder: Path) -> Iterator[Case]:
 
 RECEIVERS: dict[str, Callable[[Path], contextlib.AbstractContextManager[Case]]] = {
     "frames to the ECU": lambda _: _ecu(),
+    "frames to the ECU in Python and C": lambda _: _both(),
+    "frames to XCP and UDS": lambda _: _services(),
     "frames to the gateway": lambda _: contextlib.nullcontext(through_gateway),
     "frames to the hub": _hub,
 }

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.deploy.c.building import compiler
 from tests.fuzz import long
-from tests.fuzz.frames import RECEIVERS, through_ecu
+from tests.fuzz.frames import RECEIVERS, through_ecu, through_services
 from tests.fuzz.mutate import mutated
 from tests.fuzz.outcome import Outcome, carried_out
 from tests.fuzz.readers import READERS, MutatedFiles
@@ -27,7 +28,12 @@ def test_mutated_files_end_in_one_line_or_are_read(name, tmp_path):
 
 @pytest.mark.parametrize("name", RECEIVERS)
 def test_random_and_mutated_frames_end_no_receiver(name, tmp_path):
-    warm = {"frames to the ECU": through_ecu}  # without its warm-up, which compiles all forms
+    if "C" in name.split():
+        compiler()
+    warm = {
+        "frames to the ECU": through_ecu,
+        "frames to XCP and UDS": through_services,
+    }  # without its warm-up, which compiles all forms
     with nullcontext(warm[name]) if name in warm else RECEIVERS[name](tmp_path) as case:
         for number in range(2):
             # an exception fails here as well; what is compiled on first use takes no case's time

@@ -17,7 +17,7 @@ from dbc.recordings.writer import candump_line
 from hil import rundir
 from hil.check.check import Rules, check, whole
 from hil.check.command import register
-from hil.compose import lockstep, record_of
+from hil.compose import Choice, lockstep
 from hil.ending import Ending
 from hil.timing.vitals import Vitals
 from hil.verdict import Result
@@ -256,7 +256,7 @@ def test_an_empty_recording_is_reported(tmp_path):
 def test_a_run_directory_brings_its_window_and_its_doubts(bench, log, tmp_path, stolen, outcome, expected):
     """The ECU answers before the plant begins; what counts is the time in which the plant ticked."""
     run = tmp_path / "run"
-    record = record_of(bench.scenario, form="corrected", limits=True, mode="realtime")
+    record = Choice(scenario=bench.scenario.name).record(bench.scenario, "realtime")
     rundir.begin(run, record)
     shift = "".join(f"{candump_line(f._replace(at_ns=f.at_ns + 10**9), 'loader')}\n" for f in bench.frames)
     stray = f"{candump_line(bench.frames[0]._replace(at_ns=10**6), 'loader')}\n"

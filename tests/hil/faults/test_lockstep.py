@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from deploy.c.core import C
+from ecu.core import PYTHON
 from hil import rundir
 from hil.compose import Choice, ChoiceError
 from hil.faults.passage import Action
@@ -14,6 +16,7 @@ from hil.rundir import RunDirectory
 from hil.runs import run_lockstep
 from report.render import Pictures
 from report.run import write_report
+from tests.deploy.c.building import compiler
 from tests.hil.fakes import FakeEcu, FakePlant
 
 SCENARIO = """
@@ -46,14 +49,17 @@ for_s = 0.6
 RUNNING, DEGRADED, SAFE_VALUES = 1, 2, 3
 
 
-@pytest.fixture
-def run(tmp_path):
+@pytest.fixture(params=[PYTHON, C], ids=["python", "c"])
+def run(tmp_path, request):
+    """Runs the scenario with each core of the ECU: what is promised of a run holds for both."""
+    compiler()
+
     def run(scenario_faults="", inject="", name="run"):
         file = tmp_path / "faulty.toml"
         file.write_text(SCENARIO + scenario_faults)
         more = tmp_path / "more.toml"
         more.write_text(inject)
-        choice = Choice(scenario=str(file), inject=more if inject else None)
+        choice = Choice(scenario=str(file), inject=more if inject else None, core=request.param)
         run_lockstep(choice, tmp_path / name)
         return RunDirectory.read(tmp_path / name)
 

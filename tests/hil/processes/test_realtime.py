@@ -15,6 +15,7 @@ import pytest
 from hil.ending import Ending
 from hil.judgement import timing_of
 from hil.rundir import RunDirectory
+from tests.children import alive, command_lines
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(240)]
 PATIENCE_S = 150.0
@@ -48,20 +49,8 @@ def started(*arguments) -> Iterator[subprocess.Popen[str]]:
 
 def children(pid: int) -> dict[str, int]:
     """Process ids of the bench by what they do."""
-    try:
-        pids = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-        words = {int(p): Path(f"/proc/{p}/cmdline").read_text().split("\0") for p in pids}
-    except (FileNotFoundError, ProcessLookupError):
-        return {}
-    return {line[3]: pid for pid, line in words.items() if line[1:3] == ["-m", "loaderhil"]}
-
-
-def alive(pid: int) -> bool:
-    try:
-        state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
-    except FileNotFoundError:
-        return False
-    return state != "Z"
+    words = command_lines(pid)
+    return {line[3]: child for child, line in words.items() if line[1:3] == ["-m", "loaderhil"]}
 
 
 def wait_until_running(process: subprocess.Popen[str], out: Path) -> dict[str, int]:

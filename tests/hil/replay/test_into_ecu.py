@@ -10,7 +10,7 @@ from dbc import loader_database
 from dbc.errors import LogError
 from dbc.recordings.writer import candump_line
 from hil import rundir
-from hil.compose import lockstep, plant_unit, record_of
+from hil.compose import Choice, lockstep, plant_unit
 from hil.ecu_side import ecu_cycle
 from hil.ending import Ending
 from hil.replay.command import register
@@ -157,7 +157,7 @@ def test_a_recording_that_begins_too_late_is_refused(virtual):
 
 def test_the_command_says_so_in_a_line(virtual, scenario, tmp_path):
     run = tmp_path / "run"
-    rundir.begin(run, record_of(scenario, form="corrected", limits=True, mode="lockstep"))
+    rundir.begin(run, Choice(scenario=scenario.name).record(scenario, "lockstep"))
     log = run / rundir.BUS
     log.write_text("".join(f"{candump_line(frame, 'loader')}\n" for frame in virtual))
     result = CliRunner().invoke(APP, ["replay", str(run), "--into-ecu"])

@@ -23,6 +23,7 @@ from hil.runs import run_lockstep
 from hil.timing.vitals import Life, Vitals
 from report.kit.plot import UNITS
 from report.run import write_report
+from report.run.figures import command
 from report.run.section import names
 from tests.report.drawn import Outline, points_of
 
@@ -329,8 +330,15 @@ def test_what_was_run_can_be_run_again(outline, runs):
         assert f"--seed {record['seed']}" in figures["Run it again"]
 
 
+def test_a_run_in_c_is_run_again_in_c(runs):
+    run = RunDirectory.read(runs[0])
+    assert "--ecu-core" not in command(run)
+    assert "--ecu-core c" in command(replace(run, record=replace(run.record, ecu_core="c")))
+
+
 def test_runs_are_named_by_what_distinguishes_them(runs):
     free, limited = (read_record(folder) for folder in runs)
+    assert names([free, replace(free, ecu_core="c")]) == ["python core", "c core"]
     assert names([free, limited]) == ["limits off", "limits on"]
     assert names([free, free]) == ["run (1)", "run (2)"]
     assert names([limited]) == ["limits on"]

@@ -9,7 +9,9 @@ import pytest
 
 from bus.frame import EXTENDED, Frame
 from dbc import loader_database
+from deploy.c.core import C
 from ecu.calibration import load_calibration
+from ecu.core import PYTHON
 from ecu.estimators.signals import Inputs
 from hil.compose import Choice, lockstep
 from hil.ecu_side import CALIBRATION
@@ -20,6 +22,7 @@ from studies.campaigns.memory import columns_of
 from studies.campaigns.normal_force import Case, Series, ablation_table, errors_of, estimates_of, table
 from studies.campaigns.roll_over_document import counts, document, failures, spread, summary
 from studies.campaigns.roll_over_picture import draw
+from tests.deploy.c.building import compiler
 
 TIME = np.arange(0, 3, 0.01)
 STANDING = np.array([10e3, 20e3, 30e3, 40e3])
@@ -93,6 +96,15 @@ def test_estimates_repeated_from_the_bus_are_those_the_ecu_sent():
     assert np.abs(sent.force[at] - repeated[:-1]).max() <= 20.1  # half a bit of the frame
 
 
+@pytest.mark.slow
+def test_a_turn_of_the_grid_has_the_same_result_with_the_ecu_in_c():
+    compiler()
+    case = roll_over.TUNING.cases()[-1]  # the fastest turn with the load at the top
+    found = roll_over.run_case(case, C)
+    assert found == roll_over.run_case(case, PYTHON)
+    assert found["lift_off_s"] is not None  # or prevention would have had nothing to do
+
+
 def test_taking_a_source_away_changes_what_it_is_for():
     rows = np.ones((5, len(Inputs._fields)))
     parameters = load_calibration(CALIBRATION).parameters
@@ -125,6 +137,12 @@ def area(case):
     return {"area": case.side**2}
 
 
+def power(case, exponent):
+    with Path(case.log).open("a") as log:
+        log.write(f"{exponent}\n")
+    return {"power": case.side**exponent}
+
+
 def test_results_come_in_order_and_no_case_is_run_twice(tmp_path):
     log = tmp_path / "log"
     run = [Square(side, str(log)) for side in (3, 1, 2)]
@@ -132,6 +150,14 @@ def test_results_come_in_order_and_no_case_is_run_twice(tmp_path):
     more = [*run, Square(5, str(log))]
     assert results_of(more, area, cache=tmp_path / "kept", jobs=1)[-1] == {"area": 25}
     assert sorted(log.read_text().split()) == ["1", "2", "3", "5"]
+
+
+def test_further_arguments_are_part_of_the_case(tmp_path):
+    """Results of one core of the ECU are not taken for those of another."""
+    cases = [Square(2, str(tmp_path / "log"))]
+    found = [results_of(cases, power, n, cache=tmp_path / "kept", jobs=1) for n in (2, 3)]
+    assert found == [[{"power": 4}], [{"power": 8}]]
+    assert (tmp_path / "log").read_text().split() == ["2", "3"]
 
 
 def test_frames_in_memory_decode_as_from_a_log():

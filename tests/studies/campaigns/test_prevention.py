@@ -3,11 +3,15 @@
 import dataclasses
 import json
 import random
+import shutil
 
 import pytest
 from typer.testing import CliRunner
 
+from deploy.c.core import C
+from deploy.c.library import COMPILERS
 from ecu.calibration import load_calibration
+from ecu.core import PYTHON
 from hil.ending import Ending
 from hil.results import ending_of
 from hil.verdict import Result
@@ -85,14 +89,14 @@ def test_drawn_errors_fill_their_ranges():
     ],
 )
 def test_a_lift_off_is_explained_by_what_takes_it_away(lifting_drives, cause, monkeypatch):
-    monkeypatch.setattr(prevention, "lift_off_s", lambda m: 3.0 if lifting_drives(m) else None)
+    monkeypatch.setattr(prevention, "lift_off_s", lambda m, _: 3.0 if lifting_drives(m) else None)
     m = dataclasses.replace(drawn(1, 1)[0], calibration_seed=4, friction=0.5, angle_deg=20.0)
     assert prevention.cause_of(m, 3.0) == cause
 
 
 @pytest.mark.parametrize(("by_ground", "explained"), [(1.3, True), (1.2, True), (0.9, False), (None, False)])
 def test_the_ground_explains_no_lift_off_that_comes_after_its_own(by_ground, explained, monkeypatch):
-    monkeypatch.setattr(prevention, "lift_off_s", lambda m: 1.3 if m.angle_deg else by_ground)
+    monkeypatch.setattr(prevention, "lift_off_s", lambda m, _: 1.3 if m.angle_deg else by_ground)
     m = dataclasses.replace(drawn(1, 1)[0], calibration_seed=None, friction=DRY, angle_deg=20.0)
     assert prevention.cause_of(m, 1.3) == (prevention.GROUND if explained else prevention.UNEXPLAINED)
 
@@ -135,6 +139,16 @@ def test_the_command_gives_verdicts_for_machines(monkeypatch, tmp_path):
     assert done.exit_code == Ending.FAILED
     assert json.loads(done.stdout)["suites"][0]["cases"][0]["result"] == "FAILED"
     assert b"levers: no wheel lifts" in (tmp_path / "x.xml").read_bytes()
+
+
+def test_a_drawn_drive_is_the_same_with_the_ecu_in_c():
+    """With a calibration that was drawn, whose C was compiled for this drive."""
+    if not any(map(shutil.which, COMPILERS)):
+        pytest.skip("no C compiler")
+    m = dataclasses.replace(drawn(1, 1)[0], calibration_seed=3)
+    (ours, by_c), (theirs, by_python) = (prevention.driven(m, limits=True, core=core) for core in (C, PYTHON))
+    assert by_c.bus == by_python.bus
+    assert ours == theirs
 
 
 def test_a_drive_with_a_wrong_calibration_runs():

@@ -9,10 +9,13 @@ import pytest
 
 from bus.hub.client import HubTransport
 from dbc import FOLDER, loader_database
+from deploy.c.core import C
+from ecu.core import PYTHON
 from hil.rundir import RunDirectory
 from testbench.api import Bench, BenchEnded, NotMet, blocking
 from testbench.api.driven import NotPossible
 from testbench.expect.signals import SignalError
+from tests.deploy.c.building import compiler
 from tests.examples.test_foreign_nodes import foreign, hub  # noqa: F401
 
 RUNNING, DEGRADED = "EcuStatus.State == running", "EcuStatus.State == degraded"
@@ -108,6 +111,19 @@ def test_two_benches_share_one_event_loop(standing):
             return one.now_s, other.now_s
 
     assert asyncio.run(both()) == pytest.approx((0.3, 0.3))
+
+
+def test_a_test_sees_the_same_with_the_ecu_in_c(standing):
+    compiler()
+
+    def frames(core):
+        with blocking(Bench.lockstep(standing, core=core)) as bench:
+            bench.wait_for(RUNNING, within_s=1.0)
+            bench.stimulate("BodyRates.RollRate", 160.0)
+            bench.expect(DEGRADED, within_s=0.1)
+            return list(bench.frames)
+
+    assert frames(C) == frames(PYTHON)
 
 
 def test_equal_tests_see_equal_frames(standing):

@@ -14,6 +14,9 @@ import pytest
 
 from bus.frame import EXTENDED, Frame
 from dbc import FOLDER, loader_database
+from deploy.c.core import C
+from ecu.calibration import load_calibration
+from ecu.core import PYTHON
 from hil.ending import Ending
 from hil.results import ending_of
 from hil.verdict import Result
@@ -23,6 +26,7 @@ from testbench.conform.session import Session, judge
 from testbench.restbus.values import values_for
 from tests.bus.conftest import vcan  # noqa: F401
 from tests.bus.vcan import INTERFACE
+from tests.deploy.c.building import compiler
 from tests.examples.test_foreign_nodes import hub, loaderhil, running  # noqa: F401
 from tests.testbench.conform.violations import CONFORMING, VIOLATIONS, bent
 
@@ -107,11 +111,10 @@ def test_a_planted_violation_is_named_and_no_other(name):
     assert ending_of(each.result for each in found) is Ending.FAILED
 
 
-def test_our_own_ecu_conforms():
-    from ecu.calibration import load_calibration
-    from ecu.cycle import EcuCycle
-
-    cycle = EcuCycle(load_calibration("l60"))
+@pytest.mark.parametrize("core", [PYTHON, C], ids=["python", "c"])
+def test_our_own_ecu_conforms(core):
+    compiler()
+    cycle = core.ecu(load_calibration("l60"))
 
     class Ours:
         def receive(self, identifier, data, now_s):
@@ -177,9 +180,13 @@ def json_of(done):
     return {case["question"]: case["result"] for case in cases}
 
 
-def conform(bus, folder, *violations, interface="loaderhil", channel=None):
-    """The command against a foreign ECU that is switched on while it waits: exit code and verdicts."""
+def conform(bus, folder, *violations, interface="loaderhil", channel=None, node=None):
+    """The command against an ECU that is switched on while it waits: exit code and verdicts.
+
+    violations: of the foreign ECU of the tests; node: a context with another ECU.
+    """
     program = Path(__file__).with_name("violations.py")
+    node = node or running(program, interface, channel or bus.removeprefix("hub:"), DBC, *violations)
     words = ["conform", bus, "--lose", "BodyRates", "--steady-s", "1", "--out", str(folder), "--json"]
     with subprocess.Popen(
         [sys.executable, "-m", "loaderhil", *words],
@@ -189,7 +196,7 @@ def conform(bus, folder, *violations, interface="loaderhil", channel=None):
             if "switch it on now" in line:
                 break
         time.sleep(0.5)
-        with running(program, interface, channel or bus.removeprefix("hub:"), DBC, *violations):
+        with node:
             out, err = bench.communicate(timeout=270)
     assert out, err
     cases = json.loads(out)["suites"][0]["cases"]

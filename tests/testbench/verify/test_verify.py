@@ -7,6 +7,8 @@ import pytest
 from bus.frame import Frame
 from dbc import loader_database
 from dbc.protection import Checker, Finding, Protector
+from deploy.c.core import C
+from ecu.core import PYTHON
 from hil.compose import Choice
 from hil.faults.table import KINDS
 from hil.lockstep import EcuTick
@@ -15,6 +17,7 @@ from testbench.verify.errors import ERRORS, BentEcu, EcuError, scaled
 from testbench.verify.mutants import FAULTS, MutantError, mutants
 from testbench.verify.verify import VerifyError, verify
 from tests.conftest import STANDS
+from tests.deploy.c.building import compiler
 
 DATABASE = loader_database()
 
@@ -131,8 +134,8 @@ def standing(tmp_path_factory):
     return folder
 
 
-def outcomes(folder, tests, *only):
-    choice = Choice(scenario=str(folder / "short.toml"), expect=folder / tests)
+def outcomes(folder, tests, *only, core=PYTHON):
+    choice = Choice(scenario=str(folder / "short.toml"), expect=folder / tests, core=core)
     chosen = mutants(only, [], 0.8)
     return {each.mutant.name: each for each in verify(choice, chosen, lambda *_: None)}
 
@@ -141,8 +144,10 @@ ONLY = ("drop BodyRates", "always running", "never running", "status mute")
 
 
 @pytest.mark.timeout(600)
-def test_each_mutant_is_noticed_open_or_not(standing):
-    found = outcomes(standing, "state.toml", *ONLY)
+@pytest.mark.parametrize("core", [PYTHON, C], ids=["python", "c"])
+def test_each_mutant_is_noticed_open_or_not(standing, core):
+    compiler()
+    found = outcomes(standing, "state.toml", *ONLY, core=core)
     assert {name: each.result for name, each in found.items()} == {
         "drop BodyRates": Result.PASSED,
         "always running": Result.FAILED,  # it is running in any case, and nobody can see the difference
