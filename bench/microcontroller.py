@@ -9,7 +9,6 @@ through perturbed builds (Monte Carlo arithmetic), and through QEMU. Then random
 import argparse
 import ctypes
 import os
-import random
 import re
 import statistics
 import subprocess
@@ -17,23 +16,26 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from bench.speed import commit
 from bus.frame import Frame
 from dbc import loader_database
-from dbc.protection import Protector
+from deploy.c.core import C
 from deploy.c.estimators import estimator_files
 from deploy.c.project import write_project
 from deploy.c.replays import answers_of, frames_file
 from ecu.calibration import load_calibration
+from ecu.core import PYTHON
 from ecu.cycle import EcuCycle
+from ecu.findings import EstimatorFailed, Finding, StateChanged
 from hil.compose import Choice, plant_unit
 from hil.lockstep import Lockstep
 from tests.deploy.c.ecu_build import BuiltEcu
-from tests.deploy.c.test_ecu_in_c import CHOSEN, CHOSEN_SIGNALS, moving
-from tests.ecu.machine import PERIOD_NS, FakeMachine
+from tests.deploy.c.random_drives import RandomDrive
+from tests.deploy.c.test_ecu_in_c import CHOSEN, CHOSEN_SIGNALS
 
 SCENARIOS = (
     "abrupt_articulation", "hard_braking", "high_articulation", "loaded", "pile_entry", "standstill", "transient_articulation",
@@ -64,31 +66,6 @@ class Kept:
         self.calls.append((None, now_ns))
         self.sent.append([(f.can_id, bytes(f.data)) for f in tick.frames])
         return tick
-
-
-def random_calls(frames: int, seed: int) -> Iterator[tuple[Frame | None, int]]:
-    """A drive whose frames are now and then lost, doubled or filled at random; a quarter of the time all of them are random.
-
-    95 % of what is changed is signed again, so that its values are looked at. Ticks of uneven length.
-    """
-    generator, now, machine = random.Random(seed), 0, FakeMachine()
-    protectors = {c.can_id: Protector(c) for c in DATABASE.by_id.values() if c.e2e_data_id is not None}
-    made = 0
-    while made < frames:
-        moving(machine, machine.tick)
-        share = 0.5 if machine.tick // 400 % 4 == 3 else 0.002
-        for frame in machine.frames():
-            data = bytes(frame.data)
-            if generator.random() < share:
-                data = generator.randbytes(len(data))
-            if frame.can_id in protectors and generator.random() < 0.95 + 0.05 * (share < 0.1):
-                data = protectors[frame.can_id].protect(data)
-            chance = generator.random()
-            for _ in range(0 if chance < 0.001 else 2 if chance < 0.002 else 1):
-                made += 1
-                yield Frame(frame.can_id, data, now), now
-        now += PERIOD_NS if generator.random() < 0.98 else generator.randrange(1, 300) * 1_000_000
-        yield None, now
 
 
 def answers(library: Path, calls: Iterable[tuple[Frame | None, int]], seed: int | None = None) -> Sent:
@@ -226,30 +203,67 @@ def scenario_row(
     return f"| {name} | {total} | {double} | {measured} | {others[0]} | {steps} | {chosen} | {others[1]} | {unlike} |"
 
 
+@dataclass(slots=True)
+class Together:
+    """Python and C in double precision on one random drive: what they did, and where they differ."""
+
+    sent: int = 0
+    differ: int = 0  # of the frames sent
+    findings: int = 0
+    findings_differ: int = 0
+    states: Counter[str] = field(default_factory=Counter)  # of every cycle
+    moves: Counter[tuple[str, str]] = field(default_factory=Counter)
+
+    def found(self, ours: Sequence[Finding], theirs: Sequence[Finding]) -> None:
+        """Compare findings. As text: a value that is not a number equals no other."""
+        self.findings += len(theirs)
+        # what made the estimators fail is an exception's text in Python, and one bit in C
+        words = [
+            [EstimatorFailed.__name__ if isinstance(f, EstimatorFailed) else str(f) for f in found]
+            for found in (ours, theirs)
+        ]
+        self.findings_differ += words[0] != words[1]
+        self.moves.update(
+            (f.before.name.lower(), f.after.name.lower()) for f in theirs if isinstance(f, StateChanged)
+        )
+
+
+def driven_together(frames: int, seed: int) -> Together:
+    """So many random frames through both, call by call."""
+    calibration = load_calibration()
+    python, c, done = PYTHON.ecu(calibration), C.ecu(calibration), Together()
+    # not kept: ten million frames and their answers take gigabytes
+    for frame, now in RandomDrive(calibration, seed).calls(frames):
+        if frame is not None:
+            done.found(c.receive(frame, now), python.receive(frame, now))
+            continue
+        ours, theirs = c.tick(now), python.tick(now)
+        done.found(ours.findings, theirs.findings)
+        done.states[c.state.name.lower()] += 1
+        done.sent += len(theirs.frames)
+        pairs = zip(ours.frames, theirs.frames, strict=True)
+        done.differ += sum(a.can_id != b.can_id or a.data != b.data for a, b in pairs)
+    return done
+
+
 def random_rows(builds: Builds, frames: int) -> list[str]:
     """Random frames through Python and C, and through the sanitized build."""
-    kept = Kept()
-    for frame, now in random_calls(frames, 1):
-        if frame is not None:
-            kept.receive(frame, now)
-        else:
-            kept.tick(now)
-    double = compared(answers(builds.double, kept.calls), kept.sent)[0]
-    states = Counter()
-    codec = DATABASE.by_name["EcuStatus"]
-    for tick in kept.sent:
-        states.update(codec.decode_dict(data)["State"] for can_id, data in tick if can_id == codec.can_id)
+    done = driven_together(frames, 1)
     asan = run("gcc", "-print-file-name=libasan.so").strip()
     subprocess.run(
         [sys.executable, "-m", "tests.deploy.c.sanitized", str(builds.sanitized), "2", str(frames // 10)],
         env=os.environ | {"LD_PRELOAD": asan, "ASAN_OPTIONS": "detect_leaks=0"}, check=True, stdout=subprocess.DEVNULL,
     )  # fmt: skip
-    names = {0.0: "init", 1.0: "running", 2.0: "degraded", 3.0: "fault"}
-    seen = ", ".join(f"{names[s]} {n / states.total():.0%}" for s, n in sorted(states.items()))
+    cycles = done.states.total()
+    seen = ", ".join(
+        f"{name} {done.states[name] / cycles:.0%}" for name in ("init", "running", "degraded", "fault")
+    )
     return [
-        f"- {frames:,} frames of a drive, lost, doubled and filled at random, through Python and C in double precision: of {sum(map(len, kept.sent))} frames sent, "
-        f"{double} differ. States: {seen}.",
-        f"- {frames // 10:,} random frames, random lengths and identifiers, times that jump and run backwards, through the single-precision build with address and "
+        f"- {frames:,} frames of random drives through Python and C in double precision: of {done.sent:,} frames sent {done.differ:,} differ, of {done.findings:,} findings "
+        f"{done.findings_differ:,}. Signals are noisy, or wild as far as they are still plausible; in bursts of 0.05 to 2 s frames are lost, late, doubled, swapped, cut, damaged, or filled with random "
+        f"bits and signed, sensors stand still or report a fault, ticks are uneven. Cycles by state: {seen}; {done.moves['running', 'degraded']:,} times from running to degraded, "
+        f"{done.moves['degraded', 'running']:,} back; into fault {done.moves['running', 'fault'] + done.moves['degraded', 'fault']:,} times, recovered {done.moves['fault', 'init']:,} times.",
+        f"- {frames // 10:,} frames of random bits, lengths and identifiers at times that jump and run backwards, and as many of a random drive, through the single-precision build with address and "
         "undefined-behaviour sanitizers: nothing found.",
     ]
 

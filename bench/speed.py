@@ -76,6 +76,23 @@ FIGURES = (
         floor_name="dynamics alone",
         more_is_better=True,
     ),
+    Figure(
+        what="lockstep with the ECU in C, by processor time",
+        unit="x real time",
+        bench="bench_ecu_core",
+        label="lockstep, C core",
+        peer="lockstep, Python core",
+        peer_name="ECU in Python",
+        more_is_better=True,
+    ),
+    Figure(
+        what="ECU in C, one cycle",
+        unit="us",
+        bench="bench_ecu_core",
+        label="C core",
+        peer="Python core",
+        peer_name="ECU in Python",
+    ),
     Figure(what="ECU, one cycle", unit="us", bench="bench_ecu", label="collector on, processor"),
     Figure(
         what="ECU on columns, outlook included",
