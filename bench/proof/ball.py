@@ -37,18 +37,20 @@ def _throw(
     linear = 3.0 * np.pi * VISCOSITY * diameter * values.get("stokes", 0.0)
     inertia = mass + values.get("added_mass", 0.0) * displaced
     gust = values.get("gust", 0.0)
+    # laws of the wild arms: a drag of another power, a wind that grows with height, lift of a spin that dies away
+    power, shear, spin = values.get("power", 0.0), values.get("shear", 0.0), values.get("spin", 0.0)
 
     def rates(t, y):
-        v = y[1]
+        v = y[1] - shear * y[0]
         wind = gust * np.sin(2.0 * np.pi * 0.8 * t)  # an updraught that comes and goes
         force = (
             -mass * G
             + values.get("buoyancy", 0.0) * displaced * G
-            - square * v * abs(v)
+            - square * v * abs(v) * max(abs(v) / 10.0, 1e-3) ** power
             - linear * v
-            + mass * wind
+            + mass * (wind + spin * np.exp(-t) * abs(v))
         )
-        return v, force / inertia
+        return y[1], force / inertia
 
     time_s = np.arange(0.0, duration, 1.0 / pictures_hz)
     # twenty times finer than the pictures: the linear interpolation between is then below the noise
@@ -56,6 +58,7 @@ def _throw(
     z = solve_ivp(rates, (0.0, duration), (height, speed), "DOP853", t_eval=fine, rtol=1e-9, atol=1e-9).y[0]
     seen = np.interp(np.maximum(time_s - values.get("release", 0.0), 0.0), fine, z)
     seen = _low_passed(seen, values.get("height.lag", 0.0), pictures_hz) * camera
+    seen = _filmed(values, rng, time_s, seen)
     noise = NOISE_M * rng.normal(size=seen.size)
     if arm.noise == "coloured":
         # the factor keeps the variance: coloured noise is as large as white
@@ -64,6 +67,19 @@ def _throw(
     if arm.noise == "quantised":
         seen = np.round(seen / PIXEL_M) * PIXEL_M
     return Recording(name, {"height": signal(time_s, seen, "m")}, {"mass": mass, "diameter": diameter})
+
+
+def _filmed(values, rng: np.random.Generator, time_s: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """What real cameras add: a scale that changes over the picture, pictures at other times than they say, a wrong ball."""
+    if "lens" in values:
+        middle = 0.5 * (seen.max() + seen.min())
+        seen = seen + values["lens"] * (seen - middle) ** 3 / max(np.ptp(seen), 1.0) ** 2
+    if "jitter" in values:
+        seen = np.interp(time_s + values["jitter"] * rng.normal(size=time_s.size), time_s, seen)
+    if "outliers" in values:
+        wrong = rng.random(seen.size) < values["outliers"]
+        seen = np.where(wrong, seen + rng.normal(0.0, 2.0, seen.size), seen)
+    return seen
 
 
 def _low_passed(values: np.ndarray, time_constant_s: float, pictures_hz: float) -> np.ndarray:

@@ -6,7 +6,7 @@ jumps, at the very stamps of its sensors: they would read any delay up to 10 ms 
 
 import numba
 import numpy as np
-from scipy.signal import lfilter
+from scipy.signal import lfilter, lsim
 
 from bench.proof.arm import Arm
 from bench.proof.body import Body
@@ -65,6 +65,8 @@ def recorded(values, arm: Arm, rng: np.random.Generator) -> list[Recording]:
     speed = _lagged(4.0 * throttle, 0.6)
     gain, cubic, offset = 0.4 + 0.03 * rng.normal(), 0.03 * rng.normal(), 0.01 * rng.normal()
     angle = gain * steering + cubic * steering**3 + offset
+    if "servo_rate" in values:
+        angle = _limited(angle, values["servo_rate"])
     angle = _late(_lagged(angle, values.get("servo_lag", 0.0)), values.get("servo_delay", 0.0))
     yaw = _yaw(
         angle,
@@ -74,8 +76,9 @@ def recorded(values, arm: Arm, rng: np.random.Generator) -> list[Recording]:
         values.get("relaxation", 0.0),
         values.get("play", 0.0),
     )
+    yaw, encoded = _wild(values, rng, time_s, yaw, speed, throttle)
     gyro = _sensed(
-        yaw,
+        yaw + values.get("g_sensitivity", 0.0) * yaw * speed,
         "gyro",
         values,
         GYRO_EVERY,
@@ -83,26 +86,65 @@ def recorded(values, arm: Arm, rng: np.random.Generator) -> list[Recording]:
         GYRO_BIT if arm.noise == "quantised" else 0.0,
     )
     encoder = _sensed(
-        speed,
+        encoded,
         "encoder",
         values,
         ENCODER_EVERY,
         _noise(rng, n, ENCODER_SD, arm),
         ENCODER_BIT if arm.noise == "quantised" else 0.0,
     )
+    if "outliers" in values:
+        wrong = rng.random(encoder.size) < values["outliers"]
+        encoder = np.where(wrong, encoder + rng.normal(0.0, 1.0, encoder.size), encoder)
     rows = slice(0, n, COMMAND_EVERY)
+    gyro_s = time_s[::GYRO_EVERY] * (1.0 + values.get("drift", 0.0))
     reference = slice(0, n, REFERENCE_EVERY)
     signals = {
         "steering": signal(time_s[rows], steering[rows], "1"),
         "throttle": signal(time_s[rows], throttle[rows], "1", held=True),
         "speed_reference": signal(time_s[rows], speed[rows], "m/s"),
-        "gyro": signal(time_s[::GYRO_EVERY], gyro, "rad/s"),
+        "gyro": signal(gyro_s, gyro, "rad/s"),
         "encoder": signal(time_s[::ENCODER_EVERY], encoder, "m/s"),
         "yaw_rate_reference": signal(
             time_s[reference], (yaw + REFERENCE_SD * rng.normal(size=n))[reference], "rad/s"
         ),
     }
     return [Recording("car", signals)]
+
+
+def _wild(
+    values,
+    rng: np.random.Generator,
+    time_s: np.ndarray,
+    yaw: np.ndarray,
+    speed: np.ndarray,
+    throttle: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Yaw rate and speed at the driven wheels, where the truth differs from the model in structure.
+
+    yaw_damping: the body swings into a turn [share]; camber: the road pulls by heading [rad/s]; slide: a second in which the wheels lock [s];
+    drive_slip: the driven wheels slip by the throttle.
+    """
+    if "yaw_damping" in values:
+        natural, damping = 2.0 * np.pi * 4.0, values["yaw_damping"]
+        yaw = lsim((natural**2, (1.0, 2.0 * damping * natural, natural**2)), yaw, time_s)[1]
+    if "camber" in values:
+        yaw = yaw + values["camber"] * np.sin(np.cumsum(yaw) * STEP_S)
+    encoded = speed * (1.0 + values.get("drive_slip", 0.0) * (throttle - 0.25))
+    if "slide" in values:
+        start = int(rng.uniform(10.0, 45.0) / STEP_S)
+        encoded[start : start + round(values["slide"] / STEP_S)] = 0.0
+    return yaw, encoded
+
+
+@numba.njit
+def _limited(angle: np.ndarray, rate: float) -> np.ndarray:
+    """The angle of a servo that turns no faster than `rate` [rad/s]."""
+    out = np.empty(angle.size)
+    out[0] = angle[0]
+    for i in range(1, angle.size):
+        out[i] = out[i - 1] + min(max(angle[i] - out[i - 1], -rate * STEP_S), rate * STEP_S)
+    return out
 
 
 def _noise(rng: np.random.Generator, n: int, sd: float, arm: Arm) -> np.ndarray:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
+from scipy.signal import lfilter
 
 from discrepancy.signals.recording import Recording, signal
 
@@ -18,6 +19,11 @@ ORDER = (
     "mass", "viscous", "square", "reverse", "rolling", "slope", "motor_lag",
     "drive_loss", "brake_fade", "slip", "hysteresis", "warming",
 )  # fmt: skip
+STRUCTURE = ("power", "brake_lag", "backlash", "loss_by_speed", "ripple", "stribeck")
+"""Laws in which the wild arms differ from the model, all the time: the viscous resistance goes with |v|^(1 + power), the brake comes late
+[s], after a reversal the motor first crosses a play [s], the loss of the drive grows with speed [s/m], the traction ripples with the
+angle of the wheels (share), and dry friction falls with speed [share of the weight]."""
+WHEEL_M = 0.7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,15 +55,18 @@ def _drive(
     shake: np.ndarray,
     reading: np.ndarray,
     sense: np.ndarray,
+    structure: np.ndarray,
 ) -> np.ndarray:
     """Closed loop; rows: speed of the machine, wheel speed, acceleration, drive command, brake command.
 
     always: parameters without the effects; effects: what they add where `acts` is 1; reading: error of the speed the driver acts on;
-    sense: (scale, delay in steps) of the speed sensor.
+    sense: (scale, delay in steps) of the speed sensor; structure: values of STRUCTURE.
     """
     n = target.size
     out = np.zeros((5, n))
     v, force, memory, command, brake = 0.0, 0.0, 0.0, 0.0, 0.0
+    power, brake_lag, backlash, loss_by_speed, ripple, stribeck = structure
+    braking, angle, side, crossing = 0.0, 0.0, 1.0, 0.0
     delay = round(sense[1])
     for i in range(n):
         mass, cold, square, reverse, rolling, slope, lag, loss, fade, slip, hysteresis, warming = (
@@ -65,7 +74,15 @@ def _drive(
         )
         viscous = cold * (1.0 - warming * (1.0 - np.exp(-i * STEP_S / WARM_S)))
         out[0, i] = v
-        traction = force * (1.0 - loss)
+        angle += STEP_S * v / WHEEL_M
+        # of the force, what reaches the wheels: nothing while a play is crossed
+        passed = (1.0 - loss_by_speed * abs(v)) * (1.0 + ripple * np.sin(6.0 * angle))
+        if force * side < 0.0:
+            side, crossing = -side, backlash
+        if crossing > 0.0:
+            crossing -= STEP_S
+            passed = 0.0
+        traction = force * (1.0 - loss) * passed
         out[1, i] = v * (1.0 + slip * traction / (mass * G))
         if i % 8 == 0:  # the driver and the controller act at 25 Hz
             seen = out[1, max(i - delay, 0)] * (1.0 + sense[0]) + reading[i]
@@ -76,6 +93,7 @@ def _drive(
             if abs(target[i]) < 0.05 and abs(seen) > 0.1:
                 brake, command = 12e3, 0.0
         out[3, i], out[4, i] = command, brake
+        braking = brake if brake_lag < 1e-6 else brake + (braking - brake) * np.exp(-STEP_S / brake_lag)
         if lag < 1e-6:
             force = command
         # play of 6 kN: hysteresis remembers the way by which a force was reached
@@ -87,9 +105,14 @@ def _drive(
             after = 0.0 if stage == 0 else (STEP_S if stage == 3 else 0.5 * STEP_S)
             at = v + after * (k[stage - 1] if stage else 0.0)
             late = command + (force - command) * np.exp(-after / lag) if lag >= 1e-6 else command
-            push = late * (1.0 - loss) + steady
-            resist = viscous * at + square * at * abs(at) + (reverse * at if at < 0.0 else 0.0)
-            resist += (mass * G * rolling + brake * (1.0 - fade)) * at / np.sqrt(at * at + 0.05**2)
+            push = late * (1.0 - loss) * passed + steady
+            resist = (
+                viscous * at * max(abs(at), 1e-3) ** power
+                + square * at * abs(at)
+                + (reverse * at if at < 0.0 else 0.0)
+            )
+            dry = mass * G * (rolling + stribeck * np.exp(-abs(at)))
+            resist += (dry + braking * (1.0 - fade)) * at / np.sqrt(at * at + 0.05**2)
             k[stage] = (push - resist) / mass
         if lag >= 1e-6:
             force = command + (force - command) * np.exp(-STEP_S / lag)
@@ -108,7 +131,7 @@ def record(
     interval: tuple[float, float] | None = None,
     keep: int = KEEP,
 ) -> Recording:
-    """Drive a random sequence of target speeds; truth: parameters by the model's names, mass and sensors included.
+    """Drive a random sequence of target speeds; truth: parameters by the model's names, mass and sensors included, and those of STRUCTURE and _spoilt.
 
     keep: one of so many steps is recorded. interval: the time [s] in which the effects act; else always.
     """
@@ -130,9 +153,13 @@ def record(
         drive = rng.normal(0.0, noise.force_sd * np.sqrt(1.0 - a * a), n)
         for i in range(1, n):
             shake[i] = a * shake[i - 1] + drive[i]
+    if "contact" in truth:  # something stands in the way for three seconds
+        start = int(truth["contact_at"] * n)
+        shake[start : start + round(3.0 / STEP_S)] -= truth["contact"]
     reading = rng.normal(0.0, noise.speed_sd, n)
     sense = np.array([truth.get("speed.scale", 0.0), truth.get("speed.delay", 0.0) / STEP_S])
-    out = _drive(always, effects, acts, target, shake, reading, sense)
+    structure = np.array([truth.get(name, 0.0) for name in STRUCTURE])
+    out = _drive(always, effects, acts, target, shake, reading, sense, structure)
     time_s = STEP_S * np.arange(n)
     rows = slice(0, n, keep)
     wheel = np.interp(time_s - truth.get("speed.delay", 0.0), time_s, out[1]) * (1.0 + sense[0]) + reading
@@ -141,6 +168,7 @@ def record(
     force = acceleration + G * np.sin(acts * truth.get("slope", 0.0))
     force = force * (1.0 + truth.get("acceleration.scale", 0.0)) + truth.get("acceleration.bias", 0.0)
     force = force + rng.normal(0.0, noise.acceleration_sd, n)
+    wheel, force = _spoilt(truth, time_s, wheel, force, out)
     if noise.quantised:
         # 1/256 km/h and 0.01 m/s²: resolutions usual in J1939 messages
         wheel, force = np.round(wheel * 256.0 * 3.6) / 256.0 / 3.6, np.round(force / 0.01) * 0.01
@@ -153,3 +181,27 @@ def record(
             "acceleration": signal(time_s[rows], force[rows], "m/s^2"),
         },
     )
+
+
+def _spoilt(
+    truth: Mapping[str, float], time_s: np.ndarray, wheel: np.ndarray, force: np.ndarray, out: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """What real sensors add: a pitch that follows the acceleration, a wheel out of round, a wandering zero, another clock, outliers."""
+    # a generator of its own: the same arm without the difference has the same drive and noise
+    rng = np.random.default_rng([int(1e6 * truth.get("draw", 0.0)), 11])
+    if "squat" in truth:
+        a = STEP_S / 0.3  # the suspension's tyres settle within 0.3 s
+        force = force + G * truth["squat"] * lfilter([a], [1.0, a - 1.0], out[2])
+    if "out_of_round" in truth:
+        wheel = wheel * (1.0 + truth["out_of_round"] * np.sin(np.cumsum(out[0]) * STEP_S / WHEEL_M))
+    if "wander" in truth:
+        a = np.exp(-STEP_S / 2.0)
+        wheel = wheel + lfilter(
+            [np.sqrt(1.0 - a * a)], [1.0, -a], rng.normal(0.0, truth["wander"], time_s.size)
+        )
+    if "drift" in truth:
+        force = np.interp(time_s * (1.0 + truth["drift"]), time_s, force)
+    if "outliers" in truth:
+        wrong = rng.random(time_s.size) < truth["outliers"]
+        wheel = np.where(wrong, wheel + rng.normal(0.0, 1.0, time_s.size), wheel)
+    return wheel, force
