@@ -60,7 +60,7 @@ def measured(done: Sequence[Done]) -> dict[str, Cell]:
     covered = [inside for d in strong for _, inside in parameters(d)]
     beside = [len(false_names(d)) for d in strong]
     pairs = [d for d in of["pair"] if d.reached]
-    cells = {
+    return {
         "nothing hidden: a wrong name": _share(share(of["null"], lambda d: bool(false_names(d))), most=0.05),
         "of these with a fair name": _share(share(of["null"], _fairly_named)),
         "one effect hidden, lambda >= 50: in a named group": _share(share(strong, found), least=0.9),
@@ -80,7 +80,6 @@ def measured(done: Sequence[Done]) -> dict[str, Cell]:
         "verdicts, nothing hidden": (_statuses(of["null"]), None),
         "verdicts, one effect hidden": (_statuses(strong), None),
     }
-    return cells
 
 
 TARGETS = {

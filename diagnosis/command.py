@@ -167,7 +167,7 @@ def diagnose(
             raise typer.Exit(_each(question, out, apply, scheduler, workers))
         if scheduler is not None or workers is not None:
             raise Misuse("--scheduler and --workers: apply to many diagnoses; add --each")
-        settings = Settings(average=average, set_aside=set_aside)
+        settings = Settings(average=average, set_aside="intervals" if set_aside else "outliers")
         raise typer.Exit(_one(question, out, apply, settings, everything=everything))
 
 

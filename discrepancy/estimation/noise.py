@@ -17,6 +17,7 @@ from discrepancy.estimation.set_aside import (
     OddInterval,
     after,
     intervals,
+    single,
     unexplained_steps,
     without_echoes,
 )
@@ -192,14 +193,22 @@ def estimate_noise(problem: Problem, residual: Array, used: float, known: Noise 
 
 
 def setting_aside(
-    problem: Problem, residual: Array, used: float, known: Noise, raw: Array, spared: set[int]
+    problem: Problem,
+    residual: Array,
+    used: float,
+    known: Noise,
+    raw: Array,
+    spared: set[int],
+    *,
+    with_intervals: bool = True,
 ) -> Noise:
     """The noise without rows that nothing explains; arguments as of `estimate_noise`.
 
-    raw: the residual with what candidates could explain; spared: groups of which too much would go, and which keep their rows.
+    raw: the residual with what candidates could explain; spared: groups of which too much would go, and which keep their rows;
+    with_intervals: intervals of time too, not only outliers.
     """
     noise = estimate_noise(problem, residual, used, known)
-    out = _marked(problem, noise, residual - known.initial_part(residual)[0], raw, spared)
+    out = _marked(problem, noise, residual - known.initial_part(residual)[0], raw, spared, with_intervals)
     if not any(rows.any() for rows in out):
         return Noise(problem, noise.whiteners, known.initial_uncertainty)
     return estimate_noise(
@@ -207,13 +216,15 @@ def setting_aside(
     )
 
 
-def restored(problem: Problem, residual: Array, used: float, noise: Noise) -> Noise:
-    """The noise with rows back in that were only predicted from an outlier; arguments as of `estimate_noise`."""
+def restored(
+    problem: Problem, residual: Array, used: float, noise: Noise, *, with_intervals: bool = True
+) -> Noise:
+    """The noise with rows back in that were only predicted from an outlier; arguments as of `setting_aside`."""
     out = list(noise.set_aside)
     for at in _by_group(problem):
         own = [residual[r.start : r.stop].reshape(r.shape) for r in (problem.blocks[i] for i in at)]
         for i, rows in zip(at, without_echoes(own, [out[i] for i in at]), strict=True):
-            out[i] = rows
+            out[i] = rows if with_intervals else single(rows)
     return estimate_noise(
         problem, residual, used, Noise(problem, noise.whiteners, noise.initial_uncertainty, out)
     )
@@ -230,13 +241,17 @@ def what_is_aside(problem: Problem, residual: Array, noise: Noise) -> list[OddIn
     return sorted(found, key=lambda s: (s.window, s.start_s))
 
 
-def _marked(problem: Problem, noise: Noise, left: Array, raw: Array, spared: set[int]) -> tuple[Mask, ...]:
+def _marked(
+    problem: Problem, noise: Noise, left: Array, raw: Array, spared: set[int], with_intervals: bool
+) -> tuple[Mask, ...]:
     """Rows of every block that nothing explains; groups of which too much would go keep all of theirs, and join the spared ones."""
     errors, before = noise.errors(left), noise.errors(raw)
     out = list(noise.set_aside) or [np.zeros(block.shape[0], bool) for block in problem.blocks]
     for group, at in enumerate(_by_group(problem)):
         own, was, known = [errors[i] for i in at], [before[i] for i in at], [out[i] for i in at]
-        marked = None if group in spared else unexplained_steps(own, was, known)
+        marked = (
+            None if group in spared else unexplained_steps(own, was, known, with_intervals=with_intervals)
+        )
         if marked is None:
             spared.add(group)
         for i, k in enumerate(at):

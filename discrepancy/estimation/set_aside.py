@@ -28,6 +28,7 @@ EXPLAINED: Final = 0.5  # share of the squared errors of an interval that candid
 MANY: Final = (
     0.4  # share of rows with a large residual of their own, from which rows in a row are one interval
 )
+SINGLE: Final = 1  # rows in a row that are a wrong reading; more may be what the machine did
 NORMAL: Final = 1.4826  # standard deviations in a median absolute deviation
 
 
@@ -55,11 +56,12 @@ NOTHING: Final = SetAside()
 
 
 def unexplained_steps(
-    errors: Sequence[Array], before: Sequence[Array], known: Sequence[Mask]
+    errors: Sequence[Array], before: Sequence[Array], known: Sequence[Mask], *, with_intervals: bool = True
 ) -> list[Mask] | None:
     """For the blocks of one group: which of their rows nothing explains (n,); None where that is too much of the recording to be set aside.
 
-    errors: of one-step predictions, per block (n - order, c), what candidates could do taken out; before: with it; known: rows that are out already.
+    errors: of one-step predictions, per block (n - order, c), what candidates could do taken out; before: with it; known: rows that are out already;
+    with_intervals: intervals of time too, not only outliers.
     """
     kept = [e[~out[out.size - len(e) :]] for e, out in zip(errors, known, strict=True)]
     scale = _scale(np.concatenate(kept))
@@ -68,7 +70,9 @@ def unexplained_steps(
         size = np.abs(e) / scale
         late = out.copy()
         first = out.size - len(e)
-        new = np.any(size > OUTLIER, axis=1) | _in_intervals(size)
+        new = np.any(size > OUTLIER, axis=1)
+        if with_intervals:
+            new |= _in_intervals(size)
         # candidates enter to first order: what they explain for the most part is a strong effect, not a riddle
         for start, stop in _spans(new):
             if np.sum(e[start:stop] ** 2) < EXPLAINED * np.sum(was[start:stop] ** 2):
@@ -109,6 +113,14 @@ def without_echoes(residuals: Sequence[Array], out: Sequence[Mask]) -> list[Mask
                 kept[start:stop] = large[start:stop]
         found.append(kept)
     return found
+
+
+def single(out: Mask) -> Mask:
+    """The rows of a mask (n,) that stand alone."""
+    kept = out.copy()
+    for start, stop in _spans(out):
+        kept[start:stop] = stop - start <= SINGLE
+    return kept
 
 
 def _spans(rows: Mask) -> list[tuple[int, int]]:

@@ -14,11 +14,13 @@ from discrepancy.selection.unexplained import unexplained, unexplained_by_window
 ROUNDS: Final = 6  # of a fit and of rows that nothing explains
 
 
-def to_set_aside(problem: Problem, state: State) -> SetAside:
+def to_set_aside(problem: Problem, state: State, *, with_intervals: bool) -> SetAside:
     """The rows that nothing explains beside what was accepted; every candidate is free in every window, because a temporary effect is no riddle.
 
     Asked at the end of a search: strong effects are then fitted, while a linear forecast of them leaves errors of its own. Where some effect helps far beyond
     chance and yet was not accepted, the errors are its own. Models whose simulations are expensive are not asked.
+
+    with_intervals: intervals of time too; else only readings that stand alone.
     """
     helps = (t for t in state.trials if t.effect not in state.accepted and not t.reference)
     if problem.costs.costly or any(
@@ -31,7 +33,8 @@ def to_set_aside(problem: Problem, state: State) -> SetAside:
         raw = problem.measured - problem.predict(at.values)
         at = fit(problem, found, at.names, at.values, effort=AS_IT_IS)
         by_window = unexplained_by_window(problem, found, at, raw, state.columns)
-        known, found = found.set_aside, setting_aside(problem, *by_window, found, raw, spared)
+        known = found.set_aside
+        found = setting_aside(problem, *by_window, found, raw, spared, with_intervals=with_intervals)
         if same_rows(known, found.set_aside):
             break
         at = fit(problem, found, at.names, at.values, effort=BRIEF)
@@ -40,6 +43,6 @@ def to_set_aside(problem: Problem, state: State) -> SetAside:
     raw = problem.measured - problem.predict(at.values)
     at = fit(problem, found, at.names, at.values, effort=AS_IT_IS)
     left, used = unexplained(problem, found, at, raw, state.columns)
-    noise: Noise = restored(problem, left, used, found)
+    noise: Noise = restored(problem, left, used, found, with_intervals=with_intervals)
     rows = tuple(noise.set_aside)
     return SetAside(rows, tuple(what_is_aside(problem, left, estimate_noise(problem, left, used, noise))))

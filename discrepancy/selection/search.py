@@ -25,19 +25,21 @@ def search(
 ) -> tuple[State, list[State]]:
     """The final state, and the states on the way (the first is the baseline).
 
-    On request, what nothing explains at the end is set aside, and all is looked for again without it. A recording without such rows is searched
-    once; so is one in which the rows left out would let in an effect that was not accepted with them.
+    Readings that nothing explains at the end, and on request intervals of time, are set aside, and all is looked for again without them. A
+    recording without such rows is searched once; so is one in which intervals left out would let in an effect that was not accepted with them.
     """
     state, history = _search(problem, settings, progress, NOTHING)
-    aside = to_set_aside(problem, state) if settings.set_aside else NOTHING
+    whole = settings.set_aside == "intervals"
+    aside = NOTHING if settings.set_aside == "nothing" else to_set_aside(problem, state, with_intervals=whole)
     if not aside.intervals:
         return state, history
     progress(
         f"{sum(s.rows for s in aside.intervals)} rows that nothing explains are set aside; searching again"
     )
     again, steps = _search(problem, settings, progress, aside)
-    # An effect that passes only without the rows that contradict it has not passed: those rows may be the evidence against it.
-    if set(again.accepted) - set(state.accepted):
+    # An effect that passes only without an interval that contradicts it has not passed: the interval may be the evidence against it. A
+    # single wrong reading is evidence of nothing: no machine moves there and back between two samples.
+    if whole and set(again.accepted) - set(state.accepted):
         return state, history
     return again, steps
 

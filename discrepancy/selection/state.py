@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -31,12 +32,11 @@ class Settings:
     most_simulations: int = 3000  # of a costly model, after which a search ends
     folds: int = 2  # of the held-out test
     open_ended: bool = True  # whether an equation outside the library is searched
-    # Two helps for difficult recordings. They are off because each has let in a wrong name that the plain search refuses: play in a steering
-    # linkage became a lag of its servo, and a leak of another size in every minute passed for one of a constant size.
+    # Two helps for difficult recordings, means and intervals. They are off because each has let in a wrong name that the plain search refuses:
+    # play in a steering linkage became a lag of its servo, and a leak of another size in every minute passed for one of a constant size.
     average: bool = False  # samples that come faster than the model moves become means (ADR 27)
-    set_aside: bool = (
-        False  # outliers and intervals that nothing explains are left out of a second search (ADR 29)
-    )
+    # what nothing explains and is left out of a second search (ADR 29): single readings, or intervals of time too
+    set_aside: Literal["nothing", "outliers", "intervals"] = "outliers"
 
     def least_held_out(self, reduction: float) -> float:
         """Smallest SSE reduction on held-out rows, where all rows give `reduction`."""

@@ -52,6 +52,7 @@ class Parameter:
     si: float = 1.0
     off: float = 0.0
     shape: bool = False
+    trial_steps: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.low <= self.typical <= self.high:
@@ -61,10 +62,27 @@ class Parameter:
 
 
 def degrees(
-    name: str, typical: float, low: float, high: float, meaning: str, *, shape: bool = False
+    name: str,
+    typical: float,
+    low: float,
+    high: float,
+    meaning: str,
+    *,
+    shape: bool = False,
+    trial_steps: tuple[float, ...] = (),
 ) -> Parameter:
     """A parameter given in degrees."""
-    return Parameter(name, "deg", typical, low, high, meaning, si=math.radians(1.0), shape=shape)
+    return Parameter(
+        name,
+        "deg",
+        typical,
+        low,
+        high,
+        meaning,
+        si=math.radians(1.0),
+        shape=shape,
+        trial_steps=trial_steps,
+    )
 
 
 @dataclass(frozen=True, slots=True)

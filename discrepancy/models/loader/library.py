@@ -100,5 +100,6 @@ def _engine_parameter(effect: str, p: PlantParameter) -> Parameter:
         upper=p.high,
         typical=change,
         shape=p.shape,
-        small=False,  # one trial step only: every simulation costs seconds
+        small=False,  # every simulation costs seconds
+        trial_steps=p.trial_steps,
     )

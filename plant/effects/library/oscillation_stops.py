@@ -18,7 +18,8 @@ EFFECT = Effect(
     sentence="The rear axle meets its stops at another angle, or harder, than assumed.",
     equation="M_p = -k k_s (phi_o -+ (phi_s - d)) beyond the stops",
     parameters=(
-        degrees("narrower_deg", 5.0, -20.0, 20.0, "d"),
+        # the axle seldom swings far: on an even road only stops that leave it no room show
+        degrees("narrower_deg", 5.0, -20.0, 20.0, "d", trial_steps=(5.0, 10.0, 15.0)),
         Parameter("stiffness", "1", 1.0, 0.1, 10.0, "k: over the stiffness of the machine file", off=1.0),
     ),
     acts_on="difference of the rear wheels' normal forces, roll",

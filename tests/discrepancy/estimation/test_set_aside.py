@@ -13,7 +13,7 @@ from discrepancy.selection.state import Settings, State
 from discrepancy.signals.recording import Recording, Signal
 from tests.discrepancy.toys import record, tank
 
-BRIEF = Settings(open_ended=False, set_aside=True)
+BRIEF = Settings(open_ended=False, set_aside="intervals")
 
 
 def with_errors(recording: Recording, error: np.ndarray) -> Recording:

@@ -59,7 +59,7 @@ def test_tanks_that_overflow_are_unknown_with_the_size_and_place_of_the_error(re
 @pytest.mark.slow
 def test_friction_of_the_linear_drive_has_its_published_size_at_500_hz(recordings: Path) -> None:
     """Janot, Gautier and Brunot (2019): 203.5 N s/m and 20.4 N. One-step errors of single samples gave 422 and no dry friction."""
-    found = found_in("emps", recordings, Settings(open_ended=False, average=True, set_aside=True))
+    found = found_in("emps", recordings, Settings(open_ended=False, average=True, set_aside="intervals"))
     for effect, published in (("viscous friction", 203.5), ("dry friction", 20.4)):
         assert effect in found.named
         (size,) = found.finding(effect).parameters
