@@ -5,7 +5,7 @@ import numpy as np
 from discrepancy import gates
 from discrepancy.decision.drop_one import DropOneTest
 from discrepancy.decision.groups import in_between
-from discrepancy.decision.summary import estimate
+from discrepancy.decision.summary import estimate, estimated
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
 from discrepancy.estimation.normal_equations import inverse
@@ -39,7 +39,7 @@ def caveats_of(
             f"and {_evidence(test.held_out_sse_reduction)} on held-out data"
         )
     found += _in_between(problem, state, fitted)
-    kept = _present(effect, fitted, state.noise)
+    kept = _present(problem, effect, fitted, state.noise)
     found += _at_bounds(effect, kept)
     found += _at_baseline(kept, fitted, effect)
     found += _cancelled(problem, state, test)
@@ -64,9 +64,9 @@ def _is_profile(effect: Effect) -> bool:
     return len(effect.amplitude_parameters) > FEW
 
 
-def _present(effect: Effect, fitted: Fit, noise: Noise) -> Estimated:
+def _present(problem: Problem, effect: Effect, fitted: Fit, noise: Noise) -> Estimated:
     """Amplitude parameters less those that are absent for certain: of brakes that drag in front, the torque of the rear ones."""
-    own = [(p, estimate(p, fitted, noise)) for p in effect.amplitude_parameters]
+    own = [(p, estimated(problem, p, fitted, noise)) for p in effect.amplitude_parameters]
     if _is_profile(effect):
         return own
     largest = max(abs(e.value - p.value) / abs(p.typical) for p, e in own)
@@ -95,10 +95,14 @@ def _at_baseline(present: Estimated, fitted: Fit, effect: Effect) -> list[str]:
     held = dict(zip(effect.amplitude_names, np.sqrt(variances), strict=True))
     for p, e in present:
         sd = fitted.sd(p.name)
-        reach = 0.5 * ((e.high or 0.0) - (e.low or 0.0)) * (held[p.name] / sd if sd > 0.0 else 1.0)
-        distance = abs(e.value - p.value)
-        if distance < gates.OFF_BASELINE.threshold * reach:
-            interval = f"{figures(e.low or 0.0)} to {quantity(e.high or 0.0, e.unit)}"
+        low, high = e.low or 0.0, e.high or 0.0
+        if sd > 0.0:
+            reach = 0.5 * (high - low) * held[p.name] / sd
+            undecided = abs(e.value - p.value) < gates.OFF_BASELINE.threshold * reach
+        else:
+            undecided = low <= p.value <= high
+        if undecided:
+            interval = f"{figures(low)} to {quantity(high, e.unit)}"
             found.append(
                 f"{p.name} may be {quantity(p.value, p.unit)}, as in the baseline (95 %: {interval})"
             )

@@ -146,7 +146,7 @@ def _finding(
         place=effect.place,
         sentence=effect.said(best.fit.values.shared[effect.parameters[0].name]),
         equation=effect.equation,
-        parameters=summary.estimates(effect, best.fit, state.noise),
+        parameters=summary.estimates(problem, effect, best.fit, state.noise),
         sse_reduction=test.sse_reduction,
         threshold=test.threshold,
         held_out_sse_reduction=test.held_out_sse_reduction,
@@ -167,7 +167,7 @@ def _member(problem: Problem, state: State, best: Alternative, other: Alternativ
         effect=other.effect,
         likelihood_difference=other.difference - best.difference,
         collinearity=other.collinearity,
-        parameters=summary.estimates(problem.model.effect(other.effect), other.fit, state.noise),
+        parameters=summary.estimates(problem, problem.model.effect(other.effect), other.fit, state.noise),
     )
 
 

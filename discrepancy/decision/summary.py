@@ -1,6 +1,7 @@
 """Parts of the findings that come from a finished search: estimates with intervals, ranking of the library, nuisances, noise."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Final
 
@@ -10,6 +11,7 @@ from scipy.stats import chi2, ncx2
 from scipy.stats import t as student
 
 from discrepancy import gates
+from discrepancy.decision import flat
 from discrepancy.decision.detectability import in_a_valley, left_by_refit
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
@@ -37,9 +39,18 @@ WHITE_LAGS = 20  # lags of the test for whiteness
 ALONE = 0.9
 
 
-def estimates(effect: Effect, fitted: Fit, noise: Noise) -> list[f.Estimate]:
+def estimates(problem: Problem, effect: Effect, fitted: Fit, noise: Noise) -> list[f.Estimate]:
     """All parameters of an effect with their intervals."""
-    return [estimate(p, fitted, noise) for p in effect.parameters]
+    return [estimated(problem, p, fitted, noise) for p in effect.parameters]
+
+
+def estimated(problem: Problem, parameter: Parameter, fitted: Fit, noise: Noise) -> f.Estimate:
+    """As `estimate`; the interval of a parameter whose small changes do nothing is that of the likelihood."""
+    linear = estimate(parameter, fitted, noise)
+    if not flat.is_flat(parameter, fitted):
+        return linear
+    low, high = flat.interval(problem, noise, fitted, parameter)
+    return replace(linear, low=low, high=high)
 
 
 def estimate(parameter: Parameter, fitted: Fit, noise: Noise | None = None) -> f.Estimate:
