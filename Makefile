@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test compiled check fast slow-tests socketcan fuzz kills bench shape speed proof identification microcontroller results pages clean lock
+.PHONY: help demo test compiled check fast slow-tests socketcan fuzz kills bench shape speed proof wild identification microcontroller results pages clean lock
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
@@ -67,6 +67,9 @@ speed: $(BIN)/.bench ## every benchmark into docs/results/speed.md, on a quiet m
 
 proof: $(BIN)/.bench ## prove the diagnosis: all arms into docs/results/proof.md (hours; run again to take up); PROOF='--arms straight --share 0.1'
 	$(BIN)/python -m bench.proof --out docs/results/proof.md $(PROOF)
+
+wild: $(BIN)/.bench ## diagnosis of truths that differ from the model in structure, into docs/results/wild.md (half an hour; run again to take up)
+	$(BIN)/python -m bench.wild --seeds report --out docs/results/wild.md
 
 identification: $(BIN)/.test ## coverage of the identification on 200 seeded cases into docs/results/identification.md (an hour; run again to take up)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.identify_coverage --cases 200 --out docs/results/identification.md

@@ -185,7 +185,12 @@ def main() -> None:
     parser.add_argument("--seeds", choices=tuple(wild.SEEDS), default="tuning")
     parser.add_argument("--bodies", default=",".join(body.name for body in wild.BODIES.values()))
     parser.add_argument("--share", type=float, default=1.0, help="of the arms, evenly from each kind")
-    parser.add_argument("--work", type=Path, default=Path("out/wild"), help="keeps each arm's result")
+    parser.add_argument(
+        "--work",
+        type=Path,
+        default=None,
+        help="keeps each arm's result; default: a folder of the commit below out/wild",
+    )
     parser.add_argument("--out", type=Path, default=None, help="write the page here, else print it")
     parser.add_argument("--workers", type=int, default=None, help="processes; else one per processor")
     args = parser.parse_args()
@@ -195,7 +200,7 @@ def main() -> None:
     planned = sampled([arm for name in names for arm in wild.arms(name, wild.SEEDS[args.seeds])], args.share)
     chosen = {arm.key: arm for arm in planned}
     commit = report.commit()
-    store = Store(args.work, {"commit": commit})
+    store = Store(args.work or Path("out/wild") / f"{args.seeds} {commit}", {"commit": commit})
     with bar(Console(stderr=True)) as progress:
         broken = carry_out(wild.carried_out, chosen, store, workers=args.workers, report=progress).failures
     store.collect(chosen, broken)

@@ -124,7 +124,7 @@ def diagnose(
         bool,
         typer.Option(
             "--set-aside",
-            help="Leave out what nothing explains, at most a tenth of a channel, and search again; the intervals are listed.",
+            help="Leave out intervals of time that nothing explains, at most a tenth of a channel, and search again; they are listed. Single wrong readings are left out in any case.",
         ),
     ] = False,
     workers: Annotated[
