@@ -65,7 +65,7 @@ BALL = (
     ),
     Difference(
         name="wind that grows with height",
-        ranges={"shear": (0.01, 0.05)},
+        ranges={"shear": (0.02, 0.1), "drag_coefficient": (0.1, 0.4)},
         fair=("linear drag", "quadratic drag"),
     ),
     Difference(name="spin", ranges={"spin": (0.01, 0.05)}, fair=("quadratic drag", "linear drag")),
@@ -75,7 +75,7 @@ BALL = (
 )
 CAR = (
     Difference(
-        name="servo of limited rate", ranges={"servo_rate": (1.0, 3.0)}, fair=("servo lag", "servo delay")
+        name="servo of limited rate", ranges={"servo_rate": (0.4, 1.2)}, fair=("servo lag", "servo delay")
     ),
     Difference(
         name="body that swings",

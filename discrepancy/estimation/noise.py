@@ -17,9 +17,9 @@ from discrepancy.estimation.set_aside import (
     OddInterval,
     after,
     intervals,
-    single,
     unexplained_steps,
     without_echoes,
+    wrong_readings,
 )
 from discrepancy.model.windows import Block
 from discrepancy.signals.recording import Array
@@ -223,8 +223,9 @@ def restored(
     out = list(noise.set_aside)
     for at in _by_group(problem):
         own = [residual[r.start : r.stop].reshape(r.shape) for r in (problem.blocks[i] for i in at)]
-        for i, rows in zip(at, without_echoes(own, [out[i] for i in at]), strict=True):
-            out[i] = rows if with_intervals else single(rows)
+        kept = without_echoes(own, [out[i] for i in at])
+        for i, rows in zip(at, kept if with_intervals else wrong_readings(own, kept), strict=True):
+            out[i] = rows
     return estimate_noise(
         problem, residual, used, Noise(problem, noise.whiteners, noise.initial_uncertainty, out)
     )

@@ -28,7 +28,8 @@ EXPLAINED: Final = 0.5  # share of the squared errors of an interval that candid
 MANY: Final = (
     0.4  # share of rows with a large residual of their own, from which rows in a row are one interval
 )
-SINGLE: Final = 1  # rows in a row that are a wrong reading; more may be what the machine did
+SINGLE: Final = 1  # rows in a row that can be a wrong reading; more may be what the machine did
+STAYED: Final = 0.5  # of a jump, from which on it has moved something
 NORMAL: Final = 1.4826  # standard deviations in a median absolute deviation
 
 
@@ -115,12 +116,24 @@ def without_echoes(residuals: Sequence[Array], out: Sequence[Mask]) -> list[Mask
     return found
 
 
-def single(out: Mask) -> Mask:
-    """The rows of a mask (n,) that stand alone."""
-    kept = out.copy()
-    for start, stop in _spans(out):
-        kept[start:stop] = stop - start <= SINGLE
-    return kept
+def wrong_readings(residuals: Sequence[Array], out: Sequence[Mask]) -> list[Mask]:
+    """Of rows that are out, those that stand alone, with a residual (n, c) that goes there and back: far from both neighbours.
+
+    A disturbance of the machine also makes one large error of prediction, but what it moved stays moved (additive and innovational outliers, Fox
+    1972).
+    """
+    # the first and the last row have one neighbour, and stay
+    moves = [(r[1:-1] - 0.5 * (r[:-2] + r[2:]), r[2:] - r[:-2]) for r in residuals]
+    scale = _scale(np.concatenate([there for there, _ in moves]))
+    found = []
+    for (there, stayed), rows in zip(moves, out, strict=True):
+        back = (np.abs(there) > OUTLIER * scale) & (np.abs(stayed) < STAYED * np.abs(there))
+        kept = np.zeros_like(rows)
+        kept[1:-1] = rows[1:-1] & np.any(back, axis=1)
+        for start, stop in _spans(rows):
+            kept[start:stop] &= stop - start <= SINGLE
+        found.append(kept)
+    return found
 
 
 def _spans(rows: Mask) -> list[tuple[int, int]]:

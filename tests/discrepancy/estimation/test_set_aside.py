@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from discrepancy.estimation.problem import Problem
 from discrepancy.estimation.set_aside import NOTHING
@@ -14,6 +15,7 @@ from discrepancy.signals.recording import Recording, Signal
 from tests.discrepancy.toys import record, tank
 
 BRIEF = Settings(open_ended=False, set_aside="intervals")
+UNASKED = Settings(open_ended=False)
 
 
 def with_errors(recording: Recording, error: np.ndarray) -> Recording:
@@ -103,3 +105,28 @@ def test_an_effect_that_acts_for_a_while_is_no_such_interval() -> None:
 
 def test_what_fills_more_than_a_tenth_is_the_noise() -> None:
     assert searched(with_a_bad_contact(record(1), 40.0, 60.0)).aside == NOTHING
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_single_wrong_readings_are_set_aside_without_being_asked(seed: int) -> None:
+    spoilt, at = with_outliers(record(seed, leak=0.01), 0.01)
+    found = examine(tank(), [spoilt], UNASKED)
+    assert found.named == ["leak"]
+    (complaint,) = found.complaints
+    count = int(complaint.text.removeprefix("has ").split(" ")[0])
+    # two that happen to follow one another are kept
+    assert 0.9 * at.size <= count <= at.size
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_a_knock_moves_is_no_wrong_reading(seed: int) -> None:
+    """Noise with memory that is knocked a few times: as large errors of prediction as outliers make, but the level returns slowly."""
+    recording = record(seed, memory=0.9)
+    rng, size = np.random.default_rng(seed), recording.signals["level"].value.size
+    knocks = np.where(rng.random(size) < 0.01, rng.uniform(0.3, 1.0, size), 0.0)
+    knocked = with_errors(recording, lfilter([1.0], [1.0, -0.9], knocks))
+    assert search(Problem(tank(), [knocked]), UNASKED)[0].aside == NOTHING
+
+
+def test_an_interval_stays_unless_asked_for() -> None:
+    assert search(Problem(tank(), [with_a_bad_contact(record(1), 42.0, 47.0)]), UNASKED)[0].aside == NOTHING
