@@ -2,20 +2,23 @@
 
 Frames are read as 64-bit words, a signal is shifts and a mask, then raw * scale + offset as
 cantools computes it, so that each value equals cantools' bit for bit. Integer signals stay
-integers; what leaves 64 bits becomes an array of Python's integers.
+integers; what leaves 64 bits becomes an array of Python's integers. Integer signals are unpacked by a compiled
+loop (`dbc.kernels.unpack`); floats and what leaves 64 bits by numpy.
 """
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bus.frame import ERROR, REMOTE
 from dbc.database import Database, MessageCodec
+from dbc.kernels.groups import Numbering, rows_by_group
+from dbc.kernels.unpack import Plan, fits, kind_of, plan_of, unpack
 from dbc.recordings.logfile import FrameTable
 from dbc.signal import Signal
 
@@ -36,6 +39,14 @@ class Columns:
     rows: NDArray[np.int64]  # (n,) rows of the table that the frames came from
 
 
+@dataclass(frozen=True, slots=True)
+class Grouped:
+    """The rows of a table by what they are."""
+
+    rows: Mapping[MessageCodec, NDArray[np.int64]]  # of each message that occurs, in the order of the table
+    unknown: Mapping[int, int]  # `can_id` word -> frames that no database knows (remote and error frames too)
+
+
 class ColumnDecoder:
     """Decodes a table by one or several databases; the first that knows an identifier decides.
 
@@ -48,6 +59,10 @@ class ColumnDecoder:
         for database in databases:
             for codec in database.by_id.values():
                 self._names[codec] = self._free_name(codec.name, Path(database.source).stem)
+        self._codecs = tuple(self._names)
+        self._place = {codec: place for place, codec in enumerate(self._codecs)}
+        self._numbering = Numbering()
+        self._message_of = np.empty(0, np.int64)  # place in `_codecs` by number of an identifier
 
     def _free_name(self, name: str, source: str) -> str:
         taken = set(self._names.values())
@@ -62,70 +77,127 @@ class ColumnDecoder:
                 return codec
         return next((codec for d in self._databases if (codec := d.match(can_id)) is not None), None)
 
-    def decode(self, table: FrameTable, *, truncated: bool = False) -> dict[str, Columns]:
+    def name_of(self, codec: MessageCodec) -> str:
+        """What a message is called here."""
+        return self._names[codec]
+
+    def decode(
+        self, table: FrameTable, *, truncated: bool = False, grouped: Grouped | None = None
+    ) -> dict[str, Columns]:
         """Columns by message name, for every message that occurs; other frames are passed over.
 
         A frame shorter than its message is passed over too; `short` counts those. truncated: its signals that lie within
         it are decoded, the others NaN, as cantools does with allow_truncated; not so for multiplexed messages.
+        grouped: of the same table, where the caller has it.
         """
         found: dict[str, Columns] = {}
-        for codec, rows in self._grouped(table).items():
+        for codec, rows in (grouped or self.grouped(table)).rows.items():
             if not truncated or codec.is_multiplexed:
-                rows = rows[table.length[rows] >= codec.length]
+                inside = table.length[rows] >= codec.length
+                rows = rows if inside.all() else rows[inside]
             if rows.size:
                 found[self._names[codec]] = decode_rows(codec, table, rows)
         return found
 
     def undecodable(self, table: FrameTable) -> dict[int, int]:
         """Frames per `can_id` word that no database knows (remote and error frames included)."""
-        words, counts = np.unique(table.can_id, return_counts=True)
-        return {
-            word: count
-            for word, count in zip(words.tolist(), counts.tolist(), strict=True)
-            if word & (ERROR | REMOTE) or self.codec_of(word) is None
-        }
+        return dict(sorted(self.grouped(table).unknown.items()))
 
-    def short(self, table: FrameTable) -> dict[str, int]:
+    def short(self, table: FrameTable, *, grouped: Grouped | None = None) -> dict[str, int]:
         """Frames per message that carry fewer bytes than the DBC says."""
         counts = {
             self._names[codec]: int(np.count_nonzero(table.length[rows] < codec.length))
-            for codec, rows in self._grouped(table).items()
+            for codec, rows in (grouped or self.grouped(table)).rows.items()
         }
         return {name: count for name, count in counts.items() if count}
 
-    def _grouped(self, table: FrameTable) -> dict[MessageCodec, NDArray[np.int64]]:
-        """Rows of each message, in the order of the table. Several identifiers may be one message."""
-        # one sort instead of one comparison per identifier: a recording may hold hundreds of identifiers
-        order = np.argsort(table.can_id, kind="stable")
-        ranked = table.can_id[order]
-        bounds = [0, *(np.flatnonzero(np.diff(ranked)) + 1).tolist(), len(ranked)]
-        groups: dict[MessageCodec, list[NDArray[np.int64]]] = {}
-        for start, end in pairwise(bounds if len(ranked) else []):
-            word = int(ranked[start])
-            codec = None if word & (ERROR | REMOTE) else self.codec_of(word)
-            if codec is not None:
-                groups.setdefault(codec, []).append(order[start:end])
-        return {
-            codec: parts[0] if len(parts) == 1 else np.sort(np.concatenate(parts))
-            for codec, parts in groups.items()
-        }
+    def grouped(self, table: FrameTable) -> Grouped:
+        """Rows of each message. Several identifiers may be one message."""
+        numbers, known = self._numbering.of(table.can_id), self._message_of.size
+        places = [self._place_of(word) for word in self._numbering.words(known)]
+        self._message_of = np.concatenate((self._message_of, np.array(places, np.int64)))
+        none = len(self._codecs)
+        rows, begins, counts = rows_by_group(numbers, self._message_of, none)
+        unknown = np.flatnonzero((self._message_of == none) & (counts > 0)).tolist()
+        words = self._numbering.words() if unknown else []
+        occurring = np.flatnonzero(np.diff(begins[:-1])).tolist()
+        return Grouped(
+            rows={self._codecs[m]: rows[begins[m] : begins[m + 1]] for m in occurring},
+            unknown={words[number]: int(counts[number]) for number in unknown},
+        )
+
+    def _place_of(self, word: int) -> int:
+        codec = None if word & (ERROR | REMOTE) else self.codec_of(word)
+        return len(self._codecs) if codec is None else self._place[codec]
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """How the signals of a message are unpacked."""
+
+    compiled: tuple[Signal, ...]  # by the compiled loop, in the order of the plan
+    plan: Plan
+    others: tuple[Signal, ...]  # by numpy
+    selectors_first: tuple[Signal, ...]
+
+
+_layouts: WeakKeyDictionary[MessageCodec, _Layout] = WeakKeyDictionary()
+
+
+def _layout_of(codec: MessageCodec) -> _Layout:
+    found = _layouts.get(codec)
+    if found is None:
+        compiled = tuple(
+            signal
+            for signal in codec.by_signal.values()
+            if fits(signal, codec.length)
+            and (signal.is_identity or not _overflows(np.dtype(np.int64), signal))
+        )
+        others = tuple(signal for signal in codec.by_signal.values() if signal not in compiled)
+        plan = plan_of(compiled, codec.length)
+        found = _layouts[codec] = _Layout(compiled, plan, others, tuple(_selectors_first(codec.layout)))
+    return found
 
 
 def decode_rows(codec: MessageCodec, table: FrameTable, rows: NDArray[np.int64]) -> Columns:
     """Decode `rows` of `table`, all of them frames of `codec`; NaN for what lies outside a short frame."""
+    layout = _layout_of(codec)
     # rounded up to whole 64-bit words, so that the bytes can be viewed as words without a copy
     room = -(-codec.length // 8) * 8
     data = table.data if table.data.shape[1] >= room else np.pad(table.data, ((0, 0), (0, room - 8)))
-    little = data.view("<u8")[rows]
-    orders = {signal.big_endian for signal in codec.layout}
-    words = {big: _mirrored(little, codec.length) if big else little for big in orders}
+    frames = np.ascontiguousarray(data).view(np.uint64)
+    real = np.empty((1 + len(layout.compiled), rows.size))
+    whole = real.view(np.int64)
+    unpack(frames, table.time_ns, rows, codec.length, *layout.plan, whole, real)
+    physical: dict[str, NDArray[Any]] = {
+        signal.name: real[place].view(kind_of(signal)) for place, signal in enumerate(layout.compiled, 1)
+    }
+    if layout.others:
+        little = frames[rows]
+        words = {False: little, True: _mirrored(little, codec.length)}
+        for signal in layout.others:
+            raw = raw_values(words[signal.big_endian], signal, codec.length)
+            physical[signal.name] = physical_values(raw, signal)
+    if int(table.length[rows].min(initial=255)) < codec.length:
+        for signal in codec.by_signal.values():
+            inside = table.length[rows] >= signal_end(signal, codec.length)
+            if not inside.all():
+                physical[signal.name] = _masked(physical[signal.name], inside)
+    if codec.is_multiplexed:
+        physical = _multiplexed(layout.selectors_first, physical)
+    return Columns(
+        codec=codec, time_s=real[0], signals={name: physical[name] for name in codec.signals}, rows=rows
+    )
+
+
+def _multiplexed(
+    selectors_first: Iterable[Signal], physical: Mapping[str, NDArray[Any]]
+) -> dict[str, NDArray[Any]]:
+    """The values, NaN where a frame does not carry the signal."""
     signals: dict[str, NDArray[Any]] = {}
     selectors: dict[str, NDArray[Any]] = {}
-    for signal in _selectors_first(codec.layout):
-        value = physical_values(raw_values(words[signal.big_endian], signal, codec.length), signal)
-        inside = table.length[rows] >= signal_end(signal, codec.length)
-        if not inside.all():
-            value = _masked(value, inside)
+    for signal in selectors_first:
+        value = physical[signal.name]
         if signal.multiplexer is None:
             signals[signal.name] = selectors[signal.name] = value
         else:
@@ -133,12 +205,7 @@ def decode_rows(codec: MessageCodec, table: FrameTable, rows: NDArray[np.int64])
             signals[signal.name] = _masked(value, present)
             # -1 is no selector value: signals under an absent multiplexer are then absent too
             selectors[signal.name] = np.where(present, value, -1)
-    return Columns(
-        codec=codec,
-        time_s=np.asarray(table.time_ns[rows] / 1e9, np.float64),
-        signals={name: signals[name] for name in codec.signals},
-        rows=rows,
-    )
+    return signals
 
 
 def signal_end(signal: Signal, length: int) -> int:
