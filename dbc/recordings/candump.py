@@ -9,17 +9,21 @@ A line is `(seconds.fraction) channel IDENTIFIER#DATA`, by can-utils' lib.c:
     123#1122 R          direction, R or T, as `candump -x` appends it
 
 Each step takes the text, a position and the line's end, and returns the position after what it read,
-or a negative reason.
+or a negative reason. Lines as candump itself writes them are read eight bytes at a time (`_usual_lines`); all others,
+and all damage, are left to the steps.
 """
 
 from typing import Any
 
 import numpy as np
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
 
 from bus.frame import ERROR, EXTENDED, FD, REMOTE
 
 _step = njit(cache=True, nogil=True, inline="always")  # a call per step would cost a third more
+_inlined = njit(cache=True, nogil=True, forceinline=True)
 
 CHANNELS = 64
 CLASSIC_BYTES, FD_BYTES = 8, 64
@@ -44,6 +48,12 @@ _NO_DIGIT, _HIGHEST_DIGIT = 255, 15  # a bitwise or of digits stays at 15 or bel
 
 _OTHER_FLAGS = np.uint32(EXTENDED | REMOTE)
 _HIGHEST_EXTENDED, _HIGHEST_STANDARD = np.uint32(0x1FFF_FFFF), np.uint32(0x7FF)
+
+# Of each byte of a word: its lowest bit, its highest bit.
+_ONES, _HIGHEST = np.uint64(0x0101_0101_0101_0101), np.uint64(0x8080_8080_8080_8080)
+_ONE, _ALL = np.uint64(1), np.uint64(0xFFFF_FFFF_FFFF_FFFF)
+_CLOSE_AND_SPACE = np.uint64(_SPACE << 8 | _CLOSE)
+_USUAL_ROOM = 64  # a usual line has at most 54 bytes, and is read eight bytes at a time
 
 
 def _digit_values() -> Any:
@@ -213,6 +223,163 @@ def _line(
     return at, known
 
 
+def _one_load(typing_context: Any, text: Any, at: Any) -> Any:
+    """Eight bytes text[at:at + 8] as a little-endian word, the first one lowest.
+
+    Written with numba's own instrument, because the compiler does not join eight loads of a byte.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        begin = builder.gep(array.data, [arguments[1]])
+        word: Any = builder.load(builder.bitcast(begin, ir.IntType(64).as_pointer()))
+        word.align = 1
+        return word
+
+    return types.uint64(text, types.intp), generate
+
+
+_eight: Any = intrinsic(_one_load)
+
+
+@_inlined
+def _below_lowest(marks: Any) -> Any:
+    """All bits of the bytes below the lowest byte whose highest bit is set in `marks`."""
+    # all ones for no mark, as 0 - 1 does
+    return ((marks & (~marks + _ONE)) >> np.uint64(7)) - _ONE
+
+
+@_inlined
+def _bytes_of(below: Any) -> Any:
+    """Number of bytes that `_below_lowest` found."""
+    return np.int64(((below & _ONES) * _ONES) >> np.uint64(56))
+
+
+@_inlined
+def _hexadecimal(word: Any) -> Any:
+    """Values of eight hexadecimal digits as four bytes, first digit highest, and the bits of the leading bytes that are digits.
+
+    Digits behind the first byte that is none count as 0. Ranges are compared by the carry into the highest bit of a
+    byte, which ASCII leaves free (Lamport, Multiple byte processing with full-word instructions, 1975).
+    """
+    lower = word | _ONES * np.uint64(0x20)
+    decimal = (word + _ONES * np.uint64(0x80 - 48)) & ~(word + _ONES * np.uint64(0x7F - 57))
+    letter = (lower + _ONES * np.uint64(0x80 - 97)) & ~(lower + _ONES * np.uint64(0x7F - 102))
+    # a byte beyond ASCII carries into its neighbour above, and ends the digits itself
+    below = _below_lowest((~(decimal | letter) | word) & _HIGHEST)
+    digits = ((word & _ONES * np.uint64(15)) + ((letter & _HIGHEST) >> np.uint64(7)) * np.uint64(9)) & below
+    pairs = (digits << np.uint64(4) | digits >> np.uint64(8)) & np.uint64(0x00FF00FF00FF00FF)
+    pairs = (pairs | pairs >> np.uint64(8)) & np.uint64(0x0000FFFF0000FFFF)
+    return (pairs | pairs >> np.uint64(16)) & np.uint64(0xFFFFFFFF), below
+
+
+@_inlined
+def _six_decimals(word: Any) -> Any:
+    """Value of six decimal digits in the lower bytes of a word, -1 if they are none."""
+    word = word << np.uint64(16) | np.uint64(0x3030)
+    decimal = (word + _ONES * np.uint64(0x80 - 48)) & ~(word + _ONES * np.uint64(0x7F - 57)) & ~word
+    if decimal & _HIGHEST != _HIGHEST:
+        return np.int64(-1)
+    # two, four, eight digits at a time
+    word = ((word & _ONES * np.uint64(15)) * np.uint64(2561)) >> np.uint64(8)
+    word = ((word & np.uint64(0x00FF00FF00FF00FF)) * np.uint64(6553601)) >> np.uint64(16)
+    return np.int64(((word & np.uint64(0x0000FFFF0000FFFF)) * np.uint64(42949672960001)) >> np.uint64(32))
+
+
+@njit(cache=True, nogil=True)
+def _usual_lines(text: Any, at: Any, row: Any, columns: Any, keys: Any, known: Any, digits: Any) -> Any:
+    """Read lines `(seconds.microseconds) channel IDENTIFIER#DATA` from `at` on into rows from `row` on.
+
+    It ends before the first other line, also before one of a channel that is not among `keys`, and _USUAL_ROOM bytes
+    before the end; returns where, and the row reached.
+    """
+    time_ns, can_id, length, flags, data, channel = columns
+    end = text.size - _USUAL_ROOM
+    line = at
+    while line < end:
+        at = line
+        if text[at] != _OPEN:
+            break
+        at += 1
+        last, seconds = at + 10, np.int64(0)
+        while at < last and np.uint8(text[at] - 48) <= 9:
+            seconds = seconds * 10 + np.int64(text[at] - 48)
+            at += 1
+        word = _eight(text, at + 1)
+        microseconds = _six_decimals(word)
+        if (
+            at == last - 10
+            or text[at] != _DOT
+            or microseconds < 0
+            or word >> np.uint64(48) != _CLOSE_AND_SPACE
+        ):
+            break
+        at += 9
+        word = _eight(text, at)
+        blank = word ^ _ONES * np.uint64(_SPACE)
+        below = _below_lowest((blank - _ONES) & ~blank & _HIGHEST)
+        key, number = word & below, 0
+        while number < known and keys[number] != key:
+            number += 1
+        if number == known or key == 0:
+            break
+        at += _bytes_of(below) + 1
+        at, identifier = _usual_identifier(text, at, digits)
+        if at < 0:
+            break
+        value, below = _hexadecimal(_eight(text, at))
+        count = _bytes_of(below)
+        if below == _ALL:
+            upper, below = _hexadecimal(_eight(text, at + 8))
+            value |= upper << np.uint64(32)
+            count = 8 + _bytes_of(below)
+        at += count
+        if text[at] == _RETURN:
+            at += 1
+        if text[at] != _NEWLINE or count & 1:
+            break
+        for k in range(CLASSIC_BYTES):
+            data[row, k] = np.uint8(value >> np.uint64(8 * k))
+        time_ns[row] = (seconds * 1_000_000 + microseconds) * 1000
+        can_id[row], length[row], flags[row], channel[row] = identifier, count >> 1, 0, number
+        row += 1
+        line = at + 1
+    return line, row
+
+
+@_inlined
+def _usual_identifier(text: Any, at: Any, digits: Any) -> Any:
+    """Identifier and '#': position, negative if they are not there, and `can_id` word."""
+    if text[at + 8] == _HASH:
+        value, below = _hexadecimal(_eight(text, at))
+        # the first digit is the highest: the bytes are turned round
+        word = np.uint32(
+            (value & np.uint64(0xFF)) << np.uint64(24)
+            | (value & np.uint64(0xFF00)) << np.uint64(8)
+            | (value & np.uint64(0xFF0000)) >> np.uint64(8)
+            | value >> np.uint64(24)
+        )
+        if below != _ALL or word > _HIGHEST_EXTENDED:
+            return np.int64(-1), word
+        return at + 9, np.uint32(word | np.uint32(EXTENDED))
+    high, middle, low = digits[text[at]], digits[text[at + 1]], digits[text[at + 2]]
+    word = np.uint32(high << 8 | middle << 4 | low)
+    if high | middle | low > _HIGHEST_DIGIT or word > _HIGHEST_STANDARD or text[at + 3] != _HASH:
+        return np.int64(-1), word
+    return at + 4, word
+
+
+@_inlined
+def _key(text: Any, start: Any, end: Any) -> Any:
+    """A channel's name as a word; 0, which none is, for one of more than seven bytes."""
+    key = np.uint64(0)
+    if end - start > 7:
+        return key
+    for k in range(end - start):
+        key |= np.uint64(text[start + k]) << np.uint64(8 * k)
+    return key
+
+
 @njit(cache=True, nogil=True)
 def parse(text: Any, columns: Any, starts: Any, ends: Any, bad_line: Any, bad_code: Any, digits: Any) -> Any:
     """Parse every line of `text`; returns rows, lines, damaged lines and channels found.
@@ -223,12 +390,19 @@ def parse(text: Any, columns: Any, starts: Any, ends: Any, bad_line: Any, bad_co
     """
     data = columns[4]
     row, line, bad, known, at, size = 0, 0, 0, 0, 0, text.size
+    keys = np.zeros(CHANNELS + 1, np.uint64)
     while at < size:
+        first = row
+        at, row = _usual_lines(text, at, row, columns, keys, known, digits)
+        line += row - first
         end = at
         while end < size and text[end] != _NEWLINE:
             end += 1
         line += 1
+        before = known
         result, known = _line(text, at, end, row, columns, starts, ends, known, digits)
+        if known > before:
+            keys[before] = _key(text, starts[before], ends[before])
         if result >= 0:
             row += 1
         elif result == TOO_NARROW:

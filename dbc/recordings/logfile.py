@@ -7,7 +7,7 @@ A line that is no frame is damaged: counted, reported with its number and reason
 import os
 import zlib
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -23,6 +23,9 @@ from dbc.errors import LogError
 from dbc.recordings import candump
 
 CHUNK = 1 << 20
+"""Bytes that are read from the file at a time."""
+PIECE = 4 << 20
+"""Bytes of text that are parsed at a time, some 90 000 frames: what belongs to one piece stays in the caches."""
 DAMAGE_SHOWN = 100
 """Damaged lines that are kept with their number and reason; all are counted."""
 _GZIP = b"\x1f\x8b"
@@ -60,7 +63,8 @@ class FrameTable:
     data: NDArray[np.uint8]  # (n, 64), zero beyond `length`; (n, 8) when no frame is longer
     channel: NDArray[np.uint8]  # (n,) index into `channels`
     channels: tuple[str, ...]
-    damaged: tuple[Damage, ...] = ()  # the first DAMAGE_SHOWN damaged places
+    # Of a piece of a recording, the damage that was found while the piece was read.
+    damaged: tuple[Damage, ...] = ()  # of the first DAMAGE_SHOWN damaged places of the recording
     damaged_count: int = 0  # all damaged places
 
     def __len__(self) -> int:
@@ -126,55 +130,61 @@ def _parse(text: bytes, width: int = candump.CLASSIC_BYTES) -> _Part:
     )
 
 
-class _Builder:
-    """Joins the parts."""
+class _Log:
+    """Turns the parts of a log into tables whose channels and lines are numbered through."""
 
     def __init__(self) -> None:
-        self._parts: list[tuple[NDArray[Any], ...]] = []
         self._channels: list[str] = []
         self._lines = 0
-        self._damaged: list[Damage] = []
-        self._damaged_count = 0
+        self._shown = 0
 
-    def add(self, part: _Part) -> None:
-        """Append a part, with its lines and channels numbered on."""
+    def table(self, part: _Part) -> FrameTable:
+        """The next part; LogError for too many channels."""
         self._channels += [name for name in part.names if name not in self._channels]
         if len(self._channels) > candump.CHANNELS:
             raise LogError(f"more than {candump.CHANNELS} different channel names: is this a candump log?")
         numbers = np.array([self._channels.index(name) for name in part.names] or [0], np.uint8)
-        *columns, channel = part.columns
-        self._parts.append((*columns, numbers[channel]))
-        for damage in part.damaged[: DAMAGE_SHOWN - len(self._damaged)]:
-            self._damaged.append(Damage(self._lines + damage.at, damage.reason))
-        self._damaged_count += part.damaged_count
-        self._lines += part.lines
-
-    def add_break(self, reason: str) -> None:
-        """Note that the file breaks off after all lines so far."""
-        if len(self._damaged) < DAMAGE_SHOWN:
-            self._damaged.append(Damage(self._lines + 1, reason, at_end=True))
-        self._damaged_count += 1
-
-    def table(self) -> FrameTable:
-        """Everything added."""
-        if not self._parts:
-            self.add(_parse(b""))
-        width = max(part[4].shape[1] for part in self._parts)
-        widened = [(*part[:4], _widened(part[4], width), part[5]) for part in self._parts]
-        time_ns, can_id, length, flags, data, channel = (
-            np.concatenate(column) for column in zip(*widened, strict=True)
+        time_ns, can_id, length, flags, data, channel = part.columns
+        damaged = tuple(
+            Damage(self._lines + damage.at, damage.reason, at_end=damage.at_end)
+            for damage in part.damaged[: DAMAGE_SHOWN - self._shown]
         )
+        self._shown += len(damaged)
+        self._lines += part.lines
         return FrameTable(
             time_ns=time_ns,
             can_id=can_id,
             length=length,
             flags=flags,
             data=data,
-            channel=channel,
+            channel=numbers[channel],
             channels=tuple(self._channels),
-            damaged=tuple(self._damaged),
-            damaged_count=self._damaged_count,
+            damaged=damaged,
+            damaged_count=part.damaged_count,
         )
+
+    def broken(self, reason: str) -> FrameTable:
+        """No frames, and the note that the file breaks off after all lines so far."""
+        return self.table(replace(_parse(b""), damaged=(Damage(1, reason, at_end=True),), damaged_count=1))
+
+
+def joined(pieces: Iterable[FrameTable]) -> FrameTable:
+    """The pieces of a recording as one table; there must be one at least."""
+    every = list(pieces)
+    if len(every) == 1:
+        return every[0]
+    width = max(piece.data.shape[1] for piece in every)
+    columns = {
+        name: np.concatenate([getattr(piece, name) for piece in every])
+        for name in ("time_ns", "can_id", "length", "flags", "channel")
+    }
+    return FrameTable(
+        **columns,
+        data=np.concatenate([_widened(piece.data, width) for piece in every]),
+        channels=every[-1].channels,
+        damaged=tuple(damage for piece in every for damage in piece.damaged),
+        damaged_count=sum(piece.damaged_count for piece in every),
+    )
 
 
 def _widened(data: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
@@ -183,9 +193,7 @@ def _widened(data: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
 
 def parse_candump(text: bytes) -> FrameTable:
     """The frames of a log that is in memory."""
-    builder = _Builder()
-    builder.add(_parse(text))
-    return builder.table()
+    return _Log().table(_parse(text))
 
 
 def read_candump(path: str | Path, progress: Callable[[int, int], None] | None = None) -> FrameTable:
@@ -193,30 +201,62 @@ def read_candump(path: str | Path, progress: Callable[[int, int], None] | None =
 
     LogError when the file cannot be opened, or holds something but not one frame.
     """
+    return joined(candump_pieces(path, progress))
+
+
+def candump_pieces(
+    path: str | Path, progress: Callable[[int, int], None] | None = None
+) -> Iterator[FrameTable]:
+    """A log as `read_candump` reads it, piece by piece: one table at least, the last may have no frame.
+
+    Channels are numbered through; the last table names all. LogError as there, for a log without a frame at its end.
+    """
     path = Path(path)
-    builder = _Builder()
+    log = _Log()
+    frames, damaged, first = 0, 0, None
     try:
         with path.open("rb") as file:
             total = path.stat().st_size
-            breaks: list[str] = []
-            for part in _parsed(_whole_lines(_pieces(file), breaks)):
-                builder.add(part)
+            for table in _tables(file, log):
                 if progress is not None:
                     progress(file.tell(), total)
-            for reason in breaks:
-                builder.add_break(reason)
+                frames, damaged = frames + len(table), damaged + table.damaged_count
+                first = first or next(iter(table.damaged), None)
+                yield table
     except OSError as error:
         raise LogError(f"{path}: cannot read the log: {error.strerror or error}") from error
     except LogError as error:
         raise LogError(f"{path}: {error}") from None
-    table = builder.table()
-    if not len(table) and table.damaged_count:
-        first = table.damaged[0]
+    if not frames and first is not None:
         raise LogError(
-            f"{path}: not a candump log: none of its {table.damaged_count} lines is a frame "
+            f"{path}: not a candump log: none of its {damaged} lines is a frame "
             f"(line {first.at}: {first.reason})"
         )
-    return table
+
+
+def _tables(file: BinaryIO, log: _Log) -> Iterator[FrameTable]:
+    breaks: list[str] = []
+    empty = True
+    for part in _parsed(_gathered(_whole_lines(_pieces(file), breaks))):
+        empty = False
+        yield log.table(part)
+    if empty and not breaks:
+        yield log.table(_parse(b""))
+    for reason in breaks:
+        yield log.broken(reason)
+
+
+def _gathered(texts: Iterator[bytes]) -> Iterator[bytes]:
+    """The texts, joined until they are PIECE bytes long."""
+    waiting, size = list[bytes](), 0
+    for text in texts:
+        waiting.append(text)
+        size += len(text)
+        if size >= PIECE:
+            yield b"".join(waiting)
+            waiting, size = [], 0
+    if waiting:
+        yield b"".join(waiting)
 
 
 def _parsed(texts: Iterator[bytes]) -> Iterator[_Part]:

@@ -152,6 +152,57 @@ def test_a_kill_loses_no_more_of_a_quiet_bus_than_of_a_full_one(tmp_path, step_n
         assert file.read_text().count("\n") == 300
 
 
+LINES = [
+    *("(1436509052.249713) can0 044#2A366C2BBA", "(0.170500) can0 0CF00300#FF00", "(0.1) can0 123##1AABB"),
+    *(
+        "(12.345678) can0 123#",
+        "(12.345678) can0 1FFFFFFF#0123456789abcdef",
+        "(9999999999.999999) can0 7FF#00",
+    ),
+    *(
+        "(12.345678) can0 20000080#0000000000000000",
+        "(12.345678) longername 123#11",
+        "(1.000000) can0 123#R4",
+    ),
+    *("(1.000000) can0 123#11.22", "(1.000000) can0 123#112233445566778899", "(1.000000)  can0 123#11"),
+    *("(1.000000) can0 FFF#11", "(1.000000) can0 FFFFFFFF#11", "(12345678901.000000) can0 123#11"),
+]
+STRANGE = st.sampled_from("(). #R09aAfFgG@`/:\x19\t\r_-")
+
+
+EVERY_BYTE = [chr(code) for code in range(1, 128) if code != 10]
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_a_line_with_any_byte_replaced_means_the_same_wherever_it_stands(line):
+    for at in range(len(line)):
+        for letter in EVERY_BYTE if at % 7 == 0 or at > len(line) - 3 else "(). #R09aAfFgG@`/:\x19\t\r":
+            assert_means_the_same_everywhere(line[:at] + letter + line[at + 1 :] + "\n")
+
+
+@given(
+    st.sampled_from(LINES), st.lists(st.tuples(st.integers(0, 50), STRANGE), max_size=3), st.sampled_from(["\n", "\r\n"])
+)  # fmt: skip
+@settings(deadline=None)
+def test_a_line_with_bytes_inserted_means_the_same_wherever_it_stands(line, changes, end):
+    for at, letter in changes:
+        line = line[:at] + letter + line[at:]
+    assert_means_the_same_everywhere(line + end)
+
+
+def assert_means_the_same_everywhere(line):
+    """The last 64 bytes of a text are read step by step, usual lines before them eight bytes at a time."""
+    alone = parse_candump(line.encode())
+    usual = "(1.000000) can0 123#11\n"
+    among = parse_candump((usual + line + 4 * usual).encode())
+    assert len(among) == 5 + len(alone)
+    inside = among.select(slice(1, 1 + len(alone)))
+    assert frames(inside) == frames(alone)
+    assert [among.channels[c] for c in inside.channel] == list(alone.channels)
+    assert [d.reason for d in among.damaged] == [d.reason for d in alone.damaged]
+    assert bytes(among.data[-1]) == b"\x11" + bytes(among.data.shape[1] - 1)
+
+
 def test_chunks_and_compression_change_nothing(tmp_path, monkeypatch):
     text = "".join(f"({i}.5) can{i % 3} 18FEF1{i % 256:02X}#{i:04X}\n" for i in range(2000)).encode()
     plain, packed = tmp_path / "a.log", tmp_path / "a.log.gz"
