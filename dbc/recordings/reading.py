@@ -1,4 +1,4 @@
-"""Reads a recording of CAN frames, whatever its format, into one FrameTable.
+"""Reads a recording of CAN frames, whatever its format, into one FrameTable or piece by piece.
 
 candump logs, plain or gzip-compressed, are read by our own parser (`dbc.recordings.logfile`); BLF and ASC through
 python-can; MF4 bus logging through asammdf, column by column. The content decides, not the suffix.
@@ -21,7 +21,7 @@ from bus.frame import BRS, ERROR, ESI, EXTENDED, EXTENDED_MASK, FD, REMOTE, STAN
 from dbc.errors import LogError
 from dbc.lean import without_mf4
 from dbc.recordings.blf import read_blf
-from dbc.recordings.logfile import DAMAGE_SHOWN, Damage, FrameTable, read_candump
+from dbc.recordings.logfile import DAMAGE_SHOWN, Damage, FrameTable, candump_pieces, joined
 
 Progress = Callable[[int, int], None]
 FORMATS = "candump log, .gz of one, BLF, ASC or MF4"
@@ -33,6 +33,8 @@ _ASC_LINE = re.compile(
 _ASC_STARTS = (b"date ", b"base ", b"// version", b"begin triggerblock")
 LATEST_S = 9e9
 """Stamps beyond the year 2255 do not fit 64 bits of nanoseconds."""
+PIECE_FRAMES = 1 << 16
+"""Frames of a piece of a BLF or an ASC."""
 _REPORT_EVERY = 4096
 _MICROSECOND = 1000
 
@@ -42,6 +44,15 @@ def read_frames(path: str | Path, progress: Progress | None = None) -> FrameTabl
 
     progress hears bytes read and bytes in all. LogError when the file cannot be opened, is none of FORMATS,
     or holds not one frame; a file that is damaged or cut off gives what can be read, and where it breaks.
+    """
+    return joined(read_pieces(path, progress))
+
+
+def read_pieces(path: str | Path, progress: Progress | None = None) -> Iterator[FrameTable]:
+    """A recording as `read_frames` reads it, piece by piece; the memory does not grow with the file, but for an MF4, which is one piece.
+
+    Channels are numbered through; each table names those that are known by then. Some tables may be empty. LogError as
+    there; that there is not one frame is known at the end.
     """
     path = Path(path)
     try:
@@ -55,18 +66,21 @@ def read_frames(path: str | Path, progress: Progress | None = None) -> FrameTabl
             f"{path}: the recording is empty (0 bytes): was the bus silent, or its recorder killed at once?"
         )
     reader = _reader_of(path, start)
-    if reader is read_candump and path.suffix.lower() in _BINARY and not start.isascii():
+    misnamed = reader is candump_pieces and path.suffix.lower() in _BINARY
+    if misnamed and not start.isascii():
         raise _no_beginning(path)
+    frames, first = 0, None
     try:
-        table = reader(path, progress)
+        for table in reader(path, progress):
+            frames += len(table)
+            first = first or next(iter(table.damaged), None)
+            yield table
     except LogError as error:
-        if reader is read_candump and path.suffix.lower() in _BINARY:
+        if misnamed:
             raise _no_beginning(path) from error
         raise
-    if not len(table):
-        first = f" ({table.damaged[0]})" if table.damaged else ""
-        raise LogError(f"{path}: the recording holds not one frame{first}")
-    return table
+    if not frames:
+        raise LogError(f"{path}: the recording holds not one frame{f' ({first})' if first else ''}")
 
 
 def _no_beginning(path: Path) -> LogError:
@@ -74,16 +88,21 @@ def _no_beginning(path: Path) -> LogError:
     return LogError(f"{path}: does not begin as a {kind} does: damaged, encrypted, or of another kind?")
 
 
-def _reader_of(path: Path, start: bytes) -> Callable[[Path, Progress | None], FrameTable]:
+def _reader_of(path: Path, start: bytes) -> Callable[[Path, Progress | None], Iterator[FrameTable]]:
     if start.startswith(_BLF):
-        return _read_blf
+        return _blf_pieces
     if start.startswith(_MF4):
-        from dbc.recordings.mf4 import read_mf4  # asammdf takes a second to load
-
-        return read_mf4
+        return _mf4_pieces
     if path.suffix.lower() == ".asc" or start.lstrip().lower().startswith(_ASC_STARTS):
-        return _read_asc
-    return read_candump
+        return _asc_pieces
+    return candump_pieces
+
+
+def _mf4_pieces(path: Path, progress: Progress | None) -> Iterator[FrameTable]:
+    from dbc.recordings.mf4 import read_mf4  # asammdf takes a second to load
+
+    # one piece: the groups of an MF4 are merged by time, and nothing says that a group is in the order of time
+    yield read_mf4(path, progress)
 
 
 class _Rows:
@@ -94,8 +113,9 @@ class _Rows:
         self._length, self._flags, self._channel = array("B"), array("B"), array("B")
         self._data: list[bytes] = []
         self._channels: dict[Any, int] = {}
-        self.damaged: list[Damage] = []
-        self.damaged_count = 0
+        self._shown = 0  # damaged places that were given out
+        self._damaged: list[Damage] = []
+        self._damaged_count = 0
 
     def add(self, message: Any) -> None:
         """One python-can message; ValueError if it is no whole frame."""
@@ -125,18 +145,18 @@ class _Rows:
 
     def add_damage(self, damage: Damage) -> None:
         """Note a place that could not be read."""
-        if len(self.damaged) < DAMAGE_SHOWN:
-            self.damaged.append(damage)
-        self.damaged_count += 1
+        if self._shown + len(self._damaged) < DAMAGE_SHOWN:
+            self._damaged.append(damage)
+        self._damaged_count += 1
 
     def __len__(self) -> int:
         return len(self._data)
 
-    def table(self) -> FrameTable:
-        """Everything added."""
+    def take(self) -> FrameTable:
+        """What was added since the last time; channels are numbered on."""
         width = 64 if any(flags & FD for flags in self._flags) else 8
         joined = b"".join(data.ljust(width, b"\0") for data in self._data)
-        return FrameTable(
+        table = FrameTable(
             time_ns=np.array(self._time_ns, np.int64),
             can_id=np.array(self._can_id, np.uint32),
             length=np.array(self._length, np.uint8),
@@ -144,9 +164,15 @@ class _Rows:
             data=np.frombuffer(joined, np.uint8).reshape(len(self._data), width),
             channel=np.array(self._channel, np.uint8),
             channels=tuple(channel_name(channel) for channel in self._channels),
-            damaged=tuple(self.damaged),
-            damaged_count=self.damaged_count,
+            damaged=tuple(self._damaged),
+            damaged_count=self._damaged_count,
         )
+        self._shown += len(self._damaged)
+        self._damaged, self._damaged_count = [], 0
+        self._time_ns, self._can_id = array("q"), array("I")
+        self._length, self._flags, self._channel = array("B"), array("B"), array("B")
+        self._data = []
+        return table
 
 
 def channel_name(channel: int | str | None) -> str:
@@ -156,7 +182,7 @@ def channel_name(channel: int | str | None) -> str:
     return f"can{channel}" if isinstance(channel, int) else printable(channel)
 
 
-def _read_blf(path: Path, progress: Progress | None) -> FrameTable:
+def _blf_pieces(path: Path, progress: Progress | None) -> Iterator[FrameTable]:
     size, rows = path.stat().st_size, _Rows()
     with path.open("rb") as file:
         for item in read_blf(file):
@@ -170,7 +196,9 @@ def _read_blf(path: Path, progress: Progress | None) -> FrameTable:
                 rows.add_damage(Damage(at, f"in what ends here, not a frame: {error}; skipped", "byte"))
             if progress is not None and len(rows) % _REPORT_EVERY == 0:
                 progress(file.tell(), size)
-    return rows.table()
+            if len(rows) >= PIECE_FRAMES:
+                yield rows.take()
+    yield rows.take()
 
 
 class _NumberedLines:
@@ -213,7 +241,7 @@ class _NumberedLines:
         return line.decode("utf-8", "replace")
 
 
-def _read_asc(path: Path, progress: Progress | None) -> FrameTable:
+def _asc_pieces(path: Path, progress: Progress | None) -> Iterator[FrameTable]:
     with without_mf4():
         from can.io.asc import ASCReader
 
@@ -236,10 +264,12 @@ def _read_asc(path: Path, progress: Progress | None) -> FrameTable:
                 messages = iter(reader)
             if progress is not None and lines.number % _REPORT_EVERY == 0:
                 progress(file.tell(), size)
+            if len(rows) >= PIECE_FRAMES:
+                yield rows.take()
         for number in lines.strange:
             rows.add_damage(
                 Damage(number, "no time stamp and no word of the format at its start, or zero bytes in it")
             )
         if lines.cut:
             rows.add_damage(Damage(lines.number, "the file ends inside this line", at_end=True))
-    return rows.table()
+    yield rows.take()
