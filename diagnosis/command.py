@@ -17,7 +17,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bus.user_error import UserError
-from diagnosis.options import ConstantOption, ModelOption, PartOption, SheetOption, WithOption
+from diagnosis.options import (
+    CompanionOption,
+    ConstantOption,
+    ModelOption,
+    PartOption,
+    SheetOption,
+    WithOption,
+)
 from diagnosis.sheet import Sheet
 from hil.ending import Ending
 from hil.shell.interruption import ended_at_once
@@ -60,6 +67,7 @@ def diagnose(
         Path | None, typer.Option("--out", metavar="DIR", help="Write findings.json and report.html here.")
     ] = None,
     given: WithOption = None,
+    companion: CompanionOption = None,
     sheet: SheetOption = Sheet.DATASHEET,
     apply: Annotated[
         Path | None,
@@ -157,7 +165,7 @@ def diagnose(
             dbcs=dbc or [],
             bus=bus,
         )
-        question = Question(model=model, given=given, options=options, sheet=sheet)
+        question = Question(model=model, given=given, companion=companion, options=options, sheet=sheet)
         # an unwritable folder is reported now, not after minutes of computing
         if out is not None:
             write("--out", out, {})

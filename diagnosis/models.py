@@ -1,4 +1,4 @@
-"""Finds the model of a diagnosis: one of loaderhil's by its name, or the user's own in a Python file."""
+"""Finds the model of a diagnosis: one of loaderhil's by its name, or the user's own in a Python file or an FMU."""
 
 import importlib.util
 import sys
@@ -138,16 +138,26 @@ NAMED = {
 }  # fmt: skip
 
 
-def find_model(text: str) -> Choice:
+def find_model(text: str, companion: Path | None = None) -> Choice:
     """The model of a name, or of a file that defines `model`: a Model, or a function of the recordings that returns one.
 
-    If the file also defines `native(path, part)`, that function reads its data sets. Raises NoModel.
+    If the file also defines `native(path, part)`, that function reads its data sets. An FMU is a model too, with its companion file: the
+    given one, else FILE.toml beside FILE.fmu. Raises a UserError.
     """
+    path = Path(text)
+    if companion is not None and path.suffix != ".fmu":
+        raise NoModel(f"--fmu-config {companion}: is for an FMU, but the model is {text}")
     if text in NAMED:
         return NAMED[text]
-    path = Path(text)
+    if path.suffix == ".fmu":
+        from fmi.model import read_model  # late: loads FMPy
+
+        fmu = read_model(path, companion)
+        return Choice(fmu.description.name, fmu.build, _no_data_set)
     if path.suffix != ".py":
-        raise NoModel(f"no model '{text}'; there are {', '.join(NAMED)}, or a FILE.py that defines `model`")
+        raise NoModel(
+            f"no model '{text}'; there are {', '.join(NAMED)}, a FILE.py that defines `model`, or a FILE.fmu"
+        )
     if not path.is_file():
         raise NoModel(f"{path}: no such file; a model is a Python file that defines `model`")
     module = _defined(path)

@@ -11,8 +11,16 @@ ModelOption = Annotated[
     str,
     typer.Option(
         "--model",
-        metavar="NAME|FILE.py",
-        help="ball, car, loader, printed-estimator, road, straight, or a file that defines `model`.",
+        metavar="NAME|FILE.py|FILE.fmu",
+        help="ball, car, loader, printed-estimator, road, straight, a file that defines `model`, or an FMU for co-simulation.",
+    ),
+]
+CompanionOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--fmu-config",
+        metavar="FILE.toml",
+        help="With an FMU: its companion file, with effects, bounds and sensors; by default FILE.toml beside FILE.fmu.",
     ),
 ]
 SheetOption = Annotated[

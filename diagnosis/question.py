@@ -20,9 +20,10 @@ from discrepancy.signals.findings import Findings
 class Question:
     """A diagnosis that a user requests. It is sent to workers of a cluster, so it holds names and paths only."""
 
-    model: str  # name or FILE.py
+    model: str  # name, FILE.py or FILE.fmu
     given: Path | None  # file of --with
     options: ReadOptions  # the recordings, and how to read them
+    companion: Path | None = None  # file of --fmu-config
     sheet: Sheet = Sheet.DATASHEET  # how well the baseline's parameters are known
 
 
@@ -41,7 +42,7 @@ class Answer:
 
 def answer(question: Question, settings: Settings, progress: Progress) -> Answer:
     """The result of a diagnosis. Raises a UserError for a wrong request, never for the content of a recording."""
-    choice = find_model(question.model)
+    choice = find_model(question.model, question.companion)
     read = read_all(choice, question.options, progress)
     base = base_of(choice, question.given, read.machines)
     model = with_sheet(baseline(choice, base.given, read.recordings), question.sheet)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from diagnosis.options import ConstantOption, ModelOption, PartOption
+from diagnosis.options import CompanionOption, ConstantOption, ModelOption, PartOption
 
 if TYPE_CHECKING:
     from discrepancy.model.description import Model
@@ -21,6 +21,7 @@ def conceal(
         ),
     ],
     model: ModelOption,
+    companion: CompanionOption = None,
     effect: Annotated[
         list[str] | None,
         typer.Option(
@@ -95,7 +96,7 @@ def conceal(
     from diagnosis.reading.csv_writer import csv_text
     from diagnosis.reading.reading import measured, numbers
 
-    choice = find_model(model)
+    choice = find_model(model, companion)
     # The loader is not simulated by its model here: the bench runs it with driver, sensors, CAN coding and ECU,
     # so that the blind test does not use the simulation that the diagnosis fits.
     runs = choice.build_from is not None

@@ -118,10 +118,11 @@ def _work(question: Question) -> dict[str, str]:
     """Everything besides the recording that its result depends on: options, version, and the content of model, baseline and DBC files."""
     import importlib.metadata
 
+    model = Path(question.model)
+    # an FMU has a companion file: the given one, else the one beside it
+    companion = question.companion or (model.with_suffix(".toml") if model.suffix == ".fmu" else None)
     files = [
-        path
-        for path in (Path(question.model), question.given, *question.options.dbcs)
-        if path and path.is_file()
+        path for path in (model, companion, question.given, *question.options.dbcs) if path and path.is_file()
     ]
     return {
         # paths left out: the recording's own key stands for it, and a moved folder is no new question

@@ -13,6 +13,9 @@ class BadModel(UserError, ValueError):
     @classmethod
     def failing(cls, model: Model, error: Exception) -> Self:
         """Its simulate raised this."""
+        # what is raised for the user says by itself where the fault is; a line of the code that raised it would mislead
+        if isinstance(error, UserError):
+            return cls(f"model {model.name}: {error}")
         return cls(f"model {model.name}: its simulate fails{_place(model.simulate, error)}")
 
 
