@@ -101,7 +101,7 @@ class ColumnDecoder:
 
     def undecodable(self, table: FrameTable) -> dict[int, int]:
         """Frames per `can_id` word that no database knows (remote and error frames included)."""
-        return dict(sorted(self.grouped(table).unknown.items()))
+        return dict(self.grouped(table).unknown)
 
     def short(self, table: FrameTable, *, grouped: Grouped | None = None) -> dict[str, int]:
         """Frames per message that carry fewer bytes than the DBC says."""
@@ -118,12 +118,14 @@ class ColumnDecoder:
         self._message_of = np.concatenate((self._message_of, np.array(places, np.int64)))
         none = len(self._codecs)
         rows, begins, counts = rows_by_group(numbers, self._message_of, none)
-        unknown = np.flatnonzero((self._message_of == none) & (counts > 0)).tolist()
-        words = self._numbering.words() if unknown else []
-        occurring = np.flatnonzero(np.diff(begins[:-1])).tolist()
+        words = self._numbering.words()
+        occurring = sorted((words[number], number) for number in np.flatnonzero(counts).tolist())
+        # messages in the order of their identifiers
+        messages = dict.fromkeys(int(self._message_of[number]) for _, number in occurring)
+        messages.pop(none, None)
         return Grouped(
-            rows={self._codecs[m]: rows[begins[m] : begins[m + 1]] for m in occurring},
-            unknown={words[number]: int(counts[number]) for number in unknown},
+            rows={self._codecs[m]: rows[begins[m] : begins[m + 1]] for m in messages},
+            unknown={w: int(counts[number]) for w, number in occurring if self._message_of[number] == none},
         )
 
     def _place_of(self, word: int) -> int:
@@ -206,6 +208,31 @@ def _multiplexed(
             # -1 is no selector value: signals under an absent multiplexer are then absent too
             selectors[signal.name] = np.where(present, value, -1)
     return signals
+
+
+def kind_in_tables(signal: Signal) -> np.dtype[Any]:
+    """The type of a signal's column in a file: the DBC decides it, whatever frames a recording has.
+
+    A multiplexed signal is float; object, Python's integers beside NaN, where a float could not hold them all. An
+    integer signal that lies outside a short frame has no value there.
+    """
+    kind = _physical_kind(signal)
+    if signal.multiplexer is None or kind not in (np.dtype(np.int64), np.dtype(np.uint64)):
+        return kind
+    ends = (raw * signal.scale + signal.offset for raw in signal.raw_limits)
+    exact = all(abs(end) <= _EXACT_IN_FLOAT for end in ends)
+    return np.dtype(np.float64) if exact else np.dtype(object)
+
+
+def _physical_kind(signal: Signal) -> np.dtype[Any]:
+    """The type of a signal's physical values where every frame carries it."""
+    if signal.is_float:
+        return np.dtype(np.float64)
+    unsigned_word = signal.length == _WORD and not signal.signed
+    raw: np.dtype[Any] = np.dtype(np.uint64 if unsigned_word else np.int64)
+    if signal.length > _WORD or (not signal.is_identity and _overflows(raw, signal)):
+        return np.dtype(object if signal.is_integer else np.float64)
+    return raw if signal.is_identity or signal.is_integer else np.dtype(np.float64)
 
 
 def signal_end(signal: Signal, length: int) -> int:

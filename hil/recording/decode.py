@@ -17,17 +17,9 @@ from bus.frame import ERROR, EXTENDED, EXTENDED_MASK, REMOTE
 from dbc.columns import ColumnDecoder
 from dbc.errors import DatabaseError, LogError
 from dbc.j1939 import pgn
-from dbc.tables import (
-    Decoded,
-    Format,
-    TableError,
-    decode_log,
-    load_databases,
-    naming_the_file,
-    origins,
-    target_of,
-    write_columns,
-)
+from dbc.offline.decoding import Decoded, decode_log
+from dbc.offline.writing import Tables
+from dbc.tables import Format, TableError, load_databases
 from hil.ending import Ending
 
 SHOWN = 12
@@ -60,29 +52,28 @@ def print_summary(console: Console, done: Decoded) -> None:
     table = Table(
         "message", "frames", "mean period \\[ms]", box=None, header_style="bold", title_justify="left"
     )
-    for name, columns in sorted(done.columns.items()):
-        count = columns.time_s.size
-        span = float(columns.time_s[-1] - columns.time_s[0])
+    for name, found in sorted(done.messages.items()):
+        count, span = found.frames, found.last_s - found.first_s
         table.add_row(name, str(count), f"{span / (count - 1) * 1e3:.1f}" if count > 1 else "–")
-    decoded = sum(columns.time_s.size for columns in done.columns.values())
-    console.print(f"{done.path}: {len(done.frames)} frames, {decoded} decoded, {len(done.columns)} messages")
+    decoded = sum(found.frames for found in done.messages.values())
+    console.print(f"{done.path}: {done.frames} frames, {decoded} decoded, {len(done.messages)} messages")
     console.print(table)
     if done.undecodable:
         total = sum(done.undecodable.values())
         console.print(f"in no DBC: {total} frames of {len(done.undecodable)} identifiers")
-        ranked = sorted(done.undecodable.items(), key=lambda item: -item[1])
+        ranked = sorted(done.undecodable.items(), key=lambda item: (-item[1], item[0]))
         for can_id, count in ranked[:SHOWN]:
             console.print(f"  {identifier_text(can_id)}, {count} frames")
         if len(ranked) > SHOWN:
             console.print(f"  and {len(ranked) - SHOWN} more")
     for name, count in done.short.items():
-        decoded_too = name in done.columns and not done.columns[name].codec.is_multiplexed
+        decoded_too = name in done.messages and not done.messages[name].codec.is_multiplexed
         what = "signals outside them left empty" if decoded_too else "skipped"
         console.print(f"{name}: {count} frames shorter than the DBC says; {what}")
-    for damage in done.frames.damaged[:SHOWN]:
+    for damage in done.damaged[:SHOWN]:
         console.print(f"{done.path}: {escape(str(damage))}")
-    if done.frames.damaged_count > SHOWN:
-        console.print(f"{done.path}: {done.frames.damaged_count} damaged lines in all")
+    if done.damaged_count > SHOWN:
+        console.print(f"{done.path}: {done.damaged_count} damaged lines in all")
 
 
 def decode(
@@ -135,12 +126,12 @@ def decode(
     failed = False
     for log in logs:
         try:
-            done = _with_progress(log, decoder, errors, channel)
-            if out is not None:
-                for name, columns in done.columns.items():
-                    target = target_of(out, log, name, form, several=len(logs) > 1)
-                    with naming_the_file(target):
-                        write_columns(columns, target, form, origins(columns, done.frames, j1939=j1939))
+            if out is None:
+                done = _with_progress(log, decoder, errors, channel, None)
+            else:
+                with Tables(out, log, form, several=len(logs) > 1, j1939=j1939) as tables:
+                    done = _with_progress(log, decoder, errors, channel, tables)
+                    tables.finish()
         except (LogError, TableError) as error:
             errors.print(f"loaderhil: {escape(str(error))}")
             failed = True
@@ -151,12 +142,18 @@ def decode(
     raise typer.Exit(Ending.FAILED if failed else Ending.PASSED)
 
 
-def _with_progress(log: Path, decoder: ColumnDecoder, errors: Console, channel: str | None) -> Decoded:
+def _with_progress(
+    log: Path, decoder: ColumnDecoder, errors: Console, channel: str | None, tables: Tables | None
+) -> Decoded:
     columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeElapsedColumn())
     with Progress(*columns, console=errors, transient=True) as progress:
         task = progress.add_task(log.name, total=None)
         return decode_log(
-            log, decoder, lambda read, total: progress.update(task, completed=read, total=total), channel
+            log,
+            decoder,
+            lambda read, total: progress.update(task, completed=read, total=total),
+            channel,
+            None if tables is None else tables.take,
         )
 
 

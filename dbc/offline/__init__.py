@@ -1,0 +1,1 @@
+"""Recordings of any length decoded piece by piece, into tables on disk."""
