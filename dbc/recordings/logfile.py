@@ -36,7 +36,6 @@ INFLATION_LIMIT = 200
 """How many times longer than its file a compressed log may be; logs of a bus at rest come to some 30, gzip's most is 1032."""
 INFLATION_FREE = 256 << 20
 """Bytes of text that a compressed log may have in any case."""
-_SHORTEST_LINE = 10  # (0) c 123#
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,8 +105,7 @@ class _Part:
 def _parse(text: bytes, width: int = candump.CLASSIC_BYTES) -> _Part:
     """Parse whole lines; `width` is the room for data, widened when a CAN FD frame comes."""
     kinds = (np.int64, np.uint32, np.uint8, np.uint8, np.uint8, np.uint8)
-    # an upper bound by the shortest possible line, so that the parser never has to grow its arrays
-    rows = len(text) // _SHORTEST_LINE + 1
+    rows = text.count(b"\n") + 1
     shapes = (rows, rows, rows, rows, (rows, width), rows)
     columns = tuple(np.zeros(shape, kind) for shape, kind in zip(shapes, kinds, strict=True))
     starts, ends = np.empty((2, candump.CHANNELS), np.int64)
