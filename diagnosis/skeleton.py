@@ -49,10 +49,11 @@ class Channel:
 def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
     group = typer.Typer(
-        help="Write a model of your own: `model new TABLE --out model.py`.", no_args_is_help=True
+        help="Write a model of your own, `model new TABLE --out model.py`, or use an FMU, `model describe FILE.fmu`.",
+        no_args_is_help=True,
     )
-    group.callback()(lambda: None)  # one command alone would otherwise need no name
     group.command("new")(new)
+    group.command("describe")(describe)
     app.add_typer(group, name="model")
 
 
@@ -72,6 +73,30 @@ def new(
         raise Unwritable(f"--out {out}: exists already; it is not overwritten")
     print_written(write("--out", out.parent, {out.name: skeleton(table)}))
     print(f"try: loaderhil diagnose {table} --model {out}")
+
+
+def describe(
+    fmu: Annotated[
+        Path, typer.Argument(metavar="FILE.fmu", help="An FMU for co-simulation, FMI 2.0 or 3.0.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE.toml", help="Also write a commented companion file here."),
+    ] = None,
+) -> None:
+    """Show the variables of an FMU and how a diagnosis would use them, and write its companion file.
+
+    Example: `loaderhil model describe machine.fmu --out machine.toml`
+    """
+    from diagnosis.command import Unwritable, print_written, write
+    from fmi.skeleton import companion_text, lines_of
+
+    if out is not None and (out.suffix != ".toml" or out.exists()):
+        raise Unwritable(f"--out {out}: must end in .toml, and an older file is not overwritten")
+    for line in lines_of(fmu):
+        print(line)
+    if out is not None:
+        print_written(write("--out", out.parent, {out.name: companion_text(fmu)}))
 
 
 def skeleton(table: Path) -> str:

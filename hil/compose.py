@@ -18,6 +18,7 @@ from bus.user_error import UserError
 from dbc import loader_database
 from ecu.calibration import load_calibration
 from ecu.core import PYTHON, Core, Ecu, Form
+from fmi.motion import fingerprint, motion_of
 from hil.companions import CALIBRATION as CALIBRATION_FILE
 from hil.companions import EQUIPMENT, companion
 from hil.ecu_side import ecu_cycle
@@ -54,6 +55,7 @@ class Choice:
     expect: Path | None = None  # TOML file with additional expectations
     changes: tuple[str, ...] = ()  # KEY=VALUE, override the files of scenario, machine and equipment
     calibration: str | None = None  # of the ECU, a name or file; None: that of the machine's family
+    fmu: Path | None = None  # FMU that moves in place of our plant
     core: Core = PYTHON  # what computes the ECU; deploy.c.core.C is the exported C
 
     def on(self, machine: str) -> "Choice":
@@ -109,6 +111,8 @@ class Choice:
             words += ["--seed", str(self.seed)]
         for change in self.changes:
             words += ["--set", change]
+        if self.fmu is not None:
+            words += ["--fmu", str(self.fmu)]
         return words
 
     def record(self, scenario: Scenario, mode: Mode) -> RunRecord:
@@ -125,7 +129,7 @@ class Choice:
             payload_kg=float(scenario.payload_mass),
             changes=scenario.changes.words,
             started=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-            versions=versions(),
+            versions=versions() | ({} if self.fmu is None else {"plant": fingerprint(self.fmu)}),
             standing_load_n=standing_loads(scenario),
         )
 
@@ -157,9 +161,10 @@ def standing_loads(scenario: Scenario) -> Four:
     return four(at_rest.truth().normal_force.tolist())
 
 
-def plant_unit(scenario: Scenario) -> PlantUnit:
-    """The machine of a scenario, in equilibrium and ready for its first tick."""
-    return PlantUnit(machine_of(scenario), scenario, seed=scenario.seed)
+def plant_unit(scenario: Scenario, fmu: Path | None = None) -> PlantUnit:
+    """The machine of a scenario, in equilibrium and ready for its first tick. fmu: what moves in its place."""
+    motion = None if fmu is None else motion_of(fmu)
+    return PlantUnit(machine_of(scenario), scenario, seed=scenario.seed, motion=motion)
 
 
 def lockstep(
@@ -172,11 +177,12 @@ def lockstep(
     calibration: str | None = None,
     detect_faults: bool = False,
     core: Core = PYTHON,
+    fmu: Path | None = None,
 ) -> Lockstep:
     """Plant and ECU on one virtual clock.
 
     reference: record the frames of the test instrumentation too; detect_faults: the ECU tests its sensors against each other;
-    core: what computes the ECU.
+    core: what computes the ECU; fmu: what moves in place of our plant.
     """
     fitting = calibration_of(scenario, calibration)
 
@@ -187,8 +193,8 @@ def lockstep(
         )
 
     if injector is None:
-        return Lockstep(plant_unit(scenario), fresh(), reference=reference)
-    plant, ecu = RestartablePlant(plant_unit(scenario)), RestartableEcu(fresh)
+        return Lockstep(plant_unit(scenario, fmu), fresh(), reference=reference)
+    plant, ecu = RestartablePlant(plant_unit(scenario, fmu)), RestartableEcu(fresh)
     injector.start(0)
     wire = FaultyWire(injector, acting_on(plant, ecu))
     return Lockstep(plant, ecu, wire=wire, reference=reference)

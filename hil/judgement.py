@@ -26,6 +26,9 @@ def judge_run(run: RunDirectory) -> RunVerdict:
     if not len(run.truth):
         raise RunError(f"{run.path}: nothing to judge by, {'; '.join(run.problems) or 'the truth is empty'}")
     truth = run.truth
+    needed = ("normal_force", "roll", "load_transfer_ratio")
+    if missing := [name for name in needed if np.isnan(truth[name]).any()]:
+        raise RunError(f"{run.path}: nothing to judge by, the plant does not give {', '.join(missing)}")
     return judge(
         time_s=truth["time_s"],
         normal_force=truth["normal_force"],

@@ -44,6 +44,7 @@ def run_lockstep(choice: Choice, out: Path, progress: Callable[[float], None] | 
         injector=injector,
         calibration=choice.calibration,
         core=choice.core,
+        fmu=choice.fmu,
     )
     rundir.begin(out, record)
     ending = Ending.PASSED

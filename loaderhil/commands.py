@@ -70,6 +70,10 @@ PANELS: Final[dict[str, dict[str, Command]]] = {
             "deploy.c.command",
             "Write the ECU as C99 for a microcontroller: single precision, no heap; with builds for Linux and a Cortex-M4F.",
         ),
+        "export-fmu": Command(
+            "loaderhil.fmu",
+            "Write the simulated machine as an FMU for co-simulation: commands to its actuators in, its motion out.",
+        ),
         "export-a2l": Command(
             "deploy.a2l.command",
             "Write the A2L file of the ECU: everything that a tool can measure and calibrate by XCP, with addresses and ranges.",
@@ -115,7 +119,8 @@ PANELS: Final[dict[str, dict[str, Command]]] = {
             "Open the sealed truth and compare it with the findings: hidden effects, found effects, and their values.",
         ),
         "model": Command(
-            "diagnosis.skeleton", "Write a model of your own: `model new TABLE --out model.py`."
+            "diagnosis.skeleton",
+            "Write a model of your own, `model new TABLE --out model.py`, or use an FMU, `model describe FILE.fmu`.",
         ),
         "effects": Command(
             "loaderhil.effects",

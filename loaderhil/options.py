@@ -55,8 +55,8 @@ ForeignPlantOption = Annotated[
     str | None,
     typer.Option(
         "--plant",
-        metavar="BUS",
-        help="Bus of an external machine that replaces the simulated one; in real time.",
+        metavar="BUS|FILE.fmu",
+        help="Bus of an external machine that replaces the simulated one, in real time; or an FMU that moves in its place, in lockstep or real time.",
     ),
 ]
 WaitOption = Annotated[

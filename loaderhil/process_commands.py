@@ -39,6 +39,14 @@ def plant(
     payload_kg: PayloadOption = None,
     seed: SeedOption = None,
     changes: SetOption = None,
+    fmu: Annotated[
+        Path | None,
+        typer.Option(
+            "--fmu",
+            metavar="FILE.fmu",
+            help="FMU that moves in place of the simulated machine; driver, limits and sensors stay.",
+        ),
+    ] = None,
     fifo: FifoOption = None,
     lock_memory: LockOption = False,
     cpu: CpuOption = None,
@@ -52,7 +60,9 @@ def plant(
     from hil.processes import plant as process
     from hil.shell.process import ending_of
 
-    choice = Choice(scenario=scenario, payload_kg=payload_kg, seed=seed, changes=tuple(changes or ()))
+    choice = Choice(
+        scenario=scenario, payload_kg=payload_kg, seed=seed, changes=tuple(changes or ()), fmu=fmu
+    )
     realtime = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
     # the lifeline is opened by `ending_of`: a supervisor learns of an error in the body as well
     raise typer.Exit(ending_of(lambda line: process.run(line, choice, bus, out, realtime)))

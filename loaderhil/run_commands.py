@@ -148,6 +148,7 @@ def run(
     from loaderhil.single import Output, report_run
 
     core = checked_core(ecu_core)
+    fmu = Path(foreign_plant) if foreign_plant is not None and foreign_plant.endswith(".fmu") else None
     choices = [
         Choice(
             scenario=scenario,
@@ -159,6 +160,7 @@ def run(
             inject=inject,
             expect=expect,
             changes=tuple(changes or ()),
+            fmu=fmu,
         )
         for scenario in scenarios
     ]
@@ -173,7 +175,7 @@ def run(
         routes=routes,
         control=control,
         foreign_ecu=foreign_ecu,
-        foreign_plant=foreign_plant,
+        foreign_plant=foreign_plant if fmu is None else None,
         wait_s=wait_s,
     )
     # lockstep has neither a gateway nor a bus on which an external node could be

@@ -36,7 +36,7 @@ def run(
     log_to(out and out / rundir.PLANT_LOG)
     scenario = choice.load()
     reach(address)
-    unit = plant_unit(scenario)
+    unit = plant_unit(scenario, choice.fmu)
     # before `ready`: numba compiles for up to a minute, and the run must not begin meanwhile
     compile_plant(scenario)
     realtime.apply()

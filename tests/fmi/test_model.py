@@ -280,3 +280,17 @@ def test_the_folder_of_an_fmu_goes_with_it_and_that_of_a_killed_process_with_the
     first.close()
     second.close()
     assert list(tmp_path.glob(f"{FOLDER}*")) == []
+
+
+def test_the_companion_that_describe_writes_changes_nothing(tmp_path, recording):
+    from fmi.skeleton import companion_text, lines_of
+
+    file = fmu(tmp_path, companion="")
+    before = read_model(file).build([recording])
+    file.with_suffix(".toml").write_text(companion_text(file), encoding="utf-8")
+    after = read_model(file).build([recording])
+    without = {"simulate": before.simulate}
+    assert replace(after, **without) == before
+    shown = "\n".join(lines_of(file))
+    assert "leak [1/s] start 0 0 to 1 (effect): water is lost in proportion to the level" in shown
+    assert "against the standard" not in shown
