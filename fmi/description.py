@@ -168,6 +168,8 @@ def _variables(read: Any, version: Version) -> tuple[dict[str, Variable], list[s
     for v in read.modelVariables:
         if v.type not in NUMBERS[version] or v.causality == "independent":
             continue
+        if v.alias is not None:  # of FMI 3: another name of a variable that is there already
+            continue
         if v.shape:
             notes.append(f"{v.name} is an array of {'x'.join(map(str, v.shape))}; arrays are left alone")
             continue
