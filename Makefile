@@ -68,8 +68,8 @@ speed: $(BIN)/.bench ## every benchmark into docs/results/speed.md, on a quiet m
 proof: $(BIN)/.bench ## prove the diagnosis: all arms into docs/results/proof.md (hours; run again to take up); PROOF='--arms straight --share 0.1'
 	$(BIN)/python -m bench.proof --out docs/results/proof.md $(PROOF)
 
-wild: $(BIN)/.bench ## diagnosis of truths that differ from the model in structure, into docs/results/wild.md (half an hour; run again to take up)
-	$(BIN)/python -m bench.wild --seeds report --out docs/results/wild.md
+wild: $(BIN)/.bench ## diagnosis of truths that differ from the model in structure, into docs/results/wild.md (an hour; run again to take up); WILD='--share 0.5'
+	$(BIN)/python -m bench.wild --seeds report --out docs/results/wild.md $(WILD)
 
 identification: $(BIN)/.test ## coverage of the identification on 200 seeded cases into docs/results/identification.md (an hour; run again to take up)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.identify_coverage --cases 200 --out docs/results/identification.md

@@ -1,4 +1,4 @@
-"""The README's rates of wrong names are those of the proof's page."""
+"""The README's rates of wrong names are those of the pages of the proof and of the wild arms."""
 
 import re
 from pathlib import Path
@@ -27,3 +27,27 @@ def test_the_readme_says_what_the_page_counts(row, said):
         rf"{wrong} of {count} (?:simulated recordings )?{said} \(([\d.]+) %, (?:95 % )?bound ([\d.]+) %\)", readme
     )
     assert (float(share), float(at_most)) == (round(100 * wrong / count, 1), round(100 * bound, 1))
+
+
+def of_bodies(row: str) -> tuple[int, int]:
+    """Hits and recordings of the three bodies on the page of the wild arms."""
+    page = (ROOT / "docs" / "results" / "wild.md").read_text(encoding="utf-8")
+    [line] = re.findall(rf"^\| {re.escape(row)} \|(.*)$", page, re.MULTILINE)
+    found = re.findall(r"(\d+) of (\d+) \(", line)
+    assert len(found) == 3
+    return sum(int(hits) for hits, _ in found), sum(int(count) for _, count in found)
+
+
+def test_the_readme_says_what_the_wild_arms_count():
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    named, clear = of_bodies("one effect hidden, lambda >= 50: in a named group")
+    shown = []
+    for row, said in (
+        ("nothing hidden: a wrong name", "with nothing hidden"),
+        ("recordings with a false name beside it", "with a clear effect"),
+    ):
+        wrong, count = of_bodies(row)
+        bound = beta.ppf(0.95, wrong + 1, count - wrong)
+        shown.append(f"{wrong} of {count} {said} ({100 * wrong / count:.1f} %, bound {100 * bound:.1f} %)")
+    assert count == clear
+    assert f"{shown[0]}, and {shown[1]}, of which {named} are named" in readme
