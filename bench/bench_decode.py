@@ -1,10 +1,12 @@
-"""Decoding a candump log of a million frames: ours against python-can + cantools, and asammdf on the same frames.
+"""Decoding a candump log and a BLF of a million frames: ours against python-can + cantools, and asammdf on the same frames.
 
-    python bench/bench_decode.py [FRAMES]
+    python -m bench.bench_decode [FRAMES]
 
-The log is made of the bench's own frames. python-can's reader with cantools is timed on a part of it and
-scaled (its cost per frame is constant); asammdf reads an MF4 of the same frames, as it does not read candump
-logs. All in one run, repetitions interleaved; medians and ratios are printed.
+The recordings are made of the bench's own frames. python-can's readers with cantools are timed on a part and
+scaled (their cost per frame is constant); asammdf reads an MF4 of the same frames, as it does not read candump
+logs. Ours is the path of `loaderhil decode`: every signal of every frame as columns, piece by piece, once dropped and once
+written as Parquet. The floors are what no decoder can go below: a copy of the log's bytes in memory, and the inflation of
+the BLF's containers on one processor. All in one run, repetitions interleaved; medians, spreads and ratios are printed.
 """
 
 import platform
@@ -12,6 +14,7 @@ import statistics
 import sys
 import tempfile
 import time
+import zlib
 from importlib.metadata import version
 from pathlib import Path
 
@@ -24,11 +27,24 @@ from asammdf.blocks.v4_blocks import SourceInformation
 
 from dbc import FOLDER, loader_database
 from dbc.columns import ColumnDecoder
+from dbc.offline.decoding import decode_log
+from dbc.offline.writing import Tables
 from dbc.recordings.logfile import FrameTable, read_candump
+from dbc.tables import Format
 
 PART = 50_000
 # Each takes seconds; the spread of five is printed beside the median.
 REPEATS = 5
+LABELS = {
+    "copy": "floor: the log's bytes copied in memory",
+    "log": "candump log, column decoder",
+    "parquet": "candump log to Parquet",
+    "peer": "python-can LogReader + cantools",
+    "mdf": "asammdf extract_bus_logging (MF4 of the same frames)",
+    "inflate": "floor: the BLF's containers inflated by zlib on one processor",
+    "blf": "BLF, column decoder",
+    "blf peer": "python-can BLFReader + cantools",
+}
 
 
 def make_log(path: Path, frames: int) -> None:
@@ -73,15 +89,60 @@ def make_mf4(path: Path, table: FrameTable) -> None:
     mdf.close()
 
 
-def ours(log: Path) -> int:
-    columns = ColumnDecoder(loader_database()).decode(read_candump(log))
-    return sum(c.time_s.size for c in columns.values())
+def make_blf(path: Path, table: FrameTable) -> None:
+    """The same frames as a BLF of python-can's writer."""
+    with can.BLFWriter(path) as writer:
+        for frame in table.frames():
+            writer.on_message_received(
+                can.Message(
+                    timestamp=1.6e9 + frame.at_ns * 1e-9, arbitration_id=frame.can_id & 0x1FFFFFFF, data=frame.data, channel=0
+                )
+            )  # fmt: skip
 
 
-def peer(log: Path) -> int:
+def ours(recording: Path) -> int:
+    cells = 0
+
+    def take(_, decoded) -> None:
+        nonlocal cells
+        cells += sum(columns.time_s.size * (1 + len(columns.signals)) for columns in decoded.values())
+
+    decode_log(recording, ColumnDecoder(loader_database()), take=take)
+    return cells
+
+
+def written(recording: Path) -> int:
+    with (
+        tempfile.TemporaryDirectory() as out,
+        Tables(Path(out), recording, Format.PARQUET, several=False, j1939=False) as tables,
+    ):
+        done = decode_log(recording, ColumnDecoder(loader_database()), take=tables.take)
+        tables.finish()
+    return done.frames
+
+
+def copied(recording: bytes) -> int:
+    return len(bytearray(recording))
+
+
+def inflated(bodies: list[bytes]) -> int:
+    return sum(len(zlib.decompress(body)) for body in bodies)
+
+
+def bodies_of(blf: bytes) -> list[bytes]:
+    """The deflated bytes of each container (python-can's writer puts all objects into containers)."""
+    found, at = [], 144
+    while at < len(blf):
+        length = int.from_bytes(blf[at + 8 : at + 12], "little")
+        found.append(blf[at + 32 : at + length])
+        at += length + length % 4
+    return found
+
+
+def peer(recording: Path) -> int:
     database = cantools.database.load_file(FOLDER / "loader.dbc")
     count = 0
-    with can.LogReader(log) as reader:
+    with can.LogReader(recording) as reader:
         for message in reader:
             database.decode_message(message.arbitration_id, message.data, decode_choices=False)
             count += 1
@@ -109,29 +170,45 @@ def main() -> int:
     print(
         f"{platform.machine()}, {platform.processor() or 'unknown processor'}, Python {platform.python_version()}, {packages}"
     )
+    times: dict[str, list[float]] = {name: [] for name in LABELS}
     with tempfile.TemporaryDirectory() as folder:
-        log, part, recording = (Path(folder) / name for name in ("all.log", "part.log", "all.mf4"))
+        log, part, recording, blf, blf_part = (
+            Path(folder) / name for name in ("all.log", "part.log", "all.mf4", "all.blf", "part.blf")
+        )
         make_log(log, frames)
         make_log(part, min(PART, frames))
         make_mf4(recording, read_candump(log))
-        ours(part)  # compile
-        times: dict[str, list[float]] = {"ours": [], "peer": [], "mdf": []}
+        make_blf(blf, read_candump(log))
+        make_blf(blf_part, read_candump(part))
+        content, bodies = log.read_bytes(), bodies_of(blf.read_bytes())
+        scale = frames / min(PART, frames)
+        # compile
+        for work in (ours, written):
+            for file in (part, blf_part):
+                work(file)
         for _ in range(REPEATS):
-            times["ours"].append(seconds(ours, log))
+            times["copy"].append(seconds(copied, content))
+            times["log"].append(seconds(ours, log))
+            times["parquet"].append(seconds(written, log))
             # a part, scaled: the whole log would take python-can and cantools minutes in every repeat
-            times["peer"].append(seconds(peer, part) * frames / min(PART, frames))
+            times["peer"].append(seconds(peer, part) * scale)
             times["mdf"].append(seconds(mdf, recording))
-    for name, label in (
-        ("ours", "candump log, column decoder"),
-        ("peer", f"python-can LogReader + cantools (on {min(PART, frames)} frames, scaled)"),
-        ("mdf", "asammdf extract_bus_logging (MF4 of the same frames)"),
-    ):
-        t = times[name]
-        print(f"{statistics.median(t):8.3f} s  ({min(t):.3f} to {max(t):.3f}, n={len(t)})  {label}")
+            times["inflate"].append(seconds(inflated, bodies))
+            times["blf"].append(seconds(ours, blf))
+            times["blf peer"].append(seconds(peer, blf_part) * scale)
     middle = {name: statistics.median(t) for name, t in times.items()}
-    print(
-        f"{frames} frames: {middle['peer'] / middle['ours']:.0f}x python-can + cantools, {middle['mdf'] / middle['ours']:.1f}x asammdf"
-    )
+    for name, label in LABELS.items():
+        t = times[name]
+        print(f"{middle[name]:8.3f} s  ({min(t):.3f} to {max(t):.3f}, n={len(t)})  {label}")
+    for name in ("log", "parquet", "blf"):
+        print(f"{LABELS[name]}: {frames / middle[name] / 1e6:.2f} million frames/s")
+    for ours_name, others in (("log", ("peer", "mdf", "copy")), ("blf", ("blf peer", "inflate"))):
+        for other in others:
+            # of the same repeat, so that a busy moment slows both
+            ratios = [theirs / own for theirs, own in zip(times[other], times[ours_name], strict=True)]
+            print(
+                f"{LABELS[other]} / {LABELS[ours_name]}: {statistics.median(ratios):.2f} ({min(ratios):.2f} to {max(ratios):.2f})"
+            )
     return 0
 
 

@@ -144,6 +144,28 @@ FIGURES = (
         per=1.0,  # of a million frames, which the benchmark decodes
     ),
     Figure(
+        what="offline decode of a candump log to Parquet",
+        unit="million frames/s",
+        bench="bench_decode",
+        label="candump log to Parquet",
+        more_is_better=True,
+        per=1.0,
+    ),
+    Figure(
+        what="offline decode of a BLF",
+        unit="million frames/s",
+        bench="bench_decode",
+        label="BLF, column decoder",
+        peer="python-can BLFReader + cantools",
+        peer_name="python-can with cantools",
+        floor=lambda r: (
+            1 / r["bench_decode", "floor: the BLF's containers inflated by zlib on one processor"][0]
+        ),
+        floor_name="zlib on one processor (we use two, and isal)",
+        more_is_better=True,
+        per=1.0,
+    ),
+    Figure(
         what="reading a candump log into arrays",
         unit="us/frame",
         bench="bench_files",

@@ -20,7 +20,7 @@ from dbc.offline.files import CsvFile, ParquetFile, TableFile
 from dbc.recordings.logfile import FrameTable
 from dbc.tables import Format, naming_the_file, target_of
 
-BUFFERED = 24 << 20
+BUFFERED = 16 << 20
 """Bytes of rows that wait in memory, of all tables together."""
 
 

@@ -1,6 +1,6 @@
 """Reads a recording of CAN frames, whatever its format, into one FrameTable or piece by piece.
 
-candump logs, plain or gzip-compressed, are read by our own parser (`dbc.recordings.logfile`); BLF and ASC through
+candump logs, plain or gzip-compressed, and BLF are read by our own compiled parsers (`dbc.recordings.logfile`, `.blf`); ASC through
 python-can; MF4 bus logging through asammdf, column by column. The content decides, not the suffix.
 
 Error frames of BLF, ASC and MF4 carry no error bits, only that there was one. A cut or damaged place is reported
@@ -20,7 +20,7 @@ from bus.bounded_json import printable
 from bus.frame import BRS, ERROR, ESI, EXTENDED, EXTENDED_MASK, FD, REMOTE, STANDARD_MASK
 from dbc.errors import LogError
 from dbc.lean import without_mf4
-from dbc.recordings.blf import read_blf
+from dbc.recordings.blf import blf_pieces
 from dbc.recordings.logfile import DAMAGE_SHOWN, Damage, FrameTable, candump_pieces, joined
 
 Progress = Callable[[int, int], None]
@@ -34,7 +34,7 @@ _ASC_STARTS = (b"date ", b"base ", b"// version", b"begin triggerblock")
 LATEST_S = 9e9
 """Stamps beyond the year 2255 do not fit 64 bits of nanoseconds."""
 PIECE_FRAMES = 1 << 16
-"""Frames of a piece of a BLF or an ASC."""
+"""Frames of a piece of an ASC."""
 _REPORT_EVERY = 4096
 _MICROSECOND = 1000
 
@@ -90,7 +90,7 @@ def _no_beginning(path: Path) -> LogError:
 
 def _reader_of(path: Path, start: bytes) -> Callable[[Path, Progress | None], Iterator[FrameTable]]:
     if start.startswith(_BLF):
-        return _blf_pieces
+        return blf_pieces
     if start.startswith(_MF4):
         return _mf4_pieces
     if path.suffix.lower() == ".asc" or start.lstrip().lower().startswith(_ASC_STARTS):
@@ -180,25 +180,6 @@ def channel_name(channel: int | str | None) -> str:
     if channel is None:
         return "can"
     return f"can{channel}" if isinstance(channel, int) else printable(channel)
-
-
-def _blf_pieces(path: Path, progress: Progress | None) -> Iterator[FrameTable]:
-    size, rows = path.stat().st_size, _Rows()
-    with path.open("rb") as file:
-        for item in read_blf(file):
-            if isinstance(item, Damage):
-                rows.add_damage(item)
-                continue
-            try:
-                rows.add(item)
-            except ValueError as error:
-                at = min(file.tell(), size)
-                rows.add_damage(Damage(at, f"in what ends here, not a frame: {error}; skipped", "byte"))
-            if progress is not None and len(rows) % _REPORT_EVERY == 0:
-                progress(file.tell(), size)
-            if len(rows) >= PIECE_FRAMES:
-                yield rows.take()
-    yield rows.take()
 
 
 class _NumberedLines:

@@ -20,7 +20,7 @@ from dbc.errors import LogError
 from dbc.offline import writing
 from dbc.offline.decoding import decode_log
 from dbc.offline.writing import Tables
-from dbc.recordings import logfile, reading
+from dbc.recordings import blf, logfile, reading
 from dbc.tables import Format, TableError
 
 DBC = """VERSION ""
@@ -263,6 +263,7 @@ def test_pieces_of_other_formats_join_to_the_whole(tmp_path, form):
     whole = list(reading.read_frames(file).frames())
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reading, "PIECE_FRAMES", 7)
+        patch.setattr(blf, "PIECE_FRAMES", 7)
         pieces = list(reading.read_pieces(file))
     assert len(whole) == 300
     assert len(pieces) > 2
