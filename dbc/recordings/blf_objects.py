@@ -27,6 +27,7 @@ OTHER_LENGTH, WIDE_IDENTIFIER, STAMP, TOO_LONG = range(1, 5)
 _BASE, _VERSION_1, _VERSION_2 = 16, 16, 24  # bytes of the parts of an object's header
 _MESSAGE, _MESSAGE_2, _ERROR_EXT, _FD_MESSAGE, _FD_MESSAGE_64 = 1, 86, 73, 100, 101
 _TEN_MICROSECONDS = 1
+_EXACT = np.uint64(1 << 53)  # below it every integer is a float
 _ID_EXTENDED = 0x80000000
 _REMOTE_FLAG, _REMOTE_FLAG_64 = 0x80, 0x10
 _FD_LENGTHS = np.array([*range(9), 12, 16, 20, 24, 32, 48, 64], np.int64)  # ISO 11898-1, table 5
@@ -40,6 +41,15 @@ def _u16(data: Any, at: Any) -> Any:
 @_inlined
 def _u32(data: Any, at: Any) -> Any:
     return _u16(data, at) | _u16(data, at + 2) << 16
+
+
+@_inlined
+def _seconds(ticks: Any, per_second: Any) -> Any:
+    """Seconds of an unsigned number of ticks, rounded once."""
+    if ticks < _EXACT:
+        return np.float64(ticks) / np.float64(per_second)
+    # what a float cannot hold is divided in two parts
+    return np.float64(ticks // per_second) + np.float64(ticks % per_second) / np.float64(per_second)
 
 
 @_inlined
@@ -165,8 +175,8 @@ def parse(
         if flags & FD and payload.shape[1] < 64:
             return TOO_NARROW, begin, row, known, broken
         ticks = _u32(data, at + _BASE + 8) | _u32(data, at + _BASE + 12) << 32
-        unit = 1e5 if _u32(data, at + _BASE) == _TEN_MICROSECONDS else 1e9
-        stamp_s = np.float64(np.uint64(ticks)) / unit + start_s
+        unit = np.uint64(100_000 if _u32(data, at + _BASE) == _TEN_MICROSECONDS else 1_000_000_000)
+        stamp_s = _seconds(np.uint64(ticks), unit) + start_s
         if not seen:
             stamps[0], seen = stamp_s, True
         stamps[1] = stamp_s
