@@ -340,6 +340,8 @@ def _usual_lines(text: Any, at: Any, row: Any, columns: Any, keys: Any, known: A
             break
         for k in range(CLASSIC_BYTES):
             data[row, k] = np.uint8(value >> np.uint64(8 * k))
+        for k in range(CLASSIC_BYTES, data.shape[1]):
+            data[row, k] = 0
         time_ns[row] = (seconds * 1_000_000 + microseconds) * 1000
         can_id[row], length[row], flags[row], channel[row] = identifier, count >> 1, 0, number
         row += 1
@@ -384,7 +386,7 @@ def _key(text: Any, start: Any, end: Any) -> Any:
 def parse(text: Any, columns: Any, starts: Any, ends: Any, bad_line: Any, bad_code: Any, digits: Any) -> Any:
     """Parse every line of `text`; returns rows, lines, damaged lines and channels found.
 
-    columns: time_ns, can_id, length, flags, data (rows, 8 or 64; zeroed), channel, with a row for every line.
+    columns: time_ns, can_id, length, flags, data (rows, 8 or 64), channel, with a row for every line.
     rows is TOO_NARROW if a CAN FD frame came and data has only 8 columns.
     starts, ends: where in the text each channel's name was first met. bad_line, bad_code: the first damaged lines.
     """
@@ -400,6 +402,7 @@ def parse(text: Any, columns: Any, starts: Any, ends: Any, bad_line: Any, bad_co
             end += 1
         line += 1
         before = known
+        data[row, :] = 0
         result, known = _line(text, at, end, row, columns, starts, ends, known, digits)
         if known > before:
             keys[before] = _key(text, starts[before], ends[before])
@@ -408,7 +411,6 @@ def parse(text: Any, columns: Any, starts: Any, ends: Any, bad_line: Any, bad_co
         elif result == TOO_NARROW:
             return TOO_NARROW, line, bad, known
         elif result != BLANK:
-            data[row, :] = 0
             if bad < bad_line.size:
                 bad_line[bad], bad_code[bad] = line, result
             bad += 1

@@ -85,7 +85,6 @@ def lines(draw):
 def decoded(dbc, log, out, form, *, piece, buffered=1 << 20):
     """The tables, and what was counted; text is read and parsed `piece` bytes at a time."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(logfile, "CHUNK", piece)
         patch.setattr(logfile, "PIECE", piece)
         patch.setattr(writing, "BUFFERED", buffered)
         with Tables(out, log, form, several=False, j1939=True) as tables:
@@ -208,7 +207,6 @@ def test_what_breaks_off_leaves_no_file(tmp_path, dbc, form):
             raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(logfile, "CHUNK", 100)
         patch.setattr(logfile, "PIECE", 100)
         patch.setattr(writing, "BUFFERED", 0)
         with pytest.raises(KeyboardInterrupt), Tables(out, log, form, several=False, j1939=False) as tables:

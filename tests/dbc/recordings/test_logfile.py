@@ -209,7 +209,7 @@ def test_chunks_and_compression_change_nothing(tmp_path, monkeypatch):
     plain.write_bytes(text)
     packed.write_bytes(gzip.compress(text))
     whole = frames(parse_candump(text))
-    monkeypatch.setattr("dbc.recordings.logfile.CHUNK", 1000)
+    monkeypatch.setattr("dbc.recordings.logfile.PIECE", 1000)
     heard = []
     assert frames(read_candump(plain, lambda read, total: heard.append((read, total)))) == whole
     assert frames(read_candump(packed)) == whole
@@ -260,7 +260,7 @@ def test_a_compressed_file_may_have_several_members(tmp_path):
 
 def test_damage_is_numbered_through_and_bounded(tmp_path, monkeypatch):
     """Every third line is damaged; numbers go on over the pieces, which are parsed side by side."""
-    monkeypatch.setattr("dbc.recordings.logfile.CHUNK", 500)
+    monkeypatch.setattr("dbc.recordings.logfile.PIECE", 500)
     file = tmp_path / "damaged.log"
     file.write_text("".join("rubbish\n" if i % 3 == 0 else "(1.0) can0 123#11\n" for i in range(1, 901)))
     table = read_candump(file)
@@ -269,7 +269,7 @@ def test_damage_is_numbered_through_and_bounded(tmp_path, monkeypatch):
 
 
 def test_can_fd_that_comes_late_widens_what_came_before(tmp_path, monkeypatch):
-    monkeypatch.setattr("dbc.recordings.logfile.CHUNK", 100)
+    monkeypatch.setattr("dbc.recordings.logfile.PIECE", 100)
     file = tmp_path / "mixed.log"
     file.write_text("(1.0) can0 123#0102030405060708\n" * 20 + f"(2.0) can0 123##1{'AB' * 64}\n")
     read = frames(read_candump(file))

@@ -1,5 +1,7 @@
 """One table from every format; python-can's writers are the reference, damage is reported with its place."""
 
+import contextlib
+import itertools
 import resource
 import struct
 import zlib
@@ -215,6 +217,40 @@ def test_what_is_behind_the_damage_in_a_blf_is_read(long_blf, tmp_path, damage, 
     if struck != (0,) and len(read) < len(whole):
         assert any(f"{gap_s:.3f} s between" in each.reason for each in table.damaged)
     assert read[-1] == whole[-1]
+
+
+@given(
+    made=messages(),
+    size=st.sampled_from([100, 300, 5000]),
+    changes=st.lists(
+        st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 255)), min_size=1, max_size=3
+    ),
+)
+@settings(deadline=None, max_examples=300)
+def test_before_the_first_damage_a_blf_is_what_python_can_reads(tmp_path_factory, made, size, changes):
+    """Bytes changed anywhere in containers that are not compressed: in headers, lengths, kinds, stamps and data."""
+    file = tmp_path_factory.mktemp("blf") / "changed.blf"
+    with can.BLFWriter(file, max_container_size=size, compression_level=0) as writer:
+        for message in made:
+            writer.on_message_received(message)
+    content = bytearray(file.read_bytes())
+    for place, value in changes:
+        content[144 + int(place * (len(content) - 144))] = value
+    file.write_bytes(content)
+    reference = []
+    with file.open("rb") as stream, contextlib.suppress(ValueError, struct.error, can.io.blf.BLFParseError):
+        # bounded: python-can reads an object of length 0 for ever
+        for message in itertools.islice(can.BLFReader(stream), 2 * len(made)):
+            whole = message.is_remote_frame or message.is_error_frame or message.dlc == len(message.data)
+            small = message.arbitration_id <= (0x1FFFFFFF if message.is_extended_id else 0x7FF)
+            if whole and small and message.timestamp < 9e9 and message.dlc <= (64 if message.is_fd else 8):
+                reference.append(frame_of(message))
+    reference = reference[: len(made)]
+    try:
+        read = list(read_frames(file).frames())
+    except LogError:
+        read = []
+    assert [plain(f) for f in read[: len(reference)]] == [plain(f) for f in reference]
 
 
 @pytest.mark.parametrize("kept", [0.1, 0.5, 0.9, 0.999])
