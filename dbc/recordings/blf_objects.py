@@ -16,7 +16,6 @@ _inlined = njit(cache=True, nogil=True, forceinline=True)
 CHANNELS = 256
 LATEST_S = 9e9
 """Stamps beyond the year 2255 do not fit 64 bits of nanoseconds."""
-SHORTEST = 32  # bytes of an object that holds a frame
 
 # How `parse` ends: all objects read but a begun one; no object where one must begin; no row free; a frame of CAN FD and
 # room for 8 bytes; too many channels.
@@ -153,7 +152,7 @@ def parse(
             _u32(data, at + 8),
             _u32(data, at + 12),
         )
-        if size < _BASE:
+        if size == 0:  # the next object would be this one, for ever
             return NO_OBJECT, begin, row, known, broken
         following = at + size
         rest = _VERSION_1 if version == 1 else _VERSION_2
@@ -163,8 +162,6 @@ def parse(
         if not 1 <= version <= 2 or not holds:
             at = following
             continue
-        if size < SHORTEST:
-            return NO_OBJECT, begin, row, known, broken
         number, word, kind_flags, flags, announced, length, source, there = _frame(
             data, at + _BASE + rest, kind, at, header, size
         )

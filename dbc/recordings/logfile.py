@@ -32,6 +32,7 @@ _GZIP = b"\x1f\x8b"
 _GZIP_FORMAT = 16 + zlib.MAX_WBITS
 LONGEST_LINE = 65_536
 """Bytes without an end of line beyond which a file is no log; the longest line of a frame has some 200."""
+_ENDLESS = f"a line of more than {LONGEST_LINE} bytes; the rest of the file is not read"
 INFLATION_LIMIT = 200
 """How many times longer than its file a compressed log may be; logs of a bus at rest come to some 30, gzip's most is 1032."""
 INFLATION_FREE = 256 << 20
@@ -285,7 +286,7 @@ def _whole_lines(pieces: Iterator[bytes], breaks: list[str]) -> Iterator[bytes]:
         for piece in pieces:
             cut = piece.rfind(b"\n") + 1
             if not cut and len(rest) + len(piece) > LONGEST_LINE:
-                breaks.append(f"a line of more than {LONGEST_LINE} bytes; the rest of the file is not read")
+                breaks.append(_ENDLESS)
                 return
             if cut:
                 yield b"".join((rest, memoryview(piece)[:cut]))
@@ -299,7 +300,7 @@ def _whole_lines(pieces: Iterator[bytes], breaks: list[str]) -> Iterator[bytes]:
         breaks.append(str(error))
         return
     if rest.strip():
-        breaks.append("the file ends inside this line")
+        breaks.append(_ENDLESS if len(rest) > LONGEST_LINE else "the file ends inside this line")
 
 
 def _pieces(file: BinaryIO) -> Iterator[bytes]:
