@@ -15,10 +15,17 @@ from typing import Annotated, Final
 
 import typer
 
+from dbc import loader_database
+from dbc.columns import ColumnDecoder
+from dbc.offline.decoding import decode_log
+from dbc.recordings.reading import read_frames
 from hil.compose import Choice
 from hil.ecu_side import ecu_cycle
 from hil.ending import Ending
 from hil.processes.plant import compile_plant
+from hil.recording.formats import open_writer
+from hil.recording.ring import records_of
+from hil.rundir import BUS
 from hil.runs import run_lockstep
 from loaderhil.console import console
 
@@ -111,6 +118,7 @@ def _rest(everything: bool) -> None:
         run = Path(folder) / "run"
         duration_s = RECORDED_S if everything else SHORT_S
         run_lockstep(Choice(scenario=SCENARIO, changes=(f"duration_s={duration_s}",)), run)
+        _decoding(run)
         if everything:
             # here, because both processes import this module and neither needs the diagnosis
             from discrepancy.estimation.problem import Problem
@@ -121,3 +129,13 @@ def _rest(everything: bool) -> None:
             start, [parameter] = problem.start(), problem.model.effect(EFFECT).parameters
             problem.predict(start)
             problem.predict(start.with_shared({parameter.name: parameter.typical}))
+
+
+def _decoding(run: Path) -> None:
+    """What reads candump logs and BLF, and decodes them."""
+    table, blf = read_frames(run / BUS), run / "bus.blf"
+    writer = open_writer(blf, table.channels)
+    writer.write(records_of(list(table.frames())))
+    writer.close()
+    for recording in (run / BUS, blf):
+        decode_log(recording, ColumnDecoder(loader_database()), take=lambda frames, decoded: None)

@@ -53,6 +53,7 @@ _HIGHEST_EXTENDED, _HIGHEST_STANDARD = np.uint32(0x1FFF_FFFF), np.uint32(0x7FF)
 _ONES, _HIGHEST = np.uint64(0x0101_0101_0101_0101), np.uint64(0x8080_8080_8080_8080)
 _ONE, _ALL = np.uint64(1), np.uint64(0xFFFF_FFFF_FFFF_FFFF)
 _CLOSE_AND_SPACE = np.uint64(_SPACE << 8 | _CLOSE)
+_LONGEST_PAUSE = 63
 _USUAL_ROOM = 64  # a usual line has at most 54 bytes, and is read eight bytes at a time
 
 
@@ -392,11 +393,18 @@ def parse(text: Any, columns: Any, starts: Any, ends: Any, bad_line: Any, bad_co
     """
     data = columns[4]
     row, line, bad, known, at, size = 0, 0, 0, 0, 0, text.size
+    pause, others = 0, 0  # lines that are not tried as usual ones: after the next one, from here on
     keys = np.zeros(CHANNELS + 1, np.uint64)
     while at < size:
-        first = row
-        at, row = _usual_lines(text, at, row, columns, keys, known, digits)
-        line += row - first
+        if others:
+            others -= 1
+        else:
+            first = row
+            at, row = _usual_lines(text, at, row, columns, keys, known, digits)
+            line += row - first
+            # where no line is usual (CAN FD, another writer), ever fewer are tried
+            pause = 0 if row > first else min(2 * pause + 1, _LONGEST_PAUSE)
+            others = pause
         end = at
         while end < size and text[end] != _NEWLINE:
             end += 1
