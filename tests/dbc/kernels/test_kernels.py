@@ -1,6 +1,7 @@
 """Compiled loops against plain Python: numbers of identifiers, rows by group, bits of signals anywhere in a frame."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -78,6 +79,21 @@ def test_a_signal_anywhere_in_a_frame_has_its_value(made, data):
     if not fits(signal, length) or any(not -(2**63) <= end < 2**63 for end in ends if not signal.is_identity):
         return
     frames = data.draw(st.lists(st.binary(min_size=length, max_size=length), min_size=1, max_size=3))
+    assert_has_its_value(signal, length, frames)
+
+
+@pytest.mark.parametrize("big", [False, True])
+@pytest.mark.parametrize("bits", [1, 2, 9, 33, 63, 64])
+def test_a_signal_at_every_place_of_a_frame_has_its_value(big, bits):
+    """Also where just one of its bits lies in the next word."""
+    length = 20
+    frames = [bytes([0xFF] * length), np.random.default_rng(bits).bytes(length)]
+    for first in range(8 * length - bits + 1):
+        start = 8 * (first // 8) + 7 - first % 8 if big else first
+        assert_has_its_value(Signal(name="s", start=start, length=bits, big_endian=big), length, frames)
+
+
+def assert_has_its_value(signal, length, frames):
     # rows of which only some are the message's, with bytes behind the message
     table = np.full((2 * len(frames), 64), 0xA5, np.uint8)
     table[::2, :length] = [list(frame) for frame in frames]
