@@ -1,5 +1,12 @@
 """SAE J1939 identifiers: priority, parameter group number (PGN), addresses (J1939-21, 5.2)."""
 
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Identifier = TypeVar("Identifier", int, NDArray[np.int64])
+
 _PDU2 = 240  # PDU formats from here on are broadcast: PDU specific belongs to the PGN
 
 
@@ -11,8 +18,8 @@ def pgn(can_id: int) -> int:
     return number if number >> 8 & 0xFF >= _PDU2 else number & 0x3FF00
 
 
-def source_address(can_id: int) -> int:
-    """Address of the sender."""
+def source_address(can_id: Identifier) -> Identifier:
+    """Address of the sender; of one identifier, or of each in an array."""
     return can_id & 0xFF
 
 

@@ -9,6 +9,8 @@ import signal
 from collections.abc import Callable, Generator
 from pathlib import Path
 
+import can.io.mf4  # noqa: F401  # before dbc.lean hides asammdf from python-can, whose MF4 writer is a reference in tests
+import hypothesis
 import numpy as np
 import pytest
 
@@ -16,6 +18,9 @@ import pytest
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 np.seterr(divide="raise", over="raise", invalid="raise")
+# the same examples in every run, however busy the machine is
+hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None)
+hypothesis.settings.load_profile("repeatable")
 
 ROOT = Path(__file__).resolve().parent.parent
 MUST_RUN = frozenset(os.environ.get("LOADERHIL_MUST_RUN", "").split())

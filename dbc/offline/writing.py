@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dbc.columns import Columns, kind_in_tables
+from dbc.j1939 import source_address
 from dbc.offline.files import CsvFile, ParquetFile, TableFile
 from dbc.recordings.logfile import FrameTable
 from dbc.tables import Format, naming_the_file, target_of
@@ -75,9 +76,9 @@ class Tables:
         """Append a piece; TableError when a file cannot be written."""
         self._channels = frames.channels
         for name, columns in decoded.items():
-            origin = {"channel": frames.channel[columns.rows]}
+            origin: dict[str, NDArray[Any]] = {"channel": frames.channel[columns.rows]}
             if self._j1939:
-                origin["source_address"] = (frames.can_id[columns.rows] & 0xFF).astype(np.int64)
+                origin["source_address"] = source_address(frames.can_id[columns.rows].astype(np.int64))
             if name not in self._tables:
                 self._tables[name] = self._opened(name, columns)
             self._size += self._tables[name].add(columns, origin)

@@ -17,10 +17,13 @@ CHANNELS = 256
 LATEST_S = 9e9
 """Stamps beyond the year 2255 do not fit 64 bits of nanoseconds."""
 
-# How `parse` ends: all objects read but a begun one; no object where one must begin; no row free; a frame of CAN FD and
-# room for 8 bytes; too many channels.
-DONE, NO_OBJECT, FULL, TOO_NARROW, TOO_MANY = range(5)
-# Why a frame is none.
+# Why `parse` stopped.
+DONE = 0  # every object was read; the last one may continue in the next container
+NO_OBJECT = 1  # no object begins where one has to
+FULL = 2  # no row is free
+TOO_NARROW = 3  # a frame of CAN FD has more than the 8 bytes for which there is room
+TOO_MANY = 4  # there are more than CHANNELS channels
+# Why a frame is refused.
 OTHER_LENGTH, WIDE_IDENTIFIER, STAMP, TOO_LONG = range(1, 5)
 
 _BASE, _VERSION_1, _VERSION_2 = 16, 16, 24  # bytes of the parts of an object's header

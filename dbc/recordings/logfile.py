@@ -23,7 +23,7 @@ from dbc.errors import LogError
 from dbc.recordings import candump
 
 CHUNK = 1 << 20
-"""Bytes that are read from the file at a time."""
+"""Bytes that are inflated at a time."""
 PIECE = 4 << 20
 """Bytes of text that are parsed at a time, some 90 000 frames: what belongs to one piece stays in the caches."""
 DAMAGE_SHOWN = 100

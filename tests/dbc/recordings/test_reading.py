@@ -1,10 +1,10 @@
 """One table from every format; python-can's writers are the reference, damage is reported with its place."""
 
 import contextlib
-import itertools
 import resource
 import struct
 import zlib
+from unittest import mock
 
 import can
 import numpy as np
@@ -219,6 +219,24 @@ def test_what_is_behind_the_damage_in_a_blf_is_read(long_blf, tmp_path, damage, 
     assert read[-1] == whole[-1]
 
 
+class _Advancing:
+    """python-can's object header; an object of length 0, which python-can reads for ever, ends the reading.
+
+    The header may lie across two containers, so that the file's bytes do not show it.
+    """
+
+    def __init__(self, layout):
+        self._layout = layout
+        self.size = layout.size
+        self.unpack = layout.unpack
+
+    def unpack_from(self, data, at):
+        fields = self._layout.unpack_from(data, at)
+        if fields[3] == 0:
+            raise can.io.blf.BLFParseError("object of length 0")
+        return fields
+
+
 @given(
     made=messages(),
     size=st.sampled_from([100, 300, 5000]),
@@ -238,15 +256,17 @@ def test_before_the_first_damage_a_blf_is_what_python_can_reads(tmp_path_factory
         content[144 + int(place * (len(content) - 144))] = value
     file.write_bytes(content)
     reference = []
-    with file.open("rb") as stream, contextlib.suppress(ValueError, struct.error, can.io.blf.BLFParseError):
-        for message in itertools.islice(can.BLFReader(stream), 2 * len(made)):
+    advancing = _Advancing(can.io.blf.OBJ_HEADER_BASE_STRUCT)
+    with (
+        mock.patch.object(can.io.blf, "OBJ_HEADER_BASE_STRUCT", advancing),
+        file.open("rb") as stream,
+        contextlib.suppress(ValueError, struct.error, can.io.blf.BLFParseError),
+    ):
+        for message in can.BLFReader(stream):
             whole = message.is_remote_frame or message.is_error_frame or message.dlc == len(message.data)
             small = message.arbitration_id <= (0x1FFFFFFF if message.is_extended_id else 0x7FF)
             if whole and small and message.timestamp < 9e9 and message.dlc <= (64 if message.is_fd else 8):
                 reference.append(frame_of(message))
-    # python-can reads an object of length 0 for ever
-    again = (k for k, (one, other) in enumerate(itertools.pairwise(reference)) if one == other)
-    reference = reference[: next(again, len(reference))]
     try:
         read = list(read_frames(file).frames())
     except LogError:
