@@ -19,6 +19,8 @@ from ecu.validity import NEEDS, WHEELS
 
 PULL: Final = 0.05
 """Share of the tyre's nominal load by which an estimated load may be negative: the noise of the sensors."""
+SETTLING_NS: Final = 200_000_000
+"""Time without a broken rule until an estimate is valid again. The load of a lifted wheel swings about zero, and a flag that follows it is no use."""
 FRICTION: Final = 1.5
 """Times the friction of a dry road, plus PULL of the nominal load: beyond any tyre; 0.8 of it is reached in the drive cases."""
 
@@ -37,6 +39,7 @@ class Consistency:
 
     def __init__(self, wheel: Wheel, database: Database) -> None:
         self.ranges = tuple(_ranges(database))
+        self._broken_ns: dict[str, int] = {}  # when an entry last broke a rule
         self.change(wheel)
 
     def change(self, wheel: Wheel) -> None:
@@ -58,12 +61,18 @@ class Consistency:
                 found.add(f"force_{n}")
         return frozenset(found)
 
-    def valid(self, e: Estimates, known: Mapping[str, bool]) -> Mapping[str, bool]:
-        """What may be called valid: the inputs are usable (`known`), and no rule is broken."""
-        contradicted = self.contradicted(e)
-        if not contradicted:
+    def valid(self, e: Estimates, known: Mapping[str, bool], now_ns: int) -> Mapping[str, bool]:
+        """What may be called valid: the inputs are usable (`known`), and no rule has been broken for SETTLING_NS."""
+        for name in self.contradicted(e):
+            self._broken_ns[name] = now_ns
+        if not self._broken_ns:
             return known
-        return {name: flag and name not in contradicted for name, flag in known.items()}
+        self._broken_ns = {name: at for name, at in self._broken_ns.items() if now_ns - at < SETTLING_NS}
+        return {name: flag and name not in self._broken_ns for name, flag in known.items()}
+
+    def forget(self) -> None:
+        """As after power-on: no rule has been broken."""
+        self._broken_ns.clear()
 
 
 def _ranges(database: Database) -> list[Range]:

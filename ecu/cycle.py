@@ -144,6 +144,7 @@ class EcuCycle:
         """Begin anew as after power-on: inputs, learnt loads and alarms are forgotten, limits are safe. Trouble codes stay."""
         self._receiver = InputReceiver(self._calibration, self._database)
         self._estimator.reset()
+        self._consistency.forget()
         if self._detection is not None:
             self._detection.reset()
         self._state, self._limits = State.INIT, limits.safe(self._calibration.limits)
@@ -196,7 +197,7 @@ class EcuCycle:
         self._troubles.step((*self._heard, *findings), received, estimates.speed, now_ns)
         self._heard.clear()
         self._limits = self._next_limits(estimates, flags, now_ns)
-        valid = self._consistency.valid(estimates, flags)
+        valid = self._consistency.valid(estimates, flags, now_ns)
         self._alarms = self._next_alarms(estimates, flags, valid, received, now_ns)
         values = self._values(estimates, flags, valid, received)
         self._values_now, self._inputs_now = values, received.values

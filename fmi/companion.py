@@ -4,6 +4,7 @@ FMU's own units.
 A table that is there says all of its kind: with [parameters], no other parameter is fitted. A table that is absent leaves the defaults.
 """
 
+import difflib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,6 +21,8 @@ SENSOR_KINDS: Final = ("bias", "scale", "delay", "lag")
 MOST_DEFAULTS: Final = 12  # parameters that are fitted without being named; more are seldom all identifiable
 KNOWN_TO: Final = 0.1  # prior of a parameter that nobody named, as a share of its start value
 CHANGE: Final = 0.05  # typical change of a parameter, as a share of its start value
+
+SHOWN: Final = 12  # names in an error
 
 ABSENT: Final = "\0"  # no text of a file can be this
 
@@ -373,17 +376,18 @@ class _Reader:
         return known[name]
 
 
-def _lacking(table: CheckedTable, key: str, name: str, known: Sequence[str], of: Description) -> Exception:
-    import difflib
-
+def closest(name: str, known: Sequence[str]) -> str:
+    """The end of an error about a name that is not among the known ones: the most similar of them, else some of them."""
     near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
-    hint = (
-        f"did you mean {' or '.join(map(repr, near))}?"
-        if near
-        else f"it has {', '.join(known[:20]) or 'none'}"
-    )
+    if near:
+        return f"did you mean {' or '.join(map(repr, near))}?"
+    return f"there are {', '.join(known[:SHOWN]) or 'none'}"
+
+
+def _lacking(table: CheckedTable, key: str, name: str, known: Sequence[str], of: Description) -> Exception:
     return table.error(
-        key, f"names {name!r}, which {of.file.name} has not as a parameter or initial state; {hint}"
+        key,
+        f"names {name!r}, which {of.file.name} has not as a parameter or initial state; {closest(name, known)}",
     )
 
 

@@ -4,7 +4,6 @@ By name, or by the [plant] table of the companion file, commands go to the FMU's
 the sensors read. What the sensors read must all be given; what else the truth has, and the FMU has not, is not a number.
 """
 
-import difflib
 import hashlib
 import math
 from collections.abc import Mapping
@@ -16,6 +15,7 @@ import numpy as np
 from configuration import CheckedTable
 from discrepancy.signals.units import parse_unit
 from fmi.archive import FmuError
+from fmi.companion import closest
 from fmi.description import Description, Variable, read_description
 from fmi.instance import Instance, StepError
 from fmi.quantities import COMMANDS, PLACES, TRUTH, numbers_of
@@ -130,16 +130,10 @@ def connected(description: Description, companion: Path | None) -> Connections:
 def _known(table: CheckedTable, key: str, name: str, known: set[str]) -> None:
     if name in known:
         return
-    near = difflib.get_close_matches(name, sorted(known), n=3, cutoff=0.5)
-    hint = (
-        f"did you mean {' or '.join(map(repr, near))}?"
-        if near
-        else f"there are {', '.join(sorted(known)[:12])}"
-    )
-    raise table.error(key, f"names {name!r}, which does not exist; {hint}")
+    raise table.error(key, f"names {name!r}, which does not exist; {closest(name, sorted(known))}")
 
 
 def _check_unit(description: Description, variable: Variable, name: str, unit: str) -> None:
     """Raises FmuError where the FMU states another quantity; a variable without a unit is taken as SI."""
-    if variable.unit and not parse_unit(variable.si).same_quantity(parse_unit(unit.replace("s2", "s^2"))):
+    if variable.unit and not parse_unit(variable.si).same_quantity(parse_unit(unit)):
         raise FmuError(f"{description.file}: {variable.name} is in {variable.unit}, {name} is in {unit}")

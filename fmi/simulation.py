@@ -19,7 +19,7 @@ SHOWN: Final = 8  # values of parameters in an error
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exchange:
-    """What goes into the FMU and out of it. Names are those of the model; its numbers are in SI."""
+    """Which variables of the FMU belong to the model's inputs, outputs and parameters, by their names in the model."""
 
     inputs: Mapping[str, Variable]
     held: frozenset[str]  # inputs whose value holds over a step; others change linearly

@@ -18,7 +18,6 @@ from bus.user_error import UserError
 from dbc import loader_database
 from ecu.calibration import load_calibration
 from ecu.core import PYTHON, Core, Ecu, Form
-from fmi.motion import fingerprint, motion_of
 from hil.companions import CALIBRATION as CALIBRATION_FILE
 from hil.companions import EQUIPMENT, companion
 from hil.ecu_side import ecu_cycle
@@ -117,6 +116,11 @@ class Choice:
 
     def record(self, scenario: Scenario, mode: Mode) -> RunRecord:
         """The record of a run that starts now. scenario: as loaded, perhaps changed since."""
+        found = versions()
+        if self.fmu is not None:
+            from fmi.motion import fingerprint  # late: only a run with an FMU needs what reads one
+
+            found["plant"] = fingerprint(self.fmu)
         return RunRecord(
             scenario=scenario.name,
             machine=scenario.machine,
@@ -129,7 +133,7 @@ class Choice:
             payload_kg=float(scenario.payload_mass),
             changes=scenario.changes.words,
             started=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-            versions=versions() | ({} if self.fmu is None else {"plant": fingerprint(self.fmu)}),
+            versions=found,
             standing_load_n=standing_loads(scenario),
         )
 
@@ -163,7 +167,11 @@ def standing_loads(scenario: Scenario) -> Four:
 
 def plant_unit(scenario: Scenario, fmu: Path | None = None) -> PlantUnit:
     """The machine of a scenario, in equilibrium and ready for its first tick. fmu: what moves in its place."""
-    motion = None if fmu is None else motion_of(fmu)
+    motion = None
+    if fmu is not None:
+        from fmi.motion import motion_of
+
+        motion = motion_of(fmu)
     return PlantUnit(machine_of(scenario), scenario, seed=scenario.seed, motion=motion)
 
 

@@ -9,7 +9,7 @@ from deploy.c.tables import Received, constant, enumeration, real, rows
 from ecu import reasons
 from ecu.calibration import Calibration
 from ecu.codes import ACTIVE, ESTIMATORS, HOLD_NS, NO_CODE, NO_FROZEN
-from ecu.consistency import FRICTION, PULL, Consistency
+from ecu.consistency import FRICTION, PULL, SETTLING_NS, Consistency
 from ecu.detection.troubles import Troubles
 from ecu.estimators.parameters import Parameters
 from ecu.estimators.signals import NEVER, Estimates
@@ -122,6 +122,7 @@ def rule_constants(calibration: Calibration) -> str:
         "RULE_LEAST_ON_NS": f"{times.least_on_ns}LL",
         "RULE_OFF_DELAY_NS": f"{times.off_delay_ns}LL",
         "RULE_CODE_HOLD_NS": f"{HOLD_NS}LL",
+        "RULE_SETTLING_NS": f"{SETTLING_NS}LL",
         # counted in frames: rounding down would call a signal frozen one frame too early
         "RULE_FROZEN_FRAMES": f"{math.ceil(inputs.frozen_frames)}U",
         "RULE_STANDING_FRAMES": f"{math.ceil(inputs.frozen_frames / 4)}U",

@@ -24,10 +24,19 @@ class OwnIdentifiers(Closing):
     """Wraps a Transport and counts received frames with identifiers that this process itself sends."""
 
     def __init__(
-        self, transport: Transport, node: str, database: Database, on_first: Callable[[str], str]
+        self,
+        transport: Transport,
+        node: str,
+        database: Database,
+        on_first: Callable[[str], str],
+        sends: Callable[[], bool] = lambda: True,
     ) -> None:
-        """on_first: called with the name of the first such message; returns a description of its sender."""
+        """on_first: called with the name of the first such message; returns a description of its sender.
+
+        sends: whether this process sends at all at present. One that has lost its address does not, and then there is one sender.
+        """
         self._transport = transport
+        self._sends = sends
         self._own = {can_id: database.by_id[can_id].name for can_id in identifiers_of(node, database)}
         self._on_first = on_first
         self.heard: Counter[str] = Counter()
@@ -37,7 +46,7 @@ class OwnIdentifiers(Closing):
         """As the transport's."""
         frames = self._transport.drain(limit)
         for frame in frames:
-            if (name := self._own.get(frame.can_id)) is not None:
+            if (name := self._own.get(frame.can_id)) is not None and self._sends():
                 if not self.heard:
                     self._by = self._on_first(name)
                 self.heard[name] += 1

@@ -63,7 +63,11 @@ def run(
         waits = stack.enter_context(OwnWaits(line.waited, sleeps))
         tap, timing = stack.enter_context(tapped(address, "ecu", stamps, waits))
         bus = OwnIdentifiers(
-            tap, NODE, loader_database(), lambda name: other_sender(line, "ecu", address, name)
+            tap,
+            NODE,
+            loader_database(),
+            lambda name: other_sender(line, "ecu", address, name),
+            sends=lambda: all(service.may_send() for service in offered),
         )
         line.ready()
         manager.ready(f"estimating on {address}, calibration {calibration}")

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from dbc import loader_database
 from ecu.calibration import load_calibration
-from ecu.consistency import Consistency
+from ecu.consistency import SETTLING_NS, Consistency
 from ecu.estimators.signals import NEVER, Estimates
 from ecu.validity import NEEDS, WHEELS
 
@@ -18,8 +18,12 @@ STANDING = Estimates(*([0.0] * len(Estimates._fields)))._replace(
 )
 
 
+TICK_NS = 10_000_000
+
+
 def invalid(**changes):
-    return {name for name, flag in RULES.valid(STANDING._replace(**changes), KNOWN).items() if not flag}
+    rules = Consistency(WHEEL, loader_database())
+    return {name for name, flag in rules.valid(STANDING._replace(**changes), KNOWN, 0).items() if not flag}
 
 
 def test_a_standing_machine_breaks_no_rule():
@@ -62,4 +66,21 @@ def test_forces_within_the_friction_of_a_dry_road_are_valid(loads, shares):
 
 
 def test_what_its_inputs_make_invalid_stays_so():
-    assert RULES.valid(STANDING, KNOWN | {"payload": False})["payload"] is False
+    assert RULES.valid(STANDING, KNOWN | {"payload": False}, 0)["payload"] is False
+
+
+@given(st.lists(st.booleans(), min_size=1, max_size=200))
+def test_an_estimate_is_valid_again_after_the_settling_time_and_not_before(pulls):
+    """Whatever the wheel's load does: valid is what broke no rule in the last 0.2 s."""
+    rules = Consistency(WHEEL, loader_database())
+    for k, pulling in enumerate(pulls):
+        e = STANDING._replace(normal_1=-20e3) if pulling else STANDING
+        lately = pulls[max(k - SETTLING_NS // TICK_NS + 1, 0) : k + 1]
+        assert rules.valid(e, KNOWN, k * TICK_NS)["roll_over"] is not any(lately)
+
+
+def test_a_restart_forgets_that_a_rule_was_broken():
+    rules = Consistency(WHEEL, loader_database())
+    assert not rules.valid(STANDING._replace(normal_1=-20e3), KNOWN, 0)["normal"]
+    rules.forget()
+    assert rules.valid(STANDING, KNOWN, TICK_NS)["normal"]

@@ -9,6 +9,8 @@ from functools import lru_cache
 from pathlib import Path
 from tempfile import mkdtemp
 
+from fmi.export import RUNTIME
+
 HERE = Path(__file__).parent
 TOKEN = "{8c4e810f-3df3-4a00-8276-176fa3c9f9e0}"
 UNITS = {
@@ -80,7 +82,7 @@ def _compiled(source: Source, fmi: int, defines: tuple[str, ...]) -> Path:
     (work / "model.h").write_text(_model(source), encoding="utf-8")
     shutil.copy(HERE / "slave.c", work)
     library = work / f"{source.name}.so"
-    headers = Path(fmpy.__file__).parent / "c-code"
+    headers = (Path(fmpy.__file__).parent / "c-code", RUNTIME.parent)
     flags = [
         "-shared",
         "-fPIC",
@@ -90,7 +92,11 @@ def _compiled(source: Source, fmi: int, defines: tuple[str, ...]) -> Path:
         f"-DFMI={fmi}",
         *(f"-D{d}" for d in defines),
     ]
-    subprocess.run(["gcc", *flags, f"-I{headers}", "slave.c", "-o", library, "-lm"], cwd=work, check=True)
+    subprocess.run(
+        ["gcc", *flags, *(f"-I{folder}" for folder in headers), "slave.c", "-o", library, "-lm"],
+        cwd=work,
+        check=True,
+    )
     place = "linux64" if fmi == 2 else "x86_64-linux"
     with zipfile.ZipFile(work / "a.fmu", "w") as archive:
         archive.writestr("modelDescription.xml", description(source, fmi))

@@ -61,6 +61,7 @@ void ecu_init(bool limits_enabled)
         ecu.alarms[k].against_ns = NEVER_NS;
     }
     inputs_start();
+    validity_start();
     codes_start();
 }
 
@@ -287,7 +288,7 @@ uint8_t ecu_tick(int64_t now_ns, EcuFrame frames[ECU_MOST_FRAMES])
     const uint32_t known = estimated(received, now_ns, &estimates, &failed);
     codes_stepped(received, failed, estimates.speed, now_ns);
     limits_stepped(&estimates, known, now_ns);
-    const uint32_t valid = validity_consistent(known, &estimates);
+    const uint32_t valid = validity_consistent(known, &estimates, now_ns);
     const bool invalid = valid != (((uint32_t)1U << VALIDITIES) - 1U);
     alarms_stepped(&estimates, received, known, invalid, now_ns);
 

@@ -71,7 +71,8 @@ void codes_valued(uint32_t tick, bool invalid, bool stopped, real_t *values);
 /* -- rules (ecu_rules.c) */
 
 uint32_t validity_without(uint64_t unusable);
-uint32_t validity_consistent(uint32_t valid, const Estimates *e);
+void validity_start(void);
+uint32_t validity_consistent(uint32_t valid, const Estimates *e, int64_t now_ns); /* once a tick */
 void reasons_found(const Estimates *e, const CycleInputs *inputs, uint32_t known, const Alarm *alarms, bool *found);
 
 #endif

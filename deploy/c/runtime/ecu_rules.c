@@ -48,7 +48,8 @@ static uint32_t beyond_friction(const Estimates *e)
     return broken;
 }
 
-uint32_t validity_consistent(uint32_t valid, const Estimates *e)
+/* The validities whose estimates break a rule. */
+static uint32_t contradicted(const Estimates *e)
 {
     real_t values[ESTIMATES];
     (void)memcpy(values, e, sizeof values);
@@ -67,7 +68,29 @@ uint32_t validity_consistent(uint32_t valid, const Estimates *e)
     if (real_max(real_abs(e->load_transfer_ratio), real_abs(e->predicted_load_transfer_ratio)) > R(1.0)) {
         broken |= (uint32_t)1U << VALID_ROLL_OVER;
     }
-    return valid & ~broken;
+    return broken;
+}
+
+static int64_t settled_ns[VALIDITIES]; /* from when on each is valid again */
+
+void validity_start(void)
+{
+    (void)memset(settled_ns, 0, sizeof settled_ns);
+}
+
+uint32_t validity_consistent(uint32_t valid, const Estimates *e, int64_t now_ns)
+{
+    const uint32_t broken = contradicted(e);
+    uint32_t settling = 0U;
+    for (uint8_t k = 0U; k < VALIDITIES; ++k) {
+        if (((broken >> k) & 1U) != 0U) {
+            settled_ns[k] = now_ns + RULE_SETTLING_NS;
+        }
+        if (now_ns < settled_ns[k]) {
+            settling |= (uint32_t)1U << k;
+        }
+    }
+    return valid & ~settling;
 }
 
 /* -- conditions of the warnings */

@@ -41,6 +41,20 @@ def test_a_second_sender_is_reported_once_and_counted():
     }
 
 
+def test_who_has_lost_its_address_sends_nothing_and_there_is_one_sender():
+    bus, reported, ours_sends = VirtualBus(), [], [True]
+    ours = OwnIdentifiers(bus.connect(), "EstimatorEcu", DATABASE, reported.append, lambda: ours_sends[0])
+    other = bus.connect()
+    ours_sends[0] = False
+    other.send(Frame(LIMITS.can_id, bytes(8)))
+    assert len(ours.drain()) == 1
+    assert (ours.figures(), reported) == ({}, [])
+    ours_sends[0] = True
+    other.send(Frame(LIMITS.can_id, bytes(8)))
+    ours.drain()
+    assert reported == ["Limits"]
+
+
 def test_the_verdict_names_both_senders():
     ours, _ = heard(LIMITS)
     statistics = {f"ecu_{key}": value for key, value in ours.figures().items()}
