@@ -15,11 +15,11 @@ from scipy.stats import f as f_dist
 from discrepancy import gates
 from discrepancy.checks.budgets import Budget, budgets
 from discrepancy.decision.regimes import regimes_of
-from discrepancy.estimation.fit import WindowStates, differences
-from discrepancy.estimation.noise import Noise
+from discrepancy.estimation.fit import Fit, WindowStates, differences
+from discrepancy.estimation.noise import Noise, estimate_noise
 from discrepancy.estimation.problem import Problem, Values
 from discrepancy.selection.state import State
-from discrepancy.signals.adequacy import ChannelAdequacy, ErrorPart
+from discrepancy.signals.adequacy import ChannelAdequacy, ErrorPart, inadequate, left
 from discrepancy.signals.recording import Array
 
 PARTS: Final = 20  # of a recording's time, at most
@@ -64,6 +64,22 @@ def adequacy(problem: Problem, baseline: State, state: State) -> list[ChannelAde
         _channel(problem, noise, i, allowed[name], _rms(moved[problem.row_channel == i]), before, after, times, ranges)
         for i, name in enumerate(problem.channels)
     ]  # fmt: skip
+
+
+def first_look(problem: Problem, noise: Noise, fitted: Fit) -> str:
+    """How good the baseline is, as one sentence, before any effect has been tried; noise: under which it was fitted."""
+    residual = problem.measured - problem.predict(fitted.values)
+    ahead = estimate_noise(problem, residual, len(fitted.names), noise)
+    state = State(ahead, fitted, (), ())
+    channels = adequacy(problem, state, state)
+    beyond = inadequate(channels)
+    if not beyond:
+        return f"without any effect: every channel is within its error budget ({len(channels)} of {len(channels)})"
+    several = len({w.recording for w in problem.windows}) > 1
+    return (
+        f"without any effect: {len(beyond)} of {len(channels)} channels beyond their error budgets; "
+        f"{left(beyond[0], several=several)}"
+    )
 
 
 def _errors(

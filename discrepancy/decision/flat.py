@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
-from discrepancy.estimation.problem import Problem, Values
+from discrepancy.estimation.problem import Problem
 from discrepancy.model.description import Parameter
 from discrepancy.selection.screen import Projector
 
@@ -29,7 +29,7 @@ def interval(problem: Problem, noise: Noise, fitted: Fit, parameter: Parameter) 
     value = fitted.values.shared[parameter.name]
 
     def sse(at: float) -> float:
-        point: Values = fitted.values.with_shared({parameter.name: at})
+        point = fitted.values.with_shared({parameter.name: at})
         left = states.off(noise.whiten((problem.measured - problem.predict(point))[:, None]))
         return float(np.sum(left**2))
 

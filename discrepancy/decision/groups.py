@@ -1,26 +1,30 @@
 """Groups of effects that these recordings cannot distinguish, and the manoeuvre that would distinguish them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from discrepancy import gates
-from discrepancy.estimation.autoregression import Whitener
+from discrepancy.decision.prospect import Prospect, manoeuvre_recording
 from discrepancy.estimation.effort import BRIEF, Effort
 from discrepancy.estimation.fit import Fit, fit
-from discrepancy.estimation.noise import Noise, by_group
-from discrepancy.estimation.problem import Problem, Unusable, Values
-from discrepancy.model.description import Effect, Manoeuvre, Model, Parameter
+from discrepancy.estimation.noise import Noise
+from discrepancy.estimation.problem import Problem, Unusable
+from discrepancy.model.description import Effect, Manoeuvre, Parameter
 from discrepancy.selection.active_intervals import active_interval_of, sse_threshold
 from discrepancy.selection.candidate_fits import project_out, size_of
 from discrepancy.selection.screen import Score, collinearity, time_blocks_of
 from discrepancy.selection.starts import Starts
 from discrepancy.selection.state import Settings, State, free_names, switched_off
 from discrepancy.signals import findings as f
-from discrepancy.signals.recording import Array, Recording, Signal
+from discrepancy.signals.recording import Array
 
 RIVAL: Effort = Effort(iterations=6)  # of a rival's fit
+# A rival that comes near is fitted until it converges. Ruled out half-way, it would be ruled out by that alone: brakes that drag, after six
+# steps, for a rolling resistance.
+NEAR = 0.1  # of the finding's reduction in SSE, by which a rival may lack
+TO_THE_END: Effort = Effort(iterations=14)
 EXTRA_PARAMETER = 2.0  # reduction of the SSE that each further parameter must bring (AIC)
 
 
@@ -66,8 +70,10 @@ def alternatives(
             continue  # nuisances explain the difference without it
         if any(in_between(p, best) for p in candidate.amplitude_parameters):
             continue  # half a wrong sign is a scale error and must not be named a wrong sign
-        extra = candidate.size - problem.model.effect(effect).size
-        difference = best.sse - state.fit.sse + EXTRA_PARAMETER * extra
+        extra = EXTRA_PARAMETER * (candidate.size - problem.model.effect(effect).size)
+        if settings.same <= best.sse - state.fit.sse + extra < NEAR * whole:
+            best = fit(problem, state.noise, names, best.values, effort=TO_THE_END)
+        difference = best.sse - state.fit.sse + extra
         limit = max(settings.same, gates.VUONG.threshold * difference_sd(state.noise, best, state.fit))
         kept = without.sse - best.sse > gates.RIVAL_KEEPS.threshold * whole
         if (
@@ -134,7 +140,7 @@ def separation(problem: Problem, noise: Noise, one: Alternative, other: Alternat
         f.Separation(
             effect=other.effect,
             manoeuvre=m.sentence,
-            expected_difference=_disagreement(problem, noise, m, one, other),
+            expected_difference=_expected(problem, noise, m, one, other),
         )
         for m in problem.model.manoeuvres
     ]
@@ -147,47 +153,13 @@ def separation(problem: Problem, noise: Noise, one: Alternative, other: Alternat
     return f.Separation(effect=other.effect, manoeuvre=text, expected_difference=None) if text else None
 
 
-def _disagreement(
+def _expected(
     problem: Problem, noise: Noise, manoeuvre: Manoeuvre, one: Alternative, other: Alternative
 ) -> float:
-    """SSE that remains when one explanation is fitted to the other's prediction of the manoeuvre; the smaller of both directions."""
+    """The expected difference in SSE between two explanations in a manoeuvre; 0 where it cannot be simulated."""
+    recording = manoeuvre_recording(problem, manoeuvre)
     try:
-        return min(_left_over(problem, noise, manoeuvre, a, b) for a, b in ((one, other), (other, one)))
+        prospect = Prospect(problem, noise, recording, initial=manoeuvre.initial)
+        return prospect.difference(one.fit, other.fit)
     except Unusable:
         return 0.0
-
-
-def _left_over(
-    problem: Problem, noise: Noise, manoeuvre: Manoeuvre, true: Alternative, assumed: Alternative
-) -> float:
-    model = replace(problem.model, window_s=None)
-    staged = Problem(model, [_staged(problem, manoeuvre)])
-    local = {n: np.array([v]) for n, v in _initial(model, manoeuvre).items()}
-    staged = staged.measuring(Values(true.fit.values.shared, local))
-    spread = noise.innovation_sd(problem)
-    whiteners = [
-        Whitener(
-            np.zeros((0, len(blocks[0].channels), len(blocks[0].channels))),
-            np.diag([1.0 / spread[c] for c in blocks[0].channels]),
-        )
-        for blocks in by_group(staged.blocks)
-    ]
-    names = [n for n in assumed.fit.names if model.parameter(n) in model.nuisances]
-    # nuisances may move, but the effect keeps its fitted value: the present recordings have determined it
-    start = Values(assumed.fit.values.shared, local)
-    return fit(staged, Noise(staged, whiteners), names, start, effort=BRIEF).sse
-
-
-def _initial(model: Model, manoeuvre: Manoeuvre) -> dict[str, float]:
-    return {p.name: manoeuvre.initial.get(p.name, p.value) for p in model.nuisances if p.scope == "window"}
-
-
-def _staged(problem: Problem, manoeuvre: Manoeuvre) -> Recording:
-    """Stamps as dense as those recorded; output values are placeholders until simulated."""
-    signals: dict[str, Signal] = dict(manoeuvre.inputs)
-    for block in problem.blocks:
-        step = float(np.median(np.diff(block.time_s)))
-        stamps = np.arange(0.0, manoeuvre.duration_s, step)
-        for name in block.channels:
-            signals.setdefault(name, Signal(stamps, stamps.copy(), problem.model.outputs[name]))
-    return Recording(manoeuvre.name, signals, problem.windows[0].constants)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from discrepancy.decision import summary
-from discrepancy.decision.adequacy import adequacy
+from discrepancy.decision.adequacy import adequacy, first_look
 from discrepancy.decision.caveats import caveats_of
 from discrepancy.decision.drop_one import DropOneTest, backward, drop_one_tests
 from discrepancy.decision.groups import Alternative, alternatives, separation
@@ -19,6 +19,7 @@ from discrepancy.decision.missing_channels import missing_channels
 from discrepancy.decision.not_understood import complaints_of, intervals_not_understood
 from discrepancy.decision.verdict import verdict
 from discrepancy.estimation.fit import Fit
+from discrepancy.estimation.noise import Noise
 from discrepancy.estimation.problem import Problem, Unusable
 from discrepancy.selection.active_intervals import active_interval_of, restricted_to
 from discrepancy.selection.assess import screen
@@ -46,6 +47,8 @@ class Judgement:
     baseline: State  # first state of the search, without effects
     state: State  # with all accepted effects
     equation: OpenEnded
+    # by finding: it, and what the recordings cannot distinguish from it
+    groups: Mapping[str, Sequence[Alternative]]
 
 
 def judge(
@@ -59,7 +62,12 @@ def judge(
     Content of recordings never raises here; Unusable is raised when the Problem is built.
     """
     complaints = [*complaints, *problem.complaints]
-    state, history = search(problem, settings, progress)
+
+    def look(noise: Noise, fitted: Fit) -> None:
+        if problem.costs.costly:  # elsewhere the verdict itself comes within seconds
+            progress(first_look(problem, noise, fitted))
+
+    state, history = search(problem, settings, progress, look)
     complaints += complaints_of(problem, history[0])
     left_over = best_confirmed(problem, state, settings)
     state = backward(problem, state, settings)
@@ -69,7 +77,11 @@ def judge(
     on_the_way = {frozenset(h.accepted): h.fit.values for h in history}
     tests = drop_one_tests(problem, state, on_the_way, equation, settings)
     progress("locating, grouping")
-    found = [_finding(problem, state, history[0], test, equation, settings) for test in tests]
+    groups, found = dict[str, Sequence[Alternative]](), list[f.Finding]()
+    for test in tests:
+        rivals = _alternatives(problem, state, test, settings)
+        groups[rivals[0].effect] = rivals
+        found.append(_finding(problem, state, history[0], test, rivals, equation, settings))
     # the order of acceptance is not that of the evidence
     found.sort(key=lambda finding: -finding.sse_reduction)
     candidates = summary.candidates(problem, state, history[0], found, settings)
@@ -108,7 +120,7 @@ def judge(
         simulations=problem.simulations,
         samples=problem.samples,
     )
-    return Judgement(findings, problem, history[0], state, equation)
+    return Judgement(findings, problem, history[0], state, equation, groups)
 
 
 def nothing_usable(model: str, recordings: Sequence[str], error: Unusable) -> f.Findings:
@@ -122,18 +134,25 @@ def nothing_usable(model: str, recordings: Sequence[str], error: Unusable) -> f.
     )
 
 
+def _alternatives(problem: Problem, state: State, test: DropOneTest, settings: Settings) -> list[Alternative]:
+    """What explains the recordings as well as an accepted effect in its place, best first."""
+    others = tuple(n for n in state.accepted if n != test.effect)
+    active = active_interval_of(problem.model.effect(test.effect), state.fit.values)
+    scores, starts = _rivals(problem, state, others, test.without, active, settings)
+    return alternatives(problem, state, test.effect, test.without, scores, starts, settings)
+
+
 def _finding(
     problem: Problem,
     state: State,
     baseline: State,
     test: DropOneTest,
+    rivals: Sequence[Alternative],
     equation: OpenEnded,
     settings: Settings,
 ) -> f.Finding:
-    others = tuple(n for n in state.accepted if n != test.effect)
-    active = active_interval_of(problem.model.effect(test.effect), state.fit.values)
-    scores, starts = _rivals(problem, state, others, test.without, active, settings)
-    best, *rest = alternatives(problem, state, test.effect, test.without, scores, starts, settings)
+    """One finding; rivals: it and its group, best first."""
+    best, *rest = rivals
     effect = problem.model.effect(best.effect)
     confounded = next((s.confounded_share for s in baseline.scores if s.effect == effect.name), 0.0)
     caveats = caveats_of(problem, state, test, effect, best.fit, equation, settings)

@@ -25,29 +25,36 @@ def missing_channels(
         return []
     values = state.fit.values
     base = _simulated(problem, values)
-    undetectable = [c.effect for c in candidates if c.verdict == "could not be judged"]
+    missing = [name for name in problem.missing if name in base]
+
+    def changes(one: Mapping[str, float], other: Mapping[str, Array]) -> dict[str, float]:
+        """By how much each missing channel is another one with these values."""
+        moved = _simulated(problem, values.with_shared(one))
+        return {name: _rms(moved[name] - other[name]) for name in missing}
+
+    # one simulation shows what an effect does to all channels
+    judged = {
+        c.effect: changes(_typical(problem, c.effect), base)
+        for c in candidates
+        if c.verdict == "could not be judged"
+    }
+    distinguished = {
+        f"{x.effect} from {m.effect}": changes(
+            _instead(problem, m, x), _simulated(problem, values.with_shared(_instead(problem, x, m)))
+        )
+        for x in found
+        for m in x.group
+    }
     rows = []
-    for name in [n for n in problem.missing if n in base]:
-        alone = base[name]
-        judged = {
-            e: _rms(_channel(problem, values, name, _typical(problem, e)) - alone) for e in undetectable
-        }
-        distinguished = {
-            f"{x.effect} from {m.effect}": _rms(
-                _channel(problem, values, name, _instead(problem, m, x))
-                - _channel(problem, values, name, _instead(problem, x, m))
-            )
-            for x in found
-            for m in x.group
-        }
-        size = float(np.std(alone))
+    for name in missing:
+        size = float(np.std(base[name]))
         rows.append(
             f.MissingChannel(
                 channel=name,
                 unit=problem.model.outputs[name],
                 recorded=any(c.signal == name for c in complaints),
-                would_judge=_notable(judged, size),
-                would_distinguish=_notable(distinguished, size),
+                would_judge=_notable({what: by[name] for what, by in judged.items()}, size),
+                would_distinguish=_notable({what: by[name] for what, by in distinguished.items()}, size),
             )
         )
     return rows
@@ -64,17 +71,13 @@ def _instead(problem: Problem, of: _Rival, by: _Rival) -> dict[str, float]:
     return {**off, **{e.name: e.value for e in by.parameters}}
 
 
-def _channel(problem: Problem, values: Values, channel: str, changed: Mapping[str, float]) -> Array:
-    return _simulated(problem, values.with_shared(changed))[channel]
-
-
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
 def _simulated(problem: Problem, values: Values) -> dict[str, Array]:
     """All outputs of all windows, recorded or not."""
-    each = [problem.outputs(i, values) for i in range(len(problem.windows))]
+    each = problem.all_outputs(values)
     return {name: np.concatenate([part[name] for part in each]) for name in each[0]}
 
 

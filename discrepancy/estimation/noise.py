@@ -61,6 +61,29 @@ class Noise:
         """The same noise with another initial-state uncertainty."""
         return Noise(problem, self.whiteners, initial_uncertainty, self.set_aside)
 
+    def on(self, other: Problem, initial_uncertainty: Array | None = None) -> "Noise":
+        """The same noise on other recordings, of the same channels or fewer.
+
+        Channels that share their stamps here but not there are known by the size of their residual alone, without its memory.
+        """
+        known = {block.channels: self.whiteners[block.group] for block in self._blocks}
+        sizes = {
+            channel: float(size)
+            for channels, whitener in known.items()
+            for channel, size in zip(
+                channels, whitener.innovation_sd if whitener.size is None else whitener.size, strict=True
+            )
+        }
+        whiteners = []
+        for blocks in by_group(other.blocks):
+            channels = blocks[0].channels
+            if channels in known:
+                whiteners.append(known[channels])
+            else:
+                scale = np.diag([1.0 / sizes[channel] for channel in channels])
+                whiteners.append(Whitener(np.zeros((0, len(channels), len(channels))), scale))
+        return Noise(other, whiteners, initial_uncertainty)
+
     @property
     def sound(self) -> Mask:
         """Which raw rows (N,) are not set aside."""

@@ -277,7 +277,7 @@ class Problem:
         rows = np.empty(self.measured.size)
         # A model that diverges at some values overflows; that is no fault of its code, and no value of a warning.
         with np.errstate(over="ignore", invalid="ignore"):
-            seen = self._all_outputs(values, extra)
+            seen = self.all_outputs(values, extra)
             for block, place in zip(self.blocks, self._places, strict=True):
                 outputs = np.stack([seen[block.window][name] for name in block.channels])
                 rows[block.start : block.stop] = means_of(place.of(outputs), block.averaged).T.ravel()
@@ -322,9 +322,10 @@ class Problem:
     def _diverged(self, window: Window) -> dict[str, Array]:
         return {name: np.full(window.time_s.size, np.nan) for name in self.model.outputs}
 
-    def _all_outputs(
-        self, values: Values, extra: Sequence[Mapping[str, Array]] | None
+    def all_outputs(
+        self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None
     ) -> list[dict[str, Array]]:
+        """Sensor outputs on the grid of every window, recorded or not; extra: as of `predict`."""
         if extra:
             return [self.outputs(i, values, extra[i]) for i in range(len(self.windows))]
         motions = self.motions(self.windows, values)

@@ -1,6 +1,6 @@
 """One round of the search: with some effects accepted, estimates noise and parameters and scores all other effects."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from discrepancy import gates
@@ -32,10 +32,12 @@ def assess(
     values: Values,
     settings: Settings,
     aside: SetAside = NOTHING,
+    look: Callable[[Noise, Fit], None] | None = None,
 ) -> State:
     """Noise with all candidates projected out, the fit under it, and the screen of what is not accepted.
 
-    aside: what nothing explains; the same in all of a search, because likelihoods of different rows cannot be compared.
+    aside: what nothing explains; the same in all of a search, because likelihoods of different rows cannot be compared. look: gets the first
+    fit, under white noise, before any candidate is simulated.
     """
     names = free_names(problem, accepted)
     candidates = [e for e in problem.model.effects if e.name not in accepted]
@@ -48,6 +50,8 @@ def assess(
     )
     least = problem.costs.rough_reduction(noise.keep.size)
     fitted = fit(problem, noise, names, values, effort=replace(CACHED, least_reduction=least))
+    if look is not None:
+        look(noise, fitted)
     at = values if problem.costs.costly else fitted.values
     # Noise and fit depend on each other. Two passes: the first under white noise, roughly, the second under the noise that it leaves.
     for last in (False, True):

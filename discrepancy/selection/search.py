@@ -3,6 +3,7 @@
 The search does not name causes. Gates that need the open-ended equation and the groups follow in discrepancy.decision.judge.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -21,14 +22,17 @@ from discrepancy.selection.state import CandidateFit, Progress, Settings, State,
 
 
 def search(
-    problem: Problem, settings: Settings, progress: Progress = lambda _: None
+    problem: Problem,
+    settings: Settings,
+    progress: Progress = lambda _: None,
+    look: Callable[[Noise, Fit], None] | None = None,
 ) -> tuple[State, list[State]]:
-    """The final state, and the states on the way (the first is the baseline).
+    """The final state, and the states on the way (the first is the baseline). look: gets the baseline's first fit, as of `assess`.
 
     Readings that nothing explains at the end, and on request intervals of time, are set aside, and all is looked for again without them. A
     recording without such rows is searched once; so is one in which intervals left out would let in an effect that was not accepted with them.
     """
-    state, history = _search(problem, settings, progress, NOTHING)
+    state, history = _search(problem, settings, progress, NOTHING, look)
     whole = settings.set_aside == "intervals"
     aside = NOTHING if settings.set_aside == "nothing" else to_set_aside(problem, state, with_intervals=whole)
     if not aside.intervals:
@@ -45,14 +49,18 @@ def search(
 
 
 def _search(
-    problem: Problem, settings: Settings, progress: Progress, aside: SetAside
+    problem: Problem,
+    settings: Settings,
+    progress: Progress,
+    aside: SetAside,
+    look: Callable[[Noise, Fit], None] | None = None,
 ) -> tuple[State, list[State]]:
-    """One search; aside: of `assess`."""
+    """One search; aside, look: of `assess`, the latter for the baseline."""
     history: list[State] = []
     accepted: tuple[str, ...] = ()
     values = problem.start()
     while True:
-        state = assess(problem, accepted, values, settings, aside)
+        state = assess(problem, accepted, values, settings, aside, None if accepted else look)
         if len(accepted) < settings.most_effects:
             progress(f"{len(state.scores)} effects screened, {problem.simulations} simulations")
             state = replace(state, trials=tuple(try_shortlist(problem, state, settings)))

@@ -43,7 +43,8 @@ TEMPERATURES = {
     **dict.fromkeys(("°F", "degF", "deg F"), (5.0 / 9.0, 459.67 * 5.0 / 9.0)),
 }
 _POWER = re.compile(r"(?<=[A-Za-z])\^?([23])(?!\d)")
-_FACTOR = re.compile(r"([A-Za-z%°µΩ1]+)(?:\^(-?\d+))?$")
+_FACTOR = re.compile(r"(1$|[A-Za-z%°µΩ]+)(?:\^?(-?\d+))?$")
+_AROUND = re.compile(r"\s*([/.*·^()])\s*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,11 +134,10 @@ def _si(name: str) -> Unit:
 
 
 def _factors(text: str) -> Iterator[tuple[str, int]]:
-    above, _, below = (
-        text.replace(" ", "").replace("²", "^2").replace("³", "^3").replace("*", ".").partition("/")
-    )
+    tight = _AROUND.sub(r"\1", text.replace("²", "^2").replace("³", "^3"))
+    above, _, below = tight.partition("/")
     for part, sign in ((above, 1), (below.strip("()"), -1)):
-        for factor in filter(None, part.replace("·", ".").split(".")):
+        for factor in filter(None, re.split(r"[.*·\s]", part)):
             match = _FACTOR.match(factor)
             if match is None:
                 raise _unreadable(text, factor)

@@ -90,4 +90,6 @@ def _reference_channels() -> dict[str, Channel]:
     }
 
 
+REFERENCE: Final = frozenset(_reference_channels())
+"""Channels of the test instruments, which a machine in use does not have."""
 CHANNELS: Mapping[str, Channel] = {**_machine_channels(), **_reference_channels()}

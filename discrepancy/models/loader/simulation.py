@@ -19,7 +19,7 @@ from discrepancy.model.description import Window
 from discrepancy.model.sensors import delayed
 from discrepancy.models.loader.channels import CHANNELS, SPEEDS
 from discrepancy.models.loader.machine_variant import Variants
-from discrepancy.models.loader.nuisances import NUISANCES, scale, zero
+from discrepancy.models.loader.nuisances import BODIES, NUISANCES, scale, zero
 from discrepancy.models.loader.parallel import segment_parameters
 from discrepancy.models.loader.replay_inputs import SPEED_FAULTS, ReplayInputs, kept_share, replay_inputs
 from discrepancy.models.loader.warm_up import STANDING, equilibrium, warm_up
@@ -60,6 +60,7 @@ class Loader:
         self._recordings = {r.name: r for r in recordings}
         # parameters that change the motion; all others act on the sensors' readings only
         self._moving = {p.name for p in NUISANCES if not p.name.startswith(("zero.", "scale."))}
+        self._moving |= {p.name for p in BODIES}
         self._moving |= {f"{name}.{fault}" for name in SPEEDS for fault in SPEED_FAULTS}
         self._moving |= self._variants.parameter_names
         self._motions: OrderedDict[Key, list[Mapping[str, Array]]] = OrderedDict()

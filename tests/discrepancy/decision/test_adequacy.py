@@ -39,6 +39,22 @@ def test_nothing_missing_needs_adequacy() -> None:
     assert any(reason.startswith("still wrong: level is simulated to") for reason in result.reasons)
 
 
+@pytest.mark.parametrize(
+    ("leak", "said"),
+    [
+        (0.0, "without any effect: every channel is within its error budget (1 of 1)"),
+        (0.2, "without any effect: 1 of 1 channels beyond their error budgets; level is simulated to"),
+    ],
+)
+def test_an_expensive_model_is_first_said_to_be_good_or_not(leak: float, said: str) -> None:
+    """Before its effects are simulated, which takes most of the time."""
+    steps: list[str] = []
+    model = replace(tank("leak", "level delay"), jacobian_reach=6.0)
+    examine(model, [record(12, leak=leak)], QUICK, steps.append)
+    screened = next(i for i, step in enumerate(steps) if "screened" in step)
+    assert any(step.startswith(said) for step in steps[:screened])
+
+
 def test_the_time_in_which_the_error_is_left_is_said() -> None:
     result = examine(tank("level sign"), [struck(record(13), 60.0, 72.0, 0.8)], QUICK)
     over = [p for p in result.adequacy[0].parts if p.over]

@@ -7,7 +7,18 @@ from discrepancy.signals.units import confusions, parse_scaled, parse_unit
 
 
 @pytest.mark.parametrize(
-    ("text", "same"), [("N", "kg.m/s^2"), ("N.m", "J"), ("Pa", "N/m^2"), ("m/s²", "m/s^2"), ("rad/s", "1/s")]
+    ("text", "same"),
+    [
+        ("N", "kg.m/s^2"),
+        ("N.m", "J"),
+        ("Pa", "N/m^2"),
+        ("m/s²", "m/s^2"),
+        ("m/s2", "m/s^2"),
+        ("m s-2", "m/s^2"),
+        ("N m / s", "W"),
+        ("kg / (m . s)", "Pa.s"),
+        ("rad/s", "1/s"),
+    ],
 )
 def test_units_that_are_the_same_quantity(text: str, same: str) -> None:
     assert parse_unit(text).same_quantity(parse_unit(same))
@@ -15,6 +26,12 @@ def test_units_that_are_the_same_quantity(text: str, same: str) -> None:
 
 def test_a_force_per_speed_squared_is_mass_per_length() -> None:
     assert str(parse_unit("N") / parse_unit("m/s") ** 2) == "kg/m"
+
+
+@pytest.mark.parametrize("text", ["m/s/s", "10", "s^", "m^x", "2"])
+def test_what_is_no_unit_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="cannot read"):
+        parse_unit(text)
 
 
 def test_an_unknown_unit_is_named() -> None:

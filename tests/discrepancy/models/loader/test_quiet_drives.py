@@ -13,6 +13,7 @@ from discrepancy.examine import examine
 from discrepancy.models.loader import model as loader
 from discrepancy.selection.state import Settings
 from discrepancy.signals.findings import Findings
+from hil.compose import Choice
 
 CRUISE = """
 name = "scenario"
@@ -49,7 +50,7 @@ def verdict(folder: Path, scenario: str, library: Sequence[str], **hidden: float
     file.write_text(scenario, encoding="utf-8")
     values = {name.replace("__", "."): value for name, value in hidden.items()}
     effects = {next(iter(values)).split(".")[0]: values} if values else {}
-    concealed_run(str(file), Truth(model="loader", seed=1, effects=effects), folder / "run")
+    concealed_run(Choice(scenario=str(file)), Truth(model="loader", seed=1, effects=effects), folder / "run")
     recording = loader.load_run(folder / "run")
     model = baseline(Path("l60"), [recording])
     return examine(
