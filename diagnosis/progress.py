@@ -13,17 +13,27 @@ if TYPE_CHECKING:
     from discrepancy.selection.state import Progress
 
 EVERY_S: Final = 5.0  # after which a reader wonders whether anything happens
+STILL: Final = " (still)"
 
 
 @contextmanager
 def shown_progress(console: "Console", every_s: float = EVERY_S) -> "Iterator[Progress]":
-    """The current step with its time: one changing line on a terminal, otherwise a line per step and one at least every `every_s` seconds."""
+    """The current step with its time: one changing line on a terminal, below lines of results; otherwise a line per step.
+
+    Without a terminal a line comes at least every `every_s` seconds.
+    """
+    from rich.markup import escape  # late: with the console
+
     start = time.monotonic()
     if console.is_terminal:
         with console.status("starting") as status:
 
             def change(text: str) -> None:
-                status.update(f"{text} [dim]{time.monotonic() - start:.0f} s[/]")
+                if ": " in text and not text.endswith(STILL):  # a result; a step has no colon
+                    console.print(
+                        f"[dim]{time.monotonic() - start:6.1f} s[/]  {escape(text)}", highlight=False
+                    )
+                status.update(f"{escape(text)} [dim]{time.monotonic() - start:.0f} s[/]")
 
             with repeated(change, every_s) as progress:
                 yield progress
@@ -51,7 +61,7 @@ def repeated(show: Callable[[str], None], every_s: float) -> "Iterator[Progress]
             if news.wait(every_s):
                 news.clear()
             else:
-                show(f"{current[0]} (still)")
+                show(f"{current[0]}{STILL}")
 
     # a simulation of the user's may take minutes and knows nothing of progress: hence a thread beside it
     thread = threading.Thread(target=repeat, name="progress", daemon=True)

@@ -110,6 +110,10 @@ PANELS: Final[dict[str, dict[str, Command]]] = {
             "diagnosis.command",
             "Find what a model leaves out: where it differs from the recordings, and the name and size of the missing effect.",
         ),
+        "experiment": Command(
+            "diagnosis.experiment.command",
+            "Find the manoeuvre that distinguishes best what the recordings cannot, and write it as a scenario; with --sealed, drive it and go on.",
+        ),
         "conceal": Command(
             "diagnosis.blind.conceal",
             "Write a recording with hidden effects, parameter errors, noise and faults, and seal the truth in a separate file.",

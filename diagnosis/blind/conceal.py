@@ -119,9 +119,10 @@ def conceal(
     )
     if runs:
         from diagnosis.blind.hidden_run import SCENARIO, concealed_run
+        from hil.compose import Choice as Run
 
         file = out / "run"
-        concealed_run(manoeuvre or SCENARIO, truth, file)
+        concealed_run(Run(scenario=manoeuvre or SCENARIO), truth, file)
     else:
         [file] = write("DIR", out, {"recording.csv": csv_text(concealed(built, basis, truth, initial))})
     [sealed] = write("DIR", out, {"truth.sealed": seal(truth, [file])})

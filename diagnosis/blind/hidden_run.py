@@ -4,7 +4,7 @@ The run directory does not reveal the hidden effects: truth.npz and the changes 
 """
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,12 +22,16 @@ from plant.unit.sensor_parameters import SensorParameters
 SCENARIO = "loaded"
 
 
-def concealed_run(scenario: str, truth: Truth, folder: Path) -> None:
-    """Run a scenario with the truth's effects. Raises NotHidden where the machine cannot have them; an incomplete run is removed."""
-    choice = Choice(scenario=scenario, seed=truth.seed)
-    changes = tuple(_changes(truth, choice.load().equipment.sensors))
+def concealed_run(choice: Choice, truth: Truth, folder: Path) -> None:
+    """Run a choice with the truth's seed and effects. Raises NotHidden where the machine cannot have them; an incomplete run is removed."""
+    run_with_effects(replace(choice, seed=truth.seed), truth.effects, folder)
+
+
+def run_with_effects(choice: Choice, effects: Mapping[str, Mapping[str, float]], folder: Path) -> None:
+    """Run a choice with parameters by effect. Raises NotHidden where the machine cannot have them; an incomplete run is removed."""
+    changes = tuple(_changes(effects, choice.load().equipment.sensors))
     try:
-        result = run_lockstep(replace(choice, changes=changes), folder)
+        result = run_lockstep(replace(choice, changes=(*choice.changes, *changes)), folder)
     except (ConfigurationError, DivergedError, NoEquilibriumError) as error:
         raise NotHidden(f"cannot run: {error}") from error
     if result.ending is not Ending.PASSED:
@@ -38,12 +42,12 @@ def concealed_run(scenario: str, truth: Truth, folder: Path) -> None:
             raise KeyboardInterrupt
         raise NotHidden(f"cannot keep the run: {result.reason}")
     (folder / TRUTH).unlink()
-    write_record(folder, replace(read_record(folder), changes=()))
+    write_record(folder, replace(read_record(folder), changes=choice.changes))
 
 
-def _changes(truth: Truth, sheet: SensorParameters) -> Iterator[str]:
+def _changes(effects: Mapping[str, Mapping[str, float]], sheet: SensorParameters) -> Iterator[str]:
     """The effects as `--set` changes of the machine and its equipment; a sensor fault is added to the errors in its sheet."""
-    for values in truth.effects.values():
+    for values in effects.values():
         for name, value in values.items():
             effect, _, parameter = name.partition(".")
             if effect not in sheet.channels:

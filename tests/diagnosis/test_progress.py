@@ -40,3 +40,17 @@ def test_without_a_terminal_every_step_is_a_line_with_its_time(capsys) -> None: 
         progress("reading")
     (line,) = capsys.readouterr().err.splitlines()
     assert line.endswith(" s  reading")
+
+
+def test_on_a_terminal_results_stay_and_steps_do_not() -> None:
+    console = Console(file=io.StringIO(), force_terminal=True, width=200)
+    with shown_progress(console, 1000.0) as progress:
+        progress("reading")
+        progress("leak [x]: evidence 37 (threshold 18)")
+        progress("fitting")
+    out = console.file
+    assert isinstance(out, io.StringIO)
+    kept = [line for line in out.getvalue().splitlines() if "\x1b[2K" not in line and "evidence" in line]
+    assert len(kept) == 1
+    assert "leak [x]: evidence 37 (threshold 18)" in kept[0]
+    assert "reading" not in kept[0]

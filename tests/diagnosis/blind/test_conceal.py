@@ -376,6 +376,7 @@ def test_a_run_of_the_bench_does_not_name_its_concealed_effect(
 def test_a_run_that_was_interrupted_is_no_hidden_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A run cut short would be sealed as whole, and its truth would lie open."""
     from diagnosis.blind.hidden_run import concealed_run
+    from hil.compose import Choice
     from hil.lockstep import Lockstep
 
     def interrupted(*_: object) -> None:
@@ -383,5 +384,7 @@ def test_a_run_that_was_interrupted_is_no_hidden_one(tmp_path: Path, monkeypatch
 
     monkeypatch.setattr(Lockstep, "run", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        concealed_run("standstill", Truth(model="loader", seed=1), tmp_path / "blind" / "run")
+        concealed_run(
+            Choice(scenario="standstill"), Truth(model="loader", seed=1), tmp_path / "blind" / "run"
+        )
     assert not (tmp_path / "blind" / "run").exists()
