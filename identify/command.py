@@ -1,12 +1,13 @@
 """`loaderhil identify`: tyre and machine parameters from raw measurements."""
 
-import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from identify.machine_command import machine_command
 from identify.make.command import MachineOption, make_field_command, make_rig_command
+from identify.origin import origin_of
 from identify.score import score_command
 
 OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]
@@ -84,7 +85,7 @@ def rig(
     except Unusable as error:
         print(f"nothing can be identified: {error}")
         raise typer.Exit(Ending.INCONCLUSIVE) from error
-    origin = _origin(f"loaderhil identify rig {description}")
+    origin = origin_of(f"loaderhil identify rig {description}")
     problem = problem_of(ready)
     stages = staged(ready)
     found = fitted(ready, stages)
@@ -184,7 +185,7 @@ def field(
         *undetermined(found, problem),
         *not_fitted(problem.tyre, ("PCX1", "PDX1", "PEX1", "PKX1", "PDX2", "PKX3", "PPX1", "PPX3")),
     ]
-    origin = _origin(f"loaderhil identify field {description}")
+    origin = origin_of(f"loaderhil identify field {description}")
     intervals = {n: found.interval(n) for n in found.names}
     s = result.sync
     content = {
@@ -226,55 +227,6 @@ def field(
         print(f"written: {path}")
 
 
-def machine_command(
-    weighings: Annotated[
-        Path,
-        typer.Argument(
-            metavar="WEIGHINGS.csv",
-            help="articulation, grade, bank and the four wheel loads, one row per weighing.",
-        ),
-    ],
-    machine: MachineOption = "l60",
-    load_sd: Annotated[
-        float, typer.Option("--load-sd-N", min=0.1, max=1e5, help="Standard deviation of one scale.")
-    ] = 100.0,
-) -> None:
-    """Mass, first moments of both frames and height of the centre of gravity, from weighings at several articulation angles and slopes.
-
-    Example: `loaderhil identify machine weighings.csv --load-sd-N 50`
-    """
-    from hil.ending import Ending
-    from identify.machine.files import read_weighings
-    from identify.machine.weighing import NAMES, UNITS, Geometry, weighed
-    from plant.sheets.machine import load_machine
-
-    g = load_machine(machine).geometry
-    try:
-        found = weighed(
-            read_weighings(weighings),
-            Geometry(front=g.front_axle_x, rear=-g.rear_axle_x, track=g.track),
-            load_sd,
-        )
-    except ValueError as error:
-        print(f"nothing can be identified: {error}")
-        raise typer.Exit(Ending.INCONCLUSIVE) from error
-    opened = dict(found.undetermined)
-    for name, unit, value, sd in zip(NAMES[:5], UNITS, found.value, found.sd, strict=False):
-        if name not in opened:
-            print(
-                f"{name:16} {value:12.5g} {unit:5}  95 % {value - 1.96 * sd:.5g} to {value + 1.96 * sd:.5g}"
-            )
-    if "height moment" not in opened:
-        print(f"{'height':16} {found.height:12.4g} m")
-    for name, step in opened.items():
-        print(f"not determined: {name}: {step}")
-    print(
-        "not determined: mass of each frame by itself, inertias: weighings at rest determine first moments only; weigh one frame alone, or record turns with yaw rate and forces"
-    )
-    for number in found.odd:
-        print(f"warning: weighing {number} does not fit the others: is its angle or a load wrong?")
-
-
 def _print_result(found: "Estimate", opened: "Sequence[Open]", warnings: "Sequence[str]") -> None:
     """Intervals of what a user asked for (not of each run's nuisances), what stays open, and warnings."""
     for name in found.names:
@@ -289,18 +241,6 @@ def _print_result(found: "Estimate", opened: "Sequence[Open]", warnings: "Sequen
 
 def _near(a: float, b: float) -> bool:
     return abs(a - b) < 0.02 * b
-
-
-def _origin(command: str) -> str:
-    """The command, and the commit of the sources where they are a checkout."""
-    folder = Path(__file__).resolve().parent
-    try:
-        commit = subprocess.run(
-            ["git", "rev-parse", "--short", "HEAD"], cwd=folder, capture_output=True, text=True, check=False
-        ).stdout.strip()
-    except OSError:
-        commit = ""
-    return f"{command}{f' (commit {commit})' if commit else ''}"
 
 
 if TYPE_CHECKING:

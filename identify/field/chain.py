@@ -20,7 +20,8 @@ SHORTEST_EVENT = 200  # readings inside the scope of the cameras: one second
 START_UP_S = 0.3  # at both ends of an event, where the smoother has data on one side only
 WINDOW_S = 0.4  # whose means make one point
 SETTLED = 0.1  # permitted change of the slip within a window: this share of it plus 0.003
-SETTLING_M = 1.2  # distance after a change of slip: three relaxation lengths
+SETTLING_M = 1.2  # distance after a change of slip; the fit models what a soft carcass leaves of the lag then
+ENTRY_M = 0.5  # distance at the start of an event, where the smoother still settles
 BEYOND_FRICTION = 1.6  # force over load; no tyre reaches it
 LIGHTEST = 2e3  # load [N] below which the wheel is taken to have no contact
 RATE_HZ = 200.0  # of the common time base
@@ -39,6 +40,7 @@ class Points:
     """Means over windows (n,): one is one data set of (113)."""
 
     event: NDArray[np.intp]
+    first: NDArray[np.intp]  # sample of the event at which the window begins
     slip_markers: Array  # kappa1 (110)
     slip: Array  # kappa2 (111), of the markers where the encoder is not synchronised
     slip_sd: Array
@@ -61,6 +63,18 @@ class Event:
     force: Array
     load: Array
     kept: NDArray[np.bool_]
+
+    def bridged(self) -> tuple[Array, Array]:
+        """Slip and speed along the wheel (n,), straight lines over what was rejected, so that it does not act on what follows."""
+        usable = self.kept & np.isfinite(self.slip)
+        slip, speed = (
+            np.interp(self.time, self.time[usable], value[usable]) for value in (self.slip, self.speed[0])
+        )
+        first = int(np.argmax(usable))
+        travelled = np.cumsum(np.abs(speed[first:])) / RATE_HZ
+        entered = first + int(np.searchsorted(travelled, ENTRY_M, side="right"))
+        slip[:entered] = np.median(slip[first : entered + 1])
+        return slip, speed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,7 +134,9 @@ def processed(log: FieldLog) -> FieldResult:
         raise Unusable(f"{log.name}: only {len(points)} points of settled slip are left ({reasons_text})")
     columns = np.array(points, float)
     return FieldResult(
-        log=log, events=events, points=Points(event=columns[:, 0].astype(np.intp), **{n: columns[:, i] for i, n in enumerate(_COLUMNS, 1)}), sync=sync,
+        log=log, events=events, points=Points(
+            event=columns[:, 0].astype(np.intp), first=columns[:, 1].astype(np.intp), **{n: columns[:, i] for i, n in enumerate(_COLUMNS, 2)}
+        ), sync=sync,
         tare=tare, rejected=counts, warnings=warnings, oscillation_hz=oscillation,
     )  # fmt: skip
 
@@ -282,7 +298,7 @@ def _event(
 
 
 def _points(event: Event) -> tuple[list[tuple[float, ...]], dict[str, int]]:
-    """Means of windows in which slip has settled; (n, 8) in the order of _COLUMNS, and counts of the samples that were left out."""
+    """Windows in which slip has settled: first sample, then means in the order of _COLUMNS; and counts of the samples that were left out."""
     n = round(WINDOW_S * RATE_HZ)
     out: list[tuple[float, ...]] = []
     counts = {"slip not settled": 0}
@@ -302,7 +318,7 @@ def _points(event: Event) -> tuple[list[tuple[float, ...]], dict[str, int]]:
         spread = float(np.std(force)) / 2.0
         difference = event.slip[part] - event.slip_markers[part]
         out.append((
-            float(np.mean(event.slip_markers[part])), float(np.mean(event.slip[part])), max(float(np.std(difference)) / 2.0, 3e-4), float(np.mean(force)),
+            a, float(np.mean(event.slip_markers[part])), float(np.mean(event.slip[part])), max(float(np.std(difference)) / 2.0, 3e-4), float(np.mean(force)),
             max(spread, 30.0), float(np.mean(event.load[part])), speed, float(-np.mean(event.speed[1, part]) / abs(speed)),
         ))  # fmt: skip
     return out, {k: v for k, v in counts.items() if v}

@@ -5,9 +5,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from discrepancy.estimation.autoregression import Whitener
-from identify.field.chain import FieldResult, Points
+from identify.field.chain import RATE_HZ, WINDOW_S, Event, FieldResult, Points
+from identify.field.lag import COMPLIANCES, behind_carcass
 from identify.tyre.curve import steady
 from identify.tyre.estimate import Estimate, Noise, estimate
 from identify.tyre.parameters import INDEX, NAMES, START, TYPICAL, WIDE, Nominal, curve, vector
@@ -16,8 +18,11 @@ from identify.tyre.rig_problem import Part, Unknown
 Array = NDArray[np.float64]
 
 SMALL_SLIP = 0.1  # up to this largest slip the data determine only the stiffness
+FEWEST = 12  # points from which the size of their errors is estimated
 HUBER = 3.0  # standard deviations beyond which a residual counts in proportion, not squared
 SHIFT = "slip zero"  # an error of the effective radius acts as a shift of all slips
+COMPLIANCE = "carcass compliance"  # [m/N]
+COMPLIANCE_PRIOR = 1.5e-6  # tyres of this size have carcasses of 0.4 to 2 MN/m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,12 +30,17 @@ class PointProblem:
     """Points, unknown parameters of the tyre, values of the others; scale: standard deviation of each point's residual (n,) [N]."""
 
     points: Points
+    events: Sequence[Event]
     nominal: Nominal
     tyre: Sequence[str]
     scale: Array
     fixed: Mapping[str, float] = field(default_factory=dict)
     gain_sd: float = 0.005
     shift_sd: float = 0.01
+    compliance_sd: float = 1e-6
+    lagging: CubicSpline | None = (
+        None  # how far slip lags at each point, over the compliance; None: it has settled
+    )
 
     @property
     def unknowns(self) -> list[Unknown]:
@@ -59,23 +69,55 @@ class PointProblem:
             Unknown(name=SHIFT, start=0.0, lower=-0.1, upper=0.1, typical=2e-3, prior_sd=self.shift_sd)
         )
         out.append(Unknown(name="tare", start=0.0, lower=-5e3, upper=5e3, typical=50.0, prior_sd=50.0))
+        # points that have settled do not depend on it
+        out.append(
+            Unknown(
+                name=COMPLIANCE,
+                start=COMPLIANCE_PRIOR,
+                lower=float(COMPLIANCES[0]),
+                upper=float(COMPLIANCES[-1]),
+                typical=1e-7,
+                prior=COMPLIANCE_PRIOR,
+                prior_sd=self.compliance_sd,
+            )
+        )
         return out
 
     def held_at(self, values: Mapping[str, float]) -> "PointProblem":
-        """Itself: settled slip needs no predictor."""
-        return self
+        """The lag of the slip behind a carcass follows the curve of these values; only its compliance changes during a fit."""
+        p, points, window = self._numbers(values), self.points, round(WINDOW_S * RATE_HZ)
+        lag = np.empty((COMPLIANCES.size, points.slip.size))
+        for number in np.unique(points.event):
+            own = np.flatnonzero(points.event == number)
+            load = float(np.median(points.load[own])) / values["gain"]
+            slip, speed = self.events[number].bridged()
+            true = slip + values[SHIFT] * (1.0 + slip)
+            behind = behind_carcass(
+                curve(p, self.nominal, load, self.nominal.pressure)[0], true, speed, 1.0 / RATE_HZ
+            )
+            for i in own:
+                part = slice(points.first[i], points.first[i] + window)
+                lag[:, i] = np.mean(behind[:, part] - true[part], axis=1)
+        return replace(self, lagging=CubicSpline(COMPLIANCES, lag))
+
+    def _numbers(self, values: Mapping[str, float]) -> Array:
+        """All parameters of the tyre, as `curve` takes them."""
+        return vector(
+            {**{n: v for n, v in self.fixed.items() if n in INDEX}, **{n: values[n] for n in self.tyre}}
+        )
 
     def parts(self, values: Mapping[str, float]) -> list[Part]:
         index = {name: i for i, name in enumerate(values)}
-        p = vector(
-            {**{n: v for n, v in self.fixed.items() if n in INDEX}, **{n: values[n] for n in self.tyre}}
-        )
-        gain = values["gain"]
+        p, gain = self._numbers(values), values["gain"]
         load = self.points.load / gain  # both forces have the scale of one transducer
         n = load.size
         made = [curve(p, self.nominal, float(one), self.nominal.pressure) for one in load]
         curves = np.stack([m[0] for m in made])
         kappa = self.points.slip + values[SHIFT] * (1.0 + self.points.slip)
+        by_compliance = np.zeros(n)
+        if self.lagging is not None:
+            kappa = kappa + self.lagging(values[COMPLIANCE])
+            by_compliance = self.lagging(values[COMPLIANCE], 1)
         force, by = np.empty(n), np.empty((n, 7))
         steady(curves, kappa, force, by)
         columns = {
@@ -85,6 +127,7 @@ class PointProblem:
         columns["gain"] = force - np.einsum("ij,ij->i", by, np.stack([m[2] for m in made])) * load
         columns[SHIFT] = gain * by[:, 5] * (1.0 + self.points.slip)
         columns["tare"] = np.ones(n)
+        columns[COMPLIANCE] = gain * by[:, 5] * by_compliance
         J = np.stack(list(columns.values()), axis=1) / self.scale[:, None]
         residual = (gain * force + values["tare"] - self.points.force) / self.scale
         return [
@@ -117,6 +160,7 @@ def fit_points(result: FieldResult, *, friction: float = 0.75) -> tuple[PointPro
     def problem_with(scale: Array) -> PointProblem:
         return PointProblem(
             points=points,
+            events=result.events,
             nominal=result.log.nominal,
             tyre=names,
             scale=scale,
@@ -126,20 +170,39 @@ def fit_points(result: FieldResult, *, friction: float = 0.75) -> tuple[PointPro
 
     # first weights: 8 is a plausible slip stiffness per load, until the fit gives the slope itself
     problem = problem_with(np.hypot(force_sd, 8.0 * points.load * slip_sd))
+    # far from the curve a fit could take the lag for none, where its derivative is nearly 0
+    problem = replace(problem, compliance_sd=1e-3 * COMPLIANCE_PRIOR)
     found = estimate(problem, noise=_plain(problem, None))
     # the slope of the curve where a point lies weighs the error of its slip
     for _ in range(3):
-        [part] = problem.parts(dict(found.values))
-        slope = np.abs(part.by[:, len(names) + 1]) * problem.scale
-        expected = np.hypot(force_sd, slope * slip_sd)
-        # the scatter about the curve sets the size of all; the fit has bent towards the points
-        free = np.sqrt(points.slip.size / max(points.slip.size - len(found.names), 1))
-        # (1.4826 x median of |e| is the standard deviation of Gaussian errors, and outliers do not move it)
-        size = 1.4826 * free * float(np.median(np.abs(part.residual * problem.scale / expected)))
-        problem = problem_with(expected * max(size, 0.2))
-        weights = _plain(problem, problem.parts(dict(found.values))[0].residual)
+        problem = problem.held_at(found.values)
+        [part] = problem.parts(found.values)
+        slope = np.abs(part.by[:, found.names.index(SHIFT)]) * problem.scale
+        expected = _sized(
+            part.residual * problem.scale, force_sd, slope * slip_sd, points.slip.size - len(found.names)
+        )
+        problem = replace(problem_with(expected), lagging=problem.lagging)
+        weights = _plain(problem, problem.parts(found.values)[0].residual)
         found = estimate(problem, found.values, noise=weights)
+    problem = problem.held_at(found.values)
     return problem, replace(found, inflation=_together(found, problem))
+
+
+def _sized(misfit: Array, force_sd: Array, slip_sd: Array, freedom: int) -> Array:
+    """Standard deviation of each point [N] (n,): those expected of force and of slip, each with the size that the scatter about the curve shows.
+
+    Errors of the slip outweigh those of the force where the curve is steep; both sizes can be read where one of them does.
+    """
+    # the fit has bent towards the points
+    free = np.sqrt(misfit.size / max(freedom, 1))
+    expected = np.hypot(force_sd, slip_sd)
+    steep = slip_sd > force_sd
+    sizes = []
+    for group in (~steep, steep):
+        own = group if np.count_nonzero(group) >= FEWEST else np.ones(misfit.size, bool)
+        # (1.4826 x median of |e| is the standard deviation of Gaussian errors, and outliers do not move it)
+        sizes.append(max(1.4826 * free * float(np.median(np.abs(misfit[own] / expected[own]))), 0.2))
+    return np.hypot(sizes[0] * force_sd, sizes[1] * slip_sd)
 
 
 def _pooled(points: Points) -> tuple[Array, Array]:

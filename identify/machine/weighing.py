@@ -54,6 +54,7 @@ class Weighed:
 
     value: Array  # in the order of NAMES
     sd: Array
+    covariance: Array  # of `value` (6, 6)
     excess: float  # scatter of the balances over its expected value
     undetermined: tuple[tuple[str, str], ...]  # name, and the weighing that would determine it
     odd: tuple[int, ...]  # numbers of weighings that do not fit the others
@@ -117,7 +118,8 @@ def weighed(weighings: Sequence[Weighing], geometry: Geometry, load_sd: float) -
     value = prior * (spread @ (scaled.T @ (b / size)))
     residual = (b - A @ value) / size
     excess = float(np.sqrt(np.mean(residual**2)))
-    sd = np.sqrt(np.diag(covariance)) * max(1.0, excess)
+    covariance = covariance * max(1.0, excess) ** 2
+    sd = np.sqrt(np.diag(covariance))
     typical = (value[0], value[0], value[0], value[0])
     undetermined = tuple(
         (name, f"{STEPS[name]} (95 % interval ± {1.96 * s:.3g} {unit})")
@@ -129,4 +131,11 @@ def weighed(weighings: Sequence[Weighing], geometry: Geometry, load_sd: float) -
         for i in range(len(weighings))
         if np.max(np.abs(residual[3 * i : 3 * i + 3])) > 5.0 * max(1.0, float(np.median(np.abs(residual))))
     )
-    return Weighed(value=value, sd=np.asarray(sd, float), excess=excess, undetermined=undetermined, odd=odd)
+    return Weighed(
+        value=value,
+        sd=np.asarray(sd, float),
+        covariance=covariance,
+        excess=excess,
+        undetermined=undetermined,
+        odd=odd,
+    )

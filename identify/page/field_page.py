@@ -5,7 +5,7 @@ from html import escape
 import numpy as np
 
 from identify.field.chain import ASPHALT_GROUPS, GRAVEL_GROUPS, FieldResult, load_groups
-from identify.field.fit import PointProblem
+from identify.field.fit import COMPLIANCE, SHIFT, PointProblem
 from identify.page.figure import STYLE, Cloud, Line, drawn, table
 from identify.tyre.advice import Open
 from identify.tyre.brush import brush_force, fit_brush
@@ -14,13 +14,20 @@ from identify.tyre.estimate import NORMAL_95, Estimate
 from identify.tyre.parameters import INDEX, MEANINGS, curve, vector
 from report.kit.document import bar, document
 
+OTHERS = {
+    "gain": "scale of the transducer, both forces",
+    "tare": "zero of the longitudinal force that is left [N]",
+    SHIFT: "zero of the slip: an error of the effective radius",
+    COMPLIANCE: "carcass compliance [m/N]: how far slip lags; without windows after changes of slip, its prior",
+}
+
 
 def field_page(
     result: FieldResult, problem: PointProblem, found: Estimate, *, opened: list[Open], origin: str
 ) -> str:
     """The whole page."""
     rows = [
-        (n, MEANINGS.get(n, ""), f"{i.value:.5g}", f"{i.lower:.5g} to {i.upper:.5g}")
+        (n, MEANINGS.get(n, OTHERS.get(n, "")), f"{i.value:.5g}", f"{i.lower:.5g} to {i.upper:.5g}")
         for n in found.names
         for i in [found.interval(n)]
     ]

@@ -93,12 +93,11 @@ class Body:
     iyy: float = quantity("iyy_kg_m2", 0.1, 1e6)
     izz: float = quantity("izz_kg_m2", 0.1, 1e6)
 
-    def __post_init__(self) -> None:
+    @property
+    def rigid(self) -> bool:
+        """Whether a rigid body can have these inertias: none exceeds the sum of the others."""
         a, b, c = sorted((self.ixx, self.iyy, self.izz))
-        if a + b < c:
-            raise ValueError(
-                f"inertias {self.ixx:g}, {self.iyy:g}, {self.izz:g} kg m2: one exceeds the sum of the others"
-            )
+        return c <= a + b
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -429,6 +428,12 @@ def _read_effects(table: CheckedTable) -> tuple[ActiveEffect, ...]:
 
 def _check_order(machine: Machine, top: CheckedTable) -> None:
     """Refuse values that are possible each but not together."""
+    for section, body in ((name, getattr(machine, name)) for name, cls in _TABLES.items() if cls is Body):
+        if not body.rigid:
+            raise top.error(
+                section,
+                f"inertias {body.ixx:g}, {body.iyy:g}, {body.izz:g} kg m2: one exceeds the sum of the others",
+            )
     for section, part in (("lift", machine.lift), ("tilt", machine.tilt)):
         if not part.lower_limit <= part.carry_angle <= part.upper_limit:
             low, carry, high = (

@@ -134,9 +134,10 @@ def test_points_of_an_event_that_err_together_widen_the_intervals(result, fitted
 def test_derivatives_of_points_are_those_of_differences(fitted):
     problem, found = fitted
     values = dict(found.values)
+    typical = {u.name: u.typical for u in problem.unknowns}
     (part,) = problem.parts(values)
     for i, name in enumerate(values):
-        step = 1e-5 * max(abs(values[name]), 0.1)
+        step = 1e-3 * typical[name]
         up, down = (problem.parts({**values, name: values[name] + s})[0].residual for s in (step, -step))
         wanted = (up - down) / (2.0 * step)
         got = part.by[:, list(part.columns).index(i)]

@@ -63,3 +63,82 @@ def test_the_description_of_a_rig_that_is_shown_is_read(tmp_path):
     read = read_rig(tmp_path / "rig.toml").runs[0]
     assert read.kind == "drive"
     assert read.force[:50] == pytest.approx(run.force[:50], nan_ok=True)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_a_machine_is_identified_as_the_page_says(tmp_path, monkeypatch, capsys):
+    """Every command of the page, and what it promises of the machine that it makes."""
+    import json
+    import sys
+
+    from loaderhil import cli
+
+    monkeypatch.chdir(tmp_path)
+    page = (HOWTO / "identify-machine.md").read_text(encoding="utf-8")
+    (rows,) = re.findall(r"```csv\n(.*?)```", page, re.S)
+    (tmp_path / "weighings.csv").write_text(rows, encoding="utf-8")
+    printed = re.findall(r"^    (loaderhil .*)$", page, re.M)
+    assert [line.split()[1] for line in printed] == ["run", "run", "identify", "run", *["identify"] * 3]
+    texts = []
+    for line in printed:
+        monkeypatch.setattr(sys, "argv", shlex.split(line))
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        texts.append(capsys.readouterr().out)
+        assert not ended.value.code, texts[-1]
+    folders = [shlex.split(line)[-1] for line in printed]
+    found = json.loads((tmp_path / folders[2] / "identification.json").read_text(encoding="utf-8"))
+    inertia = found["parameters"]["rear_yaw_inertia"]
+    assert found["adequate"]
+    assert inertia["lower"] < 6325.0 < inertia["upper"]
+    assert inertia["lower"] > 5500.0
+    mass = found["sums"]["mass without payload"]
+    assert mass["lower"] < 11842.0 + 182.0 < mass["upper"]
+    assert "determined only together" in texts[2]
+    assert "shortest drive programme" in texts[2]
+    assert "<svg" in (tmp_path / folders[2] / "report.html").read_text(encoding="utf-8")
+    # weighings alone print what they printed before there were drives
+    assert "height" in texts[4]
+    assert "not determined: mass of each frame by itself" in texts[4]
+    by_bus = json.loads((tmp_path / folders[6] / "identification.json").read_text(encoding="utf-8"))
+    assert not any("force_front" in channel and "specific" not in channel for channel in by_bus["channels"])
+
+
+def identify(arguments):
+    import typer
+
+    app = typer.Typer()
+    app.callback()(lambda: None)
+    register(app)
+    return CliRunner().invoke(app, ["identify", "machine", *map(str, arguments)])
+
+
+def test_a_broken_run_folder_gives_one_error_that_names_it(tmp_path):
+    from bus.user_error import UserError
+
+    (tmp_path / "drive").mkdir()
+    (tmp_path / "drive" / "bus.log").write_text("no candump\n", encoding="utf-8")
+    broken = identify([tmp_path / "drive"]).exception
+    assert isinstance(broken, UserError)
+    assert str(broken).startswith("drive: ")
+    assert "\n" not in str(broken)
+    gone = identify([tmp_path / "nowhere"]).exception
+    assert isinstance(gone, UserError)
+    assert "no such file or folder" in str(gone)
+
+
+def test_a_table_of_weighings_is_told_from_a_recording(tmp_path):
+    from identify.machine_command import is_weighing
+
+    table = tmp_path / "a.csv"
+    for heading, wanted in (
+        ("articulation [deg],front_left [kN]", True),
+        ("# scales of the yard\nfront_left [N]", True),
+        ("time [s],articulation_angle [rad],yaw_rate [rad/s]", False),
+        ("", False),
+    ):
+        table.write_text(f"{heading}\n1,2\n", encoding="utf-8")
+        assert is_weighing(table) == wanted, heading
+    assert not is_weighing(tmp_path)
