@@ -168,7 +168,9 @@ def record(
     force = acceleration + G * np.sin(acts * truth.get("slope", 0.0))
     force = force * (1.0 + truth.get("acceleration.scale", 0.0)) + truth.get("acceleration.bias", 0.0)
     force = force + rng.normal(0.0, noise.acceleration_sd, n)
-    wheel, force = _spoilt(truth, time_s, wheel, force, out)
+    # a generator of its own: the same arm without the difference has the same drive and noise
+    (own,) = rng.spawn(1)
+    wheel, force = _spoilt(truth, time_s, wheel, force, out, own)
     if noise.quantised:
         # 1/256 km/h and 0.01 m/s²: resolutions usual in J1939 messages
         wheel, force = np.round(wheel * 256.0 * 3.6) / 256.0 / 3.6, np.round(force / 0.01) * 0.01
@@ -184,11 +186,14 @@ def record(
 
 
 def _spoilt(
-    truth: Mapping[str, float], time_s: np.ndarray, wheel: np.ndarray, force: np.ndarray, out: np.ndarray
+    truth: Mapping[str, float],
+    time_s: np.ndarray,
+    wheel: np.ndarray,
+    force: np.ndarray,
+    out: np.ndarray,
+    rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
     """What real sensors add: a pitch that follows the acceleration, a wheel out of round, a wandering zero, another clock, outliers."""
-    # a generator of its own: the same arm without the difference has the same drive and noise
-    rng = np.random.default_rng([int(1e6 * truth.get("draw", 0.0)), 11])
     if "squat" in truth:
         a = STEP_S / 0.3  # the suspension's tyres settle within 0.3 s
         force = force + G * truth["squat"] * lfilter([a], [1.0, a - 1.0], out[2])

@@ -29,7 +29,7 @@ class Difference:
     """One way in which a real machine is not as the model says."""
 
     name: str
-    ranges: Mapping[str, Range]  # of the truth's parameters, drawn evenly in the logarithm
+    ranges: Mapping[str, Range]  # of the truth's parameters, least and most; drawn evenly in the logarithm
     fair: tuple[str, ...] = ()  # effects of the library that are a fair name for it
 
 
@@ -60,7 +60,7 @@ STRAIGHT = (
 BALL = (
     Difference(
         name="drag of another power",
-        ranges={"power": (-0.5, -0.2), "drag_coefficient": (0.1, 0.4)},
+        ranges={"power": (-0.2, -0.5), "drag_coefficient": (0.1, 0.4)},
         fair=("quadratic drag", "linear drag"),
     ),
     Difference(
@@ -157,7 +157,7 @@ def carried_out(arm: Arm) -> Row:
     values = {name: value for one in sized for name, value in one.values.items()}
     rng = np.random.default_rng([arm.seed, 6])
     drawn = {
-        name: float(np.sign(low) * np.exp(rng.uniform(*sorted((np.log(abs(low)), np.log(abs(high)))))))
+        name: float(low * (high / low) ** rng.random())
         for d in differences(arm)
         for name, (low, high) in d.ranges.items()
     }
