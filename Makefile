@@ -46,10 +46,10 @@ compiled: $(BIN)/.test # two workers of pytest would compile the same functions,
 	$(BIN)/loaderhil compile --all
 
 fast: compiled ## tests that need no real time, browser or CAN in the kernel
-	$(BIN)/pytest -n 2 --dist loadfile -m 'not processes and not browser and not socketcan and not slow'
+	$(BIN)/pytest -n 2 --dist loadfile --timeout-method=thread -m 'not processes and not browser and not socketcan and not slow'
 
 slow-tests: $(BIN)/.test ## tests that compute for long, then those with processes in real time and in a real browser
-	$(BIN)/pytest -n 2 -m 'slow and not processes and not browser'
+	$(BIN)/pytest -n 2 --dist loadfile --timeout-method=thread -m 'slow and not processes and not browser'
 	$(BIN)/pytest -m 'processes or browser'
 
 # a user-mode kernel lacks the mappings to compile
@@ -73,6 +73,7 @@ wild: $(BIN)/.bench ## diagnosis of truths that differ from the model in structu
 
 identification: $(BIN)/.test ## coverage of the identification on 200 seeded cases into docs/results/identification.md (an hour; run again to take up)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.identify_coverage --cases 200 --out docs/results/identification.md
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.identify_machine --seeds 200 220 --out docs/results/identification-machine.md
 
 microcontroller: $(BIN)/.test ## the exported C ECU against the Python one, and its cost on a Cortex-M4F, into docs/results/microcontroller.md (some ten minutes)
 	$(BIN)/python -m bench.microcontroller --out docs/results/microcontroller.md
