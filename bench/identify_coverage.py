@@ -21,7 +21,7 @@ from identify.field.fit import fit_points
 from identify.make.field import make_field
 from identify.make.rig import make_rig
 from identify.rig.chain import fitted, inconsistent_runs, prepare
-from identify.tyre.parameters import curve, vector
+from identify.tyre.parameters import COMBINED, curve, vector
 from identify.tyre.rig_problem import CARCASS_NAME
 from plant.sheets.machine import Machine, load_machine
 
@@ -37,6 +37,7 @@ def any_machine(seed: int) -> Machine:
     ranges = {
         "pkx1": (5.0, 12.0), "pcx1": (1.25, 1.65), "pdx1": (0.6, 0.95), "pex1": (-1.0, 0.6), "pdx2": (-0.1, 0.05), "pkx3": (-0.2, 0.0),
         "ppx1": (-0.5, -0.1), "ppx3": (-0.15, 0.0), "longitudinal_stiffness": (0.4e6, 1.2e6),
+        "rbx1": (7.0, 16.0), "rbx2": (5.0, 16.0), "rcx1": (0.85, 1.0), "rex1": (-1.0, 0.2),
     }  # fmt: skip
     return replace(
         machine, tyre=replace(machine.tyre, **{name: random.uniform(*r) for name, r in ranges.items()})
@@ -82,13 +83,13 @@ def rig_case(seed: int) -> dict:
     return row
 
 
-def field_case(seed: int) -> dict:
+def field_case(seed: int, arm: str = "field", slip_angle: float = 0.0) -> dict:
     """One field recording: whether each truth lies in its interval, and the largest error of the common clock [s]."""
-    log, truth = make_field(any_machine(seed), seed)
+    log, truth = make_field(any_machine(seed), seed, slip_angle=slip_angle)
     result = processed(log)
     _, found = fit_points(result)
-    row: dict = {"arm": "field", "seed": seed, "lost": [list(result.sync.lost), truth.lost_event]}
-    for name in JUDGED[:5]:
+    row: dict = {"arm": arm, "seed": seed, "lost": [list(result.sync.lost), truth.lost_event]}
+    for name in (*JUDGED[:5], *(COMBINED if slip_angle else ())):
         i = found.interval(name)
         row[name] = [truth.tyre[name], i.value, i.lower, i.upper, 0.0]
     clock = np.linspace(0.0, float(log.somat.time[-1]), 50)
@@ -98,7 +99,12 @@ def field_case(seed: int) -> dict:
     return row
 
 
-ARMS = {"rig": rig_case, "field": field_case}
+def combined_case(seed: int) -> dict:
+    """The same with 16 further events at slip angles of up to 8°."""
+    return field_case(seed, "field with slip angles", np.radians(8.0))
+
+
+ARMS = {"rig": rig_case, "field": field_case, "field with slip angles": combined_case}
 
 
 def report(rows: list[dict], commit: str, command: str) -> str:
@@ -125,7 +131,7 @@ def report(rows: list[dict], commit: str, command: str) -> str:
             "|---|---|---|---|---|",
         ]
         below = []
-        for name in JUDGED:
+        for name in (*JUDGED, *COMBINED):
             if name not in own[0]:
                 continue
             # row: truth, value, lower, upper

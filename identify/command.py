@@ -57,7 +57,7 @@ def rig(
     from hil.companions import CALIBRATION
     from hil.ending import Ending
     from identify.page.rig_page import rig_page
-    from identify.results import as_json, machine_files, tyre_file
+    from identify.results import as_json, rig_machine, tyre_file
     from identify.rig.chain import (
         BASE,
         OF_BRAKING,
@@ -118,7 +118,7 @@ def rig(
         opened=opened,
         origin=origin,
     )
-    files = machine_files(ready, found, machine, out / "machine.toml", origin)
+    files = rig_machine(ready, found, machine, out / "machine.toml", origin)
     texts = {
         "report.html": page,
         "identification.json": as_json(ready, found, opened, origin),
@@ -152,25 +152,27 @@ def field(
             help="Friction of the surface, used where the slips are too small to identify it: asphalt 0.75, gravel 0.6.",
         ),
     ] = 0.75,
+    machine: MachineOption = "l60",
     dbc: Annotated[
         list[Path] | None, typer.Option("--dbc", metavar="FILE", help="For recordings of CAN frames.")
     ] = None,
 ) -> None:
-    """A tyre from motion capture and a wheel transducer that share no clock: report.html, identification.json, tyre.tir.
+    """A tyre from motion capture and a wheel transducer that share no clock: report.html, identification.json, tyre.tir, machine.toml.
 
     Example: `loaderhil identify make-field out/field --seed 1`, then `loaderhil identify field out/field/field.toml --out out/tyre`
     """
     import json
 
     from diagnosis.command import write
+    from hil.companions import CALIBRATION
     from hil.ending import Ending
     from identify.field.chain import Unusable, processed
     from identify.field.files import read_field
     from identify.field.fit import fit_points
     from identify.page.field_page import field_page
-    from identify.results import interval_text
+    from identify.results import field_machine, interval_text
     from identify.tyre.advice import not_fitted, undetermined
-    from identify.tyre.parameters import INDEX
+    from identify.tyre.parameters import COMBINED, INDEX
     from identify.tyre.tir_file import tir_text
 
     file = description / "field.toml" if description.is_dir() else description
@@ -183,7 +185,9 @@ def field(
     problem, found = fit_points(result, friction=friction)
     opened = [
         *undetermined(found, problem),
-        *not_fitted(problem.tyre, ("PCX1", "PDX1", "PEX1", "PKX1", "PDX2", "PKX3", "PPX1", "PPX3")),
+        *not_fitted(
+            problem.tyre, ("PCX1", "PDX1", "PEX1", "PKX1", "PDX2", "PKX3", "PPX1", "PPX3", *COMBINED)
+        ),
     ]
     origin = origin_of(f"loaderhil identify field {description}")
     intervals = {n: found.interval(n) for n in found.names}
@@ -206,7 +210,7 @@ def field(
         "rejected": dict(result.rejected),
         "warnings": list(result.warnings),
     }
-    names = [n for n in found.names if n in INDEX]
+    names = [n for n in found.names if n in INDEX or n in COMBINED]
     stiffness = (
         20.0 * log.nominal.load / log.nominal.radius
     )  # not measured, but readers of .tir files require a value
@@ -217,11 +221,14 @@ def field(
         notes={n: interval_text(found, n) for n in names},
         comments=(origin, "VERTICAL_STIFFNESS is not identified"),
     )
+    files = field_machine(result, problem, found, machine, out / "machine.toml", origin)
     _print_result(found, opened, result.warnings)
     texts = {
         "report.html": field_page(result, problem, found, opened=opened, origin=origin),
         "identification.json": json.dumps(content, indent=1) + "\n",
         "tyre.tir": tir,
+        "machine.toml": files[out / "machine.toml"],
+        f"machine{CALIBRATION}": files[out / f"machine{CALIBRATION}"],
     }
     for path in write("--out", out, texts):
         print(f"written: {path}")

@@ -7,15 +7,18 @@ from pathlib import Path
 from diagnosis.apply.toml_text import Line, with_values
 from ecu.calibration import CALIBRATIONS
 from hil.companions import CALIBRATION, named
+from identify.field.chain import FieldResult
+from identify.field.fit import COMPLIANCE, PointProblem
 from identify.rig.chain import Prepared
 from identify.tyre.advice import Open
 from identify.tyre.estimate import Estimate
-from identify.tyre.parameters import INDEX
+from identify.tyre.parameters import COMBINED, INDEX, Nominal
 from identify.tyre.rig_problem import CARCASS_NAME
 from identify.tyre.tir_file import tir_text
 from plant.sheets.machine import MACHINES, load_machine
 
 BAR = 1e5
+KNOWN = 0.25  # standard deviation of the carcass' compliance over its value, up to which a field test determines it
 FOR_PLANT = (
     "PCX1",
     "PDX1",
@@ -79,47 +82,83 @@ def tyre_file(ready: Prepared, found: Estimate, origin: str) -> str:
     )
 
 
-def machine_files(ready: Prepared, found: Estimate, base: str, out: Path, origin: str) -> Mapping[Path, str]:
-    """MACHINE.toml on the identified tyre, and the ECU's calibration beside it. Raises the plant's ConfigurationError for values that it refuses."""
+def rig_machine(ready: Prepared, found: Estimate, base: str, out: Path, origin: str) -> Mapping[Path, str]:
+    """MACHINE.toml on the tyre of a rig, and the ECU's calibration beside it. Raises the plant's ConfigurationError for values that it refuses."""
+    tyre = [
+        _of_tyre(name.lower(), found.values.get(name, 0.0), interval_text(found, name))
+        if name in found.names
+        else _of_tyre(name.lower(), 0.0, "not determined: 0")
+        for name in FOR_PLANT
+    ]
+    carcass = (
+        (found.values[CARCASS_NAME], interval_text(found, CARCASS_NAME))
+        if CARCASS_NAME in found.names
+        else None
+    )
+    return _machine_files(found, tyre, carcass, ready.log.nominal, base, out, origin)
+
+
+def field_machine(
+    result: FieldResult, problem: PointProblem, found: Estimate, base: str, out: Path, origin: str
+) -> Mapping[Path, str]:
+    """The same for the tyre of a field test: what it does not determine keeps the values of the machine that it begins with."""
+    tyre = []
+    for name in (*FOR_PLANT, *COMBINED):
+        if name in found.names:
+            tyre.append(_of_tyre(name.lower(), found.values[name], interval_text(found, name)))
+        elif name in problem.fixed:
+            tyre.append(_of_tyre(name.lower(), problem.fixed[name], "assumed: all slips were small"))
+    i = found.interval(COMPLIANCE)
+    carcass = (
+        (1.0 / i.value, f"identified, 95 % {1.0 / i.upper:.4g} to {1.0 / i.lower:.4g}")
+        if i.sd < KNOWN * i.value
+        else None
+    )
+    return _machine_files(found, tyre, carcass, result.log.nominal, base, out, origin)
+
+
+def _of_tyre(key: str, value: float, note: str) -> Line:
+    return Line(("tyre",), key, value, note)
+
+
+def _machine_files(
+    found: Estimate,
+    tyre: Sequence[Line],
+    carcass: tuple[float, str] | None,
+    nominal: Nominal,
+    base: str,
+    out: Path,
+    origin: str,
+) -> Mapping[Path, str]:
     machine = load_machine(base)
-    n = ready.log.nominal
     text = (
         (MACHINES / f"{base}.toml").read_text(encoding="utf-8")
         if not base.endswith(".toml")
         else Path(base).read_text(encoding="utf-8")
     )
-    lines = [
-        Line(
-            ("tyre",),
-            name.lower(),
-            found.values.get(name, 0.0),
-            interval_text(found, name) if name in found.names else "not determined: 0",
-        )
-        for name in FOR_PLANT
-    ]
-    if CARCASS_NAME in found.names:
-        lines.append(
-            Line(
-                ("tyre",),
-                "longitudinal_stiffness_N_per_m",
-                found.values[CARCASS_NAME],
-                interval_text(found, CARCASS_NAME),
-            )
-        )
-    given = {"radius_m": n.radius, "nominal_load_N": n.load, "nominal_pressure_bar": n.pressure / BAR}
-    lines += [Line(("tyre",), key, value, "of the rig's log") for key, value in given.items()]
+    said = "of the log's description"
+    lines = [*tyre]
+    if carcass is not None:
+        lines.append(_of_tyre("longitudinal_stiffness_N_per_m", *carcass))
+    given = {
+        "radius_m": nominal.radius,
+        "nominal_load_N": nominal.load,
+        "nominal_pressure_bar": nominal.pressure / BAR,
+    }
+    lines += [_of_tyre(key, value, said) for key, value in given.items()]
     calibration = (CALIBRATIONS / f"{machine.family}.toml").read_text(encoding="utf-8")
     ecu = [
         Line(("wheel",), "slip_stiffness", found.values["PKX1"], interval_text(found, "PKX1")),
-        Line(("wheel",), "unloaded_radius_m", n.radius, "of the rig's log"),
-        Line(("wheel",), "nominal_load_kn", n.load / 1e3, "of the rig's log"),
+        Line(("wheel",), "unloaded_radius_m", nominal.radius, said),
+        Line(("wheel",), "nominal_load_kn", nominal.load / 1e3, said),
     ]
-    if CARCASS_NAME in found.names:
+    if carcass is not None:
+        length = found.values["PKX1"] * nominal.load / carcass[0]
         ecu.append(
             Line(
                 ("wheel",),
                 "longitudinal_relaxation_m",
-                found.values["PKX1"] * n.load / found.values[CARCASS_NAME],
+                length,
                 "slip stiffness over that of the carcass",
             )
         )

@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 SHORTEST_EVENT = 200  # readings inside the scope of the cameras: one second
 START_UP_S = 0.3  # at both ends of an event, where the smoother has data on one side only
 WINDOW_S = 0.4  # whose means make one point
-SETTLED = 0.1  # permitted change of the slip within a window: this share of it plus 0.003
+SETTLED = 0.1  # permitted change of a slip within a window: this share of it plus the next
+SETTLED_SLIP, SETTLED_ANGLE = 0.003, 0.01  # the angle's as its tangent
 SETTLING_M = 1.2  # distance after a change of slip; the fit models what a soft carcass leaves of the lag then
 ENTRY_M = 0.5  # distance at the start of an event, where the smoother still settles
 BEYOND_FRICTION = 1.6  # force over load; no tyre reaches it
@@ -301,17 +302,25 @@ def _points(event: Event) -> tuple[list[tuple[float, ...]], dict[str, int]]:
     """Windows in which slip has settled: first sample, then means in the order of _COLUMNS; and counts of the samples that were left out."""
     n = round(WINDOW_S * RATE_HZ)
     out: list[tuple[float, ...]] = []
-    counts = {"slip not settled": 0}
-    smooth = uniform_filter1d(np.nan_to_num(event.slip), 41)
+    counts = {"slip not settled": 0, "slip angle not settled": 0}
+    side = -event.speed[1] / np.maximum(np.abs(event.speed[0]), SLOWEST)
+    smooth, angle = (uniform_filter1d(np.nan_to_num(v), 41) for v in (event.slip, side))
     for a in range(0, event.time.size - n + 1, n):
         part = slice(a, a + n)
         if not event.kept[part].all():
             continue
         speed = float(np.mean(event.speed[0, part]))
         before = max(0, a - round(SETTLING_M / max(abs(speed), SLOWEST) * RATE_HZ))
-        middle = float(np.mean(smooth[part]))
-        if np.ptp(smooth[before : a + n]) > SETTLED * abs(middle) + 0.003:
-            counts["slip not settled"] += n
+        unsettled = [
+            name
+            for name, value, least in (
+                ("slip not settled", smooth, SETTLED_SLIP),
+                ("slip angle not settled", angle, SETTLED_ANGLE),
+            )
+            if np.ptp(value[before : a + n]) > SETTLED * abs(float(np.mean(value[part]))) + least
+        ]
+        if unsettled:
+            counts[unsettled[0]] += n
             continue
         force = event.force[part]
         # after a filter of 5 Hz a window of 0.4 s has about four independent values, so a mean has half the standard deviation

@@ -10,17 +10,22 @@ from scipy.interpolate import CubicSpline
 from discrepancy.estimation.autoregression import Whitener
 from identify.field.chain import RATE_HZ, WINDOW_S, Event, FieldResult, Points
 from identify.field.lag import COMPLIANCES, behind_carcass
+from identify.tyre.combined import weight
 from identify.tyre.curve import steady
 from identify.tyre.estimate import Estimate, Noise, estimate
-from identify.tyre.parameters import INDEX, NAMES, START, TYPICAL, WIDE, Nominal, curve, vector
+from identify.tyre.parameters import COMBINED, INDEX, NAMES, START, TYPICAL, WIDE, Nominal, curve, vector
 from identify.tyre.rig_problem import Part, Unknown
 
 Array = NDArray[np.float64]
 
 SMALL_SLIP = 0.1  # up to this largest slip the data determine only the stiffness
 FEWEST = 12  # points from which the size of their errors is estimated
+SMALL_ANGLE = (
+    0.01  # tangent of the slip angle up to which a tyre loses less than 1 % of its longitudinal force
+)
 HUBER = 3.0  # standard deviations beyond which a residual counts in proportion, not squared
 SHIFT = "slip zero"  # an error of the effective radius acts as a shift of all slips
+HEADING = "heading zero"  # [rad]: the markers are not exactly in the wheel's plane
 COMPLIANCE = "carcass compliance"  # [m/N]
 COMPLIANCE_PRIOR = 1.5e-6  # tyres of this size have carcasses of 0.4 to 2 MN/m
 
@@ -37,10 +42,16 @@ class PointProblem:
     fixed: Mapping[str, float] = field(default_factory=dict)
     gain_sd: float = 0.005
     shift_sd: float = 0.01
+    heading_sd: float = 0.01
     compliance_sd: float = 1e-6
     lagging: CubicSpline | None = (
         None  # how far slip lags at each point, over the compliance; None: it has settled
     )
+
+    @property
+    def combined(self) -> bool:
+        """Whether slip angles weigh the force."""
+        return set(COMBINED) <= set(self.tyre)
 
     @property
     def unknowns(self) -> list[Unknown]:
@@ -69,6 +80,12 @@ class PointProblem:
             Unknown(name=SHIFT, start=0.0, lower=-0.1, upper=0.1, typical=2e-3, prior_sd=self.shift_sd)
         )
         out.append(Unknown(name="tare", start=0.0, lower=-5e3, upper=5e3, typical=50.0, prior_sd=50.0))
+        if self.combined:
+            out.append(
+                Unknown(
+                    name=HEADING, start=0.0, lower=-0.1, upper=0.1, typical=2e-3, prior_sd=self.heading_sd
+                )
+            )
         # points that have settled do not depend on it
         out.append(
             Unknown(
@@ -103,7 +120,10 @@ class PointProblem:
     def _numbers(self, values: Mapping[str, float]) -> Array:
         """All parameters of the tyre, as `curve` takes them."""
         return vector(
-            {**{n: v for n, v in self.fixed.items() if n in INDEX}, **{n: values[n] for n in self.tyre}}
+            {
+                **{n: v for n, v in self.fixed.items() if n in INDEX},
+                **{n: values[n] for n in self.tyre if n in INDEX},
+            }
         )
 
     def parts(self, values: Mapping[str, float]) -> list[Part]:
@@ -120,14 +140,29 @@ class PointProblem:
             by_compliance = self.lagging(values[COMPLIANCE], 1)
         force, by = np.empty(n), np.empty((n, 7))
         steady(curves, kappa, force, by)
+        by_slip, of_angle, of_heading = (
+            by[:, 5],
+            dict[str, Array](),
+            dict[str, Array](),
+        )  # the derivative by the shift is that by the slip
+        if self.combined:
+            tan_alpha = self.points.side_slip + values[HEADING]
+            share, by_weight = weight(kappa, tan_alpha, *(values[n] for n in COMBINED))
+            of_angle = {n: gain * force * by_weight[n] for n in COMBINED}
+            of_heading = {HEADING: gain * force * by_weight["tan_alpha"]}
+            by_slip = share * by_slip + force * by_weight["kappa"]
+            force, by = share * force, share[:, None] * by
         columns = {
             name: gain * np.einsum("ij,ij->i", by, np.stack([m[1][:, INDEX[name]] for m in made]))
             for name in self.tyre
+            if name in INDEX
         }
+        columns |= of_angle
         columns["gain"] = force - np.einsum("ij,ij->i", by, np.stack([m[2] for m in made])) * load
-        columns[SHIFT] = gain * by[:, 5] * (1.0 + self.points.slip)
+        columns[SHIFT] = gain * by_slip * (1.0 + self.points.slip)
         columns["tare"] = np.ones(n)
-        columns[COMPLIANCE] = gain * by[:, 5] * by_compliance
+        columns |= of_heading
+        columns[COMPLIANCE] = gain * by_slip * by_compliance
         J = np.stack(list(columns.values()), axis=1) / self.scale[:, None]
         residual = (gain * force + values["tare"] - self.points.force) / self.scale
         return [
@@ -142,12 +177,14 @@ class PointProblem:
 
 
 def parameters_for(points: Points) -> tuple[str, ...]:
-    """Parameters that the points determine: only the stiffness at small slips, else the whole curve; changes with load where loads differ."""
+    """Parameters that the points determine: only the stiffness at small slips, else the whole curve; changes with load where loads differ, and what slip angles take where there are any."""
     names = ["PKX1"]
     if float(np.max(np.abs(points.slip))) > SMALL_SLIP:
         names = ["PCX1", "PDX1", "PEX1", "PKX1"]
     if np.ptp(points.load) > 0.2 * float(np.mean(points.load)):
         names += ["PKX3"] if len(names) == 1 else ["PDX2", "PKX3"]
+    if float(np.max(np.abs(points.side_slip))) > SMALL_ANGLE:
+        names += COMBINED
     return tuple(names)
 
 

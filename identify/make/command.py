@@ -72,12 +72,24 @@ def make_field_command(
     machine: MachineOption = "l60",
     without: WithoutOption = None,
     kind: FormatOption = "parquet",
+    slip_angle: Annotated[
+        float,
+        typer.Option(
+            "--slip-angle",
+            metavar="DEG",
+            min=0.0,
+            max=20.0,
+            help="Adds 16 events with the wheel turned against its path, by up to this angle [°]: they determine combined slip.",
+        ),
+    ] = 0.0,
 ) -> None:
     """Raw recordings of a field test, made from the plant's tyre with every defect of the thesis; the truth is sealed in a separate file.
 
-    Defects: no_pulse, drift, delay, duplicates, uneven, wrap, spikes, oscillation (15 Hz), dropouts, lost_event, gain, tare, radius, noise.
+    Defects: no_pulse, drift, delay, duplicates, uneven, wrap, spikes, oscillation (15 Hz), dropouts, lost_event, gain, tare, radius, heading, noise.
     Example: `loaderhil identify make-field out/field --seed 1 --without no_pulse`
     """
+    import math
+
     from diagnosis.blind.hidden import Truth
     from diagnosis.blind.seal import seal
     from diagnosis.command import write
@@ -88,7 +100,9 @@ def make_field_command(
     from plant.sheets.machine import load_machine
 
     _check_format(kind, FORMATS)
-    log, truth = make_field(load_machine(machine), seed, _defects(FIELD, without))
+    log, truth = make_field(
+        load_machine(machine), seed, _defects(FIELD, without), slip_angle=math.radians(slip_angle)
+    )
     files = write_field(log, out, kind)
     clock = {
         "offset": truth.offset,

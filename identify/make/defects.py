@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 
 RIG = ("spikes", "oscillation", "dropouts", "gain", "tare", "noise", "calibration")
 FIELD = (
-    "no_pulse", "drift", "delay", "duplicates", "uneven", "wrap", "spikes", "oscillation", "dropouts", "lost_event", "gain", "tare", "radius", "noise",
+    "no_pulse", "drift", "delay", "duplicates", "uneven", "wrap", "spikes", "oscillation", "dropouts", "lost_event", "gain", "tare", "radius", "heading", "noise",
 )  # fmt: skip
 
 

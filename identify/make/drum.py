@@ -15,7 +15,14 @@ from plant.physics.parameters import (
     parameter_vector,
 )
 from plant.physics.surface import Surface
-from plant.physics.tyre import curvatures, magic_formula, magic_slope, relax, stiffness_and_peak
+from plant.physics.tyre import (
+    combined_forces,
+    curvatures,
+    magic_formula,
+    magic_slope,
+    relax,
+    stiffness_and_peak,
+)
 from plant.sheets.machine import Machine
 
 Array = NDArray[np.float64]
@@ -80,3 +87,17 @@ def drum_force(
         d = _rate(w, normal, curve, kappa + step * c, v1, s1)
         kappa += step * (a + 2.0 * b + 2.0 * c + d) / 6.0
     return force, slip
+
+
+@compiled
+def at_slip_angle(
+    w: Array, friction: float, load: Array, kappa: Array, tan_alpha: Array
+) -> tuple[Array, Array]:
+    """Longitudinal and lateral force (n,) [N] of a wheel at transient slips kappa (n,) whose slip angles (n,) have settled."""
+    along, across = np.empty(kappa.size), np.empty(kappa.size)
+    for k in range(kappa.size):
+        normal = max(load[k], 1.0)
+        along[k], across[k], _ = combined_forces(
+            w, normal, stiffness_and_peak(w, friction, normal), kappa[k], tan_alpha[k]
+        )
+    return along, across

@@ -1,5 +1,6 @@
 """Raw recordings of a field test, made from the plant's tyre with the events and the defects of the thesis."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from identify.field.log import FieldLog, Somat, Vicon
 from identify.make.defects import FIELD, Defects, dropped, ringing, spiked
-from identify.make.drum import drum_force, wheel_block
+from identify.make.drum import at_slip_angle, drum_force, wheel_block
 from identify.make.rig import tyre_values
 from identify.tyre.parameters import Nominal
 from plant.sheets.machine import Machine
@@ -18,6 +19,9 @@ Array = NDArray[np.float64]
 VICON_HZ, SOMAT_HZ, TRUTH_HZ = 200.0, 500.0, 1000.0
 EVENT_S, OUTSIDE_S, STANDING_S = 8.0, 5.0, 4.0
 SLIPS = (0.008, -0.008, 0.015, -0.015, 0.03, -0.03, 0.05, -0.06, 0.1, -0.12, 0.25, 0.6, -0.4, 1.2)
+ANGLE_SLIPS = (0.02, 0.1, -0.15, 0.4)
+"""Of the events at a slip angle; each at half and at the whole angle, to both sides."""
+ANGLE_SHARES = (0.5, -0.5, 1.0, -1.0)
 LOADS = (27e3, 34e3, 44e3)  # on the road, of the events in turn
 HEIGHT_TILT = (0.002, -0.003)  # slopes of the ground along x and y
 
@@ -33,10 +37,16 @@ class FieldTruth:
     gain: float
     tare: float  # [N]
     slips: tuple[float, ...]
+    heading: float  # of the markers beside the wheel's plane [rad]
 
 
-def make_field(machine: Machine, seed: int, defects: Defects | None = None) -> tuple[FieldLog, FieldTruth]:
-    """The log of a field test and its truth. defects: all of FIELD unless said otherwise, with the pulse missing in every second seed."""
+def make_field(
+    machine: Machine, seed: int, defects: Defects | None = None, slip_angle: float = 0.0
+) -> tuple[FieldLog, FieldTruth]:
+    """The log of a field test and its truth. defects: all of FIELD unless said otherwise.
+
+    slip_angle [rad]: 16 further events with the wheel turned against its path by up to this angle.
+    """
     defects = defects or Defects(frozenset(FIELD))
     random = np.random.default_rng([seed, 3])
     nominal = Nominal(
@@ -45,19 +55,28 @@ def make_field(machine: Machine, seed: int, defects: Defects | None = None) -> t
         radius=machine.tyre.radius,
     )
     order = random.permutation(len(SLIPS))
-    slips = tuple(SLIPS[i] for i in order)
+    passages = [(SLIPS[i], 0.0) for i in order]
+    turned_events = [(slip, share * slip_angle) for share in ANGLE_SHARES for slip in ANGLE_SLIPS]
+    if slip_angle > 0.0:
+        passages += [turned_events[i] for i in random.permutation(len(turned_events))]
+    slips = tuple(slip for slip, _ in passages)
     t = np.arange(0.0, STANDING_S + len(slips) * (EVENT_S + OUTSIDE_S) + 2.0, 1.0 / TRUTH_HZ)
-    inside, speed, kappa, load = _drive(t, slips, random)
+    inside, path_speed, kappa, load, angle = _drive(t, passages, random)
+    speed = path_speed * np.cos(angle)
     w = wheel_block(machine, machine.tyre.nominal_pressure)
     share = load / nominal.load
     q1, q2 = machine.tyre.qfz1, machine.tyre.qfz2
     depth = (-q1 + np.sqrt(q1 * q1 + 4.0 * q2 * share)) / (2.0 * q2) if q2 > 0.0 else share / q1
     loaded = nominal.radius * (1.0 - depth)
     rolling = 3.0 * loaded / (1.0 + 2.0 * loaded / nominal.radius)
-    force, _ = drum_force(w, 1.0, load, speed, speed * (1.0 + kappa), 1.0 / TRUTH_HZ)
+    force, transient = drum_force(w, 1.0, load, speed, speed * (1.0 + kappa), 1.0 / TRUTH_HZ)
+    side_force = np.zeros(t.size)
+    if slip_angle > 0.0:
+        # the angle is held throughout an event, so that its own transient is over
+        force, side_force = at_slip_angle(w, 1.0, load, transient, np.tan(angle))
     turned = np.cumsum(speed * (1.0 + kappa) / rolling) / TRUTH_HZ
     yaw = 0.3 + 0.05 * np.sin(0.11 * t)
-    x, y = np.cumsum(speed * np.cos(yaw)) / TRUTH_HZ, np.cumsum(speed * np.sin(yaw)) / TRUTH_HZ
+    x, y = np.cumsum(path_speed * np.cos(yaw)) / TRUTH_HZ, np.cumsum(path_speed * np.sin(yaw)) / TRUTH_HZ
     start = np.concatenate(([0], np.flatnonzero(np.diff(inside.astype(int)) == 1) + 1))
     for at in start:  # every event enters at the same place
         x[at:] -= x[at]
@@ -70,8 +89,12 @@ def make_field(machine: Machine, seed: int, defects: Defects | None = None) -> t
     gain = 1.0 + defects.size("gain", 0.005) * random.standard_normal()
     tare = defects.size("tare", 250.0) * random.standard_normal()
     high = defects.size("radius", 0.003) * random.standard_normal()  # markers are not exactly on the axle
-    truth = (t, x, y, loaded + ground + high, turned, yaw, inside)
-    somat = _somat(t, turned, force, load, start, zero, drift, lost, gain, tare, defects, random)
+    # a generator of its own: a recording without this defect has the same other errors
+    heading = defects.size("heading", 0.004) * random.spawn(1)[0].standard_normal()
+    truth = (t, x, y, loaded + ground + high, turned, yaw + angle + heading, inside)
+    somat = _somat(
+        t, turned, (force, side_force, load), start, zero, drift, lost, gain, tare, defects, random
+    )
     log = FieldLog(
         name="field",
         nominal=nominal,
@@ -88,20 +111,22 @@ def make_field(machine: Machine, seed: int, defects: Defects | None = None) -> t
         gain=gain,
         tare=tare,
         slips=slips,
+        heading=heading,
     )
 
 
 def _drive(
-    t: Array, slips: tuple[float, ...], random: np.random.Generator
-) -> tuple[NDArray[np.bool_], Array, Array, Array]:
-    """Inside the scope or not, speed, slip and load over true time (n,)."""
-    inside, speed, kappa, load = (
+    t: Array, passages: Sequence[tuple[float, float]], random: np.random.Generator
+) -> tuple[NDArray[np.bool_], Array, Array, Array, Array]:
+    """Inside the scope or not, speed on the path, slip, load and slip angle [rad] over true time (n,). passages: slip and slip angle of each."""
+    inside, speed, kappa, load, angle = (
         np.zeros(t.size, bool),
         np.zeros(t.size),
         np.zeros(t.size),
         np.full(t.size, LOADS[0]),
+        np.zeros(t.size),
     )
-    for i, slip in enumerate(slips):
+    for i, (slip, turn) in enumerate(passages):
         start = STANDING_S + i * (EVENT_S + OUTSIDE_S)
         s = t - start
         part = (s >= 0.0) & (s < EVENT_S)
@@ -120,12 +145,14 @@ def _drive(
             slip * np.clip((s[near] - 2.0) / 0.6, 0.0, 1.0) * np.clip((6.6 - s[near]) / 0.6, 0.0, 1.0)
         )
         held = LOADS[i % len(LOADS)] * (1.0 + 0.01 * np.sin(2.0 * np.pi * 1.3 * t))
+        angle = np.where((s >= -2.0) & (s < EVENT_S + 2.0), turn, angle)
         load = np.where((s >= -1.5) & (s < EVENT_S + 1.5), held, load)
     return (
         inside,
         gaussian_filter1d(speed, 60.0),
         gaussian_filter1d(kappa, 30.0),
         gaussian_filter1d(load, 200.0),
+        gaussian_filter1d(angle, 60.0),
     )
 
 
@@ -165,8 +192,7 @@ def _vicon(
 def _somat(
     t: Array,
     turned: Array,
-    force: Array,
-    load: Array,
+    forces: tuple[Array, Array, Array],
     starts: Array,
     zero: float,
     drift: float,
@@ -176,6 +202,7 @@ def _somat(
     defects: Defects,
     random: np.random.Generator,
 ) -> Somat:
+    force, across, load = forces
     clock = np.arange(0.0, (t[-1] - zero) * (1.0 - 1e-3) - 0.1, 1.0 / SOMAT_HZ)
     true = zero + clock * (1.0 + drift)
     if lost >= 0:  # the logger was restarted between two events: one of them is shifted
@@ -200,7 +227,8 @@ def _somat(
         + noise * 150.0 * random.standard_normal(clock.size)
     )
     fx, fz = (spiked(v, defects.size("spikes", 3e-4), 2e4, random) for v in (fx, fz))
-    return Somat(time=clock, angle=angle, fx=fx, fy=noise * 150.0 * random.standard_normal(clock.size), fz=fz)
+    fy = gain * np.interp(true, t, across) + noise * 150.0 * random.standard_normal(clock.size)
+    return Somat(time=clock, angle=angle, fx=fx, fy=fy, fz=fz)
 
 
 def _ground(random: np.random.Generator) -> Array:

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 from identify.make.defects import RIG, Defects, dropped, ringing, spiked
 from identify.make.drum import drum_force, wheel_block
 from identify.rig.log import PistonCalibration, RigLog, RigRun
-from identify.tyre.parameters import Nominal
+from identify.tyre.parameters import COMBINED, Nominal
 from plant.sheets.machine import Machine
 
 Array = NDArray[np.float64]
@@ -53,25 +53,14 @@ class Plan:
     validation: bool = True
 
 
+OF_PLANT = (
+    "PCX1", "PDX1", "PDX2", "PEX1", "PEX2", "PEX3", "PEX4", "PKX1", "PKX2", "PKX3", "PPX1", "PPX2", "PPX3", "PPX4",
+)  # fmt: skip
+
+
 def tyre_values(machine: Machine) -> dict[str, float]:
-    """The parameters of the plant's longitudinal tyre by their names in tyre property files."""
-    names = (
-        "pcx1",
-        "pdx1",
-        "pdx2",
-        "pex1",
-        "pex2",
-        "pex3",
-        "pex4",
-        "pkx1",
-        "pkx2",
-        "pkx3",
-        "ppx1",
-        "ppx2",
-        "ppx3",
-        "ppx4",
-    )
-    return {name.upper(): float(getattr(machine.tyre, name)) for name in names}
+    """The parameters of the plant's longitudinal force by their names in tyre property files."""
+    return {name: float(getattr(machine.tyre, name.lower())) for name in (*OF_PLANT, *COMBINED)}
 
 
 def make_rig(

@@ -1,23 +1,30 @@
 """The page of a tyre that was identified from a field test."""
 
+from dataclasses import fields
 from html import escape
+from itertools import pairwise
 
 import numpy as np
 
-from identify.field.chain import ASPHALT_GROUPS, GRAVEL_GROUPS, FieldResult, load_groups
-from identify.field.fit import COMPLIANCE, SHIFT, PointProblem
+from identify.field.chain import ASPHALT_GROUPS, GRAVEL_GROUPS, FieldResult, Points, load_groups
+from identify.field.fit import COMPLIANCE, HEADING, SHIFT, SMALL_ANGLE, PointProblem
 from identify.page.figure import STYLE, Cloud, Line, drawn, table
 from identify.tyre.advice import Open
 from identify.tyre.brush import brush_force, fit_brush
+from identify.tyre.combined import weight
 from identify.tyre.curve import steady
 from identify.tyre.estimate import NORMAL_95, Estimate
-from identify.tyre.parameters import INDEX, MEANINGS, curve, vector
+from identify.tyre.parameters import COMBINED, INDEX, MEANINGS, curve, vector
 from report.kit.document import bar, document
+
+SLIP_BANDS = (0.01, 0.05, 0.2, 3.0)
+"""Edges of the slips that one drawing of combined slip takes together."""
 
 OTHERS = {
     "gain": "scale of the transducer, both forces",
     "tare": "zero of the longitudinal force that is left [N]",
     SHIFT: "zero of the slip: an error of the effective radius",
+    HEADING: "heading of the markers beside the wheel's plane [rad]",
     COMPLIANCE: "carcass compliance [m/N]: how far slip lags; without windows after changes of slip, its prior",
 }
 
@@ -39,6 +46,7 @@ def field_page(
             table(("parameter", "why", "what would"), [(o.name, o.reason, o.step) for o in opened]),
         ),
         ("groups", "Load groups", _groups(result, problem, found)),
+        *([("combined", "At a slip angle", _combined(problem, found))] if problem.combined else []),
         ("clock", "One clock", _clock(result)),
         ("events", "Events", _events(result)),
         (
@@ -61,8 +69,42 @@ def field_page(
     )
 
 
+def _straight(points: Points) -> Points:
+    """Those without a slip angle."""
+    kept = np.abs(points.side_slip) <= SMALL_ANGLE
+    return Points(**{f.name: getattr(points, f.name)[kept] for f in fields(points)})
+
+
+def _combined(problem: PointProblem, found: Estimate) -> str:
+    """The share of the force that remains at a slip angle, for bands of slip: the law at the middle slip, and points beside it as they are beside their own."""
+    v, points = found.values, problem.points
+    [part] = problem.parts(dict(v))
+    tan_alpha = points.side_slip + v[HEADING]
+    coefficients = [v[n] for n in COMBINED]
+    measured = points.force - v["tare"]
+    ratio = measured / (part.residual * problem.scale + measured)
+    covariance = found.covariance[np.ix_(*[[found.names.index(n) for n in COMBINED]] * 2)]
+    span = np.linspace(0.0, float(np.max(np.abs(tan_alpha))), 200)
+    parts = []
+    for low, high in pairwise(SLIP_BANDS):
+        own = (np.abs(points.slip) >= low) & (np.abs(points.slip) < high)
+        if not own.any():
+            continue
+        slip = float(np.median(np.abs(points.slip[own])))
+        middle, by = weight(np.full(span.size, slip), span, *coefficients)
+        J = np.stack([by[n] for n in COMBINED], axis=1)
+        half = NORMAL_95 * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", J, covariance, J), 0.0))
+        line = Line(name="law, 95 %", across=span, upward=middle, lower=middle - half, upper=middle + half)
+        law, _ = weight(np.full(int(own.sum()), slip), tan_alpha[own], *coefficients)
+        cloud = Cloud(name="points", across=np.abs(tan_alpha[own]), upward=law * ratio[own])
+        parts.append(
+            drawn(f"slips around {slip:.3g}", "tan(slip angle)", "share of the force", [cloud], [line])
+        )
+    return f'<div class="columns">{"".join(parts)}</div>'
+
+
 def _groups(result: FieldResult, problem: PointProblem, found: Estimate) -> str:
-    points = result.points
+    points = _straight(result.points) if problem.combined else result.points
     groups = load_groups(points, ASPHALT_GROUPS, result.log.wheel_weight)
     if sum(int(m.sum()) for _, m in groups) < points.load.size:
         groups = load_groups(points, GRAVEL_GROUPS, result.log.wheel_weight)

@@ -28,6 +28,10 @@ STEPS: Mapping[str, str] = {
     "PVX1": "zero the force with the wheel lifted off: the zero of each run hides a shift of force",
     "PVX2": "the same at a second load",
     "PCFX3": "steps of the cylinder's speed at small slip at a second inflation pressure",
+    "RBX1": "hold slips of 2 to 15 % with the wheel at slip angles of 4 and 8°, to both sides",
+    "RBX2": "hold slips of 15 to 40 % with the wheel at slip angles of 4 and 8°, to both sides",
+    "RCX1": "hold slips of 2 to 15 % with the wheel at a slip angle of 10° or more",
+    "REX1": "hold slips of 2 to 15 % with the wheel at three slip angles up to 10° or more",
     "carcass stiffness": "steps of the cylinder's speed at slips below 3 %, at two speeds with a ratio of 3",
     "relaxation length": "steps of the cylinder's speed at slips below 3 %, at two speeds with a ratio of 3",
 }

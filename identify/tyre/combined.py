@@ -1,60 +1,33 @@
-"""Combined slip: the share of the longitudinal force that remains at a slip angle, and the fit of this weight.
+"""Combined slip: the share of the longitudinal force that remains at a slip angle, with its derivatives.
 
-G = cos(C atan(B s)), B = RBX1 cos(atan(RBX2 kappa)), s = tan(alpha): the form of MF-Tyre 5.2 without curvature and shift, so that G = 1 in pure slip (E-05).
+G = cos(C atan(B s - E (B s - atan(B s)))), B = RBX1 cos(atan(RBX2 kappa)), C = RCX1, E = REX1, s = tan(alpha): the form of MF-Tyre 5.2 without shift,
+so that G = 1 in pure slip (E-05). Written again beside the plant's, so that a fit to a recording of the plant tests both.
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
-
-from discrepancy.estimation.normal_equations import inverse
 
 Array = NDArray[np.float64]
 
-NAMES = ("RBX1", "RBX2", "RCX1")
 
-
-def weight(kappa: Array, tan_alpha: Array, rbx1: float, rbx2: float, rcx1: float) -> Array:
-    """G (n,), 1 in pure longitudinal slip."""
-    steepness = rbx1 / np.sqrt(1.0 + (rbx2 * kappa) ** 2)
-    return np.cos(rcx1 * np.arctan(steepness * tan_alpha))
-
-
-def _normal(jacobian: object) -> Array:
-    J = np.asarray(jacobian, float)
-    return np.asarray(J.T @ J, float)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CombinedSlip:
-    """A fitted weight."""
-
-    value: Array  # coefficients (3,) in the order of NAMES
-    sd: Array  # (3,)
-    undetermined: tuple[str, ...]  # names of coefficients that the data do not determine
-
-
-def fit_weight(kappa: Array, tan_alpha: Array, force: Array, pure: Array) -> CombinedSlip:
-    """The weight that fits forces (n,) [N] at combined slip; pure: forces at the same slip without a slip angle (n,) [N]."""
-
-    def residual(x: Array) -> Array:
-        return pure * weight(kappa, tan_alpha, *x.tolist()) - force
-
-    found = least_squares(
-        residual,
-        [10.0, 10.0, 0.95],
-        bounds=([0.1, 0.0, 0.1], [100.0, 100.0, 1.0]),
-        x_scale=[1.0, 1.0, 0.1],
-        jac="3-point",
-    )
-    variance = 2.0 * found.cost / max(kappa.size - 3, 1)
-    sd = np.sqrt(np.diag(inverse(_normal(found.jac))) * variance)
-    # a slip angle that changes the force by less than the scatter of the residual contains no information
-    open_ = tuple(
-        name
-        for name, s, scale in zip(NAMES, sd, (10.0, 10.0, 1.0), strict=True)
-        if s == 0.0 or s > 0.5 * scale
-    )
-    return CombinedSlip(value=found.x, sd=sd, undetermined=open_)
+def weight(
+    kappa: Array, tan_alpha: Array, rbx1: float, rbx2: float, rcx1: float, rex1: float
+) -> tuple[Array, dict[str, Array]]:
+    """G (n,), 1 in pure longitudinal slip, and its derivatives (n,) by the coefficients, by "kappa" and by "tan_alpha"."""
+    narrowing = 1.0 + (rbx2 * kappa) ** 2
+    steepness = rbx1 / np.sqrt(narrowing)
+    x = steepness * tan_alpha
+    a = np.arctan(x)
+    g = x - rex1 * (x - a)
+    bend = np.arctan(g)
+    sine = np.sin(rcx1 * bend)
+    by_g = -rcx1 * sine / (1.0 + g * g)
+    by_x = by_g * (1.0 - rex1 + rex1 / (1.0 + x * x))
+    return np.cos(rcx1 * bend), {
+        "RBX1": by_x * x / rbx1,
+        "RBX2": -by_x * x * rbx2 * kappa**2 / narrowing,
+        "RCX1": -bend * sine,
+        "REX1": -by_g * (x - a),
+        "kappa": -by_x * x * rbx2**2 * kappa / narrowing,
+        "tan_alpha": by_x * steepness,
+    }

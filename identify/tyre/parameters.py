@@ -16,6 +16,8 @@ NAMES = (
     "PHX1", "PHX2", "PVX1", "PVX2", "PPX1", "PPX2", "PPX3", "PPX4",
 )  # fmt: skip
 INDEX = {name: i for i, name in enumerate(NAMES)}
+COMBINED = ("RBX1", "RBX2", "RCX1", "REX1")
+"""Of the weight that a slip angle gives the longitudinal force (`identify.tyre.combined`)."""
 
 MEANINGS = {
     "PCX1": "shape", "PDX1": "friction at nominal load", "PDX2": "change of friction with load",
@@ -23,6 +25,7 @@ MEANINGS = {
     "PKX1": "slip stiffness over load", "PKX2": "its change with load", "PKX3": "exponent of that change",
     "PHX1": "horizontal shift", "PHX2": "its change with load", "PVX1": "vertical shift over load", "PVX2": "its change with load",
     "PPX1": "change of stiffness with pressure", "PPX2": "the same, squared", "PPX3": "change of friction with pressure", "PPX4": "the same, squared",
+    "RBX1": "how steeply the force falls with the slip angle", "RBX2": "how much less steeply at large slip", "RCX1": "shape of this fall", "REX1": "its curvature",
 }  # fmt: skip
 
 RIG_NOMINAL = {"PCX1": (1.0, 3.0), "PDX1": (0.0, 2.0), "PKX1": (1.0, 20.0), "PEX1": (-20.0, 1.0), "PHX1": (-1.0, 1.0), "PVX1": (-1e3, 1e3)}  # fmt: skip
@@ -53,14 +56,27 @@ WIDE = {
     "PVX1": (-0.1, 0.1), "PVX2": (-0.1, 0.1), "PHX1": (-0.1, 0.1), "PHX2": (-0.1, 0.1),
     "PDX1": (0.05, 2.0), "PKX2": (-50.0, 50.0), "PDX2": (-2.0, 2.0), "PEX2": (-50.0, 50.0), "PEX3": (-100.0, 50.0), "PEX4": (-1.0, 1.0),
     "PPX1": (-2.0, 2.0), "PPX2": (-2.0, 2.0), "PPX3": (-1.0, 1.0), "PPX4": (-1.0, 1.0),
+    "RBX1": (0.1, 50.0), "RBX2": (0.0, 50.0), "RCX1": (0.1, 1.0), "REX1": (-10.0, 1.0),
 }  # fmt: skip
-"""Those of the thesis where they are physical, else what a tyre can have: its bounds of PKX2 and PDX2 exclude tyres that were measured."""
+"""Those of the thesis where they are physical, else what a tyre can have: its bounds of PKX2 and PDX2 exclude tyres that were measured.
 
-START = {"PCX1": 1.5, "PDX1": 0.8, "PKX1": 8.0, "PEX1": 0.0}
+RBX2 acts by its square, so that it has no sign; an RCX1 beyond 1 would turn the force round at a large slip angle."""
+
+START = {
+    "PCX1": 1.5,
+    "PDX1": 0.8,
+    "PKX1": 8.0,
+    "PEX1": 0.0,
+    "RBX1": 10.0,
+    "RBX2": 8.0,
+    "RCX1": 0.95,
+    "REX1": 0.0,
+}
 """Where a fit begins; other parameters begin at 0."""
 TYPICAL = {
     "PCX1": 0.1, "PDX1": 0.1, "PDX2": 0.1, "PEX1": 0.5, "PEX2": 1.0, "PEX3": 1.0, "PEX4": 0.1, "PKX1": 1.0, "PKX2": 1.0, "PKX3": 0.2,
     "PHX1": 0.005, "PHX2": 0.005, "PVX1": 0.01, "PVX2": 0.01, "PPX1": 0.3, "PPX2": 0.3, "PPX3": 0.1, "PPX4": 0.1,
+    "RBX1": 3.0, "RBX2": 5.0, "RCX1": 0.1, "REX1": 0.5,
 }  # fmt: skip
 """Changes that matter: the scale in which a fit takes its steps."""
 

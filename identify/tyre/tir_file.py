@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from identify.tyre.parameters import MEANINGS, NAMES, Nominal
+from identify.tyre.parameters import COMBINED, MEANINGS, NAMES, Nominal
 
 
 def tir_text(
@@ -29,7 +29,7 @@ def tir_text(
     ]  # fmt: skip
     lines += [
         f"{name} = {float(values[name])!r} ${notes.get(name, MEANINGS[name])}"
-        for name in NAMES
+        for name in (*NAMES, *COMBINED)
         if name in values
     ]
     return "\n".join([*lines, ""])

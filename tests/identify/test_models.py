@@ -1,10 +1,9 @@
-"""Brush, contact patch, combined slip, .tir file: known answers, and fits that give back what made the data."""
+"""Brush, contact patch, .tir file: known answers, and fits that give back what made the data."""
 
 import numpy as np
 import pytest
 
 from identify.tyre.brush import brush_force, fit_brush
-from identify.tyre.combined import fit_weight, weight
 from identify.tyre.parameters import Nominal
 from identify.tyre.patch import half_length, half_width, radial_stiffness
 from identify.tyre.tir_file import tir_text
@@ -59,24 +58,6 @@ def test_patch_and_stiffness_give_back_their_coefficients():
     assert radial_stiffness(depth, force, NOMINAL).value == pytest.approx([13.7, 27.6])
     with pytest.raises(ValueError, match="at least three"):
         half_length(length[:2], load[:2], NOMINAL)
-
-
-def test_combined_slip_is_one_without_an_angle_and_recovered_with_it():
-    random = np.random.default_rng(2)
-    kappa, tan_alpha = random.uniform(-0.2, 0.2, 800), random.uniform(-0.25, 0.25, 800)
-    assert weight(kappa, np.zeros(800), 11.1, 12.5, 0.975) == pytest.approx(1.0)
-    pure = 25e3 * np.tanh(12.0 * kappa)
-    force = pure * weight(kappa, tan_alpha, 11.1, 12.5, 0.975) + 100.0 * random.standard_normal(800)
-    found = fit_weight(kappa, tan_alpha, force, pure)
-    assert np.all(np.abs(found.value - [11.1, 12.5, 0.975]) < 4.0 * found.sd)
-    assert found.undetermined == ()
-
-
-def test_without_slip_angles_combined_slip_is_called_undetermined():
-    kappa = np.linspace(-0.2, 0.2, 200)
-    pure = 25e3 * np.tanh(12.0 * kappa)
-    found = fit_weight(kappa, np.full(200, 1e-5), pure + 100.0 * np.sin(1e3 * kappa), pure)
-    assert "RBX1" in found.undetermined
 
 
 def test_tir_file_reads_back_what_was_written(tmp_path):

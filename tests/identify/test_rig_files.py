@@ -11,7 +11,7 @@ from ecu.calibration import load_calibration
 from identify.make.defects import Defects
 from identify.make.rig import Plan, make_rig
 from identify.reading import BadRecording
-from identify.results import as_json, machine_files, tyre_file
+from identify.results import as_json, rig_machine, tyre_file
 from identify.rig.chain import Prepared, fitted, prepare, problem_of
 from identify.rig.files import read_rig, write_rig
 from identify.rig.models import simulated
@@ -78,7 +78,7 @@ def test_a_misspelt_key_of_the_description_is_refused(tmp_path, made):
 
 
 def test_plant_and_ecu_take_the_result(tmp_path, ready, found):
-    files = machine_files(ready, found, "l60", tmp_path / "machine.toml", "a test")
+    files = rig_machine(ready, found, "l60", tmp_path / "machine.toml", "a test")
     for path, text in files.items():
         path.write_text(text)
     machine = load_machine(tmp_path / "machine.toml")
