@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from identify.contact_command import contact
 from identify.machine_command import machine_command
 from identify.make.command import MachineOption, make_field_command, make_rig_command
 from identify.origin import origin_of
@@ -21,6 +22,7 @@ def register(app: typer.Typer) -> None:
     )
     group.command("rig")(rig)
     group.command("field")(field)
+    group.command("contact")(contact)
     group.command("machine")(machine_command)
     group.command("score")(score_command)
     group.command("make-rig")(make_rig_command)
@@ -57,7 +59,7 @@ def rig(
     from hil.companions import CALIBRATION
     from hil.ending import Ending
     from identify.page.rig_page import rig_page
-    from identify.results import as_json, rig_machine, tyre_file
+    from identify.results import as_json, check_base, rig_machine, tyre_file
     from identify.rig.chain import (
         BASE,
         OF_BRAKING,
@@ -78,6 +80,7 @@ def rig(
     from identify.tyre.advice import not_fitted, undetermined
     from identify.tyre.search import searched
 
+    check_base(machine)
     file = description / "rig.toml" if description.is_dir() else description
     log = read_rig(file, dbc or [])
     try:
@@ -170,11 +173,12 @@ def field(
     from identify.field.files import read_field
     from identify.field.fit import fit_points
     from identify.page.field_page import field_page
-    from identify.results import field_machine, interval_text
+    from identify.results import check_base, field_machine, interval_text
     from identify.tyre.advice import not_fitted, undetermined
     from identify.tyre.parameters import COMBINED, INDEX
     from identify.tyre.tir_file import tir_text
 
+    check_base(machine)
     file = description / "field.toml" if description.is_dir() else description
     log = read_field(file, dbc or [])
     try:

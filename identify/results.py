@@ -1,9 +1,11 @@
 """Results of an identification as files: values with intervals (JSON), a .tir file, and a machine with calibration for plant and ECU."""
 
 import json
+import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from bus.user_error import UserError
 from diagnosis.apply.toml_text import Line, with_values
 from ecu.calibration import CALIBRATIONS
 from hil.companions import CALIBRATION, named
@@ -18,6 +20,8 @@ from identify.tyre.tir_file import tir_text
 from plant.sheets.machine import MACHINES, load_machine
 
 BAR = 1e5
+TyreValue = tuple[str, float, str]
+"""Key of a machine file, value, and what is said of it."""
 KNOWN = 0.25  # standard deviation of the carcass' compliance over its value, up to which a field test determines it
 FOR_PLANT = (
     "PCX1",
@@ -85,9 +89,9 @@ def tyre_file(ready: Prepared, found: Estimate, origin: str) -> str:
 def rig_machine(ready: Prepared, found: Estimate, base: str, out: Path, origin: str) -> Mapping[Path, str]:
     """MACHINE.toml on the tyre of a rig, and the ECU's calibration beside it. Raises the plant's ConfigurationError for values that it refuses."""
     tyre = [
-        _of_tyre(name.lower(), found.values.get(name, 0.0), interval_text(found, name))
+        (name.lower(), found.values.get(name, 0.0), interval_text(found, name))
         if name in found.names
-        else _of_tyre(name.lower(), 0.0, "not determined: 0")
+        else (name.lower(), 0.0, "not determined: 0")
         for name in FOR_PLANT
     ]
     carcass = (
@@ -102,12 +106,12 @@ def field_machine(
     result: FieldResult, problem: PointProblem, found: Estimate, base: str, out: Path, origin: str
 ) -> Mapping[Path, str]:
     """The same for the tyre of a field test: what it does not determine keeps the values of the machine that it begins with."""
-    tyre = []
+    tyre: list[TyreValue] = []
     for name in (*FOR_PLANT, *COMBINED):
         if name in found.names:
-            tyre.append(_of_tyre(name.lower(), found.values[name], interval_text(found, name)))
+            tyre.append((name.lower(), found.values[name], interval_text(found, name)))
         elif name in problem.fixed:
-            tyre.append(_of_tyre(name.lower(), problem.fixed[name], "assumed: all slips were small"))
+            tyre.append((name.lower(), problem.fixed[name], "assumed: all slips were small"))
     i = found.interval(COMPLIANCE)
     carcass = (
         (1.0 / i.value, f"identified, 95 % {1.0 / i.upper:.4g} to {1.0 / i.lower:.4g}")
@@ -117,13 +121,32 @@ def field_machine(
     return _machine_files(found, tyre, carcass, result.log.nominal, base, out, origin)
 
 
-def _of_tyre(key: str, value: float, note: str) -> Line:
-    return Line(("tyre",), key, value, note)
+class NoBase(UserError, ValueError):
+    """A machine cannot take an identified tyre."""
+
+
+def check_base(base: str) -> None:
+    """Raises NoBase for a machine whose tyre is that of a .tir file: its values would hold over the identified ones."""
+    load_machine(base)
+    if "tir" in tomllib.loads(_text(base)).get("tyre", {}):
+        raise NoBase(
+            f"{base}: takes its tyre from a .tir file, whose values hold over those of a machine file; name a machine without 'tir' in --machine"
+        )
+
+
+def _text(base: str) -> str:
+    file = Path(base) if base.endswith(".toml") else MACHINES / f"{base}.toml"
+    return file.read_text(encoding="utf-8")
+
+
+def with_tyre(base: str, values: Sequence[TyreValue], origin: str) -> str:
+    """The text of a machine on other values of its tyre: key, value, and what is said of it."""
+    return f"# Tyre: {origin}\n" + with_values(_text(base), [Line(("tyre",), *one) for one in values])
 
 
 def _machine_files(
     found: Estimate,
-    tyre: Sequence[Line],
+    tyre: Sequence[TyreValue],
     carcass: tuple[float, str] | None,
     nominal: Nominal,
     base: str,
@@ -131,21 +154,16 @@ def _machine_files(
     origin: str,
 ) -> Mapping[Path, str]:
     machine = load_machine(base)
-    text = (
-        (MACHINES / f"{base}.toml").read_text(encoding="utf-8")
-        if not base.endswith(".toml")
-        else Path(base).read_text(encoding="utf-8")
-    )
     said = "of the log's description"
     lines = [*tyre]
     if carcass is not None:
-        lines.append(_of_tyre("longitudinal_stiffness_N_per_m", *carcass))
+        lines.append(("longitudinal_stiffness_N_per_m", *carcass))
     given = {
         "radius_m": nominal.radius,
         "nominal_load_N": nominal.load,
         "nominal_pressure_bar": nominal.pressure / BAR,
     }
-    lines += [_of_tyre(key, value, said) for key, value in given.items()]
+    lines += [(key, value, said) for key, value in given.items()]
     calibration = (CALIBRATIONS / f"{machine.family}.toml").read_text(encoding="utf-8")
     ecu = [
         Line(("wheel",), "slip_stiffness", found.values["PKX1"], interval_text(found, "PKX1")),
@@ -164,6 +182,6 @@ def _machine_files(
         )
     head = f"# Tyre: {origin}\n"
     return {
-        out: head + with_values(text, lines),
+        out: with_tyre(base, lines, origin),
         named(out, CALIBRATION): head + with_values(calibration, ecu),
     }

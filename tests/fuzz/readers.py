@@ -101,6 +101,13 @@ def _truth_rows(file: Path) -> object:
     return {name: column.copy() for name, column in read_rows(file).items()}
 
 
+def _readings(file: Path) -> object:
+    """A sheet of a tyre's contact, and the laws through it."""
+    from identify.contact_command import readings_of
+
+    return readings_of(file, "l60")
+
+
 def _by(module: str, name: str) -> Callable[[Path], object]:
     """The function NAME of a module that takes a path, imported on first use: a worker loads only what it reads with."""
 
@@ -143,6 +150,7 @@ READERS: dict[str, Reader] = {
         seeds="tests/diagnosis/old_files/findings.json",
     ),
     "weighings": Reader(".weighings", _by("identify.machine.files", "read_weighings")),
+    "sheet of readings": Reader(".readings", _readings),
     "car log": Reader(".car", _by("identify.car.log", "read_car")),
     "car log, packed": Reader(".car.gz", _by("identify.car.log", "read_car")),
     "faults": Reader(".toml", _faults),

@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from identify.command import register
+from plant.sheets.machine import load_machine
 from tests.conftest import ROOT
 
 HOWTO = ROOT / "docs" / "howto"
@@ -25,7 +26,7 @@ def test_commands_work_as_printed(name, tmp_path, monkeypatch):
     app = typer.Typer()
     app.callback()(lambda: None)
     register(app)
-    made, fitted, scored = commands(name)
+    made, fitted, scored = commands(name)[:3]
     for arguments in (made, [*fitted, "--no-search"] if name == "identify-rig" else fitted, scored):
         result = CliRunner().invoke(app, arguments, catch_exceptions=False)
         assert result.exit_code == 0, result.output
@@ -36,6 +37,32 @@ def test_commands_work_as_printed(name, tmp_path, monkeypatch):
     assert ("Staged fit beside the joint one" in page) == (name == "identify-rig")
     assert (out / "identification.json").is_file()
     assert (out / "tyre.tir").is_file()
+    assert load_machine(str(out / "machine.toml")).name
+
+
+def test_a_contact_is_identified_as_the_page_says(tmp_path, monkeypatch, capsys):
+    """Every command of the page on the readings that it shows; they were made with the coefficients below."""
+    import json
+    import sys
+
+    from loaderhil import cli
+
+    monkeypatch.chdir(tmp_path)
+    page = (HOWTO / "identify-contact.md").read_text(encoding="utf-8")
+    (rows,) = re.findall(r"```csv\n(.*?)```", page, re.S)
+    (tmp_path / "readings.csv").write_text(rows, encoding="utf-8")
+    for line in re.findall(r"^    (loaderhil .*)$", page, re.M):
+        monkeypatch.setattr(sys, "argv", shlex.split(line))
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        assert not ended.value.code, capsys.readouterr()
+    found = json.loads((tmp_path / "out" / "contact" / "identification.json").read_text(encoding="utf-8"))
+    truth = {"qfz1": 13.7, "qfz2": 27.6, "qa1": 0.19, "qa2": 0.05, "qb1": 0.17, "qb2": 0.03}
+    assert set(found["parameters"]) == set(truth)
+    for name, value in truth.items():
+        assert found["parameters"][name]["lower"] < value < found["parameters"][name]["upper"]
+    assert found["warnings"] == []
+    assert "<svg" in (tmp_path / "out" / "contact" / "report.html").read_text(encoding="utf-8")
 
 
 def test_the_description_of_a_rig_that_is_shown_is_read(tmp_path):

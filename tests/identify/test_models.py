@@ -1,11 +1,10 @@
-"""Brush, contact patch, .tir file: known answers, and fits that give back what made the data."""
+"""Brush, .tir file: known answers, and fits that give back what made the data."""
 
 import numpy as np
 import pytest
 
 from identify.tyre.brush import brush_force, fit_brush
 from identify.tyre.parameters import Nominal
-from identify.tyre.patch import half_length, half_width, radial_stiffness
 from identify.tyre.tir_file import tir_text
 from plant.sheets.tyre_file import read_tir
 
@@ -44,20 +43,6 @@ def test_brush_is_recovered_within_its_intervals():
     assert abs(found.friction - 0.68) < 3.0 * found.friction_sd
     assert abs(found.slip_stiffness - 350e3) < 3.0 * found.slip_stiffness_sd
     assert fit_brush(kappa, force, 30e3, friction=0.68).slip_stiffness == pytest.approx(350e3, rel=0.03)
-
-
-def test_patch_and_stiffness_give_back_their_coefficients():
-    load = np.array([15.0, 25.0, 34.0, 45.0, 60.0]) * 1e3
-    share = load / 34e3
-    length = 2.0 * 0.743 * (0.11 * np.sqrt(share) + 0.10 * share)
-    width = 2.0 * 0.743 * (0.20 * np.cbrt(share) + 0.05 * share)
-    depth = np.array([0.03, 0.05, 0.07, 0.09])
-    force = 34e3 * (13.7 * depth / 0.743 + 27.6 * (depth / 0.743) ** 2)
-    assert half_length(length, load, NOMINAL).value == pytest.approx([0.11, 0.10])
-    assert half_width(width, load, NOMINAL).value == pytest.approx([0.20, 0.05])
-    assert radial_stiffness(depth, force, NOMINAL).value == pytest.approx([13.7, 27.6])
-    with pytest.raises(ValueError, match="at least three"):
-        half_length(length[:2], load[:2], NOMINAL)
 
 
 def test_tir_file_reads_back_what_was_written(tmp_path):
