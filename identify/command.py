@@ -1,5 +1,6 @@
 """`loaderhil identify`: tyre and machine parameters from raw measurements."""
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +12,13 @@ from identify.make.command import MachineOption, make_field_command, make_rig_co
 from identify.origin import origin_of
 from identify.score import score_command
 
+ProfileOption = Annotated[
+    bool,
+    typer.Option(
+        "--profile",
+        help="Intervals by profile likelihood for all parameters of the tyre, not only for those of which the curvature of the likelihood says nothing (some ten seconds each).",
+    ),
+]
 OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]
 
 
@@ -50,6 +58,7 @@ def rig(
             help="Whether a global search (differential evolution) checks the result of the fit (half a minute).",
         ),
     ] = True,
+    profile: ProfileOption = False,
 ) -> None:
     """A tyre from the raw log of a chassis dynamometer: report.html, identification.json, tyre.tir, machine.toml.
 
@@ -91,7 +100,7 @@ def rig(
     origin = origin_of(f"loaderhil identify rig {description}")
     problem = problem_of(ready)
     stages = staged(ready)
-    found = fitted(ready, stages)
+    found = _with_profiles(problem, fitted(ready, stages), every=profile)
     nominal = [
         t
         for t in ready.fitted
@@ -159,6 +168,7 @@ def field(
     dbc: Annotated[
         list[Path] | None, typer.Option("--dbc", metavar="FILE", help="For recordings of CAN frames.")
     ] = None,
+    profile: ProfileOption = False,
 ) -> None:
     """A tyre from motion capture and a wheel transducer that share no clock: report.html, identification.json, tyre.tir, machine.toml.
 
@@ -187,6 +197,7 @@ def field(
         print(f"nothing can be identified: {error}")
         raise typer.Exit(Ending.INCONCLUSIVE) from error
     problem, found = fit_points(result, friction=friction)
+    found = _with_profiles(problem, found, every=profile)
     opened = [
         *undetermined(found, problem),
         *not_fitted(
@@ -199,7 +210,7 @@ def field(
     content = {
         "origin": origin,
         "parameters": {
-            n: {"value": i.value, "sd": i.sd, "lower": i.lower, "upper": i.upper}
+            n: {"value": i.value, "sd": i.sd, "lower": i.lower, "upper": i.upper, "by": found.by(n)}
             for n, i in intervals.items()
         },
         "clock": {
@@ -238,6 +249,17 @@ def field(
         print(f"written: {path}")
 
 
+def _with_profiles(problem: "RigProblem | PointProblem", found: "Estimate", *, every: bool) -> "Estimate":
+    """Intervals by the likelihood itself: of all parameters of the tyre, or of those of which its curvature says nothing."""
+    from identify.tyre.profile import with_profiles
+
+    names = [n for n in problem.tyre if every or n in found.free]
+    if not names:
+        return found
+    print(f"profile likelihood of {', '.join(names)} (some ten seconds each)", file=sys.stderr, flush=True)
+    return with_profiles(problem, found, names)
+
+
 def _print_result(found: "Estimate", opened: "Sequence[Open]", warnings: "Sequence[str]") -> None:
     """Intervals of what a user asked for (not of each run's nuisances), what stays open, and warnings."""
     for name in found.names:
@@ -257,5 +279,7 @@ def _near(a: float, b: float) -> bool:
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from identify.field.fit import PointProblem
     from identify.tyre.advice import Open
     from identify.tyre.estimate import Estimate
+    from identify.tyre.rig_problem import RigProblem

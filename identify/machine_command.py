@@ -266,7 +266,8 @@ def _results(
 
     from diagnosis.command import write
     from diagnosis.progress import shown_progress
-    from identify.machine.profile import ProfileInterval, profiles
+    from identify.ends import ProfileInterval
+    from identify.machine.profile import profiles
     from identify.machine.programme import drives, shortest
     from identify.machine.results import (
         as_json,

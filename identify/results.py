@@ -53,7 +53,7 @@ def as_json(ready: Prepared, found: Estimate, opened: Sequence[Open], origin: st
     content = {
         "origin": origin,
         "parameters": {
-            n: {"value": i.value, "sd": i.sd, "lower": i.lower, "upper": i.upper}
+            n: {"value": i.value, "sd": i.sd, "lower": i.lower, "upper": i.upper, "by": found.by(n)}
             for n, i in intervals.items()
         },
         "nominal": {

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from bus.user_error import UserError
-from identify.tyre.estimate import NORMAL_95
+from identify.ends import NORMAL_95
 from identify.tyre.rig_problem import CARCASS_NAME
 
 OF_TRUTH = {"carcass_stiffness": CARCASS_NAME, "gain": "gain"}

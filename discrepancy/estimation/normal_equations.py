@@ -4,6 +4,7 @@ Pascals beside metres are eight powers of ten apart, and sixteen in the matrix: 
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from discrepancy.signals.recording import Array
 
@@ -25,9 +26,20 @@ def inverse(normal: Array, whole: Array | None = None) -> Array:
 
 def root(normal: Array, whole: Array | None = None) -> Array:
     """The root (k, m) of the pseudo-inverse: its columns are the determined directions, each with the length of one standard deviation."""
+    by_size, sizes, directions, kept = _spectrum(normal, whole)
+    return np.asarray(by_size[:, None] * directions[:, kept] / np.sqrt(sizes[kept]), float)
+
+
+def undetermined(normal: Array) -> Array:
+    """The directions (k, m) that the inverse leaves out because nothing is known of them but rounding, of length 1 in scaled parameters."""
+    _, _, directions, kept = _spectrum(normal, None)
+    return np.asarray(directions[:, ~kept], float)
+
+
+def _spectrum(normal: Array, whole: Array | None) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """Scale of each parameter (k,), eigenvalues (k,) and directions (k, k) of the scaled matrix, and which of them are more than rounding."""
     known = np.diag(normal)
     known = np.where(known > ROUNDING * (known if whole is None else np.diag(whole)), known, 0.0)
     by_size = np.where(known > 0.0, 1.0 / np.sqrt(np.where(known > 0.0, known, 1.0)), 0.0)
     sizes, directions = np.linalg.eigh(np.outer(by_size, by_size) * normal)
-    kept = sizes > ROUNDING * np.max(sizes, initial=0.0)
-    return np.asarray(by_size[:, None] * directions[:, kept] / np.sqrt(sizes[kept]), float)
+    return by_size, sizes, directions, sizes > ROUNDING * np.max(sizes, initial=0.0)

@@ -1,41 +1,22 @@
 """Profile-likelihood intervals: where a parameter may lie when all others follow it, without linearisation.
 
-The value of a parameter is held and the others are fitted again. The interval ends where twice the log-likelihood has fallen by the 95 %
-quantile of chi-square (Venzon and Moolgavkar 1988). The noise stays that of the best fit. Blocks of time do not widen the interval, and
+The value of a parameter is held and the others are fitted again. The noise stays that of the best fit. Blocks of time do not widen the interval, and
 noise of the inputs is not corrected for: it is compared with the linearised interval of the same likelihood.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 from discrepancy.estimation.effort import Effort
 from discrepancy.estimation.fit import fit
 from discrepancy.estimation.problem import Problem, Values
+from identify.ends import ProfileInterval, interval
 from identify.machine.coordinates import Coordinates
-from identify.machine.drives import NORMAL_95, Identified
+from identify.machine.drives import Identified
 
-STEPS: Final = 6  # evaluations of the profile on each side
-CLOSE: Final = 0.02  # of the root of the fall, at which an end is found
-FURTHEST: Final = 3.0  # times the linear half width, beyond which no end is looked for
-EFFORT: Final = Effort(
-    iterations=3
-)  # the start follows the linear fit, so that few steps remain for its curvature
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProfileInterval:
-    """95 % by the profile likelihood beside the linearised interval of the same noise; in the parameter's unit of the model."""
-
-    lower: float
-    upper: float
-    linear: tuple[float, float]
-
-    @property
-    def asymmetry(self) -> float:
-        """Largest difference of an end from the linear one, over the linear half width."""
-        half = 0.5 * (self.linear[1] - self.linear[0])
-        return max(abs(self.lower - self.linear[0]), abs(self.upper - self.linear[1])) / half
+EFFORT: Final = Effort(iterations=3)
+"""The start follows the linear fit, so that few steps remain for its curvature."""
 
 
 def profiles(found: Identified, names: tuple[str, ...]) -> Mapping[str, ProfileInterval]:
@@ -84,37 +65,17 @@ def _profile(
         prior = ((value - p.value) / p.prior_sd) ** 2 if p.prior_sd else 0.0
         return float(max(lost + prior, 0.0) ** 0.5)
 
-    def end(side: float) -> float:
-        limit = p.upper if side > 0.0 else p.lower
-        inside, outside = 0.0, FURTHEST * NORMAL_95
-        step = NORMAL_95
-        for _ in range(STEPS):
-            value = at + side * step * sd
-            if (value - limit) * side >= 0.0:
-                return limit
-            there = fall(value)
-            if abs(there - NORMAL_95) < CLOSE:
-                break
-            inside, outside = (step, outside) if there < NORMAL_95 else (inside, step)
-            # the root of the fall is nearly proportional to the distance; bracketed, because it need not be
-            step = min(
-                max(step * NORMAL_95 / max(there, 0.1), 0.9 * inside + 0.1 * outside),
-                0.1 * inside + 0.9 * outside,
-            )
-        return float(min(max(at + side * step * sd, p.lower), p.upper))
-
-    low, high = end(-1.0), end(1.0)
-    half = NORMAL_95 * sd
-    return _of_model(found, name, fitted_name, low, high, (at - half, at + half))
+    return _of_model(found, name, fitted_name, interval(fall, at, sd, (p.lower, p.upper)))
 
 
-def _of_model(
-    found: Identified, name: str, fitted_name: str, low: float, high: float, linear: tuple[float, float]
-) -> ProfileInterval:
+def _of_model(found: Identified, name: str, fitted_name: str, of_fit: ProfileInterval) -> ProfileInterval:
     """The interval in the parameter's own unit."""
     if name == fitted_name:
-        return ProfileInterval(lower=low, upper=high, linear=linear)
+        return of_fit
     mean, sd = found.priors[name]
+    lower, upper = of_fit.linear
     return ProfileInterval(
-        lower=mean + sd * low, upper=mean + sd * high, linear=(mean + sd * linear[0], mean + sd * linear[1])
+        lower=mean + sd * of_fit.lower,
+        upper=mean + sd * of_fit.upper,
+        linear=(mean + sd * lower, mean + sd * upper),
     )

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from identify.ends import NORMAL_95
 from identify.field.chain import ASPHALT_GROUPS, GRAVEL_GROUPS, FieldResult, Points, load_groups
 from identify.field.fit import COMPLIANCE, HEADING, SHIFT, SMALL_ANGLE, PointProblem
 from identify.page.figure import STYLE, Cloud, Line, drawn, table
@@ -13,7 +14,7 @@ from identify.tyre.advice import Open
 from identify.tyre.brush import brush_force, fit_brush
 from identify.tyre.combined import weight
 from identify.tyre.curve import steady
-from identify.tyre.estimate import NORMAL_95, Estimate
+from identify.tyre.estimate import Estimate
 from identify.tyre.parameters import COMBINED, INDEX, MEANINGS, curve, vector
 from report.kit.document import bar, document
 
@@ -34,12 +35,18 @@ def field_page(
 ) -> str:
     """The whole page."""
     rows = [
-        (n, MEANINGS.get(n, OTHERS.get(n, "")), f"{i.value:.5g}", f"{i.lower:.5g} to {i.upper:.5g}")
+        (
+            n,
+            MEANINGS.get(n, OTHERS.get(n, "")),
+            f"{i.value:.5g}",
+            f"{i.lower:.5g} to {i.upper:.5g}",
+            found.by(n),
+        )
         for n in found.names
         for i in [found.interval(n)]
     ]
     chapters = [
-        ("result", "Parameters", table(("parameter", "meaning", "value", "95 % interval"), rows)),
+        ("result", "Parameters", table(("parameter", "meaning", "value", "95 % interval", "by"), rows)),
         (
             "open",
             "What the data do not determine",

@@ -6,6 +6,7 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.ends import NORMAL_95
 from identify.page.figure import STYLE, Cloud, Line, drawn, table
 from identify.rig.chain import Prepared
 from identify.rig.models import Compared, simulated, transient_slip
@@ -13,7 +14,7 @@ from identify.rig.relaxation import StepLength
 from identify.rig.relaxation import table as step_rows
 from identify.tyre.advice import Open
 from identify.tyre.curve import steady
-from identify.tyre.estimate import NORMAL_95, Estimate
+from identify.tyre.estimate import Estimate
 from identify.tyre.parameters import INDEX, MEANINGS, NAMES, curve, vector
 from identify.tyre.rig_problem import CARCASS_NAME, RigProblem
 from identify.tyre.search import Search
@@ -95,10 +96,17 @@ def _parameters(found: Estimate) -> str:
         i = found.interval(name)
         boot = NORMAL_95 * found.bootstrap_sd(name, random)
         rows.append(
-            (name, MEANINGS.get(name, ""), f"{i.value:.5g}", f"{i.lower:.5g} to {i.upper:.5g}", f"{boot:.2g}")
+            (
+                name,
+                MEANINGS.get(name, ""),
+                f"{i.value:.5g}",
+                f"{i.lower:.5g} to {i.upper:.5g}",
+                found.by(name),
+                f"{boot:.2g}",
+            )
         )
-    note = '<p class="soft">The interval holds all that is unknown, load and gain included. The bootstrap resamples seconds of the runs, and so holds their noise alone.</p>'
-    return note + table(("parameter", "meaning", "value", "95 % interval", "± by bootstrap"), rows)
+    note = '<p class="soft">The interval holds all that is unknown, load and gain included. The bootstrap resamples seconds of the runs, and so holds their noise alone. Where parameters can change together without any first-order effect on the data, the curvature of the likelihood says nothing of them, and the interval is where the likelihood itself falls.</p>'
+    return note + table(("parameter", "meaning", "value", "95 % interval", "by", "± by bootstrap"), rows)
 
 
 def _staged(stages: Sequence[Estimate], found: Estimate) -> str:

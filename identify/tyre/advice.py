@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from discrepancy.estimation.normal_equations import inverse
-from identify.tyre.estimate import NORMAL_95, Estimate, Problem
+from identify.ends import NORMAL_95
+from identify.tyre.estimate import Estimate, Problem
 
 STEPS: Mapping[str, str] = {
     "PCX1": "drive to slips beyond 2 and brake to lock: the shape shows far behind the peak",
@@ -54,14 +55,15 @@ def undetermined(found: Estimate, problem: Problem) -> list[Open]:
     """Parameters with a wide interval, at a bound, or without influence on the data."""
     typical = {u.name: u.typical for u in problem.unknowns}
     covariance = found.covariance
-    sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    correlation = covariance / np.outer(sd, sd)
+    linear = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    correlation = covariance / np.outer(linear, linear)
+    sd = np.array([found.interval(n).sd for n in found.names])
     out = []
     for i, name in enumerate(found.names):
         if name not in STEPS:
             continue
         half = NORMAL_95 * sd[i] / typical[name]
-        if sd[i] < 1e-140:
+        if linear[i] < 1e-140:
             reason = "the data do not depend on it"
         elif name in found.at_bound:
             reason = f"it ends at its bound ({found.values[name]:.4g})"

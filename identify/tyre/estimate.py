@@ -6,24 +6,24 @@ normal matrices are those of the discrepancy engine.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.stats import norm
 
 from discrepancy.estimation.autoregression import Whitener, autoregression
-from discrepancy.estimation.normal_equations import inverse
+from discrepancy.estimation.normal_equations import inverse, undetermined
 from discrepancy.model.windows import Block
+from identify.ends import NORMAL_95, ProfileInterval
 from identify.tyre.rig_problem import Part, Unknown
 
 Array = NDArray[np.float64]
 
 HUBER = 3.0  # standard deviations beyond which a residual counts in proportion, not squared
 ROUNDS = 3  # of noise and weights, each with a fit
-NORMAL_95 = float(norm.ppf(0.975))
+FREE = 0.05  # share of an unknown in a direction of which nothing is known, from which it counts as free
 BLOCK = 100  # rows that the bootstrap keeps together: one second, longer than the memory of the noise
 
 
@@ -66,21 +66,46 @@ class Estimate:
     noise_order: int  # of the autoregression
     evaluations: int  # of the model
     noise: "Noise"
+    ranges: Mapping[str, float]  # standard deviation of what the bounds of each unknown alone say
+    profiled: Mapping[str, ProfileInterval] = field(default_factory=dict)  # in place of linearised intervals
     inflation: float = 1.0  # of the variance, for errors that rows share beyond the noise's memory
 
     @property
     def covariance(self) -> Array:
         """(k, k)."""
-        scatter = max(1.0, self.sse / max(self.rows - len(self.names), 1)) * self.inflation
+        return inverse(self._normal)
+
+    @property
+    def _normal(self) -> Array:
         # what is shared inflates the data's part alone, not what a certificate says
-        prior = self.information - self.of_data
-        return inverse(self.of_data / scatter + prior)
+        return np.asarray(self.of_data / self.scatter + (self.information - self.of_data), float)
+
+    @property
+    def free(self) -> frozenset[str]:
+        """Unknowns that can change together without any first-order effect on the data: their linearised intervals mean nothing."""
+        share = np.abs(undetermined(self._normal))
+        return frozenset(n for n, row in zip(self.names, share, strict=True) if np.any(row > FREE))
+
+    @property
+    def scatter(self) -> float:
+        """Variance of the data's residuals over the noise's."""
+        return max(1.0, self.sse / max(self.rows - len(self.names), 1)) * self.inflation
+
+    def by(self, name: str) -> str:
+        """What an interval follows from."""
+        if name in self.profiled:
+            return "likelihood"
+        return "bounds" if name in self.free else "curvature"
 
     def interval(self, name: str) -> Interval:
-        """By the curvature of the likelihood."""
-        i = self.names.index(name)
-        sd = float(np.sqrt(self.covariance[i, i]))
+        """By the curvature of the likelihood; by the likelihood itself where it was profiled; by the bounds where neither says anything."""
         value = self.values[name]
+        if name in self.profiled:
+            p = self.profiled[name]
+            sd = (p.upper - p.lower) / (2.0 * NORMAL_95)
+            return Interval(value=value, sd=sd, lower=p.lower, upper=p.upper)
+        i = self.names.index(name)
+        sd = self.ranges[name] if name in self.free else float(np.sqrt(self.covariance[i, i]))
         return Interval(value=value, sd=sd, lower=value - NORMAL_95 * sd, upper=value + NORMAL_95 * sd)
 
     def derived(self, value: float, gradient: Mapping[str, float]) -> Interval:
@@ -125,7 +150,7 @@ def estimate(
         values = dict(zip(names, x.tolist(), strict=True))
         problem = problem.held_at(values)
         known = noise or _noise(problem.parts(values), None if white else known, len(names))
-        fun = _Compressed(problem, unknowns, known)
+        fun = Compressed(problem, unknowns, known)
         found = least_squares(
             fun.residual,
             x,
@@ -142,7 +167,7 @@ def estimate(
     return _result(problem, unknowns, x, known, calls, (low, high))
 
 
-class _Compressed:
+class Compressed:
     """The whitened, compressed problem for scipy: residual and Jacobian, computed together and kept for the second call."""
 
     def __init__(self, problem: Problem, unknowns: Sequence[Unknown], noise: Noise) -> None:
@@ -266,4 +291,5 @@ def _result(
         noise_order=noise.whiteners[0].order if noise.whiteners else 0,
         evaluations=calls,
         noise=noise,
+        ranges={u.name: (u.upper - u.lower) / 12.0**0.5 for u in unknowns},
     )
