@@ -83,6 +83,7 @@ def candidates(
     final = {s.effect: s for s in state.scores}
     small = _negligible(problem, (*baseline.trials, *state.trials))
     temporary = {s.effect for s, _ in baseline.temporary}
+    disagree = {t.effect for t in state.trials if t.raw_sse_reduction > gates.CLEAR.threshold and not t.passes}
     rows = []
     for score in baseline.scores:
         effect, last = problem.model.effect(score.effect), final.get(score.effect, score)
@@ -97,6 +98,7 @@ def candidates(
             known
             or _undetectable(problem, effect, score, power)
             or (("negligible", small[effect.name]) if effect.name in small else None)
+            or (DISAGREE if effect.name in disagree else None)
             or _refuted(score.statistic > critical or effect.name in temporary, bool(found))
         )
         rows.append(
@@ -123,6 +125,11 @@ def _power(critical: float, freedom: int, seen: float) -> float:
 
 Judged = tuple[f.Verdict, str]
 """A verdict on a candidate and its reason."""
+
+DISAGREE: Final[Judged] = (
+    "could not be judged",
+    "it would improve the prediction, but blocks of time disagree on its size: something else is missing beside it",
+)
 
 
 def _of_found(effect: Effect, found: Sequence[f.Finding]) -> Judged | None:

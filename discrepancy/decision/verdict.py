@@ -38,8 +38,7 @@ def verdict(
     channels: their errors beside their budgets; values: of the baseline that the recordings contradict; left_over: candidates that passed
     when the search ended at its limit; accepted: effects, when it ended.
     """
-    silent = not found and not equation.terms
-    inconsistent = _inconsistent(problem, state, settings) if silent and not left_over else None
+    inconsistent = None if left_over else _inconsistent(problem, state, settings)
     status, reasons = _status(problem, found, equation, candidates, complaints, inconsistent)
     if status == "nothing missing":
         status = "inconclusive" if left_over else status
@@ -114,11 +113,6 @@ def _status(
     inconsistent: CandidateFit | None,
 ) -> tuple[f.Status, list[str]]:
     reasons: list[str] = []
-    if inconsistent is not None:
-        evidence, least = inconsistent.raw_sse_reduction, inconsistent.threshold
-        return "unknown", [
-            f"{inconsistent.effect} would improve the prediction much (evidence {evidence:.0f}, threshold {least:.0f}), but blocks of time disagree on its size"
-        ]
     if equation.terms:
         reasons.append(
             f"a difference that the library does not explain depends on known signals: {equation.equation()}"
@@ -128,11 +122,16 @@ def _status(
         for x in found
         if not x.named
     ]
+    if inconsistent is not None:
+        evidence, least = inconsistent.raw_sse_reduction, inconsistent.threshold
+        reasons.append(
+            f"{inconsistent.effect} would improve the prediction much (evidence {evidence:.0f}, threshold {least:.0f}), but blocks of time disagree on its size"
+        )
     wrong = [c.described for c in complaints if c.fatal and c.signal in problem.missing]
     if any(x.named for x in found):
         enough = "with it, no other effect and no function of the known signals improves the prediction of held-out data"
-        return "explained", [*(reasons or [enough]), *wrong]
-    if found or equation.terms:
+        return "explained in part" if inconsistent else "explained", [*(reasons or [enough]), *wrong]
+    if found or equation.terms or inconsistent:
         return "unknown", [*reasons, *wrong]
     return _nothing_found(problem, candidates, complaints, wrong)
 

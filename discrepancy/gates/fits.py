@@ -50,8 +50,8 @@ CLEAR: Final = _gate(
     statistic="reduction in SSE, not divided by the variance inflation",
     threshold=100.0,
     source="ten standard deviations; a wrong noise model is not wrong by that much",
-    otherwise="above, with blocks that disagree: the effect is tried together with a second one, and the verdict is unknown if none is found",
-    module="selection.search, decision.verdict",
+    otherwise="above, with blocks that disagree: the effect is tried together with a second one; if that does not help, it is not called ruled out, and the verdict is unknown, or explained in part beside findings",
+    module="selection.search, decision.verdict, decision.summary",
 )
 BLOCKS_AGREE: Final = _gate(
     name="blocks of time agree",
