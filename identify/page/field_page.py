@@ -86,7 +86,7 @@ def _combined(problem: PointProblem, found: Estimate) -> str:
     """The share of the force that remains at a slip angle, for bands of slip: the law at the middle slip, and points beside it as they are beside their own."""
     v, points = found.values, problem.points
     [part] = problem.parts(dict(v))
-    tan_alpha = points.side_slip + v[HEADING]
+    tan_alpha = np.tan(np.arctan(points.side_slip) + v[HEADING])
     coefficients = [v[n] for n in COMBINED]
     measured = points.force - v["tare"]
     ratio = measured / (part.residual * problem.scale + measured)

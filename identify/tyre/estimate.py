@@ -217,6 +217,11 @@ def _whitened(parts: Sequence[Part], noise: Noise) -> list[Array]:
     return out
 
 
+def prior_cost(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> float:
+    """What the priors add to the sum of squares."""
+    return sum(((values[u.name] - u.prior) / u.prior_sd) ** 2 for u in unknowns if u.prior_sd)
+
+
 def _noise(parts: Sequence[Part], before: Noise | None, used: int) -> Noise:
     """Autoregression of all residuals together, and Huber's weights of what it leaves."""
     series = [_bridged(part) for part in parts]
