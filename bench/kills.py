@@ -20,13 +20,14 @@ import time
 from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from bench.speed import commit
 from bus.hub.client import HubTransport
-from bus.transport import BusClosed
+from bus.transport import BusClosed, BusUnavailable
 from dbc import loader_database
 from dbc.recordings.reading import read_frames
 from hil.ending import Ending
@@ -160,8 +161,8 @@ def kill(victim: str, folder: Path, wait_s: float) -> Kill:
     pids: dict[str, int] = {}
     try:
         paths = until(lambda: len(found := hubs(run.pid)) == 2 and found, START_S, "hubs")
-        until(lambda: all(map(os.path.exists, paths)), START_S, "sockets of the hubs")
-        listeners = [Listener(path) for path in paths]
+        # (a hub's socket exists a moment before the hub listens on it)
+        listeners = [until(partial(_joined, path), START_S, f"the hub at {path}") for path in paths]
         # samples of the plant: the ECU's frames come before the plant is let go
         sample = loader_database().by_name["Articulation"].can_id
         until(
@@ -186,16 +187,34 @@ def kill(victim: str, folder: Path, wait_s: float) -> Kill:
             if (pid == run.pid and run.poll() is None) or (pid != run.pid and alive(pid)):
                 os.kill(pid, signal.SIGKILL)
         run.wait(END_S)
-    return Kill(run.returncode, len(left), lost(out, listeners, killed_ns), notes=errors.splitlines())
+    notes = errors.splitlines()
+    return Kill(run.returncode, len(left), lost(out, listeners, killed_ns, notes), notes=notes)
 
 
-def lost(out: Path, listeners: Iterable[Listener], killed_ns: int) -> dict[str, float]:
-    """By file, how long before the kill the first thing was that the file lacks [s]."""
+def _joined(path: str) -> Listener | None:
+    try:
+        return Listener(path)
+    except BusUnavailable:
+        return None
+
+
+def lost(out: Path, listeners: Iterable[Listener], killed_ns: int, notes: list[str]) -> dict[str, float]:
+    """By file, how long before the kill the first thing was that the file lacks [s]; notes: gets which frames are missing."""
     found = {}
     for name, listener in zip((BUS, ECU_BUS), listeners, strict=True):
         heard = np.array([at_ns for at_ns, _ in listener.stamps if at_ns <= killed_ns]) // 1000
         logged = read_frames(out / name).time_ns // 1000
-        found[name] = _before(killed_ns, heard[~np.isin(heard, logged)] * 1000)
+        missing = heard[~np.isin(heard, logged)]
+        found[name] = _before(killed_ns, missing * 1000)
+        if missing.size:
+            before = [
+                (killed_ns // 1000 - int(edge)) * 1e-6
+                for edge in (missing[0], missing[-1], heard[0], logged[0])
+            ]
+            notes.append(
+                f"{name} lacks {missing.size} of {heard.size} frames, {before[0]:.3f} to {before[1]:.3f} s before the kill; "
+                f"the listener's first was {before[2]:.3f} s before it, the file's first {before[3]:.3f} s"
+            )
         # the listener joins before the first frame and hears until the hub ends: then the log cannot hold anything else
         assert not np.any((logged > heard.max()) & (logged * 1000 < killed_ns)), (
             "the listener itself missed frames"
