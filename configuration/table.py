@@ -17,6 +17,9 @@ Change = tuple[tuple[str, ...], object]
 """A dotted key, split, and its new value."""
 
 
+NAME_SHOWN = 80  # characters of an unknown name in an error
+
+
 class ConfigurationError(UserError, ValueError):
     """A configuration file cannot be used; the message says where and why."""
 
@@ -223,6 +226,20 @@ def read_toml(path: Path) -> dict[str, object]:
     # ValueError beside TOMLDecodeError: an integer of more than 4300 digits
     except ValueError as error:
         raise ConfigurationError(f"{path}: not valid TOML: {error}") from error
+
+
+def find_file(name_or_path: str | Path, folder: Path, what: str) -> Path:
+    """The TOML file of that name in `folder`, or the file at that path. ConfigurationError for a name that the folder has not."""
+    if Path(name_or_path).suffix == ".toml":
+        return Path(name_or_path)
+    # a list instead of a look at the file: a name may be too long for one, or lead out of the folder
+    known = sorted(file.stem for file in folder.glob("*.toml"))
+    if str(name_or_path) not in known:
+        shown = str(name_or_path)[:NAME_SHOWN]
+        raise ConfigurationError(
+            f"no {what} named {shown!r}; known: {', '.join(known)}, or give a path to a .toml file"
+        )
+    return folder / f"{name_or_path}.toml"
 
 
 def _base(path: Path, name: object, bases: Path) -> Path:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from configuration import CheckedTable, ConfigurationError
+from configuration import CheckedTable, ConfigurationError, find_file
 from ecu.detection_rules import DETECTION_QUANTITIES, SECTIONS, DetectionRules, read_detection
 from ecu.estimators.parameters import (
     Arm,
@@ -355,15 +355,7 @@ def load_calibration(name_or_path: str | Path = "l60") -> Calibration:
 
 def calibration_table(name_or_path: str | Path = "l60") -> CheckedTable:
     """The unchecked table of a calibration, by name or from a TOML file. ConfigurationError where it cannot be read."""
-    path = Path(name_or_path)
-    if path.suffix != ".toml":
-        path = CALIBRATIONS / f"{name_or_path}.toml"
-        if not path.is_file():
-            known = ", ".join(sorted(file.stem for file in CALIBRATIONS.glob("*.toml")))
-            raise ConfigurationError(
-                f"no calibration named {str(name_or_path)!r}; known: {known}, or give a .toml file"
-            )
-    return CheckedTable.from_file(path)
+    return CheckedTable.from_file(find_file(name_or_path, CALIBRATIONS, "calibration"))
 
 
 def read_calibration(top: CheckedTable) -> Calibration:

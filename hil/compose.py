@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bus.user_error import UserError
+from configuration import find_file
 from dbc import loader_database
 from ecu.calibration import load_calibration
 from ecu.core import PYTHON, Core, Ecu, Form
@@ -32,7 +33,6 @@ from plant.sheets.changes import Changes
 from plant.sheets.machine import Machine, load_machine
 from plant.truth import Truth, columns_of
 from plant.unit.actuators import Four, four
-from plant.unit.equipment import find_file
 from plant.unit.scenario import FOLDER, Scenario, load_scenario
 from plant.unit.unit import PlantUnit
 

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 UNITS = {"load": "N", "deflection": "m", "loaded_radius": "m", "length": "m", "width": "m"}
 """Columns of a sheet."""
+HEAVIEST = 100.0
+"""Load over the nominal one that no reading can have."""
 WIDE = 0.1
 """Half of the 95 % interval of a law's value at nominal load, over the value, above which the readings do not determine it."""
 
@@ -130,10 +132,14 @@ def fitted(sheet: Mapping[str, "Array"], nominal: "Nominal") -> tuple[dict[str, 
                 raise ValueError(
                     f"a {quantity} of {float(numbers.min()):g} {UNITS[quantity]} is not above 0{hint}"
                 )
-        if name in ("length", "width") and np.any(value[there] > 2.0 * nominal.radius):
-            raise ValueError(
-                f"a {name} of {float(np.nanmax(value)):g} m exceeds the diameter of the tyre: is its unit right?"
-            )
+        for quantity, numbers, most, what in (
+            ("load", load[there], HEAVIEST * nominal.load, f"{HEAVIEST:g} times the nominal load"),
+            (name, value[there], 2.0 * nominal.radius, "the diameter of the tyre"),
+        ):
+            if np.any(numbers > most):
+                raise ValueError(
+                    f"a {quantity} of {float(numbers.max()):g} {UNITS[quantity]} exceeds {what}: is its unit right?"
+                )
         law = laws(nominal)[name]
         x, y = (value[there], load[there]) if name == "deflection" else (load[there], 0.5 * value[there])
         try:

@@ -25,6 +25,8 @@ _KINDS = {"CAN_DataFrame": 0, "CAN_ErrorFrame": ERROR, "CAN_RemoteFrame": REMOTE
 _UNREADABLE = (MdfException, OSError, ValueError, KeyError, IndexError, TypeError, AttributeError,
                OverflowError, MemoryError, struct.error, zlib.error)  # fmt: skip
 """What asammdf raises on a file that is cut off or damaged."""
+_NUMBERS = {"ID", "IDE", "DLC", "DataLength", "EDL", "BRS", "ESI", "BusChannel"}
+"""Fields of a frame that have to be one whole number each."""
 _LENGTHS = np.array([*range(9), 12, 16, 20, 24, 32, 48, 64], np.uint8)
 """Data length of a data length code (ISO 11898-1, table 5)."""
 _UNFINISHED = b"UnFinMF "
@@ -80,7 +82,7 @@ def _table(
             at = broken.at if broken else path.stat().st_size
             damaged.append(Damage(at, f"the data break off: {reason}", "byte", at_end=True))
         if count:
-            parts.append(_columns(signal, name, mdf.header.abs_time))
+            parts.append(_columns(signal, name, mdf.header.abs_time, path))
         if progress is not None:
             progress(done, len(groups))
     return _joined(parts, tuple(damaged))
@@ -117,11 +119,18 @@ def _get(mdf: Any, name: str, group: int, count: int) -> Any:
         return None
 
 
-def _columns(signal: Any, name: str, start_ns: int) -> tuple[NDArray[Any], ...]:
-    """Columns of a FrameTable in its order, the channel by its own number."""
+def _columns(signal: Any, name: str, start_ns: int, path: Path) -> tuple[NDArray[Any], ...]:
+    """Columns of a FrameTable in its order, the channel by its own number. LogError where a field has not the form of the standard."""
     fields: dict[str, NDArray[Any]] = {
         field.removeprefix(f"{name}."): signal.samples[field] for field in signal.samples.dtype.names
     }
+    for field in _NUMBERS & fields.keys():
+        if fields[field].ndim != 1 or fields[field].dtype.kind not in "ui":
+            raise LogError(
+                f"{path}: the MF4's field {name}.{field} contains no whole numbers; is the file damaged?"
+            )
+    if "DataBytes" in fields and (fields["DataBytes"].ndim != 2 or fields["DataBytes"].dtype.kind != "u"):
+        raise LogError(f"{path}: the MF4's field {name}.DataBytes contains no bytes; is the file damaged?")
     count = len(signal.timestamps)
     none = np.zeros(count, np.uint8)
     number = fields.get("ID", none).astype(np.uint32)

@@ -83,7 +83,9 @@ def candidates(
     final = {s.effect: s for s in state.scores}
     small = _negligible(problem, (*baseline.trials, *state.trials))
     temporary = {s.effect for s, _ in baseline.temporary}
-    disagree = {t.effect for t in state.trials if t.raw_sse_reduction > gates.CLEAR.threshold and not t.passes}
+    disagree = {
+        t.effect for t in state.trials if t.raw_sse_reduction > gates.CLEAR.threshold and not t.passes
+    }
     rows = []
     for score in baseline.scores:
         effect, last = problem.model.effect(score.effect), final.get(score.effect, score)

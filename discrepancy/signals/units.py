@@ -43,6 +43,8 @@ TEMPERATURES = {
     **dict.fromkeys(("°F", "degF", "deg F"), (5.0 / 9.0, 459.67 * 5.0 / 9.0)),
 }
 _POWER = re.compile(r"(?<=[A-Za-z])\^?([23])(?!\d)")
+SHOWN = 40  # characters of a unit in an error
+POWER_DIGITS = 2  # with the sign: no quantity has a larger power, and a factor to it is no number any more
 _FACTOR = re.compile(r"(1$|[A-Za-z%°µΩ]+)(?:\^?(-?\d+))?$")
 _AROUND = re.compile(r"\s*([/.*·^()])\s*")
 
@@ -139,14 +141,16 @@ def _factors(text: str) -> Iterator[tuple[str, int]]:
     for part, sign in ((above, 1), (below.strip("()"), -1)):
         for factor in filter(None, re.split(r"[.*·\s]", part)):
             match = _FACTOR.match(factor)
-            if match is None:
+            if match is None or len(match[2] or "") > POWER_DIGITS:
                 raise _unreadable(text, factor)
             yield match[1], sign * int(match[2] or 1)
 
 
 def _unreadable(text: str, part: str, *more: str) -> ValueError:
     known = ", ".join((*BASE, *DERIVED, *more))
-    return ValueError(f"unit {text!r}: cannot read {part!r}; known are {known}, as in 'm/s^2', 'kg/(m.s)'")
+    return ValueError(
+        f"unit {text[:SHOWN]!r}: cannot read {part[:SHOWN]!r}; known are {known}, as in 'm/s^2', 'kg/(m.s)'"
+    )
 
 
 def shown(unit: str) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
-from configuration import Change, CheckedTable, ConfigurationError
+from configuration import Change, CheckedTable, ConfigurationError, find_file
 from plant.effects import ActiveEffect, effects
 from plant.sheets.tyre_file import with_tir
 
@@ -404,14 +404,7 @@ def family_of(name_or_path: str | Path, changes: Sequence[Change] = ()) -> str:
 
 def _top(name_or_path: str | Path, changes: Sequence[Change]) -> CheckedTable:
     """The top table of a machine by name or path."""
-    path = Path(name_or_path)
-    if path.suffix != ".toml":
-        path = MACHINES / f"{name_or_path}.toml"
-        if not path.is_file():
-            raise ConfigurationError(
-                f"no machine named {str(name_or_path)!r}; known: {', '.join(machine_names())}, or give a path to a .toml file"
-            )
-    return CheckedTable.from_file(path, changes, bases=MACHINES)
+    return CheckedTable.from_file(find_file(name_or_path, MACHINES, "machine"), changes, bases=MACHINES)
 
 
 def _read_effects(table: CheckedTable) -> tuple[ActiveEffect, ...]:

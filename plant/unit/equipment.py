@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from configuration import Change, CheckedTable, ConfigurationError
+from configuration import Change, CheckedTable, find_file
 from plant.unit.actuators import ActuatorParameters, read_actuators
 from plant.unit.driver import DriverParameters, read_driver
 from plant.unit.limits import Obedience, read_obedience
@@ -42,17 +42,3 @@ def load_equipment(name_or_path: str | Path, changes: Sequence[Change] = ()) -> 
     )
     table.finish()
     return equipment
-
-
-def find_file(name_or_path: str | Path, folder: Path, what: str) -> Path:
-    """The TOML file of that name in `folder`, or the file at that path."""
-    path = Path(name_or_path)
-    if path.suffix == ".toml":
-        return path
-    shipped = folder / f"{name_or_path}.toml"
-    if not shipped.is_file():
-        names = ", ".join(sorted(file.stem for file in folder.glob("*.toml")))
-        raise ConfigurationError(
-            f"no {what} is named {str(name_or_path)!r}; there are {names}, or give a .toml file"
-        )
-    return shipped

@@ -4,11 +4,11 @@ import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from configuration import Change, CheckedTable
+from configuration import Change, CheckedTable, find_file
 from plant.physics.surface import Surface
 from plant.sheets.changes import UNCHANGED, Changes
 from plant.sheets.machine import family_of
-from plant.unit.equipment import Equipment, find_file, load_equipment
+from plant.unit.equipment import Equipment, load_equipment
 from plant.unit.script import DEGREE, KMH, Script, read_script
 from plant.unit.sensor_parameters import read_sensors
 
