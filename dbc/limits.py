@@ -12,13 +12,17 @@ LONGEST_MESSAGE: Final = 4095
 """Longest message [bytes]: a segmented one of ISO 15765-2. CAN XL carries 2048, a J1939 transport 1785."""
 _MESSAGE: Final = re.compile(rb"^[ \t]*BO_[ \t]+\d+[ \t]+([^\s:]+)[ \t]*:[ \t]*(\d+)", re.MULTILINE)
 _SIGNAL: Final = re.compile(rb"^[ \t]*SG_[ \t]+(\S+)[^:\n]*:[ \t]*(\d+)[ \t]*\|[ \t]*(\d+)", re.MULTILINE)
+LARGEST_EXPONENT: Final = 308
+"""Of a double."""
+_TEXT: Final = re.compile(rb'"[^"]*"')
+_POWER_OF_TEN: Final = re.compile(rb"\b\d[\d.]*[eE]\+?0*(\d{3,})")
 _NAME: Final = re.compile(r"\w[\w.-]*")
 
 
 def check_text(path: Path) -> None:
-    """Refuse a DBC whose parser would need gigabytes. Raises DatabaseError that names the message.
+    """Refuse a DBC whose parser would need gigabytes or hours. Raises DatabaseError that names the message, or the line.
 
-    cantools builds a table of all bits of a message, so the sizes are looked at before.
+    cantools builds a table of all bits of a message, and writes out whole numbers in full; so sizes are looked at before.
     """
     try:
         with path.open("rb") as file:
@@ -36,6 +40,14 @@ def check_text(path: Path) -> None:
     for name, *numbers in _SIGNAL.findall(text):
         if any(len(number) > 9 or int(number) > 8 * LONGEST_MESSAGE for number in numbers):
             raise DatabaseError(f"{path}: signal {_shown(name)}: lies outside any message")
+    # (quoted text may hold anything; blanks keep the places)
+    bare = _TEXT.sub(lambda quoted: b" " * len(quoted[0]), text)
+    for number in _POWER_OF_TEN.finditer(bare):
+        if len(number[1]) > 9 or int(number[1]) > LARGEST_EXPONENT:
+            line = text.count(b"\n", 0, number.start()) + 1
+            raise DatabaseError(
+                f"{path}:{line}: {_shown(number[0])} is beyond every number that a computer calculates with"
+            )
 
 
 def _shown(text: bytes) -> str:
