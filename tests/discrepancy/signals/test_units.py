@@ -67,3 +67,11 @@ def test_confusions_are_factors_between_units_of_the_same_quantity_both_ways() -
     assert speeds["km/h under a heading of m/s"] == pytest.approx(3.6)
     assert speeds["m/s under a heading of km/h"] == pytest.approx(1.0 / 3.6)
     assert not any("deg" in text for text in speeds)
+
+
+def test_a_power_of_many_digits_is_no_unit() -> None:
+    for text in ("deg^123456", "kN" + "9" * 500):
+        with pytest.raises(ValueError, match="cannot read") as error:
+            parse_scaled(text)
+        assert len(str(error.value)) < 1000
+    assert parse_scaled("km^-2").factor == pytest.approx(1e-6)
