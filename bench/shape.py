@@ -296,6 +296,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     options = parser.parse_args(argv)
     trees = [tree.resolve() for tree in options.trees]
+    for tree in trees:
+        if not tree.is_dir():
+            parser.error(
+                f"{tree}: no such folder; a commit has to be checked out first (git worktree add DIR COMMIT)"
+            )
     titles = ("Before", "After") if len(trees) == 2 else tuple(tree.name for tree in trees)
     commits = [*options.commits, *map(commit_of, trees[len(options.commits) :])]
     text = page(list(zip(titles, commits, trees, strict=True)))
