@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from discrepancy.estimation.autoregression import Whitener
+from identify.ends import NORMAL_95, ProfileInterval
 from identify.field.chain import RATE_HZ, WINDOW_S, Event, FieldResult, Points
 from identify.field.lag import COMPLIANCES, behind_carcass
 from identify.tyre.combined import weight
@@ -213,7 +214,7 @@ def fit_points(result: FieldResult, *, friction: float = 0.75) -> tuple[PointPro
     problem = problem_with(np.hypot(force_sd, 8.0 * points.load * slip_sd))
     # far from the curve a fit could take the lag for none, where its derivative is nearly 0
     problem = replace(problem, compliance_sd=1e-3 * COMPLIANCE_PRIOR)
-    found = _best(problem, {}, _plain(problem, None))
+    found = _fits(problem, {}, _plain(problem, None))[0]
     # the slope of the curve where a point lies weighs the error of its slip
     for _ in range(3):
         problem = problem.held_at(found.values)
@@ -224,17 +225,49 @@ def fit_points(result: FieldResult, *, friction: float = 0.75) -> tuple[PointPro
         )
         problem = replace(problem_with(expected), lagging=problem.lagging)
         weights = _plain(problem, problem.parts(found.values)[0].residual)
-        found = _best(problem, found.values, weights)
+        found, *others = _fits(problem, found.values, weights)
     problem = problem.held_at(found.values)
-    return problem, replace(found, inflation=_together(found, problem))
+    found = replace(found, inflation=_together(found, problem))
+    return problem, replace(found, profiled=_of_all_optima(problem, found, others))
 
 
-def _best(problem: PointProblem, start: Mapping[str, float], noise: Noise) -> Estimate:
-    """The fit of least cost from several starts. From one of them one fit in a hundred ended at a sharp peak (curvature near 1) that the points do not have."""
+def _fits(problem: PointProblem, start: Mapping[str, float], noise: Noise) -> list[Estimate]:
+    """Fits from several starts, the one of least cost first.
+
+    From one start, one fit in a hundred ended at a sharp peak (curvature near 1) that the points do not have.
+    """
     if "PEX1" not in problem.tyre:
-        return estimate(problem, start, noise=noise)
+        return [estimate(problem, start, noise=noise)]
     found = [estimate(problem, {**start, **shape}, noise=noise) for shape in ({}, *SHAPES)]
-    return min(found, key=lambda one: one.sse + prior_cost(problem.unknowns, one.values))
+    return sorted(found, key=lambda one: _cost(problem, one))
+
+
+def _cost(problem: PointProblem, found: Estimate) -> float:
+    return found.sse + prior_cost(problem.unknowns, found.values)
+
+
+def _of_all_optima(
+    problem: PointProblem, found: Estimate, others: Sequence[Estimate]
+) -> Mapping[str, ProfileInterval]:
+    """Intervals over all optima that the data do not distinguish from the best one; empty where it is the only one.
+
+    With few slips beyond the peak, a round curve and a sharp one can have the same likelihood: an interval about one of them denies the other.
+    """
+    near = [
+        replace(one, inflation=found.inflation)
+        for one in others
+        if (_cost(problem, one) - _cost(problem, found)) / found.scatter < NORMAL_95**2
+    ]
+    own = {n: found.interval(n) for n in problem.tyre}
+    if all(own[n].lower < one.values[n] < own[n].upper for one in near for n in problem.tyre):
+        return {}
+    out = {}
+    for n, i in own.items():
+        spans = [i, *(one.interval(n) for one in near)]
+        out[n] = ProfileInterval(
+            lower=min(s.lower for s in spans), upper=max(s.upper for s in spans), linear=(i.lower, i.upper)
+        )
+    return out
 
 
 def _sized(misfit: Array, force_sd: Array, slip_sd: Array, freedom: int) -> Array:

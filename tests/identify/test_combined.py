@@ -116,3 +116,19 @@ def test_a_slip_angle_that_changes_makes_no_point(result):
     assert len(kept) > 5
     assert len(fewer) < 0.3 * len(kept)
     assert counts["slip angle not settled"] > 500
+
+
+def test_an_interval_holds_every_optimum_that_the_data_do_not_distinguish():
+    """A recording whose likelihood has two optima of the same height: about one of them the truth lay 48 standard deviations off."""
+    log, truth = make_field(any_machine(2019), 2019, slip_angle=np.radians(8.0))
+    _, found = fit_points(processed(log))
+    for name in ("PCX1", "PEX1"):
+        i = found.interval(name)
+        assert found.by(name) == "likelihood"
+        assert i.lower < truth.tyre[name] < i.upper
+    assert found.interval("PCX1").upper - found.interval("PCX1").lower > 0.3
+
+
+def test_one_optimum_keeps_the_interval_of_its_curvature(fitted):
+    _, found = fitted
+    assert found.profiled == {}
