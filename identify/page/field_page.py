@@ -46,7 +46,7 @@ def field_page(
         for i in [found.interval(n)]
     ]
     chapters = [
-        ("result", "Parameters", table(("parameter", "meaning", "value", "95 % interval", "by"), rows)),
+        ("result", "Parameters", table(("parameter", "meaning", "value", "95 % interval", "interval by"), rows)),
         (
             "open",
             "What the data do not determine",

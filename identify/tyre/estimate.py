@@ -95,7 +95,7 @@ class Estimate:
         """What an interval follows from."""
         if name in self.profiled:
             return "likelihood"
-        return "bounds" if name in self.free else "curvature"
+        return "bounds" if name in self.free else "linearised"
 
     def interval(self, name: str) -> Interval:
         """By the curvature of the likelihood; by the likelihood itself where it was profiled; by the bounds where neither says anything."""
