@@ -127,7 +127,7 @@ def report(rows: list[dict], command: str) -> str:
         out += [
             f"## {arm}: {len(own)} cases",
             "",
-            f"Seeds from {min(r['seed'] for r in own)} to {max(r['seed'] for r in own)}, commit {own[0]['commit']}.",
+            f"Seeds from {min(r['seed'] for r in own)} to {max(r['seed'] for r in own)}, commit {own[0].get('commit', 'unknown')}.",
             "",
             "| parameter | inside | coverage | error (spread) | half width (mean) |",
             "|---|---|---|---|---|",
@@ -191,7 +191,7 @@ def main() -> None:
     rows = [
         row
         for row in rows
-        if row["arm"] not in options.arms or (row["made_by"] == made_by and row["seed"] in seeds)
+        if row["arm"] not in options.arms or (row.get("made_by") == made_by and row["seed"] in seeds)
     ]
     known = {(row["arm"], row["seed"]) for row in rows}
 

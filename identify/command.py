@@ -67,8 +67,9 @@ def rig(
     from diagnosis.command import write
     from hil.companions import CALIBRATION
     from hil.ending import Ending
+    from identify.machine_text import check_base
     from identify.page.rig_page import rig_page
-    from identify.results import as_json, check_base, rig_machine, tyre_file
+    from identify.results import as_json, rig_machine, tyre_file
     from identify.rig.chain import (
         BASE,
         OF_BRAKING,
@@ -78,6 +79,7 @@ def rig(
         OF_PRESSURES,
         fitted,
         inconsistent_runs,
+        lengths,
         prepare,
         problem_of,
         staged,
@@ -85,7 +87,6 @@ def rig(
     from identify.rig.files import read_rig
     from identify.rig.models import compared
     from identify.rig.preparing import Unusable
-    from identify.rig.relaxation import step_lengths
     from identify.tyre.advice import not_fitted, undetermined
     from identify.tyre.search import searched
 
@@ -111,12 +112,6 @@ def rig(
     base = tuple(n for n in BASE if n in problem.tyre)
     # the global search costs thousands of evaluations, so it gets four nominal runs and the four basic parameters only
     check = searched(problem_of(ready, base, traces=nominal[:4])) if search and nominal else None
-    steps = [
-        s
-        for t in ready.fitted
-        if t.kind == "steps"
-        for s in step_lengths(t, ready.loads.load(t.piston_pressure))
-    ]
     wanted = (*BASE, *OF_BRAKING, *OF_LOAD, *OF_LOADS, *OF_PRESSURE, *OF_PRESSURES, "PHX1", "PVX1")
     opened = [*undetermined(found, problem), *not_fitted(problem.tyre, wanted)]
     page = rig_page(
@@ -124,7 +119,7 @@ def rig(
         problem,
         found,
         stages=stages,
-        steps=steps,
+        steps=lengths(ready),
         models=compared(ready),
         search=check,
         opened=opened,
@@ -182,8 +177,9 @@ def field(
     from identify.field.chain import Unusable, processed
     from identify.field.files import read_field
     from identify.field.fit import fit_points
+    from identify.machine_text import check_base
     from identify.page.field_page import field_page
-    from identify.results import check_base, field_machine, interval_text
+    from identify.results import field_machine, interval_text
     from identify.tyre.advice import not_fitted, undetermined
     from identify.tyre.parameters import COMBINED, INDEX
     from identify.tyre.tir_file import tir_text

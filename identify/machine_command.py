@@ -209,6 +209,7 @@ def _weighed(weighings: Sequence[Path], machine: str, load_sd: float) -> "Weighe
 
 
 def _print_weighed(weighings: Sequence[Path], machine: str, load_sd: float) -> None:
+    from identify.ends import NORMAL_95
     from identify.machine.weighing import NAMES, UNITS
 
     found = _weighed(weighings, machine, load_sd)
@@ -216,7 +217,7 @@ def _print_weighed(weighings: Sequence[Path], machine: str, load_sd: float) -> N
     for name, unit, value, sd in zip(NAMES[:5], UNITS, found.value, found.sd, strict=False):
         if name not in opened:
             print(
-                f"{name:16} {value:12.5g} {unit:5}  95 % {value - 1.96 * sd:.5g} to {value + 1.96 * sd:.5g}"
+                f"{name:16} {value:12.5g} {unit:5}  95 % {value - NORMAL_95 * sd:.5g} to {value + NORMAL_95 * sd:.5g}"
             )
     if "height moment" not in opened:
         print(f"{'height':16} {found.height:12.4g} m")
@@ -319,7 +320,7 @@ def _print_table(found: "Identified") -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from identify.machine.drives import NORMAL_95
+    from identify.ends import NORMAL_95
     from identify.machine.results import interval_text
 
     shown = Table(

@@ -1,27 +1,25 @@
 """Results of an identification as files: values with intervals (JSON), a .tir file, and a machine with calibration for plant and ECU."""
 
 import json
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from bus.user_error import UserError
 from diagnosis.apply.toml_text import Line, with_values
 from ecu.calibration import CALIBRATIONS
 from hil.companions import CALIBRATION, named
 from identify.field.chain import FieldResult
 from identify.field.fit import COMPLIANCE, PointProblem
+from identify.machine_text import TyreValue, with_tyre
 from identify.rig.chain import Prepared
 from identify.tyre.advice import Open
 from identify.tyre.estimate import Estimate
 from identify.tyre.parameters import COMBINED, INDEX, Nominal
+from identify.tyre.patch import nominal_stiffness
 from identify.tyre.rig_problem import CARCASS_NAME
 from identify.tyre.tir_file import tir_text
-from plant.sheets.machine import MACHINES, load_machine
+from plant.sheets.machine import load_machine
 
 BAR = 1e5
-TyreValue = tuple[str, float, str]
-"""Key of a machine file, value, and what is said of it."""
 KNOWN = 0.25  # standard deviation of the carcass' compliance over its value, up to which a field test determines it
 FOR_PLANT = (
     "PCX1",
@@ -71,16 +69,13 @@ def as_json(ready: Prepared, found: Estimate, opened: Sequence[Open], origin: st
 
 def tyre_file(ready: Prepared, found: Estimate, origin: str) -> str:
     """The text of the .tir file."""
-    # vertical stiffness: the slope dF/dz of the calibration's law (118) at nominal load
     n, c = ready.log.nominal, ready.log.calibration
-    depth = (-c.q1 + (c.q1**2 + 4.0 * c.q2) ** 0.5) / (2.0 * c.q2) if c.q2 > 0.0 else 1.0 / c.q1
-    stiffness = n.load / n.radius * (c.q1 + 2.0 * c.q2 * depth)
     names = [name for name in found.names if name in INDEX]
     values = {name: found.values[name] for name in names}
     return tir_text(
         values,
         n,
-        vertical_stiffness=float(stiffness),
+        vertical_stiffness=nominal_stiffness(c.q1, c.q2, n),
         notes={name: interval_text(found, name) for name in names},
         comments=(origin,),
     )
@@ -119,29 +114,6 @@ def field_machine(
         else None
     )
     return _machine_files(found, tyre, carcass, result.log.nominal, base, out, origin)
-
-
-class NoBase(UserError, ValueError):
-    """A machine cannot take an identified tyre."""
-
-
-def check_base(base: str) -> None:
-    """Raises NoBase for a machine whose tyre is that of a .tir file: its values would hold over the identified ones."""
-    load_machine(base)
-    if "tir" in tomllib.loads(_text(base)).get("tyre", {}):
-        raise NoBase(
-            f"{base}: takes its tyre from a .tir file, whose values hold over those of a machine file; name a machine without 'tir' in --machine"
-        )
-
-
-def _text(base: str) -> str:
-    file = Path(base) if base.endswith(".toml") else MACHINES / f"{base}.toml"
-    return file.read_text(encoding="utf-8")
-
-
-def with_tyre(base: str, values: Sequence[TyreValue], origin: str) -> str:
-    """The text of a machine on other values of its tyre: key, value, and what is said of it."""
-    return f"# Tyre: {origin}\n" + with_values(_text(base), [Line(("tyre",), *one) for one in values])
 
 
 def _machine_files(

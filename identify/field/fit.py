@@ -45,7 +45,7 @@ class PointProblem:
     fixed: Mapping[str, float] = field(default_factory=dict)
     gain_sd: float = 0.005
     shift_sd: float = 0.01
-    heading_sd: float = 0.01
+    heading_sd: float = 0.01  # half a degree: so well markers are put in the plane of a wheel
     compliance_sd: float = 1e-6
     lagging: CubicSpline | None = (
         None  # how far slip lags at each point, over the compliance; None: it has settled
@@ -111,7 +111,9 @@ class PointProblem:
             own = np.flatnonzero(points.event == number)
             load = float(np.median(points.load[own])) / values["gain"]
             slip, speed = self.events[number].bridged()
-            true = slip + values[SHIFT] * (1.0 + slip)
+            # (a point's slip angle has settled, and so has its event's)
+            side = np.full(slip.size, np.median(points.side_slip[own]))
+            true = _turning(values, slip, side) * (1.0 + values[SHIFT]) - 1.0
             behind = behind_carcass(
                 curve(p, self.nominal, load, self.nominal.pressure)[0], true, speed, 1.0 / RATE_HZ
             )
@@ -136,10 +138,7 @@ class PointProblem:
         n = load.size
         made = [curve(p, self.nominal, float(one), self.nominal.pressure) for one in load]
         curves = np.stack([m[0] for m in made])
-        # the speed along the wheel was taken along the markers' heading: at a slip angle a wrong heading is a wrong slip too
-        heading = values.get(HEADING, 0.0)
-        seen = np.arctan(self.points.side_slip)
-        turning = (1.0 + self.points.slip) * np.cos(seen) / np.cos(seen + heading)
+        turning = _turning(values, self.points.slip, self.points.side_slip)
         kappa = turning * (1.0 + values[SHIFT]) - 1.0
         by_compliance = np.zeros(n)
         if self.lagging is not None:
@@ -150,7 +149,7 @@ class PointProblem:
         by_slip = by[:, 5]  # the derivative by the shift is that by the slip
         of_angle, of_heading = dict[str, Array](), dict[str, Array]()
         if self.combined:
-            tan_alpha = np.tan(seen + heading)
+            tan_alpha = slip_angle(values, self.points.side_slip)
             share, by_weight = weight(kappa, tan_alpha, *(values[n] for n in COMBINED))
             of_angle = {n: gain * force * by_weight[n] for n in COMBINED}
             by_slip = share * by_slip + force * by_weight["kappa"]
@@ -179,6 +178,17 @@ class PointProblem:
                 np.ones(n, bool),
             )
         ]
+
+
+def slip_angle(values: Mapping[str, float], side_slip: Array) -> Array:
+    """Tangent of the slip angle (n,) without the error of the markers' heading."""
+    return np.tan(np.arctan(side_slip) + values.get(HEADING, 0.0))
+
+
+def _turning(values: Mapping[str, float], slip: Array, side_slip: Array) -> Array:
+    """1 + slip (n,) without the error of the markers' heading: the speed was taken along it, and at a slip angle that is another speed."""
+    seen = np.arctan(side_slip)
+    return np.asarray((1.0 + slip) * np.cos(seen) / np.cos(seen + values.get(HEADING, 0.0)), float)
 
 
 def parameters_for(points: Points) -> tuple[str, ...]:

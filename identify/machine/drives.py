@@ -26,6 +26,7 @@ from discrepancy.selection.screen import jackknife, time_blocks_of
 from discrepancy.selection.state import State
 from discrepancy.signals.adequacy import ChannelAdequacy, inadequate
 from discrepancy.signals.recording import Complaint, Recording
+from identify.ends import NORMAL_95
 from identify.machine.balances import JointPrior, balances_at, derivatives
 from identify.machine.coordinates import Coordinates
 from identify.machine.input_noise import corrected
@@ -35,7 +36,6 @@ from plant.unit.equipment import load_equipment
 
 Array = NDArray[np.float64]
 
-NORMAL_95: Final = 1.959964  # standard deviations of half a 95 % interval
 PASSES: Final = (
     3  # of noise and fit, which depend on each other; the third changes figures in the fifth digit
 )

@@ -12,6 +12,8 @@ from diagnosis.apply.machine_files import entry
 from diagnosis.apply.toml_text import Line
 from discrepancy.model.description import Model, Parameter
 from discrepancy.models.loader.nuisances import BODIES
+from identify.tyre.parameters import Nominal
+from identify.tyre.patch import nominal_stiffness
 from plant.sheets.machine import Machine
 from plant.unit.sensor_parameters import SensorParameters
 
@@ -113,9 +115,8 @@ def quantities(machine: Machine, model: Model) -> list[Quantity]:
 def vertical_stiffness(machine: Machine, stiffer: float = 0.0) -> float:
     """Slope of load over deflection of a tyre at nominal load and pressure [N/m]; stiffer: share by which both coefficients are larger."""
     t = machine.tyre
-    a, b = t.qfz1 * (1.0 + stiffer), t.qfz2 * (1.0 + stiffer)
-    # 1 = a d + b d² at the nominal load; the slope there is a + 2 b d, the root of the discriminant
-    return float(t.nominal_load / t.radius * (a * a + 4.0 * b) ** 0.5)
+    nominal = Nominal(load=t.nominal_load, pressure=t.nominal_pressure * 1e5, radius=t.radius)
+    return nominal_stiffness(t.qfz1 * (1.0 + stiffer), t.qfz2 * (1.0 + stiffer), nominal)
 
 
 def sensor_label(parameter: str) -> str:

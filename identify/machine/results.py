@@ -9,9 +9,9 @@ from diagnosis.apply.toml_text import Line, with_values
 from diagnosis.describe import rounded
 from discrepancy.signals.adequacy import left
 from hil.companions import EQUIPMENT, companion, named
-from identify.ends import ProfileInterval
+from identify.ends import NORMAL_95, ProfileInterval
 from identify.machine.balances import BODY_VALUES
-from identify.machine.drives import NORMAL_95, Estimated, Identified
+from identify.machine.drives import Estimated, Identified
 from identify.machine.parameters import PAYLOAD, machine_lines, sensor_entry
 from identify.machine.programme import Programme
 from plant.sheets.machine import MACHINES

@@ -12,6 +12,7 @@ from identify.make.defects import FIELD, Defects, dropped, ringing, spiked
 from identify.make.drum import at_slip_angle, drum_force, wheel_block
 from identify.make.rig import tyre_values
 from identify.tyre.parameters import Nominal
+from identify.tyre.patch import deflection
 from plant.sheets.machine import Machine
 
 Array = NDArray[np.float64]
@@ -65,8 +66,7 @@ def make_field(
     speed = path_speed * np.cos(angle)
     w = wheel_block(machine, machine.tyre.nominal_pressure)
     share = load / nominal.load
-    q1, q2 = machine.tyre.qfz1, machine.tyre.qfz2
-    depth = (-q1 + np.sqrt(q1 * q1 + 4.0 * q2 * share)) / (2.0 * q2) if q2 > 0.0 else share / q1
+    depth = deflection(share, machine.tyre.qfz1, machine.tyre.qfz2)
     loaded = nominal.radius * (1.0 - depth)
     rolling = 3.0 * loaded / (1.0 + 2.0 * loaded / nominal.radius)
     force, transient = drum_force(w, 1.0, load, speed, speed * (1.0 + kappa), 1.0 / TRUTH_HZ)

@@ -14,6 +14,7 @@ from identify.make.defects import RIG, Defects, dropped, ringing, spiked
 from identify.make.drum import drum_force, wheel_block
 from identify.rig.log import PistonCalibration, RigLog, RigRun
 from identify.tyre.parameters import COMBINED, Nominal
+from identify.tyre.patch import deflection
 from plant.sheets.machine import Machine
 
 Array = NDArray[np.float64]
@@ -202,7 +203,7 @@ def _calibration(
     piston = np.arange(5.0)
     share = OFFSET + SLOPE * piston
     q1, q2 = tyre.qfz1, tyre.qfz2
-    depth = (-q1 + np.sqrt(q1 * q1 + 4.0 * q2 * share)) / (2.0 * q2) if q2 > 0.0 else share / q1
+    depth = deflection(share, q1, q2)
     believed = 1.0 + defects.size("calibration", 0.02) * random.standard_normal()
     radius = nominal.radius * (1.0 - depth) + defects.size("calibration", 1e-3) * random.standard_normal(5)
     return PistonCalibration(

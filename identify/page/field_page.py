@@ -8,7 +8,7 @@ import numpy as np
 
 from identify.ends import NORMAL_95
 from identify.field.chain import ASPHALT_GROUPS, GRAVEL_GROUPS, FieldResult, Points, load_groups
-from identify.field.fit import COMPLIANCE, HEADING, SHIFT, SMALL_ANGLE, PointProblem
+from identify.field.fit import COMPLIANCE, HEADING, SHIFT, SMALL_ANGLE, PointProblem, slip_angle
 from identify.page.figure import STYLE, Cloud, Line, drawn, table
 from identify.tyre.advice import Open
 from identify.tyre.brush import brush_force, fit_brush
@@ -46,7 +46,11 @@ def field_page(
         for i in [found.interval(n)]
     ]
     chapters = [
-        ("result", "Parameters", table(("parameter", "meaning", "value", "95 % interval", "interval by"), rows)),
+        (
+            "result",
+            "Parameters",
+            table(("parameter", "meaning", "value", "95 % interval", "interval by"), rows),
+        ),
         (
             "open",
             "What the data do not determine",
@@ -86,7 +90,7 @@ def _combined(problem: PointProblem, found: Estimate) -> str:
     """The share of the force that remains at a slip angle, for bands of slip: the law at the middle slip, and points beside it as they are beside their own."""
     v, points = found.values, problem.points
     [part] = problem.parts(dict(v))
-    tan_alpha = np.tan(np.arctan(points.side_slip) + v[HEADING])
+    tan_alpha = slip_angle(v, points.side_slip)
     coefficients = [v[n] for n in COMBINED]
     measured = points.force - v["tare"]
     ratio = measured / (part.residual * problem.scale + measured)

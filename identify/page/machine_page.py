@@ -5,7 +5,8 @@ from html import escape
 
 import numpy as np
 
-from identify.machine.drives import NORMAL_95, Estimated, Identified
+from identify.ends import NORMAL_95
+from identify.machine.drives import Estimated, Identified
 from identify.machine.programme import Programme
 from identify.machine.results import (
     Profiles,

@@ -106,7 +106,9 @@ def _parameters(found: Estimate) -> str:
             )
         )
     note = '<p class="soft">The interval holds all that is unknown, load and gain included. The bootstrap resamples seconds of the runs, and so holds their noise alone. Where parameters can change together without any first-order effect on the data, the curvature of the likelihood says nothing of them, and the interval is where the likelihood itself falls.</p>'
-    return note + table(("parameter", "meaning", "value", "95 % interval", "interval by", "± by bootstrap"), rows)
+    return note + table(
+        ("parameter", "meaning", "value", "95 % interval", "interval by", "± by bootstrap"), rows
+    )
 
 
 def _staged(stages: Sequence[Estimate], found: Estimate) -> str:

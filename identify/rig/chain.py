@@ -8,6 +8,7 @@ import numpy as np
 from identify.rig.load import LoadLine, load_line
 from identify.rig.log import RigLog
 from identify.rig.preparing import Trace, Unusable, prepared, slower
+from identify.rig.relaxation import StepLength, step_lengths
 from identify.signals.rejection import added
 from identify.tyre.estimate import Estimate, estimate
 from identify.tyre.rig_problem import RigProblem
@@ -152,6 +153,16 @@ def first_stage(ready: Prepared) -> dict[str, float]:
 def fitted(ready: Prepared, before: Sequence[Estimate] = ()) -> Estimate:
     """The joint estimate of all unknowns. before: the staged estimates, where they were made already."""
     return estimate(problem_of(ready), dict(before[-1].values) if before else first_stage(ready))
+
+
+def lengths(ready: Prepared) -> list[StepLength]:
+    """Relaxation lengths of all steps of all runs of steps."""
+    return [
+        s
+        for t in ready.fitted
+        if t.kind == "steps"
+        for s in step_lengths(t, ready.loads.load(t.piston_pressure))
+    ]
 
 
 def inconsistent_runs(ready: Prepared, found: Estimate) -> list[str]:

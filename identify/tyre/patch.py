@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,21 @@ from identify.tyre.estimate import Interval
 from identify.tyre.parameters import Nominal
 
 Array = NDArray[np.float64]
+ArrayOrFloat = TypeVar("ArrayOrFloat", Array, np.float64)
 
 FEWEST = 3  # readings: two coefficients and their scatter
-DOUBTFUL = 0.01  # probability of a constant term by chance, below which the readings are said to have one
+DOUBTFUL = 0.01
+"""Probability of a constant term by chance, below which the readings are said to have one: a warning, so one false one in a hundred sheets is bearable."""
+
+
+def deflection(share: ArrayOrFloat, q1: float, q2: float) -> ArrayOrFloat:
+    """Deflection over the unloaded radius at loads over the nominal one: the inverse of (118), in the form that holds for q2 = 0 too."""
+    return 2.0 * share / (q1 + np.sqrt(q1 * q1 + 4.0 * q2 * share))
+
+
+def nominal_stiffness(q1: float, q2: float, nominal: Nominal) -> float:
+    """Slope of the load over the deflection at nominal load [N/m]: q1 + 2 q2 d, which at 1 = q1 d + q2 d² is the root of the discriminant."""
+    return float(nominal.load / nominal.radius * (q1 * q1 + 4.0 * q2) ** 0.5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +45,10 @@ class Law:
         """Derivative of the value by both coefficients (n, 2)."""
         share = x / self.scale
         return self.unit * np.stack([share**p for p in self.powers], axis=1)
+
+    def slopes(self, x: float) -> Array:
+        """Derivative of the rows by x (2,)."""
+        return np.array([self.unit * p * (x / self.scale) ** (p - 1.0) / self.scale for p in self.powers])
 
 
 def laws(nominal: Nominal) -> Mapping[str, Law]:
@@ -97,9 +114,7 @@ class Fitted:
 
     def slope(self, x: float) -> Interval:
         """Of the law's derivative at x."""
-        h = 1e-4 * self.law.scale
-        up, down = (self.law.rows(np.array([x + s]))[0] for s in (h, -h))
-        return self._interval((up - down) / (2.0 * h))
+        return self._interval(self.law.slopes(x))
 
     def _interval(self, gradient: Array) -> Interval:
         value, sd = float(gradient @ self.coefficients), float(np.sqrt(gradient @ self.covariance @ gradient))

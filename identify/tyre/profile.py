@@ -17,9 +17,9 @@ Array = NDArray[np.float64]
 def profiles(problem: Problem, found: Estimate, names: Sequence[str]) -> Mapping[str, ProfileInterval]:
     """By name; the noise stays that of the fit, and the data count as much less as the fit says that they scatter more."""
     cost = _Likelihood(problem, found)
-    at, _ = cost.least(cost.start, None)
     # about the optimum of the scattered data, which the fit's own is unless priors count
-    return {name: _profile(cost, found, at, name) for name in names}
+    best = cost.least(cost.start, None)
+    return {name: _profile(cost, found, best, name) for name in names}
 
 
 def with_profiles(problem: Problem, found: Estimate, names: Sequence[str]) -> Estimate:
@@ -75,14 +75,15 @@ class _Likelihood:
         return out
 
 
-def _profile(cost: _Likelihood, found: Estimate, at: Array, name: str) -> ProfileInterval:
+def _profile(cost: _Likelihood, found: Estimate, best: tuple[Array, float], name: str) -> ProfileInterval:
+    """best: all unknowns at the optimum, and the cost there."""
+    at, least = best
     own = [u.name for u in cost.unknowns].index(name)
     covariance = found.covariance
     # (nothing follows a parameter of which only the bounds are known)
     follow = (
         np.zeros(at.size) if name in found.free else covariance[:, own] / max(covariance[own, own], 1e-300)
     )
-    _, least = cost.least(at, None)
 
     def fall(value: float) -> float:
         moved = at + follow * (value - at[own])

@@ -366,11 +366,6 @@ _TABLES: dict[str, type[Any]] = {
 }
 
 
-def machine_names() -> list[str]:
-    """Names of the machines that come with the package."""
-    return sorted(path.stem for path in MACHINES.glob("*.toml"))
-
-
 def load_machine(name_or_path: str | Path, changes: Sequence[Change] = ()) -> Machine:
     """A machine by name ("l60") or from a TOML file, `changes` laid over it.
 

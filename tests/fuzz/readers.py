@@ -103,7 +103,7 @@ def _truth_rows(file: Path) -> object:
 
 def _readings(file: Path) -> object:
     """A sheet of a tyre's contact, and the laws through it."""
-    from identify.contact_command import readings_of
+    from identify.contact import readings_of
 
     return readings_of(file, "l60")
 

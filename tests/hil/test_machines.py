@@ -7,12 +7,13 @@ from ecu.calibration import load_calibration
 from hil.compose import Choice, calibration_of, lockstep
 from hil.judgement import first_warning
 from hil.verdict import first_lift_off
-from plant.sheets.machine import family_of, load_machine, machine_names
+from plant.sheets import machine as sheets
+from plant.sheets.machine import family_of, load_machine
 from plant.unit.equipment import load_equipment
 from studies.campaigns.memory import columns_of
 from studies.campaigns.normal_force import errors_of, estimates_of
 
-MACHINES = pytest.mark.parametrize("machine", machine_names())
+MACHINES = pytest.mark.parametrize("machine", sorted(file.stem for file in sheets.MACHINES.glob("*.toml")))
 
 
 def drive(machine, scenario, *, limits, payload_kg=None):

@@ -10,11 +10,11 @@ from typer.testing import CliRunner
 
 from bus.user_error import UserError
 from identify.command import register
-from identify.contact_command import at_nominal, fitted
+from identify.contact import at_nominal, fitted
 from identify.reading import BadRecording
 from identify.sheet import read_sheet
 from identify.tyre.parameters import Nominal
-from identify.tyre.patch import fit, laws
+from identify.tyre.patch import deflection, fit, laws, nominal_stiffness
 from tests.conftest import ROOT
 
 NOMINAL = Nominal(load=34e3, pressure=3.5e5, radius=0.743)
@@ -77,6 +77,26 @@ def test_a_zero_that_is_wrong_is_said_and_one_that_is_right_is_not():
     wrong, _ = fitted(sheet(deflection=depth(LOAD) + noise + 8e-3), NOMINAL)
     assert right["deflection"].constant == 0.0
     assert wrong["deflection"].constant < -3e3  # 8 mm at some 600 kN/m
+
+
+def test_a_right_zero_is_called_wrong_once_in_a_hundred_sheets():
+    law, random = laws(NOMINAL)["deflection"], np.random.default_rng(8)
+    x = depth(LOAD)
+    called = sum(
+        bool(fit(law, x, LOAD + 150.0 * random.standard_normal(x.size)).constant) for _ in range(2000)
+    )
+    # 20 +- 4.5 (one standard deviation)
+    assert 6 < called < 38
+
+
+def test_the_inverse_of_the_vertical_law_and_its_slope():
+    share = np.linspace(0.1, 2.0, 9)
+    for q1, q2 in ((13.7, 27.6), (13.7, 0.0), (20.0, -5.0)):
+        d = deflection(share, q1, q2)
+        assert q1 * d + q2 * d**2 == pytest.approx(share, rel=1e-12)
+        at, h = deflection(np.float64(1.0), q1, q2), 1e-6
+        slope = ((q1 * (at + h) + q2 * (at + h) ** 2) - (q1 * (at - h) + q2 * (at - h) ** 2)) / (2.0 * h)
+        assert nominal_stiffness(q1, q2, NOMINAL) == pytest.approx(34e3 / 0.743 * slope, rel=1e-6)
 
 
 def test_two_terms_need_different_loads():
