@@ -60,9 +60,13 @@ def least(y, c):
     return float(rest @ rest) / SIZE**2
 
 
-def test_a_line_has_its_linear_interval():
-    problem, found = fitted(noisy(1.2 + 0.4 * X), ("PKX1", "PKX2"))
+@pytest.mark.parametrize("louder", [1.0, 3.0])
+def test_a_line_has_its_linear_interval(louder):
+    """Data that scatter more than their noise is said to widen both alike."""
+    y = 1.2 + 0.4 * X
+    problem, found = fitted(y + louder * (noisy(y) - y), ("PKX1", "PKX2"))
     assert found.free == frozenset()
+    assert (found.scatter > 5.0) == (louder > 1.0)
     for p in profiles(problem, found, problem.names).values():
         assert p.asymmetry < 0.02
 
