@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from bus.user_error import UserError
 from hil.ending import Ending
 
 commands = typer.Typer(
@@ -18,6 +19,10 @@ SettingsArgument = Annotated[
 ]
 
 
+class FileThereError(UserError, ValueError):
+    """The file to write is there already."""
+
+
 @commands.command()
 def new(
     out: Annotated[Path, typer.Argument(metavar="FILE", help="File to write.")],
@@ -26,6 +31,10 @@ def new(
 
     Example: `loaderhil deploy new /etc/loaderhil/ecu.toml`
     """
+    if out.exists():
+        raise FileThereError(
+            f"{out}: it is there already, perhaps edited; move it away, or choose another name"
+        )
     _write(out, TEMPLATE.read_text(encoding="utf-8"))
 
 
@@ -67,11 +76,12 @@ def units(
     Example: `loaderhil deploy units ecu.toml --out /`
     """
     from deploy.settings import ServiceSettings
+    from deploy.target import check_paths, check_program
     from deploy.units import SETTINGS, service_files
 
     settings = ServiceSettings.from_file(file)
-    # systemd takes absolute paths only
-    found = str(program or shutil.which("loaderhil") or "/usr/bin/loaderhil")
+    check_paths(settings, out)
+    found = check_program(program or Path(shutil.which("loaderhil") or "/usr/bin/loaderhil"))
     target = out / SETTINGS.lstrip("/")
     # --out / with /etc/loaderhil/ecu.toml itself: nothing to copy
     if target.absolute() != file.absolute():

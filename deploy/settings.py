@@ -1,17 +1,20 @@
 """Settings of a deployed ECU: one TOML file, checked before anything is sent on the bus."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-from configuration import CheckedTable
+from configuration import CheckedTable, ConfigurationError
 from deploy.c.core import BY_NAME
+from deploy.words import single_line
 from ecu.core import Form
 from ecu.offered.services import NO_SERVICES, ServiceOptions
 from hil.ecu_side import CALIBRATION, FORMS
 from hil.shell.realtime_options import PRIORITIES, RealtimeOptions
 
 CORES = tuple(BY_NAME)
+KEY = "offered.access_key"
 SUFFIXES = ("blf", "log", "asc", "mf4")
 NAME_LENGTH = 15  # IFNAMSIZ of Linux less the closing zero
 
@@ -47,6 +50,7 @@ class GatewaySettings:
 class ServiceSettings:
     """A deployed ECU."""
 
+    file: Path  # that holds the settings; errors name it
     can: CanSettings
     core: str  # what computes the ECU: python, c
     calibration: str  # name or path of the ECU's calibration
@@ -63,6 +67,21 @@ class ServiceSettings:
         """The bus, as every command takes it."""
         return f"socketcan:{self.can.interface}"
 
+    @property
+    def paths(self) -> Mapping[str, str]:
+        """The files that the services read, by the key that names them."""
+        named = {
+            # a calibration without a suffix is one that the package has
+            "ecu.calibration": self.calibration if self.calibration.endswith(".toml") else None,
+            KEY: None if self.offered.access_key is None else str(self.offered.access_key),
+            "gateway.routes": None if self.gateway is None else self.gateway.routes,
+        }
+        return {key: path for key, path in named.items() if path is not None}
+
+    def error(self, key: str, what: str) -> ConfigurationError:
+        """An error about a key of the file, such as `ecu.core`."""
+        return ConfigurationError(f"{self.file}: {key} {what}")
+
     @classmethod
     def from_file(cls, path: Path) -> Self:
         """Raises ConfigurationError with file, key, value, unit and permitted range."""
@@ -77,9 +96,10 @@ class ServiceSettings:
         gateway = top.table("gateway") if "gateway" in top else None
         offered = top.table("offered") if "offered" in top else None
         settings = cls(
+            file=path,
             can=_can(can),
             core=ecu.choice("core", CORES) if "core" in ecu else CORES[0],
-            calibration=ecu.text("calibration", default=CALIBRATION),
+            calibration=_line(ecu, "calibration", CALIBRATION),
             form=next(known for known in FORMS if known == form),
             limits=ecu.flag("limits", default=True),
             realtime=RealtimeOptions(
@@ -123,15 +143,23 @@ def _gateway(table: CheckedTable, can: CheckedTable) -> GatewaySettings:
     if machine == can.text("interface"):
         raise table.error("machine_interface", f"= {machine!r} is the ECU's own: a gateway has two buses")
     return GatewaySettings(
-        machine_interface=machine, routes=table.text("routes") if "routes" in table else None
+        machine_interface=machine, routes=_line(table, "routes") if "routes" in table else None
     )
 
 
 def _offered(table: CheckedTable) -> ServiceOptions:
     """The table [offered]. Identifiers, NAME and key are checked with the ECU that they belong to (deploy.check)."""
-    words = {key: table.text(key) if key in table else None for key in ("xcp", "uds", "j1939")}
-    key_file = Path(table.text("access_key")) if "access_key" in table else None
+    words = {key: _line(table, key) if key in table else None for key in ("xcp", "uds", "j1939")}
+    key_file = Path(_line(table, "access_key")) if "access_key" in table else None
     return ServiceOptions(**words, access_key=key_file)
+
+
+def _line(table: CheckedTable, key: str, default: str | None = None) -> str:
+    """The text at `key`, which becomes a word of a command that root's files start."""
+    value = table.text(key, default=default)
+    if not single_line(value):
+        raise table.error(key, f"= {value!r} has a control character, such as the end of a line")
+    return value
 
 
 def _interface(table: CheckedTable, key: str) -> str:

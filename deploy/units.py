@@ -3,9 +3,11 @@
 systemd.network(5), systemd.service(5), systemd.exec(5), sysusers.d(5).
 """
 
+import shlex
 from collections.abc import Mapping, Sequence
 
 from deploy.settings import CORES, GatewaySettings, RecorderSettings, ServiceSettings
+from deploy.words import executable, word
 from ecu.offered.services import ServiceOptions
 from hil.ending import Ending
 from hil.shell.realtime_options import RealtimeOptions
@@ -23,6 +25,7 @@ def service_files(
     """Path below the root of the target -> text.
 
     program: absolute path of the `loaderhil` command on the target; settings_file: absolute path there.
+    Raises UserError for a program or a file that the services would not find.
     """
     interfaces = [settings.can.interface]
     services = {ECU: _ecu(settings, program, settings_file)}
@@ -68,9 +71,9 @@ Description={description}
 # An interface is a device of the unit: an unplug stops the service, and the next plug starts it again.
 BindsTo={devices}
 After={devices} systemd-networkd.service
-# A service that fails five times in a minute stays down until somebody looks: without the ECU the machine is on its own safe limits.
-StartLimitIntervalSec=60
-StartLimitBurst=5
+# No attempt is the last one: the cause may pass by itself, such as a second ECU on the bus. Until then nothing is sent, and the machine is
+# on its own safe limits.
+StartLimitIntervalSec=0
 """
 
 
@@ -138,20 +141,14 @@ def _offered_words(offered: ServiceOptions) -> list[str]:
         "--j1939": offered.j1939,
         "--access-key": None if offered.access_key is None else str(offered.access_key),
     }
-    return [f"{option} {_quoted(value)}" for option, value in named.items() if value is not None]
-
-
-def _quoted(value: str) -> str:
-    """A word of ExecStart=, systemd.service(5): in quotes, with what systemd would replace written twice."""
-    escaped = value.replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%").replace("$", "$$")
-    return f'"{escaped}"'
+    return [f"{option} {word(value)}" for option, value in named.items() if value is not None]
 
 
 def _ecu(settings: ServiceSettings, program: str, settings_file: str) -> str:
     interface, realtime = settings.can.interface, settings.realtime
     options = [
         f"--bus {settings.address}",
-        f"--calibration {settings.calibration}",
+        f"--calibration {word(settings.calibration)}",
         f"--form {settings.form}",
         *([] if settings.limits else ["--no-limits"]),
         *([] if settings.core == CORES[0] else [f"--core {settings.core}"]),
@@ -163,14 +160,14 @@ def _ecu(settings: ServiceSettings, program: str, settings_file: str) -> str:
 [Service]
 Type=notify
 User={USER}
-ExecStartPre={program} deploy check {settings_file}
-ExecStart={program} ecu {" ".join(options)}
+ExecStartPre={executable(program)} deploy check {word(settings_file)}
+ExecStart={executable(program)} ecu {" ".join(options)}
 TimeoutStartSec={START_TIMEOUT_S}
 WatchdogSec={settings.watchdog_s:g}
 # Without the ECU the machine falls back on safe limits by itself, so that a quick restart costs comfort and not safety.
 Restart=always
 RestartSec=0.2
-# Wrong settings do not mend themselves.
+# A wrong option does not mend itself.
 RestartPreventExitStatus={int(Ending.MISUSED)}
 SuccessExitStatus={int(Ending.INTERRUPTED)}
 
@@ -182,17 +179,18 @@ SuccessExitStatus={int(Ending.INTERRUPTED)}
 
 def _recorder(settings: ServiceSettings, recorder: RecorderSettings, program: str) -> str:
     interface = settings.can.interface
-    # A recording never overwrites another one, so each start has a name of its own. "$$" and "%%" are one sign each to systemd.
-    file = f"/var/log/loaderhil/{interface}-$$(date -u +%%Y%%m%%dT%%H%%M%%SZ).{recorder.suffix}"
+    # A recording never overwrites another one, so each start has a name of its own, which a shell makes.
+    file = f"/var/log/loaderhil/{interface}-$(date -u +%Y%m%dT%H%M%SZ).{recorder.suffix}"
     command = (
-        f"exec {program} record loader={settings.address} --rotate-mib {recorder.rotate_mib:g} --out {file}"
+        f"exec {shlex.quote(program)} record loader={settings.address} "
+        f"--rotate-mib {recorder.rotate_mib:g} --out {file}"
     )
     return f"""\
 {_unit(f"loaderhil recorder of {interface}", [interface])}
 [Service]
 Type=exec
 User={USER}
-ExecStart=/bin/sh -c '{command}'
+ExecStart=/bin/sh -c {word(command)}
 LogsDirectory=loaderhil
 # It only listens: nothing on the bus depends on it, and a full disk may wait for somebody to make room.
 Restart=always
@@ -214,7 +212,7 @@ def _gateway(settings: ServiceSettings, gateway: GatewaySettings, program: str) 
     options = [
         f"--plant-bus socketcan:{gateway.machine_interface}",
         f"--ecu-bus {settings.address}",
-        *([f"--routes {gateway.routes}"] if gateway.routes else []),
+        *([f"--routes {word(gateway.routes)}"] if gateway.routes else []),
         *settings.realtime.words(),
     ]
     return f"""\
@@ -222,7 +220,7 @@ def _gateway(settings: ServiceSettings, gateway: GatewaySettings, program: str) 
 [Service]
 Type=exec
 User={USER}
-ExecStart={program} gateway {" ".join(options)}
+ExecStart={executable(program)} gateway {" ".join(options)}
 # Without the gateway the machine hears no ECU, and falls back on safe limits by itself.
 Restart=always
 RestartSec=0.2

@@ -39,13 +39,14 @@ def run(
 ) -> Ending:
     """Run the virtual ECU on the bus until a signal ends it; with `out`, its timing and log are written there."""
     log_to(out and out / rundir.ECU_LOG)
-    manager = ServiceManager.from_environment()
-    # fails at once if there is no bus, not after the compilation
-    reach(address)
     # read once: the ECU and what a tool sees of its calibration are of one state of the file
     table = calibration_table(calibration)
+    # options that do not fit together are an error of the command line, whether there is a bus or not
     cycle = core.ecu(read_calibration(table), form=form, limits=limits, detect_faults=detect_faults)
     offered = services_of(cycle, table, services)
+    # fails at once if there is no bus, not after the compilation of Python's estimators
+    reach(address)
+    manager = ServiceManager.from_environment()
     cycle.warm_up()  # compiles Python's estimators, which takes seconds the first time: before the other side waits for answers
     # after the warm-up: objects and code that exist now are frozen and locked
     realtime.apply()

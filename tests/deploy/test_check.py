@@ -11,15 +11,14 @@ import pytest
 from bus.address import open_transport
 from bus.frame import Frame
 from bus.socketcan.link import Link
+from configuration import ConfigurationError
 from dbc import loader_database
-from deploy.check import ALONE, HEALTHY, INTERFACE, MACHINE, Heard, check, judge, judge_interface
+from deploy.check import ALONE, GATEWAY, HEALTHY, INTERFACE, MACHINE, Heard, check, judge, judge_interface
 from deploy.command import TEMPLATE
-from deploy.settings import ServiceSettings
-from ecu.j1939.name import BadName
-from ecu.measure.access import SecretError
-from ecu.measure.channel import ChannelError
+from deploy.settings import GatewaySettings, ServiceSettings
 from ecu.offered.services import ServiceOptions
 from hil.foreign.silence import identifiers_of
+from hil.shell.realtime_options import RealtimeOptions
 from hil.verdict import Result
 from tests.bus.conftest import vcan  # noqa: F401
 from tests.bus.vcan import INTERFACE as VCAN
@@ -49,18 +48,56 @@ def test_an_interface_that_cannot_send_is_refused_with_a_cause(link, said):
     assert said in verdict.reason
 
 
+ANY_CPU = replace(SETTINGS, realtime=RealtimeOptions())
+CAN1 = GatewaySettings(machine_interface="can1", routes=None)
+
+
+def refusal(settings):
+    with pytest.raises(ConfigurationError) as raised:
+        check(settings)
+    return str(raised.value)
+
+
 @pytest.mark.parametrize(
-    ("offered", "error"),
+    ("changed", "key", "said"),
     [
-        (ServiceOptions(j1939="identity=1"), BadName),
-        (ServiceOptions(xcp="0x601"), ChannelError),
-        (ServiceOptions(uds="0x601,0x602", access_key=Path("/none")), SecretError),
+        ({"offered": ServiceOptions(j1939="identity=1")}, "offered.j1939", "manufacturer"),
+        ({"offered": ServiceOptions(xcp="0x601")}, "offered.xcp", "0x601"),
+        (
+            {"offered": ServiceOptions(uds="0x601,0x602", access_key=Path("/none"))},
+            "offered.access_key",
+            "/none",
+        ),
+        (
+            {"offered": ServiceOptions(xcp="0x601,0x602", uds="0x601,0x603")},
+            "offered ",
+            "share an identifier",
+        ),
+        ({"core": "c", "offered": ServiceOptions(xcp="0x601,0x602")}, "offered.xcp", "in Python only"),
+        ({"core": "c", "form": "printed"}, "ecu.core", "--form printed"),
+        ({"calibration": "l61"}, "ecu.calibration", "'l61'"),
+        ({"realtime": RealtimeOptions(cpu=4000)}, "realtime.cpu", "= 4000"),
+        ({"gateway": replace(CAN1, routes="/none/routes.toml")}, "gateway.routes", "/none/routes.toml"),
     ],
-    ids=["NAME", "identifiers", "key"],
 )
-def test_what_cannot_be_offered_is_found_before_the_bus_is_heard(offered, error):
-    with pytest.raises(error):
-        check(replace(SETTINGS, offered=offered))
+def test_a_setting_that_cannot_be_used_is_named_before_the_bus_is_heard(changed, key, said, monkeypatch):
+    monkeypatch.setattr("deploy.check.listen", lambda *_: pytest.fail("it listened"))
+    refused = refusal(replace(ANY_CPU, **changed))
+    assert refused.startswith(f"{SETTINGS.file}: {key}")
+    assert said in refused
+
+
+def test_a_route_that_the_gateway_would_refuse_is_refused(tmp_path):
+    routes = tmp_path / "routes.toml"
+    routes.write_text('[[route]]\nmessage = "VehicleSpede"\nfrom = "plant"\npass = false\n')
+    refused = refusal(replace(ANY_CPU, gateway=replace(CAN1, routes=str(routes))))
+    assert "gateway.routes" in refused
+    assert "did you mean 'VehicleSpeed'" in refused
+
+
+def test_the_gateway_needs_its_other_interface_too():
+    verdicts = check(replace(ANY_CPU, gateway=replace(CAN1, machine_interface="canzzz")))
+    assert "there is no interface canzzz" in {v.question: v for v in verdicts}[GATEWAY].reason
 
 
 def test_a_machine_alone_on_the_bus_passes():
@@ -92,7 +129,7 @@ def test_error_frames_are_refused():
 class TestOnVcan:
     """The same on a real CAN interface of the kernel."""
 
-    quick = replace(SETTINGS, can=replace(SETTINGS.can, interface=VCAN, listen_s=0.5))
+    quick = replace(ANY_CPU, can=replace(SETTINGS.can, interface=VCAN, listen_s=0.5))
 
     @pytest.fixture
     def traffic(self, vcan):  # noqa: F811

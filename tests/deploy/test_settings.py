@@ -76,6 +76,16 @@ def test_what_the_ecu_offers_is_what_the_table_names(read):
         (LEAST + "[gateway]\n", "gateway.machine_interface is missing"),
         (LEAST + "[watchdog]\n", "watchdog is not a known key"),
         (LEAST + "[offered]\nisobus = 1\n", "offered.isobus is not a known key"),
+        (
+            LEAST + '[ecu]\ncalibration = "l60\\nUser=root"\n',
+            "ecu.calibration = 'l60\\nUser=root' has a control",
+        ),
+        (
+            LEAST + '[gateway]\nmachine_interface = "can1"\nroutes = "/r\\r"\n',
+            "gateway.routes = '/r\\r' has a control",
+        ),
+        (LEAST + '[offered]\nxcp = "1,\\t2"\n', "offered.xcp = '1,\\t2' has a control"),
+        (LEAST + '[offered]\naccess_key = "/k\\n"\n', "offered.access_key = '/k\\n' has a control"),
     ],
 )
 def test_a_mistake_is_named_with_its_key(read, text, said):

@@ -13,6 +13,7 @@ import pytest
 from deploy.command import TEMPLATE
 from deploy.settings import GatewaySettings, RecorderSettings, ServiceSettings
 from deploy.units import service_files
+from deploy.words import UnitTextError
 from ecu.offered.services import ServiceOptions
 from hil.shell.realtime_options import RealtimeOptions
 
@@ -72,6 +73,7 @@ def test_a_recorder_never_needs_a_name_twice():
     # as systemd reads it: "$$" and "%%" are one sign each
     command = found["ExecStart"].replace("$$", "$").replace("%%", "%")
     assert "record loader=socketcan:can0 --rotate-mib 12 --out" in command
+    # ... and the quotes of systemd are those of a shell here, with nothing for it to replace in them
     words = shlex.split(command)
     shown = subprocess.run(
         [*words[:2], words[2].replace("exec /usr/bin/loaderhil", "echo")],
@@ -102,6 +104,50 @@ def test_the_core_arrives():
     assert " --core c " in service(replace(SETTINGS, core="c"))["ExecStart"]
 
 
+AWKWARD = '/opt/my \\ "own"; l60/100%$x.toml'
+IN_WORDS = r'"/opt/my \\ \"own\"; l60/100%%$$x.toml"'
+
+
+def test_a_blank_or_sign_in_a_path_stays_in_one_word():
+    """systemd.service(5): words in quotes; % and $ are special unless they are doubled."""
+    settings = replace(
+        SETTINGS, calibration=AWKWARD, gateway=GatewaySettings(machine_interface="can1", routes=AWKWARD)
+    )
+    files = service_files(settings, "/opt/my loader/100%", "/etc/my ecu.toml")
+    found = {name: sections(text)["Service"] for name, text in files.items() if name.endswith(".service")}
+    gateway = found["etc/systemd/system/loaderhil-gateway.service"]
+    assert f" --calibration {IN_WORDS} " in found[SERVICE]["ExecStart"]
+    assert f" --routes {IN_WORDS} " in gateway["ExecStart"]
+    assert found[SERVICE]["ExecStartPre"] == '"/opt/my loader/100%%" deploy check "/etc/my ecu.toml"'
+    assert gateway["ExecStart"].startswith('"/opt/my loader/100%%" gateway ')
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        "loaderhil",
+        ".venv/bin/loaderhil",
+        "/home/me/loaderhil",
+        "/opt/../home/x",
+        "/opt/$x",
+        "/opt/'x'",
+        '/opt/"x"',
+        "/opt/x\\y",
+        "/opt/x\nUser=root",
+    ],
+)
+def test_a_program_that_systemd_cannot_start_is_refused(program):
+    with pytest.raises(UnitTextError):
+        service_files(SETTINGS, program)
+
+
+def test_a_service_never_gives_up():
+    """A cause may pass by itself; systemd.unit(5): an interval of 0 switches the limit of starts off."""
+    for name, text in service_files(SETTINGS, "/usr/bin/loaderhil").items():
+        if name.endswith(".service"):
+            assert sections(text)["Unit"]["StartLimitIntervalSec"] == "0"
+
+
 OFFERED = ServiceOptions(
     j1939="identity=1,manufacturer=0", uds="0x610,0x611", access_key=Path('/etc/my \\ "keys"/100%$x')
 )
@@ -111,7 +157,7 @@ def test_what_the_ecu_offers_arrives_as_words_of_systemd():
     """systemd.service(5): words in quotes; % and $ are special unless they are doubled."""
     started = service(replace(SETTINGS, offered=OFFERED))["ExecStart"]
     assert (
-        r'--uds "0x610,0x611" --j1939 "identity=1,manufacturer=0" --access-key "/etc/my \\ \"keys\"/100%%$$x"'
+        r'--uds 0x610,0x611 --j1939 identity=1,manufacturer=0 --access-key "/etc/my \\ \"keys\"/100%%$$x"'
         in started
     )
     assert "--xcp" not in started
