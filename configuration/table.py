@@ -6,6 +6,7 @@ misspelt key that is ignored silently changes a run.
 
 import difflib
 import math
+import os
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -162,6 +163,14 @@ class CheckedTable:
             time = item.number("time", unit="s", low=pairs[-1][0] if pairs else 0.0)
             pairs.append((time, item.number("value", unit=unit, low=low, high=high)))
         return tuple(pairs)
+
+    def beside(self, key: str, *, default: str | None = None) -> Path:
+        """The file that `key` names, beside the file of this table; ConfigurationError where there is none."""
+        name, folder = self.text(key, default=default), Path(self._file).parent
+        # os.path answers False for a name that is too long or holds a zero byte; Path would raise
+        if not os.path.isfile(folder / name):  # noqa: PTH113
+            raise self.error(key, f"= {name[:NAME_SHOWN]!r}: no such file in {folder}")
+        return folder / name
 
     def table(self, key: str) -> "CheckedTable":
         """The table at `key`; an empty one where it is absent."""

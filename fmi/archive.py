@@ -10,6 +10,7 @@ import tempfile
 import time
 import weakref
 import zipfile
+import zlib
 from pathlib import Path, PurePosixPath
 from typing import Final
 
@@ -55,8 +56,8 @@ def _extract(file: Path, folder: Path) -> None:
                 archive.extract(entry, folder)
     except OSError as error:
         raise FmuError(f"{file}: {error.strerror or error}") from error
-    # RuntimeError: an encrypted entry; NotImplementedError: an unknown compression
-    except (zipfile.BadZipFile, EOFError, RuntimeError, NotImplementedError) as error:
+    # RuntimeError: an encrypted entry, or an unknown compression
+    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError) as error:
         raise FmuError(f"{file}: is no zip archive that can be read, so no FMU: {error}") from error
     text = (folder / DESCRIPTION).read_bytes()
     # a description needs no document type, and with one it could read files of this computer or grow without bound

@@ -20,6 +20,7 @@ The directory of a killed run is still readable: missing and cut-off files are l
 import contextlib
 import os
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -280,7 +281,11 @@ def _read_table(file: Path, problems: list[str], *, optional: bool) -> Table:
     except FileNotFoundError:
         if not optional:
             problems.append(f"{file}: missing; its writer was killed before the run ended")
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+    # a damaged archive: wrong compression (RuntimeError, zlib.error), header (SyntaxError), or size (MemoryError)
+    except (
+        *(ValueError, OSError, EOFError, RuntimeError, KeyError, SyntaxError, MemoryError),
+        *(zipfile.BadZipFile, zlib.error),
+    ) as error:
         problems.append(f"{file}: unreadable ({error}); was it cut off while being copied?")
     return Table(file, {})
 

@@ -117,8 +117,10 @@ def _mat(path: Path) -> list[Column]:
         content = loadmat(path, squeeze_me=True)
     except NotImplementedError as error:
         raise BadRecording(f"{path}: is a file of MATLAB 7.3 (HDF5); save it with '-v7'") from error
-    except (ValueError, OSError, TypeError) as error:
-        raise BadRecording(f"{path}: cannot be read as a MATLAB file: {error}") from error
+    # SciPy raises what its parts raise for a damaged file: zlib.error, IndexError, MatReadError
+    except Exception as error:
+        first = (str(error).splitlines() or [type(error).__name__])[0]
+        raise BadRecording(f"{path}: cannot be read as a MATLAB file: {first}") from error
     vectors = {
         name: np.asarray(v, float)
         for name, v in content.items()

@@ -32,7 +32,7 @@ def read_field(path: Path, dbcs: Sequence[Path] = ()) -> FieldLog:
     for name, known in (("vicon", VICON), ("somat", SOMAT)):
         part = table.table(name)
         units = part.table("units")
-        file = path.parent / part.text("file")
+        file = part.beside("file")
         channels = {c: part.text(c, default=column) for c, (column, _) in known.items()}
         given = {c: units.text(c) for c in known if c in units.keys()}  # noqa: SIM118
         systems[name] = read_channels(
@@ -40,7 +40,7 @@ def read_field(path: Path, dbcs: Sequence[Path] = ()) -> FieldLog:
         )
         units.finish()
         part.finish()
-    map_of = path.parent / table.text("ground", default="ground.csv")
+    map_of = table.beside("ground", default="ground.csv")
     log = FieldLog(
         name=table.text("name", default=path.parent.name),
         nominal=Nominal(
@@ -62,8 +62,6 @@ def read_field(path: Path, dbcs: Sequence[Path] = ()) -> FieldLog:
 
 
 def _ground(path: Path) -> np.ndarray:
-    if not path.exists():
-        raise BadRecording(f"{path}: no such file; the map of the ground has columns X [m], Y [m], Z [m]")
     try:
         points = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
     except ValueError as error:

@@ -64,7 +64,7 @@ def read_rig(path: Path, dbcs: Sequence[Path] = ()) -> RigLog:
 def _run(
     path: Path, table: CheckedTable, channels: dict[str, str], given: dict[str, str], dbcs: Sequence[Path]
 ) -> RigRun:
-    file = path.parent / table.text("file")
+    file = table.beside("file")
     kind = table.choice("kind", KINDS) if "kind" in table.keys() else ""  # noqa: SIM118
     piston, inflation = (
         table.number(key, unit="bar", low=0.0, high=300.0) * BAR

@@ -1,10 +1,10 @@
 """Every reader of foreign bytes: its corpus, and what it may raise. Anything else is a defect."""
 
 import contextlib
+import functools
 import gzip
 import importlib
 import random
-import tempfile
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,6 +12,7 @@ from pathlib import Path
 
 from bus.hub import packet
 from bus.user_error import UserError
+from tests.fuzz import beside
 from tests.fuzz.mutate import mutated
 
 CORPUS = Path(__file__).with_name("corpus")
@@ -29,6 +30,10 @@ class Reader:
     permitted: tuple[type[BaseException], ...] = (UserError,)
     seeds: str = ""
     """Files of the project that are mutated, as a pattern below its root; by default those in the corpus with the suffix."""
+    unpack: Callable[[bytes], bytes] | None = None
+    """What a packed file holds. Half of its mutations are made inside, because a checksum finds those made outside."""
+    pack: Callable[[bytes], bytes] | None = None
+    """The file that holds these bytes."""
 
 
 def _recording(file: Path) -> object:
@@ -53,27 +58,6 @@ def _faults(file: Path) -> object:
     from hil.faults.table import faults_of
 
     return faults_of(file, loader_database(), alone=True)
-
-
-def _run(file: Path) -> object:
-    """A run directory whose run.json is the file; its truth and log are no such files at all."""
-    from hil.rundir import BUS, RECORD, TRUTH, RunDirectory
-
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        for part in (RECORD, TRUTH):
-            (folder / part).write_bytes(file.read_bytes())
-        (folder / BUS).write_bytes((CORPUS / "drive.log").read_bytes())
-        return RunDirectory.read(folder)
-
-
-def _faults_of_run(file: Path) -> object:
-    from hil.faults.record import read_faults
-    from hil.rundir import FAULTS
-
-    with tempfile.TemporaryDirectory() as name:
-        (Path(name) / FAULTS).write_bytes(file.read_bytes())
-        return read_faults(Path(name))
 
 
 def _hub_control(file: Path) -> object:
@@ -134,15 +118,17 @@ def _tolerances(file: Path) -> object:
     return Tolerances.from_file(file, loader_database())
 
 
+_GZIP = {"unpack": gzip.decompress, "pack": functools.partial(gzip.compress, compresslevel=1, mtime=0)}
+
 READERS: dict[str, Reader] = {
     "candump": Reader(".log", _recording),
-    "candump, packed": Reader(".log.gz", _recording),
+    "candump, packed": Reader(".log.gz", _recording, **_GZIP),
     "asc": Reader(".asc", _recording),
     "blf": Reader(".blf", _recording),
     "mf4": Reader(".mf4", _recording),
     "dbc": Reader(".dbc", _dbc),
     "table, csv": Reader(".csv", _by("diagnosis.reading.tables", "read_table")),
-    "table, packed": Reader(".csv.gz", _by("diagnosis.reading.tables", "read_table")),
+    "table, packed": Reader(".csv.gz", _by("diagnosis.reading.tables", "read_table"), **_GZIP),
     "table, parquet": Reader(".parquet", _by("diagnosis.reading.tables", "read_table")),
     "findings": Reader(
         ".json",
@@ -152,7 +138,7 @@ READERS: dict[str, Reader] = {
     "weighings": Reader(".weighings", _by("identify.machine.files", "read_weighings")),
     "sheet of readings": Reader(".readings", _readings),
     "car log": Reader(".car", _by("identify.car.log", "read_car")),
-    "car log, packed": Reader(".car.gz", _by("identify.car.log", "read_car")),
+    "car log, packed": Reader(".car.gz", _by("identify.car.log", "read_car"), **_GZIP),
     "faults": Reader(".toml", _faults),
     "scenario": Reader(".toml", _by("plant.unit.scenario", "load_scenario"), seeds="plant/scenarios/*.toml"),
     "machine": Reader(".toml", _by("plant.sheets.machine", "load_machine"), seeds="plant/machines/*.toml"),
@@ -166,13 +152,35 @@ READERS: dict[str, Reader] = {
     "rest bus values": Reader(
         ".toml", _by("testbench.restbus.values", "Values.from_file"), seeds="dbc/*.values.toml"
     ),
-    "run folder": Reader(".json", _run),
+    "run folder": Reader(".json", beside.run_folder),
+    "truth of a run": Reader(".npz", beside.truth_of_a_run),
     "rows of the truth": Reader(".rows", _truth_rows, (ValueError,)),
     "stamps": Reader(".stamps", _by("hil.gateway.tap", "read_stamps")),
-    "faults of a run": Reader(".faults", _faults_of_run),
+    "faults of a run": Reader(".faults", beside.faults_of_a_run),
     "hub's control": Reader(".hub", _hub_control, (ValueError,)),
     "control socket": Reader(".command", _control_socket, (ValueError,)),
     "mqtt command": Reader(".mqtt", _mqtt),
+    "equipment": Reader(
+        ".toml", _by("plant.unit.equipment", "load_equipment"), seeds="plant/equipment_sets/*.toml"
+    ),
+    "bench of a record": Reader(".bench", beside.bench_of_a_record),
+    "deployed ECU": Reader(
+        ".toml", _by("deploy.settings", "ServiceSettings.from_file"), seeds="deploy/*.toml"
+    ),
+    "rig": Reader(".rig", beside.rig),
+    "field test": Reader(".field", beside.field),
+    "map of the ground": Reader(".ground", beside.ground),
+    "matlab": Reader(".mat", beside.matlab),
+    "identification": Reader(".identification", beside.identification),
+    "sealed truth": Reader(
+        ".sealed",
+        _by("diagnosis.blind.seal", "unseal"),
+        unpack=beside.unpacked_truth,
+        pack=beside.packed_truth,
+    ),
+    "applied findings": Reader(".with", beside.extension),
+    "fmu": Reader(".fmu", beside.fmu, unpack=beside.unpacked_fmu, pack=beside.packed_fmu),
+    "fmu's companion": Reader(".companion", beside.companion),
 }
 """Permitted is a UserError, which the command line turns into one line; ValueError where the caller answers the sender with it."""
 
@@ -208,10 +216,10 @@ class MutatedFiles:
     def _mutation(self, rng: random.Random) -> tuple[str, bytes]:
         """Name and content of a file."""
         name, seed = rng.choice(self._seeds)
-        if not self._reader.suffix.endswith(".gz") or rng.random() < 0.5:
+        unpack, pack = self._reader.unpack, self._reader.pack
+        if unpack is None or pack is None or rng.random() < 0.5:
             return name, mutated(seed, [content for _, content in self._seeds], rng)
-        # gzip finds every flipped bit by its checksum: half of the packed files are damaged before they are packed
-        return name, gzip.compress(mutated(gzip.decompress(seed), [gzip.decompress(seed)], rng), 1, mtime=0)
+        return name, pack(mutated(unpack(seed), [unpack(seed)], rng))
 
     def __call__(self, number: int) -> tuple[int, int]:
         """Read one mutation; returns (1, whether it was read). AssertionError, or whatever the reader must not raise."""
