@@ -16,7 +16,7 @@ from bus.user_error import UserError
 from dbc import loader_database
 from dbc.protection import Finding as Check
 from deploy.c.library import library
-from deploy.c.rules_tables import EVENTS, machine_rules
+from deploy.c.rules_tables import CHECKS, EVENTS, machine_rules
 from deploy.c.tables import Received, inputs_of
 from ecu.calibration import Calibration
 from ecu.codes import Mode
@@ -30,11 +30,6 @@ _FRAME: Final = struct.Struct("=IB8s3x")
 """EcuFrame of ecu.h, with the bytes that fill it up to its alignment."""
 _FINDING: Final = struct.Struct("=4B4x2d")
 """EcuFinding of ecu.h: kind, subject, detail, other, value, value before."""
-_CHECKS: Final = (
-    Check.OK, Check.LOST, Check.RESTARTED, Check.REPEATED, Check.REORDERED, Check.WRONG_COUNTER, Check.WRONG_CRC,
-    Check.WRONG_LENGTH,
-)  # fmt: skip
-"""In the order of `Check` in ecu_internal.h."""
 _PROTECTION_FAILED, _IMPLAUSIBLE, _STALE, _STATE_CHANGED = range(4)
 """Of EcuFindingKind in ecu.h; the one that is left is ECU_ESTIMATOR_FAILED."""
 _BY_SENSOR, _BY_MESSAGE = 1, 2
@@ -116,7 +111,7 @@ class CEcu:
         kind, subject, detail, other, value, before = raw
         if kind == _PROTECTION_FAILED:
             name = list(GROUP_OF)[subject]
-            return ProtectionFailed(name, _whose(name, _CHECKS[detail], data), now_ns)
+            return ProtectionFailed(name, _whose(name, CHECKS[detail], data), now_ns)
         if kind == _IMPLAUSIBLE:
             given = self._inputs[subject]
             signal = given.source.fields[given.at].row.signal

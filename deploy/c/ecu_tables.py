@@ -21,6 +21,7 @@ from deploy.c.tables import (
     inputs_of,
     received_tables,
     rows,
+    sent_order,
     sent_tables,
 )
 from ecu import reasons
@@ -67,7 +68,9 @@ def table_files(calibration: Calibration, database: Database) -> dict[str, str]:
             "Messages that the ECU hears", (constant("HEARS", name) for name in GROUP_OF), "LISTENERS"
         ),
         enumeration(
-            "Messages that it sends", (constant("SENDS", name) for name in messages()), "OUTPUT_FRAMES"
+            "Messages that it sends",
+            (constant("SENDS", codec.name) for codec in sent_order(messages(), database)),
+            "OUTPUT_FRAMES",
         ),
         enumeration("Values that go into frames", values.values(), "VALUES"),
         enumeration("Estimates", (constant("ESTIMATE", name) for name in estimates), "ESTIMATES"),

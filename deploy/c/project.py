@@ -8,6 +8,7 @@ from dbc import loader_database
 from deploy.c.calibration import calibration_files
 from deploy.c.ecu_tables import table_files
 from deploy.c.estimators import estimator_files
+from deploy.c.names_tables import name_files
 from ecu.calibration import Calibration
 
 RUNTIME: Final = Path(__file__).resolve().parent / "runtime"
@@ -30,6 +31,7 @@ def project_files(calibration: Calibration) -> dict[str, str]:
         | estimator_files()
         | calibration_files(calibration)
         | table_files(calibration, loader_database())
+        | name_files(calibration, loader_database())
     )
 
 

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from dbc.database import Database
+from dbc.protection import Finding as Check
 from deploy.c.tables import Received, constant, enumeration, real, rows
 from ecu import reasons
 from ecu.calibration import Calibration
@@ -18,6 +19,11 @@ from ecu.states import TRANSITIONS, Event, State
 from ecu.validity import NEEDS, conditions
 
 EVENTS: Final = tuple(Event)
+CHECKS: Final = (
+    Check.OK, Check.LOST, Check.RESTARTED, Check.REPEATED, Check.REORDERED, Check.WRONG_COUNTER, Check.WRONG_CRC,
+    Check.WRONG_LENGTH,
+)  # fmt: skip
+"""In the order of `Check` in ecu_internal.h."""
 
 
 def needs_table(inputs: Sequence[Received]) -> tuple[str, str]:

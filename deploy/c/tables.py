@@ -139,12 +139,16 @@ def _input_row(codec: MessageCodec, field: Any, factor: float) -> str:
 # -- what goes onto the bus
 
 
+def sent_order(outgoing: Iterable[str], database: Database) -> list[MessageCodec]:
+    """The ECU's messages in the order of the Python ECU's schedule, so that both put the same frames into the same tick."""
+    return sorted((database.by_name[name] for name in outgoing), key=lambda codec: codec.cycle_ns)
+
+
 def sent_tables(
     outgoing: Mapping[str, Signals], values: Mapping[str, str], database: Database
 ) -> tuple[str, int]:
     """Signals and messages of the ECU, and the most frames of a tick. values: name of a value -> its enumerator."""
-    # the order and the phases of the Python ECU, so that both put the same frames into the same tick
-    codecs = sorted((database.by_name[name] for name in outgoing), key=lambda codec: codec.cycle_ns)
+    codecs = sent_order(outgoing, database)
     cycles = [codec.cycle_ns // TICK_NS for codec in codecs]
     starts = phases(cycles)
     signals: list[str] = []

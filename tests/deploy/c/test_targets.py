@@ -1,19 +1,28 @@
 """The exported ECU where it is meant to run: on a Cortex-M4F in QEMU, and as a Linux program on a CAN interface."""
 
 import itertools
+import os
+import re
 import shutil
 import signal
+import socket
 import struct
 import subprocess
+import threading
 import time
 
 import pytest
 
 from bus.address import open_transport
+from bus.frame import Frame
 from bus.socketcan.can_socket import kernel_has_can
+from bus.socketcan.transport import SocketCanTransport
 from dbc import loader_database
 from dbc.protection import Checker, Finding
 from deploy.c.replays import answers_of, frames_file
+from tests.bus.conftest import vcan  # noqa: F401
+from tests.bus.laws import collect
+from tests.bus.vcan import ip
 from tests.deploy.c.building import compiler
 from tests.deploy.c.ecu_build import BuiltEcu
 from tests.deploy.c.test_ecu_in_c import moving
@@ -112,14 +121,143 @@ def test_the_linux_program_is_an_ecu_on_the_bus(ecu_sources):
     assert {status["State"] for status in heard["EcuStatus"]} & {1.0, 2.0}
 
 
-def test_the_linux_program_names_what_is_wrong(ecu_sources):
-    """An interface that is not there: exit code 4 and its name; no argument: exit code 2."""
+@pytest.fixture
+def linux_program(ecu_sources):
+    """The exported program for Linux, called to its end."""
     compiler()
     make(ecu_sources, "linux/loader-ecu")
-    program = ecu_sources / "linux/loader-ecu"
-    lost = subprocess.run([program, "can987"], capture_output=True, text=True, check=False)
-    assert (lost.returncode, lost.stderr.startswith("can987: ")) == (4, True)
-    assert subprocess.run([program], capture_output=True, check=False).returncode == 2
+    return lambda *words: subprocess.run(
+        [ecu_sources / "linux/loader-ecu", *words], capture_output=True, text=True, check=False, timeout=60
+    )
+
+
+def test_help_opens_no_interface(linux_program):
+    shown = linux_program("--help")
+    assert (shown.returncode, shown.stderr) == (0, "")
+    assert all(
+        option in shown.stdout
+        for option in ("--bus", "--no-limits", "--fifo", "--lock-memory", "--cpu", "--listen-s")
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((), "usage: loader-ecu"),
+        (("--calibration", "l60", "can0"), "there is no option --calibration"),
+        (("can0", "--fifo"), "--fifo (nothing): it takes a priority of 1 to 99"),
+        (("can0", "--fifo", "100"), "--fifo 100: it takes"),
+        (("can0", "--fifo", "5x"), "--fifo 5x: it takes"),
+        (("can0", "--cpu", "-1"), "--cpu -1: it takes"),
+        (("can0", "--listen-s", "nan"), "--listen-s nan: it takes"),
+        (("--bus", "hub:/tmp/x"), "--bus hub:/tmp/x: it takes socketcan:INTERFACE"),
+        (("an-interface-name",), "at most 15 letters"),
+    ],
+)
+def test_wrong_options_end_in_one_line_before_a_bus_is_opened(linux_program, words, said):
+    refused = linux_program(*words)
+    assert refused.returncode == 2
+    assert said in refused.stderr
+    assert refused.stdout == ""
+
+
+def test_the_log_calls_every_message_by_its_name(ecu_sources):
+    """Names and frames are tables of two files, in one order: that of the schedule."""
+    names = (ecu_sources / "linux/ecu_names.c").read_text().partition("names_of_sent")[2].partition("};")[0]
+    frames = (ecu_sources / "ecu_tables.c").read_text().partition("output_frames[")[2].partition("};")[0]
+    identifiers = [int(number, 16) for number in re.findall(r"\.id = (0x[0-9a-f]+)U", frames)]
+    assert re.findall(r'"(\w+)"', names) == [loader_database().by_id[can_id].name for can_id in identifiers]
+
+
+def test_an_interface_that_is_not_there_is_named(linux_program):
+    lost = linux_program("--bus", "socketcan:can987")
+    assert lost.returncode == 4
+    expected = "can987: no such CAN interface" if kernel_has_can() else "this kernel has no CAN"
+    assert expected in lost.stderr
+
+
+@pytest.mark.socketcan
+@pytest.mark.usefixtures("vcan")
+class TestAsADropIn:
+    """What the exported program does beside estimating, on a real interface."""
+
+    def test_systemd_hears_that_it_is_ready_and_ticks(self, ecu_sources, linux_program, tmp_path):
+        path = tmp_path / "notify"
+        heard = []
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
+            systemd.bind(str(path))
+            systemd.settimeout(20.0)
+            environment = {**os.environ, "NOTIFY_SOCKET": str(path), "WATCHDOG_USEC": "200000"}
+            environment.pop("WATCHDOG_PID", None)
+            with subprocess.Popen([ecu_sources / "linux/loader-ecu", "vcan0"], env=environment) as ecu:
+                started = time.monotonic()
+                while heard.count("WATCHDOG=1") < 10:
+                    heard.append(systemd.recv(4096).decode())
+                took = time.monotonic() - started
+                ecu.terminate()
+                while heard[-1] != "STOPPING=1":
+                    heard.append(systemd.recv(4096).decode())
+                assert ecu.wait(timeout=20) == 0
+        assert heard[0].startswith("READY=1\nSTATUS=")
+        # four in the time-out: a service manager would end a program that pings less than once in it
+        assert took < 10 * 0.2
+
+    @pytest.mark.parametrize("removed", [False, True], ids=["down", "removed"])
+    def test_it_goes_on_when_its_interface_is_back(self, ecu_sources, linux_program, removed, tmp_path):
+        name, log = "vcan6", tmp_path / "log"
+
+        def made():
+            ip("link", "add", "dev", name, "type", "vcan")
+
+        def frames():
+            with SocketCanTransport(name) as bus:
+                collect(bus, 5)
+
+        made()
+        ip("link", "set", name, "up")
+        with (
+            log.open("w") as errors,
+            subprocess.Popen([ecu_sources / "linux/loader-ecu", name], stderr=errors) as ecu,
+        ):
+            try:
+                frames()
+                ip("link", *(("del", name) if removed else ("set", name, "down")))
+                time.sleep(0.3)
+                assert ecu.poll() is None
+                if removed:
+                    made()
+                ip("link", "set", name, "up")
+                frames()
+                ecu.terminate()
+                assert ecu.wait(timeout=20) == 0
+            finally:
+                ecu.kill()
+                ip("link", "del", name)
+        lines = [line for line in log.read_text().splitlines() if "bus: interface" in line]
+        assert any("went down" in line or "was removed" in line for line in lines)
+        assert f"WARNING bus: interface is up again ({name})" in lines[-1]
+
+    def test_it_listens_before_it_sends(self, linux_program):
+        """Another ECU is on the bus: exit code 1, and not one frame."""
+        stop = threading.Event()
+        own = {c.can_id for c in loader_database().by_name.values() if "EstimatorEcu" in c.senders}
+
+        def other_ecu():
+            with SocketCanTransport("vcan0") as bus:
+                while not stop.wait(0.02):
+                    bus.send(Frame(loader_database().by_name["Limits"].can_id, bytes(8)))
+
+        thread = threading.Thread(target=other_ecu)
+        with SocketCanTransport("vcan0") as witness:
+            thread.start()
+            try:
+                refused = linux_program("vcan0", "--listen-s", "2")
+            finally:
+                stop.set()
+                thread.join()
+            seen = [frame for frame in witness.drain(4096) if frame.can_id in own]
+        assert (refused.returncode, "another node sends Limits" in refused.stderr) == (1, True)
+        assert {frame.data for frame in seen} <= {bytes(8)}
 
 
 def test_answers_of_qemu_are_read_as_they_are_written(tmp_path):

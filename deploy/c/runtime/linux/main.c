@@ -1,30 +1,30 @@
 /*
- * The ECU on a Linux CAN interface: `loader-ecu can0`. 100 Hz by an absolute timer; missed ticks are skipped and reported.
+ * The ECU on a Linux CAN interface, in the place of `loaderhil ecu`: `loader-ecu can0`. 100 Hz by an absolute timer; missed ticks
+ * are skipped and reported.
  *
- * Ends with 0 on SIGINT and SIGTERM, 2 for wrong arguments, 4 where the interface does not exist or goes away.
+ * An interface that goes down, away or bus off is waited for. systemd hears when the ECU is ready and that it ticks.
  */
-#define _GNU_SOURCE /* for SOCK_NONBLOCK beside C99 */
+#define _GNU_SOURCE /* for sigaction and timerfd beside C99 */
 #include <errno.h>
-#include <linux/can.h>
-#include <linux/can/raw.h>
-#include <net/if.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/ioctl.h>
-#include <sys/socket.h>
 #include <sys/timerfd.h>
-#include <time.h>
 #include <unistd.h>
 
+#include "can_bus.h"
 #include "ecu.h"
+#include "ecu_names.h"
+#include "ecu_tables.h"
+#include "log.h"
+#include "manager.h"
+#include "options.h"
 
-enum { MISUSED = 2, BUS_LOST = 4 };
-#define TICK_NS 10000000LL
-#define SECOND_NS 1000000000LL
+#define MS_NS 1000000LL
 
 static volatile sig_atomic_t ended;
+static const char *other_sender; /* message of ours that another node sends */
 
 static void on_signal(int number)
 {
@@ -32,117 +32,119 @@ static void on_signal(int number)
     ended = 1;
 }
 
-static int64_t now_of(void)
+/* The name of a message that this ECU sends; NULL for any other identifier. No socket returns its own frames. */
+static const char *own_message(uint32_t id)
 {
-    struct timespec now;
-    (void)clock_gettime(CLOCK_MONOTONIC, &now);
-    return ((int64_t)now.tv_sec * SECOND_NS) + now.tv_nsec;
-}
-
-/* A raw CAN socket on the interface; -1 with errno where there is none. */
-static int opened(const char *name)
-{
-    struct ifreq interface;
-    struct sockaddr_can address;
-    const int can = socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
-    if (can < 0) {
-        return -1;
-    }
-    (void)memset(&interface, 0, sizeof interface);
-    (void)strncpy(interface.ifr_name, name, IFNAMSIZ - 1);
-    (void)memset(&address, 0, sizeof address);
-    address.can_family = AF_CAN;
-    if (ioctl(can, SIOCGIFINDEX, &interface) >= 0) {
-        address.can_ifindex = interface.ifr_ifindex;
-        if (bind(can, (const struct sockaddr *)&address, sizeof address) == 0) {
-            return can;
+    for (uint8_t k = 0U; k < OUTPUT_FRAMES; ++k) {
+        if (output_frames[k].id == id) {
+            return names_of_sent[k];
         }
     }
-    (void)close(can);
-    return -1;
+    return NULL;
 }
 
-/* Every waiting frame goes to the ECU; false where the bus is gone. */
-static bool drained(int can)
+static void listened(uint32_t id, const uint8_t *data, uint8_t length, int64_t now_ns)
 {
-    struct can_frame frame;
-    for (;;) {
-        const ssize_t got = read(can, &frame, sizeof frame);
-        if (got == (ssize_t)sizeof frame) {
-            ecu_receive(frame.can_id, frame.data, frame.can_dlc, now_of());
-        } else {
-            return (got < 0) && ((errno == EAGAIN) || (errno == EINTR));
-        }
+    (void)data;
+    (void)length;
+    (void)now_ns;
+    other_sender = (other_sender == NULL) ? own_message(id) : other_sender;
+}
+
+static void received(uint32_t id, const uint8_t *data, uint8_t length, int64_t now_ns)
+{
+    const char *ours = own_message(id);
+    if ((ours != NULL) && (other_sender == NULL)) {
+        other_sender = ours;
+        log_note("two senders: we and another node send ", ours);
     }
+    ecu_receive(id, data, length, now_ns);
 }
 
-static bool sent(int can, const EcuFrame *frames, uint8_t count)
+/* Listens before anything is sent. False after a line that says why the ECU must not start. */
+static bool bus_is_free(double listen_s)
 {
-    for (uint8_t k = 0U; k < count; ++k) {
-        struct can_frame frame;
-        (void)memset(&frame, 0, sizeof frame);
-        frame.can_id = frames[k].id;
-        frame.can_dlc = frames[k].length;
-        (void)memcpy(frame.data, frames[k].data, sizeof frame.data);
-        /* a full queue loses the frame, and its receivers see that by the counter; the cycle must not wait */
-        if ((write(can, &frame, sizeof frame) < 0) && (errno != ENOBUFS) && (errno != EAGAIN) && (errno != EINTR)) {
-            return false;
-        }
+    const int64_t until_ns = now_of() + (int64_t)(listen_s * 1e9);
+    struct pollfd watched = {bus_descriptor(), POLLIN, 0};
+    while ((ended == 0) && (other_sender == NULL) && (now_of() < until_ns)) {
+        (void)poll(&watched, 1, (int)((until_ns - now_of()) / MS_NS) + 1);
+        bus_drained(listened);
+    }
+    if (other_sender != NULL) {
+        /* two ECUs on one bus would each see the other's limits obeyed */
+        (void)fprintf(stderr, "loader-ecu: another node sends %s\n", other_sender);
+        return false;
+    }
+    if ((listen_s > 0.0) && (bus_errors() > 0U)) {
+        (void)fprintf(stderr, "loader-ecu: the bus has errors: bit rate, termination, or a broken node?\n");
+        return false;
     }
     return true;
 }
 
-static bool ran(int can, int timer)
+static void ticked(int64_t due_ns)
 {
     EcuFrame frames[ECU_MOST_FRAMES];
-    struct pollfd watched[2] = {{can, POLLIN, 0}, {timer, POLLIN, 0}};
+    const int64_t started_ns = now_of();
+    const uint8_t count = ecu_tick(due_ns, frames);
+    bus_sent(frames, count);
+    const int64_t ended_ns = now_of();
+    ecu_executed(ended_ns - started_ns);
+    bus_looked_after();
+    manager_alive(ended_ns);
+}
+
+static void run(int timer)
+{
+    struct pollfd watched[2] = {{bus_descriptor(), POLLIN, 0}, {timer, POLLIN, 0}};
     int64_t due_ns = now_of();
     while (ended == 0) {
         if (poll(watched, 2, -1) < 0) {
             continue;
         }
-        if (!drained(can)) {
-            return false;
-        }
+        bus_drained(received);
         uint64_t expired = 0U;
         if (read(timer, &expired, sizeof expired) == (ssize_t)sizeof expired) {
-            const int64_t started_ns = now_of();
             if (expired > 1U) {
                 ecu_overran((uint32_t)(expired - 1U));
             }
             due_ns += (int64_t)expired * TICK_NS;
-            const uint8_t count = ecu_tick(due_ns, frames);
-            if (!sent(can, frames, count)) {
-                return false;
-            }
-            ecu_executed(now_of() - started_ns);
+            ticked(due_ns);
         }
     }
-    return true;
 }
 
 int main(int count, char **words)
 {
-    if (count != 2) {
-        (void)fprintf(stderr, "usage: loader-ecu INTERFACE\n");
-        return MISUSED;
-    }
-    const int can = opened(words[1]);
-    const int timer = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
-    const struct itimerspec period = {{0, TICK_NS}, {0, TICK_NS}};
-    if ((can < 0) || (timer < 0) || (timerfd_settime(timer, 0, &period, NULL) != 0)) {
-        (void)fprintf(stderr, "%s: %s\n", words[1], strerror(errno));
-        return BUS_LOST;
+    Options options;
+    const int ending = options_read(count, words, &options);
+    if (ending >= 0) {
+        return ending;
     }
     struct sigaction action;
     (void)memset(&action, 0, sizeof action);
     action.sa_handler = on_signal;
     (void)sigaction(SIGINT, &action, NULL);
     (void)sigaction(SIGTERM, &action, NULL);
-    ecu_init(true);
-    if (!ran(can, timer)) {
-        (void)fprintf(stderr, "%s: %s\n", words[1], strerror(errno));
+    manager_found();
+    if (!bus_opened(options.interface)) {
         return BUS_LOST;
     }
-    return 0;
+    if (!realtime_applied(&options)) {
+        return MISUSED;
+    }
+    if (!bus_is_free(options.listen_s)) {
+        return FAILED;
+    }
+    const int timer = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
+    const struct itimerspec period = {{0, TICK_NS}, {0, TICK_NS}};
+    ecu_init(options.limits);
+    if ((timer < 0) || (timerfd_settime(timer, 0, &period, NULL) != 0)) {
+        (void)fprintf(stderr, "loader-ecu: no timer: %s\n", strerror(errno));
+        return FAILED;
+    }
+    manager_ready(options.interface);
+    run(timer);
+    manager_stopping();
+    return PASSED;
 }
