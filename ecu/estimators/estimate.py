@@ -130,7 +130,7 @@ def follow_tilt(
     bias = Tilt(s.roll_bias, s.pitch_bias)
     balanced = contact.tilt_of(n, joint, w, g)
     if s.cycles == 0.0 or i.rates_usable == 0.0 or p.contact.settling_time == 0.0:
-        return n, Followed(balanced, bias, Tilt(0.0, 0.0))
+        return n, Followed(balanced, bias, Tilt(0.0, 0.0), Tilt(0.0, 0.0))
     before, gyro = Tilt(s.roll_tilt, s.pitch_tilt), Tilt(i.roll_rate, i.pitch_rate)
     if not contact.stands(n):
         return n, contact.carried_on(before, bias, gyro, m.rate.z, i.dt)

@@ -13,11 +13,14 @@ from ecu.estimators.stability.search import goes_on, narrowed, next_trial, over
 from ecu.estimators.stability.steady import least_margin, steady_turns
 
 TRANSIENT = 0.05
-"""Margin that a recovering rate may cost on its way: turning back accelerates the front unit sideways."""
+"""Margin that recovery may cost on its way: turning back accelerates the front unit sideways, and turns between here and a better one
+may be a little worse than both."""
 BETTER = 0.005
-"""Margin that a recovering rate has to gain in the end: more than the rounding of margins."""
-RECOVERY_RATES = 4
-"""Rates tried for recovery: the largest, a half, a quarter and an eighth of it."""
+"""Margin that has to be gained for a turn or a moment to be better: more than the rounding of margins."""
+RECOVERY_RATES = 7
+"""Rates tried for recovery: the largest, a half of it and so on to a 64th, 0.8 deg/s. A machine that rocks bears slow turning alone."""
+WAY_STEP = 0.1
+"""The turns on the way to a better one are judged so far apart [rad]; between them the margin changes by some hundredths."""
 RATE_TRIALS = 6
 """Halvings between holding the angle and the largest rate: the limit is known to 1/64 of it.
 
@@ -58,18 +61,47 @@ def keeps_margins(start: PredictionState, rate: float, machine: LoadedMachine) -
 
 
 @compiled
+def leads_out(start: PredictionState, direction: float, after_hold: float, machine: LoadedMachine) -> bool:
+    """Whether turning to this side leads to a better turn, or to straight ahead, and to none on its way that is worse by TRANSIENT.
+
+    after_hold: margin of the present turn. Not the next moment decides: on a bank the margin over the angle has a shallow
+    valley, and a machine that may never get worse stays on the wrong side of it.
+    """
+    stop, least = machine.geometry.articulation_stop, after_hold - TRANSIENT
+    angle = start.articulation_angle
+    for _ in range(int(2.0 * stop / WAY_STEP) + 2):
+        further = min(max(angle + direction * WAY_STEP, -stop), stop)
+        if further * angle < 0.0:
+            further = 0.0
+        if further == angle:  # the stop
+            return False
+        turns = steady_turns(further, start.ground.z, machine)
+        left = least_margin(least, start.speed, turns, start.ground, machine)
+        if left < least:
+            return False
+        if left > after_hold + BETTER or further == 0.0:
+            return True
+        angle = further
+    return False
+
+
+@compiled
 def recovery_rate(
     start: PredictionState, direction: float, held: float, after_hold: float, machine: LoadedMachine
 ) -> float:
-    """Largest of the tried articulation rates [rad/s] to this side that bring the machine further from roll-over; 0 if none does.
+    """Largest of the tried articulation rates [rad/s] to this side that lead out of where holding the angle violates a floor; 0 if none does.
 
-    held, after_hold: margins if the angle is held, over the horizon and in the turn that follows. The turn that
-    follows the rate has to be better; on the way the margin may fall no further than `TRANSIENT` below `held`.
+    held, after_hold: margins if the angle is held, over the horizon and in the turn that follows. A floor that holding
+    violates asks for nothing, as nothing is left of it: in its place comes what holding gives. A rate that leads out may cost
+    TRANSIENT of it; any other has to be better at once.
     """
-    rules, least = machine.prediction, held - TRANSIENT
+    rules = machine.prediction
+    least, turn_least = held + BETTER, min(rules.turn_floor, after_hold)
+    if leads_out(start, direction, after_hold, machine):
+        least, turn_least = min(rules.margin_floor, held) - TRANSIENT, turn_least - TRANSIENT
     for k in range(RECOVERY_RATES):
         rate = rules.largest_rate / 2.0**k
-        if margin_after(NONE, start, direction * rate, machine) > after_hold + BETTER:
+        if margin_after(turn_least, start, direction * rate, machine) >= turn_least:
             # a prediction ends where its rate is refused
             moved = predict(with_demand(start, direction * rate), rules.limit_hold, least, machine)
             if moved.margin > least:
@@ -82,7 +114,7 @@ def permitted_rate(start: PredictionState, machine: LoadedMachine) -> float:
     """Largest articulation rate [rad/s] in the demanded direction that keeps the margins, found to 1/64 of the machine's largest.
 
     Without a demand the direction that tightens the turn is taken. Where even holding the angle violates a floor, a
-    rate that helps is permitted, and no other: to refuse it would keep the machine where it is about to tip over.
+    rate that leads out is permitted, and no other: to refuse it would keep the machine where it is about to tip over.
     """
     rules, direction = machine.prediction, demanded_direction(start)
     low, high = 0.0, rules.largest_rate

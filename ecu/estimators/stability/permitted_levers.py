@@ -21,7 +21,7 @@ from ecu.estimators.stability.levers import (
     share_followed,
     with_motion,
 )
-from ecu.estimators.stability.permitted import BETTER, NONE, RECOVERY_RATES, TRANSIENT
+from ecu.estimators.stability.permitted import BETTER, NONE, TRANSIENT
 from ecu.estimators.stability.prediction import PredictionState, predict, with_levers
 from ecu.estimators.stability.rollover import LoadedMachine, posed, share_lost
 from ecu.estimators.stability.steady import least_margin, steady_turns
@@ -33,6 +33,8 @@ SWING = 2.0
 """A step of force on an undamped spring: twice its size."""
 DRIVEN_STEP = 0.05
 """The pose after a motion is found in steps of this length [s], half of the drive's lag."""
+RECOVERY_RATES = 4
+"""Rates tried for recovery: the largest, a half, a quarter and an eighth of it."""
 LEVER_TRIALS = 3
 """Halvings between no motion and the full one: the limit is known to an eighth of it."""
 

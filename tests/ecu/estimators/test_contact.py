@@ -13,8 +13,10 @@ from ecu.estimators.quantities import NormalForces
 from ecu.estimators.stability.rollover import support_of
 from ecu.estimators.tyres import tyre
 from ecu.estimators.tyres.contact import (
+    CONTRADICTION,
     Tilt,
     carried,
+    contradicts,
     followed,
     shifted,
     springs,
@@ -123,6 +125,25 @@ def test_a_slow_lean_is_taken_from_the_balance():
     """A road that tips by 1 mrad/s under the machine: no gyro shows it, the balance of forces does."""
     state = filtered(lambda t: NOTHING, lambda t: Tilt(1e-3 * t, 0.0), 30.0)
     assert state.tilt.roll == pytest.approx(0.030, abs=1e-3)
+
+
+def test_a_road_that_tips_at_once_is_not_taken_for_a_tilt_on_the_tyres():
+    """A step of 16 cm under one side, 0.08 rad in a tenth of a second: the gyro sees it, the tyres are loaded as before."""
+    step = lambda t: Tilt(0.8 if 1.5 <= t < 1.6 else 0.0, 0.0)  # noqa: E731
+    errors = [abs(filtered(step, lambda t: NOTHING, t).tilt.roll) for t in (1.55, 1.6, 1.7, 2.0, 3.0)]
+    assert max(errors) <= CONTRADICTION
+    assert errors[-1] < 0.1 * 0.08
+    assert abs(filtered(step, lambda t: NOTHING, 3.0).bias.roll) < 0.1 * 0.08 / 0.5
+
+
+def test_a_balance_that_is_late_does_not_contradict_the_gyro():
+    """A pitch of 2.4 Hz that lifts and presses an axle by 15 kN, seen 40 ms late, is far within the bound."""
+    w, amplitude = 2 * math.pi * 2.4, 0.02
+    lateness = max(
+        abs(amplitude * (math.sin(w * t) - math.sin(w * (t - 0.040)))) for t in np.arange(0, 1, DT)
+    )
+    assert not contradicts(Tilt(0.0, lateness))
+    assert contradicts(Tilt(0.0, -2.0 * lateness))
 
 
 def test_turning_on_a_tilted_frame_turns_the_tilt():

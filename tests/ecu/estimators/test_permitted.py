@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -14,13 +15,15 @@ from ecu.estimators.stability.levers import Levers
 from ecu.estimators.stability.permitted import (
     NONE,
     SPEED_STEP,
+    TRANSIENT,
     keeps_margins,
+    leads_out,
     limit_for,
     margin_after,
     permitted_rate,
     permitted_speed,
 )
-from ecu.estimators.stability.prediction import PredictionState
+from ecu.estimators.stability.prediction import PredictionState, predict, with_demand
 from ecu.estimators.stability.rollover import loaded_machine, steady_rate, support_of
 from ecu.estimators.stability.steady import least_margin, steady_forces, steady_turns, turned_gravity
 
@@ -154,10 +157,9 @@ def test_the_limit_is_lowered_by_what_pushes_downhill_and_by_nothing_else():
     assert limit_for(most, uphill(-0.15), 1.0, MACHINE) == most
 
 
-def raised(payload, **prediction):
+def raised(payload, arm=0.7):
     """The machine with its arm up."""
-    given = P._replace(prediction=P.prediction._replace(**prediction))
-    return loaded_machine(front_unit(0.7, 0.0, payload, P.front, P.arm, P.bucket), payload, given)
+    return loaded_machine(front_unit(arm, 0.0, payload, P.front, P.arm, P.bucket), payload, P)
 
 
 def on_bank(angle):
@@ -262,3 +264,69 @@ def test_a_higher_floor_permits_no_more_speed(angle):
     found = [permitted_speed(angle, ground, 1.0, machine(speed_floor=f)) for f in (0.1, 0.2, 0.3, 0.5)]
     assert found == sorted(found, reverse=True)
     assert found[-1] < found[0]
+
+
+def on_valley():
+    """A left turn on a bank, right side down: its margin is least at 15 degrees, two hundredths less than at 30 and -15."""
+    m, ground = raised(1600.0, arm=0.8), turned_gravity(on_bank(-0.28), 0.2)
+    return m, start(0.6, math.radians(30.0), -0.5, ground, m)
+
+
+def test_the_margin_over_the_angle_has_a_valley_on_a_bank():
+    m, now = on_valley()
+    margins = [
+        least_margin(NONE, now.speed, steady_turns(math.radians(a), now.ground.z, m), now.ground, m)
+        for a in (30, 15, -15)
+    ]
+    assert margins[0] - TRANSIENT < margins[1] < margins[0]
+    assert margins[1] < margins[2]
+    assert max(margins) < P.prediction.turn_floor
+
+
+def test_a_valley_on_the_way_to_a_better_turn_does_not_forbid_it():
+    m, now = on_valley()
+    here = margin_after(NONE, now, 0.0, m)
+    assert not keeps_margins(now, 0.0, m)
+    assert leads_out(now, -1.0, here, m)
+    assert permitted_rate(now, m) > 0.0
+
+
+def test_turning_to_a_worse_turn_does_not_lead_out():
+    m = raised(1600.0)
+    now = start(7.0, -0.4, -0.5, LEVEL, m)
+    here = margin_after(NONE, now, 0.0, m)
+    assert leads_out(now, 1.0, here, m)
+    assert not leads_out(now, -1.0, here, m)
+
+
+def test_at_the_stop_there_is_no_way_on():
+    m = raised(1600.0)
+    stop = m.geometry.articulation_stop
+    now = start(0.6, stop, 0.5, turned_gravity(on_bank(-0.28), 0.2), m)
+    assert not leads_out(now, 1.0, margin_after(NONE, now, 0.0, m), m)
+
+
+def rocking(rate, demand):
+    """A slow left turn on the level in which the machine tips over to the right: the next second is bad, the turn is not."""
+    m = raised(0.0)
+    now = start(3.3, 0.25, demand, LEVEL, m)._replace(support_rate=-rate)
+    held = predict(with_demand(now, 0.0), P.prediction.limit_hold, NONE, m).margin
+    return m, now, held
+
+
+def test_a_machine_that_rocks_in_a_sound_turn_may_turn_back():
+    """The floor of the turn is kept, so that only the next second is compared with holding the angle."""
+    m, now, held = rocking(4.0, -0.5)
+    assert held < P.prediction.margin_floor
+    assert margin_after(NONE, now, 0.0, m) > P.prediction.turn_floor
+    rate = permitted_rate(now, m)
+    assert rate > 0.0
+    back = predict(with_demand(now, -rate), P.prediction.limit_hold, NONE, m).margin
+    assert back > held - TRANSIENT
+    assert margin_after(NONE, now, -rate, m) >= P.prediction.turn_floor - TRANSIENT
+
+
+def test_slow_rates_are_offered_where_quick_ones_cost_too_much():
+    m, now = on_valley()
+    found = {permitted_rate(now._replace(support_rate=rate), m) for rate in np.arange(0.0, 1.5, 0.05)}
+    assert any(0.0 < rate < P.prediction.largest_rate / 8.0 for rate in found)
