@@ -26,6 +26,7 @@ from hil.timing.deadlines import (
     Observer,
     doubtful,
     judge_message,
+    only_late,
     overall,
     reasons_for_doubt,
     same_as_before,
@@ -110,7 +111,7 @@ def check(
         judged,
         silent,
         rules,
-        reasons_for_doubt(observer, late=any_late(judged)),
+        reasons_for_doubt(observer, late=only_late(judged, observer)),
         several=len(table.channels) > 1,
     )
     return Check(
@@ -124,11 +125,6 @@ def check(
         contents=tuple(contents),
         intact=judge_contents(contents),
     )
-
-
-def any_late(judged: Sequence[Judged]) -> bool:
-    """Whether any message was not in time."""
-    return any(one.verdict.events for one in judged)
 
 
 def whole(table: FrameTable, starved: str = "") -> Observer:

@@ -9,11 +9,11 @@ from dbc.errors import LogError
 from dbc.recordings.logfile import FrameTable
 from dbc.recordings.reading import read_frames
 from hil import rundir
-from hil.check.check import Check, Rules, any_late, check, whole
+from hil.check.check import Check, Rules, check, whole
 from hil.faults.record import read_faults
 from hil.judgement import PROCESSES, timing_of, waits_of_senders
 from hil.rundir import FOREIGN_ZERO, RunDirectory
-from hil.timing.deadlines import QUESTION, Observer, doubtful, reasons_for_doubt
+from hil.timing.deadlines import QUESTION, Observer, doubtful, only_late, reasons_for_doubt
 from hil.timing.measured import judge_task, judge_timing, starvation, starved_moment
 from hil.timing.punctuality import Punctuality
 from hil.verdict import Result, Verdict
@@ -49,8 +49,10 @@ def _read_bus(run: RunDirectory, log: str, recorder: str) -> tuple[FrameTable, O
     elif FOREIGN_ZERO in run.record.statistics:
         zero_ns = int(run.record.statistics[FOREIGN_ZERO])
         observer = replace(observer, start_ns=max(zero_ns, observer.start_ns))
-    lost = observer.lost + int(run.record.statistics.get(f"{recorder}_dropped", 0))
-    return table, replace(observer, lost=lost, unfinished=run.record.outcome != "finished")
+    counts = run.record.statistics
+    lost = observer.lost + int(counts.get(f"{recorder}_dropped", 0))
+    dropped = sum(int(counts.get(f"{name}_dropped", 0)) for name in (*PROCESSES, "gateway"))
+    return table, replace(observer, lost=lost, dropped=dropped, unfinished=run.record.outcome != "finished")
 
 
 def punctuality_of(run: RunDirectory) -> Punctuality:
@@ -88,7 +90,7 @@ def all_frames(checks: Mapping[str, Check], unread: Sequence[str], struck: int) 
             *(
                 doubt
                 for check in checks.values()
-                for doubt in reasons_for_doubt(check.observer, late=any_late(check.messages))
+                for doubt in reasons_for_doubt(check.observer, late=only_late(check.messages, check.observer))
             ),
         ]
     )

@@ -16,6 +16,8 @@ stamp that runs backwards is a failure, never a pass.
 A message is inconclusive, with the reason, when the DBC gives no period, when it was observed for less than three
 periods, when the observer lost frames, or when the host did not give the observer its processor time. A late message is
 inconclusive too when a single wait for a processor, of its sender or of a process on the path, covers the whole delay.
+A busy host delays frames. It repeats none, and lets no counter jump but where the bench counted frames that it dropped:
+such a message has failed on a busy host too.
 """
 
 from collections import Counter
@@ -63,6 +65,7 @@ class Observer:
     start_ns: int
     end_ns: int
     lost: int = 0  # frames that the observer knows it lost
+    dropped: int = 0  # frames that the bench's own processes dropped on the way: a counter may jump by them
     starved: str = ""  # which processes the host gave too little time; '' if none
     starved_moment: str = ""  # the same in the worst second: it may explain a late frame
     unfinished: bool = False  # whether the run was cut off
@@ -82,6 +85,9 @@ class MessageVerdict:
     missing: int = 0  # frames that did not come
     duplicates: int = 0
     counter_jumps: int = 0
+    counter_errors: int = (
+        0  # of these, the ones that a pause of the sender for a turn of the counter cannot look like
+    )
     lost_frames: int = 0  # between sender and us, by the counter
     backwards: int = 0  # stamps that run backwards
     stale_share: float = 0.0  # of the judged time, 0 to 1
@@ -149,7 +155,7 @@ def judge_message(
     missing[[0, -1]] = np.floor(gaps[[0, -1]] / period)
     missing[[0, -1]] *= late[[0, -1]]
     worst = int(np.argmax(gaps))
-    duplicates, jumps, lost = _counter_events(seen, period)
+    duplicates, jumps, errors, lost = _counter_events(seen, period)
     verdict = MessageVerdict(
         name=seen.name,
         period_ns=period,
@@ -159,6 +165,7 @@ def judge_message(
         missing=int(missing.sum()),
         duplicates=duplicates,
         counter_jumps=jumps,
+        counter_errors=errors,
         lost_frames=lost,
         backwards=int(np.count_nonzero(inner < 0)),
         stale_share=float(np.maximum(gaps - stale_after * period, 0).sum() / window),
@@ -187,7 +194,7 @@ def _excuse(
     late: of each gap, whether it is too long.
     """
     period = verdict.period_ns
-    if period is None or not waits or verdict.duplicates or verdict.counter_jumps or verdict.backwards:
+    if period is None or not waits or verdict.duplicates or verdict.counter_errors or verdict.backwards:
         return None
     found = []
     # beyond 1.5 periods a frame counts as missing, whatever the tolerance
@@ -218,13 +225,13 @@ def _skipped(gaps: NDArray[np.int64], period: int, tolerance: float) -> NDArray[
     return skipped
 
 
-def _counter_events(seen: Observation, period_ns: int) -> tuple[int, int, int]:
-    """Numbers of duplicates, of counter jumps, and of the frames lost in those jumps.
+def _counter_events(seen: Observation, period_ns: int) -> tuple[int, int, int, int]:
+    """Numbers of duplicates, of counter jumps, of those that are no pause of the sender, and of the frames lost in jumps.
 
     The counter gives a step only modulo 15; the time between the frames selects among the candidates.
     """
     if seen.counters is None or seen.counters.size < 2:
-        return 0, 0, 0  # without a counter, equal content cannot be distinguished from a repeated frame
+        return 0, 0, 0, 0  # without a counter, equal content cannot be distinguished from a repeated frame
     modulo = np.diff(seen.counters) % seen.modulus
     periods = np.diff(seen.at_ns) / period_ns
     turns = np.maximum(np.rint((periods - modulo) / seen.modulus), 0)
@@ -233,19 +240,20 @@ def _counter_events(seen: Observation, period_ns: int) -> tuple[int, int, int]:
     duplicate = still if seen.same_payload is None else still & seen.same_payload[1:]
     outside = (seen.counters < 0) | (seen.counters >= seen.modulus)
     jump = (step > 1) | (still & ~duplicate) | outside[1:]
-    return int(duplicate.sum()), int(jump.sum()), int((step[step > 1] - 1).sum())
+    # one step in a gap of fifteen periods: fifteen frames were lost, or the sender paused and none was sent
+    paused = (modulo == 1) & ~outside[1:]
+    lost = int((step[step > 1] - 1).sum())
+    return int(duplicate.sum()), int(jump.sum()), int((jump & ~paused).sum()), lost
 
 
 def _concluded(verdict: MessageVerdict, observer: Observer, excuse: Wait | None) -> MessageVerdict:
     """The verdict with its result: doubts about the observer first, then excuses for what was late."""
     events = verdict.events
-    doubts = reasons_for_doubt(observer, late=bool(events))
-    if events and not doubts and observer.starved_moment:
-        doubt = f"{MOMENTARILY}: {observer.starved_moment}"
-        result, reason = Result.INCONCLUSIVE, "; ".join([*events, doubt])
-    elif events and not doubts and excuse is not None:
-        doubt = f"{MOMENTARILY}: {excuse.describe(observer.start_ns)}"
-        result, reason = Result.INCONCLUSIVE, "; ".join([*events, doubt])
+    only_late = bool(events) and not beyond_lateness(verdict, observer)
+    doubts = reasons_for_doubt(observer, late=only_late)
+    if not doubts and only_late and (observer.starved_moment or excuse is not None):
+        cause = observer.starved_moment or (excuse.describe(observer.start_ns) if excuse else "")
+        result, reason = Result.INCONCLUSIVE, "; ".join([*events, f"{MOMENTARILY}: {cause}"])
     elif events and not doubts:
         result, reason = Result.FAILED, "; ".join(events)
     elif doubts:
@@ -255,10 +263,21 @@ def _concluded(verdict: MessageVerdict, observer: Observer, excuse: Wait | None)
     return replace(verdict, result=result, reason=reason)
 
 
+def beyond_lateness(verdict: MessageVerdict, observer: Observer) -> bool:
+    """Whether something is wrong with the message that a busy host cannot cause: it delays frames, and does not repeat them."""
+    return bool(verdict.duplicates or verdict.backwards or (verdict.counter_errors and not observer.dropped))
+
+
+def only_late(judged: Iterable[Judged], observer: Observer) -> bool:
+    """Whether a message was not in time, and nothing is wrong with any that a busy host cannot cause."""
+    wrong = [one.verdict for one in judged if one.verdict.events]
+    return bool(wrong) and not any(beyond_lateness(verdict, observer) for verdict in wrong)
+
+
 def reasons_for_doubt(observer: Observer, *, late: bool) -> list[str]:
     """Reasons why this observer's findings decide nothing; [] if there are none.
 
-    late: whether any message was not in time. A starved host can explain a late message, but cannot make one in time.
+    late: whether messages were late, and no more than that. A starved host can explain a late message, but cannot make one in time.
     """
     doubts = []
     if observer.lost:

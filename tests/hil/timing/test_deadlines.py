@@ -149,6 +149,46 @@ def test_a_starved_host_excuses_what_was_late_and_nothing_else():
     assert "starved: 12 %" in late.reason
 
 
+STARVED = replace(OBSERVER, starved="12 %", starved_moment="plant waited 40 ms", waits={"": {}})
+
+
+@pytest.mark.parametrize("wrong", ["two senders", "repeated", "backwards"])
+def test_no_busy_host_explains_a_second_sender_a_repeat_or_a_wrong_order(wrong):
+    at, counters = punctual()
+    same = np.zeros(FRAMES, bool)
+    if wrong == "two senders":
+        counters[1::2] = (counters[1::2] + 7) % 15
+    elif wrong == "repeated":
+        counters[20], same[20] = counters[19], True
+    else:
+        at[40], at[41] = at[41], at[40]
+    at[60:] += 2 * PERIOD  # something is late beside it
+    verdict = judge_message(observation(at, counters, same), STARVED)
+    assert verdict.result is Result.FAILED, verdict.reason
+
+
+def test_a_sender_that_pauses_for_a_turn_of_the_counter_was_only_late():
+    """Twenty periods with one step of the counter: nothing was lost if the sender was kept waiting meanwhile."""
+    at, counters = punctual()
+    at[60:] += 20 * PERIOD
+    observer = replace(STARVED, end_ns=STARVED.end_ns + 20 * PERIOD)
+    verdict = judge_message(observation(at, counters), observer)
+    assert (verdict.counter_jumps, verdict.counter_errors) == (1, 0)
+    assert verdict.result is Result.INCONCLUSIVE
+    assert (
+        judge_message(observation(at, counters), replace(observer, starved="", starved_moment="")).result
+        is Result.FAILED
+    )
+
+
+def test_a_counter_jumps_where_the_starved_bench_itself_dropped_frames():
+    at, counters = punctual()
+    kept = np.delete(np.arange(FRAMES), slice(30, 33))
+    lacking = observation(at[kept], counters[kept])
+    assert judge_message(lacking, STARVED).result is Result.FAILED
+    assert judge_message(lacking, replace(STARVED, dropped=3)).result is Result.INCONCLUSIVE
+
+
 def test_without_a_period_or_a_window_nothing_is_judged():
     at, _ = punctual()
     assert judge_message(observation(at, period=None), OBSERVER).result is Result.INCONCLUSIVE
