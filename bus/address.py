@@ -7,6 +7,7 @@ from bus.socketcan.transport import SocketCanTransport
 from bus.transport import BusUnavailable, Transport
 from bus.virtual import named_bus
 
+KINDS = ("hub", "socketcan", "virtual")
 FORMS = "hub:/path/to/socket, hub:@NAME, socketcan:INTERFACE or virtual:NAME"
 
 
@@ -15,17 +16,24 @@ def open_transport(address: str, *, name: str = "") -> Transport:
 
     BusUnavailable if it cannot be opened, with the cause and what would help.
     """
-    scheme, separator, rest = address.partition(":")
-    if not separator or not rest:
-        raise BusUnavailable(f"{address!r} is no address of a bus; write {_meant(address) or FORMS}")
+    scheme, rest = parts_of(address)
     match scheme:
         case "hub":
             return HubTransport(rest, name=name)
         case "socketcan":
             return SocketCanTransport(rest)
-        case "virtual":
+        case _:
             return named_bus(rest).connect()
-    raise BusUnavailable(f"{address!r}: there is no kind of bus {scheme!r}; write {FORMS}")
+
+
+def parts_of(address: str) -> tuple[str, str]:
+    """The kind of bus, and its place. BusUnavailable if the address has neither; nothing is opened."""
+    scheme, separator, rest = address.partition(":")
+    if not separator or not rest:
+        raise BusUnavailable(f"{address!r} is no address of a bus; write {_meant(address) or FORMS}")
+    if scheme not in KINDS:
+        raise BusUnavailable(f"{address!r}: there is no kind of bus {scheme!r}; write {FORMS}")
+    return scheme, rest
 
 
 def inside_computer(address: str, interfaces: Path = Path("/sys/class/net")) -> bool:

@@ -10,7 +10,14 @@ import can
 import cantools
 
 PERIOD_S = 0.01
-RUNNING, DEGRADED, SAFE_VALUES = 1, 2, 3  # EcuStatus.State, Limits.Cause
+RUNNING, DEGRADED, SAFE_VALUES, NOT_AVAILABLE = 1, 2, 3, 7  # EcuStatus.State, Limits.Cause, RollOver
+TORQUES = ("FrontLeftTorque", "FrontRightTorque", "RearLeftTorque", "RearRightTorque")
+
+
+def attribute(message, name: str):
+    """What the DBC says of a message, or None."""
+    found = message.dbc.attributes.get(name)
+    return None if found is None else found.value
 
 
 def crc8(data: bytes) -> int:
@@ -25,26 +32,24 @@ def crc8(data: bytes) -> int:
 
 def protect(message, data: bytes, counter: int) -> bytes:
     """Counter 0..14 into the low nibble of byte 1; CRC over data id (low, high byte) and payload into byte 0."""
-    attributes = message.dbc.attributes
-    if "E2EDataId" not in attributes:
+    if (data_id := attribute(message, "E2EDataId")) is None:
         return data
-    data_id = int(attributes["E2EDataId"].value)
     frame = bytes([data[1] & 0xF0 | counter]) + data[2:]
-    return bytes([crc8(data_id.to_bytes(2, "little") + frame)]) + frame
+    return bytes([crc8(int(data_id).to_bytes(2, "little") + frame)]) + frame
 
 
 def values(message, echo: int, stale: bool) -> dict[str, float]:
     """The signals of one message: nothing is valid, no limit but a speed that any loader may drive."""
     sent = {signal.name: max(0, signal.minimum or 0) for signal in message.signals}
+    limits = (
+        {"Speed": 8, "ArticulationRate": 10, "Cause": SAFE_VALUES}
+        if stale
+        else {"Speed": 50, "ArticulationRate": 50}
+    )
     special = {
         "EcuStatus": {"EchoSequence": echo, "State": DEGRADED if stale else RUNNING, "StaleInputs": stale},
-        "Limits": {"FrontLeftTorque": 50, "FrontRightTorque": 50, "RearLeftTorque": 50, "RearRightTorque": 50}
-        | (
-            {"Speed": 8, "ArticulationRate": 10, "Cause": SAFE_VALUES}
-            if stale
-            else {"Speed": 50, "ArticulationRate": 50}
-        ),
-        "RollOver": {"State": 7, "LiftingWheel": 7},  # not available
+        "Limits": dict.fromkeys(TORQUES, 50) | limits,
+        "RollOver": {"State": NOT_AVAILABLE, "LiftingWheel": NOT_AVAILABLE},
         "Warnings": {"InputStale": stale},
     }
     return sent | special.get(message.name, {})
@@ -57,25 +62,20 @@ class Ecu:
         self.mine = [message for message in database.messages if "EstimatorEcu" in message.senders]
         self.sample = database.get_message_by_name("Articulation")
         # The DBC says which inputs matter, and how long each may stay away.
-        self.patience_s = {
-            message.frame_id: message.dbc.attributes["InputTimeout"].value / 1000 - 3 * PERIOD_S
-            for message in database.messages
-            if "InputLossState" in message.dbc.attributes
-            and message.dbc.attributes["InputLossState"].value == "degraded"
-        }
+        needed = [m for m in database.messages if attribute(m, "InputLossState") == "degraded"]
+        self.patience_s = {m.frame_id: attribute(m, "InputTimeout") / 1000 - 3 * PERIOD_S for m in needed}
         self.heard_s = dict.fromkeys(self.patience_s, -1e9)
         self.echo = self.tick = 0
 
     def receive(self, identifier: int, data: bytes, now_s: float) -> None:
         """Take one frame."""
-        if identifier in self.heard_s:
-            self.heard_s[identifier] = now_s
+        self.heard_s[identifier] = now_s
         if identifier == self.sample.frame_id:
             self.echo = self.sample.decode(data, decode_choices=False)["SampleSequence"]
 
     def step(self, now_s: float) -> list[tuple[int, bytes]]:
         """The frames of this tick: identifier and data."""
-        stale = any(now_s - heard > self.patience_s[each] for each, heard in self.heard_s.items())
+        stale = any(now_s - self.heard_s[each] > patience for each, patience in self.patience_s.items())
         frames = []
         for message in self.mine:
             every = message.cycle_time // 10
@@ -99,4 +99,7 @@ def main(interface: str, channel: str, dbc: str) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    try:
+        main(*sys.argv[1:])
+    except can.CanError as error:
+        sys.exit(f"the bus is gone: {error}")

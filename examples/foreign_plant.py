@@ -53,4 +53,7 @@ def main(interface: str, channel: str, dbc: str) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    try:
+        main(*sys.argv[1:])
+    except can.CanError as error:
+        sys.exit(f"the bus is gone: {error}")

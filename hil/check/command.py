@@ -71,7 +71,10 @@ def print_summary(console: Console, recording: Path, done: Check) -> None:
 
 def as_json(recording: Path, done: Check) -> str:
     """Everything of the check, results by their names."""
-    content: dict[str, Any] = {"recording": str(recording)} | asdict(done)
+    # the rows of the waits are data behind the reasons, not results
+    observer = replace(done.observer, waits={})
+    content: dict[str, Any] = {"recording": str(recording)} | asdict(replace(done, observer=observer))
+    content["observer"].pop("waits")
     return json.dumps(content, indent=2, ensure_ascii=False, default=_name_of_result)
 
 

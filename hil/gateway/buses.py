@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from bus.address import parts_of
 from bus.hub.client import hub_status
 from bus.transport import BusUnavailable
 from bus.user_error import UserError
@@ -14,6 +15,16 @@ HUB: Final = "hub:"
 
 class BusesError(UserError, ValueError):
     """The buses chosen for a run do not go together; the message names the options."""
+
+
+def _check_address(option: str, address: str | None) -> None:
+    """Refuse what is no address before anything is started: a process that opened the bus would end the run half-way."""
+    if address is None:
+        return
+    try:
+        parts_of(address)
+    except BusUnavailable as error:
+        raise BusesError(f"{option}: {error}") from None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,15 +41,15 @@ class Buses:
     wait_s: float = 60.0  # longest wait for the first frame of a foreign node [s]
 
     def __post_init__(self) -> None:
-        options = {
-            "--plant-bus": self.plant,
-            "--ecu-bus": self.ecu,
-            "--routes": self.routes,
-            "--control": self.control,
-        }
+        addresses = {"--plant-bus": self.plant, "--ecu-bus": self.ecu}
+        options = addresses | {"--routes": self.routes, "--control": self.control}
         given = [name for name, value in options.items() if value is not None]
         if given and not self.gateway:
             raise BusesError(f"{given[0]} is about a gateway; add --gateway, or leave it out")
+        for option, address in (
+            addresses | {"--ecu": self.foreign_ecu, "--plant": self.foreign_plant}
+        ).items():
+            _check_address(option, address)
         if self.plant is not None and self.plant == self.ecu:
             raise BusesError(
                 f"--plant-bus and --ecu-bus are both {self.plant}: a gateway stands between two buses"

@@ -17,6 +17,7 @@ from bus.transport import BusUnavailable
 from dbc import FOLDER, loader_database
 from dbc.recordings.reading import read_frames
 from hil.ending import Ending
+from hil.faults.record import read_faults
 from hil.rundir import RunDirectory
 from tests.bus.conftest import vcan  # noqa: F401
 from tests.bus.vcan import INTERFACE
@@ -25,6 +26,7 @@ from tests.conftest import STANDS
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 DBC = FOLDER / "loader.dbc"
 PATIENCE_S = 270.0
+RUNNING, DEGRADED = 1, 2  # EcuStatus.State
 processes = [pytest.mark.processes, pytest.mark.timeout(600)]
 
 
@@ -153,10 +155,35 @@ class TestOnTheHub:
             done = loaderhil(
                 "run", short, "--gateway", "--ecu-bus", f"hub:{hub}", "--out", tmp_path / "out", "--json"
             )
-        result, reason = results(done)["every identifier has one sender"]
+        found = results(done)
+        result, reason = found["every identifier has one sender"]
         assert result == "FAILED"
         assert "our ecu process and by 'python-can'" in reason
+        # counters that jump between two senders are nothing that a busy host could cause
+        assert found["every message in time"][0] == "FAILED"
         assert done.returncode == Ending.FAILED
+
+    def test_faults_are_injected_before_a_foreign_ecu(self, hub, tmp_path):
+        scenario, faults, out = tmp_path / "short.toml", tmp_path / "faults.toml", tmp_path / "out"
+        scenario.write_text(STANDS.format(duration_s=4.0))
+        faults.write_text('[[fault]]\nkind = "drop"\nmessage = "BodyRates"\nat_s = 1.0\nfor_s = 1.5\n')
+        with foreign("ecu", "loaderhil", hub):
+            done = loaderhil(
+                *("run", scenario, "--gateway", "--ecu", f"hub:{hub}", "--inject", faults),
+                *("--out", out, "--json"),
+            )
+        assert results(done)["EstimatorEcu is there throughout"][0] != "FAILED"
+        run = RunDirectory.read(out)
+        states, times = (
+            run.messages["EcuStatus"].signals["State"],
+            run.messages["EcuStatus"].time_s - run.truth["time_s"][0],
+        )
+        assert (states[(times > 1.7) & (times < 2.3)] == DEGRADED).all()
+        assert (states[(times > 3.0) & (times < 3.8)] == RUNNING).all()
+        (fault,) = read_faults(out)
+        assert fault.struck > 100
+        assert "BodyRates" in loaderhil("check", out, "--json").stdout
+        assert loaderhil("report", out, "--out", tmp_path / "r.html").returncode == 0
 
 
 @pytest.mark.socketcan

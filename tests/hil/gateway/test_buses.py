@@ -30,6 +30,9 @@ def test_a_bus_that_is_there_already_needs_no_hub(tmp_path):
         ({"plant": "socketcan:can0"}, "--plant-bus"),
         ({"ecu": "socketcan:can0"}, "--ecu-bus"),
         ({"gateway": True, "plant": "hub:a", "ecu": "hub:a"}, "both hub:a"),
+        ({"foreign_ecu": "can0"}, "--ecu: 'can0' is no address of a bus; write socketcan:can0"),
+        ({"foreign_plant": "usb:1"}, "--plant: 'usb:1': there is no kind of bus 'usb'"),
+        ({"gateway": True, "ecu": "hub:"}, "--ecu-bus: 'hub:' is no address"),
     ],
 )
 def test_what_does_not_go_together_is_reported(chosen, message):

@@ -28,7 +28,7 @@ class Bent(foreign_ecu.Ecu):
         if "ignores a loss" in self.names:
             self.heard_s[self.frame_id("BodyRates")] = now_s
         if "never recovers" in self.names:
-            lost = [now_s - heard > self.patience_s[each] for each, heard in self.heard_s.items()]
+            lost = [now_s - self.heard_s[each] > patience for each, patience in self.patience_s.items()]
             self.ever_lost |= any(lost) and self.tick > 150
             if self.ever_lost:
                 self.heard_s[self.frame_id("Articulation")] = -1e9
