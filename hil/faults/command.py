@@ -119,6 +119,14 @@ Depth = Annotated[
 Copies = Annotated[int | None, _parameter("--copies", "N", "For repeat: number of copies.")]
 Gap = Annotated[str | None, _parameter("--gap", "DURATION", "For repeat: time between copies.")]
 Bits = Annotated[int | None, _parameter("--bits", "N", "For corrupt: number of bits to flip.")]
+Content = Annotated[
+    str | None,
+    _parameter(
+        "--content",
+        "CONTENT",
+        "For corrupt: the whole payload instead of single bits: random, zeros, ones, or any of them.",
+    ),
+]
 ValidCrc = Annotated[
     bool | None,
     _parameter("--valid-crc", None, "For corrupt: compute a CRC that fits the changed bits."),
@@ -162,6 +170,7 @@ def inject(
     copies: Copies = None,
     gap: Gap = None,
     bits: Bits = None,
+    content: Content = None,
     valid_crc: ValidCrc = None,
     signal: Signal = None,
     signals: Signals = None,

@@ -1,4 +1,4 @@
-"""Faults that flip bits: like a disturbed line, or like a defective sender, whose CRC is valid."""
+"""Faults that flip bits or replace the payload: like a disturbed line, or like a defective sender, whose CRC is valid."""
 
 import random
 from collections.abc import Sequence
@@ -12,14 +12,19 @@ from hil.faults.rawbits import signed_again
 
 PROTECTION_BITS = 12
 """AUTOSAR E2E profile 1: CRC in byte 0, counter in the low nibble of byte 1."""
+FLIPPED = "bits"
+REPLACED = ("random", "zeros", "ones")
+CONTENTS = (FLIPPED, *REPLACED, "any")
+"""What becomes of a payload: some of its bits are flipped, or all of it is replaced; `any`: by one of the three, drawn for each frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class Corrupt:
-    """Random bits of a frame are flipped, with a probability."""
+    """Random bits of a frame are flipped, or its payload is replaced, with a probability."""
 
     probability: float  # for each frame, 0 to 1
-    bits: int  # number of different bits
+    content: str  # one of CONTENTS
+    bits: int  # number of different bits to flip
     # CRC and counter are not flipped, and the CRC is computed anew: only a plausibility check can detect the
     # fault. Messages without protection have no CRC; for them the setting makes no difference.
     valid_crc: bool
@@ -39,17 +44,30 @@ class _Corrupting(Effect):
         protected = codec is not None and codec.protection is not None
         first = PROTECTION_BITS if settings.valid_crc and protected else 0
         room = range(first, 8 * len(frame.data))
-        data = bytearray(frame.data)
-        for bit in self._generator.sample(room, min(settings.bits, len(room))):
-            data[bit // 8] ^= 1 << bit % 8
-        signed = signed_again(codec, bytes(data)) if codec and settings.valid_crc else bytes(data)
+        data = int.from_bytes(frame.data, "little") ^ self._change(room, frame.data)
+        changed = data.to_bytes(len(frame.data), "little")
+        signed = signed_again(codec, changed) if codec and settings.valid_crc else changed
         return (Planned(at_ns, frame._replace(data=signed)),)
+
+    def _change(self, room: range, data: bytes) -> int:
+        """The bits to invert, as a little-endian number; room: the bits that may be changed."""
+        settings = self._settings
+        if settings.content == FLIPPED:
+            return sum(1 << bit for bit in self._generator.sample(room, min(settings.bits, len(room))))
+        mask = (1 << room.stop) - (1 << room.start)
+        content = self._generator.choice(REPLACED) if settings.content == "any" else settings.content
+        drawn = self._generator.getrandbits(room.stop) if content == "random" else 0
+        wanted = {"zeros": 0, "ones": mask, "random": drawn}[content]
+        return (int.from_bytes(data, "little") ^ wanted) & mask
 
 
 def read_corrupt(table: CheckedTable) -> Corrupt:
     """kind = "corrupt"."""
+    content = table.choice("content", CONTENTS) if "content" in table.keys() else FLIPPED  # noqa: SIM118
     return Corrupt(
         probability=read_probability(table),
-        bits=table.integer("bits", low=1, high=512, default=1),
+        content=content,
+        # only asked for where it acts: a number of bits beside a whole payload is a mistake
+        bits=table.integer("bits", low=1, high=512, default=1) if content == FLIPPED else 0,
         valid_crc=table.flag("valid_crc", default=False),
     )

@@ -81,13 +81,22 @@ def _swap(generator: random.Random) -> Table:
     return {"message": name, "signals": ["Left", "Right"]}
 
 
+def _corrupt(generator: random.Random) -> Table:
+    """Some flipped bits; or payloads that a defective sender signs as if they were sound, of one message or of all that the ECU reads."""
+    if generator.random() < 0.5:
+        return _some(generator) | {"bits": generator.randint(1, 8), "valid_crc": generator.random() < 0.5}
+    # two inputs that are wrong at the same time are what a single message never shows
+    where = _some(generator) if generator.random() < 0.5 else {"from": "plant", "probability": 0.05}
+    return where | {"content": "any", "valid_crc": True}
+
+
 _PARAMETERS: dict[str, Callable[[random.Random], Table]] = {
     "drop": _some,
     "repeat": lambda g: _some(g) | {"copies": g.randint(1, 3), "gap_ms": g.choice((0.0, 2.0))},
     "delay": lambda g: _message(g) | {"delay_ms": round(g.uniform(1.0, 150.0), 3)},
     "jitter": lambda g: _message(g) | {"jitter_ms": round(g.uniform(1.0, 60.0), 3)},
     "reorder": lambda g: _some(g) | {"depth": g.randint(1, 4)},
-    "corrupt": lambda g: _some(g) | {"bits": g.randint(1, 8), "valid_crc": g.random() < 0.5},
+    "corrupt": _corrupt,
     "freeze": lambda g: _signal(g)[0],
     "offset": _shift("offset"),
     "spike": lambda g: _shift("height")(g) | {"every": g.randint(5, 50)},

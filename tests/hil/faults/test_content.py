@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus.frame import Frame
+from configuration import ConfigurationError
 from dbc.protection import Checker, Finding
 from hil.faults.rawbits import RawSignal
 from tests.hil.faults.traffic import DATABASE, frames, injector, passed, values_of
@@ -54,6 +55,30 @@ def test_corruption_with_a_valid_crc_is_only_in_the_payload(bits, seed):
         payload = int.from_bytes(before.data, "little") ^ int.from_bytes(after.data, "little")
         assert (payload >> 12).bit_count() == bits
         assert before.data[1] & 0x0F == after.data[1] & 0x0F
+
+
+@pytest.mark.parametrize("content", ["zeros", "ones", "random", "any"])
+def test_a_replaced_payload_with_a_valid_crc_passes_the_check(content):
+    sent = frames(SPEEDS, 40, ramp)
+    table = {"kind": "corrupt", "message": SPEEDS, "content": content, "valid_crc": True}
+    arrived = through(table, sent)
+    assert findings(SPEEDS, arrived) == [Finding.INITIAL, *[Finding.OK] * 39]
+    payloads = {int.from_bytes(frame.data, "little") >> 12 for frame in arrived}
+    zeros, ones = 0, (1 << 52) - 1
+    assert payloads & {zeros, ones} == {"zeros": {zeros}, "ones": {ones}, "any": {zeros, ones}}.get(
+        content, set()
+    )
+    assert (len(payloads) > 10) == (content in ("random", "any"))
+
+
+def test_without_a_valid_crc_the_whole_frame_is_replaced():
+    arrived = through({"kind": "corrupt", "message": SPEEDS, "content": "ones"}, frames(SPEEDS, 2, ramp))
+    assert {frame.data for frame in arrived} == {b"\xff" * 8}
+
+
+def test_a_number_of_bits_beside_a_whole_payload_is_refused():
+    with pytest.raises(ConfigurationError, match="bits is not a known key"):
+        injector({"kind": "corrupt", "message": SPEEDS, "content": "zeros", "bits": 3})
 
 
 def test_an_unprotected_message_is_corrupted_anywhere():

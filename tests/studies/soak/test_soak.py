@@ -1,21 +1,29 @@
 """A soak is repeatable, keeps its promises on the real ECU, and finds an ECU that breaks them."""
 
 import itertools
+import math
 import random
+from dataclasses import replace
 
 import pytest
 
 from dbc import loader_database
+from ecu.calibration import load_calibration
 from ecu.states import State
+from hil import ecu_side
 from hil.faults.table import KINDS, SECOND
 from hil.lockstep import PERIOD_NS
 from hil.verdict import Result
-from studies.soak import chance
+from studies.soak import chance, watch
 from studies.soak.document import classes, page
 from studies.soak.soak import AFTERWARDS_S, Happened, Keeper, Soak, soak
 from studies.soak.watch import Answer, Mechanism, Witness
 from tests.hil.faults.traffic import fault
 
+SECONDS, SEED = (
+    14.0,
+    14,
+)  # its first fault is signed payloads of any content, in five of a hundred frames from the plant
 GOOD = dict.fromkeys(loader_database().by_name["Limits"].signals, 1.0)
 
 
@@ -59,6 +67,32 @@ def test_chance_gives_every_kind_and_only_sound_tables():
     generator = random.Random(1)
     kinds = {fault(**chance.fault(generator)).kind for _ in range(500)}
     assert kinds == set(KINDS)
+
+
+def test_an_ecu_that_divides_by_a_measured_zero_is_found(monkeypatch):
+    """It once did: a signed frame of zeros ended its process. The calibration lets zeros in again, and the estimators divide by them."""
+    made = watch.ecu_cycle
+    unchecked = replace(
+        load_calibration(), inputs=replace(load_calibration().inputs, least_specific_force=0.0)
+    )
+
+    def dividing(**choices):
+        ecu = made(**choices)
+        estimate = ecu._estimator.estimate
+
+        def divides(values):
+            1.0 / math.hypot(values.specific_force_x, values.specific_force_y, values.specific_force_z)
+            return estimate(values)
+
+        ecu._estimator.estimate = divides
+        return ecu
+
+    assert soak(SECONDS, SEED).violations.count == 0
+    monkeypatch.setattr(watch, "ecu_cycle", dividing)
+    monkeypatch.setattr(ecu_side, "load_calibration", lambda name: unchecked)
+    found = soak(SECONDS, SEED)
+    assert found.result is Result.FAILED
+    assert any("in its fault state" in line for line in found.violations.lines)
 
 
 def test_declared_answers_are_fine():
