@@ -1,8 +1,9 @@
 """Which estimates contradict a law they have to obey, so that they must not be called valid.
 
 An estimate can be wrong although every input it needs is usable: after a lift-off, with a wrong but plausible sensor,
-or beyond the range of its signal. Rules: a tyre pushes and never pulls; a load-transfer ratio lies within -1 and 1; a
-tyre gives no more than friction times its load; a value outside the range of its signal would arrive changed.
+or beyond the range of its signal. Rules: a tyre pushes and never pulls; the loads add up to mass times vertical specific force; the balance of
+forces and the gyro agree about the tilt on the tyres; a load-transfer ratio lies within -1 and 1; a tyre gives no more than friction times its
+load; a value outside the range of its signal would arrive changed. Loads that break a rule take with them all that comes from the same balance.
 Warnings and limits do not ask for this: that a wheel has lifted is known also when its load is not.
 """
 
@@ -15,14 +16,22 @@ from dbc.database import Database
 from ecu.bus_signals import Sent, rows
 from ecu.estimators.parameters import Wheel
 from ecu.estimators.signals import Estimates
+from ecu.estimators.tyres.contact import CONTRADICTION
 from ecu.validity import NEEDS, WHEELS
 
 PULL: Final = 0.05
-"""Share of the tyre's nominal load by which an estimated load may be negative: the noise of the sensors."""
+"""Share of the tyre's nominal load by which an estimated load may be negative, or their sum be off: the noise of the sensors."""
 SETTLING_NS: Final = 200_000_000
 """Time without a broken rule until an estimate is valid again. The load of a lifted wheel swings about zero, and a flag that follows it is no use."""
 FRICTION: Final = 1.5
 """Times the friction of a dry road, plus PULL of the nominal load: beyond any tyre; 0.8 of it is reached in the drive cases."""
+
+FROM_LOADS: Final = frozenset(
+    {"normal", "roll_over", "yaw_moment", "joint_torque", "payload"}
+    | {f"{kind}_{n}" for kind in ("slip", "force") for n in WHEELS}
+)
+"""What the balance of a machine on its four wheels gives: of these nothing is valid where its loads are not. Payload and joint torque
+need no load, but the motion that explains their pressures and forces is the same."""
 
 
 class Range(NamedTuple):
@@ -52,14 +61,16 @@ class Consistency:
         normal, along = e[0:4], e[4:8]
         across = (e.lateral_1, e.lateral_2, e.lateral_3, e.lateral_4)
         found = {validity for validity, k, least, most in self.ranges if not least <= e[k] <= most}
-        if min(normal) < -self._pull:
-            found |= {"normal", "roll_over"}
+        if min(normal) < -self._pull or abs(e.load_gap) > self._pull:
+            found.add("normal")
+        if e.load_contradiction > CONTRADICTION:
+            found.add("normal")
         if max(abs(e.load_transfer_ratio), abs(e.predicted_load_transfer_ratio)) > 1.0:
             found.add("roll_over")
         for n, load, x, y in zip(WHEELS, normal, along, across, strict=True):
             if math.hypot(x, y) > self._friction * max(load, 0.0) + self._pull:
                 found.add(f"force_{n}")
-        return frozenset(found)
+        return frozenset(found | FROM_LOADS) if "normal" in found else frozenset(found)
 
     def valid(self, e: Estimates, known: Mapping[str, bool], now_ns: int) -> Mapping[str, bool]:
         """What may be called valid: the inputs are usable (`known`), and no rule has been broken for SETTLING_NS."""

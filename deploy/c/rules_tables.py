@@ -10,10 +10,11 @@ from deploy.c.tables import Received, constant, enumeration, real, rows
 from ecu import reasons
 from ecu.calibration import Calibration
 from ecu.codes import ACTIVE, ESTIMATORS, HOLD_NS, NO_CODE, NO_FROZEN
-from ecu.consistency import FRICTION, PULL, SETTLING_NS, Consistency
+from ecu.consistency import FRICTION, FROM_LOADS, PULL, SETTLING_NS, Consistency
 from ecu.detection.troubles import Troubles
 from ecu.estimators.parameters import Parameters
 from ecu.estimators.signals import NEVER, Estimates
+from ecu.estimators.tyres.contact import CONTRADICTION
 from ecu.inputs import FLAGS, GROUP_OF, OUTSIDE_ESTIMATES
 from ecu.states import TRANSITIONS, Event, State
 from ecu.validity import NEEDS, conditions
@@ -137,6 +138,8 @@ def rule_constants(calibration: Calibration) -> str:
         "RULE_CARRIED": real(inputs.carried),
         "RULE_LEAST_SPECIFIC_FORCE": real(inputs.least_specific_force),
         "RULE_NEVER": real(NEVER),
+        "RULE_CONTRADICTION": real(CONTRADICTION),
+        "RULE_FROM_LOADS": f"{sum(1 << k for k, name in enumerate(NEEDS) if name in FROM_LOADS):#x}U",
         "RULE_NO_CODE": real(NO_CODE),
         "RULE_NO_FROZEN": real(NO_FROZEN),
         "RULE_COUNTED_GROUPS": f"{sum(1 << g for g in set(GROUP_OF.values()) - OUTSIDE_ESTIMATES):#x}U",

@@ -28,6 +28,7 @@ class Balance(NamedTuple):
 
     lateral: Lateral
     normal: NormalForces
+    carried: float  # what the normal forces have to add up to: mass times vertical specific force [N]
 
 
 @compiled
@@ -141,4 +142,4 @@ def balance(
         stopped.rear_left,
         stopped.rear_right,
     )
-    return Balance(lateral, normal)
+    return Balance(lateral, normal, carried + axle_load)

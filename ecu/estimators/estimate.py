@@ -54,6 +54,8 @@ class Present(NamedTuple):
     slips: WheelForces
     models: WheelForces  # longitudinal force of the tyre model
     margin: Margin
+    load_gap: float  # sum of the loads less what they have to carry [N]
+    load_contradiction: float  # between the balance of forces and the gyro, as an angle of tilt [rad]
     yaw_moment: float
     joint_torque: float
     speed: float
@@ -170,14 +172,17 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     quick = Turning(arm.angle, arm.rate, lift_acceleration(i, moments, along, load, arm, p), arm.sample)
     pose = pose_at(quick.angle, bucket.angle, p.arm, p.bucket)  # the tracked one, whose motion it is
     moved = arm_forces(pose, quick, bucket, front_yaw, load.payload, p.arm, p.bucket)
-    lateral, balanced = balance(i, m, a, front, push_of(i, load, p), moved, x, trail, joint, p)
-    n, tilt = follow_tilt(i, s, m, balanced, joint, p)
+    balanced = balance(i, m, a, front, push_of(i, load, p), moved, x, trail, joint, p)
+    lateral = balanced.lateral
+    n, tilt = follow_tilt(i, s, m, balanced.normal, joint, p)
 
     rest = Vector(a.rear.x, a.rear.y, a.rear.z)
     if i.slope_usable != 0.0:
         rest = gravity_reaction(i.pitch, i.roll, GRAVITY)
     acceleration = (a.axle.x - rest.x) if i.acceleration_usable != 0.0 else axle_acceleration
     front_load, rear_load = n.front_left + n.front_right, n.rear_left + n.rear_right
+    gap = front_load + rear_load - balanced.carried
+    contradiction = max(abs(tilt.innovation.roll), abs(tilt.innovation.pitch))
     steering = Steering(
         joint, i.articulation_rate, m.articulation_acceleration, v, acceleration, rest.x, rest.y,
         moved.x * joint.sine + moved.y * joint.cosine, moved.yawing,
@@ -204,7 +209,7 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     turn = turning.yaw_moment(forces, whole.x, whole.y, d, g) - trail * (lateral.front + lateral.rear)
     now = Present(
         n, forces, slips, models,
-        rollover.margin(n, machine.standing), turn, lateral.joint_torque, v,
+        rollover.margin(n, machine.standing), gap, contradiction, turn, lateral.joint_torque, v,
         centre_force(a, front, p.rear, p.axle.mass), load.payload, start, int(s.cycles) % MOTIONS, machine,
     )  # fmt: skip
     state = next_state(
@@ -281,6 +286,7 @@ def estimates_of(now: Present, future: Future, p: Parameters) -> Estimates:
         tyre_model_3=now.models.x3,
         tyre_model_4=now.models.x4,
         load_transfer_ratio=rollover.load_transfer_ratio(now.normal),
+        front_load_transfer_ratio=rollover.front_load_transfer_ratio(now.normal),
         predicted_load_transfer_ratio=future.prediction.load_transfer_ratio,
         lift_off_margin=now.margin.ratio,
         lift_off_wheel=now.margin.wheel,
@@ -300,6 +306,8 @@ def estimates_of(now: Present, future: Future, p: Parameters) -> Estimates:
         permitted_speed=future.permitted_speed,
         permitted_lever=future.permitted_lever,
         permitted_motion=future.permitted_motion,
+        load_gap=now.load_gap,
+        load_contradiction=now.load_contradiction,
     )
 
 

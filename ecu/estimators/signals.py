@@ -129,6 +129,10 @@ class Estimates(NamedTuple):
     tyre_model_3: float
     tyre_model_4: float
     load_transfer_ratio: Annotated[float, Sent("RollOver", "LoadTransferRatio", "1", "roll_over", "Valid")]
+    # of the front pair alone; the others are of all four wheels
+    front_load_transfer_ratio: Annotated[
+        float, Sent("Warnings", "FrontLoadTransferRatio", "1", "normal", "FrontLoadTransferRatioValid")
+    ]
     predicted_load_transfer_ratio: Annotated[
         float, Sent("RollOver", "PredictedLoadTransferRatio", "1", "roll_over", "Valid")
     ]
@@ -151,6 +155,9 @@ class Estimates(NamedTuple):
     permitted_speed: float  # [m/s]
     permitted_lever: float  # rate of lift arm or bucket that leaves a margin [rad/s]
     permitted_motion: float  # ... in this motion: 0 arm up, 1 arm down, 2 bucket back, 3 bucket forward
+    # how far the loads contradict themselves (`ecu.consistency`)
+    load_gap: float  # their sum less mass times vertical specific force [N]
+    load_contradiction: float  # balance of forces against gyro, as an angle of tilt [rad]
 
 
 NEVER = 10.23  # TimeToLiftOff of the DBC: none within the horizon [s]

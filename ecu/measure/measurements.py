@@ -35,6 +35,8 @@ _INSIDE: Final[Mapping[str, tuple[str, str]]] = {
     "permitted_speed": ("m/s", "Speed that leaves a margin."),
     "permitted_lever": ("rad/s", "Rate of lift arm or bucket that leaves a margin."),
     "permitted_motion": ("1", "Its motion: 0 arm up, 1 arm down, 2 bucket back, 3 bucket forward."),
+    "load_gap": ("N", "Sum of the normal forces less mass times vertical specific force."),
+    "load_contradiction": ("rad", "Tilt on the tyres by the balance of forces against the gyro."),
 }  # fmt: skip
 
 

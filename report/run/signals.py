@@ -155,11 +155,24 @@ def _wheel_loads(s: Signals) -> tuple[Plot, ...]:
 def _roll_over(s: Signals, verdict: RunVerdict | None) -> tuple[Plot, ...]:
     return (
         _plot(
-            "Load-transfer ratio, positive: right side heavier",
+            "Load-transfer ratio of the four wheels, positive: right side heavier",
             "1",
             s.truth("load_transfer_ratio", "true", "truth"),
             s.frame("RollOver", "LoadTransferRatio", "estimated", "estimate", valid="Valid"),
             s.frame("RollOver", "PredictedLoadTransferRatio", "predicted", "predicted", valid="Valid"),
+            always=(-1.0, 1.0),
+        ),
+        _plot(
+            "Load-transfer ratio of the front pair; 1 or -1: a front wheel has lifted",
+            "1",
+            _true_front_transfer(s),
+            s.frame(
+                "Warnings",
+                "FrontLoadTransferRatio",
+                "estimated",
+                "estimate",
+                valid="FrontLoadTransferRatioValid",
+            ),
             always=(-1.0, 1.0),
         ),
         _plot(
@@ -200,6 +213,16 @@ def _true_margin(s: Signals) -> list[Curve]:
     if not wheels or any(c.value.size == 0 or not c.value[0] > 0 for c in wheels):
         return []
     return [replace(wheels[0], value=np.min([c.value / c.value[0] for c in wheels], axis=0))]
+
+
+def _true_front_transfer(s: Signals) -> list[Curve]:
+    wheels = [c for i in range(2) for c in s.truth("normal_force", "true", "truth", index=i)]
+    if not wheels:
+        return []
+    left, right = (c.value for c in wheels)
+    # no ratio while both front wheels are in the air
+    pair = np.where(left + right > 0.0, left + right, np.nan)
+    return [replace(wheels[0], value=(right - left) / pair)]
 
 
 def _true_time_to_lift_off(verdict: RunVerdict | None) -> list[Curve]:
@@ -301,7 +324,8 @@ def warning_bands(run: RunDirectory) -> list[Band]:
             layout[signal].comment or "",
         )
         for signal, values in warnings.signals.items()
-        if signal not in ("Crc", "AliveCounter", "Level")
+        # a reason is one bit; beside them the frame carries the ratio of the front pair
+        if signal in layout and layout[signal].length == 1 and not signal.endswith("Valid")
     ]
     return [band for band in found if any(s.severity for s in band.intervals)]
 

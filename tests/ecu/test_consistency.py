@@ -8,6 +8,7 @@ from dbc import loader_database
 from ecu.calibration import load_calibration
 from ecu.consistency import SETTLING_NS, Consistency
 from ecu.estimators.signals import NEVER, Estimates
+from ecu.estimators.tyres.contact import CONTRADICTION
 from ecu.validity import NEEDS, WHEELS
 
 WHEEL = load_calibration().parameters.wheel
@@ -31,8 +32,19 @@ def test_a_standing_machine_breaks_no_rule():
 
 
 def test_a_tyre_that_would_have_to_pull_makes_all_loads_invalid():
-    """The balance of forces beyond a lift-off is one of a machine held down."""
-    assert invalid(normal_1=-20e3) == {"normal", "roll_over"}
+    """The balance of forces beyond a lift-off is one of a machine held down, and so is all that comes from it."""
+    assert invalid(normal_1=-20e3) == set(NEEDS) - {"speed"}
+
+
+@pytest.mark.parametrize("gap", [-8e3, 8e3])
+def test_loads_that_do_not_add_up_are_invalid(gap):
+    assert invalid(load_gap=gap) == set(NEEDS) - {"speed"}
+    assert invalid(load_gap=0.1 * gap) == set()
+
+
+def test_loads_are_invalid_while_the_balance_contradicts_the_gyro():
+    assert invalid(load_contradiction=1.01 * CONTRADICTION) == set(NEEDS) - {"speed"}
+    assert invalid(load_contradiction=0.99 * CONTRADICTION) == set()
 
 
 @pytest.mark.parametrize("name", ["load_transfer_ratio", "predicted_load_transfer_ratio"])

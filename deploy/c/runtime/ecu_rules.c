@@ -62,11 +62,14 @@ static uint32_t contradicted(const Estimates *e)
         }
     }
     const real_t least = real_min(real_min(e->normal_1, e->normal_2), real_min(e->normal_3, e->normal_4));
-    if (least < -RULE_PULL) {
-        broken |= ((uint32_t)1U << VALID_NORMAL) | ((uint32_t)1U << VALID_ROLL_OVER);
+    if ((least < -RULE_PULL) || (real_abs(e->load_gap) > RULE_PULL) || (e->load_contradiction > RULE_CONTRADICTION)) {
+        broken |= (uint32_t)1U << VALID_NORMAL;
     }
     if (real_max(real_abs(e->load_transfer_ratio), real_abs(e->predicted_load_transfer_ratio)) > R(1.0)) {
         broken |= (uint32_t)1U << VALID_ROLL_OVER;
+    }
+    if (((broken >> VALID_NORMAL) & 1U) != 0U) {
+        broken |= RULE_FROM_LOADS;
     }
     return broken;
 }

@@ -8,7 +8,7 @@ from ecu.estimators.printed import normal_force, turning, tyre
 from ecu.estimators.printed.centre import front_unit_printed, machine_centre_repaired
 from ecu.estimators.printed.motion import printed_acceleration, wheel_acceleration, yaw_rate_of_angle
 from ecu.estimators.printed.payload import standing_payload
-from ecu.estimators.printed.rollover import four_wheel_load_transfer, printed_margin
+from ecu.estimators.printed.rollover import four_wheel_load_transfer, front_load_transfer, printed_margin
 from ecu.estimators.printed.state import PrintedState
 from ecu.estimators.printed.wheels import force_of_slip, slips_of_rolling
 from ecu.estimators.quantities import Centre, NormalForces, WheelForces
@@ -109,6 +109,7 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
         tyre_model_3=x3,
         tyre_model_4=x4,
         load_transfer_ratio=transfer,
+        front_load_transfer_ratio=front_load_transfer(n),
         predicted_load_transfer_ratio=transfer,
         lift_off_margin=margin.ratio,
         lift_off_wheel=margin.wheel,
@@ -129,6 +130,9 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
         # The thesis does not limit the linkage: every motion in its turn gets more than its drive can do.
         permitted_lever=max(drive.lift_up, drive.lift_down, drive.tilt_back, drive.tilt_forward),
         permitted_motion=s.cycles % 4.0,
+        # The thesis does not ask whether its loads agree with each other.
+        load_gap=0.0,
+        load_contradiction=0.0,
     )
     state = PrintedState(
         s.cycles + 1.0, load, i.wheel_speed_1, i.wheel_speed_2, i.wheel_speed_3, i.wheel_speed_4,

@@ -22,6 +22,13 @@ def four_wheel_load_transfer(forces: NormalForces) -> float:
 
 
 @compiled
+def front_load_transfer(forces: NormalForces) -> float:
+    """(right - left) / sum of the two front normal forces; a pull counts as no load, and 0 where neither carries anything."""
+    left, right = max(forces.front_left, 0.0), max(forces.front_right, 0.0)
+    return (right - left) / (right + left) if right + left > 0.0 else 0.0
+
+
+@compiled
 def printed_margin(forces: NormalForces, standing: NormalForces) -> PrintedMargin:
     """Smallest of the four forces relative to the straight machine standing on level ground."""
     ratio = forces.front_left / standing.front_left

@@ -72,6 +72,17 @@ def load_transfer_ratio(forces: NormalForces) -> float:
 
 
 @compiled
+def front_load_transfer_ratio(forces: NormalForces) -> float:
+    """(right - left) / sum of the two front normal forces, right side heavier +: 1 when the front left wheel has lifted.
+
+    The thesis watches the front pair, which lifts first on a three-point support (2.4.5). A pull counts as no load; 0 where
+    neither front wheel carries anything.
+    """
+    left, right = max(forces.front_left, 0.0), max(forces.front_right, 0.0)
+    return (right - left) / (right + left) if right + left > 0.0 else 0.0
+
+
+@compiled
 def margin(forces: NormalForces, standing: NormalForces) -> Margin:
     """Smallest of the four forces relative to the straight machine standing on level ground."""
     ratio = forces.front_left / standing.front_left

@@ -22,6 +22,7 @@ from ecu.estimators.signals import NEVER
 from ecu.estimators.stability.levers import Levers
 from ecu.estimators.stability.prediction import PredictionState, predict, with_demand
 from ecu.estimators.stability.rollover import (
+    front_load_transfer_ratio,
     load_transfer_ratio,
     loaded_machine,
     margin,
@@ -103,6 +104,39 @@ def test_the_ratio_is_one_when_the_left_wheels_have_lifted(front, rear):
     right_only = NormalForces(0.0, front, 0.0, 0.0, rear)
     assert load_transfer_ratio(right_only) == 1.0
     assert load_transfer_ratio(mirrored_forces(right_only)) == -1.0
+
+
+@given(wheels)
+def test_the_ratio_of_the_front_pair_is_mirrored_and_does_not_see_the_rear_pair(n):
+    ratio = front_load_transfer_ratio(n)
+    assert -1.0 < ratio < 1.0
+    assert front_load_transfer_ratio(mirrored_forces(n)) == -ratio
+    assert front_load_transfer_ratio(n._replace(rear_left=0.0, rear_right=9e4)) == ratio
+
+
+@given(st.floats(-0.6, 0.6), st.floats(1e4, 2e5), st.floats(-0.5, 0.5), st.booleans())
+def test_the_ratio_of_the_front_pair_is_one_on_the_edges_of_the_support_triangle(angle, load, x, left):
+    """EQUATIONS 2.5: the front left wheel is unloaded on the line from pivot to right contact, and the other way round."""
+    g = P.geometry
+    c, s, half, lf, lr = math.cos(angle), math.sin(angle), g.front_track / 2, g.front_length, g.rear_length
+    if left:
+        y = -(x + lr) * (half * c - lf * s) / (lf * c + lr + half * s)
+    else:
+        y = (x + lr) * (half * c + lf * s) / (lf * c + lr - half * s)
+    n = normal_forces(Support(load, x, y), joint_at(angle), 2e4, 0.0, g)
+    assert front_load_transfer_ratio(n) == pytest.approx(1.0 if left else -1.0, abs=1e-9)
+
+
+def test_the_front_pair_reaches_one_before_the_four_wheels_do():
+    n = NormalForces(0.0, 5e4, 4e4, 2e4, 3e4)
+    assert front_load_transfer_ratio(n) == 1.0
+    assert 0.0 < load_transfer_ratio(n) < 1.0
+
+
+@given(newtons)
+def test_a_pull_on_a_front_wheel_counts_as_no_load(pull):
+    assert front_load_transfer_ratio(NormalForces(-pull, 5e4, 4e4, 2e4, 3e4)) == 1.0
+    assert front_load_transfer_ratio(NormalForces(-pull, -pull, 4e4, 2e4, 3e4)) == 0.0
 
 
 @given(wheels, st.floats(1e-3, 1e3))
