@@ -149,10 +149,13 @@ class _Bench:
         """Start all processes and wait for the end; returns how the run ended, and why."""
         supervisor = self._supervisor
         self.hubs = hubs = self._start_hubs()
-        # plant and ECU compile at the same time; the foreign node is waited for only when they are ready
+        plant, recorders = self._start_plant(), self._start_recorders()
+        # The ECU sends as soon as it is ready, and its first frames belong to the record. The plant loads
+        # meanwhile, because it waits for go.
+        supervisor.wait_ready(recorders, READY_S)
         others = self._start_others()
-        plant = self._start_plant()
         supervisor.wait_ready([*others, plant] if plant else others, READY_S)
+        # only now: a foreign node is waited for by people
         attendants = self._start_attendants()
         supervisor.wait_ready(attendants, READY_S + self._buses.wait_s)
         plant = plant or attendants[0]
@@ -207,14 +210,22 @@ class _Bench:
         self._supervisor.wait_ready(hubs, HUB_READY_S)
         return hubs
 
+    def _start_recorders(self) -> list[Child]:
+        on, start = self._buses.addresses(self._folder), self._supervisor.start
+        recorders = [start("recorder", _record(f"loader={on['plant']}", self._out / rundir.BUS))]
+        if self._buses.gateway:
+            recorders.append(
+                start("ecu-recorder", _record(f"loader={on['ecu']}", self._out / rundir.ECU_BUS))
+            )
+        return recorders
+
     def _start_others(self) -> list[Child]:
-        """All but hubs and plant."""
+        """Gateway and ECU."""
         choice, out, start = self._choice, self._out, self._supervisor.start
         on = self._buses.addresses(self._folder)
         words = [*self._options.words(), "--out", str(out)]
-        others = [start("recorder", _record(f"loader={on['plant']}", out / rundir.BUS))]
+        others = []
         if self._buses.gateway:
-            others.append(start("ecu-recorder", _record(f"loader={on['ecu']}", out / rundir.ECU_BUS)))
             others.append(start("gateway", loaderhil("gateway", *_between(on, self._buses, choice), *words)))
         form = [
             "--form",

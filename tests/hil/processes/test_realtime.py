@@ -12,8 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dbc import loader_database
+from dbc.recordings.reading import read_frames
+from ecu.states import State
+from hil import rundir
+from hil.compose import Choice
 from hil.ending import Ending
 from hil.judgement import timing_of
+from hil.processes import realtime
 from hil.rundir import RunDirectory
 from tests.children import alive, command_lines
 
@@ -117,6 +123,23 @@ USELESS = {
     "plant": ("pandas", "pyarrow"),
 }
 """Libraries that a process has no use for; each would cost it tens of megabytes and its start a part of a second."""
+
+
+def test_the_record_holds_the_first_frames_of_the_ecu_however_slowly_the_recorder_starts(
+    scenario, tmp_path, monkeypatch
+):
+    of_record = realtime._record
+    late = ["sh", "-c", 'sleep 6; exec "$@"', "sh"]
+    monkeypatch.setattr(realtime, "_record", lambda *words: [*late, *of_record(*words)])
+    result = realtime.run_realtime(Choice(scenario=str(scenario(0.5))), tmp_path / "run")
+    assert result.ending is Ending.PASSED, result.reason
+    first = {}
+    for frame in read_frames(tmp_path / "run" / rundir.BUS).frames():
+        first.setdefault(frame.can_id, frame)
+    by_name = loader_database().by_name
+    assert by_name["EcuStatus"].decode_dict(first[by_name["EcuStatus"].can_id].data)["State"] == State.INIT
+    sent = [c for c in by_name.values() if "EstimatorEcu" in c.senders and c.protection is not None]
+    assert {first[c.can_id].data[1] & 0x0F for c in sent if c.can_id in first} == {0}
 
 
 def test_no_process_loads_a_library_that_it_does_not_use(scenario, tmp_path):
