@@ -23,6 +23,8 @@ def main() -> int:
     options = _options()
     commit = _commit()
     state = State.taken_up(options.state, commit)
+    for name in READERS:
+        state.cases.setdefault(name, options.first)
     until = time.monotonic() + 60 * options.minutes
     wanted = dict.fromkeys(READERS, options.files)
     wanted |= dict.fromkeys(RECEIVERS, -(-options.frames // FRAMES))
@@ -60,6 +62,12 @@ def _one_block(state: State, name: str, wanted: int) -> None:
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
     parser.add_argument("--files", type=int, default=100_000, help="mutated files for each reader")
+    parser.add_argument(
+        "--first",
+        type=int,
+        default=0,
+        help="number of the first file: those before it were read at another commit",
+    )
     parser.add_argument("--frames", type=int, default=10_000_000, help="frames for each receiver")
     parser.add_argument(
         "--minutes", type=float, default=float("inf"), help="end after the block at which this time is over"
@@ -82,11 +90,11 @@ def _commit() -> str:
 
 def _write(options: argparse.Namespace, state: State) -> None:
     if options.report:
-        options.report.write_text(page(state, options.files, options.frames), encoding="utf-8")
+        options.report.write_text(page(state, options.first, options.files, options.frames), encoding="utf-8")
 
 
-def page(state: State, files: int, frames: int) -> str:
-    """The outcomes as Markdown, each beside its target."""
+def page(state: State, first: int, files: int, frames: int) -> str:
+    """The outcomes as Markdown, each beside its target; first: number of the first file."""
     lines = [
         "# Mutated files and frames",
         "",
@@ -96,13 +104,14 @@ def page(state: State, files: int, frames: int) -> str:
         "A file is *accepted* if it was read at least in part; else it has to end in one line. A defect is any other exception, more than 10 s for a case, a process that",
         "ends, or more than 1 GiB. Of the receivers: the ECU's estimates stay finite, and it works again within 2.5 s of good frames (every 20th case); the ECU in C answers and finds the same, and in INIT and FAULT no limit is above the safe one; the gateway's queues",
         "stay bounded and its counts add up while faults are injected; whatever one client of the hub sends, two others still reach one another.",
+        *([f"Files are those from number {first} on."] if first else []),
         "",
         "| target | done | aimed at | accepted | slowest case [s] | largest growth of memory [MiB] | per second | defects |",
         "|---|---:|---:|---:|---:|---:|---:|---:|",
     ]
     for name in (*READERS, *RECEIVERS):
         o = state.done.get(name, Outcome())
-        aim = f"{frames} frames" if name in RECEIVERS else f"{files} files"
+        aim = f"{frames} frames" if name in RECEIVERS else f"{files - first} files"
         share = f"{100 * o.accepted / o.units:.0f} %" if o.units else "–"
         rate = f"{o.units / o.took_s:.0f}" if o.took_s else "–"
         lines.append(
