@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test compiled check fast slow-tests socketcan fuzz kills bench shape speed proof wild identification microcontroller results pages clean lock
+.PHONY: help demo test compiled check fast slow-tests socketcan fuzz kills safe-state bench shape speed proof wild identification microcontroller results pages clean lock
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
@@ -35,6 +35,9 @@ fuzz: $(BIN)/.test ## 10^5 mutated files through every reader, 10^7 frames throu
 
 kills: $(BIN)/.bench ## kill -9 of every process of a run, 20 times each, into docs/results/kills.md (half an hour)
 	$(BIN)/python -m bench.kills --out docs/results/kills.md
+
+safe-state: compiled ## kill, unplug, bus-off, full disk, set clock, broken settings: when the machine is safe, into docs/results/safe-state.md (twenty minutes, under user-mode Linux)
+	UML_TIMEOUT_S=3600 scripts/uml-run $(BIN)/python -m bench.safe_state --out docs/results/safe-state.md
 
 check: $(BIN)/.test ## format, lint, types, import contracts
 	$(BIN)/ruff format --check .

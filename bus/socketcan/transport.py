@@ -29,7 +29,7 @@ from bus.frame import ERROR, FD, LOCAL, Frame
 from bus.hub import packet
 from bus.socketcan.can_socket import bind, can_socket, longer_queue, require_up
 from bus.socketcan.link import Link, LinkWatch
-from bus.socketcan.wallclock import SHARED
+from bus.socketcan.wallclock import JUMP_NS, SHARED
 from bus.transport import BusClosed, BusUnavailable, Statistics
 
 RECEIVE_BUFFER = 4 << 20
@@ -75,6 +75,7 @@ class SocketCanTransport(Closing):
         self._findings: deque[BusFinding] = deque(maxlen=FINDINGS_LIMIT)
         self._trouble: Fault | None = None
         self._queue_full = False
+        self._empty_ns = time.monotonic_ns()  # frames that wait have come since
         self._watch: LinkWatch | None = None
         self._filters = b"".join(_FILTER.pack(*pair) for pair in (EVERYTHING if filters is None else filters))
         self._socket = can_socket(interface)
@@ -147,6 +148,9 @@ class SocketCanTransport(Closing):
         frames: list[Frame] = []
         # locals: this loop runs once per frame of a saturated bus
         receive, fd_size, ahead_ns = self._socket.recvmsg, _FD.size, SHARED.ahead_ns
+        # what waits has come since nothing waited; a frame may be stamped a moment before it waits
+        started_ns = newest_ns = time.monotonic_ns()
+        oldest_ns = self._empty_ns - JUMP_NS
         try:
             for _ in range(limit):
                 data, ancillary, message_flags, _ = receive(fd_size, _ANCILLARY)
@@ -155,6 +159,12 @@ class SocketCanTransport(Closing):
                     if kind == _SO_TIMESTAMPNS:
                         seconds, nanoseconds = _TIMESPEC.unpack(value)
                         at_ns = seconds * 1_000_000_000 + nanoseconds - ahead_ns
+                        # a clock that was set between stamp and check: an hour off, such a stamp would make all limits old
+                        if at_ns < oldest_ns:
+                            at_ns = oldest_ns
+                        elif at_ns > newest_ns:
+                            newest_ns = time.monotonic_ns()
+                            at_ns = min(at_ns, newest_ns)
                     elif kind == _SO_RXQ_OVFL:
                         self._note_drops(_COUNT.unpack(value)[0])
                 # the kernel sets MSG_DONTROUTE on frames that a socket of this host sent (can.rst)
@@ -174,7 +184,8 @@ class SocketCanTransport(Closing):
                 if can_id & ERROR:
                     self._note_error(frame)
         except BlockingIOError:
-            pass
+            # everything from before this call has been read
+            self._empty_ns = started_ns
         except OSError as error:
             self._note_link(error)
         self._received += len(frames)

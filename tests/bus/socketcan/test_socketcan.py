@@ -4,6 +4,7 @@ import multiprocessing
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from bus.errors import Fault
 from bus.frame import EXTENDED, FD, Frame
 from bus.socketcan.link import can_interfaces
 from bus.socketcan.transport import RECEIVE_BUFFER, SocketCanTransport
+from bus.socketcan.wallclock import SHARED
 from bus.transport import BusUnavailable
 from tests.bus.laws import WAIT_S, TransportLaws, collect, numbered, readable, unstamped
 from tests.bus.vcan import INTERFACE, ROOT, Vcan, ip, kinds, wait_until
@@ -56,6 +58,24 @@ def test_own_frames_come_back_with_the_stamp_that_others_see() -> None:
         assert sender.confirmations() == seen
         assert sender.confirmations() == []
         assert sender.statistics().received == 0
+
+
+@pytest.mark.parametrize("hours", [-1, 1])
+def test_a_clock_set_between_a_stamp_and_its_reading_moves_no_stamp(
+    hours: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The difference of the clocks is then that of another moment; stamps lie between arrival and reading all the same."""
+    with SocketCanTransport(INTERFACE) as receiver, SocketCanTransport(INTERFACE) as sender:
+        assert receiver.drain() == []
+        monkeypatch.setattr(SHARED, "ahead_ns", SHARED.ahead_ns + hours * 3_600_000_000_000)
+        monkeypatch.setattr(SHARED, "check", lambda: None)
+        before_ns = time.monotonic_ns()
+        sender.send(Frame(1, b"a"))
+        sender.send(Frame(2, b"b"))
+        first, second = collect(receiver, 2)
+        after_ns = time.monotonic_ns()
+    # the other bound is the last look at an empty queue, less what lies between a stamp and the queue
+    assert before_ns - 50_000_000 < first.at_ns <= second.at_ns <= after_ns
 
 
 def test_a_small_receive_buffer_loses_frames_and_the_kernel_counts_them() -> None:

@@ -44,8 +44,11 @@ static struct ifreq request_of(void)
 /* Attaches the socket to the interface of that name, which may have been removed and made anew. */
 static bool bound(void)
 {
+    static const struct can_filter everything = {0U, 0U};
     struct ifreq request = request_of();
     struct sockaddr_can address;
+    /* the kernel forgets a socket's filters with the interface, and would then pass nothing on */
+    (void)setsockopt(can, SOL_CAN_RAW, CAN_RAW_FILTER, &everything, sizeof everything);
     (void)memset(&address, 0, sizeof address);
     address.can_family = AF_CAN;
     if (ioctl(can, SIOCGIFINDEX, &request) < 0) {

@@ -1,0 +1,130 @@
+"""How soon the machine is on its safe limits when something breaks: Python ECU and exported C program, page docs/results/safe-state.md.
+
+scripts/uml-run .venv/bin/python -m bench.safe_state --out docs/results/safe-state.md
+"""
+
+import argparse
+import platform
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from statistics import median
+
+from bench.safe_state.events import (
+    BESIDE,
+    BROKEN,
+    CUT,
+    EVENTS,
+    Outcome,
+    c_ecu,
+    can_be_measured,
+    measured,
+    python_ecu,
+)
+from bench.safe_state.judge import judged
+from bench.speed import commit
+from deploy.c.project import write_project
+from ecu.calibration import load_calibration
+
+HEAD = """\
+# Safe state when something breaks
+
+Made by `scripts/uml-run .venv/bin/python -m bench.safe_state --times {times} --out docs/results/safe-state.md` at commit {commit}, on {kernel}.
+
+A machine drives straight on at 14 km/h on its own CAN interface, by the limits of an ECU on another one; the kernel's can-gw joins them (a serial adapter of our own for the bus-off).
+Its equipment declares that limits older than {declared:.0f} ms are replaced by its safe ones (8 km/h, 10°/s, 8 kN m per wheel). Times count from the event and are seen at the machine's ticks of 10 ms:
+a tick that comes late, because the host is busy, is seen late. Each cell: median (largest) of {times} times.
+
+*safe*: safe limits are in force. *slow*: 14 km/h have become the safe 8 km/h and the width over which the motors come to full retardation. *back*: after the ECU is started or its interface is there again, its limits are in force again.
+
+| ECU | event | safe [ms] | declared and one late tick [ms] | in time | slow [s] | back [s] |
+|---|---|---:|---:|---|---:|---:|
+"""
+BESIDE_HEAD = """
+What must not reach the machine: a recorder beside the ECU whose disk (256 KiB) is full, a clock that is set an hour on and back, and nothing at all, which shows what the host itself does.
+
+| ECU | event | times with safe limits | longest gap of `Limits` [ms] | longest gap of the machine's ticks [ms] | exit code of what had to end |
+|---|---|---:|---:|---:|---|
+"""
+BROKEN_HEAD = """
+An ECU that is started with a broken configuration: the Python ECU with a calibration that holds a text for a number, the C program with a priority that does not exist.
+
+| ECU | frames sent | exit code | safe [ms after the machine's first tick] |
+|---|---:|---|---:|
+"""
+
+
+def cell(values: Sequence[float | None], scale: float, digits: int) -> str:
+    """Median (largest); a dash where there is none."""
+    known = [value * scale for value in values if value is not None]
+    return f"{median(known):.{digits}f} ({max(known):.{digits}f})" if known else "–"
+
+
+def page(found: Mapping[tuple[str, str], Sequence[Outcome]], times: int, kernel: str) -> str:
+    """The page of all outcomes."""
+    first = next(iter(found.values()))[0]
+    lines = [HEAD.format(times=times, commit=commit()[0], kernel=kernel, declared=first.declared_s * 1e3)]
+    for (ecu, event), outcomes in found.items():
+        if event in CUT:
+            safe = cell([o.safe_after_s for o in outcomes], 1e3, 0)
+            bound = cell([o.declared_s + o.late_s for o in outcomes], 1e3, 0)
+            slow, back = (
+                cell(values, 1.0, 2)
+                for values in ([o.slow_after_s for o in outcomes], [o.back_after_s for o in outcomes])
+            )
+            well = sum(judged(event, o) == [] for o in outcomes)
+            lines.append(
+                f"| {ecu} | {event} | {safe} | {bound} | {well} of {len(outcomes)} | {slow} | {back} |\n"
+            )
+    lines.append(BESIDE_HEAD)
+    for (ecu, event), outcomes in found.items():
+        if event in BESIDE:
+            gap, late = (
+                cell(values, 1e3, 0)
+                for values in ([o.longest_gap_s for o in outcomes], [o.late_s for o in outcomes])
+            )
+            reached = sum(o.safe_after_s is not None for o in outcomes)
+            codes = ", ".join(sorted({str(o.exit_code) for o in outcomes if o.exit_code is not None})) or "–"
+            lines.append(f"| {ecu} | {event} | {reached} of {len(outcomes)} | {gap} | {late} | {codes} |\n")
+    lines.append(BROKEN_HEAD)
+    for (ecu, event), outcomes in found.items():
+        if event in BROKEN:
+            codes = ", ".join(sorted({str(o.exit_code) for o in outcomes}))
+            safe = cell([o.safe_after_s for o in outcomes], 1e3, 0)
+            lines.append(f"| {ecu} | {sum(o.frames for o in outcomes)} | {codes} | {safe} |\n")
+    return "".join(lines)
+
+
+def main() -> int:
+    """Measure everything and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--times", type=int, default=5)
+    chosen = parser.parse_args()
+    if not can_be_measured():
+        print(
+            "this is no user-mode Linux, whose clock and disks are its own: scripts/uml-run COMMAND",
+            file=sys.stderr,
+        )
+        return 2
+    kernel = f"Linux {platform.release()} as a process (user-mode Linux, one processor)"
+    found: dict[tuple[str, str], list[Outcome]] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        write_project(Path(folder) / "c", load_calibration("l60"))
+        subprocess.run(["make", "-s", "-C", f"{folder}/c"], check=True)
+        ecus = (python_ecu(Path(folder)), c_ecu(Path(folder) / "c/linux/loader-ecu"))
+        for event in EVENTS:
+            for ecu in ecus:
+                for _ in range(chosen.times):
+                    outcome = measured(ecu, event)
+                    found.setdefault((ecu.name, event), []).append(outcome)
+                    print(ecu.name, event, outcome, *judged(event, outcome), flush=True)
+    chosen.out.write_text(page(found, chosen.times, kernel), encoding="utf-8")
+    print(f"written: {chosen.out}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
