@@ -197,6 +197,7 @@ _TABLES: Mapping[str, tuple[type, Mapping[str, Quantity]]] = {
             "speed_gain": _q("speed_gain_per_s", 0, 100),
             "speed_scatter": _q("speed_scatter_m_s", 1e-3, 5),
             "speed_scatter_slope": _q("speed_scatter_slope", 0, 1),
+            "slope_levelling": _q("slope_levelling_s", 0, 1000),
         },
     ),
     "contact": (

@@ -141,7 +141,7 @@ def conditions(
         "ArticulationNearStop": received.all_usable("articulation_angle")
         and abs(v["articulation_angle"]) > articulation_stop - rules.stop_distance,
         "SteepSlope": received.all_usable("pitch", "roll")
-        and max(abs(v["pitch"]), abs(v["roll"])) > rules.slope,
+        and max(abs(e.slope_pitch), abs(e.slope_roll)) > rules.slope,
         "PayloadHigh": valid["payload"]
         and valid["speed"]
         and e.payload > rules.payload

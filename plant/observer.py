@@ -60,6 +60,8 @@ STEERING_PRESSURE: Final = Truth.steering_pressure.at
 YAW_MOMENT: Final = Truth.yaw_moment.at
 PAYLOAD: Final = Truth.payload_mass.at
 LOAD_TRANSFER: Final = Truth.load_transfer_ratio.at
+KNOWN_TORQUE: Final = Truth.known_torque.at
+INCLINATION: Final = Truth.inclination.at
 
 # What only the record needs of a machine: places from the joint.
 O_IMU_X: Final = 0
@@ -139,6 +141,9 @@ def _observe_frame(row: Array, state: Array, p: Array, work: Workspace, measures
         at_joint = rise[3 + i] + coriolis[i]  # specific force: the solver's acceleration excludes gravity
         row[ACCELERATION + i] = at_joint - p[P_GRAVITY] * world[2, i]
         row[IMU_FORCE + i] = at_joint + tangential[i] + centripetal[i]
+    ahead, aside, up = row[IMU_FORCE], row[IMU_FORCE + 1], row[IMU_FORCE + 2]
+    row[INCLINATION] = math.atan2(-ahead, math.sqrt(aside * aside + up * up))
+    row[INCLINATION + 1] = math.atan2(aside, up)
 
 
 @compiled
@@ -159,6 +164,8 @@ def _observe_joints(row: Array, state: Array, p: Array, work: Workspace) -> None
         stick = state[s.STICK + wheel]
         rolling = drive_torque(state, p, wheel) - stick * state[s.BRAKE + wheel]
         row[WHEEL_TORQUE + wheel] = effort[s.WHEEL + wheel] if stick == 0.0 else rolling
+        # Motor current and brake pressure give this one. Pressure says what a brake can hold, not what it holds (stick 0).
+        row[KNOWN_TORQUE + wheel] = rolling
 
 
 @compiled

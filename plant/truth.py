@@ -106,6 +106,13 @@ class Truth:
     yaw_moment = Number()  # of the tyre forces about the centre of gravity, rear frame's z [N m]
     payload_mass = Number()  # [kg]
     load_transfer_ratio = Number()  # (right - left) / sum of the normal forces; 0 when all wheels are up
+    # what sensors can know of wheel torque and slope
+    known_torque = Vector(
+        4
+    )  # drive plus slipping brake [N m]; of a wheel that its brake holds, the drive alone
+    inclination = Vector(
+        2
+    )  # pitch and roll that accelerometers at the inertial sensor take for the slope [rad]
 
     def __init__(self, row: Array) -> None:
         """row: (size,) numbers in the order of `fields`."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ecu.detection.bucket import bucket, payload_of
 from ecu.detection.compiled import compiled
+from ecu.detection.inclination import Lean, corrected
 from ecu.detection.layout import (
     ACROSS,
     ALONG,
@@ -50,7 +51,7 @@ from ecu.detection.layout import (
 )  # fmt: skip
 from ecu.detection.machine import NOTHING, effective_radius, follow, machine_mass
 from ecu.detection.motion import Motion, motion
-from ecu.detection.wheels import Wheels, speed_pairs, wheel_speeds, yaw_by_steering
+from ecu.detection.wheels import STANDING, Wheels, speed_pairs, wheel_speeds, yaw_by_steering
 from ecu.detection_rules import Tolerances
 from ecu.estimators.parameters import GRAVITY, Parameters
 from ecu.watched import (
@@ -95,10 +96,11 @@ def residuals(
     bound[:] = rules[TOLERANCE, : bound.size]
     w = wheel_speeds(m, p)
     q = motion(m, w.middle, w.used, p, t, state, dt, started)
-    angles(m, q, t, state, dt, started, r, bound)
+    m, lean = corrected(m, w, q, p, t, state, dt, started)
+    angles(m, q, lean, t, state, dt, started, r, bound)
     speed_pairs(m, w, q, p, t, r, bound)
     yaw_by_steering(m, w, q, p, t, r, bound)
-    accelerations(m, w, q, t, p, state, dt, started, r, bound)
+    accelerations(m, w, q, lean, t, p, state, dt, started, r, bound)
     torques(m, w, q, t, p, state, dt, r, bound)
     digging = state[FILTERS, F_DRAG] > t.digging / 2.0
     bucket(m, q, digging, p, t, state, dt, r, bound)
@@ -156,7 +158,15 @@ def leaked(state: Floats, place: int, rate: float, dt: float) -> float:
 
 @compiled
 def angles(
-    m: Floats, q: Motion, t: Tolerances, state: Floats, dt: float, started: bool, r: Floats, bound: Floats
+    m: Floats,
+    q: Motion,
+    lean: Lean,
+    t: Tolerances,
+    state: Floats,
+    dt: float,
+    started: bool,
+    r: Floats,
+    bound: Floats,
 ) -> None:
     """Angles against their rates, by observers that forget.
 
@@ -182,6 +192,8 @@ def angles(
     bound[ROLL_GYRO] += t.time * t.time * (q.roll + abs(roll_change) / OBSERVED)
     bound[PITCH_GYRO] += t.gain * (abs(pitched) + yawed) + t.time * abs(pitch_change - pitched / OBSERVED)
     bound[PITCH_GYRO] += t.time * t.time * (q.pitch + abs(pitch_change) / OBSERVED)
+    bound[ROLL_GYRO] += lean.roll
+    bound[PITCH_GYRO] += lean.pitch
     bound[PITCH_RATES] += t.gain * (abs(m[PITCH_RATE]) + abs(m[YAW_RATE])) + t.time * q.pitch
 
 
@@ -190,6 +202,7 @@ def accelerations(
     m: Floats,
     w: Wheels,
     q: Motion,
+    lean: Lean,
     t: Tolerances,
     p: Parameters,
     state: Floats,
@@ -224,6 +237,8 @@ def accelerations(
         v * grip + t.time * q.pitch * s.imu_z + (QUICK + t.time) * q.speed + CHANGING_LAG * q.ahead
     ) / SLOW
     bound[ALONG] += abs(yaw) * behind * abs(yaw) * t.gain
+    bound[ALONG] += GRAVITY * lean.pitch
+    bound[ACROSS] += GRAVITY * lean.roll
     bound[ACROSS] += abs(yaw) * v * (t.radius + w.used / p.wheel.slip_stiffness + t.gain)
     # sideslip that grows or vanishes within the filter's time
     bound[ACROSS] += give / SLOW * min(1.0, q.aside / (q.side * GRAVITY + 0.1) + (q.yaw + q.joint) * SLOW)
@@ -257,6 +272,9 @@ def torques(
         r[FRONT_TORQUES + k] = left - right
         # the two motors follow what they are asked for at slightly different times
         bound[FRONT_TORQUES + k] += 2.0 * t.torque * size + 0.5 * q.grip * weight / 4.0 * radius
+        # a brake that holds its wheel bears what its pressure does not show
+        if min(abs(m[WHEEL + 2 * k]), abs(m[WHEEL + 2 * k + 1])) < STANDING:
+            bound[FRONT_TORQUES + k] = NOTHING
         # at the power's limit torque goes with one over speed
         if size * fast > t.power:
             bound[FRONT_TORQUES + k] = NOTHING
@@ -269,5 +287,5 @@ def torques(
     # of a bent machine some of the side force of one unit acts along the other; tyres that slip sideways drag
     bound[TRACTION] += weight * q.side * (0.5 * abs(math.sin(m[ANGLE])) + 2.0 * q.sideslip)
     bound[TRACTION] += 4.0 * p.wheel.spin_inertia / (radius * radius) * q.speed
-    if abs(w.middle) < ROLLING or (r[TRACTION] > 0.0 and w.middle > 0.0):
+    if abs(w.middle) < ROLLING or w.used >= 1.0 or (r[TRACTION] > 0.0 and w.middle > 0.0):
         bound[TRACTION] = NOTHING

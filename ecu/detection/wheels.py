@@ -21,6 +21,8 @@ SCRUB = 0.05
 """How much a wheel's speed over ground differs from its place's, per yaw rate, by its width and the tyres' give [m]."""
 COMPLIANCE = 0.15
 """Time in which the tyres' sideways give lets the machine follow its joint [s]."""
+STANDING = 0.1
+"""Below this speed a wheel may be held by its brake [rad/s]: its torque signal then lacks the brake, and it uses all of its grip."""
 LOAD_UNKNOWN = 0.3
 """Share of a wheel's load that its place in the machine and the ground's unevenness leave open."""
 
@@ -49,6 +51,10 @@ def wheel_speeds(m: Floats, p: Parameters) -> Wheels:
     k1, k2 = m[TORQUE] / radius / front_load, m[TORQUE + 1] / radius / front_load
     k3, k4 = m[TORQUE + 2] / radius / rear_load, m[TORQUE + 3] / radius / rear_load
     front, rear = max(abs(k1), abs(k2)), max(abs(k3), abs(k4))
+    if min(abs(m[WHEEL]), abs(m[WHEEL + 1])) < STANDING:
+        front = 1.0
+    if min(abs(m[WHEEL + 2]), abs(m[WHEEL + 3])) < STANDING:
+        rear = 1.0
     half_front, half_rear = g.front_track / 2.0, g.rear_track / 2.0
     # the joint's speed along the rear unit, seen from the front axle
     side = yaw * g.rear_length * s

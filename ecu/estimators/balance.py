@@ -14,7 +14,7 @@ from ecu.estimators.loads.arm_forces import ArmForces
 from ecu.estimators.loads.normal_force import Support
 from ecu.estimators.loads.payload import Push
 from ecu.estimators.motion.motion import Accelerations, Motion
-from ecu.estimators.parameters import Body, Parameters
+from ecu.estimators.parameters import Body, Parameters, Wheel
 from ecu.estimators.quantities import NormalForces, WheelForces
 from ecu.estimators.signals import Inputs
 from ecu.estimators.stability import turning
@@ -31,17 +31,66 @@ class Balance(NamedTuple):
     carried: float  # what the normal forces have to add up to: mass times vertical specific force [N]
 
 
+STILL = 0.1
+"""Below this speed a wheel may be held by its brake [rad/s]; the sensor's resolution is 0.003."""
+MOVING = 0.3
+"""Speed of the machine from which on a wheel that stands is held [m/s]: no drive stops it there."""
+
+
+LEAST_SHARE = 0.1
+"""Share of the nominal load with which a held wheel counts at least, so that there is always one to bear the rest."""
+
+
+@compiled
+def held(i: Inputs, wheel_speed: float, speed: float) -> float:
+    """1 for a wheel that its brake holds, or may hold: what the brake bears is then not known from its pressure; else 0."""
+    if abs(wheel_speed) >= STILL:
+        return 0.0
+    braked = i.demand_usable == 0.0 or i.brake_demand > 0.0
+    return 1.0 if braked or abs(speed) > MOVING else 0.0
+
+
+@compiled
+def bears(held_wheel: float, normal: float, w: Wheel) -> float:
+    """Weight of a held wheel [N] when forces are shared: its load of the cycle before; 0 of a wheel that turns."""
+    return held_wheel * max(normal, LEAST_SHARE * w.nominal_load)
+
+
+@compiled
+def with_held(i: Inputs, s: State, push: float, x: WheelForces, w: Wheel) -> WheelForces:
+    """The forces of held wheels from the machine's balance: what the others do not give of its push, shared by load.
+
+    push: force along the rear frame that moves the machine [N]. A pile's force and the front axle's lateral force are those of
+    the cycle before.
+    """
+    b1 = bears(held(i, i.wheel_speed_1, s.speed), s.normal_1, w)
+    b2 = bears(held(i, i.wheel_speed_2, s.speed), s.normal_2, w)
+    b3 = bears(held(i, i.wheel_speed_3, s.speed), s.normal_3, w)
+    b4 = bears(held(i, i.wheel_speed_4, s.speed), s.normal_4, w)
+    if b1 + b2 + b3 + b4 == 0.0:
+        return x
+    c = math.cos(i.articulation_angle)
+    x1, x2 = (0.0 if b1 > 0.0 else x.x1), (0.0 if b2 > 0.0 else x.x2)
+    x3, x4 = (0.0 if b3 > 0.0 else x.x3), (0.0 if b4 > 0.0 else x.x4)
+    rest = push - s.push_x * s.digging * c + s.front_side * math.sin(i.articulation_angle)
+    rest -= (x1 + x2) * c + x3 + x4
+    per_load = rest / ((b1 + b2) * c + b3 + b4)
+    return WheelForces(
+        x1 + per_load * b1, x2 + per_load * b2, x3 + per_load * b3, x4 + per_load * b4, 0.0, 0.0, 0.0, 0.0
+    )
+
+
 @compiled
 def longitudinal_forces(
     i: Inputs, s: State, m: Motion, a: Accelerations, front: Body, p: Parameters
 ) -> WheelForces:
-    """Longitudinal forces from the wheels' own balance, else the machine's, shared equally; lateral ones 0."""
+    """Longitudinal forces from the wheels' own balance; held wheels from the machine's, and all of them without torques, shared equally. Lateral ones 0."""
     w = p.wheel
+    push = front.mass * a.front.x + p.rear.mass * a.rear.x + p.axle.mass * a.axle.x
     if i.torque_usable == 0.0:
-        push = front.mass * a.front.x + p.rear.mass * a.rear.x + p.axle.mass * a.axle.x
         equal = push / (2.0 + 2.0 * math.cos(i.articulation_angle))
         return WheelForces(equal, equal, equal, equal, 0.0, 0.0, 0.0, 0.0)
-    return WheelForces(
+    turning_wheels = WheelForces(
         spin_balance(i.wheel_torque_1, m.wheel_acceleration_1, s.normal_1, w.front_stiffening, w),
         spin_balance(i.wheel_torque_2, m.wheel_acceleration_2, s.normal_2, w.front_stiffening, w),
         spin_balance(i.wheel_torque_3, m.wheel_acceleration_3, s.normal_3, w.rear_stiffening, w),
@@ -51,6 +100,7 @@ def longitudinal_forces(
         0.0,
         0.0,
     )
+    return with_held(i, s, push, turning_wheels, w)
 
 
 @compiled

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from ecu.estimators.balance import balance, longitudinal_forces
 from ecu.estimators.compiled import compiled
+from ecu.estimators.inclination import Slope, without
 from ecu.estimators.joint import Joint, joint_at
 from ecu.estimators.loads.arm_forces import arm_forces
 from ecu.estimators.loads.cog import front_unit_in, machine_centre, pose_at
@@ -28,6 +29,8 @@ from ecu.estimators.motion.motion import (
     centre_force,
     fused_speed,
     kinematic_accelerations,
+    lean_after,
+    lean_before,
     measured_accelerations,
     motion,
 )
@@ -60,6 +63,7 @@ class Present(NamedTuple):
     joint_torque: float
     speed: float
     force: Vector  # specific force at the centre of gravity
+    slope: Slope
     payload: float
     start: PredictionState
     motion: int  # of the levers, whose limit is looked for in this cycle
@@ -146,12 +150,16 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     g, w, d = p.geometry, p.wheel, i.articulation_angle
     joint = joint_at(d)
     m = motion(i, s, p)
+    r3 = radius((s.normal_3 + s.normal_4) / 2.0, w.rear_stiffening, w)
+    axle_speed = (i.wheel_speed_3 + i.wheel_speed_4) / 2.0 * r3
+    lean = lean_before(s, m, axle_speed)
+    slope = without(Slope(i.pitch, i.roll), lean)
     pose = pose_at(i.lift_arm_angle, i.tilt_angle, p.arm, p.bucket)
     front = front_unit_in(pose, s.payload, p.front, p.arm, p.bucket)
     if i.acceleration_usable != 0.0:
         a = measured_accelerations(i, m, front, p)
     else:
-        a = kinematic_accelerations(i, s, m, front, p)
+        a = kinematic_accelerations(i, s, m, slope, front, p)
     x = longitudinal_forces(i, s, m, a, front, p)
     arm, bucket = arm_motion(i, s)
     along = in_front_axes(joint, a.front)
@@ -162,9 +170,8 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
 
     r1 = radius(s.normal_1, w.front_stiffening, w)
     r2 = radius(s.normal_2, w.front_stiffening, w)
-    r3 = radius((s.normal_3 + s.normal_4) / 2.0, w.rear_stiffening, w)
-    v = fused_speed(i, s, m, a.axle, Vector(r1, r2, r3), p)
-    axle_speed = (i.wheel_speed_3 + i.wheel_speed_4) / 2.0 * r3
+    v = fused_speed(i, s, m, a.axle, slope, Vector(r1, r2, r3), p)
+    led = lean_after(i, s, m, lean, slope, v, axle_speed, p)
     axle_acceleration = (m.wheel_acceleration_3 + m.wheel_acceleration_4) / 2.0 * r3
     trail = w.pneumatic_trail * min(max(v / 0.5, -1.0), 1.0)
 
@@ -178,7 +185,7 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
 
     rest = Vector(a.rear.x, a.rear.y, a.rear.z)
     if i.slope_usable != 0.0:
-        rest = gravity_reaction(i.pitch, i.roll, GRAVITY)
+        rest = gravity_reaction(slope.pitch, slope.roll, GRAVITY)
     acceleration = (a.axle.x - rest.x) if i.acceleration_usable != 0.0 else axle_acceleration
     front_load, rear_load = n.front_left + n.front_right, n.rear_left + n.rear_right
     gap = front_load + rear_load - balanced.carried
@@ -210,11 +217,11 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     now = Present(
         n, forces, slips, models,
         rollover.margin(n, machine.standing), gap, contradiction, turn, lateral.joint_torque, v,
-        centre_force(a, front, p.rear, p.axle.mass), load.payload, start, int(s.cycles) % MOTIONS, machine,
+        centre_force(a, front, p.rear, p.axle.mass), slope, load.payload, start, int(s.cycles) % MOTIONS, machine,
     )  # fmt: skip
     state = next_state(
         i, s, m, load, v, axle_speed, axle_acceleration, n, forces,
-        deflections, slide.drift, tilt.tilt, tilt.bias, arm, bucket,
+        deflections, slide.drift, tilt.tilt, tilt.bias, led, lateral.front, arm, bucket,
     )  # fmt: skip
     return now, state
 
@@ -300,6 +307,8 @@ def estimates_of(now: Present, future: Future, p: Parameters) -> Estimates:
         specific_force_x=now.force.x,
         specific_force_y=now.force.y,
         specific_force_z=now.force.z,
+        slope_pitch=now.slope.pitch,
+        slope_roll=now.slope.roll,
         payload=now.payload,
         permitted_rate=future.permitted_rate,
         permitted_direction=future.permitted_direction,

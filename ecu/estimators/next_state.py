@@ -1,6 +1,7 @@
 """The state that the corrected estimators carry to the next cycle, made from what this cycle found."""
 
 from ecu.estimators.compiled import compiled
+from ecu.estimators.inclination import Lean
 from ecu.estimators.loads.payload import BucketLoad
 from ecu.estimators.motion.arm import Turning
 from ecu.estimators.motion.motion import Motion
@@ -17,7 +18,8 @@ MOST_CYCLES = 8_000_000.0
 @compiled
 def next_state(
     i: Inputs, s: State, m: Motion, load: BucketLoad, fused: float, axle_speed: float, axle_acceleration: float,
-    n: NormalForces, f: WheelForces, u: WheelForces, drift: float, tilt: Tilt, bias: Tilt, arm: Turning, bucket: Turning,
+    n: NormalForces, f: WheelForces, u: WheelForces, drift: float, tilt: Tilt, bias: Tilt, lean: Lean, front_side: float,
+    arm: Turning, bucket: Turning,
 ) -> State:  # fmt: skip
     """The state for the next cycle."""
     # by whole turns of the levers' four motions, whose limits are looked for one after another
@@ -29,7 +31,7 @@ def next_state(
         m.wheel_acceleration_1, m.wheel_acceleration_2, m.wheel_acceleration_3, m.wheel_acceleration_4,
         n.front_left, n.front_right, n.rear_left, n.rear_right,
         f.x1, f.x2, f.x3, f.x4, u.x1, u.x2, u.x3, u.x4, drift, axle_speed, axle_acceleration,
-        tilt.roll, tilt.pitch, bias.roll, bias.pitch,
+        tilt.roll, tilt.pitch, bias.roll, bias.pitch, lean.pitch, lean.roll, lean.speed, front_side,
         arm.angle, arm.rate, arm.acceleration, arm.sample,
         bucket.angle, bucket.rate, bucket.acceleration, bucket.sample,
         load.couple, load.calm_payload, load.calm_couple, load.digging, load.x, load.z, load.traction,

@@ -170,6 +170,9 @@ class Sensors(NamedTuple):
     speed_gain: float  # share of the wheels' innovation taken over per second [1/s]
     speed_scatter: float  # innovation at which a wheel's influence starts to fall [m/s]
     speed_scatter_slope: float  # ... plus this share of the speed
+    slope_levelling: (
+        float  # time constant with which accelerometers correct the inclination sensor's gyro [s]
+    )
 
 
 class Contact(NamedTuple):

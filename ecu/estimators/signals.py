@@ -29,6 +29,7 @@ class Inputs(NamedTuple):
         float,
         Received("DriverDemand", "ArticulationRateDemand", "rad/s", "articulation_rate", sensed=False),
     ]
+    brake_demand: Annotated[float, Received("DriverDemand", "BrakeDemand", "1", sensed=False)]
     # the levers' shares of their way; up and back positive
     lift_demand: Annotated[float, Received("DriverDemand", "LiftDemand", "1", sensed=False)]
     tilt_demand: Annotated[float, Received("DriverDemand", "TiltDemand", "1", sensed=False)]
@@ -80,7 +81,9 @@ class Inputs(NamedTuple):
     tilt_angle: Annotated[
         float, Received("LinkageAngles", "TiltAngle", "rad", "tilt", "linkage_step", "State")
     ]
-    demand_usable: Annotated[float, Usable(("articulation_rate_demand", "lift_demand", "tilt_demand"))]
+    demand_usable: Annotated[
+        float, Usable(("articulation_rate_demand", "brake_demand", "lift_demand", "tilt_demand"))
+    ]
     wheel_1_usable: Annotated[float, Usable(("wheel_speed_1",))]
     wheel_2_usable: Annotated[float, Usable(("wheel_speed_2",))]
     wheel_3_usable: Annotated[float, Usable(("wheel_speed_3",))]
@@ -149,6 +152,9 @@ class Estimates(NamedTuple):
     specific_force_x: Annotated[float, Sent("BodyMotion", "LongitudinalAcceleration", "m/s2")]
     specific_force_y: Annotated[float, Sent("BodyMotion", "LateralAcceleration", "m/s2")]
     specific_force_z: float
+    # of the ground under the rear frame, without what accelerations add to the sensor's reading [rad]
+    slope_pitch: float
+    slope_roll: float
     payload: Annotated[float, Sent("BodyMotion", "PayloadMass", "kg", "payload", "PayloadValid")]
     permitted_rate: float  # articulation rate that leaves a margin [rad/s]
     permitted_direction: float  # ... to the side that the driver demands: +1 left, -1 right, 0 none

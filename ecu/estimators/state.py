@@ -47,6 +47,12 @@ class State(NamedTuple):
     pitch_tilt: float
     roll_bias: float  # of the gyro [rad/s]
     pitch_bias: float
+    pitch_lean: (
+        float  # what accelerations add to the inclination sensor's reading (ecu.estimators.inclination) [rad]
+    )
+    roll_lean: float
+    lean_speed: float  # of the rear axle, as that correction has it [m/s]
+    front_side: float  # lateral force of the front axle [N]
     lift_angle: float  # of the lift arm, tracked (ecu.estimators.motion.arm) [rad]
     lift_rate: float  # [rad/s]
     lift_acceleration: float  # [rad/s2]

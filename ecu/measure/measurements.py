@@ -30,6 +30,8 @@ _INSIDE: Final[Mapping[str, tuple[str, str]]] = {
     "lift_off_wheel": ("1", "The wheel of the lift-off margin, 1 to 4."),
     "predicted_margin": ("1", "The smallest lift-off margin over the prediction's horizon."),
     "specific_force_z": ("m/s2", "Specific force at the machine's centre of gravity, upwards."),
+    "slope_pitch": ("rad", "Pitch of the rear frame against the horizon, nose down positive, without the sensor's lean in accelerations."),
+    "slope_roll": ("rad", "Roll of the rear frame against the horizon, left side up positive, without the sensor's lean in accelerations."),
     "permitted_rate": ("rad/s", "Articulation rate that leaves a margin."),
     "permitted_direction": ("1", "Side that the permitted rate is for: 1 left, -1 right, 0 none."),
     "permitted_speed": ("m/s", "Speed that leaves a margin."),

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from configuration import CheckedTable
-from plant.unit.signals import CHANNELS, FAMILIES, Family
+from plant.unit.signals import CHANNELS, FAMILIES, Channel, Family
 
 Floats = NDArray[np.float64]
 
@@ -32,6 +32,9 @@ class ChannelParameters:
     maximum: float = math.inf
     resolution: float = 0.0
     dropout: float = 0.0  # probability that a sample is missing
+    levelling: float = (
+        math.inf
+    )  # time constant to what its accelerometers feel [s]; infinity: they have no part in it
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,13 +62,14 @@ def read_sensors(table: CheckedTable, base: SensorParameters) -> SensorParameter
         entry = table.table(section)
         for name, channel in CHANNELS.items():
             if wanted in (name, channel.family.name):
-                channels[name] = _read_channel(entry, channel.family, channels[name])
+                channels[name] = _read_channel(entry, channel, channels[name])
         entry.finish()
     return replace(base, channels=channels)
 
 
-def _read_channel(entry: CheckedTable, family: Family, base: ChannelParameters) -> ChannelParameters:
+def _read_channel(entry: CheckedTable, sensor: Channel, base: ChannelParameters) -> ChannelParameters:
     """One section: the keys it has, over `base`."""
+    family: Family = sensor.family
 
     def quantity(name: str, current: float, low: float = -math.inf) -> float:
         key = f"{name}_{family.suffix}"
@@ -89,6 +93,9 @@ def _read_channel(entry: CheckedTable, family: Family, base: ChannelParameters) 
         dropout=percent("dropout_percent", base.dropout, 0.0),
         lag=milliseconds("lag_ms", base.lag),
         delay=milliseconds("delay_ms", base.delay),
+        levelling=base.levelling
+        if sensor.felt is None
+        else entry.number("levelling_s", unit="s", low=0.0, default=base.levelling),
     )
     if not channel.minimum < channel.maximum:
         low = channel.minimum / family.factor

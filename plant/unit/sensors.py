@@ -2,12 +2,15 @@
 
 Each channel is sampled once per tick (the bank's step), in this order:
 
-    measured = truth (1 + scale error) + bias
+    levelled = truth + first-order low-pass of (what accelerometers take for it - truth)
+    measured = levelled (1 + scale error) + bias
     lagged   = first-order low-pass, exact for an input held over the step
     delayed  = lagged one delay ago, linear between samples (exact for whole steps)
     noisy    = delayed + Gaussian noise, white at the sample rate
     reading  = noisy, limited to the sensor's range, rounded to its resolution
 
+Levelling is that of an inclination sensor: its gyro follows the truth at once, its accelerometers correct the gyro in the long run,
+and feel every acceleration as a slope. A time constant of zero is an inclination sensor without a gyro.
 A dropped sample repeats the last reading. A parameter of zero switches its term off exactly:
 a bank of ideal sensors returns its input bit for bit. Random numbers come from a generator passed
 in, two per channel and step whatever the parameters, so that changing one channel leaves
@@ -51,11 +54,18 @@ OK, DEGRADED, ERROR = (int(health) for health in Health)  # for compiled code
 
 ACCELEROMETERS, GYROSCOPES = family_slice(SPECIFIC_FORCE), family_slice(ANGULAR_RATE)
 _MEASURED = np.array([channel.part.at + channel.component for channel in SENSORS])
+_LEVELLED = np.array([i for i, channel in enumerate(SENSORS) if channel.felt is not None])
+_FELT = np.array([channel.felt[0].at + channel.felt[1] for channel in SENSORS if channel.felt is not None])
 
 
 def measured_values(truth: Truth) -> Floats:
     """What ideal sensors would read, SI, in the order of CHANNELS."""
     return truth.row[_MEASURED]
+
+
+def felt_values(truth: Truth) -> Floats:
+    """What the accelerometers of the sensors that level themselves take for their quantity, SI, in the order of CHANNELS."""
+    return truth.row[_FELT]
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,14 +114,22 @@ class SensorBank:
         self._history: Floats = np.empty((int(delay.max()) + 2, len(channels)))
         self._newest = -1  # row of the newest sample; -1: none yet
         self._last: Floats = np.empty(len(channels))
+        levelling = column("levelling")[_LEVELLED]
+        self._levels = bool(np.isfinite(levelling).any())
+        # infinity: the share that stays is exactly 1, so that the lean stays 0
+        self._leaning = np.exp(-step / np.maximum(levelling, step / 700)) * (levelling > 0)
+        self._lean: Floats = np.zeros(_LEVELLED.size)  # by which accelerations have led a sensor astray
         self._normal, self._uniform = np.empty(len(channels)), np.empty(len(channels))
 
-    def sample(self, truth: Floats | list[float]) -> Readings:
+    def sample(self, truth: Floats | list[float], felt: Floats | None = None) -> Readings:
         """The readings one step later, for the true values `truth` held since the last call.
 
+        felt: from `felt_values`; without, sensors that level themselves feel no acceleration.
         At the first call every sensor is in steady state at its input.
         """
         true = np.asarray(truth, dtype=np.float64)
+        if self._levels and felt is not None:
+            true = self._levelled(true, felt)
         if self._axes is not None:
             true = true.copy()
             for part in (ACCELEROMETERS, GYROSCOPES):
@@ -136,6 +154,15 @@ class SensorBank:
         )
         self._last = values
         return Readings(values, health)
+
+    def _levelled(self, true: Floats, felt: Floats) -> Floats:
+        """The true values as gyro and accelerometers of a levelled sensor give them together."""
+        apart = felt - true[_LEVELLED]
+        kept = self._leaning * (self._leaning == 1.0) if self._newest < 0 else self._leaning
+        self._lean = (1.0 - kept) * apart + kept * self._lean
+        true = true.copy()
+        true[_LEVELLED] += self._lean
+        return true
 
 
 @compiled

@@ -48,6 +48,8 @@ class Channel:
     state: str = (
         ""  # "Message.Signal" of its state; a signal that several channels share has the worst of them
     )
+    # part of the truth and its component to which a sensor that levels itself goes; None: it does not
+    felt: tuple[Part, int] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,18 +112,18 @@ SENSORS: Final = (
     Channel("wheel_speed_front_right", WHEEL_SPEED, Truth.wheel_speed, 1, ("WheelSpeedsFront.Right",), "WheelSpeedsFront.RightState"),
     Channel("wheel_speed_rear_left", WHEEL_SPEED, Truth.wheel_speed, 2, ("WheelSpeedsRear.Left",), "WheelSpeedsRear.LeftState"),
     Channel("wheel_speed_rear_right", WHEEL_SPEED, Truth.wheel_speed, 3, ("WheelSpeedsRear.Right",), "WheelSpeedsRear.RightState"),
-    Channel("wheel_torque_front_left", WHEEL_TORQUE, Truth.wheel_torque, 0, ("WheelTorquesFront.Left",), "WheelTorquesFront.LeftState"),
-    Channel("wheel_torque_front_right", WHEEL_TORQUE, Truth.wheel_torque, 1, ("WheelTorquesFront.Right",), "WheelTorquesFront.RightState"),
-    Channel("wheel_torque_rear_left", WHEEL_TORQUE, Truth.wheel_torque, 2, ("WheelTorquesRear.Left",), "WheelTorquesRear.LeftState"),
-    Channel("wheel_torque_rear_right", WHEEL_TORQUE, Truth.wheel_torque, 3, ("WheelTorquesRear.Right",), "WheelTorquesRear.RightState"),
+    Channel("wheel_torque_front_left", WHEEL_TORQUE, Truth.known_torque, 0, ("WheelTorquesFront.Left",), "WheelTorquesFront.LeftState"),
+    Channel("wheel_torque_front_right", WHEEL_TORQUE, Truth.known_torque, 1, ("WheelTorquesFront.Right",), "WheelTorquesFront.RightState"),
+    Channel("wheel_torque_rear_left", WHEEL_TORQUE, Truth.known_torque, 2, ("WheelTorquesRear.Left",), "WheelTorquesRear.LeftState"),
+    Channel("wheel_torque_rear_right", WHEEL_TORQUE, Truth.known_torque, 3, ("WheelTorquesRear.Right",), "WheelTorquesRear.RightState"),
     Channel("specific_force_x", SPECIFIC_FORCE, Truth.imu_specific_force, 0, ("BodyAcceleration.Longitudinal",), "BodyAcceleration.State"),
     Channel("specific_force_y", SPECIFIC_FORCE, Truth.imu_specific_force, 1, ("BodyAcceleration.Lateral",), "BodyAcceleration.State"),
     Channel("specific_force_z", SPECIFIC_FORCE, Truth.imu_specific_force, 2, ("BodyAcceleration.Vertical",), "BodyAcceleration.State"),
     Channel("roll_rate", ANGULAR_RATE, Truth.angular_velocity, 0, ("BodyRates.RollRate",), "BodyRates.State"),
     Channel("pitch_rate", ANGULAR_RATE, Truth.angular_velocity, 1, ("BodyRates.PitchRate", "SlopeSensor.PitchRate"), "BodyRates.State"),
     Channel("yaw_rate", ANGULAR_RATE, Truth.angular_velocity, 2, ("BodyRates.YawRate",), "BodyRates.State"),
-    Channel("pitch_angle", SLOPE_ANGLE, Truth.pitch, 0, ("SlopeSensor.PitchAngle",)),
-    Channel("roll_angle", SLOPE_ANGLE, Truth.roll, 0, ("SlopeSensor.RollAngle",)),
+    Channel("pitch_angle", SLOPE_ANGLE, Truth.pitch, 0, ("SlopeSensor.PitchAngle",), felt=(Truth.inclination, 0)),
+    Channel("roll_angle", SLOPE_ANGLE, Truth.roll, 0, ("SlopeSensor.RollAngle",), felt=(Truth.inclination, 1)),
     Channel("lift_pressure", PRESSURE, Truth.lift_pressure, 0, ("LiftPressure.LiftCylinderPressure",)),
     Channel("tilt_pressure", PRESSURE, Truth.tilt_pressure, 0, ("TiltPressure.TiltCylinderPressure",)),
     Channel("steering_pressure_left", PRESSURE, Truth.steering_pressure, 0, ("SteeringPressures.LeftLine",), "SteeringPressures.LeftLineState"),

@@ -28,7 +28,7 @@ from plant.unit.driver import Demand, DriverState, drive
 from plant.unit.limits import UNLIMITED, Limits, holds_back, in_force, linkage_in_force, obey
 from plant.unit.reception import Finding, Reception
 from plant.unit.scenario import Scenario
-from plant.unit.sensors import Readings, SensorBank, faulty, measured_values
+from plant.unit.sensors import Readings, SensorBank, faulty, felt_values, measured_values
 from plant.unit.signals import (
     MACHINE,
     MACHINE_MESSAGES,
@@ -168,7 +168,7 @@ class PlantUnit:
             self._started_ns = now_ns
         else:
             self._advance(self._readings, now_ns)
-        self._readings = self._sensors.sample(measured_values(self._truth))
+        self._readings = self._sensors.sample(measured_values(self._truth), felt_values(self._truth))
         self._ticks += 1
         moment = Moment(self.demand, self.sequence, abs(self._ground_speed(self._readings)))
         values = interface.machine_values(self._readings, moment)

@@ -152,7 +152,7 @@ void reasons_found(const Estimates *e, const CycleInputs *inputs, uint32_t known
         usable(inputs->unusable, angle) &&
         (bent > (calibration_parameters.geometry.articulation_stop - WARNING_STOP_DISTANCE));
     found[REASON_STEEP_SLOPE] = usable(inputs->unusable, slope) &&
-                                (real_max(real_abs(v[INPUT_PITCH]), real_abs(v[INPUT_ROLL])) > WARNING_SLOPE);
+                                (real_max(real_abs(e->slope_pitch), real_abs(e->slope_roll)) > WARNING_SLOPE);
     found[REASON_PAYLOAD_HIGH] = is_known(known, VALID_PAYLOAD) && speed && (e->payload > WARNING_PAYLOAD) &&
                                  (v[INPUT_LIFT_ARM_ANGLE] > WARNING_PAYLOAD_ARM) &&
                                  (real_abs(e->speed) > WARNING_PAYLOAD_SPEED);

@@ -35,6 +35,8 @@ class Channel:
     columns: tuple[str, int | None]  # quantity of plant.truth, and its index where that is a vector
     faults: tuple[str, ...] = ()  # kinds of sensor faults that are searched for
     scale: float = 0.0  # standard deviation of the sensor's scale [1]; 0: exact
+    # quantity of plant.truth that the accelerometers of a levelled sensor take for its own, and its index
+    felt: tuple[str, int] | None = None
 
 
 TORQUE_SCALE_SD: Final = (
@@ -60,8 +62,12 @@ def _machine_channels() -> dict[str, Channel]:
             f"{axis}_rate": Channel("rad/s", 0.01, RATE_ZERO_SD, ("angular_velocity", i), faults)
             for i, axis in enumerate(("roll", "pitch", "yaw"))
         },
-        "pitch_angle": Channel("rad", 0.005, 0.005, ("pitch", None), ("bias", "delay", "lag")),
-        "roll_angle": Channel("rad", 0.005, 0.005, ("roll", None), ("bias", "delay", "lag")),
+        "pitch_angle": Channel(
+            "rad", 0.005, 0.005, ("pitch", None), ("bias", "delay", "lag"), felt=("inclination", 0)
+        ),
+        "roll_angle": Channel(
+            "rad", 0.005, 0.005, ("roll", None), ("bias", "delay", "lag"), felt=("inclination", 1)
+        ),
         "lift_pressure": Channel(
             "Pa", 2e5, 1e5, ("lift_pressure", None), ("bias", "scale", "delay", "lag"), PRESSURE_SCALE_SD
         ),
@@ -93,3 +99,12 @@ def _reference_channels() -> dict[str, Channel]:
 REFERENCE: Final = frozenset(_reference_channels())
 """Channels of the test instruments, which a machine in use does not have."""
 CHANNELS: Mapping[str, Channel] = {**_machine_channels(), **_reference_channels()}
+
+
+def felt(name: str) -> str:
+    """Name of what the accelerometers of a levelled sensor take for its quantity."""
+    return f"{name} felt"
+
+
+LEVELLED: Final = {name: channel.felt for name, channel in CHANNELS.items() if channel.felt is not None}
+"""Channels of levelled sensors: what their accelerometers feel."""

@@ -4,6 +4,7 @@ A warm-up run through what precedes a segment gives its initial state. Its machi
 sheet. A machine with other values starts from the same motion, shifted by the difference of the two equilibria (plant.physics.resting).
 """
 
+import math
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -17,7 +18,7 @@ from scipy.signal import lfilter
 
 from discrepancy.model.description import Window
 from discrepancy.model.sensors import delayed
-from discrepancy.models.loader.channels import CHANNELS, SPEEDS
+from discrepancy.models.loader.channels import CHANNELS, SPEEDS, felt
 from discrepancy.models.loader.machine_variant import Variants
 from discrepancy.models.loader.nuisances import BODIES, NUISANCES, scale, zero
 from discrepancy.models.loader.parallel import segment_parameters
@@ -121,12 +122,30 @@ class Loader:
 
     def _sensed(self, start: WindowStart, values: Mapping[str, float]) -> list[Mapping[str, Array]]:
         """Outputs of every segment of one recording."""
+        true = {
+            name: values + start.step_error[name]
+            for name, values in true_outputs(self._variants, start, values, STEP_S).items()
+        }
+        self._level(true, start.inputs)
         outputs = {
-            name: self._through_sensor(name, true + start.step_error[name], start.inputs.step_s)
-            for name, true in true_outputs(self._variants, start, values, STEP_S).items()
+            name: self._through_sensor(name, values, start.inputs.step_s) for name, values in true.items()
         }
         rows = [slice(a, b) for a, b in pairwise(start.inputs.edges)]
         return [{name: values[own] for name, values in outputs.items()} for own in rows]
+
+    def _level(self, true: dict[str, Array], inputs: ReplayInputs) -> None:
+        """Lean levelled sensors towards what their accelerometers feel, each segment from its steady state; drops the felt."""
+        for name in CHANNELS:
+            taken = true.pop(felt(name), None)
+            time_s = self._sensors.of(name).levelling
+            if taken is not None and math.isfinite(time_s):
+                kept = math.exp(-inputs.step_s / time_s) if time_s > 0.0 else 0.0
+                for a, b in pairwise(inputs.edges):
+                    apart = taken[a:b] - true[name][a:b]
+                    lean, _ = lfilter(
+                        np.array([1.0 - kept]), np.array([1.0, -kept]), apart, zi=np.array([kept * apart[0]])
+                    )
+                    true[name][a:b] += lean
 
     def _through_sensor(self, name: str, true: Array, step_s: float) -> Array:
         """Lag and delay of the sensor's sheet; faults of sensors are effects that the engine adds.

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from discrepancy.models.loader.channels import CHANNELS
+from discrepancy.models.loader.channels import CHANNELS, LEVELLED, felt
 from discrepancy.models.loader.initial_states import changed_starts
 from discrepancy.models.loader.machine_variant import Variants
 from discrepancy.models.loader.parallel import replay_segments, segment_parameters
@@ -62,4 +62,7 @@ def true_outputs(
         true = columns[quantity] if index is None else columns[quantity][:, index]
         most = ABSURD * channel.typical
         found[name] = np.fmin(np.fmax(true, -most), most)  # NaN of a diverged motion becomes -most
+    for name, (quantity, index) in LEVELLED.items():
+        taken, most = columns[quantity][:, index], ABSURD * CHANNELS[name].typical
+        found[felt(name)] = np.fmin(np.fmax(taken, -most), most)
     return found

@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from ecu.estimators.compiled import compiled
+from ecu.estimators.inclination import Lean, Slope, followed_speed, lean_at_start, leaned
 from ecu.estimators.motion import speed
 from ecu.estimators.motion.acceleration import (
     gravity_reaction,
@@ -89,9 +90,11 @@ def measured_accelerations(i: Inputs, m: Motion, front: Body, p: Parameters) -> 
 
 
 @compiled
-def kinematic_accelerations(i: Inputs, s: State, m: Motion, front: Body, p: Parameters) -> Accelerations:
+def kinematic_accelerations(
+    i: Inputs, s: State, m: Motion, slope: Slope, front: Body, p: Parameters
+) -> Accelerations:
     """Specific forces from wheel speed, articulation and slope, where the inertial sensor fails."""
-    rest = gravity_reaction(i.pitch, i.roll, GRAVITY)
+    rest = gravity_reaction(slope.pitch, slope.roll, GRAVITY)
     u, du, g = s.axle_speed, s.axle_acceleration, p.geometry
     d, dd, ddd = i.articulation_angle, i.articulation_rate, m.articulation_acceleration
     rate = yaw_rate(u, d, dd, g)
@@ -110,7 +113,9 @@ def kinematic_accelerations(i: Inputs, s: State, m: Motion, front: Body, p: Para
 
 
 @compiled
-def fused_speed(i: Inputs, s: State, m: Motion, axle: Vector, r: Vector, p: Parameters) -> float:
+def fused_speed(
+    i: Inputs, s: State, m: Motion, axle: Vector, slope: Slope, r: Vector, p: Parameters
+) -> float:
     """Speed of the rear axle [m/s]: carried by acceleration, corrected by the wheels.
 
     r: effective radii of front left, front right and of both rear wheels [m].
@@ -136,7 +141,7 @@ def fused_speed(i: Inputs, s: State, m: Motion, axle: Vector, r: Vector, p: Para
     trusted = i.acceleration_usable * i.slope_usable
     predicted = s.speed
     if trusted != 0.0:
-        rest = gravity_reaction(i.pitch, i.roll, GRAVITY)
+        rest = gravity_reaction(slope.pitch, slope.roll, GRAVITY)
         predicted += (axle.x - rest.x) * i.dt
     scatter = p.sensors.speed_scatter + p.sensors.speed_scatter_slope * abs(predicted)
     gain = p.sensors.speed_gain * i.dt if trusted != 0.0 else 0.5
@@ -151,7 +156,34 @@ def fused_speed(i: Inputs, s: State, m: Motion, axle: Vector, r: Vector, p: Para
     correction += i.wheel_4_usable * e4 * max(speed.influence(e4, scatter), least)
     if trusted == 0.0:  # nothing else carries the speed: the plain mean
         correction = total - count * predicted
-    return predicted + gain * correction / count
+        return predicted + gain * correction / count
+    # A slope that is a little wrong carries the speed away from wheels that stand, whose influence is then nothing.
+    carried = min(max(mean - predicted, -1.0), 1.0) * speed.DRIFT * i.dt
+    return predicted + gain * correction / count + carried
+
+
+@compiled
+def lean_before(s: State, m: Motion, axle_speed: float) -> Slope:
+    """What accelerations add to the inclination sensor's reading of this cycle; axle_speed: by the wheels [m/s]."""
+    if s.cycles == 0.0:
+        return lean_at_start(m.rate.z * axle_speed)
+    return Slope(s.pitch_lean, s.roll_lean)
+
+
+@compiled
+def lean_after(
+    i: Inputs, s: State, m: Motion, lean: Slope, slope: Slope, v: float, axle_speed: float, p: Parameters
+) -> Lean:
+    """The same for the next cycle; v, axle_speed: of the rear axle, fused and by the wheels [m/s]."""
+    ahead_of_axle = p.sensors.imu_x + p.geometry.rear_length
+    before, speed_now = v, v
+    if s.cycles != 0.0:
+        before = s.lean_speed
+        speed_now = followed_speed(before, v - s.speed, axle_speed, i.dt)
+    ahead = (speed_now - before) / i.dt - m.rate.z * m.rate.z * ahead_of_axle
+    aside = v * m.rate.z + m.change.z * ahead_of_axle
+    after = leaned(lean, slope, ahead, aside, i.dt, p.sensors.slope_levelling)
+    return Lean(after.pitch, after.roll, speed_now)
 
 
 @compiled

@@ -12,6 +12,8 @@ from ecu.estimators.parameters import Geometry
 
 CONSENSUS = 0.2
 """Least influence of a wheel while all four agree and roll."""
+DRIFT = 0.12
+"""Acceleration towards the wheels, whatever their influence [m/s2], full from 1 m/s on: beyond the zero errors of accelerometer and slope."""
 ROLLING = 0.5
 """Below this speed [m/s] agreeing wheels may all be locked."""
 

@@ -3,6 +3,7 @@
 import math
 
 from ecu.estimators.compiled import compiled
+from ecu.estimators.inclination import Slope, lean_at_start, leaned, without
 from ecu.estimators.parameters import GRAVITY, Parameters
 from ecu.estimators.printed import normal_force, turning, tyre
 from ecu.estimators.printed.centre import front_unit_printed, machine_centre_repaired
@@ -66,7 +67,11 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
 
     front_unit = front_unit_printed(i.lift_arm_angle, load, p.front, p.arm, p.bucket)
     centre = machine_centre_repaired(d, front_unit, p.rear)
-    n = loads(centre, d, ax, ay_right, -i.pitch, -i.roll, p)
+    # the sensor's correction is its maker's and not the thesis': there the slope is simply known
+    lean = lean_at_start(v * i.yaw_rate) if s.cycles == 0.0 else Slope(s.pitch_lean, s.roll_lean)
+    slope = without(Slope(i.pitch, i.roll), lean)
+    lean = leaned(lean, slope, ax, v * i.yaw_rate, i.dt, p.sensors.slope_levelling)
+    n = loads(centre, d, ax, ay_right, -slope.pitch, -slope.roll, p)
     # the reference: straight wheels, but the centre of gravity of the present articulation
     standing = loads(centre, 0.0, 0.0, 0.0, 0.0, 0.0, p)
     margin = printed_margin(n, standing)
@@ -119,9 +124,11 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
         joint_torque=turn,  # the thesis compares one with the other
         yaw_rate=yaw,
         speed=v,
-        specific_force_x=ax - GRAVITY * math.sin(i.pitch),
-        specific_force_y=-ay_right + GRAVITY * math.sin(i.roll),
-        specific_force_z=GRAVITY * math.cos(i.pitch) * math.cos(i.roll),
+        specific_force_x=ax - GRAVITY * math.sin(slope.pitch),
+        specific_force_y=-ay_right + GRAVITY * math.sin(slope.roll),
+        specific_force_z=GRAVITY * math.cos(slope.pitch) * math.cos(slope.roll),
+        slope_pitch=slope.pitch,
+        slope_roll=slope.roll,
         payload=load,
         permitted_rate=p.prediction.largest_rate,
         permitted_direction=0.0,
@@ -134,6 +141,6 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
     )
     state = PrintedState(
         s.cycles + 1.0, load, i.wheel_speed_1, i.wheel_speed_2, i.wheel_speed_3, i.wheel_speed_4,
-        w1, w2, w3, w4, u1, u2, u3, u4,
+        w1, w2, w3, w4, u1, u2, u3, u4, lean.pitch, lean.roll,
     )  # fmt: skip
     return estimates, state

@@ -20,6 +20,8 @@ class PrintedState(NamedTuple):
     deflection_2: float
     deflection_3: float
     deflection_4: float
+    pitch_lean: float  # what accelerations add to the inclination sensor's reading [rad]
+    roll_lean: float
 
 
 PRINTED_INITIAL = PrintedState(*([0.0] * len(PrintedState._fields)))

@@ -68,7 +68,8 @@ PAIRS = [(ANGLE_RATE, ANGLE, RATE), (ROLL_GYRO, ROLL, ROLL_RATE), (PITCH_GYRO, P
 @pytest.mark.parametrize("hertz", [0.02, 0.1, 0.5, 2.0])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_a_gain_error_within_tolerance_stays_in_the_bound_at_any_rate(residual, angle, rate, hertz, sign):
-    angles, rates = steering(hertz, math.radians(8.0))
+    # an inclination sensor reads 60 degrees at most
+    angles, rates = steering(hertz, min(math.radians(8.0), math.radians(30.0) * 2.0 * math.pi * hertz))
     rows = np.tile(STILL, (TICKS, 1))
     rows[:, angle], rows[:, rate] = angles, rates * (1.0 + 0.98 * sign * TOLERANCES.gain)
     # of one time: the rate over the tick that has just passed, as the observer adds it up

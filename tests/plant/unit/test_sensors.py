@@ -203,3 +203,68 @@ def test_sections_of_old_equipment_files_mean_the_same():
     assert read[0] == read[1]
     assert read[0].of("specific_force_y").bias == 0.2
     assert read[0].of("specific_force_y").noise == 0.1
+
+
+SLOPE = "pitch_angle"
+PLACE = INDEX[SLOPE]
+
+
+def slope_bank(**parameters: float) -> SensorBank:
+    """A bank whose pitch sensor has these parameters; all others are ideal."""
+    return SensorBank(
+        SensorParameters({SLOPE: ChannelParameters(**parameters)}),
+        step=STEP,
+        generator=np.random.default_rng(1),
+    )
+
+
+def slopes(sensors: SensorBank, true: np.ndarray, felt: np.ndarray) -> np.ndarray:
+    """Readings of the pitch sensor for series of the true angle and of what its accelerometers take for it."""
+    rows = []
+    for angle, taken in zip(true, felt, strict=True):
+        row = np.zeros(COUNT)
+        row[PLACE] = angle
+        rows.append(sensors.sample(row, np.array([taken, 0.0])).values[PLACE])
+    return np.array(rows)
+
+
+@settings(deadline=None)
+@given(st.floats(0.0, 3.0), st.floats(-0.5, 0.5))
+def test_a_levelled_sensor_that_feels_no_acceleration_reads_its_angle(levelling, angle):
+    true = angle * np.sin(np.arange(200) * STEP)
+    np.testing.assert_array_equal(slopes(slope_bank(levelling=levelling), true, true), true)
+
+
+def test_a_lasting_acceleration_leans_the_sensor_with_its_time_constant():
+    """Truth 0, felt a step: the response of a first-order low-pass, 1 - exp(-t/T)."""
+    felt = np.concatenate([[0.0], np.full(400, 0.2)])
+    read = slopes(slope_bank(levelling=0.8), np.zeros(401), felt)
+    time = STEP * np.arange(401)
+    np.testing.assert_allclose(read, 0.2 * (1.0 - np.exp(-time / 0.8)), atol=1e-12)
+
+
+def test_a_change_of_slope_shows_at_once_through_the_gyro():
+    """Both change together, as a slope does: nothing lags, however slow the accelerometers' correction."""
+    true = np.concatenate([np.zeros(50), np.full(50, 0.1)])
+    np.testing.assert_allclose(slopes(slope_bank(levelling=5.0), true, true), true, atol=1e-15)
+
+
+def test_an_inclination_sensor_without_a_gyro_reads_what_it_feels():
+    felt = np.sin(np.arange(100.0))
+    np.testing.assert_allclose(
+        slopes(slope_bank(levelling=0.0), np.zeros(100), felt), felt, rtol=0, atol=1e-15
+    )
+
+
+def test_a_sensor_that_does_not_level_itself_feels_no_acceleration():
+    true, felt = np.linspace(0, 1, 30), np.ones(30)
+    np.testing.assert_array_equal(slopes(slope_bank(), true, felt), true)
+
+
+def test_levelling_is_for_inclination_sensors_only():
+    table = CheckedTable({"slope_angle": {"levelling_s": 1.5}}, file="sensors.toml")
+    assert read_sensors(table, SensorParameters()).of("roll_angle").levelling == 1.5
+    with pytest.raises(ConfigurationError, match="levelling_s"):
+        read_sensors(
+            CheckedTable({"yaw_rate": {"levelling_s": 1.5}}, file="sensors.toml"), SensorParameters()
+        )
