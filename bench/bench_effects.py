@@ -3,7 +3,7 @@
     python -m bench.bench_effects [--seconds 5] [--repeats 9]
 
 An effect that only changes parameters must cost nothing: the compiled code is the plain plant's. The first row is
-therefore measured twice: the spread of that ratio is the resolution of the other rows.
+therefore measured twice: the spread of that ratio is the resolution of the other rows. One row per hook that an effect may have.
 """
 
 import argparse
@@ -27,6 +27,15 @@ CALM = (
     "rolling_resistance",
     "turn_slip",
 )
+# One for each hook; of several that have it, one that leaves the motion calm.
+ONE = (
+    "pivot_friction",
+    "washboard",
+    "rolling_resistance",
+    "aerodynamic_drag",
+    "frame_torsion",
+    "steering_friction",
+)
 
 
 def variants():
@@ -48,7 +57,10 @@ def variants():
         "effects of parameters": having(
             *(item.name for item in prepared if item.name in ("tyre_wear", "mass_split"))
         ),
-        "one compiled effect": having("pivot_friction"),
+        **{
+            f"one compiled effect, {name}: {', '.join(compiled_hooks(known[name]))}": having(name)
+            for name in ONE
+        },
         f"{len(CALM)} compiled effects": having(*CALM),
     }
 

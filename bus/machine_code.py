@@ -5,19 +5,30 @@ in another file does, wherever the code is kept. A folder per state of all sourc
 """
 
 import hashlib
+import inspect
 import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar, get_args, get_origin
 
 import numba
+from numba.core.options import DefaultOptions
 
 from bus.user_error import UserError
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+# numba counts references to every array that a function is given or takes a part of. A step of the plant hands around two
+# dozen arrays through some forty calls, and more than half of its time was counting. The option that leaves the counting out
+# is numba's own and not documented (ADR 48). It is inherited by what a function calls, so both values are always said.
+_HAS_OPTION = hasattr(DefaultOptions, "_nrt")
+COUNTED: dict[str, Any] = {"_nrt": True} if _HAS_OPTION else {}
+"""Options of a compiler whose functions may allocate arrays and return them."""
+UNCOUNTED: dict[str, Any] = {"_nrt": False} if _HAS_OPTION else {}
+"""Options of a compiler whose functions must not; without the option they are compiled as the others are, only slower."""
 
 KEPT_S = 86_400.0
 """How much older the code of other sources is when it is removed [s]: another process may still use it."""
@@ -100,3 +111,30 @@ def compiler(folder: Path, **options: Any) -> Callable[[Callable[P, R]], Callabl
         return made
 
     return compiled
+
+
+def uncounting(folder: Path, **options: Any) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """A decorator as of `compiler` for functions that neither allocate arrays nor return them: they count no references.
+
+    numba refuses one that allocates. One that returned an array would give away a reference that nobody counted, so the
+    annotation of the result is checked: numbers, tuples of numbers or None.
+    """
+    make = compiler(folder, **options, **UNCOUNTED)
+
+    def uncounted(function: Callable[P, R]) -> Callable[P, R]:
+        given = inspect.get_annotations(function, eval_str=True).get("return", inspect.Parameter.empty)
+        if not _is_plain(given):
+            raise TypeError(
+                f"{function.__module__}.{function.__qualname__} -> {given}: a function that counts no references "
+                "returns None, numbers or tuples of numbers"
+            )
+        return make(function)
+
+    return uncounted
+
+
+def _is_plain(annotation: Any) -> bool:
+    """Whether a result of this type holds no array."""
+    if get_origin(annotation) is tuple:
+        return all(map(_is_plain, get_args(annotation)))
+    return annotation in (None, float, int, bool)

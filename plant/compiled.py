@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from bus.machine_code import code_folder, compiler, digest_of
+from bus.machine_code import COUNTED, code_folder, compiler, digest_of, uncounting
 from plant.effects.files import effect_files
 
 FOLDER = Path(__file__).resolve().parent
@@ -13,7 +13,13 @@ DIGEST = digest_of(sorted({*SOURCES, *effect_files()}))
 
 CODE = code_folder(FOLDER, "plant", DIGEST)
 
-compiled = compiler(CODE, error_model="numpy")
+compiled = compiler(CODE, error_model="numpy", **COUNTED)
 
-released = compiler(CODE, error_model="numpy", nogil=True)
+uncounted = uncounting(CODE, error_model="numpy")
+"""For what runs in every step and allocates nothing: it counts no references to arrays (bus.machine_code)."""
+
+inlined = uncounting(CODE, error_model="numpy", forceinline=True)
+"""As `uncounted`, and copied into its caller: for what has one caller, because a call hands around two dozen arrays."""
+
+released = compiler(CODE, error_model="numpy", nogil=True, **COUNTED)
 """For long work that may run beside other threads: it lets go of the interpreter while it runs."""

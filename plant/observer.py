@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.compiled import compiled
+from plant.compiled import inlined, uncounted
 from plant.physics import state as s
 from plant.physics.dynamics import derivative, drive_torque
 from plant.physics.linkage import LINKAGE, pressures
@@ -93,7 +93,7 @@ class Observer:
         return Truth(row)
 
 
-@compiled
+@uncounted
 def observe(
     row: Array,
     state: Array,
@@ -120,19 +120,21 @@ def observe(
     row[STEERING_PRESSURE + 1] = min(right, p[P_STEERING + SERVO_RELIEF])
 
 
-@compiled
+@uncounted
 def _observe_frame(row: Array, state: Array, p: Array, work: Workspace, measures: Array) -> None:
     """Where the rear frame is and how it moves."""
     world, motion = work.places.world, work.tree.motion[s.REAR_FRAME]
     rise = work.tree.acceleration[s.REAR_FRAME]
     turning, velocity = motion[:3], motion[3:]
-    row[POSITION : POSITION + 3] = state[s.POSITION : s.POSITION + 3]
-    row[ATTITUDE : ATTITUDE + 4] = state[s.ATTITUDE : s.ATTITUDE + 4]
+    for i in range(3):
+        row[POSITION + i] = state[s.POSITION + i]
+        row[VELOCITY + i] = velocity[i]
+        row[ANGULAR_VELOCITY + i] = turning[i]
+    for i in range(4):
+        row[ATTITUDE + i] = state[s.ATTITUDE + i]
     row[ROLL] = math.atan2(world[2, 1], world[2, 2])
     row[PITCH] = -math.asin(min(max(world[2, 0], -1.0), 1.0))
     row[YAW] = math.atan2(world[1, 0], world[0, 0])
-    row[VELOCITY : VELOCITY + 3] = velocity
-    row[ANGULAR_VELOCITY : ANGULAR_VELOCITY + 3] = turning
     row[SPEED] = velocity[0] + turning[1] * measures[O_AXLE_Z]
     imu = (measures[O_IMU_X], 0.0, measures[O_IMU_Z])
     coriolis = _cross(turning, velocity)
@@ -146,7 +148,7 @@ def _observe_frame(row: Array, state: Array, p: Array, work: Workspace, measures
     row[INCLINATION + 1] = math.atan2(aside, up)
 
 
-@compiled
+@uncounted
 def _observe_joints(row: Array, state: Array, p: Array, work: Workspace) -> None:
     """Angles, rates and torques of the joints."""
     effort = work.tree.effort
@@ -168,11 +170,11 @@ def _observe_joints(row: Array, state: Array, p: Array, work: Workspace) -> None
         row[KNOWN_TORQUE + wheel] = rolling
 
 
-@compiled
+@uncounted
 def _observe_tyres(row: Array, work: Workspace) -> None:
     """Forces of the road, wheel by wheel and together."""
     tyres, whole = work.tyres, work.whole
-    wrench = np.zeros(6)
+    mz, fx, fy, fz = 0.0, 0.0, 0.0, 0.0
     for wheel in range(4):
         tyre = tyres[wheel]
         row[NORMAL + wheel] = tyre[s.T_NORMAL]
@@ -182,10 +184,10 @@ def _observe_tyres(row: Array, work: Workspace) -> None:
         row[SLIP + wheel] = tyre[s.T_SLIP]
         row[SLIP_ANGLE + wheel] = tyre[s.T_SIDE_SLIP]
         row[DEFLECTION + wheel] = tyre[s.T_DEFLECTION]
-        wrench += tyre[s.T_WRENCH : s.T_WRENCH + 6]
-    moment, force, centre = wrench[:3], wrench[3:], whole[1:]
-    row[COG_FORCE : COG_FORCE + 3] = force / whole[0]
-    row[YAW_MOMENT] = moment[2] - _cross(centre, force)[2]
+        mz += tyre[s.T_WRENCH + 2]
+        fx, fy, fz = fx + tyre[s.T_WRENCH + 3], fy + tyre[s.T_WRENCH + 4], fz + tyre[s.T_WRENCH + 5]
+    row[COG_FORCE], row[COG_FORCE + 1], row[COG_FORCE + 2] = fx / whole[0], fy / whole[0], fz / whole[0]
+    row[YAW_MOMENT] = mz - (whole[1] * fy - whole[2] * fx)
     front_left, front_right = row[NORMAL], row[NORMAL + 1]
     rear_left, rear_right = row[NORMAL + 2], row[NORMAL + 3]
     total = front_left + front_right + rear_left + rear_right
@@ -193,7 +195,7 @@ def _observe_tyres(row: Array, work: Workspace) -> None:
     row[LOAD_TRANSFER] = balance / total if total > 0.0 else 0.0
 
 
-@compiled
+@inlined
 def _cross(a: Array | Triple, b: Array | Triple) -> Triple:
     """a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -1,8 +1,8 @@
 """Calls the compiled functions of the effects that are switched on.
 
 The callers are generated, one line per effect and hook, from the effects that were found, and kept in a
-file so that their machine code is cached. Their first argument, the vector `active`, holds a switch for each
-effect and then the parameters of each, MOST_PARAMETERS per effect.
+file so that their machine code is cached. Their first argument, the vector `active`, holds whether any effect that is
+on has each hook (JOINTS and so on), then a switch for each effect, then the parameters of each, MOST_PARAMETERS per effect.
 """
 
 import importlib.util
@@ -10,6 +10,7 @@ import os
 import sys
 from collections.abc import Sequence
 from types import ModuleType
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,15 @@ ARGUMENTS = {
 }
 
 
+JOINTS: Final = HOOKS.index("joints")
+BEFORE_TYRE: Final = HOOKS.index("before_tyre")
+AFTER_TYRE: Final = HOOKS.index("after_tyre")
+BODIES: Final = HOOKS.index("bodies")
+STATES: Final = HOOKS.index("states")
+"""Places in `active`: not zero where the hook has to be called. Who calls looks first, because a call for nothing costs as
+much as a small effect."""
+
+
 def _first_states(found: dict[str, ModuleType]) -> dict[str, int]:
     """Index of each effect's first own state."""
     first, out = EXTRA, {}
@@ -47,26 +57,31 @@ def _first_states(found: dict[str, ModuleType]) -> dict[str, int]:
 
 def source(found: dict[str, ModuleType]) -> str:
     """Text of the module that calls the effects."""
-    lines = ["from plant.compiled import compiled"]
+    lines = ["from plant.compiled import inlined"]
     lines += [f"import {module.__name__} as effect_{i}" for i, module in enumerate(found.values())]
-    first, count = _first_states(found), len(found)
+    first = _first_states(found)
     for hook in HOOKS:
         lines += [
             "",
             "",
-            "@compiled",
-            f"def {hook}(active, {ARGUMENTS[hook]}):",
+            "@inlined",
+            f"def {hook}(active, {ARGUMENTS[hook]}) -> None:",
             f'    """Every effect\'s {hook}."""',
         ]
         for i, (name, module) in enumerate(found.items()):
             if hasattr(module, hook):
-                begin = count + MOST_PARAMETERS * i
+                begin = _parameters_at(i, len(found))
                 q = f"active[{begin} : {begin + MOST_PARAMETERS}]"
                 lines += [
-                    f"    if active[{i}] != 0.0:",
+                    f"    if active[{len(HOOKS) + i}] != 0.0:",
                     f"        effect_{i}.{hook}({q}, {first[name]}, {ARGUMENTS[hook]})",
                 ]
     return "\n".join(lines) + "\n"
+
+
+def _parameters_at(effect: int, count: int) -> int:
+    """Place of an effect's first parameter in `active`; count: of all effects."""
+    return len(HOOKS) + count + MOST_PARAMETERS * effect
 
 
 def _generated() -> ModuleType:
@@ -104,11 +119,13 @@ def active_vector(chosen: Sequence[ActiveEffect]) -> Array | None:
     if not any(compiled_hooks(item.effect) for item in chosen):
         return None
     names = list(modules())
-    active = np.zeros(len(names) * (1 + MOST_PARAMETERS))
+    active = np.zeros(_parameters_at(len(names), len(names)))
     for item in chosen:
         i = names.index(item.effect.name)
-        begin = len(names) + MOST_PARAMETERS * i
-        active[i] = 1.0
+        begin = _parameters_at(i, len(names))
+        active[len(HOOKS) + i] = 1.0
+        for hook in compiled_hooks(item.effect):
+            active[HOOKS.index(hook)] = 1.0
         active[begin : begin + len(item.values)] = item.values
     return active
 

@@ -2,7 +2,7 @@
 
 import math
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array
 from plant.physics.parameters import P_NORMAL, P_STEERING, SERVO_LAG, W_RADIUS
 from plant.physics.state import (
@@ -26,7 +26,7 @@ from plant.physics.workspace import Workspace
 LEAST = 1e-9  # keeps the heading of a wheel that lies on its side finite
 
 
-@compiled
+@uncounted
 def push(work: Workspace, body: int, x: float, y: float, z: float, fx: float, fy: float, fz: float) -> None:
     """A force (fx, fy, fz) [N] on a body at the point (x, y, z) [m]; rear-frame axes, before the tree is solved."""
     bias = work.tree.bias[body]
@@ -38,7 +38,7 @@ def push(work: Workspace, body: int, x: float, y: float, z: float, fx: float, fy
     bias[5] -= fz
 
 
-@compiled
+@uncounted
 def twist(work: Workspace, body: int, mx: float, my: float, mz: float) -> None:
     """A moment [N m] on a body; rear-frame axes, before the tree is solved."""
     bias = work.tree.bias[body]
@@ -47,7 +47,7 @@ def twist(work: Workspace, body: int, mx: float, my: float, mz: float) -> None:
     bias[2] -= mz
 
 
-@compiled
+@uncounted
 def heading(work: Workspace, wheel: int) -> tuple[float, float, float, float, float, float]:
     """Unit vectors of a wheel in the road's plane, ahead and left, rear-frame axes."""
     n, a = work.normal, work.places.axles[wheel]
@@ -57,14 +57,14 @@ def heading(work: Workspace, wheel: int) -> tuple[float, float, float, float, fl
     return hx, hy, hz, n[1] * hz - n[2] * hy, n[2] * hx - n[0] * hz, n[0] * hy - n[1] * hx
 
 
-@compiled
+@uncounted
 def spin(work: Workspace, wheel: int) -> float:
     """Angular velocity of a wheel about its axle against the ground [rad/s], positive rolling ahead."""
     motion, axle = work.tree.motion[WHEEL + wheel], work.places.axles[wheel]
     return motion[0] * axle[0] + motion[1] * axle[1] + motion[2] * axle[2]
 
 
-@compiled
+@uncounted
 def contact_point(work: Workspace, wheel: int) -> tuple[float, float, float]:
     """Where a tyre touches the road [m], rear-frame axes; after the tyre model has run."""
     hx, hy, hz, _, _, _ = heading(work, wheel)
@@ -74,7 +74,7 @@ def contact_point(work: Workspace, wheel: int) -> tuple[float, float, float]:
     return centre[0] - loaded * ux, centre[1] - loaded * uy, centre[2] - loaded * uz
 
 
-@compiled
+@uncounted
 def push_tyre(
     work: Workspace, wheel: int, x: float, y: float, z: float, fx: float, fy: float, fz: float
 ) -> None:
@@ -89,7 +89,7 @@ def push_tyre(
     out[T_WRENCH + 5] += fz
 
 
-@compiled
+@uncounted
 def push_wheel(work: Workspace, wheel: int, along: float, across: float, moment: float) -> None:
     """Forces of a tyre along and across its wheel [N] and about the road's normal [N m], beside those of its model.
 
@@ -108,7 +108,7 @@ def push_wheel(work: Workspace, wheel: int, along: float, across: float, moment:
         out[T_WRENCH + i] += moment * n[i]
 
 
-@compiled
+@uncounted
 def twist_wheel(work: Workspace, wheel: int, moment: float) -> None:
     """A moment of the tyre about the wheel's axle [N m], positive driving ahead."""
     a, out = work.places.axles[wheel], work.tyres[wheel]
@@ -117,7 +117,7 @@ def twist_wheel(work: Workspace, wheel: int, moment: float) -> None:
         out[T_WRENCH + i] += moment * a[i]
 
 
-@compiled
+@uncounted
 def carrier_motion(work: Workspace, wheel: int) -> tuple[float, float, float]:
     """Velocity of a wheel's centre ahead and to the left [m/s], and yaw rate about the road's normal [rad/s]."""
     hx, hy, hz, sx, sy, sz = heading(work, wheel)
@@ -131,7 +131,7 @@ def carrier_motion(work: Workspace, wheel: int) -> tuple[float, float, float]:
     return ahead, left, m[0] * n[0] + m[1] * n[1] + m[2] * n[2]
 
 
-@compiled
+@uncounted
 def push_centre(work: Workspace, wheel: int, along: float) -> None:
     """A force on a wheel's centre along its heading [N]: resistance without a moment about the axle."""
     hx, hy, hz, _, _, _ = heading(work, wheel)
@@ -140,14 +140,14 @@ def push_centre(work: Workspace, wheel: int, along: float) -> None:
     work.tyres[wheel, T_LONGITUDINAL] += along
 
 
-@compiled
+@uncounted
 def lean(work: Workspace, wheel: int) -> float:
     """Sine of a wheel's lean against the road's normal, positive when its top leans to the left."""
     a, n = work.places.axles[wheel], work.normal
     return -(a[0] * n[0] + a[1] * n[1] + a[2] * n[2])
 
 
-@compiled
+@uncounted
 def pressed(state: Array, p: Array, work: Workspace, wheel: int) -> float:
     """How far a tyre is pressed in [m], before the tyre model has run; negative: clearance."""
     c, n = work.places.centres[wheel], work.normal
@@ -157,7 +157,7 @@ def pressed(state: Array, p: Array, work: Workspace, wheel: int) -> float:
     return work.local[wheel, W_RADIUS] - height / math.sqrt(max(1.0 - lean(work, wheel) ** 2, LEAST))
 
 
-@compiled
+@uncounted
 def steering_cylinders(state: Array, p: Array, work: Workspace, x: int) -> tuple[float, float]:
     """Let the steering cylinders move as demanded and the joint go free of them: how far [rad] and how fast they are ahead of it.
 
@@ -172,7 +172,7 @@ def steering_cylinders(state: Array, p: Array, work: Workspace, x: int) -> tuple
     return state[x] - angle, state[x + 1] - rate
 
 
-@compiled
+@uncounted
 def in_world(state: Array, work: Workspace, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Where a point of the rear frame's axes is in the world [m]."""
     r = work.places.world
@@ -183,14 +183,14 @@ def in_world(state: Array, work: Workspace, x: float, y: float, z: float) -> tup
     )
 
 
-@compiled
+@uncounted
 def along_ground(state: Array, work: Workspace, wheel: int) -> float:
     """Where a wheel's centre is along the world's x axis [m]."""
     c = work.places.centres[wheel]
     return in_world(state, work, c[0], c[1], c[2])[0]
 
 
-@compiled
+@uncounted
 def raise_ground(state: Array, work: Workspace, wheel: int, height: float, slope: float) -> None:
     """Raise the ground under a wheel by a profile's height [m] with its slope along the world's x axis.
 
@@ -205,7 +205,7 @@ def raise_ground(state: Array, work: Workspace, wheel: int, height: float, slope
     work.ground[wheel, G_SLOPE] += slope
 
 
-@compiled
+@uncounted
 def climb(work: Workspace, wheel: int) -> None:
     """The ground's slope turns a wheel's load back: what lifts the machine costs it speed. After the tyre model.
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.compiled import compiled
+from plant.compiled import inlined, uncounted
 from plant.effects import dispatch as effects
 from plant.effects.ports import climb
 from plant.physics.kinematics import place_loader
@@ -83,7 +83,7 @@ STOPPING = 0.01  # time constant in which a stroke end stops its joint [s]
 RELEASED = 1.0  # friction torque below which a brake does not lock a wheel that changes its direction [N m]
 
 
-@compiled
+@uncounted
 def servo(angle: float, rate: float, demand: float, block: Array) -> float:
     """Acceleration of a cylinder-driven joint towards the demanded rate [rad/s²].
 
@@ -102,7 +102,7 @@ def servo(angle: float, rate: float, demand: float, block: Array) -> float:
     return (demand - rate) / lag
 
 
-@compiled
+@uncounted
 def stop_moment(angle: float, rate: float, p: Array) -> float:
     """Moment of the oscillation stops on the rear axle [N m]; they push, never pull."""
     limit = p[P_STOP_ANGLE]
@@ -113,14 +113,14 @@ def stop_moment(angle: float, rate: float, p: Array) -> float:
     return 0.0
 
 
-@compiled
+@uncounted
 def axle_difference(state: Array) -> float:
     """How much faster the front axle's differential turns than the rear one's [rad/s]."""
     w = JOINT_RATE + WHEEL
     return 0.5 * (state[w] + state[w + 1] - state[w + 2] - state[w + 3])
 
 
-@compiled
+@uncounted
 def drive_torque(state: Array, p: Array, wheel: int) -> float:
     """Torque of the driveline on a wheel [N m]: from its motor, or from its differential."""
     if p[P_SHAFT] == 0.0:
@@ -129,7 +129,7 @@ def drive_torque(state: Array, p: Array, wheel: int) -> float:
     return state[DRIVE + wheel] + (-0.5 if wheel < 2 else 0.5) * wound
 
 
-@compiled
+@uncounted
 def drive_demand(command: Array, p: Array, wheel: int) -> float:
     """Demanded torque [N m], limited to the peak torque; with a shaft all wheels get equal shares."""
     if p[P_SHAFT] != 0.0:
@@ -142,7 +142,7 @@ def drive_demand(command: Array, p: Array, wheel: int) -> float:
     return min(max(command[C_DRIVE + wheel], -peak), peak)
 
 
-@compiled
+@inlined
 def set_joints(state: Array, command: Array, p: Array, tree: Tree) -> None:
     """Accelerations of the driven joints and efforts of the free ones."""
     for body in range(BODIES):
@@ -183,7 +183,7 @@ def set_joints(state: Array, command: Array, p: Array, tree: Tree) -> None:
             tree.effort[body] = drive_torque(state, p, wheel) - friction
 
 
-@compiled
+@inlined
 def prepare_wheel(block: Array, wheel: int, work: Workspace) -> None:
     """Give effects a copy of the tyre block, and even ground, which they may change."""
     for i in range(WHEEL_SIZE):
@@ -192,7 +192,7 @@ def prepare_wheel(block: Array, wheel: int, work: Workspace) -> None:
     work.ground[wheel, G_FRICTION] = 1.0
 
 
-@compiled
+@inlined
 def apply_tyres(state: Array, p: Array, ahead: float, work: Workspace, active: Array | None) -> None:
     """Tyre forces on the wheels, and the rates of the transient slips."""
     normal, world = work.normal, work.places.world
@@ -209,7 +209,8 @@ def apply_tyres(state: Array, p: Array, ahead: float, work: Workspace, active: A
         friction, rise = p[P_FRICTION], 0.0
         if active is not None:
             prepare_wheel(block, wheel, work)
-            effects.before_tyre(active, state, p, wheel, work)
+            if active[effects.BEFORE_TYRE] != 0.0:
+                effects.before_tyre(active, state, p, wheel, work)
             block = work.local[wheel]
             friction *= work.ground[wheel, G_FRICTION]
             above -= work.ground[wheel, G_HEIGHT]
@@ -235,11 +236,13 @@ def apply_tyres(state: Array, p: Array, ahead: float, work: Workspace, active: A
         work.rate[KAPPA + wheel] = out[T_KAPPA_RATE]
         work.rate[TAN_ALPHA + wheel] = out[T_TAN_ALPHA_RATE]
         if active is not None:
-            climb(work, wheel)
-            effects.after_tyre(active, state, p, wheel, work)
+            if active[effects.BEFORE_TYRE] != 0.0:  # nothing else raises the ground
+                climb(work, wheel)
+            if active[effects.AFTER_TYRE] != 0.0:
+                effects.after_tyre(active, state, p, wheel, work)
 
 
-@compiled
+@uncounted
 def centre_of_gravity(tree: Tree, whole: Array) -> None:
     """Mass [kg] and centre of gravity [m] of all bodies together, before the tree is solved."""
     mass, x, y, z = 0.0, 0.0, 0.0, 0.0
@@ -252,7 +255,7 @@ def centre_of_gravity(tree: Tree, whole: Array) -> None:
     whole[0], whole[1], whole[2], whole[3] = mass, x / mass, y / mass, z / mass
 
 
-@compiled
+@uncounted
 def set_up(
     state: Array, command: Array, p: Array, ahead: float, work: Workspace, active: Array | None
 ) -> None:
@@ -265,14 +268,14 @@ def set_up(
     place_loader(state, p, tree, work.places)
     centre_of_gravity(tree, work.whole)
     set_joints(state, command, p, tree)
-    if active is not None:
+    if active is not None and active[effects.JOINTS] != 0.0:
         effects.joints(active, state, p, work)
     apply_tyres(state, p, ahead, work, active)
-    if active is not None:
+    if active is not None and active[effects.BODIES] != 0.0:
         effects.bodies(active, state, p, work)
 
 
-@compiled
+@uncounted
 def derivative(
     state: Array, command: Array, p: Array, ahead: float, work: Workspace, active: Array | None
 ) -> None:
@@ -314,11 +317,11 @@ def derivative(
         rate[BRAKE + wheel] = (available - state[BRAKE + wheel]) / p[P_BRAKE_LAG]
         rate[STICK + wheel] = 0.0
     rate[SHAFT] = axle_difference(state) if p[P_SHAFT] != 0.0 else 0.0
-    if active is not None:
+    if active is not None and active[effects.STATES] != 0.0:
         effects.states(active, state, p, work)
 
 
-@compiled
+@uncounted
 def quaternion_rate(state: Array, rate: Array) -> None:
     """Rate of the attitude from the angular velocity in body axes."""
     w, x, y, z = state[ATTITUDE], state[ATTITUDE + 1], state[ATTITUDE + 2], state[ATTITUDE + 3]
@@ -329,7 +332,7 @@ def quaternion_rate(state: Array, rate: Array) -> None:
     rate[ATTITUDE + 3] = 0.5 * (w * r + x * q - y * p)
 
 
-@compiled
+@uncounted
 def normalise(state: Array) -> None:
     """Unit attitude."""
     square = 0.0
@@ -340,7 +343,7 @@ def normalise(state: Array) -> None:
         state[ATTITUDE + i] *= scale
 
 
-@compiled
+@uncounted
 def turn(state: Array, step: float) -> None:
     """Turn the attitude by the angular velocity over one step, exactly for a constant one."""
     p, q, r = state[ANGULAR], state[ANGULAR + 1], state[ANGULAR + 2]
@@ -355,7 +358,7 @@ def turn(state: Array, step: float) -> None:
     state[ATTITUDE + 3] = c * z + k * (w * r + x * q - y * p)
 
 
-@compiled
+@inlined
 def hold_or_slip(state: Array, p: Array, work: Workspace) -> None:
     """Release wheels whose brake was overcome; hold wheels whose slipping brake came to rest.
 
@@ -376,7 +379,7 @@ def hold_or_slip(state: Array, p: Array, work: Workspace) -> None:
                 state[STICK + wheel] = -stick
 
 
-@compiled
+@inlined
 def step_semi_implicit(
     state: Array, command: Array, p: Array, step: float, work: Workspace, active: Array | None
 ) -> None:
@@ -394,18 +397,17 @@ def step_semi_implicit(
         state[JOINT + body] += step * state[JOINT_RATE + body]
 
 
-@compiled
+@inlined
 def step_rk4(
     state: Array,
     command: Array,
     p: Array,
     step: float,
     work: Workspace,
-    scratch: Array,
     active: Array | None,
 ) -> None:
-    """One step of the classical Runge-Kutta method of fourth order. scratch: (2, STATES)."""
-    trial, total = scratch[0], scratch[1]
+    """One step of the classical Runge-Kutta method of fourth order."""
+    trial, total = work.scratch[0], work.scratch[1]
     count = STATES if active is not None else EXTRA
     for i in range(count):
         trial[i] = state[i]
@@ -421,7 +423,7 @@ def step_rk4(
         state[i] += total[i]
 
 
-@compiled
+@uncounted
 def advance(
     state: Array,
     command: Array,
@@ -433,10 +435,9 @@ def advance(
     active: Array | None,
 ) -> None:
     """`count` steps with constant commands."""
-    scratch = np.zeros((2, STATES))
     for _ in range(count):
         if fourth_order:
-            step_rk4(state, command, p, step, work, scratch, active)
+            step_rk4(state, command, p, step, work, active)
         else:
             step_semi_implicit(state, command, p, step, work, active)
         normalise(state)  # rounding, and RK4's linear steps, leave the unit sphere

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.compiled import compiled
+from plant.compiled import inlined, uncounted
 from plant.physics.multibody import Tree, carry_motion, gyroscopic_bias, place_body, place_wheel, turn_about
 from plant.physics.parameters import (
     B_BUCKET,
@@ -66,7 +66,7 @@ def new_places() -> Places:
     return Places(np.zeros((3, 3)), np.zeros((4, 3)), np.zeros((4, 3)), axes, np.zeros((5, 3)))
 
 
-@compiled
+@uncounted
 def rotation(state: Array, axes: Array) -> None:
     """Rotation matrix, world from rear frame, into `axes`."""
     w, x, y, z = state[ATTITUDE], state[ATTITUDE + 1], state[ATTITUDE + 2], state[ATTITUDE + 3]
@@ -75,7 +75,7 @@ def rotation(state: Array, axes: Array) -> None:
     axes[2, 0], axes[2, 1], axes[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
 
 
-@compiled
+@uncounted
 def nose_up(front: Array, angle: float, axes: Array) -> None:
     """Axes of a body pitched nose-up by `angle` against the front frame."""
     c, s = math.cos(angle), math.sin(angle)
@@ -85,7 +85,7 @@ def nose_up(front: Array, angle: float, axes: Array) -> None:
         axes[i, 2] = c * front[i, 2] - s * front[i, 0]
 
 
-@compiled
+@inlined
 def place_loader(state: Array, p: Array, tree: Tree, place: Places) -> None:
     """All bodies and joints of the loader at `state`: fills tree and places."""
     world, centres, axles = place.world, place.centres, place.axles

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.sheets.machine import Lift, Tilt
 
 Array = NDArray[np.float64]
@@ -59,7 +59,7 @@ def _areas(count: float, bore: float, rod: float) -> tuple[float, float]:
     return head, head - count * math.pi / 4.0 * rod**2
 
 
-@compiled
+@uncounted
 def lift_cylinder(k: Array, angle: float) -> tuple[float, float]:
     """Length of the lift cylinders [m] and their moment arm about the arm's pivot [m], raising positive."""
     c, s = math.cos(angle), math.sin(angle)
@@ -70,7 +70,7 @@ def lift_cylinder(k: Array, angle: float) -> tuple[float, float]:
     return length, (z * rod_x - x * rod_z) / length
 
 
-@compiled
+@uncounted
 def crank_pin(k: Array, arm_angle: float, tilt_angle: float) -> tuple[float, float, float]:
     """Angle of the crank's link arm [rad], and how far the link's pin on the bucket is from the crank's pivot: x, z [m]."""
     c, s = math.cos(arm_angle), math.sin(arm_angle)
@@ -85,7 +85,7 @@ def crank_pin(k: Array, arm_angle: float, tilt_angle: float) -> tuple[float, flo
     return math.atan2(z, x) - opening, x, z
 
 
-@compiled
+@uncounted
 def tilt_cylinder(k: Array, arm_angle: float, tilt_angle: float) -> tuple[float, float, float]:
     """Length of the tilt cylinder [m]; moment per newton of its push on the bucket about its pin, and about the arm's pivot [m].
 
@@ -108,7 +108,7 @@ def tilt_cylinder(k: Array, arm_angle: float, tilt_angle: float) -> tuple[float,
     return length, on_bucket, end_x * ez - end_z * ex
 
 
-@compiled
+@uncounted
 def cylinder_forces(
     k: Array, arm_angle: float, tilt_angle: float, arm_torque: float, bucket_torque: float
 ) -> tuple[float, float]:
@@ -119,7 +119,7 @@ def cylinder_forces(
     return (arm_torque - tilting * on_arm) / lever, tilting
 
 
-@compiled
+@uncounted
 def pressures(
     k: Array, arm_angle: float, tilt_angle: float, arm_torque: float, bucket_torque: float
 ) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.physics.state import BODIES, PARENTS
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ def new_tree() -> Tree:
     return Tree(*(np.zeros(shape) for shape in shapes))
 
 
-@compiled
+@uncounted
 def turned(block: Array, row: Array, column: Array) -> float:
     """One element of the inertia about the centre after turning: row R, element R I R^T column."""
     a, b, c = column[0], column[1], column[2]
@@ -51,7 +51,7 @@ def turned(block: Array, row: Array, column: Array) -> float:
     return along + row[2] * (block[8] * a + block[9] * b + block[6] * c)
 
 
-@compiled
+@uncounted
 def place_body(tree: Tree, body: int, block: Array, origin: Array, axes: Array) -> None:
     """Inertia of a body about the common origin from its block, the origin of its axes and the axes.
 
@@ -67,7 +67,7 @@ def place_body(tree: Tree, body: int, block: Array, origin: Array, axes: Array) 
     set_inertia(tree.inertia[body], block[0], x, y, z, xx, yy, zz, xy, xz, yz)
 
 
-@compiled
+@uncounted
 def place_wheel(
     tree: Tree, body: int, m: float, spin: float, transverse: float, centre: Array, axle: Array
 ) -> None:
@@ -79,7 +79,7 @@ def place_wheel(
     set_inertia(tree.inertia[body], m, centre[0], centre[1], centre[2], xx, yy, zz, xy, xz, yz)
 
 
-@compiled
+@uncounted
 def set_inertia(
     inertia: Array,
     m: float,
@@ -114,7 +114,7 @@ def set_inertia(
     inertia[3, 4] = inertia[3, 5] = inertia[4, 3] = inertia[4, 5] = inertia[5, 3] = inertia[5, 4] = 0.0
 
 
-@compiled
+@uncounted
 def turn_about(tree: Tree, body: int, direction: Array, point: Array) -> None:
     """Unit motion of a revolute joint about the line through `point` along `direction`."""
     s = tree.axis[body]
@@ -124,7 +124,7 @@ def turn_about(tree: Tree, body: int, direction: Array, point: Array) -> None:
     s[5] = point[0] * direction[1] - point[1] * direction[0]
 
 
-@compiled
+@uncounted
 def carry_motion(tree: Tree, body: int, rate: float) -> None:
     """Velocity of a body and its drift from the parent's velocity and the joint's rate."""
     parent = tree.motion[PARENTS[body]]
@@ -139,7 +139,7 @@ def carry_motion(tree: Tree, body: int, rate: float) -> None:
     c[5] = (parent[0] * s[4] - parent[1] * s[3] + parent[3] * s[1] - parent[4] * s[0]) * rate
 
 
-@compiled
+@uncounted
 def gyroscopic_bias(tree: Tree, body: int) -> None:
     """Bias of one body without outside forces: rate of its momentum at constant velocity, v x* (I v)."""
     inertia, p, motion = tree.inertia[body], tree.bias[body], tree.motion[body]
@@ -156,7 +156,7 @@ def gyroscopic_bias(tree: Tree, body: int) -> None:
     p[3], p[4], p[5] = b * hz - c * hy, c * hx - a * hz, a * hy - b * hx
 
 
-@compiled
+@uncounted
 def solve_tree(tree: Tree) -> None:
     """Accelerations of all bodies and free joints, efforts of the driven ones.
 
@@ -216,7 +216,7 @@ def solve_tree(tree: Tree) -> None:
             a[i] += s[i] * qdd
 
 
-@compiled
+@uncounted
 def solve_root(tree: Tree) -> None:
     """Acceleration of the free root by a Cholesky factorisation of its articulated inertia."""
     # By hand, for 6 x 6: np.linalg would allocate, and its overhead exceeds the arithmetic at this size.

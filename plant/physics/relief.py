@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.compiled import compiled
+from plant.compiled import compiled, uncounted
 from plant.physics.linkage import (
     K_LIFT_BACK,
     K_LIFT_HEAD,
@@ -45,7 +45,7 @@ Array = NDArray[np.float64]
 CYLINDERS: Final = 3  # steering, as a torque [N m]; lift and tilt, as forces [N]
 
 
-@compiled
+@uncounted
 def forces(state: Array, p: Array, tree: Tree) -> tuple[float, float, float]:
     """Torque of the steering cylinders [N m], forces of lift and tilt cylinders [N], extending positive, from the joints' efforts."""
     lift, tilt = cylinder_forces(
@@ -58,7 +58,7 @@ def forces(state: Array, p: Array, tree: Tree) -> tuple[float, float, float]:
     return tree.effort[FRONT_FRAME] if tree.driven[FRONT_FRAME] > 0.0 else 0.0, lift, tilt
 
 
-@compiled
+@uncounted
 def within_stroke(pull: float, push: float, angle: float, block: Array) -> tuple[float, float]:
     """Least and greatest force of a cylinder: of its relief valve, and of its stop where the stroke ends."""
     return (
@@ -67,7 +67,7 @@ def within_stroke(pull: float, push: float, angle: float, block: Array) -> tuple
     )
 
 
-@compiled
+@uncounted
 def steering_bounds(state: Array, p: Array) -> tuple[float, float]:
     """Least and greatest torque of the steering cylinders [N m]."""
     k, angle = p[P_CYLINDERS : P_CYLINDERS + STEERING], state[JOINT + FRONT_FRAME]
@@ -81,7 +81,7 @@ def steering_bounds(state: Array, p: Array) -> tuple[float, float]:
     )
 
 
-@compiled
+@uncounted
 def lift_bounds(state: Array, p: Array) -> tuple[float, float]:
     """Least and greatest force of the lift cylinders [N]; they pull with the head side empty."""
     k, relief = p[P_LINKAGE:], p[P_LIFT + SERVO_RELIEF]
@@ -89,7 +89,7 @@ def lift_bounds(state: Array, p: Array) -> tuple[float, float]:
     return within_stroke(-relief * k[K_LIFT_ROD], push, state[JOINT + LIFT_ARM], p[P_LIFT:])
 
 
-@compiled
+@uncounted
 def tilt_bounds(state: Array, p: Array) -> tuple[float, float]:
     """Least and greatest force of the tilt cylinder [N]; it pulls with the head side empty."""
     k, relief = p[P_LINKAGE:], p[P_TILT + SERVO_RELIEF]
@@ -97,7 +97,7 @@ def tilt_bounds(state: Array, p: Array) -> tuple[float, float]:
     return within_stroke(-relief * k[K_TILT_ROD], push, state[JOINT + BUCKET], p[P_TILT:])
 
 
-@compiled
+@uncounted
 def surely_within(state: Array, p: Array, tree: Tree) -> bool:
     """Whether no cylinder can be at its bounds (plant.physics.relief_guard); after the tree is solved."""
     joint, arm, bucket = tree.effort[FRONT_FRAME], tree.effort[LIFT_ARM], tree.effort[BUCKET]
@@ -113,7 +113,7 @@ def surely_within(state: Array, p: Array, tree: Tree) -> bool:
     )
 
 
-@compiled
+@uncounted
 def overloaded(state: Array, p: Array, tree: Tree) -> bool:
     """Whether any cylinder would need a force beyond its bounds; after the tree is solved."""
     if surely_within(state, p, tree):

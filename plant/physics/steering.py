@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.sheets.machine import Steering
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ def cylinders_of(steering: Steering) -> Array:
     )
 
 
-@compiled
+@uncounted
 def steering_cylinder(k: Array, angle: float) -> tuple[float, float]:
     """Length of the left cylinder [m] and its moment arm about the joint [m], turning right positive.
 
@@ -49,7 +49,7 @@ def steering_cylinder(k: Array, angle: float) -> tuple[float, float]:
     return length, (x * fy - y * fx) / length
 
 
-@compiled
+@uncounted
 def torques_per_pressure(k: Array, angle: float) -> tuple[float, float]:
     """Torque about the joint per pressure in the lines for turning left and right [m³], each positive in its own direction."""
     _, on_left = steering_cylinder(k, angle)
@@ -57,7 +57,7 @@ def torques_per_pressure(k: Array, angle: float) -> tuple[float, float]:
     return k[S_HEAD] * on_right + k[S_ROD] * on_left, k[S_HEAD] * on_left + k[S_ROD] * on_right
 
 
-@compiled
+@uncounted
 def steering_pressures(k: Array, angle: float, torque: float) -> tuple[float, float]:
     """Pressures of the lines for turning left and right [Pa] for a torque on the front frame [N m], left positive."""
     to_left, to_right = torques_per_pressure(k, angle)

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.physics.parameters import (
     W_ADDED_LOAD,
     W_ADDED_SLIDING_X,
@@ -88,14 +88,14 @@ SLOWEST = 0.1  # smallest speed by which a sliding velocity is divided for the r
 UPRIGHT = 0.2  # cosine of the lean below which a wheel lies on its side and has no defined contact
 
 
-@compiled
+@uncounted
 def magic_formula(slip: float, stiffness: float, shape: float, peak: float, curvature: float) -> float:
     """Force [N]: D sin(C atan(Bx - E (Bx - atan Bx))) with B = K/(C D)."""
     bx = stiffness / (shape * peak) * slip
     return peak * math.sin(shape * math.atan(bx - curvature * (bx - math.atan(bx))))
 
 
-@compiled
+@uncounted
 def magic_slope(slip: float, stiffness: float, shape: float, peak: float, curvature: float) -> float:
     """Derivative of the Magic Formula by the slip [N]."""
     bx = stiffness / (shape * peak) * slip
@@ -104,20 +104,20 @@ def magic_slope(slip: float, stiffness: float, shape: float, peak: float, curvat
     return slope * (1.0 - curvature + curvature / (1.0 + bx * bx))
 
 
-@compiled
+@uncounted
 def weight(slip: float, steepness: float, shape: float, curvature: float) -> float:
     """Combined-slip weight G of a force by the other slip: cos(C atan(Bx - E (Bx - atan Bx)))."""
     bx = steepness * slip
     return math.cos(shape * math.atan(bx - curvature * (bx - math.atan(bx))))
 
 
-@compiled
+@uncounted
 def plain_weight(slip: float, steepness: float, shape: float) -> float:
     """The same without curvature: cos(C atan(Bx))."""
     return math.cos(shape * math.atan(steepness * slip))
 
 
-@compiled
+@uncounted
 def radial_force(w: Array, deflection: float, rate: float) -> float:
     """Force of the tyre's radial spring and damper [N]; never pulls."""
     if deflection <= 0.0:
@@ -127,13 +127,13 @@ def radial_force(w: Array, deflection: float, rate: float) -> float:
     return max(force, 0.0)
 
 
-@compiled
+@uncounted
 def effective_radius(loaded: float, unloaded: float) -> float:
     """Effective rolling radius from the loaded radius [m]: 3r/(1 + 2r/R0)."""
     return 3.0 * loaded / (1.0 + 2.0 * loaded / unloaded)
 
 
-@compiled
+@uncounted
 def stiffness_and_peak(w: Array, friction: float, load: float) -> tuple[float, float, float, float]:
     """Longitudinal [N] and cornering [N/rad] stiffness, longitudinal and lateral peak [N], at a load > 0.
 
@@ -150,7 +150,7 @@ def stiffness_and_peak(w: Array, friction: float, load: float) -> tuple[float, f
     return stiffness_x, stiffness_y, peak_x, peak_y
 
 
-@compiled
+@uncounted
 def curvatures(w: Array, load: float, kappa: float) -> tuple[float, float]:
     """Curvature factors of the longitudinal and the lateral curve at a load, at most 1; PEX4 is the difference of driving and braking."""
     df = load / w[W_NOMINAL_LOAD] - 1.0
@@ -159,7 +159,7 @@ def curvatures(w: Array, load: float, kappa: float) -> tuple[float, float]:
     return min(along, 1.0), min(w[W_PEY1] + w[W_PEY2] * df, 1.0)
 
 
-@compiled
+@uncounted
 def combined_forces(
     w: Array, load: float, curve: tuple[float, float, float, float], kappa: float, tan_alpha: float
 ) -> tuple[float, float, float]:
@@ -184,7 +184,7 @@ def combined_forces(
     return along, across, -trail * across
 
 
-@compiled
+@uncounted
 def relax(slip: float, speed: float, sliding: float, length: float, ahead: float) -> float:
     """Rate of a transient slip [1/s]: length d(slip)/dt + |speed| slip = -sliding.
 
@@ -198,7 +198,7 @@ def relax(slip: float, speed: float, sliding: float, length: float, ahead: float
     return rate
 
 
-@compiled
+@uncounted
 def tyre_forces(
     w: Array,
     friction: float,
@@ -241,7 +241,7 @@ def tyre_forces(
     out[T_LONGITUDINAL], out[T_LATERAL], out[T_ALIGNING] = combined_forces(w, load, curve, kappa, tan_alpha)
 
 
-@compiled
+@uncounted
 def wheel_contact(
     w: Array,
     friction: float,

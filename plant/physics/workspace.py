@@ -24,6 +24,7 @@ class Workspace(NamedTuple):
     normal: Array  # (3) road normal
     local: Array  # (4, WHEEL_SIZE) each tyre's block as effects have changed it for this instant
     ground: Array  # (4, GROUND) what effects have done to the ground under each wheel
+    scratch: Array  # (2, STATES) of the Runge-Kutta method
     ahead: (
         Array  # (1,) step [s] at whose end an effect's fast states are to be taken, 0 for the true derivative
     )
@@ -40,5 +41,6 @@ def new_workspace() -> Workspace:
         np.zeros(3),
         np.zeros((4, WHEEL_SIZE)),
         np.zeros((4, GROUND)),
+        np.zeros((2, STATES)),
         np.zeros(1),
     )

@@ -24,7 +24,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import ActiveEffect
 from plant.effects.registry import python_hook
 from plant.truth import Truth
@@ -165,7 +165,7 @@ class SensorBank:
         return true
 
 
-@compiled
+@uncounted
 def read_channels(
     true: Floats,
     p: Floats,
@@ -191,7 +191,7 @@ def read_channels(
             values[i], health[i] = last[i], ERROR
 
 
-@compiled
+@uncounted
 def delayed(history: Floats, newest: int, channel: int, steps: float) -> float:
     """What a channel felt `steps` samples ago, linear between samples."""
     whole = int(steps)

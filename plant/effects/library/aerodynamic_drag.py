@@ -2,14 +2,14 @@
 
 import math
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.effects.ports import push
 from plant.physics.state import REAR_FRAME
 from plant.physics.workspace import Workspace
 
 
-@compiled
+@uncounted
 def bodies(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """Force against the velocity of the rear frame, at a height above its joint."""
     motion = work.tree.motion[REAR_FRAME]

@@ -2,7 +2,7 @@
 
 import math
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.physics.state import JOINT_RATE, WHEEL
 from plant.physics.workspace import Workspace
@@ -10,7 +10,7 @@ from plant.physics.workspace import Workspace
 TURNING = 0.05  # wheel speed below which the drag fades [rad/s]
 
 
-@compiled
+@uncounted
 def joints(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """A constant torque against the spin."""
     for wheel in range(4):

@@ -1,6 +1,6 @@
 """Brakes that fade when hot."""
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.physics.state import BRAKE, JOINT_RATE, STICK, WHEEL
 from plant.physics.workspace import Workspace
@@ -8,7 +8,7 @@ from plant.physics.workspace import Workspace
 MOST = 0.7  # share of the torque that can be lost
 
 
-@compiled
+@uncounted
 def joints(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """A slipping brake loses torque with the temperature of its axle; its loss of energy heats it."""
     for axle in range(2):

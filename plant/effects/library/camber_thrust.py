@@ -1,13 +1,13 @@
 """Lateral force of a leaning tyre."""
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.effects.ports import lean, push_wheel
 from plant.physics.state import T_NORMAL
 from plant.physics.workspace import Workspace
 
 
-@compiled
+@uncounted
 def after_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """Force to the side to which the wheel leans."""
     push_wheel(work, wheel, 0.0, q[0] * work.tyres[wheel, T_NORMAL] * lean(work, wheel), 0.0)

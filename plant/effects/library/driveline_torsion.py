@@ -1,12 +1,12 @@
 """A shaft between the axles."""
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.physics.state import JOINT_RATE, WHEEL
 from plant.physics.workspace import Workspace
 
 
-@compiled
+@uncounted
 def joints(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """The faster axle drives the slower one through the wound-up shaft; open differentials share equally."""
     wheels = JOINT_RATE + WHEEL

@@ -1,20 +1,20 @@
 """A sharp step, as a tyre envelops it with two elliptical cams."""
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.effects.ports import along_ground, raise_ground
 from plant.physics.parameters import W_RADIUS
 from plant.physics.workspace import Workspace
 
 
-@compiled
+@uncounted
 def below(way: float, length: float, height: float, exponent: float) -> float:
     """How far the lower side of a cam is below its lowest point's tangent [m], negative above; at `way` [m] from its middle."""
     part = min(abs(way) / length, 1.0)
     return -height * (1.0 - (1.0 - part**exponent) ** (1.0 / exponent))
 
 
-@compiled
+@uncounted
 def cam_lift(
     ahead: float, step: float, radius: float, length: float, height: float, exponent: float
 ) -> float:
@@ -28,7 +28,7 @@ def cam_lift(
     return 0.0 if ahead <= 0.0 else max(edge, step)
 
 
-@compiled
+@uncounted
 def enveloped(ahead: float, step: float, radius: float, q: Array) -> tuple[float, float]:
     """Height of the effective road [m] and its slope under a wheel whose centre is `ahead` [m] of the edge.
 
@@ -39,7 +39,7 @@ def enveloped(ahead: float, step: float, radius: float, q: Array) -> tuple[float
     return 0.5 * (front + behind), (front - behind) / q[3]
 
 
-@compiled
+@uncounted
 def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """The effective road: mean height of both cams, and the slope between them."""
     way = along_ground(state, work, wheel) - q[0]

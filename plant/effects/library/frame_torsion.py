@@ -1,13 +1,13 @@
 """Torsion of the frames."""
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.physics.parameters import P_WHEELS, W_CENTRE
 from plant.physics.state import G_HEIGHT, T_NORMAL
 from plant.physics.workspace import Workspace
 
 
-@compiled
+@uncounted
 def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """Seen from the rear frame, the twisted front axle leaves the ground on one side and meets it on the other.
 
@@ -17,7 +17,7 @@ def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Work
         work.ground[wheel, G_HEIGHT] -= state[x] * p[P_WHEELS + W_CENTRE + 1] * (1.0 if wheel == 0 else -1.0)
 
 
-@compiled
+@uncounted
 def states(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """The twist follows the roll moment of the front wheels."""
     moment = p[P_WHEELS + W_CENTRE + 1] * (work.tyres[0, T_NORMAL] - work.tyres[1, T_NORMAL])

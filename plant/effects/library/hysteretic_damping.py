@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.effects.ports import pressed
 from plant.physics.parameters import W_ADDED_LOAD, W_DAMPING, W_NOMINAL_LOAD, W_QFZ1, W_QFZ2, W_RADIUS
@@ -13,7 +13,7 @@ TIMES = (1.0 / 6.283185, 1.0 / 31.415927)  # of the two elements [s]: 1 and 5 Hz
 SHARE = 1.40  # stiffness of either element over loss factor times the tyre's: level within 4 % from 1 to 5 Hz
 
 
-@compiled
+@uncounted
 def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """Two springs in series with a damper each, beside the tyre's spring."""
     block = work.local[wheel]

@@ -2,13 +2,13 @@
 
 import math
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.effects.ports import along_ground, raise_ground
 from plant.physics.workspace import Workspace
 
 
-@compiled
+@uncounted
 def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """A ramp of a half cosine up to the step's height."""
     ahead = along_ground(state, work, wheel)

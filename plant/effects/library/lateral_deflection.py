@@ -1,13 +1,13 @@
 """Sideways shift of the contact patch."""
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.effects.ports import heading, twist
 from plant.physics.state import T_LATERAL, T_NORMAL, T_WRENCH, WHEEL
 from plant.physics.workspace import Workspace
 
 
-@compiled
+@uncounted
 def after_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """The load moves with the patch, to the side to which the road pushes the tyre."""
     out, n = work.tyres[wheel], work.normal

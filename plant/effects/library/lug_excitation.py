@@ -2,14 +2,14 @@
 
 import math
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.effects.ports import spin
 from plant.physics.state import G_HEIGHT, G_RISE, JOINT, WHEEL
 from plant.physics.workspace import Workspace
 
 
-@compiled
+@uncounted
 def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """The ground rises and falls with the lugs that pass."""
     angle = q[1] * state[JOINT + WHEEL + wheel]

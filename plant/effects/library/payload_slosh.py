@@ -2,7 +2,7 @@
 
 import math
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.effects.ports import push, twist
 from plant.physics.parameters import P_GRAVITY
@@ -10,7 +10,7 @@ from plant.physics.state import BUCKET, T_WRENCH
 from plant.physics.workspace import Workspace
 
 
-@compiled
+@uncounted
 def bodies(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """Reaction of the moving part, and its weight where it has moved to.
 

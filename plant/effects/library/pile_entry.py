@@ -2,7 +2,7 @@
 
 import math
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.effects.ports import in_world, push
 from plant.physics.state import BUCKET
@@ -13,7 +13,7 @@ DAMPING = 1.0e5  # of the elastic part of the pile [N s/m]
 LOOSE = 1e3  # force that even the toe of the pile bears [N]
 
 
-@compiled
+@uncounted
 def bodies(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """Resistance at the bucket's edge, up to what the depth dug so far bears; what was dug weighs on the bucket.
 

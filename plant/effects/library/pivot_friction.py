@@ -2,7 +2,7 @@
 
 import math
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.physics.state import JOINT_RATE, REAR_AXLE
 from plant.physics.workspace import Workspace
@@ -10,7 +10,7 @@ from plant.physics.workspace import Workspace
 TURNING = 0.005  # rate over which the friction turns its direction [rad/s]
 
 
-@compiled
+@uncounted
 def joints(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """Coulomb friction against the oscillation."""
     work.tree.effort[REAR_AXLE] -= q[0] * math.tanh(state[JOINT_RATE + REAR_AXLE] / TURNING)

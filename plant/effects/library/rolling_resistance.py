@@ -2,7 +2,7 @@
 
 import math
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.effects.ports import spin, twist_wheel
 from plant.physics.parameters import W_RADIUS
@@ -12,7 +12,7 @@ from plant.physics.workspace import Workspace
 TURNING = 0.05  # spin below which the moment fades, so that it cannot turn a standing wheel back [rad/s]
 
 
-@compiled
+@uncounted
 def after_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """Moment against the wheel's spin, proportional to its load."""
     turning = spin(work, wheel)

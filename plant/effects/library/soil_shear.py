@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.blocks import wheel_blocks
 from plant.effects.effect import Array, Confusable, Effect, Parameter, degrees
 from plant.effects.ports import carrier_motion, push_centre
@@ -24,7 +24,7 @@ def prepare(q: Mapping[str, float], p: Array, machine: Machine) -> None:
         block[W_PKX1], block[W_PKX2], block[W_PKX3] = grip * q["patch_m"] / (2.0 * q["shear_mm"]), 0.0, 0.0
 
 
-@compiled
+@uncounted
 def after_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """Soil is pushed ahead of a wheel that carries load."""
     if work.tyres[wheel, T_NORMAL] > 0.0:

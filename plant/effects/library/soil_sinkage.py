@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.effects.ports import carrier_motion, push_centre
 from plant.physics.state import G_HEIGHT, T_NORMAL
@@ -15,25 +15,25 @@ SETTLING = 0.3  # time in which a standing wheel sinks [s]
 TURNING = 0.05  # speed below which the resistance fades [m/s]
 
 
-@compiled
+@uncounted
 def sinkage(load: float, q: Array) -> float:
     """Depth of the rut [m] under a flexible wheel with its load [N] on its patch."""
     return q[6] * (max(load, 0.0) / (q[3] * q[4]) / (q[1] / q[3] + q[2])) ** (1.0 / q[0])
 
 
-@compiled
+@uncounted
 def compaction(depth: float, q: Array) -> float:
     """Force that presses the rut [N]: its work per metre."""
     return (q[1] + q[3] * q[2]) * depth ** (q[0] + 1.0) / (q[0] + 1.0)
 
 
-@compiled
+@uncounted
 def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """The ground is as low as the wheel has sunk."""
     work.ground[wheel, G_HEIGHT] -= state[x + wheel]
 
 
-@compiled
+@uncounted
 def after_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """Resistance of the rut, and how fast the wheel sinks on."""
     ahead, _, _ = carrier_motion(work, wheel)

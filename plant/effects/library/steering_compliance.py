@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.effects.ports import steering_cylinders
 from plant.physics.state import FRONT_FRAME, JOINT
 from plant.physics.workspace import Workspace
 
 
-@compiled
+@uncounted
 def joints(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """The cylinders move as demanded; oil and hoses between them and the frames are a spring."""
     ahead, faster = steering_cylinders(state, p, work, x)

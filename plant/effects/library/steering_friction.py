@@ -2,7 +2,7 @@
 
 import math
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.physics.state import FRONT_FRAME, JOINT_RATE
 from plant.physics.workspace import Workspace
@@ -10,14 +10,14 @@ from plant.physics.workspace import Workspace
 TURNING = 0.005  # rate over which the friction turns its direction [rad/s]
 
 
-@compiled
+@uncounted
 def joints(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """A free joint is slowed down."""
     if work.tree.driven[FRONT_FRAME] == 0.0:
         work.tree.effort[FRONT_FRAME] -= q[0] * math.tanh(state[JOINT_RATE + FRONT_FRAME] / TURNING)
 
 
-@compiled
+@uncounted
 def states(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """Cylinders that move the joint as demanded must give more."""
     if work.tree.driven[FRONT_FRAME] > 0.0:

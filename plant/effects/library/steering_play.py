@@ -3,14 +3,14 @@
 import math
 from collections.abc import Mapping
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter, degrees
 from plant.effects.ports import steering_cylinders
 from plant.physics.state import FRONT_FRAME, JOINT
 from plant.physics.workspace import Workspace
 
 
-@compiled
+@uncounted
 def joints(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """Stiff contact beyond the play; within it the frames swing freely."""
     ahead, faster = steering_cylinders(state, p, work, x)

@@ -1,12 +1,12 @@
 """Another friction of the ground, the same or different on the two sides."""
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.physics.state import G_FRICTION
 from plant.physics.workspace import Workspace
 
 
-@compiled
+@uncounted
 def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """Scale the friction under this wheel."""
     work.ground[wheel, G_FRICTION] *= q[0] if wheel % 2 == 0 else q[1]

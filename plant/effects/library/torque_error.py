@@ -1,12 +1,12 @@
 """Torque at the wheel other than reported."""
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.physics.state import DRIVE, STICK, WHEEL
 from plant.physics.workspace import Workspace
 
 
-@compiled
+@uncounted
 def joints(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """More or less than the motor reports arrives at the wheel."""
     for wheel in range(4):

@@ -2,7 +2,7 @@
 
 import math
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.effects.ports import carrier_motion, push_wheel
 from plant.physics.state import T_NORMAL
@@ -11,7 +11,7 @@ from plant.physics.workspace import Workspace
 SLOWEST = 0.02  # speed below which turning counts as turning on the spot [m/s]
 
 
-@compiled
+@uncounted
 def after_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """Moment against the yaw rate of the wheel, largest on the spot."""
     ahead, _, turning = carrier_motion(work, wheel)

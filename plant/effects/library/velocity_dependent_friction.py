@@ -2,14 +2,14 @@
 
 import math
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.effects.ports import carrier_motion
 from plant.physics.state import G_FRICTION, KAPPA, TAN_ALPHA
 from plant.physics.workspace import Workspace
 
 
-@compiled
+@uncounted
 def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """Scale the friction by the speed at which the contact patch slides, from the transient slips."""
     ahead, _, _ = carrier_motion(work, wheel)

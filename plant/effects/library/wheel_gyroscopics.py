@@ -1,6 +1,6 @@
 """Gyroscopic moment of the wheels."""
 
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.effects.ports import spin, twist
 from plant.physics.parameters import P_WHEELS, W_SPIN, WHEEL_SIZE
@@ -8,7 +8,7 @@ from plant.physics.state import WHEEL
 from plant.physics.workspace import Workspace
 
 
-@compiled
+@uncounted
 def bodies(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """A share of the moment that turning a spinning wheel takes; -1 takes away what the bodies have."""
     for wheel in range(4):

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from configuration import ConfigurationError
-from plant.compiled import compiled
+from plant.compiled import uncounted
 from plant.effects.blocks import wheel_blocks
 from plant.effects.effect import Array, Confusable, Effect, Parameter
 from plant.effects.ports import heading, lean, pressed, push, spin, twist
@@ -43,7 +43,7 @@ LEAST_SHARE = (
 MASS, INERTIA, IN_PLANE, LATERAL, WIND_UP, DAMPING = range(6)
 
 
-@compiled
+@uncounted
 def stiffness(q: Array) -> tuple[float, float, float]:
     """Of the sidewalls in the wheel's plane and across it [N/m], and in wind-up [N m/rad]."""
     turns = 4.0 * math.pi**2
@@ -54,7 +54,7 @@ def stiffness(q: Array) -> tuple[float, float, float]:
     )
 
 
-@compiled
+@uncounted
 def belt(state: Array, own: int) -> tuple[float, float, float, float, float, float]:
     """Where a belt is against its rim [m] and how it moves against it [m/s]."""
     return (
@@ -67,7 +67,7 @@ def belt(state: Array, own: int) -> tuple[float, float, float, float, float, flo
     )
 
 
-@compiled
+@uncounted
 def moved(state: Array, own: int) -> bool:
     """Whether a ring has moved against its rim."""
     for i in range(3, 6):
@@ -76,7 +76,7 @@ def moved(state: Array, own: int) -> bool:
     return state[own + 7] != 0.0
 
 
-@compiled
+@uncounted
 def in_series(w: Array, pressed_in: float, sidewall: float) -> float:
     """Deflection of the whole plain tyre [m] whose contact patch is pressed in by this much, less what its load pushes the belt up.
 
@@ -90,7 +90,7 @@ def in_series(w: Array, pressed_in: float, sidewall: float) -> float:
     return 2.0 * pressed_in / (1.0 - linear + math.sqrt(root))
 
 
-@compiled
+@uncounted
 def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """The contact patch is where the belt is, and slides as the belt moves. The belt's mass counts with the machine's."""
     own, w, centre, whole = x + PER_WHEEL * wheel, work.local[wheel], work.places.centres[wheel], work.whole
@@ -114,7 +114,7 @@ def before_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Work
     w[W_ADDED_SLIDING_Y] += vx * sx + vy * sy + vz * sz
 
 
-@compiled
+@uncounted
 def after_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """What the contact gives goes to the belt; the rim gets it from the sidewalls."""
     own, body, rate = x + PER_WHEEL * wheel, WHEEL + wheel, work.rate
@@ -163,7 +163,7 @@ def after_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Works
     twist(work, body, mx + rest * a[0], my + rest * a[1], mz + rest * a[2])
 
 
-@compiled
+@uncounted
 def states(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """The rings against their rims, whose accelerations are known now."""
     ahead, up = work.ahead[0], work.places.world[2]
