@@ -51,6 +51,17 @@ def loads(
 
 
 @compiled
+def slope_without_lean(
+    i: Inputs, s: PrintedState, v: float, ahead: float, time: float
+) -> tuple[Slope, Slope]:
+    """The slope, and what accelerations add to the sensor's next reading. The thesis has no such sensor: its slope is known."""
+    aside = v * i.yaw_rate
+    lean = lean_at_start(aside) if s.cycles == 0.0 else Slope(s.pitch_lean, s.roll_lean)
+    slope = without(Slope(i.pitch, i.roll), lean)
+    return slope, leaned(lean, slope, ahead, aside, i.dt, time)
+
+
+@compiled
 def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, PrintedState]:
     """One cycle.
 
@@ -67,10 +78,7 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
 
     front_unit = front_unit_printed(i.lift_arm_angle, load, p.front, p.arm, p.bucket)
     centre = machine_centre_repaired(d, front_unit, p.rear)
-    # the sensor's correction is its maker's and not the thesis': there the slope is simply known
-    lean = lean_at_start(v * i.yaw_rate) if s.cycles == 0.0 else Slope(s.pitch_lean, s.roll_lean)
-    slope = without(Slope(i.pitch, i.roll), lean)
-    lean = leaned(lean, slope, ax, v * i.yaw_rate, i.dt, p.sensors.slope_levelling)
+    slope, lean = slope_without_lean(i, s, v, ax, p.sensors.slope_levelling)
     n = loads(centre, d, ax, ay_right, -slope.pitch, -slope.roll, p)
     # the reference: straight wheels, but the centre of gravity of the present articulation
     standing = loads(centre, 0.0, 0.0, 0.0, 0.0, 0.0, p)
