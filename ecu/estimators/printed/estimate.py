@@ -62,6 +62,24 @@ def slope_without_lean(
 
 
 @compiled
+def forces_of_slips(
+    s: PrintedState, slips: WheelForces, v: float, n: NormalForces, dt: float, p: Parameters
+) -> tuple[WheelForces, WheelForces]:
+    """Deflections of the contact points [m], as x1..x4, and forces of the tyres."""
+    w, m = p.wheel, p.magic_formula
+    front, rear = w.front_pressure, w.rear_pressure
+    u1, x1 = force_of_slip(s.deflection_1, slips.x1, v, n.front_left, front, dt, w, m)
+    u2, x2 = force_of_slip(s.deflection_2, slips.x2, v, n.front_right, front, dt, w, m)
+    u3, x3 = force_of_slip(s.deflection_3, slips.x3, v, n.rear_left, rear, dt, w, m)
+    u4, x4 = force_of_slip(s.deflection_4, slips.x4, v, n.rear_right, rear, dt, w, m)
+    y1 = tyre.sideways(slips.y1, n.front_left, w)
+    y2 = tyre.sideways(slips.y2, n.front_right, w)
+    y3 = tyre.sideways(slips.y3, n.rear_left, w)
+    y4 = tyre.sideways(slips.y4, n.rear_right, w)
+    return WheelForces(u1, u2, u3, u4, 0.0, 0.0, 0.0, 0.0), WheelForces(x1, x2, x3, x4, y1, y2, y3, y4)
+
+
+@compiled
 def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, PrintedState]:
     """One cycle.
 
@@ -83,20 +101,12 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
     # the reference: straight wheels, but the centre of gravity of the present articulation
     standing = loads(centre, 0.0, 0.0, 0.0, 0.0, 0.0, p)
     margin = printed_margin(n, standing)
+    lift_off = 0.0 if margin.ratio <= 0.0 else NEVER
     transfer = four_wheel_load_transfer(n)
 
     yaw = yaw_rate_of_angle(v, d, g)
     slips = slips_of_rolling(i, yaw, v, n, w, g)
-    front, rear, m = w.front_pressure, w.rear_pressure, p.magic_formula
-    u1, x1 = force_of_slip(s.deflection_1, slips.x1, v, n.front_left, front, i.dt, w, m)
-    u2, x2 = force_of_slip(s.deflection_2, slips.x2, v, n.front_right, front, i.dt, w, m)
-    u3, x3 = force_of_slip(s.deflection_3, slips.x3, v, n.rear_left, rear, i.dt, w, m)
-    u4, x4 = force_of_slip(s.deflection_4, slips.x4, v, n.rear_right, rear, i.dt, w, m)
-    y1 = tyre.sideways(slips.y1, n.front_left, w)
-    y2 = tyre.sideways(slips.y2, n.front_right, w)
-    y3 = tyre.sideways(slips.y3, n.rear_left, w)
-    y4 = tyre.sideways(slips.y4, n.rear_right, w)
-    forces = WheelForces(x1, x2, x3, x4, y1, y2, y3, y4)
+    u, forces = forces_of_slips(s, slips, v, n, i.dt, p)
     turn = turning.yaw_moment_printed(forces, centre.x, centre.y, d, g)
 
     estimates = Estimates(
@@ -104,29 +114,29 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
         normal_2=n.front_right,
         normal_3=n.rear_left,
         normal_4=n.rear_right,
-        longitudinal_1=x1,
-        longitudinal_2=x2,
-        longitudinal_3=x3,
-        longitudinal_4=x4,
-        lateral_1=y1,
-        lateral_2=y2,
-        lateral_3=y3,
-        lateral_4=y4,
+        longitudinal_1=forces.x1,
+        longitudinal_2=forces.x2,
+        longitudinal_3=forces.x3,
+        longitudinal_4=forces.x4,
+        lateral_1=forces.y1,
+        lateral_2=forces.y2,
+        lateral_3=forces.y3,
+        lateral_4=forces.y4,
         slip_1=slips.x1,
         slip_2=slips.x2,
         slip_3=slips.x3,
         slip_4=slips.x4,
-        tyre_model_1=x1,
-        tyre_model_2=x2,
-        tyre_model_3=x3,
-        tyre_model_4=x4,
+        tyre_model_1=forces.x1,
+        tyre_model_2=forces.x2,
+        tyre_model_3=forces.x3,
+        tyre_model_4=forces.x4,
         load_transfer_ratio=transfer,
         front_load_transfer_ratio=front_load_transfer(n),
         predicted_load_transfer_ratio=transfer,
         lift_off_margin=margin.ratio,
         lift_off_wheel=margin.wheel,
         predicted_margin=margin.ratio,
-        time_to_lift_off=0.0 if margin.ratio <= 0.0 else NEVER,
+        time_to_lift_off=lift_off,
         lifting_wheel=margin.wheel,
         yaw_moment=turn,
         joint_torque=turn,  # the thesis compares one with the other
@@ -149,6 +159,6 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
     )
     state = PrintedState(
         s.cycles + 1.0, load, i.wheel_speed_1, i.wheel_speed_2, i.wheel_speed_3, i.wheel_speed_4,
-        w1, w2, w3, w4, u1, u2, u3, u4, lean.pitch, lean.roll,
+        w1, w2, w3, w4, u.x1, u.x2, u.x3, u.x4, lean.pitch, lean.roll,
     )  # fmt: skip
     return estimates, state
