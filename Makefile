@@ -85,6 +85,7 @@ results: $(BIN)/.test ## regenerate the campaigns' tables and docs/thesis (tens 
 	$(BIN)/loaderhil campaign normal-force --out docs/results || test $$? = 1 # a target missed: the page says so
 	$(BIN)/loaderhil campaign roll-over --out docs/results || test $$? = 1 # a target missed: the page says so
 	$(BIN)/loaderhil campaign roll-over --extended --out docs/results || test $$? = 1 # a target missed: the page says so
+	$(BIN)/loaderhil campaign prevention --out docs/results || test $$? = 1 # a target missed: the page says so
 	$(BIN)/loaderhil thesis all --out docs/thesis
 
 pages: $(BIN)/.test ## regenerate the reference pages from DBC, effects, faults and the schema of findings.json

@@ -87,20 +87,27 @@ class RunVerdict:
         return self.warned_s is not None and not self.lifted and self.margin > JUSTIFIED_MARGIN
 
 
-def first_lift_off(time_s: ArrayLike, normal_force: ArrayLike) -> tuple[float, int] | None:
-    """Moment [s] and wheel of the first lift-off, or None.
+def lift_offs(
+    time_s: ArrayLike, normal_force: ArrayLike, least_s: float = LIFT_MIN_S
+) -> list[tuple[float, float, int]]:
+    """Every lift-off of more than `least_s` [s] in the order of their beginnings: its first and last moment [s], and its wheel.
 
     time_s: (n,) increasing; normal_force: (n, 4) [N]. A NaN is not contact.
     """
     time = np.asarray(time_s, float)
     # not "<= 0": a NaN then counts as lift-off, not as contact
     off = ~(np.asarray(normal_force, float) > 0)
-    found = [
-        (float(time[start]), wheel)
+    return sorted(
+        (float(time[start]), float(time[stop]), wheel)
         for wheel in range(4)
         for start, stop in _intervals(off[:, wheel])
-        if time[stop] - time[start] > LIFT_MIN_S
-    ]
+        if time[stop] - time[start] > least_s
+    )
+
+
+def first_lift_off(time_s: ArrayLike, normal_force: ArrayLike) -> tuple[float, int] | None:
+    """Moment [s] and wheel of the first lift-off, or None; arguments as of `lift_offs`."""
+    found = [(begin, wheel) for begin, _, wheel in lift_offs(time_s, normal_force)]
     return min(found, default=None)
 
 

@@ -1,11 +1,12 @@
 """Do the limits keep every wheel down? Many random drives, half of them with a calibration that is wrong as real ones are.
 
-A wheel that lifts although the limits act is explained by counterfactuals: the same ground and load driven straight with the levers
+Every lift-off of a wheel although the limits act is explained by counterfactuals: the same ground and load driven straight with the levers
 at rest (no limit of these could help), the right calibration, dry ground. What none of them explains is a failure of the limits.
 """
 
 import dataclasses
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -13,11 +14,12 @@ import numpy as np
 
 from ecu.calibration import load_calibration
 from ecu.core import PYTHON, Core, Ecu
+from hil import verdict
 from hil.compose import calibration_of, plant_unit, standing_loads
 from hil.judgement import first_warning
 from hil.lockstep import Lockstep, Recording
 from hil.results import Case, Suite
-from hil.verdict import WHEELS, Result, RunVerdict, judge
+from hil.verdict import LIFT_MIN_S, WHEELS, Result, RunVerdict, judge
 from plant.unit.scenario import Scenario
 from studies.campaigns import manoeuvres, wrong_calibration
 from studies.campaigns.batch import Result as Found
@@ -36,10 +38,10 @@ FREE_EVERY: Final = 5
 """One drive of so many is also driven without limits, to see whether there is anything to prevent."""
 
 GROUND: Final = (
-    "ground and load alone: driven straight with the levers at rest it lifts a wheel at the same time"
+    "ground and load alone: driven straight with the levers at rest it lifts the same wheel at the same time"
 )
-CALIBRATION: Final = "the wrong calibration: with the right one no wheel lifts"
-SLIPPERY: Final = "slippery ground: on a dry road no wheel lifts"
+CALIBRATION: Final = "the wrong calibration: with the right one no wheel lifts but by the ground"
+SLIPPERY: Final = "slippery ground: on a dry road no wheel lifts but by the ground"
 UNEXPLAINED: Final = "not explained"
 CAUSES: Final = (GROUND, CALIBRATION, SLIPPERY, UNEXPLAINED)
 
@@ -59,7 +61,7 @@ def driven(m: Manoeuvre, *, limits: bool, core: Core = PYTHON) -> tuple[RunVerdi
     bench = Lockstep(plant_unit(scenario), ecu_of(m, scenario, limits=limits, core=core), reference=False)
     recording = bench.run()
     truth = recording.truth
-    verdict = judge(
+    judged = judge(
         time_s=np.array([row.time_s for row in truth]),
         normal_force=np.array([row.normal_force for row in truth]),
         roll=np.array([row.roll for row in truth]),
@@ -67,42 +69,75 @@ def driven(m: Manoeuvre, *, limits: bool, core: Core = PYTHON) -> tuple[RunVerdi
         warned_s=first_warning(columns_of(recording.bus)),
         standing=standing_loads(scenario),
     )
-    return verdict, recording
+    return judged, recording
 
 
-def lift_off_s(m: Manoeuvre, core: Core = PYTHON) -> float | None:
-    """When a wheel lifts although the limits act [s]; None if none does."""
-    return driven(m, limits=True, core=core)[0].lift_off_s
+@dataclass(frozen=True, slots=True)
+class LiftOff:
+    """A wheel (0 to 3) in the air, from its first to its last moment [s]."""
+
+    begin_s: float
+    end_s: float
+    wheel: int
 
 
-def cause_of(m: Manoeuvre, lifted_s: float, core: Core = PYTHON) -> str:
-    """Why a wheel lifted at `lifted_s` [s] although the limits acted: the first of the counterfactuals below that explains it.
+def lift_offs(m: Manoeuvre, core: Core = PYTHON, least_s: float = LIFT_MIN_S) -> list[LiftOff]:
+    """Every lift-off of a drive with the limits on that lasts longer than `least_s` [s]."""
+    return _lift_offs(driven(m, limits=True, core=core)[1], least_s)
 
-    The ground explains a lift-off that it makes by itself at the same time; one that comes later is the driver's.
+
+def _lift_offs(recording: Recording, least_s: float = LIFT_MIN_S) -> list[LiftOff]:
+    times = np.array([row.time_s for row in recording.truth])
+    forces = np.array([row.normal_force for row in recording.truth])
+    return [LiftOff(*found) for found in verdict.lift_offs(times, forces, least_s)]
+
+
+def beside(lifted: LiftOff, others: Sequence[LiftOff]) -> bool:
+    """Whether the same wheel is in the air in one of the others when this lift-off begins, or nearly so."""
+    return any(
+        other.wheel == lifted.wheel and other.begin_s - SAME_S <= lifted.begin_s <= other.end_s + SAME_S
+        for other in others
+    )
+
+
+def causes_of(m: Manoeuvre, lifted: Sequence[LiftOff], core: Core = PYTHON) -> list[str]:
+    """Why each of these lift-offs came although the limits acted: the first of the counterfactuals below that explains it.
+
+    The ground explains a lift-off of the same wheel that it makes by itself at the same time; one that comes earlier or later, or
+    of another wheel, is the driver's. Calibration and friction explain what is left if nothing is left without them.
     """
-    # limits stay on here too, so that only steering and levers differ
-    by_ground_s = lift_off_s(straight(m), core)
-    if by_ground_s is not None and lifted_s <= by_ground_s + SAME_S:
-        return GROUND
-    # the order matters: a drive that would lift with the right calibration too is not the calibration's fault
-    right, dry = dataclasses.replace(m, calibration_seed=None), dataclasses.replace(m, friction=DRY)
-    if m.calibration_seed is not None and lift_off_s(right, core) is None:
-        return CALIBRATION
-    if m.friction < DRY and lift_off_s(dry, core) is None:
-        return SLIPPERY
-    return UNEXPLAINED
+    if not lifted:
+        return []
+    # limits stay on here too, so that only steering and levers differ; a wheel that the ground takes off for 40 ms counts as well
+    by_ground = lift_offs(straight(m), core, 0.0)
+    causes = [GROUND if beside(each, by_ground) else UNEXPLAINED for each in lifted]
+    for cause, applies, changed in (
+        # the order matters: a drive that would lift with the right calibration too is not the calibration's fault
+        (CALIBRATION, m.calibration_seed is not None, dataclasses.replace(m, calibration_seed=None)),
+        (SLIPPERY, m.friction < DRY, dataclasses.replace(m, friction=DRY)),
+    ):
+        if applies and UNEXPLAINED in causes:
+            left = [each for each in lift_offs(changed, core) if not beside(each, by_ground)]
+            if not left:
+                return [cause if each == UNEXPLAINED else each for each in causes]
+    return causes
 
 
 def run_case(m: Manoeuvre, core: Core = PYTHON) -> Found:
-    """One drive with the limits on, as plain values; with its cause where it lifts a wheel."""
-    verdict, _ = driven(m, limits=True, core=core)
+    """One drive with the limits on, as plain values; with the cause of every lift-off."""
+    judged, recording = driven(m, limits=True, core=core)
+    lifted = _lift_offs(recording)
+    causes = causes_of(m, lifted, core)
     return {
-        "lifts": verdict.lifted,
-        "rolls_over": verdict.rolled_over,
-        "wheel": verdict.lifting_wheel,
-        "lead_s": verdict.lead_s,
-        "margin": verdict.margin,
-        "cause": "" if verdict.lift_off_s is None else cause_of(m, verdict.lift_off_s, core),
+        "lifts": judged.lifted,
+        "rolls_over": judged.rolled_over,
+        "wheel": judged.lifting_wheel,
+        "lead_s": judged.lead_s,
+        "margin": judged.margin,
+        "lift_offs": [
+            [each.begin_s, each.end_s, each.wheel, cause] for each, cause in zip(lifted, causes, strict=True)
+        ],
+        "cause": max(causes, key=CAUSES.index, default=""),
     }
 
 
@@ -166,7 +201,7 @@ def page(cases: Sequence[Manoeuvre], found: Sequence[Found], free: Sequence[Foun
             f"Of {len(cases)} drives **{len(lifted)}** lift a wheel. Of {len(free)} that were also driven without limits {without} lift one.\n",
             kinds_table(cases, found),
             "## Why the others lift a wheel\n",
-            "The first of these that holds when the drive is driven again. Only the first lift-off of a drive is explained.\n",
+            "The first of these that holds when the drive is driven again, for every lift-off. A drive counts with the last of them that one of its lift-offs has.\n",
             causes_table([r for _, r in lifted]),
             "## Drives that lift a wheel\n",
             lifted_table(lifted),
@@ -211,10 +246,12 @@ def _kind_row(name: str, group: Sequence[Found]) -> list[str]:
 
 
 def causes_table(lifted: Sequence[Found]) -> str:
-    """How many lift-offs each cause explains."""
-    return markdown_table(
-        ("cause", "drives"), [[cause, str(sum(r["cause"] == cause for r in lifted))] for cause in CAUSES]
-    )
+    """How many lift-offs each cause explains, and how many drives have no other left."""
+    single = [cause for r in lifted for *_, cause in r["lift_offs"]]
+    rows = [
+        [cause, str(single.count(cause)), str(sum(r["cause"] == cause for r in lifted))] for cause in CAUSES
+    ]
+    return markdown_table(("cause", "lift-offs", "drives"), rows)
 
 
 def lifted_table(lifted: Sequence[tuple[Manoeuvre, Found]]) -> str:

@@ -17,14 +17,19 @@ from hil.results import ending_of
 from hil.verdict import Result
 from studies.campaigns import prevention
 from studies.campaigns.manoeuvres import DRY, KINDS, drawn, manoeuvre, scenario_of, straight
+from studies.campaigns.prevention import LiftOff
 from studies.campaigns.wrong_calibration import MASS, PLACE, RADIUS, STIFFNESS, wrong_calibration
 
 RIGHT = load_calibration("l60")
-KEPT = {"lifts": False, "rolls_over": False, "wheel": None, "lead_s": None, "margin": 0.4, "cause": ""}
+KEPT = {
+    "lifts": False, "rolls_over": False, "wheel": None, "lead_s": None, "margin": 0.4, "lift_offs": [], "cause": "",
+}  # fmt: skip
 
 
-def lifting(cause):
-    return KEPT | {"lifts": True, "wheel": 0, "margin": 0.0, "cause": cause}
+def lifting(*causes):
+    worst = max(causes, key=prevention.CAUSES.index)
+    found = [[2.0 + k, 2.1 + k, 0, cause] for k, cause in enumerate(causes)]
+    return KEPT | {"lifts": True, "wheel": 0, "margin": 0.0, "lift_offs": found, "cause": worst}
 
 
 def test_every_kind_is_drawn_as_often_and_a_seed_gives_the_same_drives():
@@ -79,6 +84,14 @@ def test_drawn_errors_fill_their_ranges():
     assert min(ratios) < -0.8 * MASS
 
 
+STEERED = LiftOff(3.0, 3.1, 1)
+
+
+def steered(**changes):
+    some = dataclasses.replace(drawn(1, 1)[0], calibration_seed=4, friction=0.5, angle_deg=20.0)
+    return dataclasses.replace(some, **changes)
+
+
 @pytest.mark.parametrize(
     ("lifting_drives", "cause"),
     [
@@ -89,16 +102,44 @@ def test_drawn_errors_fill_their_ranges():
     ],
 )
 def test_a_lift_off_is_explained_by_what_takes_it_away(lifting_drives, cause, monkeypatch):
-    monkeypatch.setattr(prevention, "lift_off_s", lambda m, _: 3.0 if lifting_drives(m) else None)
-    m = dataclasses.replace(drawn(1, 1)[0], calibration_seed=4, friction=0.5, angle_deg=20.0)
-    assert prevention.cause_of(m, 3.0) == cause
+    monkeypatch.setattr(prevention, "lift_offs", lambda m, *_: [STEERED] if lifting_drives(m) else [])
+    assert prevention.causes_of(steered(), [STEERED]) == [cause]
 
 
-@pytest.mark.parametrize(("by_ground", "explained"), [(1.3, True), (1.2, True), (0.9, False), (None, False)])
-def test_the_ground_explains_no_lift_off_that_comes_after_its_own(by_ground, explained, monkeypatch):
-    monkeypatch.setattr(prevention, "lift_off_s", lambda m, _: 1.3 if m.angle_deg else by_ground)
-    m = dataclasses.replace(drawn(1, 1)[0], calibration_seed=None, friction=DRY, angle_deg=20.0)
-    assert prevention.cause_of(m, 1.3) == (prevention.GROUND if explained else prevention.UNEXPLAINED)
+@pytest.mark.parametrize(
+    ("by_ground", "explained"),
+    [
+        ([LiftOff(3.0, 3.1, 1)], True),
+        ([LiftOff(2.9, 2.95, 1)], True),
+        ([LiftOff(3.1, 3.2, 1)], True),
+        ([LiftOff(2.2, 3.4, 1)], True),
+        ([LiftOff(2.5, 2.6, 1)], False),
+        ([LiftOff(3.4, 3.6, 1)], False),
+        ([LiftOff(3.0, 3.1, 2)], False),
+        ([], False),
+    ],
+)
+def test_the_ground_explains_a_lift_off_of_the_same_wheel_at_the_same_time(by_ground, explained, monkeypatch):
+    monkeypatch.setattr(prevention, "lift_offs", lambda m, *_: [STEERED] if m.angle_deg else by_ground)
+    m = steered(calibration_seed=None, friction=DRY)
+    assert prevention.causes_of(m, [STEERED]) == [prevention.GROUND if explained else prevention.UNEXPLAINED]
+
+
+def test_every_lift_off_of_a_drive_has_its_own_cause(monkeypatch):
+    first, second = LiftOff(1.3, 1.5, 0), STEERED
+    monkeypatch.setattr(prevention, "lift_offs", lambda m, *_: [first, second] if m.angle_deg else [first])
+    m = steered(calibration_seed=None, friction=DRY)
+    assert prevention.causes_of(m, [first, second]) == [prevention.GROUND, prevention.UNEXPLAINED]
+
+
+def test_a_calibration_explains_nothing_where_another_lift_off_comes_without_it(monkeypatch):
+    other = LiftOff(4.0, 4.1, 3)
+    monkeypatch.setattr(
+        prevention,
+        "lift_offs",
+        lambda m, *_: [] if not m.angle_deg else [STEERED] if m.calibration_seed else [other],
+    )
+    assert prevention.causes_of(steered(friction=DRY), [STEERED]) == [prevention.UNEXPLAINED]
 
 
 def test_only_what_a_limit_could_keep_down_fails():
@@ -123,7 +164,13 @@ def test_the_page_counts_lift_offs_and_says_how_to_repeat_them():
     assert "loaderhil campaign prevention --runs 12 --seed 9" in text
     assert "Of 12 drives **2** lift a wheel. Of 3 that were also driven without limits 3 lift one." in text
     assert "| all | 12 | 2 | 1 | 0 | 0.40 | 0.00 |" in text
-    assert f"| {prevention.UNEXPLAINED} | 1 |" in text
+    assert f"| {prevention.UNEXPLAINED} | 1 | 1 |" in text
+
+
+def test_a_drive_counts_with_the_last_cause_and_each_of_its_lift_offs_with_its_own():
+    text = prevention.causes_table([lifting(prevention.GROUND, prevention.UNEXPLAINED, prevention.GROUND)])
+    assert f"| {prevention.GROUND} | 2 | 0 |" in text
+    assert f"| {prevention.UNEXPLAINED} | 1 | 1 |" in text
 
 
 def test_the_command_gives_verdicts_for_machines(monkeypatch, tmp_path):
