@@ -9,13 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecu.detection.compiled import compiled
-from ecu.detection.layout import F_LAST_SPEED, F_PITCH_LEAN, F_ROLL_LEAN, FILTERS
+from ecu.detection.layout import (
+    F_LAST_SPEED,
+    F_LAST_YAW,
+    F_PITCH_LEAN,
+    F_PITCH_TAKEN,
+    F_ROLL_LEAN,
+    F_ROLL_TAKEN,
+    FILTERS,
+)
 from ecu.detection.motion import Motion
 from ecu.detection.wheels import Wheels
 from ecu.detection_rules import Tolerances
 from ecu.estimators.inclination import Slope, lean_at_start, leaned, without
 from ecu.estimators.parameters import GRAVITY, Parameters
-from ecu.watched import PITCH, ROLL, YAW_RATE
+from ecu.watched import PITCH, ROLL, ROLL_RATE, YAW_RATE
 
 Floats = NDArray[np.float64]
 
@@ -40,20 +48,22 @@ def corrected(
     behind = p.geometry.rear_length + p.sensors.imu_x
     if not started:
         at_start = lean_at_start(yaw * v)
-        f[F_PITCH_LEAN], f[F_ROLL_LEAN], f[F_LAST_SPEED] = at_start.pitch, at_start.roll, v
+        f[F_PITCH_LEAN], f[F_ROLL_LEAN] = at_start.pitch, at_start.roll
+        f[F_LAST_SPEED], f[F_LAST_YAW] = v, yaw
     lean = Slope(f[F_PITCH_LEAN], f[F_ROLL_LEAN])
     slope = without(Slope(m[PITCH], m[ROLL]), lean)
-    after = leaned(
-        lean, slope, (v - f[F_LAST_SPEED]) / dt - yaw * yaw * behind, yaw * v, dt, p.sensors.slope_levelling
-    )
-    f[F_PITCH_LEAN], f[F_ROLL_LEAN], f[F_LAST_SPEED] = after.pitch, after.roll, v
+    ahead = (v - f[F_LAST_SPEED]) / dt - yaw * yaw * behind
+    after = leaned(lean, slope, ahead, yaw * v + (yaw - f[F_LAST_YAW]) / dt * behind, dt, time)
+    f[F_PITCH_TAKEN], f[F_ROLL_TAKEN] = lean.pitch, lean.roll
+    f[F_PITCH_LEAN], f[F_ROLL_LEAN] = after.pitch, after.roll
+    f[F_LAST_SPEED], f[F_LAST_YAW] = v, yaw
     freed = m.copy()
     freed[PITCH], freed[ROLL] = slope.pitch, slope.roll
     # a speed that is wrong by so much, or slides aside by so much, leans the filter by that over its time
     pace = (time + dt) * GRAVITY
     slipping = abs(v) * (t.radius + (w.used + q.grip) / (p.wheel.slip_stiffness * (1.0 - t.stiffness)))
-    turning = behind * (q.yaw * dt + abs(yaw))
+    rolling = p.sensors.imu_z * abs(m[ROLL_RATE])  # its acceleration, over the filter's time
     return freed, Lean(
         LEAN_WRONG * abs(lean.pitch) + slipping / pace,
-        LEAN_WRONG * abs(lean.roll) + (abs(v) * q.sideslip + turning) / pace,
+        LEAN_WRONG * abs(lean.roll) + (abs(v) * q.sideslip + rolling) / pace,
     )

@@ -18,8 +18,10 @@ from ecu.detection.layout import (
     DOWN,
     F_ANGLE,
     F_PITCH,
+    F_PITCH_TAKEN,
     F_PITCHED,
     F_ROLL,
+    F_ROLL_TAKEN,
     F_ROLLED,
     F_TURNED,
     F_WARM,
@@ -168,9 +170,11 @@ def resynchronised(m: Floats, state: Floats) -> None:
     if state[SPOILED, ANGLE_RATE] > 0.0:
         state[FILTERS, F_ANGLE], state[FILTERS, F_TURNED] = m[ANGLE], 0.0
     if state[SPOILED, ROLL_GYRO] > 0.0:
-        state[FILTERS, F_ROLL], state[FILTERS, F_ROLLED] = m[ROLL], 0.0
+        state[FILTERS, F_ROLL] = m[ROLL] - state[FILTERS, F_ROLL_TAKEN]
+        state[FILTERS, F_ROLLED] = 0.0
     if state[SPOILED, PITCH_GYRO] > 0.0:
-        state[FILTERS, F_PITCH], state[FILTERS, F_PITCHED] = m[PITCH], 0.0
+        state[FILTERS, F_PITCH] = m[PITCH] - state[FILTERS, F_PITCH_TAKEN]
+        state[FILTERS, F_PITCHED] = 0.0
 
 
 @compiled

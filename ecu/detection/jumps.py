@@ -16,7 +16,12 @@ from ecu.detection.layout import (
     BY_JUMP,
     CYCLES,
     EVER,
+    F_PITCH_LEAN,
+    F_PITCH_TAKEN,
+    F_ROLL_LEAN,
+    F_ROLL_TAKEN,
     FAULTY,
+    FILTERS,
     FREEZE,
     GAP,
     JUMP,
@@ -74,11 +79,15 @@ def increment(k: int, m: Floats, state: Floats, dt: float) -> float:
     """How far signal `k` is expected to move since the last cycle."""
     if k == ANGLE:
         return m[RATE] * dt
+    f = state[FILTERS]
+    # the slope itself by the gyro, and what accelerations add to its sensor's reading by the last correction
+    pitch, roll = m[PITCH] - f[F_PITCH_TAKEN], m[ROLL] - f[F_ROLL_TAKEN]
     if k == PITCH:
-        return (m[PITCH_RATE] * math.cos(m[ROLL]) - m[YAW_RATE] * math.sin(m[ROLL])) * dt
+        change = m[PITCH_RATE] * math.cos(roll) - m[YAW_RATE] * math.sin(roll)
+        return change * dt + f[F_PITCH_LEAN] - f[F_PITCH_TAKEN]
     if k == ROLL:
-        turning = m[PITCH_RATE] * math.sin(m[ROLL]) + m[YAW_RATE] * math.cos(m[ROLL])
-        return (m[ROLL_RATE] + turning * math.tan(m[PITCH])) * dt
+        turning = m[PITCH_RATE] * math.sin(roll) + m[YAW_RATE] * math.cos(roll)
+        return (m[ROLL_RATE] + turning * math.tan(pitch)) * dt + f[F_ROLL_LEAN] - f[F_ROLL_TAKEN]
     if WHEEL <= k < WHEEL + 4:
         return together(k, WHEEL, m, state)
     return state[TREND, k]

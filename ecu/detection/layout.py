@@ -39,7 +39,9 @@ F_ANGLE, F_ROLL, F_PITCH, F_SPEED, F_ACCELERATION, F_ALONG, F_ACROSS, F_CYCLES, 
 F_TURNED, F_ROLLED, F_PITCHED, F_YAWED = 11, 12, 13, 14  # what the rates add to the observers' angles
 F_DRAG: Final = 15  # force that slows the machine and that neither torques nor mass explain
 F_SLOW_YAW, F_SLOW_ROLL = 16, 17  # slow means of rates, for their derivatives
-F_PITCH_LEAN, F_ROLL_LEAN, F_LAST_SPEED = 20, 21, 22  # of the slope's correction
+F_PITCH_LEAN, F_ROLL_LEAN = 20, 21  # what accelerations will add to the slope's next sample
+F_PITCH_TAKEN, F_ROLL_TAKEN = 22, 23  # what was taken off this one
+F_LAST_SPEED, F_LAST_YAW = 24, 25  # of the cycle before, for that correction
 F_PLACE, F_DUG = 18, 19  # of the payload in the bucket [m]; whether it is to be learned
 # Filters of the motion: quick means of what changes, then how far it was from them lately.
 MOTION: Final = 23
@@ -49,7 +51,7 @@ JOINT, ROLLING_RATE, PITCHING, YAWING, SPEED, GRIPPING, AHEAD, ASIDE, UPRIGHT, L
 QUICKS: Final = 12
 PEAKS: Final = 24
 ROWS: Final = 25
-WIDTH: Final = max(COUNT, RESIDUALS, 23)
+WIDTH: Final = max(COUNT, RESIDUALS, 26)
 
 # Rows of the rules, (RULES, WIDTH), by signal: see `ecu.detection.rules`.
 JUMP, FREEZE = 0, 1
