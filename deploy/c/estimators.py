@@ -18,7 +18,7 @@ _HEADER: Final = """\
 
 #include "real.h"
 
-#define NEVER_NS INT64_MIN /* a time that has not come */
+#define NEVER_NS (-9223372036854775807LL) /* a time that has not come */
 
 {types}
 /*

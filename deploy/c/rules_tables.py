@@ -155,7 +155,7 @@ def rule_constants(calibration: Calibration) -> str:
             *(f"#define {name} {value}" for name, value in found.items()),
             "",
             "#ifdef ECU_SETTABLE",
-            f"enum {{ MACHINE_RULES = {len(of_machine)} }};",
+            f"#define MACHINE_RULES {len(of_machine)}U",
             "extern real_t machine_rules[MACHINE_RULES];",
             *(f"#define {name} machine_rules[{k}]" for k, name in enumerate(of_machine)),
             "#else",

@@ -62,9 +62,13 @@ def real(number: float) -> str:
 
 
 def enumeration(title: str, names: Iterable[str], count: str) -> str:
-    """An anonymous enum with the number of its members as the last one."""
-    body = "".join(f"    {name},\n" for name in names)
-    return f"/* {title} */\nenum {{\n{body}    {count}\n}};\n"
+    """Numbered macros, and one with their number. Not an enum, whose signed members would count the bits of a shift."""
+    return f"/* {title} */\n" + "".join(numbered(name, k) for k, name in enumerate([*names, count]))
+
+
+def numbered(name: str, number: int) -> str:
+    """An unsigned constant."""
+    return f"#define {name} {number}U\n"
 
 
 def rows(kind: str, name: str, items: Sequence[str], count: str) -> str:
@@ -188,7 +192,7 @@ def _truth(flag: bool) -> str:
 
 def counters() -> str:
     """The constants of the protection."""
-    return f"enum {{ COUNTERS = {COUNTERS} }};\n"
+    return numbered("COUNTERS", COUNTERS)
 
 
 def all_values() -> list[str]:

@@ -5,7 +5,8 @@
 
 #include "ecu_internal.h"
 
-enum { MOST_OVERRUNS = 1023, ROLL_OVER_NOT_AVAILABLE = 7 };
+#define MOST_OVERRUNS 1023U
+#define ROLL_OVER_NOT_AVAILABLE 7U
 
 /* records of reals only: a row of numbers can become one */
 typedef char inputs_are_reals[(sizeof(Inputs) == (ESTIMATOR_INPUTS * sizeof(real_t))) ? 1 : -1];
@@ -100,7 +101,8 @@ static real_t period(int64_t now_ns)
         return (real_t)TICK_NS * R(1e-9);
     }
     const int64_t turns = ratio_rounded(now_ns - ecu.previous_ns, TICK_NS);
-    return (real_t)(((turns > 1) ? turns : 1) * TICK_NS) * R(1e-9);
+    const int64_t period_ns = ((turns > 1) ? turns : 1) * TICK_NS;
+    return (real_t)period_ns * R(1e-9);
 }
 
 static uint8_t input_event(const CycleInputs *inputs, int64_t now_ns)
@@ -116,7 +118,7 @@ static uint8_t input_event(const CycleInputs *inputs, int64_t now_ns)
 }
 
 #ifdef ECU_FINDINGS
-/* Groups that have become stale since the last cycle. */
+/* Announces the groups that have become stale since the last cycle. */
 static void stale_found(const CycleInputs *inputs)
 {
     for (uint8_t group = 0U; group < 16U; ++group) {
@@ -126,8 +128,6 @@ static void stale_found(const CycleInputs *inputs)
     }
     ecu.stale = inputs->stale;
 }
-#else
-#define stale_found(inputs) ((void)0)
 #endif
 
 static void moved(uint8_t event)
@@ -205,7 +205,8 @@ static void limits_stepped(const Estimates *estimates, uint32_t known, int64_t n
 
 static void alarms_stepped(const Estimates *e, const CycleInputs *inputs, uint32_t known, bool invalid, int64_t now_ns)
 {
-    bool found[ALARMS] = {false};
+    bool found[ALARMS];
+    (void)memset(found, 0, sizeof found);
     reasons_found(e, inputs, known, ecu.alarms, found);
     found[REASON_ESTIMATE_INVALID] = invalid;
     found[REASON_PROTECTION_ERROR] = ecu.protection_failed;
@@ -247,7 +248,7 @@ static void limits_valued(real_t *values)
 {
     const Limits *acting = &ecu.limits;
     const Limits none = limits_none();
-    const bool prevents = (acting->cause == CAUSE_ROLL_OVER_PREVENTION) || (acting->cause == CAUSE_SAFE_VALUES);
+    const bool prevents = (acting->cause == (int32_t)CAUSE_ROLL_OVER_PREVENTION) || (acting->cause == (int32_t)CAUSE_SAFE_VALUES);
     values[VALUE_LIMIT_FRONT_TORQUE] = acting->front_torque;
     values[VALUE_LIMIT_REAR_TORQUE] = acting->rear_torque;
     values[VALUE_LIMIT_SPEED] = acting->speed;
@@ -283,7 +284,9 @@ uint8_t ecu_tick(int64_t now_ns, EcuFrame frames[ECU_MOST_FRAMES])
     (void)memset(&estimates, 0, sizeof estimates);
     (void)memset(values, 0, sizeof values);
     const CycleInputs *received = inputs_gathered(now_ns);
+#ifdef ECU_FINDINGS
     stale_found(received);
+#endif
     moved(input_event(received, now_ns));
     const uint32_t known = estimated(received, now_ns, &estimates, &failed);
     codes_stepped(received, failed, estimates.speed, now_ns);
@@ -303,7 +306,8 @@ uint8_t ecu_tick(int64_t now_ns, EcuFrame frames[ECU_MOST_FRAMES])
     values[VALUE_EXECUTION_TIME] = (real_t)ecu.execution_ns * R(1e-9);
     values[VALUE_OVERRUNS] = (real_t)ecu.overruns;
     values[VALUE_STATE] = (real_t)ecu.state;
-    values[VALUE_STALE_INPUTS] = (real_t)(received->stale & RULE_COUNTED_GROUPS);
+    const uint16_t counted_groups = received->stale & RULE_COUNTED_GROUPS;
+    values[VALUE_STALE_INPUTS] = (real_t)counted_groups;
     const uint8_t made = frames_made(values, frames);
     ecu.has_previous = true;
     ecu.previous_ns = now_ns;

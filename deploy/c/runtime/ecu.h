@@ -36,10 +36,9 @@ void ecu_overran(uint32_t skipped);
 /* 0 init, 1 running, 2 degraded, 3 fault. */
 uint8_t ecu_state(void);
 
-#ifdef ECU_FINDINGS
 /*
  * What the ECU found, for a log or a test bench. A build with -DECU_FINDINGS calls ecu_found, which the program supplies, for
- * every finding, inside ecu_receive and ecu_tick. Without it nothing of this is compiled.
+ * every finding, inside ecu_receive and ecu_tick. Without it no finding is made.
  */
 typedef enum {
     ECU_PROTECTION_FAILED, /* subject: message; detail: check */
@@ -58,6 +57,7 @@ typedef struct {
     double before; /* its value in the frame before */
 } EcuFinding;
 
+#ifdef ECU_FINDINGS
 void ecu_found(const EcuFinding *finding);
 #endif
 

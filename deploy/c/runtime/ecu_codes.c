@@ -3,13 +3,11 @@
 
 #include "ecu_internal.h"
 
-enum {
-    MOST_CODES = (INPUTS * 6) + (LISTENERS * 2) + 1, /* suspect parameters times the modes that each can have */
-    MOST_OCCURRENCES = 126,
-    MANUFACTURERS = 7, /* top three bits of an SPN of the manufacturer's range */
-    EVERY_TICKS = 10, /* each message shows the next code */
-    FROZEN_VALUES = 5
-};
+#define MOST_CODES ((INPUTS * 6U) + (LISTENERS * 2U) + 1U) /* suspect parameters times the modes that each can have */
+#define MOST_OCCURRENCES 126U
+#define MANUFACTURERS 7U /* top three bits of an SPN of the manufacturer's range */
+#define EVERY_TICKS 10U  /* each message shows the next code */
+#define FROZEN_VALUES 5U
 
 typedef struct {
     uint16_t suspect;
@@ -87,7 +85,8 @@ static void occurred(uint16_t suspect, uint8_t mode, const CycleInputs *inputs, 
     code->frozen[1] = speed;
     code->frozen[2] = inputs->values[INPUT_ARTICULATION_ANGLE];
     code->frozen[3] = inputs->values[INPUT_LIFT_ARM_ANGLE];
-    code->frozen[4] = (real_t)(now_ns - started_ns) * R(1e-9);
+    const int64_t since_start_ns = now_ns - started_ns;
+    code->frozen[4] = (real_t)since_start_ns * R(1e-9);
 }
 
 static bool goes_on(uint16_t suspect, const CycleInputs *inputs)
@@ -116,7 +115,7 @@ void codes_stepped(const CycleInputs *inputs, bool estimators_failed, real_t spe
     for (uint8_t k = 0U; k < LISTENERS; ++k) {
         const uint8_t listener = listeners_by_name[k];
         if (((inputs->silent >> listener) & 1U) != 0U) {
-            occurred((uint16_t)(INPUTS + listener), MODE_UPDATE_RATE, inputs, speed, now_ns);
+            occurred((uint16_t)(INPUTS + (uint16_t)listener), MODE_UPDATE_RATE, inputs, speed, now_ns);
         }
     }
     for (uint16_t k = 0U; k < noted_count; ++k) {
@@ -124,7 +123,7 @@ void codes_stepped(const CycleInputs *inputs, bool estimators_failed, real_t spe
     }
     noted_count = 0U;
     if (estimators_failed) {
-        occurred(SUSPECTS - 1, MODE_BAD_DEVICE, inputs, speed, now_ns);
+        occurred(SUSPECTS - 1U, MODE_BAD_DEVICE, inputs, speed, now_ns);
     }
 }
 
@@ -175,7 +174,8 @@ static void shown(const MessagePlaces *places, bool active, uint32_t turn, real_
         values[places->fmi] = (real_t)code->mode;
         values[places->top] = (real_t)MANUFACTURERS;
         values[places->occurrences] = (real_t)code->occurrences;
-        values[places->place] = (real_t)(place + 1U);
+        const uint16_t counted_from_one = (uint16_t)(place + 1U);
+        values[places->place] = (real_t)counted_from_one;
         values[places->total] = (real_t)total;
     }
 }

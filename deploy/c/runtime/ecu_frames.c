@@ -5,7 +5,8 @@ uint64_t frame_bits(const uint8_t *data, uint8_t length)
 {
     uint64_t bits = 0U;
     for (uint8_t k = 0U; (k < length) && (k < 8U); ++k) {
-        bits |= (uint64_t)data[k] << (8U * k);
+        const uint32_t place = 8U * (uint32_t)k;
+        bits |= (uint64_t)data[k] << place;
     }
     return bits;
 }
@@ -15,7 +16,9 @@ int32_t raw_value(uint64_t bits, uint8_t first_bit, uint8_t count, bool is_signe
     const uint32_t mask = ((uint32_t)1U << count) - 1U;
     const uint32_t raw = (uint32_t)(bits >> first_bit) & mask;
     if (is_signed) {
-        const int32_t sign = (int32_t)1 << (count - 1U);
+        const uint32_t place = (uint32_t)count - 1U;
+        const uint32_t top = (uint32_t)1U << place;
+        const int32_t sign = (int32_t)top;
         return ((int32_t)raw ^ sign) - sign; /* sign extension of two's complement */
     }
     return (int32_t)raw;
@@ -60,20 +63,21 @@ static Check counted(Checker *checker, const Listener *listener, uint8_t counter
 {
     const int64_t cycle = listener->cycle_ns;
     const int64_t passed = now_ns - checker->heard_ns;
-    const int64_t step = (counter + COUNTERS - checker->counter) % COUNTERS;
-    const int64_t turns = ratio_rounded(passed - (step * cycle), COUNTERS * cycle);
-    const int64_t missed = (turns * COUNTERS) + step - 1;
+    const int64_t circle = (int64_t)COUNTERS;
+    const int64_t step = ((int64_t)counter + circle - (int64_t)checker->counter) % circle;
+    const int64_t turns = ratio_rounded(passed - (step * cycle), circle * cycle);
+    const int64_t missed = (turns * circle) + step - 1;
     int64_t off = passed - ((1 + missed) * cycle);
     off = (off < 0) ? -off : off;
     if ((step == 1) && ((missed <= 0) || (off > cycle))) {
         return CHECK_OK;
     }
-    const int64_t most_lost = (COUNTERS - 1) / 2; /* a jump of more than half the circle is a step back */
+    const int64_t most_lost = (circle - 1) / 2; /* a jump of more than half the circle is a step back */
     if ((missed > most_lost) || ((step > 1) && (step <= (most_lost + 1)))) {
         return CHECK_LOST;
     }
     const bool follows =
-        checker->has_stale && (((counter + COUNTERS - checker->stale_counter) % COUNTERS) == 1);
+        checker->has_stale && ((((int64_t)counter + circle - (int64_t)checker->stale_counter) % circle) == 1);
     if (follows && ((2 * passed) > cycle)) {
         return CHECK_RESTARTED;
     }
@@ -135,7 +139,8 @@ void frame_packed(const OutputFrame *frame, const real_t *values, uint8_t *count
     out->id = frame->id;
     out->length = frame->length;
     for (uint8_t k = 0U; k < 8U; ++k) {
-        out->data[k] = (uint8_t)(bits >> (8U * k));
+        const uint32_t place = 8U * (uint32_t)k;
+        out->data[k] = (uint8_t)(bits >> place);
     }
     if (frame->data_id >= 0) {
         out->data[1] = (uint8_t)((out->data[1] & 0xF0U) | *counter);

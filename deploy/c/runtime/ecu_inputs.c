@@ -4,7 +4,8 @@
 #include "ecu_internal.h"
 
 #define INPUT_BIT(input) ((uint64_t)1U << (input))
-enum { FAULTY = 2, MOST_SAME = 60000 }; /* sensor states from FAULTY on make a signal unusable */
+#define FAULTY 2 /* sensor states from here on make a signal unusable */
+#define MOST_SAME 60000U
 
 typedef struct {
     Checker checker;
@@ -186,7 +187,7 @@ bool inputs_receive(uint32_t id, const uint8_t *data, uint8_t length, int64_t no
         if (listeners[k].id == id) {
             const Check check = frame_checked(&heard_of[k].checker, &listeners[k], data, length, now_ns);
             if (check != CHECK_OK) {
-                codes_noted((uint16_t)(INPUTS + k), MODE_DATA_IN_ERROR);
+                codes_noted((uint16_t)(INPUTS + (uint16_t)k), MODE_DATA_IN_ERROR);
                 announced(ECU_PROTECTION_FAILED, k, (uint8_t)check, 0U);
             }
             if (is_usable(check)) {

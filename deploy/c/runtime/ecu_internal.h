@@ -15,7 +15,15 @@ static inline void announced_value(uint8_t kind, uint8_t subject, uint8_t detail
     ecu_found(&finding);
 }
 #else
-#define announced_value(kind, subject, detail, other, value, before) ((void)0)
+static inline void announced_value(uint8_t kind, uint8_t subject, uint8_t detail, uint8_t other, real_t value, real_t before)
+{
+    (void)kind;
+    (void)subject;
+    (void)detail;
+    (void)other;
+    (void)value;
+    (void)before;
+}
 #endif
 #define announced(kind, subject, detail, other) announced_value((kind), (subject), (detail), (other), R(0.0), R(0.0))
 

@@ -16,7 +16,7 @@ uint32_t validity_without(uint64_t unusable)
     uint32_t known = 0U;
     for (uint8_t k = 0U; k < 4U; ++k) {
         if (usable(unusable, wheels[k])) {
-            known |= ((uint32_t)1U << (CONDITION_WHEEL_1 + k)) | ((uint32_t)1U << CONDITION_SPEED);
+            known |= ((uint32_t)1U << (CONDITION_WHEEL_1 + (uint32_t)k)) | ((uint32_t)1U << CONDITION_SPEED);
         }
     }
     const bool from_wheels = usable(unusable, USABLE_WHEEL_3 | USABLE_WHEEL_4 | USABLE_SLOPE);
@@ -42,7 +42,7 @@ static uint32_t beyond_friction(const Estimates *e)
     for (uint8_t k = 0U; k < 4U; ++k) {
         const real_t most = (RULE_FRICTION * real_max(load[k], R(0.0))) + RULE_PULL;
         if (real_hypot(along[k], across[k]) > most) {
-            broken |= (uint32_t)1U << (VALID_FORCE_1 + k);
+            broken |= (uint32_t)1U << (VALID_FORCE_1 + (uint32_t)k);
         }
     }
     return broken;

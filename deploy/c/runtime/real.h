@@ -58,6 +58,18 @@ static inline real_t real_max(real_t a, real_t b)
     return (b > a) ? b : a;
 }
 
+/* Towards zero, as Python's int(). */
+static inline int32_t real_whole(real_t x)
+{
+    return (int32_t)x;
+}
+
+/* A truth as Python counts it. */
+static inline int32_t real_counted(bool truth)
+{
+    return truth ? 1 : 0;
+}
+
 static inline bool real_is_finite(real_t x)
 {
     /* a difference with itself is 0 of every finite value, and of no other */

@@ -93,7 +93,7 @@ class Expressions:
         if kind == TIME and value.kind == INT:
             return Value(f"(int64_t){value.operand()}", TIME)
         if kind == INT and value.kind == BOOL:
-            return Value(f"({value.operand()} ? 1 : 0)", INT)
+            return Value(f"real_counted({value.c})", INT)
         raise self.scope.refused(node, f"{value.kind} where {kind} is needed")
 
     def truth(self, node: ast.expr) -> Value:
@@ -368,7 +368,7 @@ class Expressions:
         if name == "int":
             if values[0].kind != REAL:
                 raise self.scope.refused(node, "int() of what is no real number")
-            return Value(f"(int32_t){values[0].operand()}", INT)
+            return Value(f"real_whole({values[0].c})", INT)
         if name == "float":
             return self.converted(values[0], REAL, node)
         kind = INT if all(value.kind == INT for value in values) else REAL

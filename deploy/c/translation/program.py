@@ -122,7 +122,7 @@ class Translation:
     def _constant(self, module: ModuleType, c: str, value: Any, documentation: str) -> str:
         above = comment(documentation, "")
         if isinstance(value, int):
-            return f"{above}enum {{ {c} = {int(value)} }};\n"
+            return f"{above}#define {c} ((int32_t){int(value)})\n"
         if isinstance(value, float):
             return f"{above}#define {c} {literal(value)}\n"
         kind = Record(type(value))

@@ -11,8 +11,17 @@
 
 #include "ecu.h"
 
-enum { SYS_OPEN = 1, SYS_CLOSE = 2, SYS_WRITE = 5, SYS_READ = 6, SYS_EXIT = 0x18, READ_BINARY = 1, WRITE_BINARY = 5 };
-enum { RECORD = 24, ANSWER = 16, RECORDS = 128, INSTRUCTIONS_PER_COUNT = 40 };
+#define SYS_OPEN 1U
+#define SYS_CLOSE 2U
+#define SYS_WRITE 5U
+#define SYS_READ 6U
+#define SYS_EXIT 0x18U
+#define READ_BINARY 1U
+#define WRITE_BINARY 5U
+#define RECORD 24U
+#define ANSWER 16U
+#define RECORDS 128U
+#define INSTRUCTIONS_PER_COUNT 40U
 #define EXIT_WELL 0x20026U
 #define TICK_MARK 0xFFFFFFFFU
 #define SYST_CSR (*(volatile uint32_t *)0xE000E010U)
@@ -60,7 +69,7 @@ static void ticked(uint32_t file, int64_t now_ns)
     const uint32_t mark[4] = {TICK_MARK, count, passed * INSTRUCTIONS_PER_COUNT, 0U};
     written(file, mark, sizeof mark);
     for (uint8_t k = 0U; k < count; ++k) {
-        uint8_t answer[ANSWER] = {0U};
+        uint8_t answer[ANSWER] = {0};
         (void)memcpy(&answer[0], &answers[k].id, 4U);
         answer[4] = answers[k].length;
         (void)memcpy(&answer[8], answers[k].data, 8U);

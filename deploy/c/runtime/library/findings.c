@@ -1,7 +1,5 @@
 /* The findings of a shared library that a bench loads: kept until the bench has read them after each call. */
-#include "ecu.h"
-
-enum { MOST_FINDINGS = 64 }; /* of one call: a frame has some ten signals, a cycle some ten input groups */
+#include "library.h"
 
 EcuFinding library_findings[MOST_FINDINGS];
 const uint32_t library_most_findings = MOST_FINDINGS;

@@ -10,7 +10,7 @@
 #include "can_bus.h"
 #include "ecu_names.h"
 
-enum { MOST_KINDS = 24 }; /* of bus trouble; more would be logged each time */
+#define MOST_KINDS 24U /* of bus trouble; more would be logged each time */
 #define AGAIN_NS 1000000000LL
 
 typedef struct {

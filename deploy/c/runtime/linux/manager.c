@@ -10,7 +10,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-enum { PINGS_PER_TIMEOUT = 4 }; /* sd_watchdog_enabled(3) asks for two; four leave room for one lost to a busy host */
+#define PINGS_PER_TIMEOUT 4 /* sd_watchdog_enabled(3) asks for two; four leave room for one lost to a busy host */
 
 static int channel = -1;
 static struct sockaddr_un address;
