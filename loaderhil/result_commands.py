@@ -33,6 +33,7 @@ def register(app: typer.Typer) -> None:
     campaign.command("normal-force")(campaign_normal_force)
     campaign.command("roll-over")(campaign_roll_over)
     campaign.command("prevention")(campaign_prevention)
+    campaign.command("calibration")(campaign_calibration)
     app.add_typer(campaign, name="campaign")
 
 
@@ -124,6 +125,29 @@ def campaign_prevention(
     # its arms are stored one by one, so that Ctrl-C loses only those that were running
     file, suite = run_campaign(out, runs=runs, seed=seed, jobs=jobs, core=checked_core(ecu_core))
     _give("prevention", file, [suite], as_json, junit)
+
+
+def campaign_calibration(
+    out: ResultsOption = Path("docs/results"),
+    jobs: JobsOption = None,
+    calibrations: Annotated[
+        int, typer.Option("--calibrations", min=1, help="Number of wrong calibrations.")
+    ] = 100,
+    turns: Annotated[int, typer.Option("--turns", min=0, help="Turns of the roll-over grid.")] = 40,
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, help="Of the first calibration, and of the turns.")
+    ] = 1,
+    as_json: JsonOption = False,
+    junit: JunitOption = None,
+) -> None:
+    """Estimate with calibrations that are wrong as real ones are: normal forces, payload, warnings, false alarms.
+
+    The exit code is 1 when the aims are missed. An interrupted campaign goes on where it stopped.
+    """
+    from studies.campaigns.calibration import run_campaign
+
+    file, suites = run_campaign(out, count=calibrations, some_turns=turns, seed=seed, jobs=jobs)
+    _give("calibration", file, suites, as_json, junit)
 
 
 def _give(name: str, page: Path, suites: "Sequence[Suite]", as_json: bool, junit: Path | None) -> None:
