@@ -3,13 +3,17 @@
 An axle that turns with yaw rate w has its right wheel faster by w T / r (ISO 8855, left positive). The gyro sits on the
 rear frame; the front axle turns with it and with the articulation. Slip changes the difference of the wheels, but seldom
 its sign. So a difference counts only if it is near the opposite of the expected one, for many frames in a row. A lifted
-wheel that is driven does change the sign: callers must not ask near lift-off.
+wheel does change the sign: it is driven, or keeps its speed while the machine turns the other way after a kerb. Callers must not
+ask near lift-off, and say so: the frames before and after are not in a row.
 """
 
 from dataclasses import dataclass
 
 NEAR = 0.5
 """A measured difference is near an expected one if they differ by less than this share of it. Half: it cannot be near both signs."""
+LIGHT = 0.85
+"""Share of gravity below which the vertical specific force says that wheels may be in the air: 0.97 on a bank of 15 degrees, 0.75 when both
+rear wheels have left a kerb."""
 
 
 @dataclass(slots=True)
@@ -21,6 +25,11 @@ class AxleSides:
     frames: float
     exchanged: bool = False
     _against: int = 0
+
+    def pause(self) -> bool:
+        """A frame that says nothing; whether they are exchanged as far as is known."""
+        self._against = 0
+        return self.exchanged
 
     def look(self, left: float, right: float, yaw_rate: float) -> bool:
         """One frame: wheel speeds and the axle's yaw rate [rad/s]; whether they are exchanged as far as is known."""

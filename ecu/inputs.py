@@ -21,7 +21,7 @@ from dbc.protection import Checker
 from dbc.protection import Finding as Check
 from ecu.bus_signals import Received, Usable, rows
 from ecu.calibration import Calibration
-from ecu.coherence import AxleSides
+from ecu.coherence import LIGHT, AxleSides
 from ecu.estimators.parameters import GRAVITY
 from ecu.estimators.signals import Inputs
 from ecu.findings import Finding, Implausible, ProtectionFailed
@@ -293,8 +293,9 @@ class InputReceiver:
             listener = self._by_name[needed]
             if listener.unusable or not listener.fresh(now_ns, self._rules.stale_cycles):
                 return axle.exchanged
-        if abs(self._values["specific_force_y"]) > self._rules.carried:
-            return axle.exchanged
+        aside, up = self._values["specific_force_y"], self._values["specific_force_z"]
+        if abs(aside) > self._rules.carried or up < LIGHT * GRAVITY:
+            return axle.pause()
         left, right = signals
         front = message == "WheelSpeedsFront"
         return axle.look(

@@ -10,9 +10,10 @@ from deploy.c.tables import Received, constant, enumeration, real, rows
 from ecu import reasons
 from ecu.calibration import Calibration
 from ecu.codes import ACTIVE, ESTIMATORS, HOLD_NS, NO_CODE, NO_FROZEN
+from ecu.coherence import LIGHT
 from ecu.consistency import FRICTION, FROM_LOADS, PULL, SETTLING_NS, Consistency
 from ecu.detection.troubles import Troubles
-from ecu.estimators.parameters import Parameters
+from ecu.estimators.parameters import GRAVITY, Parameters
 from ecu.estimators.signals import NEVER, Estimates
 from ecu.estimators.tyres.contact import CONTRADICTION
 from ecu.inputs import FLAGS, GROUP_OF, OUTSIDE_ESTIMATES
@@ -136,6 +137,7 @@ def rule_constants(calibration: Calibration) -> str:
         "RULE_EXCHANGED_FRAMES": f"{math.ceil(inputs.exchanged_frames)}U",
         "RULE_TURNING": real(inputs.turning),
         "RULE_CARRIED": real(inputs.carried),
+        "RULE_LIGHT": real(LIGHT * GRAVITY),
         "RULE_LEAST_SPECIFIC_FORCE": real(inputs.least_specific_force),
         "RULE_NEVER": real(NEVER),
         "RULE_CONTRADICTION": real(CONTRADICTION),

@@ -34,6 +34,7 @@ class Drive:
         }
         self.frozen: dict[tuple[str, str], float] = {}
         self.exchanged: set[str] = set()
+        self.vertical = 9.81
         self.now_ns = 0
 
     def _values(self, message: str) -> dict[str, float]:
@@ -54,7 +55,7 @@ class Drive:
             for signal in values:
                 values[signal] += PRESSURE_KPA if codec.by_signal[signal].unit == "kPa" else 0.0
         if message == "BodyAcceleration":
-            values["Vertical"] += 9.81
+            values["Vertical"] += self.vertical
         if message == "BodyRates":
             values["YawRate"] += np.degrees(0.2)
         for (of, signal), value in self.frozen.items():
@@ -120,6 +121,25 @@ def test_exchanged_wheels_are_found_on_their_axle_and_good_again_once_put_right(
     drive.exchanged.clear()
     drive.run(FRAMES + 5)
     assert drive.unusable() == frozenset()
+
+
+def test_wheels_that_may_be_in_the_air_are_not_taken_for_exchanged(drive):
+    """After a kerb both rear wheels keep their speeds while the machine turns the other way; on the ground that looks like an exchange."""
+    drive.exchanged.add("WheelSpeedsRear")
+    drive.vertical = 0.7 * 9.81
+    assert drive.run(5 * FRAMES) == []
+    drive.vertical = 9.81
+    assert {f.reason for f in drive.run(FRAMES + 5)} == {EXCHANGED}
+
+
+def test_frames_before_and_after_a_flight_are_not_in_a_row(drive):
+    drive.exchanged.add("WheelSpeedsRear")
+    few = round(CALIBRATION.inputs.exchanged_frames) - 5
+    for _ in range(4):
+        drive.vertical = 9.81
+        assert drive.run(few) == []
+        drive.vertical = 0.7 * 9.81
+        assert drive.run(1) == []
 
 
 def axle(frames: float = 20) -> AxleSides:

@@ -91,7 +91,9 @@ static bool is_exchanged(uint8_t listener, const real_t *now, int64_t now_ns)
             return axle->exchanged;
         }
     }
-    if (real_abs(gathered.values[INPUT_SPECIFIC_FORCE_Y]) > RULE_CARRIED) {
+    if ((real_abs(gathered.values[INPUT_SPECIFIC_FORCE_Y]) > RULE_CARRIED) ||
+        (gathered.values[INPUT_SPECIFIC_FORCE_Z] < RULE_LIGHT)) {
+        axle->against = 0U;
         return axle->exchanged;
     }
     const real_t turning =
