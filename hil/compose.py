@@ -48,6 +48,7 @@ class Choice:
     scenario: str  # name of a shipped one, or path of a TOML file
     form: Form = "corrected"  # equations of the ECU's estimators
     limits: bool = True  # whether the ECU limits the machine
+    detect_faults: bool = False  # whether the ECU tests its sensors against each other
     payload_kg: float | None = None
     seed: int | None = None
     inject: Path | None = None  # TOML file with additional faults
@@ -127,6 +128,7 @@ class Choice:
             mode=mode,
             form=self.form,
             limits=self.limits,
+            detect_faults=self.detect_faults,
             ecu_core=self.core.name,
             calibration=calibration_of(scenario, self.calibration),
             seed=scenario.seed,

@@ -96,6 +96,7 @@ class RunRecord:
     reason: str = ""  # why it did not finish
     calibration: str = "l60"
     ecu_core: str = "python"  # what computed the ECU; older runs had no other
+    detect_faults: bool = False  # whether the ECU tested its sensors against each other; older runs did not
     versions: dict[str, str] = field(default_factory=dict)  # of packages
     # counters of the processes, PROCESS_COUNTER
     statistics: dict[str, float | int | str] = field(default_factory=dict)

@@ -43,6 +43,7 @@ def run_lockstep(choice: Choice, out: Path, progress: Callable[[float], None] | 
         limits=choice.limits,
         injector=injector,
         calibration=choice.calibration,
+        detect_faults=choice.detect_faults,
         core=choice.core,
         fmu=choice.fmu,
     )

@@ -77,6 +77,14 @@ LimitsOption = Annotated[
     ),
 ]
 
+DetectOption = Annotated[
+    bool,
+    typer.Option(
+        "--detect-faults/--no-detect-faults",
+        help="Whether the ECU tests its sensors against each other, and goes on without a faulty one.",
+    ),
+]
+
 
 EcuCoreOption = Annotated[
     str,

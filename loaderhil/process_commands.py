@@ -12,6 +12,7 @@ from hil.shell.realtime_options import CpuOption, FifoOption, FreezeOption, Lock
 from loaderhil.options import (
     DEFAULT_BUS,
     BusOption,
+    DetectOption,
     FormOption,
     LimitsOption,
     PayloadOption,
@@ -80,12 +81,7 @@ def ecu(
             help="Calibration: the machine parameters that the ECU works with.",
         ),
     ] = "l60",
-    detect_faults: Annotated[
-        bool,
-        typer.Option(
-            "--detect-faults", help="Test the sensors against each other, and go on without a faulty one."
-        ),
-    ] = False,
+    detect_faults: DetectOption = False,
     core: Annotated[
         str,
         typer.Option(

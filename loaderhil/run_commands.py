@@ -7,6 +7,7 @@ import typer
 
 from hil.shell.realtime_options import CpuOption, FifoOption, FreezeOption, LockOption, RealtimeOptions
 from loaderhil.options import (
+    DetectOption,
     EcuCoreOption,
     ForeignEcuOption,
     ForeignPlantOption,
@@ -71,6 +72,7 @@ def run(
         ),
     ] = None,
     limits: LimitsOption = True,
+    detect_faults: DetectOption = False,
     form: FormOption = "corrected",
     ecu_core: EcuCoreOption = "python",
     payload_kg: PayloadOption = None,
@@ -155,6 +157,7 @@ def run(
             form=checked_form(form),
             core=core,
             limits=limits,
+            detect_faults=detect_faults,
             payload_kg=payload_kg,
             seed=seed,
             inject=inject,

@@ -235,6 +235,7 @@ class _Bench:
             "--core",
             choice.core.name,
             *([] if choice.limits else ["--no-limits"]),
+            *(["--detect-faults"] if choice.detect_faults else []),
         ]
         if "ecu" not in self._buses.foreign:
             others.append(start("ecu", loaderhil("ecu", "--bus", on["ecu"], *form, *words)))

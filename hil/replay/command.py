@@ -102,6 +102,7 @@ def compare_with_ecu(
     form: str,
     limits: bool,
     calibration: str,
+    detect_faults: bool = False,
     faults: Sequence[Injected] = (),
 ) -> Ending:
     """Compare the answers of the ECU's core with the recorded ones; prints one line and returns the ending.
@@ -118,7 +119,7 @@ def compare_with_ecu(
         raise ReplayError(f"--form {form}: not one of {', '.join(FORMS)}")
     found = into_ecu(
         table,
-        lambda: ecu_cycle(form=chosen, limits=limits, calibration=calibration),
+        lambda: ecu_cycle(form=chosen, limits=limits, calibration=calibration, detect_faults=detect_faults),
         loader_database(),
         str(recording),
     )
@@ -209,6 +210,13 @@ def replay(
             "--limits/--no-limits", help="With --into-ecu: whether the recorded ECU limited the machine."
         ),
     ] = True,
+    detect_faults: Annotated[
+        bool,
+        typer.Option(
+            "--detect-faults/--no-detect-faults",
+            help="With --into-ecu: whether the recorded ECU tested its sensors against each other.",
+        ),
+    ] = False,
     calibration: Annotated[
         str,
         typer.Option(
@@ -224,12 +232,13 @@ def replay(
     if ecu == bool(buses):
         raise ReplayError("no destination: give one or more buses, or --into-ecu")
     faults: Sequence[Injected] = ()
-    # the run's own form, limits and calibration: others would differ from the recorded answers at once
+    # the run's own form, limits, calibration and detection: others would differ from the recorded answers at once
     if recording.is_dir() and ecu:
         from hil.rundir import read_record
 
         record = read_record(recording)
         form, limits, calibration = record.form, record.limits, record.calibration
+        detect_faults = record.detect_faults
         faults = read_faults(recording)
         recording = heard_by_ecu(recording)
     table = read_frames(recording)
@@ -239,7 +248,13 @@ def replay(
         chosen = table.on_channel(channel, recording) if channel is not None else table
         raise typer.Exit(
             compare_with_ecu(
-                recording, chosen, form=form, limits=limits, calibration=calibration, faults=faults
+                recording,
+                chosen,
+                form=form,
+                limits=limits,
+                calibration=calibration,
+                detect_faults=detect_faults,
+                faults=faults,
             )
         )
     if message or sender or not_sender or dbc:

@@ -160,6 +160,7 @@ def conditions(run: RunDirectory) -> Figures:
         "Estimators": r.form,
         "ECU's core": r.ecu_core,
         "ECU's limits": "on" if r.limits else "off: the ECU only warns",
+        "Sensors": "tested against each other" if r.detect_faults else "not tested against each other",
         "Mode": where,
         "Seed of the sensor noise": str(r.seed),
         "Simulated time": f"{r.duration_s:.2f} s",
@@ -178,6 +179,8 @@ def command(run: RunDirectory) -> str:
     words = ["loaderhil", "run", r.scenario if r.scenario in known else f"{r.scenario}.toml"]
     if not r.limits:
         words.append("--no-limits")
+    if r.detect_faults:
+        words.append("--detect-faults")
     if r.mode == "realtime":
         words.append("--realtime")
     if r.form != "corrected":

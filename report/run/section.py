@@ -16,6 +16,7 @@ _TRAITS: tuple[Callable[[RunRecord], str], ...] = (
     lambda r: f"{r.payload_kg:.0f} kg",
     lambda r: r.form,
     lambda r: "limits on" if r.limits else "limits off",
+    lambda r: "sensors tested against each other" if r.detect_faults else "sensors not tested",
     lambda r: "real time" if r.mode == "realtime" else "lockstep",
     lambda r: f"{r.ecu_core} core",
     lambda r: f"seed {r.seed}",

@@ -1,5 +1,7 @@
 """A recording through the ECU's core: equal bit for bit, on the virtual clock and with a host's jitter; one bit is found."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import typer
@@ -15,6 +17,7 @@ from hil.ecu_side import ecu_cycle
 from hil.ending import Ending
 from hil.replay.command import register
 from hil.replay.into_ecu import into_ecu
+from hil.runs import run_lockstep
 from plant.unit.scenario import load_scenario
 from studies.campaigns.memory import table_of
 
@@ -153,6 +156,23 @@ def test_a_recording_that_begins_too_late_is_refused(virtual):
     lost = [frame for k, frame in enumerate(virtual) if k % 7]
     with pytest.raises(LogError, match="fit no tick"):
         into_ecu(table_of(lost[:60]), fresh, DATABASE)
+
+
+def test_a_run_that_tested_its_sensors_gives_the_recorded_answers(tmp_path):
+    """A shifted wheel speed is dropped by the detection: the ECU without it answers otherwise."""
+    fault = tmp_path / "shifted.toml"
+    fault.write_text(
+        '[[fault]]\nkind = "offset"\nmessage = "WheelSpeedsFront"\nsignal = "Left"\noffset = 1.0\nat_s = 1.0\n',
+        encoding="utf-8",
+    )
+    choice = Choice(scenario="loaded", changes=("duration_s=1.5",), inject=fault, detect_faults=True)
+    assert run_lockstep(choice, tmp_path / "run").record.detect_faults
+    result = CliRunner().invoke(APP, ["replay", str(tmp_path / "run"), "--into-ecu"])
+    assert result.exit_code == Ending.PASSED, result.output
+    record = rundir.read_record(tmp_path / "run")
+    rundir.write_record(tmp_path / "run", replace(record, detect_faults=False))
+    result = CliRunner().invoke(APP, ["replay", str(tmp_path / "run"), "--into-ecu"])
+    assert result.exit_code != Ending.PASSED
 
 
 def test_the_command_says_so_in_a_line(virtual, scenario, tmp_path):
