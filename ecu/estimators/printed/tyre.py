@@ -55,6 +55,26 @@ def magic_formula_shape(x: float, B: float, C: float, D: float, E: float) -> flo
 
 
 @compiled
+def shape_of_asymptote(asymptote: float, D: float) -> float:
+    """C by (17) from the force that the curve goes to at large slip [N], on the branch above 1, which has a peak before it."""
+    return 1.0 + (1.0 - 2.0 / math.pi * math.asin(asymptote / D))
+
+
+@compiled
+def curvature_of_peak(peak: float, B: float, C: float) -> float:
+    """E by (20) that puts the largest force at the slip `peak`; C above 1, since a flatter curve has no peak."""
+    bx = B * peak
+    return (bx - math.tan(math.pi / (2.0 * C))) / (bx - math.atan(bx))
+
+
+@compiled
+def side_force_left_printed(longitudinal: float, friction: float, mass: float, gravity: float) -> float:
+    """Lateral force [N] beside a longitudinal one by (10) as printed: every wheel has the grip of the whole machine's weight (E-04)."""
+    most = friction * mass * gravity
+    return math.sqrt(max(most * most - longitudinal * longitudinal, 0.0))
+
+
+@compiled
 def _longitudinal(
     slip: float, normal_force: float, df: float, dp: float, stiffness: float, m: MagicFormula
 ) -> float:
@@ -65,6 +85,8 @@ def _longitudinal(
     C = m.PCx1
     sign = (x > 0.0) - (x < 0.0)
     E = (m.PEx1 + m.PEx2 * df + m.PEx3 * df * df) * (1.0 - m.PEx4 * sign)
+    if D == 0.0:  # (22) divides by it; where no friction is left only the vertical shift remains
+        return normal_force * (m.PVx1 + m.PVx2 * df)
     B = stiffness / (C * D)
     return magic_formula_shape(x, B, C, D, E) + normal_force * (m.PVx1 + m.PVx2 * df)
 

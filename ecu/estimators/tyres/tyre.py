@@ -163,12 +163,6 @@ def cornering_stiffness(normal_force: float, wheel: Wheel) -> float:
 
 
 @compiled
-def contact_point_rate(u: float, slip: float, speed: float, relaxation: float) -> float:
-    """Rate du/dt [m/s] of the single contact point (33): -|V| u / sigma + |V| kappa (sign of E-06)."""
-    return abs(speed) * (slip - u / relaxation)
-
-
-@compiled
 def contact_point(u: float, slip_speed: float, speed: float, relaxation: float, dt: float) -> float:
     """Deflection u [m] after `dt` [s] of constant `slip_speed` = Omega r_e - V_x and `speed` [m/s].
 
@@ -179,15 +173,3 @@ def contact_point(u: float, slip_speed: float, speed: float, relaxation: float, 
         return u + slip_speed * dt
     decay = math.exp(-x)
     return u * decay + slip_speed * dt * (1.0 - decay) / x
-
-
-@compiled
-def contact_half_length(load_ratio: float, radius: float, qa1: float, qa2: float) -> float:
-    """Half contact length a_c [m] (116) at `load_ratio` = F_z / F_zo, with R0 (E-07)."""
-    return (qa1 * math.sqrt(load_ratio) + qa2 * load_ratio) * radius
-
-
-@compiled
-def contact_half_width(load_ratio: float, radius: float, qb1: float, qb2: float) -> float:
-    """Half contact width b_c [m] (117) at `load_ratio` = F_z / F_zo, cube root, with R0 (E-07)."""
-    return (qb1 * load_ratio ** (1.0 / 3.0) + qb2 * load_ratio) * radius

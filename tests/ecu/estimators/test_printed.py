@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ecu.calibration import load_calibration
+from ecu.estimators.loads.normal_force import standing
 from ecu.estimators.parameters import Body, Geometry
 from ecu.estimators.printed import tyre
 from ecu.estimators.printed.centre import machine_centre_printed, machine_centre_repaired
@@ -18,6 +19,7 @@ from ecu.estimators.printed.normal_force import (
     printed_normal_forces,
     printed_normal_forces_literal,
 )
+from ecu.estimators.printed.straight import inclined_printed
 from ecu.estimators.printed.turning import to_rear_axes_printed
 from ecu.estimators.quantities import Centre
 
@@ -69,6 +71,53 @@ def test_the_printed_solution_solves_the_printed_equations(angle, ax, ay, pitch,
 def test_the_printed_relaxation_drives_the_slip_the_wrong_way():
     """E-06: its stationary transient slip is minus the slip."""
     assert tyre.contact_point_rate_printed(-0.3 * 0.02, 0.02, 1.0, 0.3) == pytest.approx(0.0, abs=1e-15)
+
+
+def test_where_no_friction_is_left_the_printed_curve_gives_its_shift():
+    """D = 0 at the nominal load: (22) divides by it."""
+    m = PARAMETERS.magic_formula._replace(PDx1=0.0, PDx2=0.0, PVx1=0.02, PVx2=0.0)
+    for form in (tyre.magic_formula, tyre.magic_formula_printed):
+        force = form(0.3, m.nominal_load, m.nominal_pressure, m)
+        assert force == pytest.approx(0.02 * m.nominal_load)
+
+
+@unhurried
+@given(st.floats(0.05, 0.99), st.floats(1e3, 1e5), st.floats(-3.0, 0.9))
+def test_the_shape_factor_leads_the_curve_to_its_asymptote(share, D, E):
+    """(17): at endless slip arctan is pi / 2 for every E below 1."""
+    C = tyre.shape_of_asymptote(share * D, D)
+    assert 1.0 < C < 2.0
+    assert tyre.magic_formula_shape(1e9, 10.0, C, D, E) == pytest.approx(share * D, rel=1e-5)
+
+
+@unhurried
+@given(st.floats(0.05, 0.4), st.floats(8.0, 20.0), st.floats(1.2, 1.9))
+def test_the_curvature_puts_the_peak_where_it_is_asked_for(peak, B, C):
+    """(20): the force there is D, and no slip gives more."""
+    E = tyre.curvature_of_peak(peak, B, C)
+    assert tyre.magic_formula_shape(peak, B, C, 1e4, E) == pytest.approx(1e4, rel=1e-9)
+    if E < 1.0:  # above it the curve turns over
+        for slip in (0.5 * peak, 0.9 * peak, 1.1 * peak, 2.0 * peak):
+            assert tyre.magic_formula_shape(slip, B, C, 1e4, E) < 1e4
+
+
+def test_the_printed_friction_circle_gives_every_wheel_the_whole_weight():
+    """E-04: four wheels together could push with four times what the ground gives."""
+    alone = tyre.side_force_left_printed(0.0, 0.8, MASS, 9.81)
+    assert 4.0 * alone == pytest.approx(4.0 * 0.8 * MASS * 9.81)
+    assert math.hypot(tyre.side_force_left_printed(3e4, 0.8, MASS, 9.81), 3e4) == pytest.approx(alone)
+    assert tyre.side_force_left_printed(1e6, 0.8, MASS, 9.81) == 0.0
+
+
+@unhurried
+@given(st.floats(0.5, 2.5), st.floats(0.5, 2.5), st.floats(-0.4, 0.4), st.floats(0.3, 1.5))
+def test_the_printed_incline_has_the_axles_exchanged(front, rear, grade, height):
+    """E-13: weight is kept, but the moments balance only with the distances of the other axle."""
+    printed = inclined_printed(1e5, front, rear, grade, height)
+    assert 2.0 * sum(printed) == pytest.approx(1e5 * math.cos(grade))
+    assert printed == pytest.approx(standing(1e5, rear, front, grade, height))
+    moment = 2.0 * (printed[0] * front - printed[1] * rear) + 1e5 * math.sin(grade) * height
+    assert moment == pytest.approx(1e5 * math.cos(grade) * (front - rear), abs=1e-6)
 
 
 @given(forces, forces)
