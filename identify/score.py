@@ -57,7 +57,7 @@ def scored(identification: Path, sealed: Path) -> list[Scored]:
         ]
         if "clock" in content:
             found += _of_clock(content["clock"])
-    except (OSError, UnicodeDecodeError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, RecursionError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise NotScored(
             f"{identification}: is no identification.json of `loaderhil identify`: {error}"
         ) from error

@@ -25,7 +25,11 @@ class BlockingBench(AbstractContextManager["BlockingBench"]):
         self._runner = asyncio.Runner()
 
     def __enter__(self) -> Self:
-        self._runner.run(self._bench.__aenter__())
+        try:
+            self._runner.run(self._bench.__aenter__())
+        except BaseException:
+            self._runner.close()  # nobody leaves what could not be entered
+            raise
         return self
 
     def __exit__(

@@ -15,14 +15,16 @@ LOOK_S = 0.05
 
 
 class Listener:
-    """Frames of a transport since the first, stamped on a clock that begins with it. `lost` when the bus is gone."""
+    """Frames of a transport, stamped on a clock of their own. `lost` when the bus is gone."""
 
-    def __init__(self, bus: Transport, due: Callable[[int], list[Frame]] | None = None) -> None:
-        """due: frames to send at a time [ns of the monotonic clock]; asked often."""
+    def __init__(
+        self, bus: Transport, due: Callable[[int], list[Frame]] | None = None, *, zero_ns: int | None = None
+    ) -> None:
+        """due: frames to send at a time [ns of the monotonic clock]; asked often. zero_ns: start of the clock; None: the first frame."""
         self._bus = bus
         self._due = due
         self.record: list[Frame] = []
-        self.zero_ns: int | None = None
+        self.zero_ns = zero_ns
         self.lost = False
         # made on the test's loop and set from the thread: only `call_soon_threadsafe` may do that
         self._came = asyncio.Event()
@@ -59,7 +61,7 @@ class Listener:
         if not frames:
             return
         with self._lock:
-            # the clock begins with the first frame, as in a recording: starting the machine takes seconds
+            # as in a recording: starting the machine takes seconds
             if self.zero_ns is None:
                 self.zero_ns = frames[0].at_ns
             self.record += [frame._replace(at_ns=frame.at_ns - self.zero_ns) for frame in frames]

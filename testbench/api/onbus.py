@@ -1,6 +1,7 @@
 """A real controller on a bus under a test, with a rest bus around it."""
 
 import threading
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -41,7 +42,11 @@ class BusDriven:
 
     async def start(self) -> None:
         """Open the bus and begin to send."""
-        self._listener = Listener(open_transport(self._address, name="test"), self._due)
+        # made once for its errors, which would end the thread of the listener
+        RestBus(self.database, self._simulate, self._generators)
+        # from now on, not from the first frame: on a bus that stays silent no time would pass, and no wait would end
+        bus, zero_ns = open_transport(self._address, name="test"), time.monotonic_ns()
+        self._listener = Listener(bus, self._due, zero_ns=zero_ns)
 
     def _due(self, now_ns: int) -> list[Frame]:
         with self._lock:

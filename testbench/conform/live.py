@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from bus.address import inside_computer, open_transport
+from bus.bounded_json import read_object
 from bus.ticks import Alarm
 from bus.transport import Transport
 from dbc.recordings.writer import CandumpWriter
@@ -22,6 +23,7 @@ NS = 1_000_000_000
 LATE_NS = 2_000_000
 BENCH = "bench.json"
 """File beside the record: what is known of the bench that made it."""
+LARGEST_BENCH = 1 << 16  # bytes of that file; ours has some hundred
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +108,6 @@ def kept_bench(folder: Path) -> Bench:
     if not file.exists():
         return Bench()
     try:
-        return Bench(**json.loads(file.read_text()))
-    except (ValueError, TypeError) as error:
+        return Bench(**read_object(file.read_bytes(), LARGEST_BENCH))
+    except (OSError, ValueError, TypeError) as error:
         raise ConformError(f"{file}: not what `loaderhil conform` writes: {error}") from None

@@ -59,7 +59,7 @@ def _constants(record: Path) -> dict[str, float]:
         return {}
     try:
         payload = json.loads(record.read_text(encoding="utf-8"))["payload_kg"]
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise DamagedRecord(f"{record}: cannot be read as the record of a run: {error}") from error
     except (KeyError, TypeError) as error:
         raise DamagedRecord(f"{record}: has no payload_kg; is it the record of a run?") from error

@@ -15,7 +15,9 @@ from hil.rundir import RunDirectory
 from testbench.api import Bench, BenchEnded, NotMet, blocking
 from testbench.api.driven import NotPossible
 from testbench.expect.signals import SignalError
+from testbench.restbus.core import RestBusError
 from tests.deploy.c.building import compiler
+from tests.docs.pages import ROOT
 from tests.examples.test_foreign_nodes import foreign, hub  # noqa: F401
 
 RUNNING, DEGRADED = "EcuStatus.State == running", "EcuStatus.State == degraded"
@@ -135,6 +137,26 @@ def test_equal_tests_see_equal_frames(standing):
             return list(bench.frames)
 
     assert frames() == frames()
+
+
+@pytest.mark.timeout(30)
+def test_time_passes_on_a_bus_on_which_nobody_sends():
+    """A controller that is switched off must not hold up its test for ever."""
+    dbc = ROOT / "examples/engine/engine.dbc"
+    with blocking(Bench.on_bus("virtual:silent", simulate=["Cluster"], dbc=dbc)) as bench:
+        bench.run_for(0.05)
+        assert bench.now_s >= 0.05
+        with pytest.raises(NotMet, match="within 100 ms"):
+            bench.wait_for("EngineData.Rpm == 5", within_s=0.1)
+        assert not bench.frames
+
+
+def test_a_node_that_the_dbc_lacks_is_said_at_the_start():
+    with (
+        pytest.raises(RestBusError, match="Dash"),
+        blocking(Bench.on_bus("virtual:lacking", simulate=["Dash"], dbc=ROOT / "examples/engine/engine.dbc")),
+    ):
+        pass
 
 
 @pytest.mark.processes
