@@ -25,6 +25,10 @@ PERIOD_NS = 10 * MS
 ECU_PHASE_NS = 5 * MS
 
 
+class CutOffError(Exception):
+    """A side cannot go on with the run; the message says why. What was recorded until then stays."""
+
+
 class PlantSide(Protocol):
     """The interface of a plant: `plant.unit.unit.PlantUnit`, or a fake."""
 

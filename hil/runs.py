@@ -11,7 +11,7 @@ from hil import rundir
 from hil.compose import Choice, lockstep, truth_columns
 from hil.ending import Ending
 from hil.faults.record import Injected, injected, write_faults
-from hil.lockstep import Recording
+from hil.lockstep import CutOffError, Recording
 from hil.rundir import Outcome, RunError, RunRecord
 
 BUS_CHANNEL = "loader"
@@ -48,22 +48,23 @@ def run_lockstep(choice: Choice, out: Path, progress: Callable[[float], None] | 
         fmu=choice.fmu,
     )
     rundir.begin(out, record)
-    ending = Ending.PASSED
+    ending, reason = Ending.PASSED, ""
     try:
         bench.run(progress)
     except KeyboardInterrupt:
-        ending = Ending.INTERRUPTED
+        ending, reason = Ending.INTERRUPTED, "interrupted"
+    except CutOffError as error:
+        ending, reason = Ending.FAILED, str(error)
     recording = bench.recording
-    reason = "" if ending is Ending.PASSED else "interrupted"
     if injector is not None:
         injector.finish(bench.now_ns)
     lost = write_recording(out, recording, injected(injector.events) if injector is not None else None)
     if lost:
-        ending, reason = Ending.FAILED, "; ".join(lost)
+        ending, reason = Ending.FAILED, "; ".join([*([reason] if ending is Ending.FAILED else []), *lost])
     record = replace(
         record,
         outcome=_OUTCOMES[ending],
-        reason="; ".join(lost),
+        reason=reason if ending is Ending.FAILED else "",
         duration_s=float(recording.truth[-1].time_s) if recording.truth else 0.0,
         statistics=_statistics(recording),
     )

@@ -91,7 +91,7 @@ EcuCoreOption = Annotated[
     typer.Option(
         "--ecu-core",
         metavar="CORE",
-        help="What computes the virtual ECU: `python`, or `c`, the exported C built with this computer's compiler. Both send the same frames.",
+        help="What computes the virtual ECU: `python`; `c`, the exported C built with this computer's compiler, which sends the same frames. `run` in lockstep also takes `both`, compared at every cycle.",
     ),
 ]
 
@@ -115,15 +115,17 @@ def checked_form(form: str) -> "Form":
     raise FormError(f"{form!r} is not one of {', '.join(FORMS)}", param_hint="--form")
 
 
-def checked_core(name: str, option: str = "--ecu-core") -> "Core":
-    """The ECU's core of that name. Raises CoreError."""
+def checked_core(name: str, option: str = "--ecu-core", *, both: bool = False) -> "Core":
+    """The ECU's core of that name. Raises CoreError. both: whether two that are compared will do."""
     if name == "python":
         from ecu.core import PYTHON
 
         return PYTHON
     # the translation to C is loaded for those who ask for it
+    from deploy.c.both import BOTH
     from deploy.c.core import BY_NAME
 
-    if name not in BY_NAME:
-        raise CoreError(f"{name!r} is not one of {', '.join(BY_NAME)}", param_hint=option)
-    return BY_NAME[name]
+    known: dict[str, Core] = {**BY_NAME, **({BOTH.name: BOTH} if both else {})}
+    if name not in known:
+        raise CoreError(f"{name!r} is not one of {', '.join(known)}", param_hint=option)
+    return known[name]

@@ -149,7 +149,7 @@ def run(
     from hil.gateway.buses import Buses
     from loaderhil.single import Output, report_run
 
-    core = checked_core(ecu_core)
+    core = checked_core(ecu_core, both=True)
     fmu = Path(foreign_plant) if foreign_plant is not None and foreign_plant.endswith(".fmu") else None
     choices = [
         Choice(
@@ -184,6 +184,11 @@ def run(
     # lockstep has neither a gateway nor a bus on which an external node could be
     realtime = realtime or gateway or bool(buses.foreign)
     options = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
+    if realtime and core.name == "both":
+        raise typer.BadParameter(
+            "both cores are compared in lockstep only; leave --realtime, --gateway, --ecu and --plant out",
+            param_hint="--ecu-core",
+        )
     # refused and not ignored: who asks for a priority believes that the run had it
     if not realtime and options.words():
         raise typer.BadParameter(
