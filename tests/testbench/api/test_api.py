@@ -142,8 +142,9 @@ def test_equal_tests_see_equal_frames(standing):
 @pytest.mark.timeout(30)
 def test_time_passes_on_a_bus_on_which_nobody_sends():
     """A controller that is switched off must not hold up its test for ever."""
-    dbc = ROOT / "examples/engine/engine.dbc"
-    with blocking(Bench.on_bus("virtual:silent", simulate=["Cluster"], dbc=dbc)) as bench:
+    made = Bench.on_bus("virtual:silent", simulate=["Engine"], dbc=ROOT / "examples/engine/engine.dbc")
+    made._driven.inject({"kind": "drop", "message": "EngineData"})  # before the first frame
+    with blocking(made) as bench:
         bench.run_for(0.05)
         assert bench.now_s >= 0.05
         with pytest.raises(NotMet, match="within 100 ms"):
