@@ -330,3 +330,27 @@ def test_slow_rates_are_offered_where_quick_ones_cost_too_much():
     m, now = on_valley()
     found = {permitted_rate(now._replace(support_rate=rate), m) for rate in np.arange(0.0, 1.5, 0.05)}
     assert any(0.0 < rate < P.prediction.largest_rate / 8.0 for rate in found)
+
+
+def test_a_machine_that_rocks_in_a_sound_turn_may_steer_past_straight_ahead():
+    """The turn that follows is a little worse than the present one, and far above its floor."""
+    m = raised(1600.0)
+    now = start(3.3, 0.05, -0.5, LEVEL, m)._replace(support_rate=-4.0)
+    here = margin_after(NONE, now, 0.0, m)
+    assert predict(with_demand(now, 0.0), P.prediction.limit_hold, NONE, m).margin < P.prediction.margin_floor
+    rate = permitted_rate(now, m)
+    assert not keeps_margins(now, -rate, m)
+    assert rate == P.prediction.largest_rate
+    assert P.prediction.turn_floor < margin_after(NONE, now, -rate, m) < here - TRANSIENT
+
+
+def test_a_way_through_much_worse_turns_does_not_lead_out():
+    """Right side down on a steeper bank: straight ahead the margin is 0.07 less than at 30 degrees to the left."""
+    m, ground = raised(1600.0), turned_gravity(on_bank(-0.3), 0.3)
+    now = start(0.6, math.radians(30.0), -0.5, ground, m)
+    here = margin_after(NONE, now, 0.0, m)
+    ahead = least_margin(NONE, now.speed, steady_turns(0.0, ground.z, m), ground, m)
+    assert ahead < here - TRANSIENT
+    assert not keeps_margins(now, 0.0, m)
+    assert not leads_out(now, -1.0, here, m)
+    assert permitted_rate(now, m) == 0.0
