@@ -65,8 +65,8 @@ class MujocoMotion:
         self._rates = np.zeros(3)
         self._steps = 0
 
-    def advance(self, commands: Commands, duration_s: float) -> None:
-        """Move on by a whole number of steps with constant commands."""
+    def advance(self, commands: Commands, duration_s: float) -> Truth:
+        """Move on by a whole number of steps with constant commands; returns what is true then."""
         drive, brake, oracle = self._machine.drive, self._machine.brake, self._oracle
         # limits of the drive are ours, not MuJoCo's: motors with their peak torques
         demanded = np.clip(
@@ -86,6 +86,7 @@ class MujocoMotion:
             self._drive += STEP_S * np.clip(change, -drive.rate_limit, drive.rate_limit)
             self._brake += STEP_S * (available - self._brake) / brake.time_constant
             self._steps += 1
+        return self.truth()
 
     def _spins(self) -> np.ndarray:
         return np.array([self._oracle.data.qvel[self._oracle.dof[s.WHEEL + i]] for i in range(4)])

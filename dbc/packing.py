@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from bus.frame import Frame
+from bus.machine_code import UNCOUNTED
 from dbc import codegen
 from dbc.binding import Binding, resting
 from dbc.database import MessageCodec
@@ -32,7 +33,8 @@ M_FIRST, M_LAST, M_LENGTH, M_DATA_ID = range(4)
 P_SOURCE, P_FIRST_BIT, P_BITS, P_BIG_ENDIAN = range(4)
 N_FACTOR, N_OFFSET, N_SCALE, N_LOWEST, N_HIGHEST, N_ABSENT = range(6)
 
-compiled = njit(cache=True, error_model="numpy")
+compiled = njit(cache=True, error_model="numpy", **UNCOUNTED)
+_made = tuple.__new__
 
 
 class Packer:
@@ -91,7 +93,8 @@ class Packer:
             value = float(values[self._places[failed, P_SOURCE]])
             codegen.no_number(codec.name, [(signal, value)])
         data = self._frames.tobytes()
-        return [Frame(can_id, data[start:stop], at_ns) for can_id, start, stop in plan.cuts]
+        # not by Frame(...): half of the time of making one is the call
+        return [_made(Frame, (can_id, data[start:stop], at_ns, 0)) for can_id, start, stop in plan.cuts]
 
 
 class Plan:
@@ -151,7 +154,8 @@ def pack_frames(
     for row in range(due.size):
         number, frame = due[row], frames[row]
         message = messages[number]
-        frame[:] = resting_frames[number]
+        for k in range(frame.size):
+            frame[k] = resting_frames[number, k]
         for k in range(message[M_FIRST], message[M_LAST]):
             raw = raw_value(values[places[k, P_SOURCE]], numbers[k])
             if math.isnan(raw):

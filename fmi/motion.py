@@ -60,8 +60,8 @@ class FmuMotion:
         self._instance.start(starts, np.array([v.start or 0.0 for v in inputs]))
         self._read: np.ndarray[tuple[int], np.dtype[np.float64]] = np.empty(len(outputs))
 
-    def advance(self, commands: Commands, duration_s: float) -> None:
-        """Move on with constant commands. Raises DivergedError where the FMU fails."""
+    def advance(self, commands: Commands, duration_s: float) -> Truth:
+        """Move on with constant commands; returns everything that the FMU gives then. Raises DivergedError where the FMU fails."""
         numbers = numbers_of(commands)
         given = [v.from_si(numbers[at]) for v, at in zip(self._inputs, self._from, strict=True)]
         try:
@@ -71,6 +71,7 @@ class FmuMotion:
             raise DivergedError(str(error)) from error
         self._ticks += 1
         self._time_s = self._ticks * duration_s
+        return self.truth()
 
     def truth(self) -> Truth:
         """Everything that the FMU gives now."""

@@ -18,6 +18,7 @@ from bus.frame import EXTENDED, Frame
 
 SECOND = 1_000_000_000
 _priority = itemgetter(0)
+_made = tuple.__new__
 
 
 def wire_bits(frame: Frame) -> int:
@@ -66,7 +67,8 @@ class Wire:
             if at_ns + duration_ns > until_ns:
                 break
             at_ns += duration_ns
-            arrived.append((sender, Frame(can_id, data, at_ns, flags)))
+            # not by Frame(...): twenty times per tick, half of the time of making one is the call
+            arrived.append((sender, _made(Frame, (can_id, data, at_ns, flags))))
         del self._pending[: len(arrived)]
         self._free_ns = at_ns
         return arrived

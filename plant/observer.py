@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from plant.compiled import inlined, uncounted
 from plant.physics import state as s
-from plant.physics.dynamics import derivative, drive_torque
+from plant.physics.dynamics import advance, derivative, drive_torque
 from plant.physics.linkage import LINKAGE, pressures
 from plant.physics.parameters import (
     P_CYLINDERS,
@@ -85,12 +85,39 @@ class Observer:
     ) -> Truth:
         """The record of a state under a command; arguments as of `dynamics.derivative`, `work` left as it leaves it."""
         row = np.empty(Truth.size)
-        row[TIME], row[PAYLOAD] = time_s, self._payload_mass
         observe(row, state, command, p, work, active, self.measures)
+        return self.finished(row, time_s)
+
+    def finished(self, row: Array, time_s: float) -> Truth:
+        """The record of a row that `observe` has filled; the row is not to be changed any more."""
+        row[TIME], row[PAYLOAD] = time_s, self._payload_mass
         slip_angle = row[SLIP_ANGLE : SLIP_ANGLE + 4]
         np.arctan(slip_angle, out=slip_angle)
         row.flags.writeable = False
         return Truth(row)
+
+
+@uncounted
+def advance_and_observe(
+    state: Array,
+    command: Array,
+    p: Array,
+    step: float,
+    count: int,
+    fourth_order: bool,
+    work: Workspace,
+    active: Array | None,
+    row: Array,
+    measures: Array,
+) -> bool:
+    """`count` steps with constant commands, and the row at their end; whether the state is still finite."""
+    # one call from Python instead of two: handing over the workspace's arrays takes as long as two steps
+    advance(state, command, p, step, count, fourth_order, work, active)
+    observe(row, state, command, p, work, active, measures)
+    finite = True
+    for i in range(s.STATES):
+        finite = finite and math.isfinite(state[i])
+    return finite
 
 
 @uncounted

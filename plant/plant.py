@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant.effects import dispatch
-from plant.observer import Observer
+from plant.observer import Observer, advance_and_observe
 from plant.physics import state as s
-from plant.physics.dynamics import advance
 from plant.physics.equilibrium import find_equilibrium
 from plant.physics.parameters import P_BRAKE_CAPACITY, P_NORMAL, parameter_vector
 from plant.physics.rolling import roll_steadily
@@ -128,30 +127,33 @@ class Plant:
         """Time since the start [s]."""
         return self._steps * self.step_s
 
-    def advance(self, commands: Commands, duration_s: float) -> None:
-        """Move on by `duration_s`, a whole number of steps, with constant commands."""
+    def advance(self, commands: Commands, duration_s: float) -> Truth:
+        """Move on by `duration_s`, a whole number of steps, with constant commands; returns everything that is true then."""
         count = round(duration_s / self.step_s)
         # the relative part: a duration that is the difference of two long times carries their rounding
         if count < 0 or abs(count * self.step_s - duration_s) > 1e-6 * self.step_s + 1e-12 * abs(duration_s):
             raise ValueError(f"duration_s={duration_s} s is not a whole number of steps of {self.step_s} s")
         self._command = commands.vector()
-        fourth_order = self.integrator == "rk4"
-        advance(
+        row = np.empty(Truth.size)
+        finite = advance_and_observe(
             self._state,
             self._command,
             self._parameters,
             self.step_s,
             count,
-            fourth_order,
+            self.integrator == "rk4",
             self._work,
             self._active,
+            row,
+            self._observer.measures,
         )
         self._steps += count
-        if not np.isfinite(self._state).all():
+        if not finite:
             raise DivergedError(
                 f"the motion diverged before {self.time_s:.3f} s (step {self.step_s} s): "
                 "is a stiffness or damping too large for the step, or an inertia too small?"
             )
+        return self._observer.finished(row, self.time_s)
 
     def truth(self) -> Truth:
         """Everything that is true now."""

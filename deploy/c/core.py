@@ -8,6 +8,7 @@ import tempfile
 import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -30,6 +31,8 @@ _FRAME: Final = struct.Struct("=IB8s3x")
 """EcuFrame of ecu.h, with the bytes that fill it up to its alignment."""
 _FINDING: Final = struct.Struct("=4B4x2d")
 """EcuFinding of ecu.h: kind, subject, detail, other, value, value before."""
+_RECEIVED: Final = "qIB8s3x"
+"""LibraryFrame of library.h: time, identifier, length, data, and the bytes that fill it up to its alignment."""
 _PROTECTION_FAILED, _IMPLAUSIBLE, _STALE, _STATE_CHANGED = range(4)
 """Of EcuFindingKind in ecu.h; the one that is left is ECU_ESTIMATOR_FAILED."""
 _BY_SENSOR, _BY_MESSAGE = 1, 2
@@ -56,12 +59,18 @@ class CEcu:
         weakref.finalize(self, _ctypes.dlclose, c._handle)
         _set_machine(c, calibration.parameters)
         self._inputs = inputs_of(calibration)
-        most_frames, most_findings = (
-            ctypes.c_uint32.in_dll(c, f"library_most_{what}").value for what in ("frames", "findings")
+        most_frames, most_findings, self._most_received = (
+            ctypes.c_uint32.in_dll(c, f"library_most_{what}").value
+            for what in ("frames", "findings", "received")
         )
+        self._received = ctypes.create_string_buffer(_layout(self._most_received).size)
         self._frames = ctypes.create_string_buffer(most_frames * _FRAME.size)
         self._findings = (ctypes.c_char * (most_findings * _FINDING.size)).in_dll(c, "library_findings")
+        self._finding_frames = (ctypes.c_uint8 * most_findings).in_dll(c, "library_finding_frames")
         self._count = ctypes.c_uint32.in_dll(c, "library_finding_count")
+        self._cycle = c.library_cycle
+        self._cycle.argtypes = (ctypes.c_void_p, ctypes.c_uint32, ctypes.c_int64, ctypes.c_void_p)
+        self._cycle.restype = ctypes.c_uint8
         self._receive, self._tick = c.ecu_receive, c.ecu_tick
         self._receive.argtypes = (ctypes.c_uint32, ctypes.c_char_p, ctypes.c_uint8, ctypes.c_int64)
         self._receive.restype = None
@@ -89,9 +98,34 @@ class CEcu:
     def tick(self, now_ns: int) -> Answer:
         """As `ecu.core.Ecu`."""
         count = self._tick(now_ns, self._frames)
+        return Answer(self._made(count), self._found(now_ns) if self._count.value else [])
+
+    def cycle(self, frames: Sequence[Frame], now_ns: int) -> Answer:
+        """Receive frames, each at its stamp, then tick: the same as one call after the other, in one call of the library."""
+        findings: list[Finding] = []
+        most = self._most_received
+        while len(frames) > most:
+            findings += self._cycled(frames[:most], now_ns, None)[1]
+            frames = frames[most:]
+        count, found = self._cycled(frames, now_ns, self._frames)
+        return Answer(self._made(count), [*findings, *found])
+
+    def _cycled(
+        self, frames: Sequence[Frame], now_ns: int, made: "ctypes.Array[ctypes.c_char] | None"
+    ) -> tuple[int, list[Finding]]:
+        """How many frames are to be sent, and findings; made: None receives only."""
+        numbers = [
+            number
+            for can_id, data, at_ns, _ in frames
+            for number in (at_ns, can_id, min(len(data), 255), data)
+        ]
+        _layout(len(frames)).pack_into(self._received, 0, *numbers)
+        count = self._cycle(self._received, len(frames), now_ns, made)
+        return count, self._found_in(frames, now_ns) if self._count.value else []
+
+    def _made(self, count: int) -> list[Frame]:
         made = _FRAME.iter_unpack(memoryview(self._frames)[: count * _FRAME.size])
-        frames = [Frame(can_id, data[:length]) for can_id, length, data in made]
-        return Answer(frames, self._found(now_ns) if self._count.value else [])
+        return [Frame(can_id, data[:length]) for can_id, length, data in made]
 
     def executed(self, execution_ns: int) -> None:
         """As `ecu.core.Ecu`."""
@@ -106,6 +140,17 @@ class CEcu:
         count, self._count.value = self._count.value, 0
         raw = self._findings.raw[: count * _FINDING.size]
         return [self._finding(found, now_ns, data) for found in _FINDING.iter_unpack(raw)]
+
+    def _found_in(self, frames: Sequence[Frame], now_ns: int) -> list[Finding]:
+        """What the last call of `library_cycle` found, of each frame at its stamp and of the cycle."""
+        count, self._count.value = self._count.value, 0
+        raw = self._findings.raw[: count * _FINDING.size]
+        cycle = Frame(0, b"", now_ns)
+        found = []
+        for values, at in zip(_FINDING.iter_unpack(raw), self._finding_frames[:count], strict=True):
+            frame = frames[at] if at < len(frames) else cycle
+            found.append(self._finding(values, frame.at_ns, frame.data))
+        return found
 
     def _finding(self, raw: tuple[Any, ...], now_ns: int, data: bytes) -> Finding:
         kind, subject, detail, other, value, before = raw
@@ -147,6 +192,12 @@ class CCore:
 
 C: Final = CCore()
 BY_NAME: Final[Mapping[str, Core]] = {core.name: core for core in (PYTHON, C)}
+
+
+@cache
+def _layout(count: int) -> struct.Struct:
+    """The layout of so many frames of library.h."""
+    return struct.Struct("=" + count * _RECEIVED)
 
 
 def _own_copy(file: Path) -> ctypes.CDLL:

@@ -9,6 +9,7 @@ Pure: state in, state out.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from configuration import CheckedTable
 from plant.unit.script import DEGREE, Wish
@@ -30,8 +31,7 @@ class DriverParameters:
     holding_brake: float = 0.3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Demand:
+class Demand(NamedTuple):
     """The driver's demand, before any limit."""
 
     torque: float = 0.0  # share of full drive torque, -1..1; negative: reverse
@@ -41,8 +41,7 @@ class Demand:
     tilt: float = 0.0  # share of full speed, -1..1, roll back +
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DriverState:
+class DriverState(NamedTuple):
     """Where pedals and joystick are, and the integral of the speed law."""
 
     demand: Demand = Demand()

@@ -12,7 +12,6 @@ from dbc.binding import Binding
 from dbc.database import Database
 from dbc.protection import Checker
 from dbc.protection import Finding as Check
-from plant.unit.actuators import four
 from plant.unit.limits import Limits, LinkageLimits
 
 _LIMITS: Final = {
@@ -57,12 +56,8 @@ class Reception:
             return []
         check = checker.check(frame.data, now_ns)
         if check.usable and frame.can_id == self._limits_id:
-            values = self._binding.decode(frame.data)
-            self.limits = Limits(
-                wheel_torque=four(values[:4]),
-                speed=values[4],
-                articulation_rate=values[5],
-            )
+            a, b, c, d, speed, rate = self._binding.decode(frame.data)
+            self.limits = Limits((a, b, c, d), speed, rate)
             self.limits_ns = now_ns
         elif check.usable and frame.can_id == self._linkage_id:
             up, down, back, forward = self._linkage_binding.decode(frame.data)

@@ -6,6 +6,7 @@ an angle or holds the joystick.
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from configuration import CheckedTable
 from plant.unit.profile import Profile
@@ -14,8 +15,7 @@ KMH = 1 / 3.6
 DEGREE = math.pi / 180
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wish:
+class Wish(NamedTuple):
     """The driver's intention at one time. SI; shares of full demand are -1..1. None: this quantity is not controlled."""
 
     speed: float | None = None

@@ -8,7 +8,7 @@ DBC carries it. Order of the channels, sections of the equipment file, indexes a
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from dbc import loader_database, reference_database
 from dbc.database import Database
@@ -52,8 +52,7 @@ class Channel:
     felt: tuple[Part, int] | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Moment:
+class Moment(NamedTuple):
     """What the machine knows of itself, beside its sensors, when it sends."""
 
     demand: Demand

@@ -11,7 +11,6 @@ Equal machine, scenario, seed and received frames give equal bytes.
 """
 
 import math
-from dataclasses import replace
 from typing import Final, Protocol
 
 import numpy as np
@@ -51,7 +50,9 @@ _WHEEL_SPEEDS: Final = family_slice(WHEEL_SPEED)
 class Motion(Protocol):
     """What the unit needs of its dynamics."""
 
-    def advance(self, commands: Commands, duration_s: float) -> None: ...
+    def advance(self, commands: Commands, duration_s: float) -> Truth:
+        """Move on; returns what is true then."""
+        ...
 
     def truth(self) -> Truth: ...
 
@@ -159,7 +160,7 @@ class PlantUnit:
         obedience, reception = self._equipment.obedience, self._reception
         limits = in_force(reception.limits, age=(now_ns - since_ns) * 1e-9, obedience=obedience)
         age = (now_ns - reception.linkage_ns) * 1e-9
-        return replace(limits, linkage=linkage_in_force(reception.linkage, age=age, obedience=obedience))
+        return limits._replace(linkage=linkage_in_force(reception.linkage, age=age, obedience=obedience))
 
     def tick(self, now_ns: int) -> list[Frame]:
         """Advance 10 ms and return the sensor frames that are due. The first tick samples the start."""
@@ -204,8 +205,7 @@ class PlantUnit:
         )
         self._held_back = holds_back(demanded, request)
         request = within_power(request, _wheel_speed(readings), self._abilities.drive_power)
-        self._plant.advance(request.commands(), TICK_S)
-        self._truth = self._plant.truth()
+        self._truth = self._plant.advance(request.commands(), TICK_S)
 
     def _ground_speed(self, readings: Readings) -> float:
         """Ground speed as the machine measures it, from the mean of its wheels [m/s]."""

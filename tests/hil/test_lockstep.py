@@ -1,10 +1,12 @@
 """Order, latency and completeness of the lockstep loop, with cores small enough to predict."""
 
 import itertools
+from types import SimpleNamespace
 
 import pytest
 
 from hil.lockstep import ECU_PHASE_NS, PERIOD_NS, Lockstep
+from hil.wire import Wire
 from tests.hil.fakes import ANSWER, SENSOR, SPEEDS, FakeEcu, FakePlant
 
 
@@ -69,3 +71,40 @@ def test_progress_hears_simulated_time():
     heard = []
     Lockstep(FakePlant(20), FakeEcu()).run(heard.append, every=5)
     assert heard == pytest.approx([0.05, 0.10, 0.15, 0.20])
+
+
+class CyclingEcu(FakeEcu):
+    """Takes the frames of a cycle in one call."""
+
+    def __init__(self):
+        super().__init__()
+        self.calls = 0
+
+    def cycle(self, frames, now_ns):
+        self.calls += 1
+        found = [finding for frame in frames for finding in self.receive(frame, frame.at_ns)]
+        tick = self.tick(now_ns)
+        return SimpleNamespace(frames=tick.frames, findings=[*found, *tick.findings])
+
+
+def test_an_ecu_that_takes_all_frames_in_one_call_gives_the_same_run():
+    ecu = CyclingEcu()
+    _, plain, expected = run()
+    assert Lockstep(FakePlant(20), ecu).run() == expected
+    assert (ecu.calls, ecu.heard, ecu.ticked) == (20, plain.heard, plain.ticked)
+
+
+def test_frames_after_the_last_cycle_have_their_findings_also_when_a_run_is_interrupted():
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    recordings = []
+    for ecu in (FakeEcu(), CyclingEcu()):
+        bench = Lockstep(
+            FakePlant(20), ecu, wire=Wire(bit_rate=45_000)
+        )  # the second frame of a tick comes after the cycle
+        with pytest.raises(KeyboardInterrupt):
+            bench.run(interrupt, every=7)
+        recordings.append(bench.recording)
+    assert recordings[0] == recordings[1]
+    assert recordings[0].ecu_findings[-1] == "heard"

@@ -121,6 +121,29 @@ def test_c_sends_and_finds_what_python_does(seed):
     assert states[State.DEGRADED] > 0.1 * states.total()
 
 
+@pytest.mark.parametrize("ticks", [1, 4], ids=["a cycle's frames", "more than one call takes"])
+def test_frames_handed_over_together_are_frames_handed_over_one_by_one(ticks):
+    """Random drives: what is sent, and every finding with its words and time, in the same order."""
+    single, together = C.ecu(CALIBRATION), C.ecu(CALIBRATION)
+    waiting, expected, seen, count, most = [], [], Counter(), 0, 0
+    for frame, now in RandomDrive(CALIBRATION, 3).calls(6_000):
+        if frame is not None:
+            waiting.append(frame._replace(at_ns=now))
+            expected += single.receive(frame, now)
+            continue
+        count += 1
+        if count % ticks:  # this cycle is left out, on both sides
+            continue
+        theirs, ours = single.tick(now), together.cycle(waiting, now)
+        assert ours.frames == theirs.frames
+        assert said(ours.findings) == said([*expected, *theirs.findings])
+        seen.update(map(type, ours.findings))
+        most = max(most, len(waiting))
+        waiting, expected = [], []
+    assert {ProtectionFailed, Implausible, StateChanged} <= seen.keys()
+    assert (most > 32) == (ticks > 1)
+
+
 def test_a_frame_signed_as_another_message_is_masqueraded():
     """The C refuses it as it refuses a damaged one; the finding says which of the two it was."""
     machine, codecs = FakeMachine(), loader_database().by_name

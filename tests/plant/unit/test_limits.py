@@ -90,14 +90,14 @@ def test_at_and_above_the_speed_limit_no_wheel_drives_on(asked, limit, speed):
 @given(requests, limits, speeds)
 def test_below_the_fading_band_the_speed_limit_does_nothing(asked, limit, speed):
     if abs(speed) <= limit.speed - OBEDIENCE.fade:
-        slow = replace(limit, wheel_torque=(math.inf,) * 4, articulation_rate=math.inf, linkage=FREE)
+        slow = limit._replace(wheel_torque=(math.inf,) * 4, articulation_rate=math.inf, linkage=FREE)
         assert obey(asked, slow, OBEDIENCE, ABILITIES, speed=speed) == asked
 
 
 @given(requests, limits, st.floats(0, 12), st.floats(0, 3))
 def test_the_faster_the_less_drive_and_the_more_brake(asked, limit, speed, more):
     """Longitudinal force of the requests never rises with speed: the governor is stable."""
-    free = replace(limit, wheel_torque=(math.inf,) * 4)
+    free = limit._replace(wheel_torque=(math.inf,) * 4)
     slow = obey(asked, free, OBEDIENCE, ABILITIES, speed=speed)
     fast = obey(asked, free, OBEDIENCE, ABILITIES, speed=speed + more)
     assert all(f <= s + 1e-9 for f, s in zip(fast.wheel_torque, slow.wheel_torque, strict=True))
@@ -152,7 +152,7 @@ def test_motor_power_is_bounded_and_torque_is_otherwise_untouched(torque, wheel_
 
 
 SAFE_LINKAGE = LinkageLimits(lift_up=0.1, lift_down=0.1, tilt_back=0.2, tilt_forward=0.2)
-CAREFUL = replace(OBEDIENCE, safe=replace(OBEDIENCE.safe, linkage=SAFE_LINKAGE))
+CAREFUL = replace(OBEDIENCE, safe=OBEDIENCE.safe._replace(linkage=SAFE_LINKAGE))
 rates = st.floats(0, 1)
 linkages = st.builds(LinkageLimits, lift_up=rates, lift_down=rates, tilt_back=rates, tilt_forward=rates)
 
@@ -160,8 +160,8 @@ linkages = st.builds(LinkageLimits, lift_up=rates, lift_down=rates, tilt_back=ra
 @given(requests, linkages)
 def test_a_limit_in_one_direction_leaves_the_other(asked, linkage):
     """The arm may not fall and the bucket not dump: raising and rolling back stay free."""
-    one_way = replace(linkage, lift_up=math.inf, tilt_back=math.inf)
-    done = obey(asked, replace(UNLIMITED, linkage=one_way), OBEDIENCE, ABILITIES, speed=0.0)
+    one_way = linkage._replace(lift_up=math.inf, tilt_back=math.inf)
+    done = obey(asked, UNLIMITED._replace(linkage=one_way), OBEDIENCE, ABILITIES, speed=0.0)
     assert done.lift_rate == max(asked.lift_rate, -linkage.lift_down)
     assert done.tilt_rate == max(asked.tilt_rate, -linkage.tilt_forward)
 
@@ -178,7 +178,7 @@ def test_an_ecu_that_sends_no_linkage_limits_leaves_the_linkage_free():
 
 def test_a_linkage_rate_that_is_not_available_is_replaced_by_its_safe_value():
     last = LinkageLimits(lift_up=0.5, lift_down=math.nan, tilt_back=0.5, tilt_forward=0.5)
-    assert linkage_in_force(last, age=0.0, obedience=CAREFUL) == replace(last, lift_down=0.1)
+    assert linkage_in_force(last, age=0.0, obedience=CAREFUL) == last._replace(lift_down=0.1)
 
 
 @given(requests, limits, speeds)

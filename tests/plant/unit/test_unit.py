@@ -302,7 +302,7 @@ def test_limits_not_available_are_safe_values():
     unit.receive(Frame(codec.can_id, data), 1000)
     limits = unit.limits_in_force(2000)
     safe = load_scenario("standstill").equipment.obedience.safe
-    assert limits == replace(safe, linkage=FREE)  # no LinkageLimits came
+    assert limits == safe._replace(linkage=FREE)  # no LinkageLimits came
 
 
 def test_frames_that_are_not_for_the_machine_are_ignored():

@@ -2,14 +2,18 @@
 #include "library.h"
 
 EcuFinding library_findings[MOST_FINDINGS];
+uint8_t library_finding_frames[MOST_FINDINGS];
 const uint32_t library_most_findings = MOST_FINDINGS;
 const uint32_t library_most_frames = ECU_MOST_FRAMES;
-uint32_t library_finding_count; /* the bench sets it back */
+const uint32_t library_most_received = MOST_RECEIVED;
+uint32_t library_finding_count;
+uint32_t library_frame;
 
 void ecu_found(const EcuFinding *finding)
 {
     if (library_finding_count < MOST_FINDINGS) {
         library_findings[library_finding_count] = *finding;
+        library_finding_frames[library_finding_count] = (uint8_t)library_frame;
         library_finding_count += 1U;
     }
 }
