@@ -50,6 +50,8 @@ class Figure:
     more_is_better: bool = False
     scale: float = 1.0  # from the printed number to the unit
     per: float = 0.0  # the printed number is a time for so many: the unit counts them per second
+    # what the benchmark gave on a quiet machine with 2 processors before decisions 48 and 49, in the unit
+    before: float | None = None
 
 
 def _of(bench: str, label: str) -> Callable[[Readings], float]:
@@ -66,6 +68,15 @@ FIGURES = (
         peer_name="MuJoCo in C, our tyres",
         floor=_of("bench_plant", "MuJoCo, no tyres, looped in C"),
         floor_name="MuJoCo's bodies alone, no tyres (not a floor of ours)",
+        before=3.40,
+    ),
+    Figure(
+        what="plant with one compiled effect, one step",
+        unit="us",
+        bench="bench_effects",
+        label="one compiled effect, pivot_friction: joints",
+        floor=_of("bench_effects", "plain"),
+        floor_name="the plain plant",
     ),
     Figure(
         what="lockstep, by processor time",
@@ -75,6 +86,7 @@ FIGURES = (
         floor=lambda r: 1000.0 / r["bench_plant", "plant, semi-implicit"][0],
         floor_name="dynamics alone",
         more_is_better=True,
+        before=30.0,
     ),
     Figure(
         what="lockstep with the ECU in C, by processor time",
@@ -102,6 +114,7 @@ FIGURES = (
         peer="the compiled step, row by row from Python",
         peer_name="row by row from Python",
         more_is_better=True,
+        before=0.05,
     ),
     Figure(
         what="live decode of a frame",
@@ -112,6 +125,7 @@ FIGURES = (
         peer_name="cantools",
         floor=_of("floors", "function call [us]"),
         floor_name="an empty Python call",
+        before=0.69,
     ),
     Figure(
         what="hub, one way at 1000 frames/s (p50)",
@@ -142,6 +156,7 @@ FIGURES = (
         floor_name="memory bandwidth",
         more_is_better=True,
         per=1.0,  # of a million frames, which the benchmark decodes
+        before=6.1,
     ),
     Figure(
         what="offline decode of a candump log to Parquet",
@@ -286,6 +301,7 @@ def line(figure: Figure, found: Readings) -> str:
     """One row of the page's table. Raises KeyError if the benchmark did not print what the figure needs."""
     own = converted(figure, found[figure.bench, figure.label])
     cells = [figure.what, f"{own[0]:.3g} {figure.unit}", f"{own[1]:.3g} to {own[2]:.3g}"]
+    cells.append("–" if figure.before is None else f"{figure.before:.3g}")
     if figure.peer:
         peer = converted(figure, found[figure.bench, figure.peer])
         ratio = own[0] / peer[0] if figure.more_is_better else peer[0] / own[0]
@@ -333,7 +349,7 @@ def commit() -> tuple[str, bool]:
 def page(session: Session, figures: Sequence[Figure]) -> str:
     """The whole page."""
     found = session.readings
-    head = "| figure | measured | range | peer, in the same run | times as fast as the peer | floor | times the floor |"
+    head = "| figure | measured | range | before | peer, in the same run | times as fast as the peer | floor | times the floor |"
     loads = ["| benchmark | seconds | processors used by others | stolen |", "|---|---:|---:|---:|"]
     loads += [
         f"| {load.name} | {load.seconds:.0f} | {load.foreign:.2f} | {load.stolen:.1%} |"
@@ -345,10 +361,12 @@ def page(session: Session, figures: Sequence[Figure]) -> str:
             "# Speed",
             "",
             f"Made by `python -m bench.speed --out docs/results/speed.md` at commit {commit()[0]}. {machine()}.",
-            "Medians and ranges over the repeats of one run. A floor is what the machine needs for the unavoidable part alone.",
+            "Medians and ranges over the repeats of one run. A floor is what the machine needs for the unavoidable part alone. "
+            "*Before* is what the same benchmark gave on a quiet machine with 2 processors before "
+            "[decisions 48](../adr/0048-references-not-counted.md) and [49](../adr/0049-lockstep-core-and-lanes.md), in a run of its own.",
             "",
             head,
-            "|---|---:|---:|---|---:|---|---:|",
+            "|---|---:|---:|---:|---|---:|---|---:|",
             *(line(figure, found) for figure in figures),
             "",
             "## Load while measuring",

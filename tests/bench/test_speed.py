@@ -47,16 +47,20 @@ def cells(**fields: object) -> list[str]:
 
 
 def test_a_smaller_time_is_faster_than_the_peer_and_further_from_its_floor():
-    assert cells() == ["w", "2 us", "1 to 4", "P 6", "3.00", "F 0.5", "4.00"]
+    assert cells() == ["w", "2 us", "1 to 4", "–", "P 6", "3.00", "F 0.5", "4.00"]
+
+
+def test_a_figure_of_before_stands_beside_that_of_now():
+    assert cells(before=3.4)[1:4] == ["2 us", "1 to 4", "3.4"]
 
 
 def test_of_rates_the_larger_is_faster():
     # the peer does 6 where we do 2: a third as fast; the floor of a rate lies above
-    assert cells(more_is_better=True)[4:] == ["0.33", "F 0.5", "0.25"]
+    assert cells(more_is_better=True)[5:] == ["0.33", "F 0.5", "0.25"]
 
 
 def test_a_time_for_so_many_becomes_a_rate_whose_range_turns_round():
-    assert cells(per=8.0, more_is_better=True)[1:4] == ["4 us", "2 to 8", "P 1.33"]
+    assert cells(per=8.0, more_is_better=True)[1:5] == ["4 us", "2 to 8", "–", "P 1.33"]
 
 
 def test_a_figure_that_was_not_printed_is_an_error():
