@@ -22,7 +22,7 @@ _UNITS: Final[Mapping[str, str]] = {
     "angular_velocity": "rad/s", "acceleration": "m/s2", "imu_specific_force": "m/s2", "cog_specific_force": "m/s2",
     "speed": "m/s", "articulation_angle": "rad", "articulation_rate": "rad/s", "oscillation_angle": "rad",
     "oscillation_rate": "rad/s", "lift_arm_angle": "rad", "lift_arm_rate": "rad/s", "tilt_angle": "rad",
-    "tilt_rate": "rad/s", "wheel_speed": "rad/s", "wheel_torque": "N.m", "known_torque": "N.m", "normal_force": "N",
+    "tilt_rate": "rad/s", "wheel_speed": "rad/s", "wheel_torque": "N.m", "known_torque": "N.m", "inclination": "rad", "normal_force": "N",
     "longitudinal_force": "N", "lateral_force": "N", "aligning_moment": "N.m", "slip": "1", "slip_angle": "rad",
     "tyre_deflection": "m", "joint_torque": "N.m", "lift_pressure": "Pa", "tilt_pressure": "Pa",
     "steering_pressure": "Pa", "yaw_moment": "N.m", "payload_mass": "kg", "load_transfer_ratio": "1",
@@ -40,6 +40,8 @@ def _names(field: str, size: int) -> tuple[str, ...]:
     parts: tuple[str, ...] = {2: ("left", "right"), 3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}[size]
     if field in _WHEEL_FIELDS:
         parts = WHEELS
+    elif field == "inclination":
+        parts = ("pitch", "roll")
     return tuple(f"{field}_{part}" for part in parts)
 
 
