@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from configuration import ConfigurationError
+from deploy.c.core import C
+from ecu.core import PYTHON
 from hil import rundir
 from hil.compose import Choice, ChoiceError, lockstep
 from hil.ending import Ending
 from hil.judgement import judge_run
 from hil.rundir import RunDirectory, RunError
 from hil.runs import run_lockstep
+from tests.deploy.c.building import compiler
 
 FILES = (rundir.BUS, rundir.REFERENCE, rundir.TRUTH)
 SCENARIO = """
@@ -41,21 +44,32 @@ def turn(tmp_path):
     return str(file)
 
 
+@pytest.fixture(params=["python", "c"])
+def core(request):
+    """What computes the ECU: the bench does not depend on it."""
+    if request.param == "python":
+        return PYTHON
+    compiler()
+    return C
+
+
 def bytes_of(folder: Path):
     with np.load(folder / rundir.TRUTH) as truth:
         columns = {name: truth[name].tobytes() for name in truth.files}
     return (folder / rundir.BUS).read_bytes(), (folder / rundir.REFERENCE).read_bytes(), columns
 
 
-def test_two_runs_are_equal_to_the_byte_and_another_seed_is_not(turn, tmp_path):
+def test_two_runs_are_equal_to_the_byte_and_another_seed_is_not(turn, tmp_path, core):
     for name, seed in (("one", 7), ("two", 7), ("other", 8)):
-        assert run_lockstep(Choice(scenario=turn, seed=seed), tmp_path / name).ending is Ending.PASSED
+        assert (
+            run_lockstep(Choice(scenario=turn, core=core, seed=seed), tmp_path / name).ending is Ending.PASSED
+        )
     assert bytes_of(tmp_path / "one") == bytes_of(tmp_path / "two")
     assert bytes_of(tmp_path / "one")[0] != bytes_of(tmp_path / "other")[0]
 
 
-def test_a_lockstep_run_is_complete(turn, tmp_path):
-    run_lockstep(Choice(scenario=turn, payload_kg=500.0), tmp_path / "run")
+def test_a_lockstep_run_is_complete(turn, tmp_path, core):
+    run_lockstep(Choice(scenario=turn, core=core, payload_kg=500.0), tmp_path / "run")
     run = RunDirectory.read(tmp_path / "run")
     assert run.problems == ()
     assert (run.record.payload_kg, run.record.outcome, run.record.mode) == (500.0, "finished", "lockstep")
@@ -65,8 +79,8 @@ def test_a_lockstep_run_is_complete(turn, tmp_path):
     assert {"NormalForces", "RollOver", "Limits", "EcuStatus", "Warnings"} <= set(run.messages)
 
 
-def test_what_the_ecu_hears_is_what_was_true_a_moment_before(turn, tmp_path):
-    run_lockstep(Choice(scenario=turn), tmp_path / "run")
+def test_what_the_ecu_hears_is_what_was_true_a_moment_before(turn, tmp_path, core):
+    run_lockstep(Choice(scenario=turn, core=core), tmp_path / "run")
     run = RunDirectory.read(tmp_path / "run")
     heard = run.messages["Articulation"]
     true_deg = np.degrees(np.interp(heard.time_s, run.truth["time_s"], run.truth["articulation_angle"]))

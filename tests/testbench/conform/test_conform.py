@@ -219,6 +219,18 @@ class TestOnTheHub:
         again = loaderhil("conform", tmp_path, "--from-start", "--out", tmp_path / "again", "--json")
         assert json_of(again) == found
 
+    @pytest.mark.parametrize("core", ["python", "c"])
+    def test_our_own_ecu_conforms_as_a_process(self, core, hub, tmp_path):  # noqa: F811
+        """Timing included: of what a busy computer explains a verdict is open, of nothing it is failed."""
+        compiler()
+        # built or compiled before it is waited for
+        {"python": PYTHON, "c": C}[core].ecu(load_calibration("l60")).warm_up()
+        node = running("-m", "loaderhil", "ecu", "--bus", f"hub:{hub}", "--core", core)
+        _, found = conform(f"hub:{hub}", tmp_path, node=node)
+        assert "FAILED" not in found.values(), found
+        assert found["loss of BodyRates: state after loss"] == "PASSED"
+        assert {"Limits: cycle time", "EstimatorEcu: start-up"} <= found.keys()
+
     def test_ten_planted_violations_are_each_named(self, hub, tmp_path):  # noqa: F811
         code, found = conform(f"hub:{hub}", tmp_path, *TEN[:8], TEN[9])
         assert code == Ending.FAILED
