@@ -70,6 +70,14 @@ def units(
             "--program", metavar="PATH", help="Path of `loaderhil` on the target; by default as here."
         ),
     ] = None,
+    ecu_program: Annotated[
+        Path | None,
+        typer.Option(
+            "--ecu-program",
+            metavar="PATH",
+            help="Path of an exported `loader-ecu` on the target: the ECU's service is then this program, which needs no Python.",
+        ),
+    ] = None,
 ) -> None:
     """Write the files for systemd: CAN interface, services with watchdog and sandbox, user.
 
@@ -82,11 +90,12 @@ def units(
     settings = ServiceSettings.from_file(file)
     check_paths(settings, out)
     found = check_program(program or Path(shutil.which("loaderhil") or "/usr/bin/loaderhil"))
+    exported = None if ecu_program is None else check_program(ecu_program, "--ecu-program")
+    files = service_files(settings, found, ecu_program=exported)
     target = out / SETTINGS.lstrip("/")
     # --out / with /etc/loaderhil/ecu.toml itself: nothing to copy
     if target.absolute() != file.absolute():
         _write(target, file.read_text(encoding="utf-8"))
-    files = service_files(settings, found)
     for name, text in files.items():
         _write(out / name, text)
     print("then, on the target, as root:")

@@ -17,10 +17,10 @@ def check_paths(settings: ServiceSettings, root: Path) -> None:
             raise settings.error(key, f"= {path!r}: there is no file {place}; put it there first")
 
 
-def check_program(program: Path) -> str:
-    """The path of `loaderhil` on the target, as units have it. Raises UnitTextError."""
+def check_program(program: Path, option: str = "--program") -> str:
+    """The path of a program on the target, as units have it. Raises UnitTextError."""
     try:
         executable(str(program))
     except UnitTextError as error:
-        raise UnitTextError(f"--program {error}") from error
+        raise UnitTextError(f"{option} {error}") from error
     return str(program)

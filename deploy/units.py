@@ -5,10 +5,11 @@ systemd.network(5), systemd.service(5), systemd.exec(5), sysusers.d(5).
 
 import shlex
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from deploy.settings import CORES, GatewaySettings, RecorderSettings, ServiceSettings
 from deploy.words import executable, word
-from ecu.offered.services import ServiceOptions
+from ecu.offered.services import NO_SERVICES, ServiceOptions
 from hil.ending import Ending
 from hil.shell.realtime_options import RealtimeOptions
 
@@ -20,15 +21,23 @@ START_TIMEOUT_S = 180
 
 
 def service_files(
-    settings: ServiceSettings, program: str, settings_file: str = SETTINGS
+    settings: ServiceSettings,
+    program: str,
+    settings_file: str = SETTINGS,
+    ecu_program: str | None = None,
 ) -> Mapping[str, str]:
     """Path below the root of the target -> text.
 
-    program: absolute path of the `loaderhil` command on the target; settings_file: absolute path there.
+    program: absolute path of the `loaderhil` command on the target; settings_file: absolute path there; ecu_program: that of the
+    exported program for Linux, which is the ECU then and needs no Python.
     Raises UserError for a program or a file that the services would not find.
     """
     interfaces = [settings.can.interface]
-    services = {ECU: _ecu(settings, program, settings_file)}
+    services = {
+        ECU: _ecu(settings, program, settings_file)
+        if ecu_program is None
+        else _exported(settings, ecu_program)
+    }
     if settings.recorder is not None:
         services[RECORDER] = _recorder(settings, settings.recorder, program)
     if settings.gateway is not None:
@@ -175,6 +184,44 @@ SuccessExitStatus={int(Ending.INTERRUPTED)}
 {_rights(realtime)}
 # Sandbox. MemoryDenyWriteExecute stays off: the estimators are compiled when first used.
 {SANDBOX}{_install([interface])}"""
+
+
+def _exported(settings: ServiceSettings, program: str) -> str:
+    """The unit of the exported program. Raises ConfigurationError for what it does not have."""
+    for key, lacks in (
+        ("ecu.core", settings.core != "c"),
+        ("ecu.form", settings.form != "corrected"),
+        ("offered", settings.offered != NO_SERVICES),
+    ):
+        if lacks:
+            raise settings.error(
+                key, "does not fit --ecu-program: the exported program is core c, without what is offered"
+            )
+    interface = settings.can.interface
+    options = [
+        f"--bus {settings.address}",
+        f"--listen-s {settings.can.listen_s:g}",
+        *([] if settings.limits else ["--no-limits"]),
+        *replace(settings.realtime, gc_freeze=True).words(),  # C collects no garbage
+    ]
+    return f"""\
+{_unit(f"loaderhil ECU in C on {interface}", [interface])}
+[Service]
+Type=notify
+User={USER}
+# It listens before it sends, and ends with 1 where another ECU is on the bus. Its calibration is compiled in.
+ExecStart={executable(program)} {" ".join(options)}
+TimeoutStartSec={settings.can.listen_s + 10:g}
+WatchdogSec={settings.watchdog_s:g}
+Restart=always
+RestartSec=0.2
+# A wrong option does not mend itself.
+RestartPreventExitStatus={int(Ending.MISUSED)}
+
+{_rights(settings.realtime)}
+# Sandbox. The interface is asked through the CAN socket itself, and nothing is compiled or written.
+MemoryDenyWriteExecute=yes
+{SANDBOX.replace("AF_CAN AF_NETLINK AF_UNIX AF_INET", "AF_CAN AF_UNIX")}{_install([interface])}"""
 
 
 def _recorder(settings: ServiceSettings, recorder: RecorderSettings, program: str) -> str:

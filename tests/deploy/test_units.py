@@ -10,12 +10,15 @@ from pathlib import Path
 
 import pytest
 
+from configuration import ConfigurationError
 from deploy.command import TEMPLATE
 from deploy.settings import GatewaySettings, RecorderSettings, ServiceSettings
 from deploy.units import service_files
 from deploy.words import UnitTextError
 from ecu.offered.services import ServiceOptions
 from hil.shell.realtime_options import RealtimeOptions
+from tests.deploy.c.building import compiler
+from tests.deploy.c.test_targets import make
 
 SERVICE = "etc/systemd/system/loaderhil-ecu.service"
 SETTINGS = ServiceSettings.from_file(TEMPLATE)
@@ -104,6 +107,47 @@ def test_the_core_arrives():
     assert " --core c " in service(replace(SETTINGS, core="c"))["ExecStart"]
 
 
+IN_C = replace(SETTINGS, core="c", can=replace(SETTINGS.can, listen_s=0.5), limits=False)
+
+
+def test_the_exported_program_takes_the_place_of_the_ecu():
+    files = service_files(IN_C, "/usr/bin/loaderhil", ecu_program="/opt/loader-ecu")
+    found = sections(files[SERVICE])["Service"]
+    assert found["ExecStart"] == (
+        "/opt/loader-ecu --bus socketcan:can0 --listen-s 0.5 --no-limits --fifo 50 --lock-memory --cpu 1"
+    )
+    assert "ExecStartPre" not in found
+    assert "loaderhil " not in found["ExecStart"]
+    assert (found["MemoryDenyWriteExecute"], found["RestrictAddressFamilies"]) == ("yes", "AF_CAN AF_UNIX")
+
+
+@pytest.mark.parametrize(
+    ("changed", "key"),
+    [
+        ({"core": "python"}, "ecu.core"),
+        ({"form": "printed"}, "ecu.form"),
+        ({"offered": ServiceOptions(xcp="0x1,0x2")}, "offered"),
+    ],
+)
+def test_what_the_exported_program_does_not_have_is_refused(changed, key):
+    with pytest.raises(ConfigurationError, match=f"{key} does not fit --ecu-program"):
+        service_files(replace(IN_C, **changed), "/usr/bin/loaderhil", ecu_program="/opt/loader-ecu")
+
+
+def test_the_exported_program_understands_its_unit(ecu_sources):
+    """The words of the unit, but for the help that ends them: not one is an unknown option."""
+    compiler()
+    make(ecu_sources, "linux/loader-ecu")
+    program = ecu_sources / "linux/loader-ecu"
+    words = sections(service_files(IN_C, "/usr/bin/loaderhil", ecu_program="/opt/loader-ecu")[SERVICE])[
+        "Service"
+    ]["ExecStart"]
+    shown = subprocess.run(
+        [program, *words.split()[1:], "--help"], capture_output=True, text=True, check=False
+    )
+    assert (shown.returncode, shown.stderr) == (0, "")
+
+
 AWKWARD = '/opt/my \\ "own"; l60/100%$x.toml'
 IN_WORDS = r'"/opt/my \\ \"own\"; l60/100%%$$x.toml"'
 
@@ -161,6 +205,16 @@ def test_what_the_ecu_offers_arrives_as_words_of_systemd():
         in started
     )
     assert "--xcp" not in started
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
+def test_systemd_accepts_the_exported_program(tmp_path):
+    unit = tmp_path / "loaderhil-ecu.service"
+    unit.write_text(service_files(IN_C, "/bin/true", ecu_program="/bin/true")[SERVICE], encoding="utf-8")
+    verified = subprocess.run(
+        ["systemd-analyze", "verify", str(unit)], capture_output=True, text=True, check=False
+    )
+    assert [line for line in verified.stderr.splitlines() if "loaderhil" in line] == []
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
