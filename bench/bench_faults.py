@@ -11,13 +11,13 @@ import sys
 import time
 
 from bus.frame import Frame
+from bus.wire import Wire
 from configuration import CheckedTable
 from dbc import loader_database
 from hil.faults.injector import Injector
 from hil.faults.passage import Planned
 from hil.faults.table import read_fault
 from hil.faults.wire import FaultyWire
-from hil.wire import Wire
 
 ROUNDS, FRAMES, TICKS = 7, 40_000, 1_000
 PERIOD_NS = 10_000_000

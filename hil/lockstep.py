@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
 from bus.frame import Frame
-from hil.wire import Carrier, Wire
+from bus.wire import Carrier, Wire
 
 MS = 1_000_000
 PERIOD_NS = 10 * MS

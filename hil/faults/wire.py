@@ -2,7 +2,7 @@
 
 Frames that a fault delays compete for the wire when they are due; frames that a fault makes compete
 like any other, so a babbling node starves the bus as on a real one. A frame on the wire is never
-interrupted. Without faults the stamps are those of `hil.wire.Wire`.
+interrupted. Without faults the stamps are those of `bus.wire.Wire`.
 """
 
 import heapq
@@ -12,9 +12,9 @@ from typing import cast
 
 from bus.arbitration import priority
 from bus.frame import Frame
+from bus.wire import SECOND, wire_bits
 from hil.faults.injector import Injector
 from hil.faults.passage import OTHER, Action, Side
-from hil.wire import SECOND, wire_bits
 
 WAITING_LIMIT = 16
 """Frames of one identifier that wait for the wire: a controller's transmit queue. A full one loses its oldest."""

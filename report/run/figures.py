@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bus.frame import Frame
+from bus.wire import wire_bits
 from dbc import loader_database
 from hil.rundir import RunDirectory
 from hil.timing.deadlines import COUNTER_MODULUS
@@ -21,7 +22,6 @@ from hil.timing.measured import (
 )
 from hil.timing.vitals import Vitals
 from hil.verdict import WHEELS, RunVerdict, first_lift_off
-from hil.wire import wire_bits
 from plant.unit.scenario import list_scenarios
 from report.kit.histogram import Histogram, milliseconds
 from report.run import signals

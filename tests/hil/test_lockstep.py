@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from bus.wire import Wire
 from hil.lockstep import ECU_PHASE_NS, PERIOD_NS, Lockstep
-from hil.wire import Wire
 from tests.hil.fakes import ANSWER, SENSOR, SPEEDS, FakeEcu, FakePlant
 
 

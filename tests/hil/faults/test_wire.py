@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus.frame import EXTENDED, Frame
+from bus.wire import Wire, wire_bits
 from hil.faults.wire import WAITING_LIMIT, FaultyWire
-from hil.wire import Wire, wire_bits
 from tests.hil.faults.traffic import DATABASE, MS, injector
 
 IDS = sorted(DATABASE.by_id)

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from bus.bits import CLASSIC_TAIL, classic_bits
 from bus.frame import EXTENDED, Frame
-from hil.wire import Wire, wire_bits
+from bus.wire import Wire, wire_bits
 
 frames = st.builds(
     lambda extended, identifier, data: Frame(
