@@ -13,7 +13,7 @@ from discrepancy.estimation.problem import Problem
 from discrepancy.model.description import Effect, Parameter
 from discrepancy.selection.active_intervals import active_interval_of, time_varying_nuisance
 from discrepancy.selection.candidate_fits import shapes_held
-from discrepancy.selection.open_ended import OpenEnded, explore
+from discrepancy.selection.open_ended import OpenEnded
 from discrepancy.selection.screen import FEW
 from discrepancy.selection.state import Settings, State, switched_off
 from discrepancy.signals import findings as f
@@ -44,7 +44,7 @@ def caveats_of(
     found += _at_baseline(kept, fitted, effect)
     found += _cancelled(problem, state, test)
     found += prior_conflicts(problem, fitted)
-    found += _superseded(problem, state, test, equation, settings)
+    found += _superseded(problem, state, test, equation)
     if active_interval_of(problem.model.effect(test.effect), state.fit.values) is not None:
         found += _changing_baseline(problem, state, test, settings)
     return found
@@ -156,22 +156,16 @@ def prior_conflicts(problem: Problem, fitted: Fit) -> list[str]:
     return found
 
 
-def _superseded(
-    problem: Problem, state: State, test: DropOneTest, equation: OpenEnded, settings: Settings
-) -> list[str]:
-    """A caveat if the effect only imitates the open-ended equation: beside it little of the effect is left, and alone it does as well."""
+def _superseded(problem: Problem, state: State, test: DropOneTest, equation: OpenEnded) -> list[str]:
+    """A caveat if the effect's size depends on the open-ended equation: with it in the fit, less than half of the size is left."""
     effect = problem.model.effect(test.effect)
     if effect.size != 1 or not equation.terms:
         return []
     p = effect.parameters[0]
     size = state.fit.values.shared[p.name] - p.value
-    shift, sd = equation.parameter_shifts[p.name]
+    shift, _ = equation.parameter_shifts[p.name]
     left = size + shift  # the effect's size when the equation is in the fit as well
-    if left / size > gates.LEFT_BESIDE_EQUATION.threshold or (left / sd) ** 2 > test.threshold:
-        return []
-    others = tuple(n for n in state.accepted if n != test.effect)
-    instead = explore(problem, State(state.noise, test.without, others, ()), settings)
-    if instead.held_out_sse_reduction < test.held_out_sse_reduction - settings.same:
+    if left / size > gates.LEFT_BESIDE_EQUATION.threshold:
         return []
     before, after = figures(p.value + size), quantity(p.value + left, p.unit)
     return [f"beside {equation.equation()} its {p.name} would change from {before} to {after}"]

@@ -114,8 +114,12 @@ def _status(
 ) -> tuple[f.Status, list[str]]:
     reasons: list[str] = []
     if equation.terms:
+        stands_for = "; ".join(
+            dict.fromkeys(t.function.meaning for t in equation.terms if t.function.meaning)
+        )
         reasons.append(
             f"a difference that the library does not explain depends on known signals: {equation.equation()}"
+            + (f" ({stands_for})" if stands_for else "")
         )
     reasons += [
         f"{x.effect} is only the best proxy, the cause is unknown: {'; '.join(x.caveats)}"

@@ -147,8 +147,8 @@ LEFT_BESIDE_EQUATION: Final = _gate(
     of="name",
     statistic="share of its size that an effect keeps beside the open-ended equation",
     threshold=0.5,
-    source="half",
-    otherwise="best proxy, cause unknown, where what is left is not significant and the equation in its place does as well",
+    source="half: a size that another cause would halve is not determined",
+    otherwise="best proxy, cause unknown",
     module="decision.caveats",
 )
 NUISANCE_IN_TIME: Final = _gate(

@@ -1,4 +1,4 @@
-"""Functions of known signals with units, for the open-ended search: powers, products, signs, derivatives, low-passes, and plays (hysteresis)."""
+"""Functions of known signals with units, for the open-ended search: powers, products, signs, derivatives, low-passes, plays (hysteresis), and commands that act late."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -18,6 +18,7 @@ MOST_SIGNALS = (
 LAG_S = (0.2, 1.0)  # time constants of the low-passes [s], a fast and a slow one
 PLAY = 0.3  # width of the hysteresis operator, in standard deviations of its signal
 PLAYS = (0.1, PLAY)  # widths for commands that act on another signal, in standard deviations
+LATE_S = (0.15, 0.6)  # first time constants of a command that acts late [s]: a valve, a pump or a motor
 
 Signals = Mapping[str, Array]
 
@@ -32,6 +33,7 @@ class Function:
     signals: tuple[str, ...]
     of: Callable[[Signals, float], Array]  # the series (n,) of one window, from its signals and the step [s]
     wide: "_Wide | None" = None  # for functions with a width that is fitted
+    meaning: str = ""  # what it stands for, where the formula alone does not say it
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +68,9 @@ def functions(
                 for b in names
                 if b != a
             ]
+            # a command with a sign of its own, or one that acts against the sign of what is read
+            sides = [None, *(b for b in names if b not in commands)]
+            found += [_late(a, units[a], b, spread.get(b or "", 1.0), T) for T in LATE_S for b in sides]
     return found
 
 
@@ -79,6 +84,34 @@ def _played(command: str, its_unit: str, factor: str, unit: str, width: float) -
         lambda s, _: play(s[command], width) * s[factor],
         _Wide(width, partial(_played, command, its_unit, factor, unit)),
     )
+
+
+def _late(command: str, its_unit: str, side: str | None, spread: float, time_constant_s: float) -> Function:
+    """What a command lacks while its actuator follows it with a first-order lag.
+
+    side: a signal against whose sign it acts, as a brake does against the speed; None: the command has a sign of its own.
+    """
+
+    def of(s: Signals, step_s: float) -> Array:
+        lacking = lagged(s[command], time_constant_s, step_s) - s[command]
+        return lacking if side is None else lacking * _sign(s[side], spread)
+
+    against = "" if side is None else f"·sign({side})"
+    return Function(
+        f"(lowpass({command}, {time_constant_s:.3g} s) - {command}){against}",
+        parse_unit(its_unit),
+        5,
+        (command,) if side is None else (command, side),
+        of,
+        _Wide(time_constant_s, partial(_late, command, its_unit, side, spread)),
+        f"as if {command} acted late, behind a lag of {time_constant_s:.2g} s",
+    )
+
+
+def _sign(x: Array, spread: float) -> Array:
+    # tanh instead of a jump: a sign that chatters about zero would be mostly sampling noise
+    sign: Array = np.tanh(x / (0.05 * max(spread, 1e-12)))
+    return sign
 
 
 def _with_play(name: str, unit: str, width: float) -> Function:
@@ -102,8 +135,7 @@ def _of_one(name: str, unit_text: str, sd: float) -> list[Function]:
         make(name, unit, 1, lambda x, _: x),
         make(f"{name}·|{name}|", unit**2, 2, lambda x, _: x * np.abs(x)),
         make(f"{name}²", unit**2, 2, lambda x, _: x**2),
-        # tanh instead of a jump: a sign that chatters about zero would be mostly sampling noise
-        make(f"sign({name})", one, 2, lambda x, _: np.tanh(x / (0.05 * sd))),
+        make(f"sign({name})", one, 2, lambda x, _: _sign(x, sd)),
         make(f"|{name}|", unit, 2, lambda x, _: np.abs(x)),
         make(f"d/dt {name}", unit / parse_unit("s"), 2, lambda x, step: np.diff(x, prepend=x[:1]) / step),
         make(f"{name}³", unit**3, 3, lambda x, _: x**3),

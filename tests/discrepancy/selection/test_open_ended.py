@@ -49,6 +49,58 @@ def test_the_width_of_a_play_is_found_with_it(width: float) -> None:
     assert played[0].function.wide.width == pytest.approx(width, rel=0.05)
 
 
+def behind_a_slow_valve(time_constant_s: float, *, noise: float = 0.002) -> Recording:
+    """A tank whose inflow follows steps of its command with a first-order lag: dx/dt = lag(u) / area - 0.2 x."""
+    rng = np.random.default_rng(7)
+    n = 1800
+    command = np.repeat(rng.uniform(0.0, 0.6, n // 30), 30)
+    fine = 20  # Euler steps in one step of the recording: another method than the model's
+    inflow, now, level = command[0], 0.5, np.empty(n)
+    for i in range(n):
+        level[i] = now
+        for _ in range(fine):
+            inflow += (command[i] - inflow) * STEP_S / fine / time_constant_s
+            now += (inflow - 0.2 * now) * STEP_S / fine
+    time_s = STEP_S * np.arange(n)
+    signals = {
+        "inflow": signal(time_s, command, "m/s", held=True),
+        "level": signal(time_s, level + noise * rng.normal(size=n), "m"),
+    }
+    return Recording("tank", signals)
+
+
+@pytest.mark.parametrize("time_constant_s", [0.3, 0.9])
+def test_an_actuator_that_follows_its_command_late_is_said_with_its_time_constant(
+    time_constant_s: float,
+) -> None:
+    problem = Problem(tank("level bias"), [behind_a_slow_valve(time_constant_s)])
+    state, _ = search(problem, Settings())
+    found = explore(problem, state, Settings())
+    term = found.terms[0]
+    assert term.reported.place == "inflow"
+    assert term.function.text.startswith("(lowpass(inflow, ")
+    assert term.function.wide is not None
+    assert term.function.wide.width == pytest.approx(time_constant_s, rel=0.1)
+    assert term.reported.coefficient == pytest.approx(1.0, abs=0.1)
+    assert term.function.meaning.startswith("as if inflow acted late, behind a lag of 0.")
+
+
+def test_a_late_brake_acts_against_the_sign_of_the_speed() -> None:
+    """A step of the command lacks e^(-t/T) of itself, with the sign of the speed; afterwards nothing."""
+    found = functions({"brake": "N", "speed": "m/s"}, {"brake": 100.0, "speed": 1.0}, {"brake"})
+    late = next(f for f in found if f.text.endswith("- brake)·sign(speed)"))
+    time_s = np.arange(0.0, 3.0, 0.01)
+    command = np.where(time_s < 1.0, 0.0, 100.0)
+    speed = np.where(time_s < 2.0, 1.0, -1.0)
+    assert late.unit == parse_unit("N")
+    assert late.wide is not None
+    lacking = late.wide.having(0.25).of({"brake": command, "speed": speed}, 0.01)
+    # the command may act from its stamp on or from the next one: half a step is the accuracy of the grid
+    expected = np.where(time_s < 1.0, 0.0, -100.0 * np.exp(-(time_s - 1.0) / 0.25)) * np.sign(speed)
+    np.testing.assert_allclose(lacking, expected, atol=100.0 * 0.01 / 0.25)
+    np.testing.assert_allclose(lacking[time_s > 2.5], 0.0, atol=0.5)
+
+
 def test_a_command_acts_through_its_play_times_another_signal_and_what_is_read_does_not() -> None:
     """Steering with play turns a car in proportion to its speed: a product with the units of both."""
     found = functions({"steering": "rad", "speed": "m/s"}, {"steering": 0.5, "speed": 1.0}, {"steering"})
