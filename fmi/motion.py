@@ -6,7 +6,7 @@ the sensors read. What the sensors read must all be given; what else the truth h
 
 import hashlib
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,11 +49,11 @@ class FmuMotion:
             _check_unit(description, variable, name, TRUTH[names[PLACES[name]]])
         order = list(COMMANDS)
         self._from = [order.index(name) for name in connections.inputs.values()]
-        self._to = [PLACES[name] for name in connections.outputs]
+        self._to, self._which = _filled(list(connections.outputs))
         self._inputs, self._outputs = inputs, outputs
         self._row = np.full(Truth.size, math.nan)
-        for name, value in connections.constants.items():
-            self._row[PLACES[name]] = value
+        for place, which in zip(*_filled(list(connections.constants)), strict=True):
+            self._row[place] = list(connections.constants.values())[which]
         self._ticks, self._time_s = 0, 0.0
         self._instance = Instance(description, inputs, outputs)
         starts = [(known[name], value) for name, value in connections.values.items()]
@@ -77,9 +77,22 @@ class FmuMotion:
         """Everything that the FMU gives now."""
         self._instance.get_outputs(self._read)
         row = self._row.copy()
-        row[self._to] = [v.to_si(x) for v, x in zip(self._outputs, self._read.tolist(), strict=True)]
+        values = [v.to_si(x) for v, x in zip(self._outputs, self._read.tolist(), strict=True)]
+        row[self._to] = [values[which] for which in self._which]
         row[Truth.time_s.at] = self._time_s
         return Truth(row)
+
+
+def _filled(names: Sequence[str]) -> tuple[list[int], list[int]]:
+    """Places in a row that these names fill, each with the number of its name.
+
+    A sensor may bear the name of a number of the truth and read another one (wheel torque: what is known of it). Such a name fills
+    both; a name that means one place alone comes last and so decides there.
+    """
+    own = {name: place for place, name in enumerate(TRUTH)}
+    both = [(PLACES[name], k) for k, name in enumerate(names) if own.get(name, PLACES[name]) != PLACES[name]]
+    filled = [*both, *((own.get(name, PLACES[name]), k) for k, name in enumerate(names))]
+    return [place for place, _ in filled], [k for _, k in filled]
 
 
 def motion_of(file: Path) -> FmuMotion:
