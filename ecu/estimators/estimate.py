@@ -47,6 +47,7 @@ from ecu.estimators.state import State
 from ecu.estimators.tyres import contact
 from ecu.estimators.tyres.contact import Followed, Tilt
 from ecu.estimators.tyres.wheels import radius, shared, transient_forces, wheel_slips
+from ecu.estimators.uncertainty import uncertainty
 
 
 class Present(NamedTuple):
@@ -271,6 +272,7 @@ def predict_and_permit(
 def estimates_of(now: Present, future: Future, p: Parameters) -> Estimates:
     """Both halves as one row of estimates."""
     c = now.start
+    sure = uncertainty(now.force, c.articulation_angle, c.levers.lift_angle, now.payload, now.normal, p)
     return Estimates(
         normal_1=now.normal.front_left,
         normal_2=now.normal.front_right,
@@ -317,6 +319,12 @@ def estimates_of(now: Present, future: Future, p: Parameters) -> Estimates:
         permitted_motion=future.permitted_motion,
         load_gap=now.load_gap,
         load_contradiction=now.load_contradiction,
+        normal_1_sd=sure.normal_1,
+        normal_2_sd=sure.normal_2,
+        normal_3_sd=sure.normal_3,
+        normal_4_sd=sure.normal_4,
+        load_transfer_ratio_sd=sure.load_transfer_ratio,
+        payload_sd=sure.payload,
     )
 
 

@@ -164,6 +164,13 @@ class Estimates(NamedTuple):
     # how far the loads contradict themselves (`ecu.consistency`)
     load_gap: float  # their sum less mass times vertical specific force [N]
     load_contradiction: float  # balance of forces against gyro, as an angle of tilt [rad]
+    # standard deviations by the calibration's tolerances and the sensors' errors (ecu.estimators.uncertainty); 0 in the printed form
+    normal_1_sd: float  # [N]
+    normal_2_sd: float
+    normal_3_sd: float
+    normal_4_sd: float
+    load_transfer_ratio_sd: float
+    payload_sd: float  # [kg]
 
 
 NEVER = 10.23  # TimeToLiftOff of the DBC: none within the horizon [s]

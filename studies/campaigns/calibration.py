@@ -41,6 +41,14 @@ FILE: Final = "calibration.md"
 CACHE: Final = Path("out/campaign/calibration")
 CALIBRATIONS, TURNS, SEED = 100, 40, 1
 PAYLOAD: Final = Estimates._fields.index("payload")
+SHOWN: Final = [
+    Estimates._fields.index(name)
+    for name in ("normal_1", "normal_2", "normal_3", "normal_4", "load_transfer_ratio", "payload")
+]
+"""Estimates that come with a standard deviation."""
+DEVIATIONS: Final = [Estimates._fields.index(f"{Estimates._fields[k]}_sd") for k in SHOWN]
+HALF_WIDTH: Final = 1.96
+"""Of a 95 % interval, in standard deviations."""
 SETTLED_S: Final = 1.0
 """From here on the payload counts: its filter begins at the first sample."""
 EXECUTION_NS: Final = 1_000_000
@@ -75,7 +83,7 @@ def calibrations(name: str, first: int, count: int) -> list[Calibration]:
 
 
 def run_drive(case: DriveCase) -> Result:
-    """Per calibration: RMS of the normal forces over the standing load at the worst wheel, RMS of the payload [kg]."""
+    """Per calibration: RMS of the normal forces over the standing load at the worst wheel, RMS of the payload [kg], and what its 95 % intervals cover."""
     scenario = Choice(scenario=case.scenario).load()
     recording = lockstep(scenario, limits=False, reference=False).run()
     time = np.array([truth.time_s for truth in recording.truth])
@@ -85,15 +93,26 @@ def run_drive(case: DriveCase) -> Result:
     name = calibration_of(scenario)
     # the checks of the inputs do not depend on what is drawn: one set of inputs serves all calibrations
     times, inputs = inputs_of(recording.bus, load_calibration(name))
-    worst, payload = [], []
+    worst, payload, covered = [], [], []
+    judged = (times > SETTLED_S) & (times <= until)
+    true = np.stack([np.interp(times + ON_THE_BUS_S, time, force[:, k]) for k in range(4)], axis=-1)
+    true = np.column_stack((true, transfer(true), np.full(len(times), scenario.payload_mass)))[judged]
     for calibration in calibrations(name, case.first, case.count):
         found = estimate_columns(inputs, calibration.parameters, prediction=False)
         series = Series(times + ON_THE_BUS_S, found[:, :4], np.ones((len(times), 4), bool))
         errors = errors_of(series, time, force)
         worst.append(float(np.max(np.array(errors["rms"]) / errors["standing"])))
-        error = found[(times > SETTLED_S) & (times <= until), PAYLOAD] - scenario.payload_mass
+        error = found[judged, PAYLOAD] - scenario.payload_mass
         payload.append(float(np.sqrt(np.mean(error**2))))
-    return {"worst": worst, "payload": payload, "until": until}
+        off = np.abs(found[judged][:, SHOWN] - true)
+        covered.append(np.mean(off <= HALF_WIDTH * found[judged][:, DEVIATIONS], axis=0).tolist())
+    return {"worst": worst, "payload": payload, "covered": covered, "until": until}
+
+
+def transfer(normal: Floats) -> Floats:
+    """Load-transfer ratio of normal forces (n, 4)."""
+    right, left = normal[:, 1] + normal[:, 3], normal[:, 0] + normal[:, 2]
+    return np.asarray((right - left) / (right + left), float)
 
 
 def run_turn(case: TurnCase) -> Result:

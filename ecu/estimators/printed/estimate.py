@@ -94,8 +94,8 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
     v = (i.wheel_speed_1 + i.wheel_speed_2 + i.wheel_speed_3 + i.wheel_speed_4) / 4.0 * rolling
     ax, ay_right = printed_acceleration((w1 + w2 + w3 + w4) / 4.0 * rolling, -d)
 
-    front_unit = front_unit_printed(i.lift_arm_angle, load, p.front, p.arm, p.bucket)
-    centre = machine_centre_repaired(d, front_unit, p.rear)
+    unit = front_unit_printed(i.lift_arm_angle, load, p.front, p.arm, p.bucket)
+    centre = machine_centre_repaired(d, unit, p.rear)
     slope, lean = slope_without_lean(i, s, v, ax, p.sensors.slope_levelling)
     n = loads(centre, d, ax, ay_right, -slope.pitch, -slope.roll, p)
     # the reference: straight wheels, but the centre of gravity of the present articulation
@@ -156,9 +156,14 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
         permitted_motion=s.cycles % 4.0,
         load_gap=0.0,  # the thesis does not ask whether its loads agree with each other
         load_contradiction=0.0,
+        normal_1_sd=0.0,
+        normal_2_sd=0.0,
+        normal_3_sd=0.0,
+        normal_4_sd=0.0,
+        load_transfer_ratio_sd=0.0,
+        payload_sd=0.0,
     )
-    state = PrintedState(
+    return estimates, PrintedState(
         s.cycles + 1.0, load, i.wheel_speed_1, i.wheel_speed_2, i.wheel_speed_3, i.wheel_speed_4,
         w1, w2, w3, w4, u.x1, u.x2, u.x3, u.x4, lean.pitch, lean.roll,
     )  # fmt: skip
-    return estimates, state
