@@ -23,6 +23,10 @@ from plant.plant import Commands, DivergedError
 from plant.truth import Truth
 from plant.unit.signals import CHANNELS
 
+Floats = np.ndarray[tuple[int], np.dtype[np.float64]]
+
+_FELT, _FORCE = Truth.inclination.at, Truth.imu_specific_force.at
+
 
 @dataclass(frozen=True, slots=True)
 class Connections:
@@ -58,7 +62,7 @@ class FmuMotion:
         self._instance = Instance(description, inputs, outputs)
         starts = [(known[name], value) for name, value in connections.values.items()]
         self._instance.start(starts, np.array([v.start or 0.0 for v in inputs]))
-        self._read: np.ndarray[tuple[int], np.dtype[np.float64]] = np.empty(len(outputs))
+        self._read: Floats = np.empty(len(outputs))
 
     def advance(self, commands: Commands, duration_s: float) -> Truth:
         """Move on with constant commands; returns everything that the FMU gives then. Raises DivergedError where the FMU fails."""
@@ -80,7 +84,15 @@ class FmuMotion:
         values = [v.to_si(x) for v, x in zip(self._outputs, self._read.tolist(), strict=True)]
         row[self._to] = [values[which] for which in self._which]
         row[Truth.time_s.at] = self._time_s
+        felt = row[_FELT : _FELT + 2]
+        # few simulators know what an inclination sensor takes for the slope; it follows from what they all give
+        felt[np.isnan(felt)] = _inclination(*row[_FORCE : _FORCE + 3].tolist())[np.isnan(felt)]
         return Truth(row)
+
+
+def _inclination(ahead: float, aside: float, up: float) -> Floats:
+    """Pitch and roll (2,) [rad] that accelerometers take for the slope, from the specific force [m/s2]."""
+    return np.array([math.atan2(-ahead, math.hypot(aside, up)), math.atan2(aside, up)])
 
 
 def _filled(names: Sequence[str]) -> tuple[list[int], list[int]]:

@@ -146,6 +146,20 @@ def test_a_foreign_fmu_moves_as_its_equations_say(tmp_path, fmi):
     assert np.isnan(truth.normal_force).all()
 
 
+def test_the_slope_sensor_of_a_foreign_fmu_feels_its_specific_force(tmp_path):
+    """Speeding up by 1 m/s2 looks like climbing, a lateral force of 2 m/s2 to the left like leaning to the right."""
+    file = foreign(tmp_path, 2)
+    constants = file.with_suffix(".toml")
+    text = constants.read_text()
+    for axis, value in (("x", 1.0), ("y", 2.0), ("z", 9.81)):
+        text = text.replace(f"specific_force_{axis} = 0.0", f"specific_force_{axis} = {value}")
+    constants.write_text(text)
+    pitch, roll = motion_of(file).truth().inclination
+    assert (pitch, roll) == pytest.approx(
+        (-np.arcsin(1.0 / np.linalg.norm([1.0, 2.0, 9.81])), np.arctan(2.0 / 9.81))
+    )
+
+
 def test_a_scenario_runs_with_a_foreign_fmu_as_plant(tmp_path, monkeypatch):
     from hil.ending import Ending
     from hil.runs import run_lockstep
