@@ -6,7 +6,7 @@ import pytest
 
 from plant.unit.scenario import Start
 from plant.unit.script import Script
-from studies.thesis.drive import drive_case, driven, estimated
+from studies.thesis.drive import drive_case, driven, estimated, line
 from studies.thesis.split import SHEET, SPLITS, Split, machine_of, parameters_of
 
 CORNERS = [split for split in SPLITS if split.forward and split.higher]
@@ -58,3 +58,15 @@ def test_a_higher_centre_changes_no_load_on_level_ground_but_the_transfer_on_a_b
     assert stood(Split(higher=raised))["normal_force"][0] == pytest.approx(
         stood(SHEET)["normal_force"][0], rel=2e-3
     )
+
+
+@pytest.mark.parametrize("form", ["printed", "corrected"])
+def test_both_forms_see_the_simulations_own_slope(form):
+    """No sensor has leaned it, so nothing is to be taken off it: neither in a turn nor while it gets faster."""
+    speed, angle = line((0.0, 2.0), (3.0, 4.0)), line((0.5, 0.0), (2.0, 0.3))
+    truth = driven(
+        drive_case(3.0, start=Start(speed=2.0), script=Script(speed=speed, articulation_angle=angle)), SHEET
+    )
+    seen = estimated(truth, SHEET, form)
+    assert seen["slope_pitch"] == pytest.approx(truth["pitch"], abs=1e-9)
+    assert seen["slope_roll"] == pytest.approx(truth["roll"], abs=1e-9)
