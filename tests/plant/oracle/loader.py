@@ -161,9 +161,13 @@ class MujocoLoader:
         """MuJoCo's kinematics, inertia and bias at its state."""
         mujoco.mj_step1(self.model, self.data)
 
-    def roll_tyres(self) -> None:
-        """Tyre forces at MuJoCo's state, in world axes; the transient slips move on by one step."""
+    def roll_tyres(self, ahead: float | None = None) -> None:
+        """Tyre forces at MuJoCo's state, in world axes; the transient slips move on by `ahead` [s], one step if not given.
+
+        As in the plant, the forces belong to the slips at the end of `ahead`: with 0 they are the true ones of now.
+        """
         d, p = self.data, self.p
+        ahead = self.step_s if ahead is None else ahead
         normal = p[P_NORMAL : P_NORMAL + 3]
         velocity = np.zeros(6)
         for i, body in enumerate(self._wheel_bodies):
@@ -188,11 +192,11 @@ class MujocoLoader:
                 motion,
                 kappa,
                 tan_alpha,
-                self.step_s,
+                ahead,
                 out,
             )
-        self.slips[0] += self.step_s * self.tyres[:, s.T_KAPPA_RATE]
-        self.slips[1] += self.step_s * self.tyres[:, s.T_TAN_ALPHA_RATE]
+        self.slips[0] += ahead * self.tyres[:, s.T_KAPPA_RATE]
+        self.slips[1] += ahead * self.tyres[:, s.T_TAN_ALPHA_RATE]
 
     def applied(self, wheel_torque: np.ndarray, wrenches: np.ndarray) -> np.ndarray:
         """Generalised force of wheel torques, oscillation stops and wrenches (moment about the world's origin, force)."""
