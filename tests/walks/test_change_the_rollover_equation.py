@@ -57,17 +57,18 @@ def laws(tree: Path, *only: str) -> tuple[int, set[str]]:
     return run.returncode, set(re.findall(r"^FAILED \S+::(\w+)", run.stdout, re.MULTILINE))
 
 
-def test_the_edit_of_the_page_breaks_the_law_it_names(copy):
+def test_the_edit_of_the_page_breaks_the_laws_it_names(copy):
     changed = re.search(r"^\+\+\+ b/(\S+)$", block("diff"), re.MULTILINE)
     assert changed
     source = copy / changed[1]
     before = source.read_text(encoding="utf-8")
     source.write_text(edited(before, block("diff")), encoding="utf-8")
     status, failed = laws(copy)
-    (law,) = re.findall(r"^FAILED (\w+)$", PAGE, re.MULTILINE)
-    assert (status, failed) == (1, {law})
+    named = re.findall(r"^FAILED (\w+)$", PAGE, re.MULTILINE)
+    assert named
+    assert (status, failed) == (1, set(named))
     source.write_text(before, encoding="utf-8")
-    assert laws(copy, "-k", law) == (0, set())
+    assert laws(copy, "-k", " or ".join(named)) == (0, set())
 
 
 @pytest.mark.parametrize("path", re.findall(r"`((?:ecu|tests|plant|dbc)/[\w/.]+)`", PAGE))
