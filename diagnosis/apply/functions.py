@@ -35,6 +35,12 @@ _FORMS: _Forms = (
     (r"play\((?P<a>\w+), (?P<n>[-+.\de]+)(?: .*)?\)", "play({a}, {n})", ""),
     (r"play\((?P<a>\w+), (?P<n>[-+.\de]+)(?: .*)?\)·(?P<b>\w+)", "play({a}, {n}) * {b}", ""),
     (r"lowpass\((?P<a>\w+), (?P<n>[-+.\de]+) s\)", "lagged({a}, {n}, step)", ""),
+    (r"\(lowpass\((?P<a>\w+), (?P<n>[-+.\de]+) s\) - (?P=a)\)", "(lagged({a}, {n}, step) - {a})", ""),
+    (
+        r"\(lowpass\((?P<a>\w+), (?P<n>[-+.\de]+) s\) - (?P=a)\)·sign\((?P<b>\w+)\)",
+        "(lagged({a}, {n}, step) - {a}) * np.tanh({b} / (0.05 * np.std({b}) + 1e-300))",
+        "",
+    ),
     (r"(?P<a>\w+)·\|(?P=a)\|", "{a} * np.abs({a})", "{a} * abs({a})"),
     (r"(?P<a>\w+)²", "{a}**2", "{a}**2"),
     (r"(?P<a>\w+)³", "{a}**3", "{a}**3"),

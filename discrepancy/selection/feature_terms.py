@@ -94,7 +94,7 @@ def candidates(problem: Problem, state: State, simulated: Simulated) -> list[Can
             continue
         found += [simulated.at(port.name, shape) for port in model.ports]
         for channel in problem.channels:
-            if channel in simulated.units and function.text != channel:
+            if function.of_readings and channel in simulated.units and function.text != channel:
                 readings.consider(channel, simulated.at(READING + channel, shape))
     return found + readings.best()
 

@@ -34,6 +34,7 @@ class Function:
     of: Callable[[Signals, float], Array]  # the series (n,) of one window, from its signals and the step [s]
     wide: "_Wide | None" = None  # for functions with a width that is fitted
     meaning: str = ""  # what it stands for, where the formula alone does not say it
+    of_readings: bool = True  # whether it may be the error of a reading too; an actuator acts at a port
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +106,7 @@ def _late(command: str, its_unit: str, side: str | None, spread: float, time_con
         of,
         _Wide(time_constant_s, partial(_late, command, its_unit, side, spread)),
         f"as if {command} acted late, behind a lag of {time_constant_s:.2g} s",
+        of_readings=False,
     )
 
 
