@@ -17,6 +17,7 @@ from discrepancy.model.description import Effect, Model, Parameter, Window
 from discrepancy.model.sensors import sensor_effects
 from discrepancy.models.loader.model import load_run
 from discrepancy.models.printed_forms import Corrections, estimate
+from discrepancy.models.printed_slope import without_lean
 from discrepancy.signals.recording import Array, Recording, Signal, signal
 from ecu.calibration import load_calibration
 from ecu.estimators.tyres.wheels import radius
@@ -159,9 +160,12 @@ class PrintedEstimators:
 
 
 def load_quasi_static(folder: Path) -> Recording:
-    """A recorded run as means over STEP_S."""
+    """A recorded run as means over STEP_S, its slope freed of what accelerations add to the sensor's reading.
+
+    The thesis' slope is simply known: the correction is its sensor's (ADR 44), and none that the print leaves out.
+    """
     run = load_run(folder)
-    return replace(run, signals={name: _means(item) for name, item in run.signals.items()})
+    return replace(run, signals={name: _means(item) for name, item in without_lean(run).items()})
 
 
 def _means(item: Signal) -> Signal:
