@@ -149,6 +149,8 @@ def replay(
     for segment in range(edges.size - 1):
         begin, end = edges[segment], edges[segment + 1]
         state = starts[segment].copy()
+        # the last command of the segment before it in the arrays would act on the accelerations of its first row
+        command[:] = 0.0
         if rests.shape[0] > 0:
             moved_to_rest(state, rests[segment], p, work, active)
             draw(state, work, measured[begin], radius, 1.0)

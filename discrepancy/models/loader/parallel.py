@@ -38,9 +38,9 @@ def replay_segments(
     rests: Array,
     step_s: float,
     *,
-    states: bool = False,
+    states: Array | None = None,
 ) -> Array:
-    """Rows of Truth (n, Truth.size), or the plant's states (n, STATES), of a machine driven by measured inputs.
+    """Rows of Truth (n, Truth.size) of a machine driven by measured inputs; fills `states` (n, STATES) with those of the plant.
 
     values: sensor errors to correct the inputs for; starts, rests: initial state and rest of every segment as in plant.replay.replay;
     step_s: of the integration. Where the motion diverges, the remaining rows of the segment are NaN.
@@ -49,7 +49,9 @@ def replay_segments(
     measures = Observer(machine, inputs.payload).measures
     measured = without_sensor_errors(inputs, values)
     rows = np.full((len(measured), Truth.size), np.nan)
-    found_states = np.full((len(measured) if states else 0, s.STATES), np.nan)
+    if states is not None:
+        states[:] = np.nan
+    none = np.zeros((0, s.STATES))
 
     def replay(first: int, last: int) -> None:
         edges = inputs.edges[first : last + 1]
@@ -67,7 +69,7 @@ def replay_segments(
             active,
             measures,
             rows[own],
-            found_states[own] if states else found_states,
+            none if states is None else states[own],
         )
 
     def replay_share(first: int, last: int) -> None:
@@ -80,7 +82,7 @@ def replay_segments(
 
     with ThreadPoolExecutor(CORES) as pool:
         list(pool.map(replay_share, *shares(inputs.edges, CORES)))
-    return found_states if states else rows
+    return rows
 
 
 def shares(edges: NDArray[np.intp], count: int) -> tuple[list[int], list[int]]:

@@ -4,7 +4,6 @@ A warm-up run through what precedes a segment gives its initial state. Its machi
 sheet. A machine with other values starts from the same motion, shifted by the difference of the two equilibria (plant.physics.resting).
 """
 
-import math
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -18,7 +17,8 @@ from scipy.signal import lfilter
 
 from discrepancy.model.description import Window
 from discrepancy.model.sensors import delayed
-from discrepancy.models.loader.channels import CHANNELS, SPEEDS, felt
+from discrepancy.models.loader.channels import CHANNELS, LEVELLED, SPEEDS, felt
+from discrepancy.models.loader.levelling import lean
 from discrepancy.models.loader.machine_variant import Variants
 from discrepancy.models.loader.nuisances import BODIES, NUISANCES, scale, zero
 from discrepancy.models.loader.parallel import segment_parameters
@@ -126,26 +126,22 @@ class Loader:
             name: values + start.step_error[name]
             for name, values in true_outputs(self._variants, start, values, STEP_S).items()
         }
-        self._level(true, start.inputs)
+        self._level(true, start)
         outputs = {
             name: self._through_sensor(name, values, start.inputs.step_s) for name, values in true.items()
         }
         rows = [slice(a, b) for a, b in pairwise(start.inputs.edges)]
         return [{name: values[own] for name, values in outputs.items()} for own in rows]
 
-    def _level(self, true: dict[str, Array], inputs: ReplayInputs) -> None:
-        """Lean levelled sensors towards what their accelerometers feel, each segment from its steady state; drops the felt."""
-        for name in CHANNELS:
-            taken = true.pop(felt(name), None)
-            time_s = self._sensors.of(name).levelling
-            if taken is not None and math.isfinite(time_s):
-                kept = math.exp(-inputs.step_s / time_s) if time_s > 0.0 else 0.0
-                for a, b in pairwise(inputs.edges):
-                    apart = taken[a:b] - true[name][a:b]
-                    lean, _ = lfilter(
-                        np.array([1.0 - kept]), np.array([1.0, -kept]), apart, zi=np.array([kept * apart[0]])
-                    )
-                    true[name][a:b] += lean
+    def _level(self, true: dict[str, Array], start: WindowStart) -> None:
+        """Lean levelled sensors towards what their accelerometers feel, each segment from its lean at the start; drops the felt."""
+        for name, time_s, leans in zip(LEVELLED, self._levelling_s(), start.leans.T, strict=True):
+            difference = true.pop(felt(name)) - true[name]
+            for (a, b), first in zip(pairwise(start.inputs.edges), leans, strict=True):
+                true[name][a:b] += lean(difference[a:b], first, time_s, start.inputs.step_s)
+
+    def _levelling_s(self) -> list[float]:
+        return [self._sensors.of(name).levelling for name in LEVELLED]
 
     def _through_sensor(self, name: str, true: Array, step_s: float) -> Array:
         """Lag and delay of the sensor's sheet; faults of sensors are effects that the engine adds.
@@ -207,14 +203,19 @@ class Loader:
     ) -> WindowStart:
         """Start after warm-up runs with a machine of these values, with the error of the integration step."""
         machine, first = self._variants.having(values), inputs.measured[inputs.edges[:-1]]
-        starts = self._initial_states(machine, values, windows, first, inputs)
+        starts, leans = self._initial_states(machine, values, windows, first, inputs)
         p, work = segment_parameters(machine, inputs, STEP_S), new_workspace()
         rests = np.empty((len(windows), REST))
         rest_records(starts, p, work, dispatch.active_vector(machine.effects), rests)
         rests[np.abs(first[:, M_SPEED]) < STANDING] = np.nan  # brakes hold a standing machine as it is
-        start = WindowStart(inputs, starts, rests, values)
+        start = WindowStart(inputs, starts, rests, leans, values)
         fine, coarse = (true_outputs(self._variants, start, values, step_s) for step_s in (FINE_S, STEP_S))
-        return replace(start, step_error={name: fine[name] - coarse[name] for name in fine})
+        even = np.stack([(fine[felt(name)] - fine[name])[inputs.edges[:-1]] for name in LEVELLED], axis=1)
+        return replace(
+            start,
+            leans=np.where(np.isfinite(leans), leans, even),  # in equilibrium where no run precedes
+            step_error={name: fine[name] - coarse[name] for name in fine},
+        )
 
     def _initial_states(
         self,
@@ -223,9 +224,10 @@ class Loader:
         windows: Sequence[Window],
         first: Array,
         inputs: ReplayInputs,
-    ) -> Array:
-        """States (n, STATES) at the start of each window: after a warm-up run, or in equilibrium; first: inputs there (n, MEASURED)."""
+    ) -> tuple[Array, Array]:
+        """States (n, STATES) and leans (n, LEVELLED) at the start of each window: after a warm-up run, or in equilibrium; first: inputs there (n, MEASURED)."""
         states = np.full((len(windows), s.STATES), np.nan)
+        leans = np.full((len(windows), len(LEVELLED)), np.nan)
         whole = self._whole(windows[0])
         if whole is not None:
             yaw_rate = whole.corrected_yaw_rate(values.get(zero("yaw_rate"), 0.0))
@@ -233,11 +235,13 @@ class Loader:
             if min(rows) >= 0 and max(rows) < len(whole.inputs.measured):
                 with suppress(NoEquilibriumError):
                     equilibria = self._equilibria.setdefault(windows[0].recording, {})
-                    states = warm_up(machine, values, whole.inputs, rows, equilibria, yaw_rate)
+                    states, leans = warm_up(
+                        machine, values, whole.inputs, rows, equilibria, yaw_rate, self._levelling_s()
+                    )
         for state, row in zip(states, first, strict=True):
             if not np.isfinite(state).all():
                 state[:] = equilibrium(machine, inputs.payload, row).inside()[0]
-        return states
+        return states, leans
 
     def _whole(self, like: Window) -> WholeRecording | None:
         """The whole recording of a window, with the same channels; None where it is not known."""

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
+from discrepancy.models.loader.levelling import apart, lean
 from discrepancy.models.loader.parallel import replay_segments, segment_parameters
 from discrepancy.models.loader.replay_inputs import ReplayInputs
 from discrepancy.signals.recording import Array
@@ -17,6 +18,7 @@ from plant.physics.resting import REST, height, set_height
 from plant.plant import Plant
 from plant.replay import M_ARTICULATION, M_LIFT, M_SPEED, M_TILT
 from plant.sheets.machine import Machine
+from plant.truth import columns_of
 
 STEP_S: Final = 2.5e-3  # of the integration
 WARM_UP_S: Final = (
@@ -34,12 +36,13 @@ def warm_up(
     rows: Sequence[int],
     equilibria: dict[int, Array],
     yaw_rate: Array | None = None,
-) -> Array:
-    """States (n, STATES) of a machine at some rows of a whole recording, after a warm-up run to each of them.
+    levelling_s: Sequence[float] = (),
+) -> tuple[Array, Array]:
+    """States (n, STATES) of a machine and leans (n, k) of its levelled sensors at some rows of a whole recording, after a warm-up run to each.
 
     values: sensor errors, as in `replay_segments`; equilibria: cache of states by row, may be shared by threads and by machines; yaw_rate: of
-    the rear frame (rows of the recording,) [rad/s], if it was measured. A row of which the run diverges is not a number.
-    Raises NoEquilibriumError.
+    the rear frame (rows of the recording,) [rad/s], if it was measured; levelling_s: time constants (k) of the sensors
+    of LEVELLED. A row of which the run diverges is not a number. Raises NoEquilibriumError.
 
     Effects with states of their own depend on the whole past: their warm-up run starts with the recording. Without them a run of
     WARM_UP_S forgets its start, so that any machine's equilibrium will do.
@@ -58,16 +61,27 @@ def warm_up(
     poses = dead_reckoning(machine, whole.measured, whole.step_s, yaw_rate)
     p = segment_parameters(machine, inputs, STEP_S)
     starts = np.stack([_at_pose(rest, poses[run.start], p) for rest, run in zip(rests, runs, strict=True)])
-    states = replay_segments(machine, values, inputs, starts, np.zeros((0, REST)), STEP_S, states=True)
-    arrived = np.asarray(states[np.searchsorted(used, rows)], float)
+    states = np.empty((len(used), s.STATES))
+    truth = replay_segments(machine, values, inputs, starts, np.zeros((0, REST)), STEP_S, states=states)
+    felt, at = apart(columns_of(truth)), np.searchsorted(used, rows)
+    # a run starts in equilibrium, and so do its sensors
+    leans = np.array(
+        [
+            np.concatenate(
+                [lean(own, own[0], time_s, whole.step_s) for own in np.split(felt[:, k], edges[1:-1])]
+            )[at]
+            for k, time_s in enumerate(levelling_s)
+        ]
+    ).T.reshape(len(rows), -1)
+    arrived = np.asarray(states[at], float)
     # after a divergence on the way there is no attitude, and nothing that could be turned
     there = np.abs(np.linalg.norm(arrived[:, s.ATTITUDE : s.ATTITUDE + 4], axis=1) - 1.0) < UNIT
     arrived[~there] = np.nan
     if yaw_rate is not None:
         # unknown forces of the road turn the real machine, so the heading is that of the gyro and not that of the replay
-        for at in np.flatnonzero(there).tolist():
-            _turn(arrived[at], poses[rows[at], 2] - _heading(arrived[at]), p)
-    return arrived
+        for i in np.flatnonzero(there).tolist():
+            _turn(arrived[i], poses[rows[i], 2] - _heading(arrived[i]), p)
+    return arrived, leans
 
 
 def _equilibrium(machine: Machine, whole: ReplayInputs, row: int, cache: dict[int, Array]) -> Array:

@@ -35,6 +35,7 @@ class WindowStart:
     inputs: ReplayInputs
     starts: Array  # states after the warm-up runs (n, STATES)
     rests: Array  # equilibria of the machine of the warm-up runs at these states (n, REST), see plant.physics.resting
+    leans: Array  # of the levelled sensors (n, LEVELLED) [rad], by the accelerations before these states
     warm_up_values: Mapping[str, float]  # parameters of the machine of the warm-up runs
     step_error: Mapping[str, Array] = field(
         default_factory=dict

@@ -26,10 +26,16 @@ from plant.replay import replay
 from plant.sheets.machine import load_machine
 from plant.unit.equipment import load_equipment
 from plant.unit.sensor_parameters import ChannelParameters, SensorParameters
-from plant.unit.sensors import SensorBank, measured_values
+from plant.unit.sensors import SensorBank, felt_values, measured_values
 from plant.unit.signals import INDEX
 
 L60 = load_machine("l60")
+
+
+def read(bank, plant):
+    """One sample; the slope sensor feels accelerations, as it does in every recorded run."""
+    truth = plant.truth()
+    return bank.sample(measured_values(truth), felt_values(truth)).values
 
 
 def recorded(*chosen, machine=L60, seconds=12.0, noise=1.0, seed=1):
@@ -41,7 +47,7 @@ def recorded(*chosen, machine=L60, seconds=12.0, noise=1.0, seed=1):
     }
     bank = SensorBank(SensorParameters(ideal), step=0.01, generator=np.random.default_rng(seed))
     plant = Plant(replace(machine, effects=chosen), speed=3.0, integrator="rk4")
-    rows, lifting = [bank.sample(measured_values(plant.truth())).values], [0.0]
+    rows, lifting = [read(bank, plant)], [0.0]
     for k in range(round(seconds * 100)):
         t = 0.01 * k
         torque = 2500.0 if 0.5 < t < 2.0 else (-2000.0 if 3.0 < t < 4.0 else 300.0)
@@ -54,7 +60,7 @@ def recorded(*chosen, machine=L60, seconds=12.0, noise=1.0, seed=1):
             ),
             0.01,
         )
-        rows.append(bank.sample(measured_values(plant.truth())).values)
+        rows.append(read(bank, plant))
     time_s, readings = 0.01 * np.arange(len(rows)), np.array(rows)
     signals = {
         name: signal(time_s, readings[:, INDEX[name]], unit)

@@ -53,7 +53,7 @@ def test_a_short_warm_up_ends_like_one_over_the_whole_recording(monkeypatch):
     arrived = []
     for warm_up_s in (warm_up.WARM_UP_S, 1e3):
         monkeypatch.setattr(warm_up, "WARM_UP_S", warm_up_s)
-        arrived.append(warm_up.warm_up(sloping, {}, inputs, [2300], {}))
+        arrived.append(warm_up.warm_up(sloping, {}, inputs, [2300], {})[0])
     brief, whole = (states[0] for states in arrived)
     assert abs(heading(whole)) > 0.5
     assert abs(math.remainder(heading(brief) - heading(whole), math.tau)) < 0.2
@@ -71,9 +71,9 @@ def test_the_heading_is_that_of_the_gyro(off):
     """Unknown forces of the road turn the real machine; a slope has to pull the replayed one in the recorded direction."""
     inputs = circling(10.0)
     turning = np.full(len(inputs.measured), 0.15 + off)
-    (state,) = warm_up.warm_up(L60, {}, inputs, [900], {}, turning)
+    (state,), _ = warm_up.warm_up(L60, {}, inputs, [900], {}, turning)
     assert heading(state) == pytest.approx(math.remainder(9.0 * (0.15 + off), math.tau), abs=1e-6)
-    (free,) = warm_up.warm_up(L60, {}, inputs, [900], {})
+    (free,), _ = warm_up.warm_up(L60, {}, inputs, [900], {})
     drift, free_drift = (math.atan2(x[s.VELOCITY + 1], x[s.VELOCITY]) - heading(x) for x in (state, free))
     assert math.remainder(drift - free_drift, math.tau) == pytest.approx(0.0, abs=1e-6)
     joints = slice(s.JOINT + s.FRONT_FRAME, s.JOINT + s.BODIES)
@@ -84,7 +84,7 @@ def test_a_run_that_diverges_is_not_a_number_from_there_on():
     """A search tries effects of any size, and such a start must not end the diagnosis."""
     inputs = circling(20.0)
     inputs.measured[1000:, M_TORQUE : M_TORQUE + 4] = 1e30
-    before, after = warm_up.warm_up(L60, {}, inputs, [900, 1900], {}, np.full(len(inputs.measured), 0.1))
+    (before, after), _ = warm_up.warm_up(L60, {}, inputs, [900, 1900], {}, np.full(len(inputs.measured), 0.1))
     assert np.isfinite(before).all()
     assert np.isnan(after).all()
 
@@ -100,5 +100,16 @@ def test_equilibria_cached_for_one_machine_change_nothing_for_another():
         warm_up.warm_up(L60, {}, inputs, rows, kept)
     assert 0 not in kept
     np.testing.assert_array_equal(
-        warm_up.warm_up(heavier, {}, inputs, [900], kept), warm_up.warm_up(heavier, {}, inputs, [900], {})
+        warm_up.warm_up(heavier, {}, inputs, [900], kept)[0],
+        warm_up.warm_up(heavier, {}, inputs, [900], {})[0],
     )
+
+
+def test_a_levelled_sensor_arrives_with_the_lean_of_the_drive_before():
+    """In an even turn that of its centripetal acceleration; a sensor that its accelerometers do not level has none."""
+    inputs = circling(20.0)
+    states, leans = warm_up.warm_up(L60, {}, inputs, [1900], {}, levelling_s=(math.inf, 1.0))
+    turning = states[0, s.ANGULAR + 2]
+    radius = AHEAD / math.sin(ANGLE) + BEHIND / math.tan(ANGLE)
+    assert leans[0, 0] == 0.0
+    assert leans[0, 1] == pytest.approx(math.atan(turning**2 * radius / 9.81), rel=0.05)
