@@ -4,6 +4,7 @@ The model's parameters are differences from the sheet, or factors. A reader want
 file its own keys. `quantities` gives both for each parameter.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal
@@ -11,7 +12,9 @@ from typing import Final, Literal
 from diagnosis.apply.machine_files import entry
 from diagnosis.apply.toml_text import Line
 from discrepancy.model.description import Model, Parameter
+from discrepancy.models.loader.channels import LEVELLED
 from discrepancy.models.loader.nuisances import BODIES
+from identify.machine.weighing import G
 from identify.tyre.parameters import Nominal
 from identify.tyre.patch import nominal_stiffness
 from plant.sheets.machine import Machine
@@ -27,6 +30,9 @@ JOINTS: Final = {
     "tilt_zero": "tilt_angle",
 }
 """Channel of each joint's zero point."""
+
+FELT_BY: Final = {"pitch_angle": "specific_force_x", "roll_angle": "specific_force_y"}
+"""Accelerometer along the axis whose accelerations a levelled sensor takes for a slope."""
 
 Kind = Literal["machine", "sensor"]
 
@@ -56,10 +62,21 @@ def identification_model(model: Model, *, payload_sd: float = 0.0) -> Model:
         nuisances=(*model.nuisances, *BODIES, *payload),
         # Derivatives of a nearby point end a fit beside its optimum: little in the search of an effect, several standard deviations here.
         jacobian_reach=0.0,
+        floors={**model.floors, **_levelled_floors(model)},
         effects=tuple(
             e for e in model.effects if e.name not in MOVED or (e.name == MOVED[2] and not payload)
         ),
     )
+
+
+def _levelled_floors(model: Model) -> dict[str, float]:
+    """Floors of the noise of levelled slope sensors [rad]: their own, and that of the acceleration that they take for a slope.
+
+    A levelled sensor is an accelerometer too, with far less noise than the inertial unit's. The replay's acceleration in a turn is wrong by
+    about a thousandth; by the sensor's own noise that would be seen in the slope, and be taken for a smaller wheel.
+    """
+    own = model.floors
+    return {name: math.hypot(own[name], own[FELT_BY[name]] / G) for name in LEVELLED}
 
 
 def quantities(machine: Machine, model: Model) -> list[Quantity]:
