@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from deploy.settings import CORES, GatewaySettings, RecorderSettings, ServiceSettings
 from deploy.words import executable, word
-from ecu.offered.services import NO_SERVICES, ServiceOptions
+from ecu.offered.services import ServiceOptions
 from hil.ending import Ending
 from hil.shell.realtime_options import RealtimeOptions
 
@@ -191,17 +191,19 @@ def _exported(settings: ServiceSettings, program: str) -> str:
     for key, lacks in (
         ("ecu.core", settings.core != "c"),
         ("ecu.form", settings.form != "corrected"),
-        ("offered", settings.offered != NO_SERVICES),
+        ("offered.j1939", settings.offered.j1939 is not None),
+        ("offered.xcp", settings.offered.xcp is not None),
     ):
         if lacks:
             raise settings.error(
-                key, "does not fit --ecu-program: the exported program is core c, without what is offered"
+                key, "does not fit --ecu-program: the exported program is core c, and offers UDS alone"
             )
     interface = settings.can.interface
     options = [
         f"--bus {settings.address}",
         f"--listen-s {settings.can.listen_s:g}",
         *([] if settings.limits else ["--no-limits"]),
+        *_offered_words(settings.offered),
         *replace(settings.realtime, gc_freeze=True).words(),  # C collects no garbage
     ]
     return f"""\

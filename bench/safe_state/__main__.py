@@ -27,7 +27,7 @@ from bench.safe_state.events import (
 from bench.safe_state.judge import judged
 from bench.speed import commit
 from deploy.c.project import write_project
-from ecu.calibration import load_calibration
+from ecu.calibration import calibration_table, read_calibration
 
 HEAD = """\
 # Safe state when something breaks
@@ -137,7 +137,8 @@ def main() -> int:
     kernel = f"Linux {platform.release()} as a process (user-mode Linux, one processor)"
     found: dict[tuple[str, str], list[Outcome]] = {}
     with tempfile.TemporaryDirectory() as folder:
-        write_project(Path(folder) / "c", load_calibration("l60"))
+        table = calibration_table("l60")
+        write_project(Path(folder) / "c", read_calibration(table), table.values)
         subprocess.run(["make", "-s", "-C", f"{folder}/c"], check=True)
         ecus = (python_ecu(Path(folder)), c_ecu(Path(folder) / "c/linux/loader-ecu"))
         for event in EVENTS:

@@ -20,9 +20,10 @@ def export_c(
     Exit code 0: written; 2: the calibration or the folder cannot be used. Example: `loaderhil export-c out/c --calibration l60`
     """
     from deploy.c.project import write_project
-    from ecu.calibration import load_calibration
+    from ecu.calibration import calibration_table, read_calibration
 
-    files = write_project(out, load_calibration(calibration))
+    table = calibration_table(calibration)
+    files = write_project(out, read_calibration(table), table.values)
     for file in files:
         print(f"written: {file}")
 

@@ -6,7 +6,7 @@ from typing import Final
 
 from dbc.database import Database
 from deploy.c.rules_tables import CHECKS, EVENTS
-from deploy.c.tables import inputs_of, sent_order
+from deploy.c.tables import inputs_of, rows, sent_order
 from ecu.calibration import Calibration
 from ecu.codes import Mode
 from ecu.inputs import GROUP_OF, Group
@@ -14,6 +14,17 @@ from ecu.outputs import messages
 from ecu.states import State
 
 _NOTE: Final = "/* Written by `loaderhil export-c`: the names that the Python ECU's log has. */\n"
+_KNOWN: Final = """
+/* Every message of the DBC: none of its identifiers is free for a tool. */
+#define KNOWN_IDENTIFIERS {count}U
+
+typedef struct {{
+    uint32_t id;
+    const char *name;
+}} KnownIdentifier;
+
+extern const KnownIdentifier known_identifiers[KNOWN_IDENTIFIERS];
+"""
 
 
 def name_files(calibration: Calibration, database: Database) -> dict[str, str]:
@@ -34,14 +45,18 @@ def name_files(calibration: Calibration, database: Database) -> dict[str, str]:
         "modes": [modes.get(k, "''") for k in range(max(modes) + 1)],
     }
     sizes = {name: f"names_of_{name}[{len(words)}]" for name, words in tables.items()}
-    header = "".join(f"extern const char *const {size};\n" for size in sizes.values())
+    header = "".join(f"extern const char *const {size};\n" for size in sizes.values()) + _KNOWN.format(
+        count=len(database.by_id)
+    )
     source = "\n".join(
         f"const char *const {sizes[name]} = {{\n"
         + "".join(f"    {json.dumps(word)},\n" for word in words)
         + "};\n"
         for name, words in tables.items()
     )
+    known = [f"{{{can_id:#x}U, {json.dumps(codec.name)}}}" for can_id, codec in database.by_id.items()]
+    source += "\n" + rows("KnownIdentifier", "known_identifiers", known, "KNOWN_IDENTIFIERS")
     return {
-        "linux/ecu_names.h": f"{_NOTE}#ifndef ECU_NAMES_H\n#define ECU_NAMES_H\n\n{header}\n#endif\n",
+        "linux/ecu_names.h": f"{_NOTE}#ifndef ECU_NAMES_H\n#define ECU_NAMES_H\n\n#include <stdint.h>\n\n{header}\n#endif\n",
         "linux/ecu_names.c": f'{_NOTE}#include "ecu_names.h"\n\n{source}',
     }

@@ -1,5 +1,6 @@
 """The folder that `loaderhil export-c` writes: generated files and the runtime that is the same for every machine."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -9,9 +10,11 @@ from deploy.c.calibration import calibration_files
 from deploy.c.ecu_tables import table_files
 from deploy.c.estimators import estimator_files
 from deploy.c.names_tables import name_files
+from deploy.c.service_tables import service_files
 from ecu.calibration import Calibration
 
 RUNTIME: Final = Path(__file__).resolve().parent / "runtime"
+_OFFERING: Final = ("services/", "linux/")
 MARK: Final = "Written by `loaderhil export-c`"
 
 
@@ -19,25 +22,30 @@ class FolderInUseError(UserError, ValueError):
     """The folder holds files of somebody else."""
 
 
-def project_files(calibration: Calibration) -> dict[str, str]:
-    """File name -> text."""
+def project_files(calibration: Calibration, sections: Mapping[str, object] | None = None) -> dict[str, str]:
+    """File name -> text. sections: the table of the calibration's file; without it there are no services on the bus, nor programs that have them."""
+    names = (file.relative_to(RUNTIME).as_posix() for file in sorted(RUNTIME.rglob("*")) if file.is_file())
     fixed = {
-        file.relative_to(RUNTIME).as_posix(): file.read_text(encoding="utf-8")
-        for file in sorted(RUNTIME.rglob("*"))
-        if file.is_file()
+        name: (RUNTIME / name).read_text(encoding="utf-8")
+        for name in names
+        if sections is not None or not name.startswith(_OFFERING)
     }
+    files = fixed | estimator_files() | calibration_files(calibration)
+    files |= table_files(calibration, loader_database())
+    if sections is None:
+        return files
     return (
-        fixed
-        | estimator_files()
-        | calibration_files(calibration)
-        | table_files(calibration, loader_database())
+        files
         | name_files(calibration, loader_database())
+        | service_files(calibration, sections, loader_database())
     )
 
 
-def write_project(folder: Path, calibration: Calibration) -> list[Path]:
-    """Write all files; FolderInUseError where one of them exists and is not of an earlier export."""
-    files = project_files(calibration)
+def write_project(
+    folder: Path, calibration: Calibration, sections: Mapping[str, object] | None = None
+) -> list[Path]:
+    """Write all files; FolderInUseError where one of them exists and is not of an earlier export. sections: as `project_files`."""
+    files = project_files(calibration, sections)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         known = (folder / "estimators.c").is_file() and MARK in (folder / "estimators.c").read_text(

@@ -24,7 +24,7 @@ def identifiers(
     # what XCP's BUILD_CHECKSUM gives of page 0
     checksum = struct.pack(">I", zlib.crc32(image_of(sections)))
     found: dict[int, Callable[[], bytes]] = {
-        MACHINE: lambda: f"LOADERHIL{name.upper()}".ljust(VIN_LENGTH, "0")[:VIN_LENGTH].encode(),
+        MACHINE: lambda: machine_name(name),
         SOFTWARE_VERSION: lambda: version.encode(),
         CALIBRATION_NAME: lambda: name.encode(),
         CALIBRATION_CHECKSUM: lambda: checksum,
@@ -33,6 +33,11 @@ def identifiers(
     for k, row in enumerate(measurements()):
         found[MEASURED_BASE + k] = _reader(image, row.address - BASE, row.type == FLOAT)
     return found
+
+
+def machine_name(calibration: str) -> bytes:
+    """Name of the machine with the length of a VIN."""
+    return f"LOADERHIL{calibration.upper()}".ljust(VIN_LENGTH, "0")[:VIN_LENGTH].encode()
 
 
 def _reader(image: MeasuredImage, offset: int, is_float: bool) -> Callable[[], bytes]:

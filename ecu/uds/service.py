@@ -18,6 +18,11 @@ from ecu.uds.server import UdsServer
 LOGGER: Final = "ecu.uds.isotp"
 LONGEST_REQUEST: Final = 255
 """No request of the served services is longer; a first frame that announces more is answered by an overflow."""
+SINGLE_BYTES, LONGEST_ANNOUNCED = 7, 4095
+"""Most bytes of a message in one frame, and of one whose length has twelve bits."""
+_SINGLE, _FIRST, _CONSECUTIVE, _FLOW_CONTROL = range(4)
+_OVERFLOW: Final = 2
+"""The last status of a flow control."""
 
 
 class UdsService:
@@ -53,6 +58,8 @@ class UdsService:
         data = self._channel.data_of(frame)
         if data is None:
             return []
+        if (data := sound(data)) is None:
+            return []
         extended = bool(frame.can_id & EXTENDED)
         self._heard.append(
             isotp.CanMessage(arbitration_id=frame.identifier, dlc=len(data), data=data, extended_id=extended)
@@ -74,6 +81,8 @@ class UdsService:
     def _process(self, now_ns: int) -> list[Frame]:
         self._link.process()
         while (request := self._link.recv()) is not None:
+            if self._link.transmitting():
+                continue  # half duplex: answers that wait for one another would have no bound
             answer = self._server.request(bytes(request), now_ns)
             if answer:
                 self._link.send(answer)
@@ -83,6 +92,28 @@ class UdsService:
 
     def _send(self, message: isotp.CanMessage) -> None:
         self._sent.append(Frame(self._channel.send, bytes(message.data)))
+
+
+def sound(data: bytes) -> bytes | None:
+    """A frame as can-isotp understands what the standard says of it; None for one that has to be ignored.
+
+    can-isotp ends a transfer for such a frame, or begins one. A pause with a reserved code is the longest one.
+    """
+    kind, low = data[0] >> 4, data[0] & 0x0F
+    if kind == _SINGLE:
+        return data if 0 < low < len(data) else None
+    if kind == _FIRST:
+        if len(data) < 8:
+            return None
+        announced = low << 8 | data[1]
+        if announced == 0:  # the length has 32 bits, for what 12 cannot say
+            return data if int.from_bytes(data[2:6], "big") > LONGEST_ANNOUNCED else None
+        return data if announced > SINGLE_BYTES else None
+    if kind == _CONSECUTIVE:
+        return data
+    if kind != _FLOW_CONTROL or len(data) < 3 or low > _OVERFLOW:
+        return None
+    return data if data[2] <= 0x7F or 0xF1 <= data[2] <= 0xF9 else bytes((*data[:2], 0x7F, *data[3:]))
 
 
 def uds_service(

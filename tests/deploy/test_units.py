@@ -108,6 +108,9 @@ def test_the_core_arrives():
 
 
 IN_C = replace(SETTINGS, core="c", can=replace(SETTINGS.can, listen_s=0.5), limits=False)
+OFFERING = replace(
+    IN_C, offered=ServiceOptions(uds="0x610,0x611", access_key=Path("/etc/loaderhil/access.key"))
+)
 
 
 def test_the_exported_program_takes_the_place_of_the_ecu():
@@ -126,7 +129,8 @@ def test_the_exported_program_takes_the_place_of_the_ecu():
     [
         ({"core": "python"}, "ecu.core"),
         ({"form": "printed"}, "ecu.form"),
-        ({"offered": ServiceOptions(xcp="0x1,0x2")}, "offered"),
+        ({"offered": ServiceOptions(xcp="0x1,0x2")}, "offered.xcp"),
+        ({"offered": ServiceOptions(j1939="identity=1")}, "offered.j1939"),
     ],
 )
 def test_what_the_exported_program_does_not_have_is_refused(changed, key):
@@ -139,9 +143,9 @@ def test_the_exported_program_understands_its_unit(ecu_sources):
     compiler()
     make(ecu_sources, "linux/loader-ecu")
     program = ecu_sources / "linux/loader-ecu"
-    words = sections(service_files(IN_C, "/usr/bin/loaderhil", ecu_program="/opt/loader-ecu")[SERVICE])[
-        "Service"
-    ]["ExecStart"]
+    files = service_files(OFFERING, "/usr/bin/loaderhil", ecu_program="/opt/loader-ecu")
+    words = sections(files[SERVICE])["Service"]["ExecStart"]
+    assert " --uds 0x610,0x611 --access-key /etc/loaderhil/access.key " in words
     shown = subprocess.run(
         [program, *words.split()[1:], "--help"], capture_output=True, text=True, check=False
     )

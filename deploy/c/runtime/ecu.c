@@ -37,6 +37,7 @@ typedef struct {
 } Ecu;
 
 static Ecu ecu;
+static real_t last_values[VALUES]; /* of the last tick */
 
 /* The machine's own limits only. */
 static Limits limits_none(void)
@@ -50,20 +51,41 @@ static Times times_of(int64_t on_delay_ns)
     return times;
 }
 
-void ecu_init(bool limits_enabled)
+void ecu_restart(void)
 {
-    (void)memset(&ecu, 0, sizeof ecu);
-    ecu.limits_enabled = limits_enabled;
     ecu.state = STATE_INIT;
+    ecu.started = false;
     ecu.bad_ns = -1;
     ecu.fault_ns = -1;
+    ecu.has_previous = false;
+    ecu.overran = false;
+    ecu.protection_failed = false;
     ecu.limits = limits_safe(&calibration_limits);
+    (void)memset(&ecu.estimator, 0, sizeof ecu.estimator);
+    (void)memset(ecu.alarms, 0, sizeof ecu.alarms);
     for (uint8_t k = 0U; k < ALARMS; ++k) {
         ecu.alarms[k].against_ns = NEVER_NS;
     }
+#ifdef ECU_FINDINGS
+    ecu.stale = 0U;
+#endif
     inputs_start();
     validity_start();
+    codes_dropped();
+}
+
+void ecu_init(bool limits_enabled)
+{
+    (void)memset(&ecu, 0, sizeof ecu);
+    (void)memset(last_values, 0, sizeof last_values);
+    ecu.limits_enabled = limits_enabled;
     codes_start();
+    ecu_restart();
+}
+
+const real_t *ecu_values(void)
+{
+    return last_values;
 }
 
 uint8_t ecu_state(void)
@@ -278,11 +300,11 @@ static uint8_t frames_made(const real_t *values, EcuFrame *frames)
 
 uint8_t ecu_tick(int64_t now_ns, EcuFrame frames[ECU_MOST_FRAMES])
 {
-    static real_t values[VALUES];
+    real_t *const values = last_values;
     Estimates estimates;
     bool failed;
     (void)memset(&estimates, 0, sizeof estimates);
-    (void)memset(values, 0, sizeof values);
+    (void)memset(last_values, 0, sizeof last_values);
     const CycleInputs *received = inputs_gathered(now_ns);
 #ifdef ECU_FINDINGS
     stale_found(received);

@@ -7,16 +7,6 @@
 #define MOST_OCCURRENCES 126U
 #define MANUFACTURERS 7U /* top three bits of an SPN of the manufacturer's range */
 #define EVERY_TICKS 10U  /* each message shows the next code */
-#define FROZEN_VALUES 5U
-
-typedef struct {
-    uint16_t suspect;
-    uint8_t mode;
-    uint8_t occurrences;
-    bool active;
-    int64_t last_ns;
-    real_t frozen[FROZEN_VALUES]; /* value as a share, speed, articulation, lift arm, time since start */
-} Code;
 
 typedef struct {
     uint16_t suspect;
@@ -142,13 +132,38 @@ static const Code *code_at(uint16_t place, bool active)
     return NULL;
 }
 
-static uint16_t count_of(bool active)
+uint16_t codes_count(bool active)
 {
     uint16_t found = 0U;
     for (uint16_t k = 0U; k < code_count; ++k) {
         found = (uint16_t)(found + ((codes[k].active == active) ? 1U : 0U));
     }
     return found;
+}
+
+const Code *codes_all(uint16_t *count)
+{
+    *count = code_count;
+    return codes;
+}
+
+void codes_cleared(void)
+{
+    uint16_t kept = 0U;
+    for (uint16_t k = 0U; k < code_count; ++k) {
+        if (codes[k].active) {
+            /* a fault is found when it begins: a code that is forgotten would not come back while its fault goes on */
+            codes[kept] = codes[k];
+            codes[kept].occurrences = 1U;
+            kept += 1U;
+        }
+    }
+    code_count = kept;
+}
+
+void codes_dropped(void)
+{
+    noted_count = 0U;
 }
 
 /* Where the values of one of the two messages with codes stand. */
@@ -163,7 +178,7 @@ typedef struct {
 
 static void shown(const MessagePlaces *places, bool active, uint32_t turn, real_t *values)
 {
-    const uint16_t total = count_of(active);
+    const uint16_t total = codes_count(active);
     if (total == 0U) {
         return;
     }
@@ -182,7 +197,7 @@ static void shown(const MessagePlaces *places, bool active, uint32_t turn, real_
 
 static void shown_frozen(uint32_t turn, real_t *values)
 {
-    const uint16_t active = count_of(true);
+    const uint16_t active = codes_count(true);
     const uint16_t place = (uint16_t)(turn % code_count);
     const Code *code = (place < active) ? code_at(place, true) : code_at((uint16_t)(place - active), false);
     if (code != NULL) {
@@ -210,7 +225,7 @@ void codes_valued(uint32_t tick, bool invalid, bool stopped, real_t *values)
         return;
     }
     const uint32_t turn = tick / EVERY_TICKS;
-    const bool any = count_of(true) != 0U;
+    const bool any = codes_count(true) != 0U;
     values[VALUE_ACTIVE_FAULTS_PROTECT_LAMP] = any ? R(1.0) : R(0.0);
     values[VALUE_ACTIVE_FAULTS_AMBER_WARNING_LAMP] = (invalid && any) ? R(1.0) : R(0.0);
     values[VALUE_ACTIVE_FAULTS_RED_STOP_LAMP] = stopped ? R(1.0) : R(0.0);

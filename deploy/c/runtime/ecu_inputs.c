@@ -203,6 +203,11 @@ bool inputs_receive(uint32_t id, const uint8_t *data, uint8_t length, int64_t no
     return false;
 }
 
+const CycleInputs *inputs_held(void)
+{
+    return &gathered;
+}
+
 const CycleInputs *inputs_gathered(int64_t now_ns)
 {
     gathered.unusable = 0U;

@@ -71,10 +71,31 @@ const CycleInputs *inputs_gathered(int64_t now_ns);
 
 /* -- trouble codes (ecu_codes.c) */
 
+#define FROZEN_VALUES 5U
+
+typedef struct {
+    uint16_t suspect;
+    uint8_t mode;
+    uint8_t occurrences;
+    bool active;
+    int64_t last_ns;
+    real_t frozen[FROZEN_VALUES]; /* value as a share, speed, articulation, lift arm, time since start */
+} Code;
+
 void codes_start(void);
 void codes_noted(uint16_t suspect, uint8_t mode); /* a fault that the next tick turns into a code */
 void codes_stepped(const CycleInputs *inputs, bool estimators_failed, real_t speed, int64_t now_ns);
 void codes_valued(uint32_t tick, bool invalid, bool stopped, real_t *values);
+uint16_t codes_count(bool active);
+const Code *codes_all(uint16_t *count); /* the oldest first */
+void codes_cleared(void); /* forgets the previous ones; of those that are active, that they came before */
+void codes_dropped(void); /* what was noted since the last tick becomes no code */
+
+/* -- what the cycle shows to services beside it (ecu.c, ecu_inputs.c) */
+
+const real_t *ecu_values(void); /* VALUES of the last tick; zeros before the first */
+const CycleInputs *inputs_held(void); /* those of the last tick, until a frame is received */
+void ecu_restart(void); /* as after power-on; trouble codes, counters of frames and of ticks go on */
 
 /* -- rules (ecu_rules.c) */
 

@@ -5,7 +5,7 @@ import pytest
 
 from deploy.c.estimators import estimator_files
 from deploy.c.project import RUNTIME, write_project
-from ecu.calibration import load_calibration
+from ecu.calibration import calibration_table, load_calibration
 from tests.deploy.c.building import STRICT, BuiltEstimators, build, write
 from tests.deploy.c.drives import driven_rows
 
@@ -71,7 +71,7 @@ def rounded(record):
 def ecu_sources(tmp_path_factory):
     """The exported folder."""
     folder = tmp_path_factory.mktemp("ecu")
-    write_project(folder, CALIBRATION)
+    write_project(folder, CALIBRATION, calibration_table("l60").values)
     return folder
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 HOWTO = Path(__file__).resolve().parents[3] / "docs/howto/export-c.md"
-WHOLE, BOARD = ("*.c", "linux/*.c"), ("cortex_m4/*.c",)
+WHOLE, BOARD = ("*.c", "services/*.c", "linux/*.c"), ("cortex_m4/*.c",)
 """Rules on what is used anywhere need a whole program."""
-PLACES = ("ECU", "linux/", "cortex_m4/")
-ROW = re.compile(r"^\| (ECU|linux/|cortex_m4/) \| ([\d., ]+) \| (.+) \|$", re.MULTILINE)
+PLACES = ("ECU", "services/", "linux/", "cortex_m4/")
+ROW = re.compile(r"^\| (ECU|services/|linux/|cortex_m4/) \| ([\d., ]+) \| (.+) \|$", re.MULTILINE)
 FOUND = re.compile(r"^([\w./]+):\d+:\d+: .*\[misra-c2012-([\d.]+)\]$", re.MULTILINE)
 
 

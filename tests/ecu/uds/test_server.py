@@ -10,8 +10,8 @@ from tests.ecu.uds.tool import CHANNEL, UdsEcu
 
 
 @pytest.fixture
-def ecu():
-    ecu = UdsEcu()
+def ecu(make_ecu):
+    ecu = make_ecu()
     ecu.cycles(20)
     return ecu
 
@@ -71,9 +71,9 @@ def test_a_positive_answer_can_be_suppressed_and_a_negative_cannot(ecu):
     assert ask(ecu, "1082") == bytes((0x7F, 0x10, Negative.SUBFUNCTION_NOT_SUPPORTED))
 
 
-def test_random_frames_disturb_no_estimate_and_fill_no_log(caplog):
+def test_random_frames_disturb_no_estimate_and_fill_no_log(make_ecu, caplog):
     rng = random.Random(3)
-    ecu, plain = UdsEcu(), UdsEcu()
+    ecu, plain = make_ecu(), make_ecu()
     services = list(Service)
     for _ in range(50):
         for _ in range(60):

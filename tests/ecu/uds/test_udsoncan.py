@@ -18,8 +18,8 @@ EXTENDED = services.DiagnosticSessionControl.Session.extendedDiagnosticSession
 
 
 @pytest.fixture
-def ecu():
-    ecu = UdsEcu()
+def ecu(make_ecu):
+    ecu = make_ecu()
     ecu.cycles(60)
     return ecu
 

@@ -19,7 +19,9 @@
 #include "ecu_tables.h"
 #include "log.h"
 #include "manager.h"
+#include "offered.h"
 #include "options.h"
+#include "services/services.h"
 
 #define MS_NS 1000000LL
 
@@ -59,6 +61,7 @@ static void received(uint32_t id, const uint8_t *data, uint8_t length, int64_t n
         log_note("two senders: we and another node send ", ours);
     }
     ecu_receive(id, data, length, now_ns);
+    services_receive(id, data, length, now_ns);
 }
 
 /* Listens before anything is sent. False after a line that says why the ECU must not start. */
@@ -86,8 +89,10 @@ static void ticked(int64_t due_ns)
 {
     EcuFrame frames[ECU_MOST_FRAMES];
     const int64_t started_ns = now_of();
+    services_before_cycle(due_ns);
     const uint8_t count = ecu_tick(due_ns, frames);
     bus_sent(frames, count);
+    services_after_cycle(due_ns);
     const int64_t ended_ns = now_of();
     ecu_executed(ended_ns - started_ns);
     bus_looked_after();
@@ -127,6 +132,9 @@ int main(int count, char **words)
     (void)sigaction(SIGINT, &action, NULL);
     (void)sigaction(SIGTERM, &action, NULL);
     manager_found();
+    if (!offered_started(&options)) {
+        return MISUSED;
+    }
     if (!bus_opened(options.interface)) {
         return BUS_LOST;
     }

@@ -20,6 +20,8 @@ static const char usage[] =
     "  --fifo PRIORITY            real-time priority (SCHED_FIFO), 1 to 99\n"
     "  --lock-memory              lock all memory, so that no tick waits for a page fault\n"
     "  --cpu N                    run only on processor N, counted from 0\n"
+    "  --uds RECEIVE,SEND         answer UDS on ISO-TP: CAN identifiers of the tool's and of the ECU's frames\n"
+    "  --access-key FILE          the secret behind seed and key; without it nothing can be unlocked\n"
     "  -h, --help                 this text\n"
     "\n"
     "Exit code 0: ended by a signal; 1: the bus has another ECU, or errors; 2: wrong options; 4: no such interface.\n";
@@ -51,6 +53,10 @@ static int valued(const char *option, const char *value, Options *options)
             return refused(option, value, "socketcan:INTERFACE");
         }
         options->interface = value + (sizeof scheme - 1U);
+    } else if (strcmp(option, "--uds") == 0) {
+        options->uds = value;
+    } else if (strcmp(option, "--access-key") == 0) {
+        options->access_key = value;
     } else if (strcmp(option, "--fifo") == 0) {
         return whole(value, 1, 99, &options->fifo) ? -1 : refused(option, value, "a priority of 1 to 99");
     } else if (strcmp(option, "--cpu") == 0) {
@@ -71,7 +77,8 @@ static int valued(const char *option, const char *value, Options *options)
 
 int options_read(int count, char **words, Options *options)
 {
-    const Options ordinary = {.interface = NULL, .limits = true, .fifo = 0, .cpu = -1, .lock_memory = false, .listen_s = 0.0};
+    const Options ordinary = {.interface = NULL, .limits = true, .fifo = 0, .cpu = -1, .lock_memory = false, .listen_s = 0.0,
+                              .uds = NULL, .access_key = NULL};
     *options = ordinary;
     for (int k = 1; k < count; ++k) {
         const char *word = words[k];

@@ -1,0 +1,46 @@
+/* Hands frames and cycles to what is offered. After ecu/offered/services.py and ecu/measure/channel.py. */
+#include "services.h"
+
+#include <stddef.h>
+
+#include "access.h"
+#include "measured.h"
+#include "uds.h"
+
+static Services offered;
+
+void services_start(const Services *services)
+{
+    offered = *services;
+    offered.secret = NULL; /* what is needed of it is kept by access.c */
+    access_start(services->secret, services->secret_length);
+    measured_start();
+    if (offered.uds.offered) {
+        uds_start(offered.uds.send);
+    }
+}
+
+void services_receive(uint32_t id, const uint8_t *data, uint8_t length, int64_t now_ns)
+{
+    if ((length == 0U) || (length > 8U)) {
+        return;
+    }
+    if (offered.uds.offered && (id == offered.uds.receive)) {
+        uds_receive(data, length, now_ns);
+    }
+}
+
+void services_before_cycle(int64_t now_ns)
+{
+    if (offered.uds.offered) {
+        uds_before_cycle(now_ns);
+    }
+}
+
+void services_after_cycle(int64_t now_ns)
+{
+    measured_taken();
+    if (offered.uds.offered) {
+        uds_after_cycle(now_ns);
+    }
+}
