@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from ecu.estimators.compiled import compiled
+from ecu.estimators.compiled import compiled, inlined
 
 
 class Joint(NamedTuple):
@@ -20,7 +20,7 @@ def joint_at(angle: float) -> Joint:
     return Joint(angle, math.cos(angle), math.sin(angle))
 
 
-@compiled
+@inlined
 def slight(angle: float) -> tuple[float, float]:
     """Cosine and sine of a slight angle [rad]: an exact rotation whose angle is right to angle^5 / 120.
 
@@ -32,7 +32,7 @@ def slight(angle: float) -> tuple[float, float]:
     return (1.0 - square) / (1.0 + square), 2.0 * half / (1.0 + square)
 
 
-@compiled
+@inlined
 def turned(joint: Joint, angle: float) -> Joint:
     """The joint after a slight turn to this angle [rad]; accuracy as of `slight`."""
     c, s = slight(angle - joint.angle)

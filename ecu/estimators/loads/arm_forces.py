@@ -7,7 +7,7 @@ Left out: Coriolis accelerations from roll and pitch rates, a tenth of those fro
 
 from typing import NamedTuple
 
-from ecu.estimators.compiled import compiled
+from ecu.estimators.compiled import compiled, inlined
 from ecu.estimators.loads.cog import Pose
 from ecu.estimators.motion.arm import Turning, moving
 from ecu.estimators.parameters import Arm, Bucket
@@ -36,13 +36,13 @@ class Relative(NamedTuple):
     az: float
 
 
-@compiled
+@inlined
 def relative(x: float, z: float, rate: float, acceleration: float) -> Relative:
     """Motion of the point (x, z) [m] away from the pin of a part that turns upwards."""
     return Relative(-rate * z, -acceleration * z - rate * rate * x, acceleration * x - rate * rate * z)
 
 
-@compiled
+@inlined
 def lump(mass: float, x: float, z: float, spin: float, motion: Relative, yaw_rate: float) -> ArmForces:
     """Share of one lump at (x, z) [m] from the joint; spin: moment of inertia times angular acceleration [N m]."""
     across = 2.0 * yaw_rate * motion.vx

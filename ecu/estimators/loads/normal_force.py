@@ -13,7 +13,7 @@ moment), E-17 (lateral share from the yaw balance), E-19 to E-21. The printed fo
 import math
 from typing import NamedTuple
 
-from ecu.estimators.compiled import compiled
+from ecu.estimators.compiled import compiled, inlined
 from ecu.estimators.joint import Joint, joint_at
 from ecu.estimators.parameters import Geometry
 from ecu.estimators.quantities import Centre, NormalForces
@@ -88,7 +88,7 @@ def lateral_share(centre_x: float, articulation_angle: float, geometry: Geometry
     return (front - centre_x) / (front + geometry.rear_length)
 
 
-@compiled
+@inlined
 def normal_forces(
     support: Support,
     joint: Joint,

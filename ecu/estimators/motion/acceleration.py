@@ -6,7 +6,7 @@ slip; it includes the centripetal term that the print lacks (E-18).
 
 import math
 
-from ecu.estimators.compiled import compiled
+from ecu.estimators.compiled import compiled, inlined
 from ecu.estimators.parameters import Geometry
 from ecu.estimators.quantities import Vector
 
@@ -38,7 +38,7 @@ def yaw_acceleration(
     )
 
 
-@compiled
+@inlined
 def planar_acceleration(
     joint_x: float, joint_y: float, x: float, y: float, rate: float, change: float
 ) -> tuple[float, float]:

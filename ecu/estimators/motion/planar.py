@@ -8,7 +8,7 @@ rear frame axes. Left out: relaxation of the tyres, load transfer within an axle
 
 from typing import NamedTuple
 
-from ecu.estimators.compiled import compiled
+from ecu.estimators.compiled import inlined
 from ecu.estimators.joint import Joint
 from ecu.estimators.parameters import GRAVITY, Body, Geometry, Wheel
 from ecu.estimators.tyres import tyre
@@ -44,7 +44,7 @@ class SideForce(NamedTuple):
     slope: float
 
 
-@compiled
+@inlined
 def side_force(along: float, across: float, load: float, dt: float, wheel: Wheel) -> SideForce:
     """Lateral force of an axle that moves with `along` and `across` [m/s] under `load` [N].
 
@@ -63,7 +63,7 @@ def side_force(along: float, across: float, load: float, dt: float, wheel: Wheel
     return SideForce(force, force / across)
 
 
-@compiled
+@inlined
 def lateral_step(
     drift: float,
     yaw_rate: float,

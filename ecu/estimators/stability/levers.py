@@ -6,7 +6,7 @@ The four motions of the two levers are numbered as the limits on the bus are: li
 import math
 from typing import NamedTuple
 
-from ecu.estimators.compiled import compiled
+from ecu.estimators.compiled import compiled, inlined
 from ecu.estimators.motion.arm import STILL, Turning
 from ecu.estimators.parameters import LinkageDrive
 
@@ -44,7 +44,7 @@ def share_followed(dt: float, drive: LinkageDrive) -> float:
     return 1.0 - math.exp(-dt / drive.lag)
 
 
-@compiled
+@inlined
 def followed(
     part: Turning, demand: float, dt: float, share: float, low: float, high: float, cushion: float
 ) -> Turning:
@@ -59,7 +59,7 @@ def followed(
     return Turning(part.angle + rate * dt, rate, (rate - part.rate) / dt, part.sample)
 
 
-@compiled
+@inlined
 def driven(
     lift: Turning, tilt: Turning, levers: Levers, held: bool, dt: float, share: float, drive: LinkageDrive
 ) -> tuple[Turning, Turning]:

@@ -8,7 +8,7 @@ see first (thesis 2.4.5, results 4.5.6). ISO 8855, joint origin, rear frame axes
 import math
 from typing import NamedTuple
 
-from ecu.estimators.compiled import compiled
+from ecu.estimators.compiled import compiled, inlined
 from ecu.estimators.joint import joint_at, slight, turned
 from ecu.estimators.loads.arm_forces import NO_ARM_FORCES, arm_forces
 from ecu.estimators.loads.cog import front_unit_in, pose_of
@@ -52,7 +52,7 @@ class Prediction(NamedTuple):
     load_transfer_ratio: float  # at the end of that time
 
 
-@compiled
+@inlined
 def steered(
     rate: float,
     target: float,
@@ -178,7 +178,7 @@ STILL = Bounce(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """The tyres carry what rests on them."""
 
 
-@compiled
+@inlined
 def bounced(
     b: Bounce, forces: NormalForces, front: float, rear: float, first: bool, dt: float, m: LoadedMachine
 ) -> Bounce:
@@ -198,7 +198,7 @@ def bounced(
     return Bounce(f + front_rate * dt, front_rate, r + rear_rate * dt, rear_rate, ahead, behind)
 
 
-@compiled
+@inlined
 def with_bounce(n: NormalForces, b: Bounce) -> NormalForces:
     """Both wheels of an axle swing alike."""
     front, rear = b.front / 2.0, b.rear / 2.0

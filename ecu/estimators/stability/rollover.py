@@ -6,7 +6,7 @@ ISO 8855, joint origin, rear frame axes.
 import math
 from typing import NamedTuple
 
-from ecu.estimators.compiled import compiled
+from ecu.estimators.compiled import compiled, inlined
 from ecu.estimators.joint import Joint, joint_at
 from ecu.estimators.loads.arm_forces import NO_ARM_FORCES, ArmForces
 from ecu.estimators.loads.cog import front_unit, with_axle
@@ -82,7 +82,7 @@ def front_load_transfer_ratio(forces: NormalForces) -> float:
     return (right - left) / (right + left) if right + left > 0.0 else 0.0
 
 
-@compiled
+@inlined
 def margin(forces: NormalForces, standing: NormalForces) -> Margin:
     """Smallest of the four forces relative to the straight machine standing on level ground."""
     ratio = forces.front_left / standing.front_left
@@ -111,7 +111,7 @@ def support_of(forces: NormalForces, articulation_angle: float, geometry: Geomet
     return Support(load, x / load, y / load)
 
 
-@compiled
+@inlined
 def loads_of(
     joint_x: float,
     joint_y: float,

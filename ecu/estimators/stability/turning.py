@@ -7,7 +7,7 @@ leads from one to the other. ISO 8855, left +. Wheel forces along the wheels' ow
 import math
 from typing import NamedTuple
 
-from ecu.estimators.compiled import compiled
+from ecu.estimators.compiled import compiled, inlined
 from ecu.estimators.joint import Joint
 from ecu.estimators.parameters import Body, Geometry
 from ecu.estimators.quantities import WheelForces
@@ -102,7 +102,7 @@ class Lateral(NamedTuple):
     joint_torque: float
 
 
-@compiled
+@inlined
 def lateral_forces(
     side_force: float,
     moment: float,

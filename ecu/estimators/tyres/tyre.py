@@ -7,7 +7,7 @@ on the tyre along the wheel's own axes.
 
 import math
 
-from ecu.estimators.compiled import compiled
+from ecu.estimators.compiled import compiled, inlined
 from ecu.estimators.parameters import MagicFormula, Wheel
 
 
@@ -140,7 +140,7 @@ def lateral_force(slip_angle: float, normal_force: float, wheel: Wheel) -> float
     return sideways(math.tan(slip_angle), normal_force, wheel)
 
 
-@compiled
+@inlined
 def sideways(tangent: float, normal_force: float, wheel: Wheel) -> float:
     """`lateral_force` by the tangent of the slip angle."""
     if normal_force <= 0.0:

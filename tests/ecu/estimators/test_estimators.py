@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ecu.calibration import load_calibration
+from ecu.estimators import columns
 from ecu.estimators.columns import estimate_columns
 from ecu.estimators.estimate import corrected, follow_tilt
 from ecu.estimators.joint import joint_at
@@ -245,6 +246,27 @@ def test_a_recording_gives_what_the_ecu_gave_cycle_by_cycle(form, function, init
         assert [live.estimate(Inputs(*row.tolist())) for row in rows] == plain
         live.reset()
     np.testing.assert_array_equal(estimate_columns(rows, PARAMETERS, form=form), np.array(plain))
+
+
+@pytest.mark.parametrize("rows", [64 * 2, 64 * 5 + 7, 64 * 12])
+def test_any_number_of_cores_gives_the_rows_of_one(rows, monkeypatch):
+    """Blocks that begin in the middle of a drive go on from the state before them."""
+    monkeypatch.setattr(columns, "BLOCK", 64)
+    table = drive(rows, 2)
+    live = LiveEstimator(PARAMETERS, "corrected")
+    one_by_one = np.array([live.estimate(Inputs(*row.tolist())) for row in table])
+    for cores in (1, 2, 3):
+        np.testing.assert_array_equal(estimate_columns(table, PARAMETERS, cores=cores), one_by_one)
+
+
+def test_an_error_of_any_block_is_raised(monkeypatch):
+    """Two rows at the same time have no rate between them."""
+    monkeypatch.setattr(columns, "BLOCK", 64)
+    table = drive(64 * 20, 2)
+    table[64 * 10 + 3, Inputs._fields.index("dt")] = 0.0
+    for cores in (1, 2):
+        with pytest.raises(ZeroDivisionError):
+            estimate_columns(table, PARAMETERS, cores=cores)
 
 
 def test_without_the_prediction_the_present_is_the_same():
