@@ -62,7 +62,7 @@ def whole_run(scenario):
 def parts(scenario):
     """Microseconds of processor time per tick and part."""
     plant, ecu = sides(scenario)
-    plant = Timed(plant, tick="plant", receive="plant", reference_frames="reference frames")
+    plant = Timed(plant, tick="plant", receive="plant", reference_of="reference frames")
     ecu = Timed(ecu, tick="ECU: tick", receive="ECU: receive")
     start = time.thread_time()
     ticks = len(Lockstep(plant, ecu).run().truth)

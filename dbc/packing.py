@@ -7,6 +7,7 @@ Holds for integer signals of up to 52 bits, which a float's mantissa carries exa
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import accumulate
 from typing import Final
 
 import numpy as np
@@ -89,12 +90,46 @@ class Packer:
             self._frames,
         )
         if failed >= 0:
-            codec, signal = self._chosen[failed]
-            value = float(values[self._places[failed, P_SOURCE]])
-            codegen.no_number(codec.name, [(signal, value)])
+            self._refuse(failed, values)
         data = self._frames.tobytes()
         # not by Frame(...): half of the time of making one is the call
         return [_made(Frame, (can_id, data[start:stop], at_ns, 0)) for can_id, start, stop in plan.cuts]
+
+    def pack_many(
+        self, plans: Sequence["Plan"], values: NDArray[np.float64], stamps_ns: Sequence[int]
+    ) -> list[Frame]:
+        """The same as `pack` for each plan with its row of values and its stamp."""
+        counts = [plan.due.size for plan in plans]
+        starts = np.array([0, *accumulate(counts)], np.int64)
+        width = self._resting.shape[1]
+        frames = np.empty((starts[-1], width), np.uint8)
+        due = np.concatenate([plan.due for plan in plans]) if plans else np.empty(0, np.int64)
+        tick, failed = pack_rows(
+            starts,
+            due,
+            values,
+            self._messages,
+            self._places,
+            self._numbers,
+            self._resting,
+            self._counters,
+            frames,
+        )
+        if failed >= 0:
+            self._refuse(failed, values[tick])
+        data = frames.tobytes()
+        made = []
+        for plan, at_ns, first in zip(plans, stamps_ns, (starts[:-1] * width).tolist(), strict=True):
+            made += [
+                _made(Frame, (can_id, data[first + start : first + stop], at_ns, 0))
+                for can_id, start, stop in plan.cuts
+            ]
+        return made
+
+    def _refuse(self, failed: int, values: NDArray[np.float64]) -> None:
+        """Name the signal whose value cannot be sent."""
+        codec, signal = self._chosen[failed]
+        codegen.no_number(codec.name, [(signal, float(values[self._places[failed, P_SOURCE]]))])
 
 
 class Plan:
@@ -167,6 +202,29 @@ def pack_frames(
             counters[number] = (counters[number] + 1) % COUNTERS
             frame[0] = checksum(frame[1 : message[M_LENGTH]], message[M_DATA_ID])
     return -1
+
+
+@compiled
+def pack_rows(
+    starts: NDArray[np.int64],
+    due: NDArray[np.int64],
+    values: NDArray[np.float64],
+    messages: NDArray[np.int64],
+    places: NDArray[np.int64],
+    numbers: NDArray[np.float64],
+    resting_frames: NDArray[np.uint8],
+    counters: NDArray[np.int64],
+    frames: NDArray[np.uint8],
+) -> tuple[int, int]:
+    """The frames of each row of values, those of row k from starts[k] on; (-1, -1), or the row and what `pack_frames` says of it."""
+    for k in range(values.shape[0]):
+        mine = slice(starts[k], starts[k + 1])
+        failed = pack_frames(
+            due[mine], values[k], messages, places, numbers, resting_frames, counters, frames[mine]
+        )
+        if failed >= 0:
+            return k, failed
+    return -1, -1
 
 
 @compiled

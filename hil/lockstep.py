@@ -25,6 +25,10 @@ PERIOD_NS = 10 * MS
 ECU_PHASE_NS = 5 * MS
 
 
+REFERENCE_TICKS = 100
+"""Ticks whose reference frames are made together: one by one each of them costs a tenth of its tick."""
+
+
 class CutOffError(Exception):
     """A side cannot go on with the run; the message says why. What was recorded until then stays."""
 
@@ -36,8 +40,8 @@ class PlantSide(Protocol):
 
     def tick(self, now_ns: int) -> Sequence[Frame]: ...
 
-    def reference_frames(self) -> Sequence[Frame]:
-        """Of the last tick, with its stamp."""
+    def reference_of(self, truths: Sequence[Any], first: int, at_ns: int) -> Sequence[Frame]:
+        """Of ticks that follow one another, at which this was true; number and stamp of the first of them."""
         ...
 
     @property
@@ -99,7 +103,21 @@ class Lockstep:
         self._waiting: list[Frame] = []  # for the next cycle
         self._wire = wire or Wire()
         self._now_ns = 0
-        self.recording = Recording()
+        self._recording = Recording()
+        self._forgotten = 0  # ticks that `take` has given away
+        self._instrumented = 0  # ticks whose reference frames have been made, those included
+
+    @property
+    def recording(self) -> Recording:
+        """What has been recorded so far."""
+        self._make_reference()
+        return self._recording
+
+    def take(self) -> Recording:
+        """What has been recorded since the last call, and forget it: a run of hours does not fit into memory."""
+        taken, self._recording = self.recording, Recording()
+        self._forgotten = self._instrumented
+        return taken
 
     @property
     def now_ns(self) -> int:
@@ -108,12 +126,12 @@ class Lockstep:
 
     def step(self) -> None:
         """One period: plant, wire, ECU, wire."""
-        plant, wire, recording = self._plant, self._wire, self.recording
+        plant, wire, recording = self._plant, self._wire, self._recording
         now_ns = self._now_ns
         wire.put(plant.tick(now_ns), now_ns, "plant")
         recording.truth.append(plant.truth)
-        if self._reference:
-            recording.reference += plant.reference_frames()
+        if self._forgotten + len(recording.truth) - self._instrumented >= REFERENCE_TICKS:
+            self._make_reference()
 
         ecu_ns = now_ns + ECU_PHASE_NS
         self._deliver(ecu_ns)
@@ -124,6 +142,14 @@ class Lockstep:
         self._now_ns = now_ns + PERIOD_NS
         self._deliver(self._now_ns)
 
+    def _make_reference(self) -> None:
+        """Make the reference frames of the ticks that have none yet: nobody reads them during the run."""
+        truths = self._recording.truth[self._instrumented - self._forgotten :]
+        if self._reference and truths:
+            first = self._instrumented
+            self._recording.reference += self._plant.reference_of(truths, first, first * PERIOD_NS)
+        self._instrumented += len(truths)
+
     def _ecu_tick(self, now_ns: int) -> EcuTick:
         if self._cycle is None:
             return self._ecu.tick(now_ns)
@@ -132,7 +158,7 @@ class Lockstep:
 
     def _deliver(self, until_ns: int) -> None:
         """Hand every frame that has arrived to the other side."""
-        recording, to_plant = self.recording, self._plant.receive
+        recording, to_plant = self._recording, self._plant.receive
         to_ecu = self._ecu.receive if self._cycle is None else None
         for sender, frame in self._wire.take(until_ns):
             recording.bus.append(frame)
@@ -160,7 +186,7 @@ class Lockstep:
     def _receive_the_rest(self) -> None:
         """Hand over the frames that came after the last cycle: they may have findings too."""
         for frame in self._waiting:
-            self.recording.ecu_findings += self._ecu.receive(frame, frame.at_ns)
+            self._recording.ecu_findings += self._ecu.receive(frame, frame.at_ns)
         self._waiting = []
 
 

@@ -62,9 +62,9 @@ class RestartablePlant:
         frames = self._plant.tick(now_ns)
         return () if self._dead else frames
 
-    def reference_frames(self) -> Sequence[Frame]:
+    def reference_of(self, truths: Sequence[Any], first: int, at_ns: int) -> Sequence[Frame]:
         """As `hil.lockstep.PlantSide`; the test instrumentation is a node of its own and is not killed."""
-        return self._plant.reference_frames()
+        return self._plant.reference_of(truths, first, at_ns)
 
     @property
     def truth(self) -> Any:

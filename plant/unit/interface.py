@@ -1,5 +1,6 @@
 """Vectors of what is sent at one tick, in the order of the rows of `plant.unit.signals`, for the machine as a unit on the bus."""
 
+from collections.abc import Sequence
 from operator import attrgetter
 
 import numpy as np
@@ -18,6 +19,7 @@ _STATES = slice(len(CHANNELS), len(CHANNELS) + len(STATES))
 _STATE_CHANNELS = tuple([INDEX[name] for name in names] for names in STATES.values())
 _INTERNAL_VALUES = attrgetter(*(row.value for row in INTERNALS))
 _REFERENCE_PLACES = np.array([row.part.at + row.component for row in REFERENCES])
+_COMPUTED_PLACES = [np.array([part.at + component for part, component in row.parts]) for row in COMPUTED]
 
 
 def machine_values(readings: Readings, moment: Moment) -> Floats:
@@ -31,9 +33,12 @@ def machine_values(readings: Readings, moment: Moment) -> Floats:
     return values
 
 
-def reference_values(truth: Truth) -> Floats:
-    """Everything the test instrumentation sends, SI, in the order of REFERENCE_SOURCES."""
-    values = np.empty(len(REFERENCE_SOURCES))
-    values[: len(REFERENCES)] = truth.row[_REFERENCE_PLACES]
-    values[len(REFERENCES) :] = [row.value(truth) for row in COMPUTED]
+def reference_values(truths: Sequence[Truth]) -> Floats:
+    """Everything the test instrumentation sends, SI, a row for each truth, in the order of REFERENCE_SOURCES."""
+    rows = np.array([truth.row for truth in truths])
+    values = np.empty((len(rows), len(REFERENCE_SOURCES)))
+    values[:, : len(REFERENCES)] = rows[:, _REFERENCE_PLACES]
+    for k, (row, places) in enumerate(zip(COMPUTED, _COMPUTED_PLACES, strict=True), len(REFERENCES)):
+        # math's functions, because numpy's round some last bits otherwise
+        values[:, k] = list(map(row.value, *rows[:, places].T.tolist()))
     return values

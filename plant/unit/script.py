@@ -44,7 +44,7 @@ class Script:
         """The wishes at `time` [s]; slopes are taken over the next `step` [s]."""
         angle = self.articulation_angle
         wanted = angle.at(time) if angle else None
-        slope = (angle.at(time + step) - angle.at(time)) / step if angle else 0.0
+        slope = (angle.at(time + step) - wanted) / step if angle and wanted is not None else 0.0
         return Wish(
             speed=self.speed.at(time) if self.speed else None,
             torque=self.torque.at(time) if self.torque else None,

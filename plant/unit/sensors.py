@@ -157,12 +157,24 @@ class SensorBank:
 
     def _levelled(self, true: Floats, felt: Floats) -> Floats:
         """The true values as gyro and accelerometers of a levelled sensor give them together."""
-        apart = felt - true[_LEVELLED]
-        kept = self._leaning * (self._leaning == 1.0) if self._newest < 0 else self._leaning
-        self._lean = (1.0 - kept) * apart + kept * self._lean
         true = true.copy()
-        true[_LEVELLED] += self._lean
+        level_channels(true, felt, _LEVELLED, self._leaning, self._newest < 0, self._lean)
         return true
+
+
+@uncounted
+def level_channels(
+    true: Floats, felt: Floats, places: NDArray[np.int64], leaning: Floats, first: bool, lean: Floats
+) -> None:
+    """Add to the true values at `places` by how much accelerations lead their sensors astray; `lean` is carried from step to step.
+
+    leaning: share of a lean that stays for a step, 1 for a sensor that never follows its accelerometers; first: every
+    other one has long followed them.
+    """
+    for k in range(places.size):
+        kept = 0.0 if first and leaning[k] != 1.0 else leaning[k]
+        lean[k] = (1.0 - kept) * (felt[k] - true[places[k]]) + kept * lean[k]
+        true[places[k]] += lean[k]
 
 
 @uncounted

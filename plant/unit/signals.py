@@ -87,7 +87,8 @@ class Computed:
 
     name: str
     unit: str  # SI, as in dbc.units
-    value: Callable[[Truth], float]
+    parts: tuple[tuple[Part, int], ...]  # of the truth, each with its component
+    value: Callable[..., float]  # of these parts
     signal: str  # "Message.Signal" of the reference DBC
 
 
@@ -171,17 +172,16 @@ REFERENCES: Final = (
 )
 
 COMPUTED: Final = (
-    Computed("yaw", "rad", lambda truth: math.remainder(truth.yaw, math.tau), "BodyAttitude.Yaw"),
-    Computed("ground_speed", "m/s", lambda truth: math.hypot(*truth.velocity[:2].tolist()), "SatelliteSpeed.GroundSpeed"),
-    Computed("course", "rad", lambda truth: _course(truth), "SatelliteSpeed.Course"),
+    Computed("yaw", "rad", ((Truth.yaw, 0),), lambda yaw: math.remainder(yaw, math.tau), "BodyAttitude.Yaw"),
+    Computed("ground_speed", "m/s", ((Truth.velocity, 0), (Truth.velocity, 1)), math.hypot, "SatelliteSpeed.GroundSpeed"),
+    Computed("course", "rad", ((Truth.yaw, 0), (Truth.velocity, 0), (Truth.velocity, 1)), lambda *parts: _course(*parts), "SatelliteSpeed.Course"),
 )
 # fmt: on
 
 
-def _course(truth: Truth) -> float:
+def _course(yaw: float, forward: float, left: float) -> float:
     """Direction of the joint's velocity over ground, 0 to one turn [rad]."""
-    forward, left, _ = truth.velocity.tolist()
-    return (truth.yaw + math.atan2(left, forward)) % math.tau
+    return (yaw + math.atan2(left, forward)) % math.tau
 
 
 CHANNELS: Final[Mapping[str, Channel]] = {channel.name: channel for channel in SENSORS}

@@ -22,7 +22,7 @@ from hil.faults.injector import Injector
 from hil.faults.passage import Fault
 from hil.faults.restartable import RestartableEcu, RestartablePlant, acting_on
 from hil.faults.wire import FaultyWire
-from hil.lockstep import EcuTick, Lockstep, Recording
+from hil.lockstep import EcuTick, Lockstep
 from hil.timing.deadlines import Observation, Observer, judge_message
 from hil.verdict import Result
 from plant.unit.reception import Finding as MachineFinding
@@ -132,7 +132,7 @@ class Watch:
         """Simulate one tick and collect its detections."""
         self._bench.step()
         # taken tick by tick: hours of frames would fill the memory
-        recording, self._bench.recording = self._bench.recording, Recording()
+        recording = self._bench.take()
         self.detections += [n for f in recording.ecu_findings if (n := of_ecu(f)) is not None]
         self.detections += [n for f in recording.plant_findings if (n := of_machine(f)) is not None]
         self._watch_limits()

@@ -3,11 +3,13 @@
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dbc import loader_database, reference_database
+from dbc.errors import EncodeError
 from dbc.schedule import FrameSchedule, phases
 from plant.unit import signals
 
@@ -52,6 +54,37 @@ def test_each_message_goes_out_at_its_cycle_time(database, sender, messages):
         assert {b - a for a, b in pairwise(ticks)} == {every}
         assert ticks[0] < every
     assert max(loads) - min(loads) <= 1
+
+
+@pytest.mark.parametrize(
+    ("database", "sender", "messages"),
+    [
+        (loader_database(), signals.MACHINE, signals.MACHINE_MESSAGES),  # signed and counted
+        (reference_database(), signals.TEST_RIG, signals.REFERENCE_MESSAGES),
+    ],
+)
+def test_ticks_made_together_are_those_made_one_by_one(database, sender, messages):
+    """Counters go on from call to call, gaps of ticks included."""
+    one_by_one, together = (FrameSchedule(database, sender, messages, tick_ns=TICK_NS) for _ in range(2))
+    sources = {source for signals in messages.values() for _, source in signals.values()}
+    values = np.random.default_rng(3).normal(0.0, 1.0, (90, len(sources)))
+    for ticks in (range(3), range(3, 40), (), (41, 44, *range(60, 90))):
+        rows, stamps = values[list(ticks)], [7 * tick for tick in ticks]
+        expected = [
+            frame for k, tick in enumerate(ticks) for frame in one_by_one.pack(tick, rows[k], stamps[k])
+        ]
+        assert together.pack_many(ticks, rows, stamps) == expected
+
+
+def test_ticks_made_together_name_a_value_that_has_no_code():
+    schedule = FrameSchedule(
+        reference_database(), signals.TEST_RIG, signals.REFERENCE_MESSAGES, tick_ns=TICK_NS
+    )
+    sources = {s for signals in signals.REFERENCE_MESSAGES.values() for _, s in signals.values()}
+    values = np.zeros((20, len(sources)))
+    values[13] = math.nan
+    with pytest.raises(EncodeError, match="nan"):
+        schedule.pack_many(range(20), values, [0] * 20)
 
 
 def test_a_message_the_plant_does_not_make_or_the_dbc_does_not_have_is_refused():

@@ -30,8 +30,11 @@ class FakePlant:
         number = len(self.ticked) - 1
         return [Frame(SPEEDS, number.to_bytes(8, "little")), Frame(SENSOR, number.to_bytes(8, "little"))]
 
-    def reference_frames(self):
-        return [Frame(SENSOR + 0x100, b"ref", self.ticked[-1])]
+    def reference_of(self, truths, first, at_ns):
+        return [
+            Frame(SENSOR + 0x100, (first + k).to_bytes(8, "little"), at_ns + 10_000_000 * k)
+            for k, _ in enumerate(truths)
+        ]
 
     @property
     def truth(self):

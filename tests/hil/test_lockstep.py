@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from bus.wire import Wire
+from hil import lockstep
 from hil.lockstep import ECU_PHASE_NS, PERIOD_NS, Lockstep
 from tests.hil.fakes import ANSWER, SENSOR, SPEEDS, FakeEcu, FakePlant
 
@@ -51,6 +52,42 @@ def test_truth_and_reference_are_recorded_once_per_tick():
     _, _, recording = run()
     assert [t.time_s for t in recording.truth] == [n * PERIOD_NS * 1e-9 for n in range(20)]
     assert [f.at_ns for f in recording.reference] == [n * PERIOD_NS for n in range(20)]
+
+
+@pytest.mark.parametrize(("together", "ticks"), [(1, 20), (7, 20), (20, 20), (100, 20)])
+def test_reference_frames_made_together_are_complete_and_in_order(together, ticks, monkeypatch):
+    monkeypatch.setattr(lockstep, "REFERENCE_TICKS", together)
+    recording = run(ticks)[2]
+    assert [int.from_bytes(f.data, "little") for f in recording.reference] == list(range(ticks))
+    assert [f.at_ns for f in recording.reference] == [n * PERIOD_NS for n in range(ticks)]
+
+
+def test_an_interrupted_run_has_the_reference_frames_of_every_tick_with_a_truth():
+    class Interrupted(FakePlant):
+        """Ended by Ctrl-C after the tick, before what was true then is known."""
+
+        def tick(self, now_ns):
+            frames = super().tick(now_ns)
+            if len(self.ticked) == 9:
+                raise KeyboardInterrupt
+            return frames
+
+    bench = Lockstep(Interrupted(20), FakeEcu())
+    with pytest.raises(KeyboardInterrupt):
+        bench.run()
+    assert [f.at_ns for f in bench.recording.reference] == [n * PERIOD_NS for n in range(8)]
+
+
+def test_a_recording_taken_in_parts_is_the_whole():
+    bench, parts = Lockstep(FakePlant(20), FakeEcu()), []
+    for ticks in (1, 7, 0, 12):
+        for _ in range(ticks):
+            bench.step()
+        parts.append(bench.take())
+    whole = run()[2]
+    for kept in ("bus", "reference", "truth", "ecu_findings"):
+        assert [one for part in parts for one in getattr(part, kept)] == getattr(whole, kept), kept
+    assert bench.recording.truth == []
 
 
 def test_the_reference_can_be_left_out():

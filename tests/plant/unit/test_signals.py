@@ -49,7 +49,7 @@ def test_the_satellite_receiver_sees_speed_and_course_over_ground():
     row[Truth.velocity.at : Truth.velocity.at + 3] = 3.0, 4.0, 1.0
     row[Truth.yaw.at] = 6.0
     sent = dict(
-        zip(interface.REFERENCE_SOURCES, interface.reference_values(Truth(row)).tolist(), strict=True)
+        zip(interface.REFERENCE_SOURCES, interface.reference_values([Truth(row)])[0].tolist(), strict=True)
     )
     assert sent["ground_speed"] == pytest.approx(5.0)
     assert sent["course"] == pytest.approx((6.0 + np.arctan2(4.0, 3.0)) % (2.0 * np.pi))

@@ -13,6 +13,7 @@ from dbc import loader_database, reference_database
 from dbc.protection import Checker, Finding, Protector
 from plant.plant import Plant
 from plant.sheets.machine import load_machine
+from plant.truth import Truth
 from plant.unit.limits import FREE
 from plant.unit.profile import Profile
 from plant.unit.scenario import Scenario, load_scenario
@@ -362,6 +363,22 @@ def test_healthy_sensors_say_ok():
         if name.endswith("State")
     ]
     assert states == [0] * 14
+
+
+def test_reference_frames_of_many_ticks_are_those_of_each():
+    """A tick whose motion lacks a value has none, and the others keep number and stamp."""
+    unit, truths, expected = unit_of(driving(speed=4.0, rate=0.3)), [], []
+    for tick in range(30):
+        unit.tick(tick * TICK_NS)
+        truths.append(unit.truth)
+        expected += unit.reference_frames() if tick != 11 else []
+    row = truths[11].row.copy()
+    row[Truth.lateral_force.at] = math.nan
+    truths[11] = Truth(row)
+    assert len(expected) > 60
+    assert unit.reference_of(truths, 0, 0) == expected
+    later = [frame for frame in expected if frame.at_ns >= 20 * TICK_NS]
+    assert unit.reference_of(truths[20:], 20, 20 * TICK_NS) == later
 
 
 def test_the_satellite_course_is_the_direction_of_travel_over_ground():
