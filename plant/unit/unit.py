@@ -178,7 +178,10 @@ class PlantUnit:
 
     def reference_frames(self) -> list[Frame]:
         """The test instrumentation's frames that are due at the last tick, with its stamp."""
-        return self.reference_of((self._truth,), self._ticks - 1, self._now_ns)
+        values = interface.reference_values((self._truth,))[0]
+        if not np.isfinite(values).all():  # a motion from elsewhere may know no tyre forces
+            return []
+        return self._reference.pack(self._ticks - 1, values, self._now_ns)
 
     def reference_of(self, truths: Sequence[Truth], first: int, at_ns: int) -> list[Frame]:
         """The test instrumentation's frames of ticks that follow one another; number and stamp of the first of them.
@@ -186,7 +189,6 @@ class PlantUnit:
         Many ticks together cost a quarter of one after the other. A motion that lacks a value has no frames at that tick.
         """
         values = interface.reference_values(truths)
-        # a motion from elsewhere may know no tyre forces
         known = np.flatnonzero(np.isfinite(values).all(axis=1))
         return self._reference.pack_many(
             (first + known).tolist(), values[known], (at_ns + TICK_NS * known).tolist()
