@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test compiled check fast slow-tests socketcan fuzz kills safe-state bench shape speed proof wild identification microcontroller results pages clean lock
+.PHONY: help demo test compiled check fast slow-tests socketcan fuzz kills safe-state bench shape speed scaling proof wild identification microcontroller results pages clean lock
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
@@ -67,6 +67,9 @@ shape: $(BIN)/.test ## sizes, import levels, circles and comments of the source 
 
 speed: $(BIN)/.bench ## every benchmark into docs/results/speed.md, on a quiet machine alone (some ten minutes)
 	$(BIN)/python -m bench.speed --out docs/results/speed.md
+
+scaling: $(BIN)/.bench ## cost against frames, machines, recordings and workers, and what 10 000 machines need, into docs/results/scaling.md (ten minutes, quiet machine alone)
+	$(BIN)/python -m bench.scaling --out docs/results/scaling.md
 
 proof: $(BIN)/.bench ## prove the diagnosis: all arms into docs/results/proof.md (hours; run again to take up); PROOF='--arms straight --share 0.1'
 	$(BIN)/python -m bench.proof --out docs/results/proof.md $(PROOF)
