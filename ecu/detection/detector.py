@@ -73,7 +73,7 @@ def step(
         for k in range(COUNT):
             state[LAST, k] = m[k]
     found = look(m, heard, message, rules, state, dt)
-    residuals(m, p, t, rules, state, dt, r, bound)
+    residuals(m, usable, p, t, rules, state, dt, r, bound)
     state[FILTERS, F_WARM] += dt
     sensitive = np.empty((RESIDUALS, COUNT))
     sensitivities(m, state[FILTERS, F_SPEED], p, sensitive)

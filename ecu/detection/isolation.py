@@ -18,9 +18,11 @@ from ecu.detection.layout import (
     DOWN,
     F_ANGLE,
     F_PITCH,
+    F_PITCH_SWING,
     F_PITCH_TAKEN,
     F_PITCHED,
     F_ROLL,
+    F_ROLL_SWING,
     F_ROLL_TAKEN,
     F_ROLLED,
     F_TURNED,
@@ -49,7 +51,7 @@ from ecu.detection.layout import (
     WAITING,
     YAW_STEERING,
 )  # fmt: skip
-from ecu.detection.machine import NOTHING, effective_radius, machine_mass
+from ecu.detection.machine import NOTHING, OBSERVED, effective_radius, machine_mass
 from ecu.estimators.parameters import GRAVITY, Parameters
 from ecu.watched import (
     ANGLE,
@@ -96,6 +98,10 @@ def sensitivities(m: Floats, speed: float, p: Parameters, out: Floats) -> None:
     out[ANGLE_RATE, ANGLE], out[ANGLE_RATE, RATE] = 1.0, -1.0
     out[ROLL_GYRO, ROLL], out[ROLL_GYRO, ROLL_RATE] = 1.0, -1.0
     out[PITCH_GYRO, PITCH], out[PITCH_GYRO, PITCH_RATE] = 1.0, -1.0
+    # an accelerometer's offset leans the slope until its mean is taken for an offset: half of it at most
+    leaning = 0.5 * OBSERVED / (OBSERVED + p.sensors.slope_levelling) / GRAVITY
+    out[PITCH_GYRO, FORCE], out[PITCH_GYRO, FORCE + 2] = leaning, -leaning * m[FORCE] / GRAVITY
+    out[ROLL_GYRO, FORCE + 1], out[ROLL_GYRO, FORCE + 2] = -leaning, leaning * m[FORCE + 1] / GRAVITY
     out[PITCH_RATES, SLOPE_RATE], out[PITCH_RATES, PITCH_RATE] = 1.0, -1.0
     half = (g.front_track + g.rear_track) / 4.0
     place = SPEEDS
@@ -170,10 +176,10 @@ def resynchronised(m: Floats, state: Floats) -> None:
     if state[SPOILED, ANGLE_RATE] > 0.0:
         state[FILTERS, F_ANGLE], state[FILTERS, F_TURNED] = m[ANGLE], 0.0
     if state[SPOILED, ROLL_GYRO] > 0.0:
-        state[FILTERS, F_ROLL] = m[ROLL] - state[FILTERS, F_ROLL_TAKEN]
+        state[FILTERS, F_ROLL] = m[ROLL] - state[FILTERS, F_ROLL_TAKEN] - state[FILTERS, F_ROLL_SWING]
         state[FILTERS, F_ROLLED] = 0.0
     if state[SPOILED, PITCH_GYRO] > 0.0:
-        state[FILTERS, F_PITCH] = m[PITCH] - state[FILTERS, F_PITCH_TAKEN]
+        state[FILTERS, F_PITCH] = m[PITCH] - state[FILTERS, F_PITCH_TAKEN] - state[FILTERS, F_PITCH_SWING]
         state[FILTERS, F_PITCHED] = 0.0
 
 

@@ -42,6 +42,7 @@ from ecu.detection.layout import (
     THRESHOLD,
     TREND,
 )  # fmt: skip
+from ecu.detection.machine import NOTHING, STANDING
 from ecu.watched import (
     ANGLE,
     COUNT,
@@ -121,9 +122,14 @@ def look(m: Floats, heard: Integers, message: Integers, rules: Floats, state: Fl
         if state[GAP, k] > rules[CYCLES, k]:  # after a gap there is no prediction
             innovation[k] = 0.0
     stir(innovation, message, rules, state, dt)
-    found = 0
     for k in range(COUNT):
         state[THRESHOLD, k] = threshold(k, message[k], rules, state)
+    for wheel in range(4):
+        # a brake that grips or lets go of a wheel takes its torque out of the signal or into it (ADR 44), and nothing else moves
+        if min(abs(m[WHEEL + wheel]), abs(state[LAST, WHEEL + wheel])) < STANDING:
+            state[THRESHOLD, TORQUE + wheel] = NOTHING
+    found = 0
+    for k in range(COUNT):
         if heard[k] == SAMPLE:
             found += sample(k, m, innovation[k], rules, state)
         if state[SUSPECTED, k] > 0.0:

@@ -42,6 +42,9 @@ F_SLOW_YAW, F_SLOW_ROLL = 16, 17  # slow means of rates, for their derivatives
 F_PITCH_LEAN, F_ROLL_LEAN = 20, 21  # what accelerations will add to the slope's next sample
 F_PITCH_TAKEN, F_ROLL_TAKEN = 22, 23  # what was taken off this one
 F_LAST_SPEED, F_LAST_YAW = 24, 25  # of the cycle before, for that correction
+F_PITCH_SWING, F_ROLL_SWING = 26, 27  # what the sensor's accelerometers add to the slope beside driving [rad]
+F_PITCH_MISSED, F_ROLL_MISSED = 28, 29  # what an observer of the angle lacks of the lasting share of that
+F_PITCH_OFFSET, F_ROLL_OFFSET = 30, 31  # its mean, that of sensors' offsets
 F_PLACE, F_DUG = 18, 19  # of the payload in the bucket [m]; whether it is to be learned
 # Filters of the motion: quick means of what changes, then how far it was from them lately.
 MOTION: Final = 23
@@ -51,7 +54,7 @@ JOINT, ROLLING_RATE, PITCHING, YAWING, SPEED, GRIPPING, AHEAD, ASIDE, UPRIGHT, L
 QUICKS: Final = 12
 PEAKS: Final = 24
 ROWS: Final = 25
-WIDTH: Final = max(COUNT, RESIDUALS, 26)
+WIDTH: Final = max(COUNT, RESIDUALS, 32)
 
 # Rows of the rules, (RULES, WIDTH), by signal: see `ecu.detection.rules`.
 JUMP, FREEZE = 0, 1

@@ -15,6 +15,11 @@ Floats = NDArray[np.float64]
 NOTHING: Final = 1e30
 """Bound of a residual that says nothing at present."""
 
+STANDING: Final = 0.1
+"""Below this speed a wheel may be held by its brake [rad/s]: its torque signal then lacks the brake, and it uses all of its grip."""
+OBSERVED: Final = 1.0
+"""Time in which an angle's observer forgets [s]."""
+
 
 @compiled
 def effective_radius(p: Parameters) -> float:

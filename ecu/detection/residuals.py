@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ecu.detection.bucket import bucket, payload_of
 from ecu.detection.compiled import compiled
-from ecu.detection.inclination import Lean, corrected
+from ecu.detection.inclination import Lean, corrected, swinging
 from ecu.detection.layout import (
     ACROSS,
     ALONG,
@@ -35,6 +35,7 @@ from ecu.detection.layout import (
     F_TURNED,
     F_UP,
     F_YAWED,
+    FAULTY,
     FILTERS,
     FRONT_TORQUES,
     PAUSED,
@@ -49,10 +50,11 @@ from ecu.detection.layout import (
     TRACTION,
     UPWARDS,
 )  # fmt: skip
-from ecu.detection.machine import NOTHING, effective_radius, follow, machine_mass
+from ecu.detection.machine import NOTHING, OBSERVED, STANDING, effective_radius, follow, machine_mass
 from ecu.detection.motion import Motion, motion
-from ecu.detection.wheels import STANDING, Wheels, speed_pairs, wheel_speeds, yaw_by_steering
+from ecu.detection.wheels import Wheels, speed_pairs, wheel_speeds, yaw_by_steering
 from ecu.detection_rules import Tolerances
+from ecu.estimators.inclination import Slope
 from ecu.estimators.parameters import GRAVITY, Parameters
 from ecu.watched import (
     ANGLE,
@@ -72,8 +74,6 @@ from ecu.watched import (
 
 Floats = NDArray[np.float64]
 
-OBSERVED = 1.0
-"""Time in which an angle's observer forgets [s]."""
 QUICK, SLOW = 0.05, 0.3
 """Time constants of the speed's derivative and of the accelerations [s]."""
 ROLLING = 0.5
@@ -88,16 +88,30 @@ CHANGING_LAG = 0.05
 
 @compiled
 def residuals(
-    m: Floats, p: Parameters, t: Tolerances, rules: Floats, state: Floats, dt: float, r: Floats, bound: Floats
+    m: Floats,
+    usable: Floats,
+    p: Parameters,
+    t: Tolerances,
+    rules: Floats,
+    state: Floats,
+    dt: float,
+    r: Floats,
+    bound: Floats,
 ) -> None:
-    """All residuals into `r` and their bounds into `bound`, both (RESIDUALS,)."""
+    """All residuals into `r` and their bounds into `bound`, both (RESIDUALS,). usable: 0 where other checks reject a signal."""
     started = state[FILTERS, F_CYCLES] > 0.0
     state[FILTERS, F_CYCLES] += 1.0
     bound[:] = rules[TOLERANCE, : bound.size]
     w = wheel_speeds(m, p)
     q = motion(m, w.middle, w.used, p, t, state, dt, started)
-    m, lean = corrected(m, w, q, p, t, state, dt, started)
-    angles(m, q, lean, t, state, dt, started, r, bound)
+    m, lean, rolled = corrected(m, w, q, p, t, state, dt, started)
+    felt = True
+    for k in range(FORCE, FORCE + 3):
+        felt &= usable[k] != 0.0 and state[FAULTY, k] == 0.0
+    swing, unsure = swinging(m, q, rolled, p, t, rules, felt, state, dt)
+    angles(
+        m, swing, q, Lean(lean.pitch + unsure.pitch, lean.roll + unsure.roll), t, state, dt, started, r, bound
+    )
     speed_pairs(m, w, q, p, t, r, bound)
     yaw_by_steering(m, w, q, p, t, r, bound)
     accelerations(m, w, q, lean, t, p, state, dt, started, r, bound)
@@ -159,6 +173,7 @@ def leaked(state: Floats, place: int, rate: float, dt: float) -> float:
 @compiled
 def angles(
     m: Floats,
+    swing: Slope,
     q: Motion,
     lean: Lean,
     t: Tolerances,
@@ -173,14 +188,15 @@ def angles(
     A gain error of the rate leaves its share of the leaked integral L; samples of another time leave
     time (rate - L / OBSERVED), and time squared of its change where this passes zero.
     """
-    roll_turning = m[PITCH_RATE] * math.sin(m[ROLL]) + m[YAW_RATE] * math.cos(m[ROLL])
-    roll_change = m[ROLL_RATE] + roll_turning * math.tan(m[PITCH])
-    pitch_change = m[PITCH_RATE] * math.cos(m[ROLL]) - m[YAW_RATE] * math.sin(m[ROLL])
+    pitch, roll = m[PITCH] - swing.pitch, m[ROLL] - swing.roll
+    roll_turning = m[PITCH_RATE] * math.sin(roll) + m[YAW_RATE] * math.cos(roll)
+    roll_change = m[ROLL_RATE] + roll_turning * math.tan(pitch)
+    pitch_change = m[PITCH_RATE] * math.cos(roll) - m[YAW_RATE] * math.sin(roll)
     if not started:
-        state[FILTERS, F_ANGLE], state[FILTERS, F_ROLL], state[FILTERS, F_PITCH] = m[ANGLE], m[ROLL], m[PITCH]
+        state[FILTERS, F_ANGLE], state[FILTERS, F_ROLL], state[FILTERS, F_PITCH] = m[ANGLE], roll, pitch
     r[ANGLE_RATE] = observed(state, F_ANGLE, m[ANGLE], m[RATE], dt)
-    r[ROLL_GYRO] = observed(state, F_ROLL, m[ROLL], roll_change, dt)
-    r[PITCH_GYRO] = observed(state, F_PITCH, m[PITCH], pitch_change, dt)
+    r[ROLL_GYRO] = observed(state, F_ROLL, roll, roll_change, dt)
+    r[PITCH_GYRO] = observed(state, F_PITCH, pitch, pitch_change, dt)
     r[PITCH_RATES] = m[SLOPE_RATE] - m[PITCH_RATE]
     turned = leaked(state, F_TURNED, m[RATE], dt)
     rolled, pitched = leaked(state, F_ROLLED, roll_change, dt), leaked(state, F_PITCHED, pitch_change, dt)

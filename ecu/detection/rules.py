@@ -39,8 +39,7 @@ from ecu.detection.layout import (
     WIDTH,
     YAW_STEERING,
 )
-from ecu.detection.machine import effective_radius, machine_mass
-from ecu.detection.residuals import OBSERVED
+from ecu.detection.machine import OBSERVED, effective_radius, machine_mass
 from ecu.detection_rules import DetectionRules, Sensor
 from ecu.estimators.parameters import GRAVITY, Parameters
 from ecu.watched import NAMES

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ecu.detection.bucket import payload_of
 from ecu.detection.compiled import compiled
 from ecu.detection.layout import SPEEDS, YAW_STEERING
-from ecu.detection.machine import effective_radius, machine_mass, sunk
+from ecu.detection.machine import STANDING, effective_radius, machine_mass, sunk
 from ecu.detection.motion import Motion, slip_of
 from ecu.detection_rules import Tolerances
 from ecu.estimators.parameters import GRAVITY, Parameters
@@ -21,8 +21,6 @@ SCRUB = 0.05
 """How much a wheel's speed over ground differs from its place's, per yaw rate, by its width and the tyres' give [m]."""
 COMPLIANCE = 0.15
 """Time in which the tyres' sideways give lets the machine follow its joint [s]."""
-STANDING = 0.1
-"""Below this speed a wheel may be held by its brake [rad/s]: its torque signal then lacks the brake, and it uses all of its grip."""
 LOAD_UNKNOWN = 0.3
 """Share of a wheel's load that its place in the machine and the ground's unevenness leave open."""
 

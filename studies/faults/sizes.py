@@ -21,10 +21,10 @@ from ecu.detection.layout import (
     STEERING_LINES,
     UPWARDS,
 )
-from ecu.detection.machine import NOTHING
-from ecu.detection.residuals import OBSERVED, SLOW
+from ecu.detection.machine import NOTHING, OBSERVED
+from ecu.detection.residuals import SLOW
 from ecu.detection.rules import PREDICTED
-from ecu.watched import ANGLE, COUNT, LEFT_LINE, PITCH, PLACE, RIGHT_LINE, ROLL
+from ecu.watched import ANGLE, COUNT, FORCE, LEFT_LINE, PITCH, PLACE, RIGHT_LINE, ROLL
 from studies.faults.drives import Detector, Floats, Judged
 
 CERTAIN = 2.0
@@ -40,7 +40,8 @@ LARGEST = 1e12
 def jump_size(detector: Detector, judged: Judged, noise: float, place: int, tick: int) -> float:
     """Of a jump that begins at `tick`: the threshold while others may explain it, and what noise may take away."""
     waits = slice(tick, tick + round(EXPLAINED / TICK_S) + 2)
-    return float(judged.thresholds[waits, place].max()) + CERTAIN * PREDICTED * noise
+    threshold = float(judged.thresholds[waits, place].max())
+    return threshold + CERTAIN * PREDICTED * noise if threshold < NOTHING else np.inf
 
 
 def response(residual: int, place: int, fault: Floats) -> Floats:
@@ -74,6 +75,8 @@ def steady_size(
         says = bound < NOTHING
         if j == STEERING_LINES and not _lower(samples[at], place):
             continue
+        if j in (ROLL_GYRO, PITCH_GYRO) and FORCE <= place < FORCE + 3:
+            continue  # their bounds hold what accelerometers add to a slope
         # offsets of sound sensors may be against the fault
         carried = abs(float(judged.residuals[at, j][says].mean())) if says.any() else 0.0
         bound, sigma = np.where(says, bound + carried, bound), detector.rules[NOISE, j]
