@@ -23,7 +23,21 @@ from ecu.detection.machine import NOTHING, machine_mass
 from ecu.detection.motion import SLIPPERY, slip_of
 from ecu.detection.residuals import FORGOTTEN
 from ecu.detection.rules import rules_array
-from ecu.watched import ANGLE, COUNT, FORCE, MESSAGES, NAMES, PITCH, PITCH_RATE, RATE, ROLL, ROLL_RATE, TORQUE
+from ecu.estimators.parameters import GRAVITY
+from ecu.watched import (
+    ANGLE,
+    COUNT,
+    FORCE,
+    MESSAGES,
+    NAMES,
+    PITCH,
+    PITCH_RATE,
+    PLACE,
+    RATE,
+    ROLL,
+    ROLL_RATE,
+    TORQUE,
+)  # fmt: skip
 from tests.ecu.detection.test_detection import ROLLING
 from tests.ecu.machine import STANDING
 
@@ -127,3 +141,69 @@ def test_a_pile_silences_traction_and_pressures_but_only_ahead():
     )  # pushed without torque: no pile does that
     _, bound = judged(rows)
     assert (bound[350:400, TRACTION] < NOTHING).all()
+
+
+def levelled(pitch, ahead, dt=0.01, time=1.0):
+    """Readings of an inclination sensor on a frame of this pitch whose accelerometers feel `ahead`: lean' = (shown - pitch - lean) / time."""
+    shown = np.arctan2(-(ahead - GRAVITY * np.sin(pitch)), GRAVITY * np.cos(pitch))
+    readings, lean = np.empty_like(pitch), 0.0
+    for i in range(len(pitch)):
+        lean += dt / (time + dt) * (shown[i] - pitch[i] - lean)
+        readings[i] = pitch[i] + lean
+    return readings
+
+
+def shaken(swing, begin=300, hertz=1.7, nod=0.05):
+    """A machine that rolls evenly while its frame nods, and is pushed ahead by `swing` m/s2 in the rhythm, from a tick on."""
+    turn = 2.0 * math.pi * hertz
+    on = np.arange(TICKS) >= begin
+    since = TIME - begin / 100.0
+    pitch = np.where(on, nod * (1.0 - np.cos(turn * since)) / 2.0, 0.0)
+    rate = np.where(on, nod * turn * np.sin(turn * since) / 2.0, 0.0)
+    ahead = np.where(on, swing * np.sin(turn * since) * np.exp(-np.maximum(since, 0.0) / 2.0), 0.0)
+    rows = np.tile(STILL, (TICKS, 1))
+    rows[:, PITCH], rows[:, PITCH_RATE] = levelled(pitch, ahead), rate
+    rows[:, PLACE["slope_pitch_rate"]] = rate
+    rows[:, FORCE] = ahead - GRAVITY * np.sin(pitch)
+    rows[:, FORCE + 2] = GRAVITY * np.cos(pitch)
+    return rows
+
+
+@pytest.mark.parametrize("swing", [-6.0, 3.0, 6.0])
+def test_a_slope_sensor_that_is_shaken_is_not_wrong(swing):
+    """Its accelerometers feel what no wheel shows: the wheels roll on as before."""
+    rows = shaken(swing)
+    r, bound = judged(rows)
+    assert np.degrees(rows[:, PITCH] - rows[0, PITCH]).max() > 2.0
+    assert (np.abs(r[WARM:, PITCH_GYRO]) <= bound[WARM:, PITCH_GYRO] + 1e-9).all()
+
+
+@pytest.mark.parametrize("grade", [0.0, 2.0, 10.0])
+def test_a_slow_push_that_no_wheel_shows_stays_in_the_bound(grade):
+    """Locked wheels or wheels in the air: up to 1 m/s2 for three seconds, which the wheels do not see."""
+    begin, end = 600, 900
+    ahead = np.zeros(TICKS)
+    # no step, which would be a jump of the accelerometer
+    ahead[begin:end] = -1.0 * np.sin(np.pi * np.arange(end - begin) / (end - begin)) ** 2
+    pitch = np.full(TICKS, math.radians(grade))
+    rows = np.tile(STILL, (TICKS, 1))
+    rows[:, PITCH] = levelled(pitch, ahead)
+    rows[:, FORCE], rows[:, FORCE + 2] = ahead - GRAVITY * np.sin(pitch), GRAVITY * np.cos(pitch)
+    r, bound = judged(rows)
+    r, bound = r[begin:, PITCH_GYRO], bound[begin:, PITCH_GYRO]
+    assert np.abs(r).max() > math.radians(0.3)
+    assert (np.abs(r) <= bound + 1e-9).all()
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_drifting_slope_leaves_its_bound_within_two_seconds(sign):
+    """The bound must not take the fault itself for a motion of the machine."""
+    rows = np.tile(STILL, (TICKS, 1))
+    begin = 1200
+    drift = math.radians(1.0) * np.maximum(TIME - begin / 100.0, 0.0)
+    rows[:, PITCH] += sign * drift
+    r, bound = judged(rows)
+    within = slice(begin, begin + 200)
+    beyond = np.abs(r[within, PITCH_GYRO]) - bound[within, PITCH_GYRO]
+    # at least what an observer alone would show of it: 1 deg/s times its memory, less the third that is taken for motion
+    assert beyond.max() > math.radians(0.6)

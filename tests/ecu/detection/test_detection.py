@@ -131,6 +131,15 @@ def test_a_jump_waits_for_the_rest_of_the_machine_to_explain_it(later, fault):
     assert [f.signals for f in faults(findings)] == ([("wheel_speed_1",)] if fault else [])
 
 
+@pytest.mark.parametrize(("speed", "fault"), [(0.0, []), (SPEED / RADIUS, [("wheel_torque_3",)])])
+def test_a_brake_that_grips_a_wheel_is_no_fault_of_its_torque(speed, fault):
+    """A held wheel reports its drive's torque alone: the signal jumps when the wheel comes to rest, and nothing else moves."""
+    ecu, machine = started(**{f"wheel_speed_{n}": speed for n in range(1, 5)})
+    machine.wrong["wheel_torque_3"] = lambda value, tick: value + 3.2e3
+    _, findings = play(ecu, machine, 100)
+    assert [f.signals for f in faults(findings)] == fault
+
+
 def test_a_jump_that_waits_is_kept_from_the_estimators():
     ecu, machine = started()
     size = 4.0 * jump_of(ecu, "yaw_rate")
