@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
+from plant.physics import attitude
 from plant.physics import state as s
 from plant.physics.dynamics import derivative
 from plant.physics.parameters import (
@@ -149,8 +149,8 @@ def _place(state: Array, unknowns: Array, road: Array, heading: float, p: Array)
     """Write pose and standing slips into the state."""
     along, across, above, roll, pitch, yaw, oscillation = unknowns
     state[s.POSITION : s.POSITION + 3] = above * road[:, 2]
-    attitude = Rotation.from_matrix(road) * Rotation.from_euler("ZYX", (heading, pitch, roll))
-    state[s.ATTITUDE : s.ATTITUDE + 4] = attitude.as_quat(scalar_first=True)
+    on_road = attitude.of_angles(heading, float(pitch), float(roll))
+    state[s.ATTITUDE : s.ATTITUDE + 4] = attitude.product(attitude.of_axes(road), on_road)
     state[s.JOINT + s.REAR_AXLE] = oscillation
     for wheel in range(4):
         w = P_WHEELS + wheel * WHEEL_SIZE + W_CENTRE

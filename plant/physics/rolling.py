@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
+from plant.physics import attitude
 from plant.physics import state as s
 from plant.physics.dynamics import derivative
 from plant.physics.equilibrium import NoEquilibriumError, accelerations, solved
@@ -73,9 +73,9 @@ def _lean(state: Array, change: Array, road: Array, heading: float) -> None:
     roll, pitch = change[ROLL], change[PITCH]
     forward = math.cos(heading) * road[:, 0] + math.sin(heading) * road[:, 1]
     left = -math.sin(heading) * road[:, 0] + math.cos(heading) * road[:, 1]
-    turn = Rotation.from_rotvec(roll * forward + pitch * left)
-    attitude = turn * Rotation.from_quat(state[s.ATTITUDE : s.ATTITUDE + 4], scalar_first=True)
-    state[s.ATTITUDE : s.ATTITUDE + 4] = attitude.as_quat(scalar_first=True)
+    turn = attitude.of_turn(roll * forward + pitch * left)
+    w, x, y, z = state[s.ATTITUDE : s.ATTITUDE + 4].tolist()
+    state[s.ATTITUDE : s.ATTITUDE + 4] = attitude.product(turn, attitude.unit(w, x, y, z))
     state[s.JOINT + s.REAR_AXLE] += change[OSCILLATION]
 
 
