@@ -192,11 +192,11 @@ def _exported(settings: ServiceSettings, program: str) -> str:
         ("ecu.core", settings.core != "c"),
         ("ecu.form", settings.form != "corrected"),
         ("offered.j1939", settings.offered.j1939 is not None),
-        ("offered.xcp", settings.offered.xcp is not None),
     ):
         if lacks:
             raise settings.error(
-                key, "does not fit --ecu-program: the exported program is core c, and offers UDS alone"
+                key,
+                "does not fit --ecu-program: the exported program is core c, and offers XCP and UDS alone",
             )
     interface = settings.can.interface
     options = [

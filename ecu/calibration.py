@@ -349,6 +349,25 @@ QUANTITIES: Mapping[str, tuple[Quantity, ...]] = {
 """Every number of a calibration file: section -> its keys with unit and permitted range."""
 
 
+ORDERED = (
+    ("limits", "torque_least_margin", "torque_full_margin"),
+    ("linkage_drive", "lift_low", "lift_high"),
+    ("linkage_drive", "tilt_low", "tilt_high"),
+    ("limits", "engage_margin", "release_margin"),
+    ("warnings", "imminent_margin", "warning_margin"),
+    ("warnings", "warning_margin", "attention_margin"),
+)
+"""Section and two of its fields, of which the first has to be below the second."""
+WITH_AREAS = ("cylinders", "tilt_linkage")
+"""Sections whose bore, rod and count become areas; the rod has to be thinner than the bore."""
+
+
+def fields_of(section: str) -> Mapping[str, Quantity]:
+    """The numbers of a section by field name, in the order of QUANTITIES; not of the detection's sections."""
+    areas = {"cylinders": _CYLINDERS, "tilt_linkage": _TILT_LINKAGE}
+    return areas[section] if section in areas else _TABLES[section][1]
+
+
 def load_calibration(name_or_path: str | Path = "l60") -> Calibration:
     """A calibration by name, or from a TOML file. Raises ConfigurationError."""
     return read_calibration(calibration_table(name_or_path))
@@ -397,10 +416,9 @@ def reread(calibration: Calibration, top: CheckedTable, section: str) -> Calibra
 
 def _section(top: CheckedTable, section: str) -> Any:
     """The part of a calibration that a section of the file makes."""
-    if section == "cylinders":
-        return Cylinders(**_with_areas(top, section, _CYLINDERS))
-    if section == "tilt_linkage":
-        return TiltLinkage(**_with_areas(top, section, _TILT_LINKAGE))
+    if section in WITH_AREAS:
+        with_areas = Cylinders if section == "cylinders" else TiltLinkage
+        return with_areas(**_with_areas(top, section, fields_of(section)))
     kind, quantities = _TABLES[section]
     return kind(**read_section(top, section, quantities))
 
@@ -425,39 +443,10 @@ def _check(calibration: Calibration, file: str) -> None:
             f"{file}: rear.x_m = {p.rear.x:g} m and front.x_m = {p.front.x:g} m do not lie on their own sides of the "
             "joint (rear below 0, front above): x is forward of the joint"
         )
-    ordered = (
-        (
-            "limits.torque_least_margin",
-            limits.torque_least_margin,
-            "limits.torque_full_margin",
-            limits.torque_full_margin,
-        ),
-        (
-            "linkage_drive.lift_low_deg",
-            p.linkage_drive.lift_low,
-            "linkage_drive.lift_high_deg",
-            p.linkage_drive.lift_high,
-        ),
-        (
-            "linkage_drive.tilt_low_deg",
-            p.linkage_drive.tilt_low,
-            "linkage_drive.tilt_high_deg",
-            p.linkage_drive.tilt_high,
-        ),
-        ("limits.engage_margin", limits.engage_margin, "limits.release_margin", limits.release_margin),
-        (
-            "warnings.imminent_margin",
-            warnings.imminent_margin,
-            "warnings.warning_margin",
-            warnings.warning_margin,
-        ),
-        (
-            "warnings.warning_margin",
-            warnings.warning_margin,
-            "warnings.attention_margin",
-            warnings.attention_margin,
-        ),
-    )
-    for low_key, low, high_key, high in ordered:
+    parts = {"limits": limits, "warnings": warnings, "linkage_drive": p.linkage_drive}
+    for section, low_field, high_field in ORDERED:
+        low, high = getattr(parts[section], low_field), getattr(parts[section], high_field)
         if not low < high:
+            keys = fields_of(section)
+            low_key, high_key = f"{section}.{keys[low_field].key}", f"{section}.{keys[high_field].key}"
             raise ConfigurationError(f"{file}: {low_key} = {low:g} is not below {high_key} = {high:g}")

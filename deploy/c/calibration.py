@@ -16,14 +16,8 @@ _HEADER: Final = """\
 
 #include "estimators.h"
 
-#ifdef ECU_SETTABLE /* a bench sets the numbers of one machine after the other, without compiling for each */
-#define OF_MACHINE
-#else
-#define OF_MACHINE const
-#endif
-
 extern OF_MACHINE Parameters calibration_parameters;
-extern const LimitRules calibration_limits;
+extern OF_MACHINE LimitRules calibration_limits;
 
 #endif
 """
@@ -36,7 +30,7 @@ OF_MACHINE Parameters calibration_parameters = {{
 }};
 
 /* How the limits answer to the margin. */
-const LimitRules calibration_limits = {{
+OF_MACHINE LimitRules calibration_limits = {{
 {limits}
 }};
 """

@@ -10,6 +10,7 @@ from deploy.c.rules_tables import (
     needs_table,
     ranges,
     rule_constants,
+    settable_tables,
     suspects,
     transitions,
 )
@@ -110,7 +111,10 @@ def table_files(calibration: Calibration, database: Database) -> dict[str, str]:
             rows("uint64_t", "flag_inputs", flag_masks(inputs), "FLAGS"),
             rows("uint8_t", "estimator_signals", signals, "ESTIMATOR_SIGNALS"),
             rows("ValueRange", "value_ranges", ranges(calibration, database), "RANGES"),
-            rows("AlarmTimes", "alarm_times", alarm_rows(calibration), "ALARMS"),
+            rows("AlarmTimes", "alarm_times", alarm_rows(calibration), "ALARMS").replace(
+                "const", "OF_MACHINE", 1
+            ),
+            settable_tables(calibration),
             "const uint8_t state_after[STATES][EVENTS] = {\n"
             + "".join(f"    {row},\n" for row in transitions())
             + "};\n",
@@ -132,7 +136,7 @@ extern const uint64_t flag_inputs[FLAGS];
 /* the estimators' inputs from the bus, in their order */
 extern const uint8_t estimator_signals[ESTIMATOR_SIGNALS];
 extern const ValueRange value_ranges[RANGES];
-extern const AlarmTimes alarm_times[ALARMS];
+extern OF_MACHINE AlarmTimes alarm_times[ALARMS];
 extern const uint8_t state_after[STATES][EVENTS];
 extern const Suspect suspects[SUSPECTS];
 /* the messages in the order of their names */

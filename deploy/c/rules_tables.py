@@ -121,14 +121,11 @@ def least_ns(holds: Callable[[int], bool]) -> int:
 
 def rule_constants(calibration: Calibration) -> str:
     """Thresholds and times of one machine as macros."""
-    inputs, alarms = calibration.inputs, calibration.alarms
-    times = reasons.times(alarms)[reasons.PREVENTION]
+    inputs = calibration.inputs
     found: dict[str, str] = {
         # > or >= as in the Python source of each rule
         "RULE_RECOVERY_NS": f"{least_ns(lambda ns: ns * 1e-9 >= inputs.recovery)}LL",
         "RULE_START_UP_NS": f"{least_ns(lambda ns: ns * 1e-9 > inputs.start_up)}LL",
-        "RULE_LEAST_ON_NS": f"{times.least_on_ns}LL",
-        "RULE_OFF_DELAY_NS": f"{times.off_delay_ns}LL",
         "RULE_CODE_HOLD_NS": f"{HOLD_NS}LL",
         "RULE_SETTLING_NS": f"{SETTLING_NS}LL",
         # counted in frames: rounding down would call a signal frozen one frame too early
@@ -146,25 +143,61 @@ def rule_constants(calibration: Calibration) -> str:
         "RULE_NO_FROZEN": real(NO_FROZEN),
         "RULE_COUNTED_GROUPS": f"{sum(1 << g for g in set(GROUP_OF.values()) - OUTSIDE_ESTIMATES):#x}U",
     }
-    warnings = calibration.warnings
-    found |= {
-        constant("WARNING", name): real(getattr(warnings, name))
-        for name in type(warnings).__dataclass_fields__
-    }
-    of_machine = machine_rules(calibration.parameters)
     return "\n".join(
         [
             *(f"#define {name} {value}" for name, value in found.items()),
             "",
             "#ifdef ECU_SETTABLE",
-            f"#define MACHINE_RULES {len(of_machine)}U",
-            "extern real_t machine_rules[MACHINE_RULES];",
-            *(f"#define {name} machine_rules[{k}]" for k, name in enumerate(of_machine)),
+            *(
+                f"#define {array.upper()} {len(numbers)}U\nextern {kind} {array}[{array.upper()}];"
+                for array, (kind, numbers) in settable_rules(calibration).items()
+            ),
+            *(
+                f"#define {name} {array}[{k}]"
+                for array, (_, numbers) in settable_rules(calibration).items()
+                for k, name in enumerate(numbers)
+            ),
             "#else",
-            *(f"#define {name} {real(value)}" for name, value in of_machine.items()),
+            *(
+                f"#define {name} {value}"
+                for _, numbers in settable_rules(calibration).values()
+                for name, value in numbers.items()
+            ),
             "#endif\n",
         ]
     )
+
+
+def settable_rules(calibration: Calibration) -> dict[str, tuple[str, dict[str, str]]]:
+    """What is a number of its own with ECU_SETTABLE, and a constant without: array -> C type, and name -> value."""
+    times = reasons.times(calibration.alarms)[reasons.PREVENTION]
+    warnings = calibration.warnings
+    return {
+        "machine_rules": (
+            "real_t",
+            {name: real(value) for name, value in machine_rules(calibration.parameters).items()},
+        ),
+        "warning_rules": (
+            "real_t",
+            {
+                constant("WARNING", name): real(getattr(warnings, name))
+                for name in type(warnings).__dataclass_fields__
+            },
+        ),
+        "alarm_holds": (
+            "int64_t",
+            {"RULE_LEAST_ON_NS": f"{times.least_on_ns}LL", "RULE_OFF_DELAY_NS": f"{times.off_delay_ns}LL"},
+        ),
+    }
+
+
+def settable_tables(calibration: Calibration) -> str:
+    """These numbers as the calibration has them."""
+    tables = (
+        f"{kind} {array}[{array.upper()}] = {{{', '.join(numbers.values())}}};"
+        for array, (kind, numbers) in settable_rules(calibration).items()
+    )
+    return "\n".join(["#ifdef ECU_SETTABLE", *tables, "#endif\n"])
 
 
 def machine_rules(parameters: Parameters) -> dict[str, float]:

@@ -7,11 +7,16 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from dbc.database import Database
-from deploy.c.tables import constant, numbered, rows
-from ecu.calibration import Calibration
+from deploy.c.tables import constant, numbered, real, rows
+from deploy.c.translation.names import local_name
+from ecu import reasons
+from ecu.calibration import ORDERED, WITH_AREAS, Calibration, fields_of
 from ecu.codes import TroubleCodes
+from ecu.consistency import FRICTION, PULL
+from ecu.measure.measurements import BASE as MEASURED_ADDRESS
 from ecu.measure.measurements import FLOAT, Measurement, measurements
-from ecu.measure.parameters import image_of
+from ecu.measure.parameters import BASE as CALIBRATION_ADDRESS
+from ecu.measure.parameters import CalibrationNumber, calibration_numbers, image_of
 from ecu.uds.identity import (
     CALIBRATION_CHECKSUM,
     CALIBRATION_NAME,
@@ -20,8 +25,11 @@ from ecu.uds.identity import (
     SOFTWARE_VERSION,
     machine_name,
 )
+from ecu.xcp.memory import EPK_ADDRESS, epk
+from ecu.xcp.service import identifications
 
 _NOTE: Final = "/* Written by `loaderhil export-c` from the ECU's tables and the calibration; edit those, not this file. */\n"
+AREA_FIELDS: Final = ("bore", "rod", "count")
 _TYPES: Final = """\
 typedef struct {
     uint16_t place; /* of its value among the inputs or the values of a cycle */
@@ -39,6 +47,20 @@ typedef struct {
     uint32_t spn;
     uint8_t mode;
 } PossibleCode;
+
+typedef struct {
+    real_t reference; /* of the calibration's file, in the unit of its key, as are the limits of its range */
+    real_t low;
+    real_t high;
+    real_t factor; /* SI value per value in that unit */
+    real_t *target; /* where its SI value goes; NULL: what it means is computed (calibrated.c) */
+    bool is_adjustable; /* while the ECU runs */
+} CalibrationNumber;
+
+typedef struct { /* of two numbers the first has to be below the second */
+    uint16_t low;
+    uint16_t high;
+} OrderedNumbers;
 """
 
 
@@ -63,22 +85,45 @@ def service_files(
         "IDENTITIES": len(identity),
         "POSSIBLE_CODES": len(possible),
     }
+    texts, pairs = identifications(calibration.name), _ordered()
+    sizes |= {
+        "XCP_TEXTS": len(texts),
+        "EPK_BYTES": len(epk()),
+        "EPK_ADDRESS": EPK_ADDRESS,
+        "MEASURED_BASE": MEASURED_ADDRESS,
+        "CALIBRATION_BASE": CALIBRATION_ADDRESS,
+        "CALIBRATION_NUMBERS": len(calibration_numbers()),
+        "ORDERED_NUMBERS": len(pairs),
+    }
     header = "\n".join(
         [
             _NOTE + '#ifndef SERVICE_TABLES_H\n#define SERVICE_TABLES_H\n\n#include "ecu_tables.h"\n',
             "".join(numbered(name, size) for name, size in sizes.items()),
+            _places(),
+            f"#define PULL_SHARE {real(PULL)}\n#define FRICTION_SHARE {real(FRICTION)}\n",
             _TYPES,
             "extern const Measured measured_rows[MEASUREMENTS];",
             "extern const Identity identities[IDENTITIES];",
-            "extern const PossibleCode possible_codes[POSSIBLE_CODES];\n",
+            "extern const PossibleCode possible_codes[POSSIBLE_CODES];",
+            "extern const Identity xcp_texts[XCP_TEXTS];",
+            "extern const uint8_t epk_text[EPK_BYTES];",
+            "extern const CalibrationNumber calibration_rows[CALIBRATION_NUMBERS];",
+            "extern const OrderedNumbers ordered_numbers[ORDERED_NUMBERS];",
+            "/* the delay of every alarm: 0 none, 1 short, 2 usual */",
+            "extern const uint8_t alarm_delays[ALARMS];\n",
             "#endif\n",
         ]
     )
     source = "\n".join(
         [
-            _NOTE + '#include "service_tables.h"\n',
+            _NOTE + '#include "service_tables.h"\n\n#include <stddef.h>\n\n#include "calibration.h"\n',
             rows("Measured", "measured_rows", [_measured(row) for row in table], "MEASUREMENTS"),
-            _identities(identity),
+            _identities("identities", identity, "IDENTITIES"),
+            _identities("xcp_texts", texts, "XCP_TEXTS"),
+            f"const uint8_t epk_text[EPK_BYTES] = {byte_list(epk())};\n",
+            rows("CalibrationNumber", "calibration_rows", _numbers(sections), "CALIBRATION_NUMBERS"),
+            rows("OrderedNumbers", "ordered_numbers", pairs, "ORDERED_NUMBERS"),
+            rows("uint8_t", "alarm_delays", _delays(), "ALARMS"),
             rows("PossibleCode", "possible_codes", [f"{{{spn}U, {int(mode)}U}}" for spn, mode in possible], "POSSIBLE_CODES"),
         ]
     )  # fmt: skip
@@ -92,14 +137,76 @@ def _measured(row: Measurement) -> str:
     return f"{{{place}, {flags}}} /* {row.name} */"
 
 
-def _identities(identity: Mapping[int, bytes]) -> str:
+def _identities(table: str, contents: Mapping[int, bytes], size: str) -> str:
     """The texts, and the table that names them."""
     texts, found = [], []
-    for identifier, content in identity.items():
-        name = f"identity_{identifier:x}"
+    for identifier, content in contents.items():
+        name = f"{table}_{identifier:x}"
         texts.append(f"static const uint8_t {name}[{len(content)}] = {byte_list(content)};")
         found.append(f"{{{identifier:#x}U, {len(content)}U, {name}}}")
-    return "\n".join([*texts, "", rows("Identity", "identities", found, "IDENTITIES")])
+    return "\n".join([*texts, "", rows("Identity", table, found, size)])
+
+
+# -- the calibration's numbers
+
+
+def _numbers(sections: Mapping[str, object]) -> list[str]:
+    found = []
+    for number in calibration_numbers():
+        quantity, table = number.quantity, sections[number.section]
+        assert isinstance(table, Mapping)
+        values = (float(table[number.key]), quantity.low, quantity.high, quantity.si(1.0))
+        adjustable = "true" if number.adjustable(detects_faults=False) else "false"
+        found.append(
+            f"{{{', '.join(map(real, values))}, {_target(number)}, {adjustable}}} /* {number.name} */"
+        )
+    return found
+
+
+def _field(number: CalibrationNumber) -> str | None:
+    """The name of a number in its section; None in the sections of the detection, which is not in C."""
+    if number.section.startswith(("detection", "sensor_")):
+        return None
+    fields = fields_of(number.section)
+    return next(name for name, quantity in fields.items() if quantity is number.quantity)
+
+
+def _target(number: CalibrationNumber) -> str:
+    field, section = _field(number), number.section
+    if field is None or section in ("inputs", "alarms") or (section in WITH_AREAS and field in AREA_FIELDS):
+        return "NULL"
+    if section == "warnings":
+        return f"&{constant('WARNING', field)}"
+    if section == "limits":
+        return f"&calibration_limits.{local_name(field)}"
+    return f"&calibration_parameters.{local_name(section)}.{local_name(field)}"
+
+
+def _place(section: str, field: str) -> int:
+    return next(k for k, n in enumerate(calibration_numbers()) if n.section == section and _field(n) == field)
+
+
+def _places() -> str:
+    """The places of numbers that a rule or a computed value needs, by name."""
+    wanted = [("front", "x"), ("rear", "x"), *(("alarms", name) for name in fields_of("alarms"))]
+    wanted += [(section, field) for section in WITH_AREAS for field in AREA_FIELDS]
+    return "".join(numbered(constant("NUMBER", f"{s} {f}"), _place(s, f)) for s, f in wanted)
+
+
+def _ordered() -> list[str]:
+    """Pairs of numbers of one unit, so that what is below in the unit is below in SI."""
+    pairs = [*ORDERED, *((section, "rod", "bore") for section in WITH_AREAS)]
+    return [
+        f"{{{_place(section, low)}U, {_place(section, high)}U}} /* {section}.{low} */"
+        for section, low, high in pairs
+    ]
+
+
+def _delays() -> list[str]:
+    names = (*reasons.REASONS, *(state.name for state in reasons.STATES))
+    kinds = list(reasons.Delay)
+    delays = {name: reason.delay for name, reason in reasons.REASONS.items()}
+    return [f"{kinds.index(delays.get(name, reasons.Delay.SHORT))}U /* {name} */" for name in names]
 
 
 def byte_list(content: Sequence[int]) -> str:

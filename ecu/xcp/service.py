@@ -23,6 +23,17 @@ def a2l_name(calibration: str) -> str:
     return f"loaderhil_{calibration}"
 
 
+def identifications(calibration: str) -> dict[int, bytes]:
+    """Answers to GET_ID by type."""
+    name = a2l_name(calibration)
+    return {
+        ASCII_TEXT: f"loaderhil {calibration}".encode(),
+        A2L_NAME: name.encode(),
+        A2L_FILE: (name + EXTENSION).encode(),
+        EPK: epk(),
+    }
+
+
 class XcpService:
     """One slave on one channel."""
 
@@ -62,11 +73,5 @@ def xcp_service(
 ) -> XcpService:
     """XCP for an ECU. table: that of its calibration; secret: without one the calibration can only be read."""
     memory = Memory(CalibrationPages(cycle, table), MeasuredImage(cycle))
-    name = a2l_name(cycle.calibration.name)
-    texts = {
-        ASCII_TEXT: f"loaderhil {cycle.calibration.name}".encode(),
-        A2L_NAME: name.encode(),
-        A2L_FILE: (name + EXTENSION).encode(),
-        EPK: epk(),
-    }
+    texts = identifications(cycle.calibration.name)
     return XcpService(XcpSlave(memory, Lock(secret, CALIBRATE, random), texts), channel)

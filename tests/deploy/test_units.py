@@ -109,7 +109,10 @@ def test_the_core_arrives():
 
 IN_C = replace(SETTINGS, core="c", can=replace(SETTINGS.can, listen_s=0.5), limits=False)
 OFFERING = replace(
-    IN_C, offered=ServiceOptions(uds="0x610,0x611", access_key=Path("/etc/loaderhil/access.key"))
+    IN_C,
+    offered=ServiceOptions(
+        xcp="0x600,0x601", uds="0x610,0x611", access_key=Path("/etc/loaderhil/access.key")
+    ),
 )
 
 
@@ -129,7 +132,6 @@ def test_the_exported_program_takes_the_place_of_the_ecu():
     [
         ({"core": "python"}, "ecu.core"),
         ({"form": "printed"}, "ecu.form"),
-        ({"offered": ServiceOptions(xcp="0x1,0x2")}, "offered.xcp"),
         ({"offered": ServiceOptions(j1939="identity=1")}, "offered.j1939"),
     ],
 )
@@ -145,7 +147,7 @@ def test_the_exported_program_understands_its_unit(ecu_sources):
     program = ecu_sources / "linux/loader-ecu"
     files = service_files(OFFERING, "/usr/bin/loaderhil", ecu_program="/opt/loader-ecu")
     words = sections(files[SERVICE])["Service"]["ExecStart"]
-    assert " --uds 0x610,0x611 --access-key /etc/loaderhil/access.key " in words
+    assert " --xcp 0x600,0x601 --uds 0x610,0x611 --access-key /etc/loaderhil/access.key " in words
     shown = subprocess.run(
         [program, *words.split()[1:], "--help"], capture_output=True, text=True, check=False
     )

@@ -3,6 +3,7 @@
 import random
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
+from pathlib import Path
 
 from bus.frame import Frame
 from dbc import loader_database
@@ -15,9 +16,17 @@ from ecu.cycle import LEVER_LIMITS
 from ecu.findings import EstimatorFailed, Finding
 from ecu.outputs import CYCLE_VALUES
 from ecu.states import State
+from tests.deploy.c.beside import put_beside
 from tests.deploy.c.random_drives import RandomDrive
 from tests.ecu.machine import PERIOD_NS, FakeMachine
+from tests.ecu.uds.tool import CHANNEL as UDS
+from tests.ecu.uds.tool import UdsEcu
+from tests.ecu.uds.virtual_time import virtual_timers
+from tests.ecu.xcp.tool import CHANNEL as XCP
+from tests.ecu.xcp.tool import SECRET
+from tests.ecu.xcp.tool import Ecu as XcpEcu
 from tests.fuzz.frames import FRAMES, Spoiler
+from tests.fuzz.services import tool_frames, xcp_commands
 
 CALIBRATION = load_calibration()
 UNKNOWN = (State.INIT, State.FAULT)
@@ -100,3 +109,39 @@ def through_both(number: int) -> tuple[int, int]:
         assert _said(ours.findings) == _said(theirs.findings), "findings differ"
         check_limits(ours.frames, c.state)
     return taken, taken
+
+
+class ServicesInBoth:
+    """Commands of tools into XCP and UDS of both cores, with the key and without: equal answers, and equal frames of the cycles after them."""
+
+    def __init__(self, library: Path) -> None:
+        self._library = library
+
+    def __call__(self, number: int) -> tuple[int, int]:
+        """One case: frames of a tool, and frames of answers."""
+        rng = random.Random(f"services in both/{number}")
+        secret = SECRET if number % 3 else None
+        if number % 2:
+            ecu = put_beside(XcpEcu(secret=secret), self._library, secret=secret, xcp=XCP)
+            return FRAMES, min(_through_xcp(ecu, rng), FRAMES)
+        with virtual_timers(lambda: ecu.now_ns):
+            ecu = put_beside(UdsEcu(secret=secret), self._library, secret=secret, uds=UDS)
+            return FRAMES, min(_through_uds(ecu, rng), FRAMES)
+
+
+def _through_xcp(ecu: XcpEcu, rng: random.Random) -> int:
+    answered = 0
+
+    def ask(packet: bytes) -> list[bytes]:
+        nonlocal answered
+        answers = ecu.answers(packet)
+        answered += len(answers)
+        return answers
+
+    for _ in xcp_commands(rng, FRAMES, ask, SECRET):
+        answered += len(ecu.cycles(1))
+    return answered
+
+
+def _through_uds(ecu: XcpEcu, rng: random.Random) -> int:
+    return sum(len(ecu.cycles(1) if data is None else ecu.answers(data)) for data in tool_frames(rng, FRAMES))

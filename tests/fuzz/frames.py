@@ -277,6 +277,17 @@ def _both() -> Iterator[Case]:
 
 
 @contextlib.contextmanager
+def _services_in_both(folder: Path) -> Iterator[Case]:
+    from tests.deploy.c.beside import services_library  # needs a C compiler
+    from tests.fuzz.both import ServicesInBoth
+
+    case = ServicesInBoth(services_library(folder))
+    for number in range(2):
+        case(number)
+    yield case
+
+
+@contextlib.contextmanager
 def _services() -> Iterator[Case]:
     # both services: loading and compiling what they stand beside is no case's fault
     for number in range(4):
@@ -299,6 +310,7 @@ RECEIVERS: dict[str, Callable[[Path], contextlib.AbstractContextManager[Case]]] 
     "frames to the ECU": lambda _: _ecu(),
     "frames to the ECU in Python and C": lambda _: _both(),
     "frames to XCP and UDS": lambda _: _services(),
+    "frames to XCP and UDS in Python and C": _services_in_both,
     "frames to the gateway": lambda _: contextlib.nullcontext(through_gateway),
     "frames to the hub": _hub,
 }

@@ -21,6 +21,13 @@ typedef float real_t;
 #define REAL_INFINITY ((real_t)HUGE_VALF)
 #endif
 
+/* Numbers of one machine: a bench sets those of one after the other without compiling for each, a tool those of its own. */
+#ifdef ECU_SETTABLE
+#define OF_MACHINE
+#else
+#define OF_MACHINE const
+#endif
+
 /* A constant: written in full, rounded to the type by the compiler. */
 #ifdef ECU_PERTURBED
 #define R(number) ((real_t)(float)(number)) /* a double build with the constants of the single one, for tests */

@@ -29,22 +29,38 @@ def services_library(folder, *options, name="l60"):
     write(folder, files)
     sources = [*sorted(folder.glob("*.c")), *sorted(folder.glob("services/*.c")), HERE / "services.c"]
     return build(
-        sources, folder / "services.so", *STRICT, "-shared", "-fPIC", f"-I{folder}", "-DECU_DOUBLE", *options
+        sources,
+        folder / "services.so",
+        *STRICT,
+        "-shared",
+        "-fPIC",
+        f"-I{folder}",
+        "-DECU_DOUBLE",
+        "-DECU_SETTABLE",
+        *options,
     )
 
 
 class CServices(BuiltEcu):
     """One ECU with its services."""
 
-    def __init__(self, library, *, uds=None, secret=b""):
+    def __init__(self, library, *, xcp=None, uds=None, secret=b""):
         # the memory is static: every ECU is a library of its own
         with tempfile.NamedTemporaryFile(suffix=".so") as copy:
             shutil.copyfile(library, copy.name)
             super().__init__(copy.name)
         self._count = ctypes.c_uint32.in_dll(self._c, "tested_count")
         self._sent = (CFrame * 4096).in_dll(self._c, "tested_sent")
-        words = (0, 0) if uds is None else (uds.receive, uds.send)
+        words = [
+            word
+            for channel in (xcp, uds)
+            for word in ((0, 0) if channel is None else (channel.receive, channel.send))
+        ]
         self._c.tested_start(*map(ctypes.c_uint32, words), secret, ctypes.c_uint16(len(secret)))
+
+    @property
+    def library(self):
+        return self._c
 
     def service(self, frame, now_ns):
         """What the services answer to a frame."""
@@ -75,10 +91,18 @@ class CycleBeside:
     """The cycle of the Python ECU, which is also what tests look into, and that in C on the same frames."""
 
     def __init__(self, python, c):
-        self._python, self._c = python, c
+        self.__dict__.update(_python=python, _c=c)
+
+    @property
+    def c(self):
+        """The library of the ECU in C."""
+        return self._c.library
 
     def __getattr__(self, name):
         return getattr(self._python, name)
+
+    def __setattr__(self, name, value):
+        setattr(self._python, name, value)
 
     def receive(self, frame, now_ns):
         self._c.receive(frame, now_ns)

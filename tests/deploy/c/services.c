@@ -27,9 +27,10 @@ bool service_random(uint8_t *bytes, uint8_t count)
     return true;
 }
 
-void tested_start(uint32_t uds_receive, uint32_t uds_send, const uint8_t *secret, uint16_t secret_length)
+void tested_start(uint32_t xcp_receive, uint32_t xcp_send, uint32_t uds_receive, uint32_t uds_send, const uint8_t *secret, uint16_t secret_length)
 {
     const Services services = {
+        .xcp = {xcp_receive != 0U, xcp_receive, xcp_send},
         .uds = {uds_receive != 0U, uds_receive, uds_send},
         .secret = secret,
         .secret_length = secret_length,

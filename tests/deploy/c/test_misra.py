@@ -24,12 +24,12 @@ def listed():
     return found
 
 
-def checked(folder, places):
-    """(place, rule) of everything that the addon reports of these files."""
+def checked(folder, places, settable=False):
+    """(place, rule) of everything that the addon reports of these files. settable: as the program with services is compiled."""
     files = sorted(file.relative_to(folder).as_posix() for place in places for file in folder.glob(place))
     done = subprocess.run(
         ["cppcheck", "--addon=misra", "--enable=style", "--std=c99", "--quiet", "--inline-suppr", "-I.",
-         "-DECU_DOUBLE", "-DECU_FINDINGS", "-UECU_PERTURBED", "-UECU_SETTABLE", *files],
+         "-DECU_DOUBLE", "-DECU_FINDINGS", "-UECU_PERTURBED", "-DECU_SETTABLE" if settable else "-UECU_SETTABLE", *files],
         cwd=folder, capture_output=True, text=True, check=True, timeout=600,
     )  # fmt: skip
     assert "Bailing out" not in done.stdout + done.stderr
@@ -45,7 +45,7 @@ def test_every_deviation_is_listed_with_its_reason(ecu_sources):
     """A rule that is broken and not listed fails; so does a listed one that is kept by now."""
     if shutil.which("cppcheck") is None:
         pytest.skip("no cppcheck: Debian's package cppcheck")
-    whole = checked(ecu_sources, WHOLE)
+    whole = checked(ecu_sources, WHOLE, settable=True)
     # alone: the program for the board uses half of the ECU's macros, and would report the others as unused
     board = {(place, rule) for place, rule in checked(ecu_sources, BOARD) if place == "cortex_m4/"}
     found = {place: {rule for where, rule in whole | board if where == place} for place in PLACES}

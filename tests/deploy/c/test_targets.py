@@ -152,6 +152,17 @@ def test_help_opens_no_interface(linux_program):
         (("can0", "--listen-s", "nan"), "--listen-s nan: it takes"),
         (("--bus", "hub:/tmp/x"), "--bus hub:/tmp/x: it takes socketcan:INTERFACE"),
         (("an-interface-name",), "at most 15 letters"),
+        (("can0", "--uds", "0x1"), "--uds 0x1: give two CAN identifiers"),
+        (("can0", "--uds", "0x1,0x40000000"), "give two CAN identifiers"),
+        (("can0", "--xcp", "-1,2"), "give two CAN identifiers"),
+        (("can0", "--xcp", "0x7,7"), "their frames would collide"),
+        (("can0", "--xcp", "0x600,0x601", "--uds", "0x601,0x602"), "share an identifier"),
+        (
+            ("can0", "--uds", f"0x600,{loader_database().by_name['Limits'].can_id & 0x1FFFFFFF:#x}"),
+            "of Limits",
+        ),
+        (("can0", "--access-key", "/no/such/file"), "/no/such/file: cannot be read"),
+        (("can0", "--access-key", "/dev/null"), "a secret has 16 to 4096 bytes, this file 0"),
     ],
 )
 def test_wrong_options_end_in_one_line_before_a_bus_is_opened(linux_program, words, said):

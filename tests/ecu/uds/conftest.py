@@ -2,15 +2,9 @@
 
 import pytest
 
-from tests.deploy.c.beside import put_beside, services_library
+from tests.deploy.c.beside import put_beside
 from tests.ecu.uds.tool import CHANNEL, UdsEcu
 from tests.ecu.xcp.tool import SECRET
-
-
-@pytest.fixture(scope="session")
-def c_services(tmp_path_factory):
-    """The library of the C host build with its services."""
-    return services_library(tmp_path_factory.mktemp("services"))
 
 
 @pytest.fixture(params=["python", "c"])

@@ -3,6 +3,7 @@
 import contextlib
 from collections.abc import Iterator
 
+import can
 import isotp
 import udsoncan
 from udsoncan.client import Client
@@ -58,7 +59,14 @@ FLOAT = ">f"
 
 @contextlib.contextmanager
 def tool(ecu: Ecu, secret: bytes = SECRET) -> Iterator[Client]:
-    """A udsoncan client that is connected."""
+    """A udsoncan client that is connected to an ECU in this process."""
+    with DirectBus(ecu) as bus, client_on(bus, secret) as client:
+        yield client
+
+
+@contextlib.contextmanager
+def client_on(bus: can.BusABC, secret: bytes = SECRET) -> Iterator[Client]:
+    """A udsoncan client on a bus."""
     address = isotp.Address(
         isotp.AddressingMode.Normal_29bits,
         rxid=CHANNEL.send & EXTENDED_MASK,
@@ -74,7 +82,6 @@ def tool(ecu: Ecu, secret: bytes = SECRET) -> Iterator[Client]:
         "request_timeout": 20, "p2_timeout": 20, "p2_star_timeout": 20, "use_server_timing": False,
         "extended_data_size": 1,
     }  # fmt: skip
-    with DirectBus(ecu) as bus:
-        stack = isotp.CanStack(bus=bus, address=address, params={"blocksize": 4, "stmin": 0})
-        with Client(PythonIsoTpConnection(stack), config=config) as client:
-            yield client
+    stack = isotp.CanStack(bus=bus, address=address, params={"blocksize": 4, "stmin": 0})
+    with Client(PythonIsoTpConnection(stack), config=config) as client:
+        yield client

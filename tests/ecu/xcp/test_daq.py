@@ -42,8 +42,8 @@ def mode(ecu: Ecu, daq: int, *, timestamp: bool = False, prescaler: int = 1) -> 
 
 
 @pytest.fixture
-def ecu():
-    ecu = Ecu()
+def ecu(make_ecu):
+    ecu = make_ecu()
     ecu.cycles(20)
     ecu.ask("ff00")
     return ecu
@@ -146,9 +146,9 @@ def test_only_measurements_can_be_listed(ecu):
     assert ecu.ask(struct.pack("<BBBBI", 0xE1, 0xFF, 4, 0, 0x0001_0000)) == refusal(Error.ACCESS_DENIED)
 
 
-def test_random_commands_are_all_answered_and_disturb_no_estimate():
+def test_random_commands_are_all_answered_and_disturb_no_estimate(make_ecu):
     rng = random.Random(5)
-    ecu, plain = Ecu(), Ecu()
+    ecu, plain = make_ecu(), Ecu()
     kinds = [*range(0xD3, 0x100)]
     for _ in range(60):
         for _ in range(60):

@@ -12,7 +12,7 @@ from pyxcp.types import XcpResponseError
 
 from deploy.a2l.document import write_a2l
 from ecu.measure.parameters import BASE
-from tests.ecu.xcp.tool import CHANNEL, DirectBus, Ecu, tool
+from tests.ecu.xcp.tool import CHANNEL, DirectBus, tool
 
 FORMATS = {"FLOAT32_IEEE": "<f", "UBYTE": "<B"}
 TYPES = {"FLOAT32_IEEE": "F32", "UBYTE": "U8"}
@@ -31,8 +31,8 @@ def a2l():
 
 
 @pytest.fixture
-def ecu():
-    ecu = Ecu()
+def ecu(make_ecu):
+    ecu = make_ecu()
     ecu.cycles(60)
     return ecu
 

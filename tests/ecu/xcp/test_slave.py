@@ -23,8 +23,8 @@ def refusal(error: Error) -> bytes:
 
 
 @pytest.fixture
-def ecu():
-    ecu = Ecu()
+def ecu(make_ecu):
+    ecu = make_ecu()
     ecu.cycles(60)
     ecu.ask(CONNECT)
     return ecu
@@ -54,8 +54,8 @@ def payload(ecu: Ecu) -> float:
     return ecu.cycle.values["payload"]
 
 
-def test_a_slave_without_a_tool_is_silent():
-    ecu = Ecu()
+def test_a_slave_without_a_tool_is_silent(make_ecu):
+    ecu = make_ecu()
     for command in range(0xFF):
         assert ecu.answers(bytes((command,)) + bytes(7)) == []
     # resources CAL/PAG and DAQ, Intel, bytes, slave block mode, 8 bytes each way, version 1 of both layers
@@ -143,8 +143,8 @@ def test_a_wrong_key_ends_the_session(ecu):
     assert ecu.answers("fd") == []
 
 
-def test_without_a_secret_no_key_fits():
-    ecu = Ecu(secret=None)
+def test_without_a_secret_no_key_fits(make_ecu):
+    ecu = make_ecu(secret=None)
     ecu.ask(CONNECT)
     key = bytes(16)
     ecu.ask("f80001")

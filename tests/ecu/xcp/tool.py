@@ -59,7 +59,7 @@ class Ecu:
         """What the service answers to one command."""
         data = bytes.fromhex(packet) if isinstance(packet, str) else packet
         with self.lock:
-            return [f.data for f in self.service.receive(Frame(CHANNEL.receive, data), self.now_ns)]
+            return [f.data for f in self.service.receive(Frame(self.channel.receive, data), self.now_ns)]
 
     def ask(self, packet: bytes | str) -> bytes:
         """The one answer to a command."""

@@ -3,5 +3,3 @@
 
 /* the bench compares it with what it has to set */
 const uint32_t library_parameter_count = (uint32_t)(sizeof calibration_parameters / sizeof(real_t));
-
-real_t machine_rules[MACHINE_RULES];

@@ -77,6 +77,12 @@ static bool channel_read(const char *option, const char *text, Channel *channel)
     return true;
 }
 
+static bool shares(const Channel *one, const Channel *other)
+{
+    return (one->receive == other->receive) || (one->receive == other->send) || (one->send == other->receive) ||
+           (one->send == other->send);
+}
+
 /* The secret in a file, without the line end behind it; its length, 0 after a line that says what is wrong. */
 static size_t secret_read(const char *file, uint8_t *secret)
 {
@@ -103,7 +109,11 @@ bool offered_started(const Options *options)
     static uint8_t secret[MOST_SECRET + 1U];
     Services services;
     (void)memset(&services, 0, sizeof services);
-    if (!channel_read("--uds", options->uds, &services.uds)) {
+    if (!channel_read("--xcp", options->xcp, &services.xcp) || !channel_read("--uds", options->uds, &services.uds)) {
+        return false;
+    }
+    if (services.xcp.offered && services.uds.offered && shares(&services.xcp, &services.uds)) {
+        (void)fprintf(stderr, "loader-ecu: --xcp %s and --uds %s share an identifier\n", options->xcp, options->uds);
         return false;
     }
     if (options->access_key != NULL) {

@@ -20,7 +20,8 @@ static const char usage[] =
     "  --fifo PRIORITY            real-time priority (SCHED_FIFO), 1 to 99\n"
     "  --lock-memory              lock all memory, so that no tick waits for a page fault\n"
     "  --cpu N                    run only on processor N, counted from 0\n"
-    "  --uds RECEIVE,SEND         answer UDS on ISO-TP: CAN identifiers of the tool's and of the ECU's frames\n"
+    "  --xcp RECEIVE,SEND         answer XCP: CAN identifiers of the tool's and of the ECU's frames\n"
+    "  --uds RECEIVE,SEND         answer UDS on ISO-TP, likewise\n"
     "  --access-key FILE          the secret behind seed and key; without it nothing can be unlocked\n"
     "  -h, --help                 this text\n"
     "\n"
@@ -53,6 +54,8 @@ static int valued(const char *option, const char *value, Options *options)
             return refused(option, value, "socketcan:INTERFACE");
         }
         options->interface = value + (sizeof scheme - 1U);
+    } else if (strcmp(option, "--xcp") == 0) {
+        options->xcp = value;
     } else if (strcmp(option, "--uds") == 0) {
         options->uds = value;
     } else if (strcmp(option, "--access-key") == 0) {
@@ -78,7 +81,7 @@ static int valued(const char *option, const char *value, Options *options)
 int options_read(int count, char **words, Options *options)
 {
     const Options ordinary = {.interface = NULL, .limits = true, .fifo = 0, .cpu = -1, .lock_memory = false, .listen_s = 0.0,
-                              .uds = NULL, .access_key = NULL};
+                              .xcp = NULL, .uds = NULL, .access_key = NULL};
     *options = ordinary;
     for (int k = 1; k < count; ++k) {
         const char *word = words[k];

@@ -13,7 +13,8 @@ typedef struct {
     int cpu;          /* the only processor; -1: any */
     bool lock_memory; /* no tick waits for a page fault */
     double listen_s;  /* before the first frame is sent [s] */
-    const char *uds;  /* identifiers of tool and ECU, for diagnosis; NULL: not offered */
+    const char *xcp;  /* identifiers of tool and ECU, for measuring and calibrating; NULL: not offered */
+    const char *uds;  /* for diagnosis */
     const char *access_key; /* file with the secret behind seed and key; NULL: nothing can be unlocked */
 } Options;
 

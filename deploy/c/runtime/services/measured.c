@@ -40,6 +40,17 @@ void float_stored(float value, uint8_t *bytes)
     }
 }
 
+float float_of(const uint8_t *bytes)
+{
+    uint32_t bits = 0U;
+    float value;
+    for (uint32_t k = 0U; k < 4U; ++k) {
+        bits |= (uint32_t)bytes[k] << (8U * k);
+    }
+    (void)memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
 /* The number of a value table; 255 for what is none. */
 static uint8_t byte_of(real_t value)
 {

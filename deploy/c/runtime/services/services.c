@@ -6,6 +6,7 @@
 #include "access.h"
 #include "measured.h"
 #include "uds.h"
+#include "xcp.h"
 
 static Services offered;
 
@@ -15,6 +16,9 @@ void services_start(const Services *services)
     offered.secret = NULL; /* what is needed of it is kept by access.c */
     access_start(services->secret, services->secret_length);
     measured_start();
+    if (offered.xcp.offered) {
+        xcp_start(offered.xcp.send);
+    }
     if (offered.uds.offered) {
         uds_start(offered.uds.send);
     }
@@ -25,6 +29,9 @@ void services_receive(uint32_t id, const uint8_t *data, uint8_t length, int64_t 
     if ((length == 0U) || (length > 8U)) {
         return;
     }
+    if (offered.xcp.offered && (id == offered.xcp.receive)) {
+        xcp_receive(data, length, now_ns);
+    }
     if (offered.uds.offered && (id == offered.uds.receive)) {
         uds_receive(data, length, now_ns);
     }
@@ -32,6 +39,9 @@ void services_receive(uint32_t id, const uint8_t *data, uint8_t length, int64_t 
 
 void services_before_cycle(int64_t now_ns)
 {
+    if (offered.xcp.offered) {
+        xcp_before_cycle(now_ns);
+    }
     if (offered.uds.offered) {
         uds_before_cycle(now_ns);
     }
@@ -40,6 +50,9 @@ void services_before_cycle(int64_t now_ns)
 void services_after_cycle(int64_t now_ns)
 {
     measured_taken();
+    if (offered.xcp.offered) {
+        xcp_after_cycle(now_ns);
+    }
     if (offered.uds.offered) {
         uds_after_cycle(now_ns);
     }

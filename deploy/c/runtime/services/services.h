@@ -1,8 +1,8 @@
 /*
- * What the ECU offers on the bus beside its cycle, where it is asked for: UDS.
+ * What the ECU offers on the bus beside its cycle, where it is asked for: XCP and UDS.
  *
  * The program calls services_receive for every frame, services_before_cycle and services_after_cycle around ecu_tick, all from
- * the context of the ECU. A firmware that offers nothing leaves this folder out.
+ * the context of the ECU. A firmware that offers nothing leaves this folder out; one that has it is compiled with -DECU_SETTABLE.
  */
 #ifndef SERVICES_H
 #define SERVICES_H
@@ -16,6 +16,7 @@ typedef struct {
 } Channel;
 
 typedef struct {
+    Channel xcp;
     Channel uds;
     const uint8_t *secret; /* behind seed and key; is not needed any more when services_start has returned */
     uint16_t secret_length; /* 0: nothing can be unlocked */
