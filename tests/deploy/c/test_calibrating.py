@@ -7,6 +7,8 @@ import struct
 import numpy as np
 import pytest
 
+from deploy.c.rules_tables import machine_rules
+from ecu import reasons
 from ecu.measure.parameters import calibration_numbers
 from tests.deploy.c.beside import put_beside, services_library
 from tests.deploy.c.building import flat
@@ -44,17 +46,28 @@ def write(ecu, number, value):
     return ecu.ask(b"\xf0\x04" + struct.pack("<f", value)) == b"\xff"
 
 
+class AlarmTimes(ctypes.Structure):
+    """AlarmTimes of ecu_types.h."""
+
+    _fields_ = [("on_delay_ns", ctypes.c_int64), ("level", ctypes.c_uint8)]
+
+
 def numbers_in_c(ecu):
-    """The machine's numbers, those of the limits and of the warnings, as the C works with them."""
-    c, found = ecu.cycle.c, []
-    calibration = ecu.cycle.calibration
-    of_python = [
-        flat(calibration.parameters), fields(calibration.limits), fields(calibration.warnings),
-    ]  # fmt: skip
-    for name, expected in zip(
-        ("calibration_parameters", "calibration_limits", "warning_rules"), of_python, strict=True
-    ):
-        found.append(list((ctypes.c_double * len(expected)).in_dll(c, name)))
+    """The machine's numbers and what follows from them, limits, warnings and times of alarms: as the C works with them, and as Python does."""
+    c, calibration = ecu.cycle.c, ecu.cycle.calibration
+    times = reasons.times(calibration.alarms)
+    alarms = [times[name] for name in (*reasons.REASONS, *(state.name for state in reasons.STATES))]
+    of_python = {
+        "calibration_parameters": flat(calibration.parameters),
+        "calibration_limits": fields(calibration.limits),
+        "warning_rules": fields(calibration.warnings),
+        "machine_rules": list(machine_rules(calibration.parameters).values()),
+    }
+    found = {name: list((ctypes.c_double * len(of_python[name])).in_dll(c, name)) for name in of_python}
+    of_python["alarm_holds"] = [alarms[0].least_on_ns, alarms[0].off_delay_ns]
+    found["alarm_holds"] = list((ctypes.c_int64 * 2).in_dll(c, "alarm_holds"))
+    of_python["alarm_times"] = [each.on_delay_ns for each in alarms]
+    found["alarm_times"] = [each.on_delay_ns for each in (AlarmTimes * len(alarms)).in_dll(c, "alarm_times")]
     return found, of_python
 
 
