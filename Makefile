@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test compiled check fast slow-tests socketcan fuzz kills safe-state bench shape speed scaling proof wild identification microcontroller results pages clean lock
+.PHONY: help demo test compiled check fast slow-tests socketcan fuzz kills safe-state debian-root bench shape speed scaling proof wild identification microcontroller results pages clean lock
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
@@ -38,6 +38,14 @@ kills: $(BIN)/.bench ## kill -9 of every process of a run, 20 times each, into d
 
 safe-state: compiled ## kill, unplug, bus-off, full disk, set clock, broken settings: when the machine is safe, into docs/results/safe-state.md (twenty minutes, under user-mode Linux)
 	UML_TIMEOUT_S=3600 scripts/uml-run $(BIN)/python -m bench.safe_state --out docs/results/safe-state.md
+
+DEBIAN_ROOT ?= /tmp/loaderhil-debian-root
+
+debian-root: compiled ## the exported ECU in a clean Debian root, into docs/results/debian-root.md (minutes; needs mmdebstrap, and root)
+	rm -rf $(DEBIAN_ROOT) && mkdir -p $(DEBIAN_ROOT)
+	mmdebstrap --variant=minbase --include=systemd,systemd-sysv,iproute2 bookworm $(DEBIAN_ROOT)/root.tar
+	tar -C $(DEBIAN_ROOT) -xf $(DEBIAN_ROOT)/root.tar --exclude='./dev/*' && rm $(DEBIAN_ROOT)/root.tar
+	scripts/with-vcan $(BIN)/python -m bench.debian_root $(DEBIAN_ROOT) --out docs/results/debian-root.md
 
 check: $(BIN)/.test ## format, lint, types, import contracts
 	$(BIN)/ruff format --check .
