@@ -17,6 +17,7 @@ from discrepancy.estimation.set_aside import (
     OddInterval,
     after,
     intervals,
+    too_early,
     unexplained_steps,
     without_echoes,
     wrong_readings,
@@ -278,6 +279,10 @@ def _marked(
         )
         if marked is None:
             spared.add(group)
+        else:
+            rows = [left[b.start : b.stop].reshape(b.shape) for b in (problem.blocks[i] for i in at)]
+            early = too_early(rows, noise.whiteners[group].order)
+            marked = [found | first for found, first in zip(marked, early, strict=True)]
         for i, k in enumerate(at):
             out[k] = np.zeros_like(out[k]) if marked is None else marked[i]
     return tuple(out)

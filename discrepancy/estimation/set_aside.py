@@ -28,7 +28,6 @@ EXPLAINED: Final = 0.5  # share of the squared errors of an interval that candid
 MANY: Final = (
     0.4  # share of rows with a large residual of their own, from which rows in a row are one interval
 )
-SINGLE: Final = 1  # rows in a row that can be a wrong reading; more may be what the machine did
 STAYED: Final = 0.5  # of a jump, from which on it has moved something
 NORMAL: Final = 1.4826  # standard deviations in a median absolute deviation
 
@@ -120,20 +119,53 @@ def wrong_readings(residuals: Sequence[Array], out: Sequence[Mask]) -> list[Mask
     """Of rows that are out, those that stand alone, with a residual (n, c) that goes there and back: far from both neighbours.
 
     A disturbance of the machine also makes one large error of prediction, but what it moved stays moved (additive and innovational outliers, Fox
-    1972).
+    1972). Predictions from a wrong reading are off as well: with the reading mended, what follows it has to be inconspicuous.
     """
-    # the first and the last row have one neighbour, and stay
-    moves = [(r[1:-1] - 0.5 * (r[:-2] + r[2:]), r[2:] - r[:-2]) for r in residuals]
-    scale = _scale(np.concatenate([there for there, _ in moves]))
+    scale = _scale(np.concatenate([_there(r) for r in residuals]))
     found = []
-    for (there, stayed), rows in zip(moves, out, strict=True):
-        back = (np.abs(there) > OUTLIER * scale) & (np.abs(stayed) < STAYED * np.abs(there))
+    for residual, rows in zip(residuals, out, strict=True):
         kept = np.zeros_like(rows)
-        kept[1:-1] = rows[1:-1] & np.any(back, axis=1)
+        there = np.max(np.abs(_there(residual)) / scale, axis=1, initial=0.0)
         for start, stop in _spans(rows):
-            kept[start:stop] &= stop - start <= SINGLE
+            # the first and the last row have one neighbour, and stay
+            inner = range(max(start, 1), min(stop, rows.size - 1))
+            if not inner:
+                continue
+            at = max(inner, key=lambda row: there[row - 1])
+            kept[at] = _goes_back(residual, at, scale) and not _more(residual, at, inner, scale)
         found.append(kept)
     return found
+
+
+def too_early(residuals: Sequence[Array], order: int) -> list[Mask]:
+    """Per block: wrong readings among the first `order` rows of its residual (n, c), which have no past to be predicted from."""
+    scale = _scale(np.concatenate([_there(r) for r in residuals]))
+    found = []
+    for residual in residuals:
+        early = np.zeros(len(residual), bool)
+        for row in range(1, min(order, len(residual) - 1)):
+            early[row] = _goes_back(residual, row, scale)
+        found.append(early)
+    return found
+
+
+def _there(residual: Array) -> Array:
+    """How far each row but the first and the last (n - 2, c) is from the middle of its neighbours."""
+    return np.asarray(residual[1:-1] - 0.5 * (residual[:-2] + residual[2:]), float)
+
+
+def _goes_back(residual: Array, at: int, scale: Array) -> bool:
+    there = residual[at] - 0.5 * (residual[at - 1] + residual[at + 1])
+    stayed = residual[at + 1] - residual[at - 1]
+    return bool(np.any((np.abs(there) > OUTLIER * scale) & (np.abs(stayed) < STAYED * np.abs(there))))
+
+
+def _more(residual: Array, at: int, rows: range, scale: Array) -> bool:
+    """Whether other rows are conspicuous too when one is replaced by the middle of its neighbours."""
+    mended = residual.copy()
+    mended[at] = 0.5 * (residual[at - 1] + residual[at + 1])
+    there = np.max(np.abs(_there(mended)) / scale, axis=1)
+    return any(there[row - 1] > ODD_INTERVAL for row in rows)
 
 
 def _spans(rows: Mask) -> list[tuple[int, int]]:
