@@ -19,7 +19,7 @@ from bench.exhibits import EXHIBITS, Exhibit, model_and_recordings, model_file
 from bench.proof.real import folder
 from diagnosis import describe
 from discrepancy.decision.evidence import Evidence, evidence
-from discrepancy.decision.judge import Judgement
+from discrepancy.decision.judgement import Judgement
 from discrepancy.examine import investigate
 from discrepancy.selection.state import Settings
 from discrepancy.signals.findings import Findings

@@ -9,7 +9,7 @@ from diagnosis.reading.origin import Base, base_of
 from diagnosis.reading.reading import ReadOptions, read_all
 from diagnosis.sheet import Sheet, with_sheet
 from discrepancy.checks.clocks import with_clocks
-from discrepancy.decision.judge import Judgement
+from discrepancy.decision.judgement import Judgement
 from discrepancy.examine import investigate
 from discrepancy.model.description import Model
 from discrepancy.selection.state import Progress, Settings

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 from discrepancy.checks.channel_checks import failing_channels
 from discrepancy.checks.model_check import check_model
-from discrepancy.decision.judge import Judgement, judge, nothing_usable
+from discrepancy.decision.judge import judge, nothing_usable
+from discrepancy.decision.judgement import Judgement
 from discrepancy.estimation.problem import Problem, Unusable
 from discrepancy.model.description import Model
 from discrepancy.model.windows import OUTPUTS

@@ -9,7 +9,7 @@ from typing import Final, Protocol
 from diagnosis.blind.hidden import NotHidden, Truth
 from discrepancy import gates
 from discrepancy.decision.groups import Alternative
-from discrepancy.decision.judge import Judgement
+from discrepancy.decision.judgement import Judgement
 from discrepancy.decision.prospect import Prospect
 from discrepancy.estimation.problem import Unusable
 from discrepancy.selection.state import Progress

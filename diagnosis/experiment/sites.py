@@ -19,7 +19,7 @@ from diagnosis.reading.csv_writer import csv_text
 from diagnosis.reading.origin import Base
 from diagnosis.sheet import Sheet, with_sheet
 from discrepancy.decision.groups import Alternative
-from discrepancy.decision.judge import Judgement
+from discrepancy.decision.judgement import Judgement
 from discrepancy.decision.prospect import Prospect, manoeuvre_recording
 from discrepancy.model.description import Model
 from discrepancy.models.loader.channels import REFERENCE as INSTRUMENTS

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from discrepancy.decision.judge import Judgement
+from discrepancy.decision.judgement import Judgement
 from discrepancy.decision.regimes import BINS, regimes_of, time_bins
 from discrepancy.estimation.noise import Noise
 from discrepancy.estimation.problem import Problem, Values

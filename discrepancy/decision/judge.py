@@ -6,14 +6,15 @@ the best proxy and the cause is unknown. All thresholds are in discrepancy.gates
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 from discrepancy.decision import summary
 from discrepancy.decision.adequacy import adequacy, first_look
+from discrepancy.decision.beside import Beside, beside_equation
 from discrepancy.decision.caveats import caveats_of
 from discrepancy.decision.drop_one import DropOneTest, backward, drop_one_tests
 from discrepancy.decision.groups import Alternative, alternatives, separation
+from discrepancy.decision.judgement import Judgement
 from discrepancy.decision.location import locate
 from discrepancy.decision.missing_channels import missing_channels
 from discrepancy.decision.not_understood import complaints_of, intervals_not_understood
@@ -38,19 +39,6 @@ LESS_SURE: Final[Mapping[f.Status, f.Status]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Judgement:
-    """The findings, and the states of the search behind them."""
-
-    findings: f.Findings
-    problem: Problem
-    baseline: State  # first state of the search, without effects
-    state: State  # with all accepted effects
-    equation: OpenEnded
-    # by finding: it, and what the recordings cannot distinguish from it
-    groups: Mapping[str, Sequence[Alternative]]
-
-
 def judge(
     problem: Problem,
     settings: Settings,
@@ -61,6 +49,20 @@ def judge(
 
     Content of recordings never raises here; Unusable is raised when the Problem is built.
     """
+    first = _judged(problem, settings, progress, complaints)
+    return beside_equation(
+        first, lambda grown, beside: _judged(grown, settings, progress, complaints, beside), progress
+    )
+
+
+def _judged(
+    problem: Problem,
+    settings: Settings,
+    progress: Progress,
+    complaints: Sequence[Complaint],
+    beside: Beside | None = None,
+) -> Judgement:
+    """The verdict of one search; beside: an equation in the problem's baseline."""
     complaints = [*complaints, *problem.complaints]
 
     def look(noise: Noise, fitted: Fit) -> None:
@@ -73,20 +75,26 @@ def judge(
     state = backward(problem, state, settings)
     progress("looking for what the library does not explain")
     # before the drop-one tests: the equation sets the best prediction against which the gap is measured
-    equation = explore(problem, state, settings) if settings.open_ended else OpenEnded()
+    left = explore(problem, state, settings) if settings.open_ended else OpenEnded()
+    equation = beside.equation(problem, state, left, settings) if beside else left
     on_the_way = {frozenset(h.accepted): h.fit.values for h in history}
-    tests = drop_one_tests(problem, state, on_the_way, equation, settings)
+    tests = drop_one_tests(problem, state, on_the_way, left, settings)
     progress("locating, grouping")
     groups, found = dict[str, Sequence[Alternative]](), list[f.Finding]()
     for test in tests:
         rivals = _alternatives(problem, state, test, settings)
         groups[rivals[0].effect] = rivals
-        found.append(_finding(problem, state, history[0], test, rivals, equation, settings))
+        caveats = caveats_of(
+            problem, state, test, problem.model.effect(rivals[0].effect), rivals[0].fit, left, settings
+        )
+        caveats += beside.caveats(problem, state, test, equation) if beside else []
+        found.append(_finding(problem, state, history[0], test, rivals, caveats))
     # the order of acceptance is not that of the evidence
     found.sort(key=lambda finding: -finding.sse_reduction)
     candidates = summary.candidates(problem, state, history[0], found, settings)
     progress("comparing errors with their budgets")
-    channels = adequacy(problem, history[0], state)
+    baseline = beside.before() if beside else history[0]
+    channels = adequacy(problem, baseline, state)
     values = summary.baseline_values(problem, state, adequate=all(c.adequate for c in channels))
     status, reasons = verdict(
         problem,
@@ -113,14 +121,14 @@ def judge(
         open_ended=summary.open_equation(equation),
         candidates=candidates,
         baseline_values=values,
-        nuisances=summary.nuisances(problem, state),
+        nuisances=summary.nuisances(beside.plain if beside else problem, state),
         noise=summary.channel_noise(problem, state),
         missing_channels=missing_channels(problem, state, candidates, found, complaints),
         complaints=complaints,
         simulations=problem.simulations,
         samples=problem.samples,
     )
-    return Judgement(findings, problem, history[0], state, equation, groups)
+    return Judgement(findings, problem, baseline, state, left, groups)
 
 
 def nothing_usable(model: str, recordings: Sequence[str], error: Unusable) -> f.Findings:
@@ -148,14 +156,12 @@ def _finding(
     baseline: State,
     test: DropOneTest,
     rivals: Sequence[Alternative],
-    equation: OpenEnded,
-    settings: Settings,
+    caveats: list[str],
 ) -> f.Finding:
     """One finding; rivals: it and its group, best first."""
     best, *rest = rivals
     effect = problem.model.effect(best.effect)
     confounded = next((s.confounded_share for s in baseline.scores if s.effect == effect.name), 0.0)
-    caveats = caveats_of(problem, state, test, effect, best.fit, equation, settings)
     separations = [separation(problem, state.noise, best, other) for other in rest]
     return f.Finding(
         effect=effect.name,

@@ -191,6 +191,10 @@ class Problem:
         """Recorded samples of all channels, before any were averaged."""
         return sum(block.sample_s.size * len(block.channels) for block in self.blocks)
 
+    def of(self, model: Model) -> "Problem":
+        """The same recordings, averaged in the same way, for another model."""
+        return Problem(model, self.recordings, self.row_period_s)
+
     def measuring(self, values: Values) -> "Problem":
         """A copy whose measured rows are the model's prediction at these values, without noise; it shares the cached Jacobian columns."""
         other = copy(self)

@@ -76,6 +76,15 @@ GAP_CLOSED: Final = _gate(
     otherwise="best proxy, cause unknown",
     module="decision.caveats",
 )
+EQUATION_ERROR: Final = _gate(
+    name="more than the equation may leave",
+    of="name",
+    statistic="evidence of an effect beside an equation in the baseline, over that of the equation times the share of the effect that the equation can do",
+    threshold=0.1,
+    source="a tenth is what an equation of first order leaves of a strong effect",
+    otherwise="best proxy, cause unknown: it may be what the equation leaves of its own",
+    module="decision.beside",
+)
 CHANNEL_TOUCHED: Final = _gate(
     name="channel acted on",
     of="name",

@@ -41,7 +41,8 @@ class Function:
 class _Wide:
     """The width of a play in a function."""
 
-    width: float  # in the unit of its signal
+    width: float
+    unit: str  # of the width: that of its signal, or seconds
     having: Callable[[float], Function]  # the same function with another width
 
 
@@ -83,7 +84,7 @@ def _played(command: str, its_unit: str, factor: str, unit: str, width: float) -
         5,
         (command, factor),
         lambda s, _: play(s[command], width) * s[factor],
-        _Wide(width, partial(_played, command, its_unit, factor, unit)),
+        _Wide(width, its_unit, partial(_played, command, its_unit, factor, unit)),
     )
 
 
@@ -104,7 +105,7 @@ def _late(command: str, its_unit: str, side: str | None, spread: float, time_con
         5,
         (command,) if side is None else (command, side),
         of,
-        _Wide(time_constant_s, partial(_late, command, its_unit, side, spread)),
+        _Wide(time_constant_s, "s", partial(_late, command, its_unit, side, spread)),
         f"as if {command} acted late, behind a lag of {time_constant_s:.2g} s",
         of_readings=False,
     )
@@ -123,7 +124,7 @@ def _with_play(name: str, unit: str, width: float) -> Function:
         4,
         (name,),
         lambda s, _: play(s[name], width),
-        _Wide(width, partial(_with_play, name, unit)),
+        _Wide(width, unit, partial(_with_play, name, unit)),
     )
 
 

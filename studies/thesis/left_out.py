@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from discrepancy.decision.judge import Judgement
+from discrepancy.decision.judgement import Judgement
 from discrepancy.examine import investigate
 from discrepancy.models import printed
 from discrepancy.selection.state import Settings

@@ -71,6 +71,7 @@ def record(
     sign: float = 1.0,
     square: float = 0.0,
     memory: float = 0.0,
+    pump_lag_s: float = 0.0,
     duration_s: float = 120.0,
 ) -> Recording:
     """Truth at a tenth of the model's step, so the fit never uses the integrator that made the data."""
@@ -79,7 +80,11 @@ def record(
     n = int(duration_s / STEP_S)
     inflow = np.repeat(np.repeat(rng.uniform(-0.5, 1.0, n // 25 + 1), 25)[:n], fine)
     h, level, out = STEP_S / fine, 0.5, np.empty(n * fine)
-    for i, u in enumerate(inflow.tolist()):
+    pumped = inflow
+    if pump_lag_s:  # the pump follows its command by a lag
+        a = np.exp(-h / pump_lag_s)
+        pumped = lfilter([1.0 - a], [1.0, -a], inflow, zi=[a * inflow[0]])[0]
+    for i, u in enumerate(pumped.tolist()):
         out[i] = level
         level += h * (u - (0.2 + leak) * level - square * level * abs(level))
     time_s = h * np.arange(n * fine)

@@ -13,7 +13,7 @@ from diagnosis.page.heat import LEVELS, level
 from diagnosis.page.profile import profile
 from diagnosis.page.sentences import better, clause, percent, sentence
 from discrepancy.decision.evidence import Evidence, RegimeCell, evidence, held_out_prediction
-from discrepancy.decision.judge import Judgement
+from discrepancy.decision.judgement import Judgement
 from discrepancy.examine import investigate
 from discrepancy.selection.state import Settings
 from discrepancy.signals.findings import Estimate, Findings

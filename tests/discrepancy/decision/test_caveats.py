@@ -11,7 +11,7 @@ from discrepancy.decision.drop_one import drop_one_tests
 from discrepancy.estimation.problem import Problem
 from discrepancy.examine import examine
 from discrepancy.model.description import Model, Window
-from discrepancy.selection.open_ended import OpenEnded
+from discrepancy.selection.open_ended import OpenEnded, explore
 from discrepancy.selection.search import search
 from discrepancy.selection.state import Settings
 from discrepancy.signals.recording import Array, Recording, signal
@@ -23,13 +23,19 @@ STRICT = Settings()
 def test_an_effect_that_closes_too_little_of_the_gap_is_the_best_proxy() -> None:
     """A leak of 0.05 beside a quadratic one: the leak alone closes 97 % of what the open-ended equation shows to be possible."""
     recording = record(5, leak=0.05, square=0.02, noise=0.005)
-    model = tank("leak", "level scale")
-    loose, strict = (examine(model, [recording], replace(STRICT, gap_closed=limit)) for limit in (0.5, 0.99))
-    assert loose.named == ["leak"]
-    assert 0.9 < loose.findings[0].gap_closed < 0.99
-    assert strict.named == []
-    assert strict.status == "unknown"
-    assert any("of the gap" in caveat for caveat in strict.findings[0].caveats)
+    problem = Problem(tank("leak", "level scale"), [recording])
+    state, _ = search(problem, STRICT)
+    equation = explore(problem, state, STRICT)
+    (test,) = drop_one_tests(problem, state, {}, equation, STRICT)
+    assert 0.9 < test.gap_closed < 0.99
+    leak = problem.model.effect("leak")
+    loose, strict = (
+        caveats_of(problem, state, test, leak, state.fit, equation, replace(STRICT, gap_closed=limit))
+        for limit in (0.5, 0.99)
+    )
+    assert loose == []
+    (caveat,) = strict
+    assert "of the gap" in caveat
 
 
 def test_evidence_that_is_not_there_on_held_out_data_is_a_caveat() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from discrepancy.decision.groups import Alternative
-from discrepancy.decision.judge import Judgement
+from discrepancy.decision.judgement import Judgement
 from discrepancy.decision.prospect import Prospect, manoeuvre_recording
 from discrepancy.estimation.fit import fit
 from discrepancy.estimation.noise import Noise

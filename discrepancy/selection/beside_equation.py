@@ -1,0 +1,113 @@
+"""The model with an equation outside the library in its baseline, so that what else is missing can be looked for beside it.
+
+The equation's sizes and widths are nuisances there: refitted with every effect, and without a prior, because nothing is known of them but these
+recordings. The signals on which it depends are those of the fit that it was found beside: near enough to the truth for what follows from them, and no
+simulation more.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+from discrepancy.estimation.fit import Fit
+from discrepancy.estimation.problem import Problem
+from discrepancy.model.description import Model, Parameter, Window
+from discrepancy.model.equations import driven
+from discrepancy.selection.open_ended import FittedTerm
+from discrepancy.selection.state import State
+from discrepancy.signals.recording import Array
+
+WIDEST: Final = (
+    8.0  # times the fitted width of a term, and as much below: the range in which widths were looked for
+)
+NEAR: Final = 0.3  # of a size or a width: a change that matters
+
+Signals = Mapping[str, Array]
+Key = tuple[str, float, int]
+
+
+def built_in(problem: Problem, state: State, terms: Sequence[FittedTerm]) -> Model:
+    """The problem's model with these terms of its ports in its baseline. state: beside which they were found."""
+    model, inner = problem.model, problem.model.simulate
+    known = driven(model, problem.windows, lambda blind: problem.motions(blind, state.fit.values))
+    settled = {_key(window): signals for window, signals in zip(problem.windows, known, strict=True)}
+
+    def signals_of(window: Window, values: Mapping[str, float]) -> Signals:
+        found = settled.get(_key(window))
+        if found is not None:
+            return found
+        # another manoeuvre: to first order, the signals without the equation
+        return driven(model, [window], lambda blind: [inner(w, values, {}) for w in blind])[0]
+
+    def simulate(
+        window: Window, values: Mapping[str, float], extra: Mapping[str, Array]
+    ) -> Mapping[str, Array]:
+        signals, pushed = signals_of(window, values), dict(extra)
+        for number, term in enumerate(terms):
+            place, wide = term.reported.place, term.function.wide
+            function = term.function if wide is None else wide.having(values[width_name(number)])
+            added = values[size_name(number)] * function.of(signals, window.step_s)
+            pushed[place] = pushed.get(place, 0.0) + added
+        return inner(window, values, pushed)
+
+    parameters = [p for number, term in enumerate(terms) for p in _parameters(number, term)]
+    return replace(model, nuisances=(*model.nuisances, *parameters), simulate=simulate)
+
+
+def size_name(number: int) -> str:
+    """Name of the nuisance that is the size of one term."""
+    return f"equation.{number + 1}"
+
+
+def width_name(number: int) -> str:
+    """Name of the nuisance that is its width."""
+    return f"equation.{number + 1}.width"
+
+
+def _key(window: Window) -> Key:
+    return window.recording, window.start_s, window.time_s.size
+
+
+def _parameters(number: int, term: FittedTerm) -> list[Parameter]:
+    """The size of a term and, where it has one, its width."""
+    size, wide = term.reported.coefficient, term.function.wide
+    found = [Parameter(name=size_name(number), unit=term.reported.unit, value=size, typical=NEAR * abs(size))]
+    if wide is not None:
+        found.append(
+            Parameter(
+                name=width_name(number),
+                unit=wide.unit,
+                value=wide.width,
+                lower=wide.width / WIDEST,
+                upper=wide.width * WIDEST,
+                typical=NEAR * wide.width,
+            )
+        )
+    return found
+
+
+def switched_off(terms: Sequence[FittedTerm]) -> dict[str, float]:
+    """The values of these nuisances without which the equation does nothing."""
+    return {
+        p.name: 0.0 if p.name == size_name(number) else p.value
+        for number, term in enumerate(terms)
+        for p in _parameters(number, term)
+    }
+
+
+def refitted(terms: Sequence[FittedTerm], fitted: Fit) -> list[FittedTerm]:
+    """The terms with the sizes and widths of a fit, as they are reported."""
+    found = []
+    for number, term in enumerate(terms):
+        size, sd = fitted.values.shared[size_name(number)], fitted.sd(size_name(number))
+        wide = term.function.wide
+        function = term.function if wide is None else wide.having(fitted.values.shared[width_name(number)])
+        reported = replace(
+            term.reported,
+            function=function.text,
+            coefficient=size,
+            low=size - 1.96 * sd,
+            high=size + 1.96 * sd,
+        )
+        found.append(FittedTerm(reported, function))
+    return found

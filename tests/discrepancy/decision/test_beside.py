@@ -1,0 +1,108 @@
+"""A second search, with the equation for what no effect of the library explains in the baseline."""
+
+import numpy as np
+import pytest
+
+from discrepancy.decision.beside import Beside
+from discrepancy.decision.drop_one import drop_one_tests
+from discrepancy.decision.judge import judge
+from discrepancy.estimation.problem import Problem
+from discrepancy.examine import examine
+from discrepancy.selection.assess import assess
+from discrepancy.selection.beside_equation import built_in, switched_off
+from discrepancy.selection.functions import functions
+from discrepancy.selection.open_ended import FittedTerm, OpenEnded
+from discrepancy.selection.state import Settings, State
+from discrepancy.signals.findings import OpenTerm
+from tests.discrepancy.toys import record, tank
+
+SETTINGS = Settings()
+PUMP_LAG_S = 0.6
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_leak_is_named_beside_a_pump_that_acts_late(seed: int) -> None:
+    """The library has no pump that is late. Alone, the leak is fitted to the pump's error as well."""
+    found = examine(
+        tank("leak", "level scale"),
+        [record(seed, leak=0.05, pump_lag_s=PUMP_LAG_S, noise=0.005)],
+        SETTINGS,
+    )
+    assert found.named == ["leak"]
+    assert found.status == "explained in part"
+    leak = found.finding("leak").parameters[0]
+    assert leak.low is not None
+    assert leak.high is not None
+    assert leak.low < 0.05 < leak.high
+    assert leak.high - leak.low < 0.01
+    # dx/dt = lowpass(u) - (0.2 + leak) x: what the model lacks is once (lowpass(u) - u)
+    assert found.open_ended is not None
+    term = found.open_ended.terms[0]
+    assert term.place == "inflow"
+    assert term.coefficient == pytest.approx(1.0, abs=0.05)
+    lag_s = float(term.function.removeprefix("(lowpass(inflow, ").split(" s)")[0])
+    assert lag_s == pytest.approx(PUMP_LAG_S, abs=0.05)
+    # the equation is part of what explains the recording, not of the baseline's parameters
+    assert not [n.name for n in found.nuisances if n.name.startswith("equation")]
+    (level,) = found.adequacy
+    assert level.simulated < 0.2 * level.simulated_before
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_beside_a_late_pump_alone_nothing_is_named(seed: int) -> None:
+    recording = record(seed, pump_lag_s=PUMP_LAG_S, noise=0.005)
+    found = examine(tank("leak", "level scale"), [recording], SETTINGS)
+    assert found.named == []
+    assert found.status == "unknown"
+
+
+def with_a_drain() -> tuple[Problem, State, Problem, State, Beside]:
+    """A leak of 0.05, and beside it an equation that is one: -0.05 level at the inflow. Plain and with the equation."""
+    problem = Problem(tank("leak"), [record(3, leak=0.05, noise=0.005)])
+    baseline = assess(problem, (), problem.start(), SETTINGS)
+    level = next(f for f in functions({"level": "m"}, {"level": 1.0}) if f.text == "level")
+    reported = OpenTerm(
+        place="inflow",
+        function="level",
+        coefficient=-0.02,
+        low=None,
+        high=None,
+        unit="1/s",
+        equally_good=[],
+    )
+    terms = (FittedTerm(reported, level),)
+    grown = problem.of(built_in(problem, baseline, terms))
+    state = assess(grown, ("leak",), grown.start().having(leak=0.03), SETTINGS)
+    return problem, baseline, grown, state, Beside(problem, baseline, terms)
+
+
+def test_an_effect_that_the_equation_can_do_has_to_be_large_beside_it() -> None:
+    _, _, grown, state, beside = with_a_drain()
+    (test,) = drop_one_tests(grown, state, {}, OpenEnded(), SETTINGS)
+    large, small = (
+        OpenEnded(sse_reduction=share * test.sse_reduction, held_out_sse_reductions={})
+        for share in (50.0, 5.0)
+    )
+    assert beside.caveats(grown, state, test, small) == []
+    (caveat,) = beside.caveats(grown, state, test, large)
+    assert "may be what the equation leaves" in caveat
+    assert "do 9" in caveat or "do 100%" in caveat
+
+
+def test_without_its_terms_the_model_is_the_plain_one() -> None:
+    problem, baseline, grown, _, beside = with_a_drain()
+    plain, off = problem.predict(baseline.fit.values), grown.predict(beside.before().fit.values)
+    np.testing.assert_array_equal(off, plain)
+    on = grown.predict(beside.before().fit.values.with_shared({"equation.1": -0.02}))
+    assert np.max(np.abs(on - plain)) > 0.01
+    assert switched_off(beside.terms) == {"equation.1": 0.0}
+
+
+def test_an_equation_of_a_reading_starts_no_second_search() -> None:
+    """An error of a sensor pulls no effect of the machine towards it."""
+    said: list[str] = []
+    problem = Problem(tank("leak"), [record(5, leak=0.05, lag_s=0.5, noise=0.005)])
+    found = judge(problem, SETTINGS, said.append).findings
+    assert found.open_ended is not None
+    searched = any("searching beside" in line for line in said)
+    assert searched == any(t.place == "inflow" for t in found.open_ended.terms)
