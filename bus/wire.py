@@ -50,25 +50,29 @@ class Wire:
 
     def put(self, frames: Iterable[Frame], now_ns: int, sender: str) -> None:
         """Queue frames at `now_ns`; the wire cannot have carried them before that."""
-        known = self._known
+        known, queue = self._known, self._pending.append
         for frame in frames:
-            kind = frame.can_id, len(frame.data)
-            if kind not in known:
-                known[kind] = priority(frame.can_id), round(wire_bits(frame) * self._bit_ns)
-            self._pending.append((*known[kind], sender, frame))
+            kind = frame[0], len(frame[1])
+            try:
+                first, duration_ns = known[kind]
+            except KeyError:
+                first, duration_ns = priority(frame.can_id), round(wire_bits(frame) * self._bit_ns)
+                known[kind] = first, duration_ns
+            queue((first, duration_ns, sender, frame))
         self._pending.sort(key=_priority)  # stable: equal identifiers keep their order
         self._free_ns = max(self._free_ns, now_ns)
 
     def take(self, until_ns: int) -> list[tuple[str, Frame]]:
         """(sender, frame) of what has arrived by `until_ns`, in order, stamped with the arrival."""
-        arrived = []
-        at_ns = self._free_ns
+        arrived: list[tuple[str, Frame]] = []
+        arrive, at_ns = arrived.append, self._free_ns
         for _, duration_ns, sender, (can_id, data, _, flags) in self._pending:
-            if at_ns + duration_ns > until_ns:
+            end_ns = at_ns + duration_ns
+            if end_ns > until_ns:
                 break
-            at_ns += duration_ns
+            at_ns = end_ns
             # not by Frame(...): twenty times per tick, half of the time of making one is the call
-            arrived.append((sender, _made(Frame, (can_id, data, at_ns, flags))))
+            arrive((sender, _made(Frame, (can_id, data, at_ns, flags))))
         del self._pending[: len(arrived)]
         self._free_ns = at_ns
         return arrived

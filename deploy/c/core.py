@@ -8,7 +8,6 @@ import tempfile
 import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -31,7 +30,7 @@ _FRAME: Final = struct.Struct("=IB8s3x")
 """EcuFrame of ecu.h, with the bytes that fill it up to its alignment."""
 _FINDING: Final = struct.Struct("=4B4x2d")
 """EcuFinding of ecu.h: kind, subject, detail, other, value, value before."""
-_RECEIVED: Final = "qIB8s3x"
+_RECEIVED: Final = struct.Struct("=qIB8s3x")
 """LibraryFrame of library.h: time, identifier, length, data, and the bytes that fill it up to its alignment."""
 _PROTECTION_FAILED, _IMPLAUSIBLE, _STALE, _STATE_CHANGED = range(4)
 """Of EcuFindingKind in ecu.h; the one that is left is ECU_ESTIMATOR_FAILED."""
@@ -64,7 +63,6 @@ class CEcu:
             ctypes.c_uint32.in_dll(c, f"library_most_{what}").value
             for what in ("frames", "findings", "received")
         )
-        self._received = ctypes.create_string_buffer(_layout(self._most_received).size)
         self._frames = ctypes.create_string_buffer(most_frames * _FRAME.size)
         self._findings = (ctypes.c_char * (most_findings * _FINDING.size)).in_dll(c, "library_findings")
         self._finding_frames = (ctypes.c_uint8 * most_findings).in_dll(c, "library_finding_frames")
@@ -115,13 +113,13 @@ class CEcu:
         self, frames: Sequence[Frame], now_ns: int, made: "ctypes.Array[ctypes.c_char] | None"
     ) -> tuple[int, list[Finding]]:
         """How many frames are to be sent, and findings; made: None receives only."""
-        numbers = [
-            number
+        pack = _RECEIVED.pack
+        # a piece for each frame takes a quarter of one layout for all of their numbers
+        received = [
+            pack(at_ns, can_id, len(data) if len(data) < 256 else 255, data)
             for can_id, data, at_ns, _ in frames
-            for number in (at_ns, can_id, min(len(data), 255), data)
         ]
-        _layout(len(frames)).pack_into(self._received, 0, *numbers)
-        count = self._cycle(self._received, len(frames), now_ns, made)
+        count = self._cycle(b"".join(received), len(frames), now_ns, made)
         return count, self._found_in(frames, now_ns) if self._count.value else []
 
     def _made(self, count: int) -> list[Frame]:
@@ -194,12 +192,6 @@ class CCore:
 
 C: Final = CCore()
 BY_NAME: Final[Mapping[str, Core]] = {core.name: core for core in (PYTHON, C)}
-
-
-@cache
-def _layout(count: int) -> struct.Struct:
-    """The layout of so many frames of library.h."""
-    return struct.Struct("=" + count * _RECEIVED)
 
 
 def _own_copy(file: Path) -> ctypes.CDLL:

@@ -64,11 +64,12 @@ def in_force(last: Limits | None, *, age: float, obedience: Obedience) -> Limits
         return safe
     if last is None:
         return UNLIMITED  # a start is not a fault: an ECU has `stale_after` to come up
-    return Limits(
-        wheel_torque=_each_or(last.wheel_torque, safe.wheel_torque),
-        speed=_or(last.speed, safe.speed),
-        articulation_rate=_or(last.articulation_rate, safe.articulation_rate),
-    )
+    torque, speed, rate, _ = last
+    # one look at the sum: only a value that is not available makes it NaN, as no limit is negative
+    if math.isnan(sum(torque) + speed + rate):
+        torque, speed = _each_or(torque, safe.wheel_torque), _or(speed, safe.speed)
+        rate = _or(rate, safe.articulation_rate)
+    return Limits(torque, speed, rate)
 
 
 def linkage_in_force(last: LinkageLimits | None, *, age: float, obedience: Obedience) -> LinkageLimits:
@@ -81,6 +82,8 @@ def linkage_in_force(last: LinkageLimits | None, *, age: float, obedience: Obedi
         return FREE
     if age > obedience.stale_after:
         return safe
+    if not math.isnan(sum(last)):
+        return last
     return LinkageLimits(
         lift_up=_or(last.lift_up, safe.lift_up),
         lift_down=_or(last.lift_down, safe.lift_down),
@@ -98,8 +101,10 @@ def obey(
     """
     request = _govern(request, limits.speed, obedience, abilities, speed)
     rate, linkage = limits.articulation_rate, limits.linkage
-    return request._replace(
+    # not by _replace, which takes longer than all limits
+    return Request(
         wheel_torque=_each_within(request.wheel_torque, limits.wheel_torque),
+        brake_torque=request.brake_torque,
         articulation_rate=min(max(request.articulation_rate, -rate), rate),
         lift_rate=min(max(request.lift_rate, -linkage.lift_down), linkage.lift_up),
         tilt_rate=min(max(request.tilt_rate, -linkage.tilt_forward), linkage.tilt_back),
@@ -108,8 +113,11 @@ def obey(
 
 def holds_back(demanded: Request, done: Request) -> bool:
     """Whether limits reduce the demanded drive torque of a wheel, or brake against it."""
-    less = any(abs(d) < abs(a) for a, d in zip(demanded.wheel_torque, done.wheel_torque, strict=True))
-    return less or any(d > a for a, d in zip(demanded.brake_torque, done.brake_torque, strict=True))
+    (a, b, c, d), (i, j, k, m) = demanded.wheel_torque, done.wheel_torque
+    if abs(i) < abs(a) or abs(j) < abs(b) or abs(k) < abs(c) or abs(m) < abs(d):
+        return True
+    (a, b, c, d), (i, j, k, m) = demanded.brake_torque, done.brake_torque
+    return i > a or j > b or k > c or m > d
 
 
 def _govern(

@@ -40,7 +40,8 @@ class Profile:
         return base if self.sine is None else base + self.sine.at(time)
 
     def _line(self, time: float) -> float:
-        after = bisect_right(self.points, time, key=lambda point: point[0])
+        # behind every point at this time, whatever its value; without a function that takes the time out of each point
+        after = bisect_right(self.points, (time, math.inf))
         if after == 0:
             return self.points[0][1]
         if after == len(self.points):

@@ -161,7 +161,8 @@ class PlantUnit:
         obedience, reception = self._equipment.obedience, self._reception
         limits = in_force(reception.limits, age=(now_ns - since_ns) * 1e-9, obedience=obedience)
         age = (now_ns - reception.linkage_ns) * 1e-9
-        return limits._replace(linkage=linkage_in_force(reception.linkage, age=age, obedience=obedience))
+        linkage = linkage_in_force(reception.linkage, age=age, obedience=obedience)
+        return Limits(limits.wheel_torque, limits.speed, limits.articulation_rate, linkage)
 
     def tick(self, now_ns: int) -> list[Frame]:
         """Advance 10 ms and return the sensor frames that are due. The first tick samples the start."""
