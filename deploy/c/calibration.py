@@ -2,6 +2,8 @@
 
 from typing import Any, Final
 
+from dbc import loader_database
+from deploy.c.detection_tables import DECLARATIONS, detection_numbers
 from deploy.c.translation.expressions import initialiser
 from deploy.c.translation.kinds import Record, fields_of
 from deploy.c.translation.names import local_name
@@ -14,11 +16,11 @@ _HEADER: Final = """\
 #ifndef CALIBRATION_H
 #define CALIBRATION_H
 
-#include "estimators.h"
+#include "detection.h"
 
 extern OF_MACHINE Parameters calibration_parameters;
 extern OF_MACHINE LimitRules calibration_limits;
-
+{detection}
 #endif
 """
 _SOURCE: Final = """\
@@ -33,7 +35,7 @@ OF_MACHINE Parameters calibration_parameters = {{
 OF_MACHINE LimitRules calibration_limits = {{
 {limits}
 }};
-"""
+{detection}"""
 
 
 def calibration_files(calibration: Calibration) -> dict[str, str]:
@@ -41,9 +43,14 @@ def calibration_files(calibration: Calibration) -> dict[str, str]:
     name = _safe(calibration.name)
     parts = "\n".join(lines(calibration.parameters, 1))
     return {
-        "calibration.h": _HEADER.format(name=name),
+        "calibration.h": _HEADER.format(name=name, detection=DECLARATIONS),
         "calibration.c": _SOURCE.format(
-            name=name, parts=parts, limits="\n".join(lines(calibration.limits, 1))
+            name=name,
+            parts=parts,
+            limits="\n".join(lines(calibration.limits, 1)),
+            detection=detection_numbers(
+                calibration, loader_database(), lines(calibration.detection.tolerances, 1)
+            ),
         ),
     }
 

@@ -15,14 +15,22 @@ from bus.frame import Frame
 from bus.user_error import UserError
 from dbc import loader_database
 from dbc.protection import Finding as Check
+from deploy.c.detection_tables import machine_detection
 from deploy.c.library import library
 from deploy.c.rules_tables import CHECKS, EVENTS, machine_rules
 from deploy.c.tables import Received, inputs_of
 from ecu.calibration import Calibration
 from ecu.codes import Mode
 from ecu.core import PYTHON, Core, Form
-from ecu.estimators.parameters import Parameters
-from ecu.findings import EstimatorFailed, Finding, Implausible, ProtectionFailed, Stale, StateChanged
+from ecu.findings import (
+    EstimatorFailed,
+    FaultFound,
+    Finding,
+    Implausible,
+    ProtectionFailed,
+    Stale,
+    StateChanged,
+)
 from ecu.inputs import EXCHANGED, FROZEN, GROUP_OF, REPORTED, WEIGHTLESS, Group, doubt
 from ecu.states import State
 
@@ -32,8 +40,8 @@ _FINDING: Final = struct.Struct("=4B4x2d")
 """EcuFinding of ecu.h: kind, subject, detail, other, value, value before."""
 _RECEIVED: Final = struct.Struct("=qIB8s3x")
 """LibraryFrame of library.h: time, identifier, length, data, and the bytes that fill it up to its alignment."""
-_PROTECTION_FAILED, _IMPLAUSIBLE, _STALE, _STATE_CHANGED = range(4)
-"""Of EcuFindingKind in ecu.h; the one that is left is ECU_ESTIMATOR_FAILED."""
+_PROTECTION_FAILED, _IMPLAUSIBLE, _STALE, _STATE_CHANGED, _ESTIMATOR_FAILED, _FAULT_FOUND = range(6)
+"""EcuFindingKind of ecu.h."""
 _BY_SENSOR, _BY_MESSAGE = 1, 2
 _made = tuple.__new__
 
@@ -53,11 +61,11 @@ class Answer:
 class CEcu:
     """One ECU in C. As `ecu.core.Ecu`."""
 
-    def __init__(self, calibration: Calibration, *, limits: bool) -> None:
+    def __init__(self, calibration: Calibration, *, limits: bool, detect_faults: bool = False) -> None:
         c = _own_copy(library(calibration))
         # the C has no ECU to hand around, its memory is static: each ECU is a library of its own, unloaded with it
         weakref.finalize(self, _ctypes.dlclose, c._handle)
-        _set_machine(c, calibration.parameters)
+        _set_machine(c, calibration)
         self._inputs = inputs_of(calibration)
         most_frames, most_findings, self._most_received = (
             ctypes.c_uint32.in_dll(c, f"library_most_{what}").value
@@ -78,6 +86,8 @@ class CEcu:
         self._executed.argtypes, self._overran.argtypes = (ctypes.c_int64,), (ctypes.c_uint32,)
         self._state.restype = ctypes.c_uint8
         c.ecu_init(ctypes.c_bool(limits))
+        c.ecu_detect_faults(ctypes.c_bool(detect_faults))
+        self._suspects: tuple[str, ...] = ()  # of a fault whose other signals are still to come
 
     @property
     def state(self) -> State:
@@ -139,7 +149,8 @@ class CEcu:
         """What the last call found; data: of the frame that it received."""
         count, self._count.value = self._count.value, 0
         raw = self._findings.raw[: count * _FINDING.size]
-        return [self._finding(found, now_ns, data) for found in _FINDING.iter_unpack(raw)]
+        made = (self._finding(found, now_ns, data) for found in _FINDING.iter_unpack(raw))
+        return [finding for finding in made if finding is not None]
 
     def _found_in(self, frames: Sequence[Frame], now_ns: int) -> list[Finding]:
         """What the last call of `library_cycle` found, of each frame at its stamp and of the cycle."""
@@ -149,10 +160,13 @@ class CEcu:
         found = []
         for values, at in zip(_FINDING.iter_unpack(raw), self._finding_frames[:count], strict=True):
             frame = frames[at] if at < len(frames) else cycle
-            found.append(self._finding(values, frame.at_ns, frame.data))
+            finding = self._finding(values, frame.at_ns, frame.data)
+            if finding is not None:
+                found.append(finding)
         return found
 
-    def _finding(self, raw: tuple[Any, ...], now_ns: int, data: bytes) -> Finding:
+    def _finding(self, raw: tuple[Any, ...], now_ns: int, data: bytes) -> Finding | None:
+        """One finding; None for a signal of a fault that may be of several, until the last of them."""
         kind, subject, detail, other, value, before = raw
         if kind == _PROTECTION_FAILED:
             name = list(GROUP_OF)[subject]
@@ -166,7 +180,12 @@ class CEcu:
             return Stale(Group(subject).name.lower(), now_ns)
         if kind == _STATE_CHANGED:
             return StateChanged(State(subject), State(other), EVENTS[detail], now_ns)
-        return EstimatorFailed("the estimators have no finite result", now_ns)
+        if kind == _FAULT_FOUND:
+            suspects = (*self._suspects, self._inputs[subject].name)
+            self._suspects = suspects if other else ()
+            return None if other else FaultFound(suspects, Mode(detail), now_ns)
+        what = "fault detection: division by zero" if subject else "the estimators have no finite result"
+        return EstimatorFailed(what, now_ns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,11 +202,10 @@ class CCore:
         limits: bool = True,
         detect_faults: bool = False,
     ) -> CEcu:
-        """As `ecu.core.Core`. NotInCError for the printed form and the detection of sensor faults; NoCompilerError."""
-        for asked, what in ((form != "corrected", f"--form {form}"), (detect_faults, "--detect-faults")):
-            if asked:
-                raise NotInCError(f"{what}: not in the ECU's C core; take the Python core for it")
-        return CEcu(calibration, limits=limits)
+        """As `ecu.core.Core`. NotInCError for the printed form; NoCompilerError."""
+        if form != "corrected":
+            raise NotInCError(f"--form {form}: not in the ECU's C core; take the Python core for it")
+        return CEcu(calibration, limits=limits, detect_faults=detect_faults)
 
 
 C: Final = CCore()
@@ -204,8 +222,9 @@ def _own_copy(file: Path) -> ctypes.CDLL:
         return ctypes.CDLL(copy.name)
 
 
-def _set_machine(c: ctypes.CDLL, parameters: Parameters) -> None:
-    """Set what the estimators know of the machine, and the rules that follow from it."""
+def _set_machine(c: ctypes.CDLL, calibration: Calibration) -> None:
+    """Set what estimators and detection know of the machine, and the rules that follow from it."""
+    parameters = calibration.parameters
     numbers, rules = _flat(parameters), list(machine_rules(parameters).values())
     count = ctypes.c_uint32.in_dll(c, "library_parameter_count").value
     # a structure of numbers alone: its fields lie in their order, without gaps
@@ -213,7 +232,8 @@ def _set_machine(c: ctypes.CDLL, parameters: Parameters) -> None:
         raise RuntimeError(
             f"the library has {count} parameters of the machine, and {len(numbers)} are to be set"
         )
-    for name, values in (("calibration_parameters", numbers), ("machine_rules", rules)):
+    named = {"calibration_parameters": numbers, "machine_rules": rules}
+    for name, values in (named | machine_detection(calibration, loader_database())).items():
         place = (ctypes.c_double * len(values)).in_dll(c, name)
         for k, value in enumerate(values):
             place[k] = value

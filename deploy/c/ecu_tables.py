@@ -3,6 +3,7 @@
 from typing import Final
 
 from dbc.database import Database
+from deploy.c.detection_tables import detection_constants, detection_tables
 from deploy.c.rules_tables import (
     EVENTS,
     alarm_rows,
@@ -96,11 +97,10 @@ def table_files(calibration: Calibration, database: Database) -> dict[str, str]:
         f"#define TICK_NS {TICK_NS}LL\n",
         counters(),
     ]
-    # messages that fall silent in one cycle get their codes in the order of names, as in Python
-    ordered = sorted(range(len(GROUP_OF)), key=lambda k: list(GROUP_OF)[k])
+    watched_header, watched_source = detection_tables(inputs)
     header = "\n".join(
         [_NOTE + "#ifndef ECU_TABLES_H\n#define ECU_TABLES_H\n\n#include \"ecu_types.h\"\n", *enums, conditions,
-         rule_constants(calibration), _EXTERN, "#endif\n"]
+         rule_constants(calibration), detection_constants(inputs), _EXTERN + watched_header, "#endif\n"]
     )  # fmt: skip
     source = "\n".join(
         [
@@ -119,10 +119,16 @@ def table_files(calibration: Calibration, database: Database) -> dict[str, str]:
             + "".join(f"    {row},\n" for row in transitions())
             + "};\n",
             rows("Suspect", "suspects", suspects(inputs, calibration, database), "SUSPECTS"),
-            rows("uint8_t", "listeners_by_name", [f"{k}U" for k in ordered], "LISTENERS"),
+            rows("uint8_t", "listeners_by_name", _by_name(), "LISTENERS"),
+            watched_source,
         ]
     )
     return {"ecu_tables.h": header, "ecu_tables.c": source}
+
+
+def _by_name() -> list[str]:
+    """The messages in the order of names: those that fall silent in one cycle get their codes in it, as in Python."""
+    return [f"{k}U" for k in sorted(range(len(GROUP_OF)), key=lambda k: list(GROUP_OF)[k])]
 
 
 _EXTERN: Final = """\

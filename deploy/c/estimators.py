@@ -1,9 +1,10 @@
-"""The estimators as one C file with its header: the translation of `ecu.estimators.estimate.corrected`."""
+"""The estimators as one C file with its header, and the detection of faults as another: `ecu.estimators.estimate.corrected` translated."""
 
 from pathlib import Path
 from typing import Final
 
-from deploy.c.translation.program import Translation
+from deploy.c.detection import ENTRIES, detection_files, translate
+from deploy.c.translation.program import File, Translation
 from ecu import alarms, limits
 from ecu.estimators.estimate import corrected
 
@@ -28,8 +29,10 @@ _HEADER: Final = """\
  */
 bool estimators_cycle(const Inputs *inputs, State *state, const Parameters *parameters, Estimates *estimates);
 
-/* Limits and alarms; what they do is said at their definitions. */
+/* Limits and alarms, and what the detection of faults uses as well; what they do is said at their definitions. */
 {rules}
+
+extern bool divided_by_zero; /* since it was last set to false */
 
 #endif
 """
@@ -49,9 +52,11 @@ bool estimators_cycle(const Inputs *inputs, State *state, const Parameters *para
     return !divided_by_zero;
 }}
 """
-DIVIDED: Final = """\
+NOTED: Final = """\
 /* A division by zero raises in Python and ends the cycle. Here it is noted, and the cycle's results are not used. */
-static bool divided_by_zero;
+bool divided_by_zero;
+"""
+DIVIDED: Final = """\
 
 static inline real_t divided(real_t numerator, real_t denominator)
 {
@@ -81,7 +86,7 @@ void perturbed_start(uint64_t seed)
     perturbed_seed = (seed * 2862933555777941757U) + 3037000493U;
 }
 
-static inline real_t PERTURBED(real_t exact)
+real_t PERTURBED(real_t exact)
 {
     if ((double)(float)exact == exact) {
         return exact; /* single precision holds it: nothing would be rounded */
@@ -97,22 +102,31 @@ static inline real_t PERTURBED(real_t exact)
 
 def estimator_files(*, perturbed: bool = False) -> dict[str, str]:
     """File name -> text. perturbed: the build that measures what rounding does to the results, for tests only."""
-    translation = Translation(ROOT, exported=RULES, perturbed=perturbed)
-    # numba's wrapper has no source; the function in it has
+    # numba's wrapper has no source; the functions in it have
+    entries = [getattr(entry, "py_func", entry) for entry in ENTRIES]
+    translation = Translation(ROOT, exported=(*RULES, *entries), perturbed=perturbed)
     entry = translation.add(getattr(corrected, "py_func", corrected))
     for rule in RULES:
         translation.add(rule)
-    functions = "\n".join(translation.functions)
-    # an unused static function is a warning, and warnings are errors
-    modulo = MODULO if "modulo(" in functions else ""
+    file = translation.file
+    translate(translation)
     return {
-        "estimators.h": _HEADER.format(types=translation.types, rules="\n".join(translation.prototypes)),
+        "estimators.h": _HEADER.format(types=file.types, rules="\n".join(file.prototypes)),
         "estimators.c": _SOURCE.format(
-            divided=DIVIDED,
-            extra=modulo + (_PERTURBED if perturbed else ""),
-            constants=translation.constants,
-            functions=functions,
+            divided=NOTED + _helpers(file),
+            extra=_PERTURBED if perturbed else "",
+            constants=file.definitions,
+            functions="\n".join(file.functions),
             entry=entry,
             result="EstimatesAndState",
         ),
-    }
+    } | detection_files(
+        translation.file,
+        _helpers(translation.file) + ("\nreal_t PERTURBED(real_t exact);\n" if perturbed else ""),
+    )
+
+
+def _helpers(file: File) -> str:
+    """The arithmetic that the functions of a file need: an unused static function is a warning, and warnings are errors."""
+    functions = "\n".join(file.functions)
+    return DIVIDED + (MODULO if "modulo(" in functions else "")

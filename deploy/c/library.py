@@ -23,6 +23,7 @@ OPTIONS: Final = (
     "-ffp-contract=off",
 )  # fmt: skip
 _HERE: Final = Path(__file__).resolve().parent
+_TRANSLATED: Final = ("estimators", "detection")
 _SUFFIXES: Final = (".py", ".c", ".h", ".dbc")
 
 
@@ -68,16 +69,17 @@ def _build(calibration: Calibration, work: Path, kept: Path) -> Path:
     write_project(work, calibration)
     # three quarters of the time to compile, and the same for every calibration
     chosen = hashlib.sha256(os.environ.get("CC", "").encode()).hexdigest()[:8]
-    estimators = kept / f"estimators-{chosen}.o"
-    if not estimators.exists():
-        _compile(compiler, work, "-c", "estimators.c", "-o", "estimators.o")
-        (work / "estimators.o").replace(estimators)
+    translated = [kept / f"{name}-{chosen}.o" for name in _TRANSLATED]
+    for name, made in zip(_TRANSLATED, translated, strict=True):
+        if not made.exists():
+            _compile(compiler, work, "-c", f"{name}.c", "-o", f"{name}.o")
+            (work / f"{name}.o").replace(made)
     others = sorted(
         file.relative_to(work).as_posix()
         for file in (*work.glob("*.c"), *work.glob("library/*.c"))
-        if file.name != "estimators.c"
+        if file.stem not in _TRANSLATED
     )
-    _compile(compiler, work, "-shared", "-I.", *others, str(estimators), "-o", "ecu.so", "-lm")
+    _compile(compiler, work, "-shared", "-I.", *others, *map(str, translated), "-o", "ecu.so", "-lm")
     return work / "ecu.so"
 
 

@@ -55,8 +55,8 @@ class Lean(NamedTuple):
 @compiled
 def corrected(
     m: Floats, w: Wheels, q: Motion, p: Parameters, t: Tolerances, state: Floats, dt: float, started: bool
-) -> tuple[Floats, Lean, Slope]:
-    """The samples with the corrected slope in them, the correction's uncertainty, and what accelerometers show of this driving."""
+) -> tuple[Lean, Slope]:
+    """Puts the corrected slope into the samples `m`; the correction's uncertainty, and what accelerometers show of this driving."""
     f, time = state[FILTERS], p.sensors.slope_levelling
     yaw, v = m[YAW_RATE], w.middle
     behind = p.geometry.rear_length + p.sensors.imu_x
@@ -72,8 +72,7 @@ def corrected(
     f[F_PITCH_TAKEN], f[F_ROLL_TAKEN] = lean.pitch, lean.roll
     f[F_PITCH_LEAN], f[F_ROLL_LEAN] = after.pitch, after.roll
     f[F_LAST_SPEED], f[F_LAST_YAW] = v, yaw
-    freed = m.copy()
-    freed[PITCH], freed[ROLL] = slope.pitch, slope.roll
+    m[PITCH], m[ROLL] = slope.pitch, slope.roll
     # a speed that is wrong by so much, or slides aside by so much, leans the filter by that over its time
     pace = (time + dt) * GRAVITY
     slipping = abs(v) * (t.radius + (w.used + q.grip) / (p.wheel.slip_stiffness * (1.0 - t.stiffness)))
@@ -82,7 +81,7 @@ def corrected(
         LEAN_WRONG * abs(lean.pitch) + slipping / pace,
         LEAN_WRONG * abs(lean.roll) + (abs(v) * q.sideslip + rolling) / pace,
     )
-    return freed, found, rolled
+    return found, rolled
 
 
 @compiled

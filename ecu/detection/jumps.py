@@ -223,7 +223,7 @@ def placed(k: int, rules: Floats, state: Floats) -> None:
 @compiled
 def follower(k: int, m: Floats, state: Floats) -> bool:
     """Whether the other wheel of the axle is asked for the same: the drive moves both torques."""
-    other = TORQUE + (k - TORQUE ^ 1)
+    other = k + 1 if (k - TORQUE) % 2 == 0 else k - 1
     own, beside = m[k] - state[LAST, k], m[other] - state[LAST, other]
     return own * beside > 0.0 and abs(beside) > abs(own) / 3.0
 

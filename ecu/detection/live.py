@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dbc.database import Database
 from ecu.calibration import Calibration
@@ -44,20 +45,27 @@ _ALIKE: Final = 0.3
 """Two signals that jumped against each other, equally far to within this share, are exchanged."""
 
 
+MESSAGE_PLACES: Final = tuple(list(dict.fromkeys(MESSAGES)).index(message) for message in MESSAGES)
+"""The number of each signal's message among those that are watched."""
+
+
+def rules_of(calibration: Calibration, database: Database) -> tuple[NDArray[np.float64], float]:
+    """What the compiled detection needs of a calibration: thresholds, and the height of the sequential tests."""
+    rules = calibration.detection
+    ticks = {
+        name: max(database.by_name[message].cycle_ns / _TICK_NS, 1.0)
+        for name, message in zip(NAMES, MESSAGES, strict=True)
+    }
+    return rules_array(rules, ticks, calibration.parameters), height_for(rules.false_alarms / 3.0)
+
+
 class Detection:
     """The detection of one ECU, from cycle to cycle."""
 
     def __init__(self, calibration: Calibration, database: Database) -> None:
-        rules = calibration.detection
-        messages = list(dict.fromkeys(MESSAGES))
-        ticks = {
-            name: max(database.by_name[message].cycle_ns / _TICK_NS, 1.0)
-            for name, message in zip(NAMES, MESSAGES, strict=True)
-        }
-        self._parameters, self._tolerances = calibration.parameters, rules.tolerances
-        self._rules = rules_array(rules, ticks, calibration.parameters)
-        self._height = height_for(rules.false_alarms / 3.0)
-        self._message = np.array([messages.index(message) for message in MESSAGES])
+        self._parameters, self._tolerances = calibration.parameters, calibration.detection.tolerances
+        self._rules, self._height = rules_of(calibration, database)
+        self._message = np.array(MESSAGE_PLACES)
         self._samples, self._usable, self._dt = np.zeros(COUNT), np.ones(COUNT), np.zeros(1)
         self._heard = np.zeros(COUNT, np.int64)
         self._patterns: dict[tuple[frozenset[str], ...], tuple[np.ndarray, np.ndarray]] = {}

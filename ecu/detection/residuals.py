@@ -101,24 +101,35 @@ def residuals(
     """All residuals into `r` and their bounds into `bound`, both (RESIDUALS,). usable: 0 where other checks reject a signal."""
     started = state[FILTERS, F_CYCLES] > 0.0
     state[FILTERS, F_CYCLES] += 1.0
-    bound[:] = rules[TOLERANCE, : bound.size]
+    for j in range(RESIDUALS):
+        bound[j] = rules[TOLERANCE, j]
     w = wheel_speeds(m, p)
     q = motion(m, w.middle, w.used, p, t, state, dt, started)
-    m, lean, rolled = corrected(m, w, q, p, t, state, dt, started)
+    freed = m.copy()  # of what accelerations add to the slope sensor's reading
+    lean, rolled = corrected(freed, w, q, p, t, state, dt, started)
     felt = True
     for k in range(FORCE, FORCE + 3):
         felt &= usable[k] != 0.0 and state[FAULTY, k] == 0.0
-    swing, unsure = swinging(m, q, rolled, p, t, rules, felt, state, dt)
+    swing, unsure = swinging(freed, q, rolled, p, t, rules, felt, state, dt)
     angles(
-        m, swing, q, Lean(lean.pitch + unsure.pitch, lean.roll + unsure.roll), t, state, dt, started, r, bound
+        freed,
+        swing,
+        q,
+        Lean(lean.pitch + unsure.pitch, lean.roll + unsure.roll),
+        t,
+        state,
+        dt,
+        started,
+        r,
+        bound,
     )
-    speed_pairs(m, w, q, p, t, r, bound)
-    yaw_by_steering(m, w, q, p, t, r, bound)
-    accelerations(m, w, q, lean, t, p, state, dt, started, r, bound)
-    torques(m, w, q, t, p, state, dt, r, bound)
+    speed_pairs(freed, w, q, p, t, r, bound)
+    yaw_by_steering(freed, w, q, p, t, r, bound)
+    accelerations(freed, w, q, lean, t, p, state, dt, started, r, bound)
+    torques(freed, w, q, t, p, state, dt, r, bound)
     digging = state[FILTERS, F_DRAG] > t.digging / 2.0
-    bucket(m, q, digging, p, t, state, dt, r, bound)
-    r[STEERING_LINES] = min(m[LEFT_LINE], m[RIGHT_LINE]) - t.back_pressure
+    bucket(freed, q, digging, p, t, state, dt, r, bound)
+    r[STEERING_LINES] = min(freed[LEFT_LINE], freed[RIGHT_LINE]) - t.back_pressure
     bound[STEERING_LINES] += 0.2 * q.lines
     premises(w, q, state, dt, bound)
 
@@ -147,7 +158,8 @@ def premises(w: Wheels, q: Motion, state: Floats, dt: float, bound: Floats) -> N
 def second(values: Floats) -> float:
     """The second largest: one faulty message alone does not count."""
     first = other = 0.0
-    for value in values:
+    for i in range(values.size):
+        value = values[i]
         if value > first:
             first, other = value, first
         elif value > other:

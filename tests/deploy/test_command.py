@@ -122,7 +122,7 @@ def test_systemd_finds_a_program_with_an_awkward_name(cli, tmp_path, monkeypatch
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--core", "c", "--detect-faults"), "--detect-faults: not in the ECU's C core"),
+        (("--core", "c", "--form", "printed"), "--form printed: not in the ECU's C core"),
         (("--xcp", "foo"), "foo"),
         (("--core", "c", "--uds", "0x610,0x611"), "in Python only"),
     ],

@@ -15,6 +15,7 @@ typedef char frames_suffice[(MOST_FRAMES <= ECU_MOST_FRAMES) ? 1 : -1];
 
 typedef struct {
     bool limits_enabled;
+    bool detects_faults;
     uint8_t state;
     uint32_t ticks;
     bool started; /* whether a frame has been received */
@@ -71,6 +72,7 @@ void ecu_restart(void)
 #endif
     inputs_start();
     validity_start();
+    detection_start();
     codes_dropped();
 }
 
@@ -81,6 +83,11 @@ void ecu_init(bool limits_enabled)
     ecu.limits_enabled = limits_enabled;
     codes_start();
     ecu_restart();
+}
+
+void ecu_detect_faults(bool on)
+{
+    ecu.detects_faults = on;
 }
 
 const real_t *ecu_values(void)
@@ -158,6 +165,9 @@ static void moved(uint8_t event)
     ecu.state = state_after[before][event];
     if (ecu.state != before) {
         announced(ECU_STATE_CHANGED, before, event, ecu.state);
+        if (before == STATE_FAULT) {
+            detection_start(); /* what it held against signals was of the time before: good inputs have lasted for the time to recover */
+        }
     }
     if ((before == STATE_INIT) && (ecu.state == STATE_RUNNING) && (ecu.fault_ns < 0)) {
         ecu.limits = limits_none(); /* at the start there is nothing to rise slowly from */
@@ -309,6 +319,9 @@ uint8_t ecu_tick(int64_t now_ns, EcuFrame frames[ECU_MOST_FRAMES])
 #ifdef ECU_FINDINGS
     stale_found(received);
 #endif
+    if (ecu.detects_faults && ((ecu.state == STATE_RUNNING) || (ecu.state == STATE_DEGRADED))) {
+        received = detection_looked(received, period(now_ns));
+    }
     moved(input_event(received, now_ns));
     const uint32_t known = estimated(received, now_ns, &estimates, &failed);
     codes_stepped(received, failed, estimates.speed, now_ns);

@@ -21,6 +21,9 @@ typedef struct {
 /* Start anew. limits_enabled: false only warns. */
 void ecu_init(bool limits_enabled);
 
+/* Whether sensors are tested against each other: a faulty one is then no longer relied on. Off after ecu_init; call it before frames. */
+void ecu_detect_faults(bool on);
+
 /* Take one frame from the bus; frames of other identifiers are ignored. */
 void ecu_receive(uint32_t id, const uint8_t *data, uint8_t length, int64_t now_ns);
 
@@ -45,7 +48,8 @@ typedef enum {
     ECU_IMPLAUSIBLE,       /* subject: input; detail: failure mode; other: 1 its sensor reports it, 2 the message contradicts itself */
     ECU_STALE,             /* subject: input group */
     ECU_STATE_CHANGED,     /* subject: state before; detail: event; other: state after */
-    ECU_ESTIMATOR_FAILED
+    ECU_ESTIMATOR_FAILED,  /* subject: 1 the detection of faults, which begins anew */
+    ECU_FAULT_FOUND        /* subject: input; detail: failure mode; other: how many more findings follow, of which one signal is faulty */
 } EcuFindingKind;
 
 typedef struct {

@@ -3,7 +3,7 @@
 
 #include "ecu_internal.h"
 
-#define MOST_CODES ((INPUTS * 6U) + (LISTENERS * 2U) + 1U) /* suspect parameters times the modes that each can have */
+#define MOST_CODES ((INPUTS * 6U) + (WATCHED * 3U) + (LISTENERS * 2U) + 1U) /* suspect parameters times the modes that each can have */
 #define MOST_OCCURRENCES 126U
 #define MANUFACTURERS 7U /* top three bits of an SPN of the manufacturer's range */
 #define EVERY_TICKS 10U  /* each message shows the next code */
@@ -82,7 +82,7 @@ static void occurred(uint16_t suspect, uint8_t mode, const CycleInputs *inputs, 
 static bool goes_on(uint16_t suspect, const CycleInputs *inputs)
 {
     if (suspect < INPUTS) {
-        return ((inputs->unusable >> suspect) & 1U) != 0U;
+        return (((inputs->unusable | inputs->doubted) >> suspect) & 1U) != 0U;
     }
     return (suspect < (INPUTS + LISTENERS)) && (((inputs->silent >> (suspect - INPUTS)) & 1U) != 0U);
 }

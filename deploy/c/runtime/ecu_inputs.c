@@ -12,6 +12,8 @@ typedef struct {
     bool heard;
     int64_t heard_ns;
     uint64_t unusable;
+    uint64_t stepped; /* of these, those whose value came and was too far away */
+    bool came; /* since the last cycle */
     bool has_previous;
 } ListenerState;
 
@@ -152,6 +154,7 @@ static void decoded(uint8_t listener, uint64_t bits, int64_t now_ns)
     }
     const uint8_t together = contradiction(listener, now, now_ns);
     uint64_t bad = 0U;
+    uint64_t stepped = 0U;
     for (uint8_t k = from->first; k < from->last; ++k) {
         const real_t value = now[k - from->first];
         const real_t before = state->has_previous ? previous[k] : value;
@@ -172,6 +175,9 @@ static void decoded(uint8_t listener, uint64_t bits, int64_t now_ns)
             gathered.values[k] = value;
         } else {
             bad |= INPUT_BIT(k);
+            if ((mode == MODE_ABOVE_RANGE) || (mode == MODE_BELOW_RANGE) || (mode == MODE_RATE_OF_CHANGE)) {
+                stepped |= INPUT_BIT(k);
+            }
             if ((state->unusable & INPUT_BIT(k)) == 0U) {
                 codes_noted(k, mode);
                 announced_value(ECU_IMPLAUSIBLE, k, mode, is_reported ? 1U : ((together != 0U) ? 2U : 0U), value, before);
@@ -181,6 +187,8 @@ static void decoded(uint8_t listener, uint64_t bits, int64_t now_ns)
     }
     state->has_previous = true;
     state->unusable = bad;
+    state->stepped = stepped;
+    state->came = true;
 }
 
 bool inputs_receive(uint32_t id, const uint8_t *data, uint8_t length, int64_t now_ns)
@@ -214,8 +222,12 @@ const CycleInputs *inputs_gathered(int64_t now_ns)
     gathered.stale = 0U;
     gathered.implausible = 0U;
     gathered.silent = 0U;
+    gathered.came = 0U;
+    gathered.stepped = 0U;
     for (uint8_t k = 0U; k < LISTENERS; ++k) {
         const uint16_t group = (uint16_t)(1U << listeners[k].group);
+        gathered.came |= heard_of[k].came ? ((uint32_t)1U << k) : 0U;
+        heard_of[k].came = false;
         if (!is_fresh(k, now_ns)) {
             gathered.stale |= group;
             for (uint8_t input = listeners[k].first; input < listeners[k].last; ++input) {
@@ -225,6 +237,7 @@ const CycleInputs *inputs_gathered(int64_t now_ns)
         } else if (heard_of[k].unusable != 0U) {
             gathered.implausible |= group;
             gathered.unusable |= heard_of[k].unusable;
+            gathered.stepped |= heard_of[k].stepped;
         } else {
             /* every input of the message can be relied on */
         }

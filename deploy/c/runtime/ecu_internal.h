@@ -63,11 +63,19 @@ typedef struct {
     uint16_t stale; /* groups without a fresh frame, a bit each */
     uint16_t implausible; /* groups with an implausible signal */
     uint32_t silent; /* messages that have fallen silent */
+    uint32_t came; /* messages with a good frame since the cycle before */
+    uint64_t stepped; /* unusable inputs whose value came and was too far from the last */
+    uint64_t doubted; /* inputs that the detection holds for faulty, replaced ones too */
 } CycleInputs;
 
 void inputs_start(void);
 bool inputs_receive(uint32_t id, const uint8_t *data, uint8_t length, int64_t now_ns); /* whether a protection failed */
 const CycleInputs *inputs_gathered(int64_t now_ns);
+
+/* -- detection of faulty sensors (ecu_detection.c) */
+
+void detection_start(void); /* forgets all cycles */
+const CycleInputs *detection_looked(const CycleInputs *received, real_t dt); /* the inputs that may be relied on */
 
 /* -- trouble codes (ecu_codes.c) */
 

@@ -47,6 +47,7 @@ typedef float real_t;
 #define real_sqrt(x) REAL_OF(sqrt)(x)
 #define real_hypot(x, y) REAL_OF(hypot)((x), (y))
 #define real_copysign(x, sign) REAL_OF(copysign)((x), (sign))
+#define real_pow(x, exponent) REAL_OF(pow)((x), (exponent))
 #define real_ldexp(x, power) REAL_OF(ldexp)((x), (int)(power))
 #define real_rint(x) REAL_OF(rint)(x)
 

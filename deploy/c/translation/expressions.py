@@ -5,17 +5,20 @@ A division by zero raises in Python; in C the runtime's `divided` takes a note o
 
 import ast
 import builtins
+import inspect
 import math
 import types
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
+from deploy.c.translation.arrays import fresh_array, place_in, size_of
 from deploy.c.translation.kinds import (
     BOOL,
     INT,
     NUMBERS,
     REAL,
     TIME,
+    Array,
     Group,
     Kind,
     Record,
@@ -137,6 +140,8 @@ class Expressions:
         local = self.scope.locals.get(node.id)
         if local is None:
             return self._global(node, node.id, self._globals)
+        if isinstance(local.kind, Array):
+            return Value(local.c, local.kind, place=local.c, pointer=local.pointer, root=node.id)
         if local.pointer:
             return Value(f"*{local.c}", local.kind, place=local.c, pointer=True, atom=False)
         return Value(local.c, local.kind, place=local.c)
@@ -177,6 +182,8 @@ class Expressions:
                 )
                 return Value(c, INT, exact=int(thing))
         owner_value = self.value(node.value)
+        if isinstance(owner_value.kind, Array) and node.attr == "size":
+            return size_of(owner_value.kind.shape)
         if not isinstance(owner_value.kind, Record):
             raise self.scope.refused(node, f"an attribute of {owner_value.kind}")
         kind = fields_of(owner_value.kind.python).get(node.attr)
@@ -201,12 +208,38 @@ class Expressions:
         return None
 
     def _subscript(self, node: ast.Subscript) -> Value:
-        owner, at = self.value(node.value), node.slice
+        at = node.slice
+        if isinstance(node.value, ast.Attribute) and node.value.attr == "shape":
+            kind = self.value(node.value.value).kind
+            which = at.value if isinstance(at, ast.Constant) else None
+            if isinstance(kind, Array) and isinstance(which, int) and 0 <= which < len(kind.shape):
+                return size_of(kind.shape[which : which + 1])
+        owner = self.value(node.value)
+        if isinstance(owner.kind, Array):
+            found = self.element(node, owner)
+            if not isinstance(found.kind, Array):
+                self.scope.reads.add(self.scope.memory(owner.root))
+            return found
         if not isinstance(at, ast.Constant) or not isinstance(at.value, int) or at.value < 0:
             raise self.scope.refused(node, "an index that is no constant")
         if isinstance(owner.kind, Group) and at.value < len(owner.kind.items):
             return Value(owner.field(f"item{at.value}"), owner.kind.items[at.value])
         raise self.scope.refused(node, f"an index into {owner.kind}")
+
+    def element(self, node: ast.Subscript, owner: Value) -> Value:
+        """A number of an array, or a row of it."""
+        assert isinstance(owner.kind, Array)
+        indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        if len(indices) > len(owner.kind.shape) or any(isinstance(each, ast.Slice) for each in indices):
+            raise self.scope.refused(node, f"the part {ast.unparse(node)} of an array")
+        found = [self.value(each) for each in indices]
+        for index, most in zip(found, owner.kind.shape, strict=False):
+            # Python counts from the end with a negative one
+            if index.kind != INT or (index.exact is not None and not 0 <= index.exact < most):
+                raise self.scope.refused(
+                    node, f"{ast.unparse(node)}: an index is an integer from 0 to {most - 1}"
+                )
+        return place_in(owner, [index.c for index in found])
 
     def _tuple(self, node: ast.Tuple) -> Value:
         items = [self.value(item) for item in node.elts]
@@ -224,29 +257,42 @@ class Expressions:
         if isinstance(node.op, ast.Div):
             return self._division(node, self.converted(left, REAL, node), self.converted(right, REAL, node))
         if isinstance(node.op, ast.Pow):
-            # powf differs between libraries in its last bits, ldexp is exact everywhere
-            if left.exact != 2 or right.kind != INT:
-                raise self.scope.refused(
-                    node, "a power that is not 2.0 ** integer: write the product or the root"
-                )
-            return Value(f"real_ldexp(R(1.0), {right.c})", REAL)
+            return self._power(node, left, right)
         if isinstance(node.op, ast.Mod):
             # with a negative divisor the remainders of C and Python have different signs
             if left.kind != INT or not isinstance(right.exact, int) or right.exact <= 0:
                 raise self.scope.refused(node, "a remainder that is not integer % positive constant")
             return Value(f"modulo({left.c}, {right.c})", INT)
-        sign = _ARITHMETIC.get(type(node.op))
-        if sign is None:
+        if isinstance(node.op, (ast.BitOr, ast.BitAnd)) and left.kind == right.kind == BOOL:
+            # both sides are computed in Python: the second one first and always, the first one is a name
+            if not isinstance(node.left, ast.Name):
+                raise self.scope.refused(node, "| or & of truth values behind more than a name")
+            sign = "||" if isinstance(node.op, ast.BitOr) else "&&"
+            return Value(f"{right.operand()} {sign} {left.operand()}", BOOL, atom=False)
+        operator = _ARITHMETIC.get(type(node.op))
+        if operator is None:
             raise self.scope.refused(node, f"the operator {type(node.op).__name__}")
         # Python widens integers to real numbers; times in nanoseconds need 64 bits
         kind = next((k for k in (REAL, TIME) if k in (left.kind, right.kind)), INT)
         left, right = self.converted(left, kind, node), self.converted(right, kind, node)
         # a + b + c and a * b * c need no parentheses in C: the order is Python's, from the left
         chained = (
-            isinstance(node.left, ast.BinOp) and isinstance(node.left.op, type(node.op)) and sign in "+*"
+            isinstance(node.left, ast.BinOp) and isinstance(node.left.op, type(node.op)) and operator in "+*"
         )
         first = left.c if chained and not self.scope.program.perturbed else left.operand()
-        return self._rounded(f"{first} {sign} {right.operand()}", kind)
+        return self._rounded(f"{first} {operator} {right.operand()}", kind)
+
+    def _power(self, node: ast.BinOp, left: Value, right: Value) -> Value:
+        """2.0 ** integer, which is exact everywhere, or real ** real between 0 and 1, such as a root."""
+        if left.exact == 2 and right.kind == INT:
+            return Value(f"real_ldexp(R(1.0), {right.c})", REAL)
+        root = _number(node.right, self._globals)
+        # of a negative number Python makes a complex one, numba and C none; another exponent may leave the range of numbers
+        if left.kind != REAL or right.kind != REAL or root is None or not 0.0 < root < 1.0:
+            raise self.scope.refused(
+                node, "a power that is neither 2.0 ** integer nor a root: write the product or the root"
+            )
+        return self._rounded(f"real_pow({left.c}, {right.c})", REAL)
 
     def _rounded(self, text: str, kind: Kind) -> Value:
         """The result of an operation, which the perturbed build changes by the rounding of single precision."""
@@ -320,6 +366,8 @@ class Expressions:
     # -- calls
 
     def _call(self, node: ast.Call) -> Value:
+        if (fresh := fresh_array(node, self._python(node.func), self.value)) is not None:
+            return fresh
         thing = self._python(node.func)
         if thing is None:
             raise self.scope.refused(node, f"a call of {ast.unparse(node.func)}")
@@ -388,15 +436,60 @@ class Expressions:
         def error(what: str) -> Exception:
             return self.scope.refused(node, what)
 
-        name, parameters, result = self.scope.program.needs_function(getattr(thing, "py_func", thing), error)
-        given = dict(zip((p for p, _ in parameters), node.args, strict=False))
+        function = getattr(thing, "py_func", thing)
+        names = inspect.signature(function).parameters if inspect.isfunction(function) else ()
+        given = dict(zip(names, node.args, strict=False))
         given |= {k.arg: k.value for k in node.keywords if k.arg}
-        if given.keys() != {p for p, _ in parameters}:
-            raise self.scope.refused(
-                node, f"a call of {name} with other arguments than {', '.join(p for p, _ in parameters)}"
-            )
+        arrays = {name: kind for name, each in given.items() if (kind := self._array(each)) is not None}
+        signature = self.scope.program.needs_function(function, error, arrays)
+        if given.keys() != {p for p, _ in signature.parameters}:
+            expected = ", ".join(p for p, _ in signature.parameters)
+            raise self.scope.refused(node, f"a call of {signature.name} with other arguments than {expected}")
+        before = set(self.scope.reads)
         texts = [
-            self.address(given[p]) if isinstance(kind, (Record, Group)) else self.as_kind(given[p], kind)
-            for p, kind in parameters
+            self._argument(given[p], kind, written=p in signature.written) for p, kind in signature.parameters
         ]
-        return Value(f"{name}({', '.join(texts)})", result)
+        memory = {name: self.scope.memory(self.value(given[name]).root) for name in arrays}
+        changed = {memory[name] for name in signature.written}
+        if any(name not in signature.written and memory[name] in changed for name in memory) or (
+            len(changed) < len(signature.written)
+        ):
+            raise self.scope.refused(
+                node, f"one array as two arguments of {signature.name}, which changes it"
+            )
+        if changed:
+            # what the arguments read is read before the call, in C as well
+            self.scope.reads = before
+            self.scope.changes.append(changed)
+        else:
+            self.scope.reads |= set(memory.values())
+        return Value(f"{signature.name}({', '.join(texts)})", signature.result)
+
+    def _array(self, node: ast.expr) -> Array | None:
+        """The kind of an array's name or row; None of anything else."""
+        name = node.value if isinstance(node, ast.Subscript) else node
+        local = self.scope.locals.get(name.id) if isinstance(name, ast.Name) else None
+        if local is None or not isinstance(local.kind, Array):
+            return None
+        before = set(self.scope.reads)
+        kind = self.value(node).kind
+        self.scope.reads = before  # looked at, and translated when its turn comes
+        return kind if isinstance(kind, Array) else None
+
+    def _argument(self, node: ast.expr, kind: Kind, *, written: bool) -> str:
+        """An argument of a call: a number, or a pointer to a record or an array. written: whether the function changes it."""
+        if not isinstance(kind, Array):
+            return self.address(node) if isinstance(kind, (Record, Group)) else self.as_kind(node, kind)
+        found = self.converted(self.value(node), kind, node)
+        if written:
+            self.scope.writes(found.root)
+        return f"&{found.c}" if len(kind.shape) == 2 and not found.pointer else found.c
+
+
+def _number(node: ast.expr, names: Mapping[str, Any]) -> float | None:
+    """The value of an expression of constants; None of any other."""
+    try:
+        found = eval(compile(ast.Expression(node), "", "eval"), {**names, "__builtins__": {}})
+    except (NameError, TypeError, ArithmeticError):
+        return None
+    return float(found) if isinstance(found, (int, float)) else None

@@ -1,4 +1,4 @@
-"""Kinds of values that both languages have: real, integer, truth value, record of named fields, tuple.
+"""Kinds of values that both languages have: real, integer, truth value, record of named fields, tuple, array of known size.
 
 A record is a NamedTuple or a frozen dataclass in Python and a struct in C; a tuple is a struct without field names.
 """
@@ -7,6 +7,8 @@ import dataclasses
 import enum
 from dataclasses import dataclass
 from typing import Any, Final, get_args, get_origin, get_type_hints
+
+import numpy as np
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +23,8 @@ INT: Final = Scalar("int32_t")
 BOOL: Final = Scalar("bool")
 TIME: Final = Scalar("int64_t")
 """Nanoseconds: an integer whose name ends in `_ns`; None, a time that has not come, is NEVER_NS."""
+VOID: Final = Scalar("void")
+"""What a function without a result returns."""
 NUMBERS: Final = (REAL, INT, BOOL, TIME)
 
 
@@ -38,14 +42,22 @@ class Group:
     items: "tuple[Kind, ...]"
 
 
-Kind = Scalar | Record | Group
+@dataclass(frozen=True, slots=True)
+class Array:
+    """Numbers in a row or in rows. Annotations do not say how many: a function takes the sizes of its first call."""
+
+    item: Scalar
+    shape: tuple[int, ...]  # one or two sizes
+
+
+Kind = Scalar | Record | Group | Array
 
 
 def kind_of(hint: Any, name: str = "") -> Kind | None:
     """The kind of an annotation; None where C has no exact counterpart here. name: of what is annotated."""
     if name.endswith("_ns") and hint in (int, int | None):
         return TIME
-    scalar = {float: REAL, int: INT, bool: BOOL}.get(hint)
+    scalar = {float: REAL, int: INT, bool: BOOL, type(None): VOID}.get(hint) if hint is not None else None
     if scalar is not None:
         return scalar
     if is_record(hint):
@@ -57,6 +69,14 @@ def kind_of(hint: Any, name: str = "") -> Kind | None:
         kinds = tuple(item for item in items if item is not None)
         return Group(kinds) if kinds and len(kinds) == len(items) else None
     return None
+
+
+def item_of(hint: Any) -> Scalar | None:
+    """The kind of the numbers in an annotated array; None for what is no array of reals or integers."""
+    if get_origin(hint) is not np.ndarray:
+        return None
+    (number,) = get_args(get_args(hint)[1])
+    return {np.float64: REAL, np.int64: INT}.get(number)
 
 
 def is_record(thing: Any) -> bool:

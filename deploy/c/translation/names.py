@@ -4,7 +4,7 @@ import re
 from types import ModuleType
 from typing import Any, Final
 
-from deploy.c.translation.kinds import BOOL, REAL, Group, Kind, Record, Scalar
+from deploy.c.translation.kinds import BOOL, REAL, Array, Group, Kind, Record, Scalar
 
 RESERVED: Final = frozenset(
     {
@@ -46,7 +46,14 @@ class Names:
         """Name of any type."""
         if isinstance(kind, Scalar):
             return kind.c
+        if isinstance(kind, Array):
+            # a pointer to the first number of a row; rows are a struct, so that a pointer to constant rows is an ordinary one
+            return kind.item.c if len(kind.shape) == 1 else self.rows(kind)
         return self.record(kind.python) if isinstance(kind, Record) else self.group(kind)
+
+    def rows(self, kind: Array) -> str:
+        """Name of the struct for rows of numbers: `Reals3x4`."""
+        return f"{self._word(kind.item)}s{'x'.join(map(str, kind.shape))}"
 
     def _word(self, kind: Kind) -> str:
         if isinstance(kind, Scalar):
@@ -58,15 +65,18 @@ def _capitalised(snake: str) -> str:
     return "".join(word.capitalize() for word in snake.split("_"))
 
 
-def function_name(function: Any) -> str:
-    """`module_function`: modules keep equal names of functions apart, in C nothing else does."""
-    module = function.__module__.rsplit(".", 1)[-1]
-    return f"{module}_{function.__name__.lstrip('_')}"
+def function_name(function: Any, folders: int = 0) -> str:
+    """`module_function`: modules keep equal names of functions apart, in C nothing else does. folders: how many stand before."""
+    return f"{_last(function.__module__, folders)}_{function.__name__.lstrip('_')}"
 
 
-def constant_name(module: ModuleType, name: str) -> str:
+def constant_name(module: ModuleType, name: str, folders: int = 0) -> str:
     """`MODULE_NAME`."""
-    return f"{module.__name__.rsplit('.', 1)[-1]}_{name}".upper()
+    return f"{_last(module.__name__, folders)}_{name}".upper()
+
+
+def _last(module: str, folders: int) -> str:
+    return "_".join(module.split(".")[-1 - folders :])
 
 
 def local_name(name: str) -> str:

@@ -43,7 +43,13 @@ def targets_of(statement: ast.stmt) -> list[str]:
         targets = list(statement.targets)
     elif isinstance(statement, (ast.AnnAssign, ast.AugAssign)):
         targets = [statement.target]
-    return [name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)]
+    # `a[k] = ...` assigns neither a nor k
+    return [
+        name.id
+        for target in targets
+        for name in ast.walk(target)
+        if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)
+    ]
 
 
 def _inner(statement: ast.stmt, block: Block, place: int) -> Iterator[Block]:

@@ -1,26 +1,73 @@
-"""The translation of a function and of everything that it calls, as the text of one C file."""
+"""The translation of functions and of everything that they call, as the texts of one C file or of several."""
 
 import importlib
 import inspect
 import textwrap
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 from typing import Any, get_type_hints
 
 from deploy.c.translation.expressions import initialiser, literal
-from deploy.c.translation.kinds import Group, Kind, Record, fields_of, kind_of
+from deploy.c.translation.kinds import Array, Group, Kind, Record, fields_of, item_of, kind_of
 from deploy.c.translation.names import Names, constant_name, function_name, local_name, wrapped
 from deploy.c.translation.python_source import definition_of, field_comments, function_source
 from deploy.c.translation.refused import refused
-from deploy.c.translation.scope import Scope
+from deploy.c.translation.scope import Scope, Signature
 from deploy.c.translation.statements import Statements
 
-Signature = tuple[str, list[tuple[str, Kind]], Kind]
+NO_ARRAYS: Mapping[str, Array] = {}
+
+
+@dataclass(slots=True)
+class Written:
+    """A translated function."""
+
+    above: str  # its comment
+    head: str
+    body: str
+    others_call_it: bool
+
+    @property
+    def text(self) -> str:
+        """Its definition."""
+        return (
+            f"{self.above}{wrapped(self.head if self.others_call_it else f'static {self.head}')}\n{self.body}"
+        )
+
+
+@dataclass(slots=True)
+class File:
+    """What one file of C holds."""
+
+    written: dict[Any, Written] = field(default_factory=dict)  # by Python function, callees first
+    kinds: dict[Kind, str] = field(default_factory=dict)  # struct definitions, parts first
+    constants: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def functions(self) -> list[str]:
+        """Their definitions, callees first."""
+        return [function.text for function in self.written.values()]
+
+    @property
+    def prototypes(self) -> list[str]:
+        """Those of the functions that others call."""
+        return [wrapped(f"{each.head};") for each in self.written.values() if each.others_call_it]
+
+    @property
+    def types(self) -> str:
+        """Definitions of its structs."""
+        return "\n".join(text for text in self.kinds.values() if text)
+
+    @property
+    def definitions(self) -> str:
+        """Definitions of the constants that it uses."""
+        return "\n".join(self.constants.values())
 
 
 class Translation:
-    """C of Python functions.
+    """C of Python functions, in one file after the other: what a later one calls of an earlier one is not written again.
 
     perturbed: every operation is wrapped in PERTURBED(), for a build that measures what rounding to single precision does
     to the results (docs/adr/0032-c-from-python.md).
@@ -34,84 +81,101 @@ class Translation:
         self._root = root
         self._signatures: dict[Any, Signature] = {}
         self._open: list[Any] = []  # functions under translation, for recursion
-        self.functions: list[str] = []  # their texts, callees first
-        self.prototypes: list[str] = []  # of what is exported
-        self._kinds: dict[Kind, str] = {}  # struct definitions, parts first
-        self._constants: dict[str, str] = {}
+        self._taken: dict[str, Any] = {}  # name in C -> function or module that has it
+        self.files = [File()]
 
     @property
-    def types(self) -> str:
-        """Definitions of all structs."""
-        return "\n".join(text for text in self._kinds.values() if text)
+    def file(self) -> File:
+        """The file that is written at present."""
+        return self.files[-1]
 
-    @property
-    def constants(self) -> str:
-        """Definitions of all constants of modules."""
-        return "\n".join(self._constants.values())
+    def next_file(self) -> None:
+        """Whatever is translated from now on stands in another file, which includes the header of those before."""
+        self.files.append(File())
 
-    def add(self, function: Any) -> str:
-        """Translate a function with everything below it; its name in C. Raises TranslationRefused."""
+    def add(self, function: Any, arrays: Mapping[str, Array] = NO_ARRAYS) -> str:
+        """Translate a function with everything below it; its name in C. arrays: sizes of its arguments. Raises TranslationRefused."""
         source = function_source(function)
 
         def error(what: str) -> Exception:
             return refused(source.file, source.first_line, what)
 
-        return self.needs_function(function, error)[0]
+        return self.needs_function(function, error, arrays).name
 
     # -- what expressions ask for
 
-    def needs_function(self, function: Any, where: Callable[[str], Exception]) -> Signature:
-        """Translate a function that is called, once."""
+    def needs_function(
+        self, function: Any, where: Callable[[str], Exception], arrays: Mapping[str, Array] = NO_ARRAYS
+    ) -> Signature:
+        """Translate a function that is called, once. arrays: kinds of its arguments that are arrays, as this call has them."""
         # recursion has no bound on the stack that a microcontroller could reserve
         if function in self._open:
             raise refused(Path(inspect.getfile(function)), function.__code__.co_firstlineno, "recursion")
         if function in self._signatures:
+            self._again(function, where, arrays)
             return self._signatures[function]
         if not inspect.isfunction(function):
             raise where(f"a call of {function!r}")
         # callees are translated first, so that C needs no forward declarations
         self._open.append(function)
-        signature = self._signature(function)
+        signature = self._signature(function, arrays)
         self._translate(function, signature)
         self._open.pop()
         self._signatures[function] = signature
         return signature
 
+    def _again(self, function: Any, where: Callable[[str], Exception], arrays: Mapping[str, Array]) -> None:
+        """One more call of a function that has been translated."""
+        known = dict(self._signatures[function].parameters)
+        other = [name for name, kind in arrays.items() if known[name] != kind]
+        if other:
+            raise where(f"a call of {function.__name__} with another size of {other[0]} than before")
+        for file in self.files[:-1]:
+            if function in file.written:
+                file.written[function].others_call_it = True
+
     def needs_kind(self, kind: Kind) -> str:
         """Define a type that is used, once, after those that it consists of."""
-        name = self.names.kind(kind)
-        if kind in self._kinds:
+        name, kinds = self.names.kind(kind), self.file.kinds
+        if any(kind in file.kinds for file in self.files):
             return name
         if isinstance(kind, Record):
-            self._kinds[kind] = ""
-            self._kinds[kind] = self._struct(kind.python, name)
-            self._kinds[kind] = self._kinds.pop(kind)  # after its parts
+            kinds[kind] = ""
+            kinds[kind] = self._struct(kind.python, name)
+            kinds[kind] = kinds.pop(kind)  # after its parts
         elif isinstance(kind, Group):
             items = "".join(f"    {self.needs_kind(item)} item{k};\n" for k, item in enumerate(kind.items))
-            self._kinds[kind] = f"typedef struct {{\n{items}}} {name};\n"
+            kinds[kind] = f"typedef struct {{\n{items}}} {name};\n"
+        elif isinstance(kind, Array) and len(kind.shape) == 2:
+            rows, columns = kind.shape
+            kinds[kind] = f"typedef struct {{\n    {kind.item.c} at[{rows}][{columns}];\n}} {name};\n"
         return name
 
     def needs_constant(self, module: Any, name: str, value: Any) -> str:
-        """Define a constant that is used, once."""
+        """Define a constant that is used, once a file."""
         here = importlib.import_module(module)
         home, documentation = definition_of(here, name)
-        c = constant_name(home, name)
-        if c not in self._constants:
-            self._constants[c] = self._constant(home, c, value, documentation)
+        c = self._free(constant_name(home, name), constant_name(home, name, 1), (home, name))
+        if c not in self.file.constants:
+            self.file.constants[c] = self._constant(home, c, value, documentation)
         return c
+
+    def _free(self, name: str, longer: str, owner: Any) -> str:
+        """The name, or the longer one where it belongs to something else."""
+        return name if self._taken.setdefault(name, owner) == owner else longer
 
     # -- texts
 
     def _struct(self, record: type, name: str) -> str:
         remarks = field_comments(record)
         lines = []
-        for field, kind in fields_of(record).items():
+        for part, kind in fields_of(record).items():
             if kind is None:
                 raise refused(
-                    Path(inspect.getfile(record)), 1, f"{record.__name__}.{field} is of no known kind"
+                    Path(inspect.getfile(record)), 1, f"{record.__name__}.{part} is of no known kind"
                 )
-            remark = f" /* {remarks[field]} */" if field in remarks else ""
-            lines.append(f"    {self.needs_kind(kind)} {local_name(field)};{remark}")
+            remark = f" /* {remarks[part]} */" if part in remarks else ""
+            lines.append(f"    {self.needs_kind(kind)} {local_name(part)};{remark}")
         return (
             comment(inspect.getdoc(record) or "", "")
             + "typedef struct {\n"
@@ -128,12 +192,13 @@ class Translation:
         kind = Record(type(value))
         return f"{above}static const {self.needs_kind(kind)} {c} = {initialiser(value)};\n"
 
-    def _signature(self, function: Any) -> Signature:
+    def _signature(self, function: Any, arrays: Mapping[str, Array]) -> Signature:
         file, line = Path(inspect.getfile(function)), function.__code__.co_firstlineno
         hints = get_type_hints(function)
         parameters = []
         for name, parameter in inspect.signature(function).parameters.items():
-            kind = kind_of(hints.get(name), name)
+            item = item_of(hints.get(name))
+            kind = arrays.get(name) if item is not None else kind_of(hints.get(name), name)
             if (
                 kind is None
                 or parameter.default is not parameter.empty
@@ -144,33 +209,41 @@ class Translation:
         result = kind_of(hints.get("return"))
         if result is None:
             raise refused(file, line, f"{function.__name__}: the result {hints.get('return')}")
-        return function_name(function), parameters, result
+        name = self._free(function_name(function), function_name(function, 1), function)
+        return Signature(name, parameters, result)
 
     def _translate(self, function: Any, signature: Signature) -> None:
-        name, parameters, result = signature
         source = function_source(function)
-        scope = Scope(self, source, result)
-        texts = []
-        for parameter, kind in parameters:
-            # a record by value would be copied onto the stack at every call
-            pointer = isinstance(kind, (Record, Group))
-            local = scope.declare(parameter, kind, pointer=pointer)
-            c = self.needs_kind(kind)
-            texts.append(f"const {c} *{local.c}" if pointer else f"{c} {local.c}")
+        scope = Scope(self, source, signature.result)
+        for parameter, kind in signature.parameters:
+            # a record by value would be copied onto the stack at every call; an array is its own memory in Python too
+            scope.declare(parameter, kind, pointer=isinstance(kind, (Record, Group, Array)))
         body = Statements(scope).translate()
-        head = f"{self.needs_kind(result)} {name}({', '.join(texts) or 'void'})"
-        if function in self._exported:
-            self.prototypes.append(wrapped(f"{head};"))
-        else:
-            head = f"static {head}"
+        signature.written = frozenset(name for name, _ in signature.parameters if name in scope.written)
+        texts = [self._argument(parameter, kind, scope) for parameter, kind in signature.parameters]
+        head = f"{self.needs_kind(signature.result)} {signature.name}({', '.join(texts) or 'void'})"
         origin = f"{source.file.relative_to(self._root)}:{source.first_line}"
         # -Wextra rejects a parameter that nobody reads; Python permits one for the sake of a common signature
         used = " ".join(body)
         idle = [
-            f"    (void){scope.locals[p].c};" for p, _ in parameters if not _word_in(scope.locals[p].c, used)
+            f"    (void){scope.locals[p].c};"
+            for p, _ in signature.parameters
+            if not _word_in(scope.locals[p].c, used)
         ]
-        text = comment(f"{inspect.getdoc(function) or name}\n\nPython: {origin}", "")
-        self.functions.append(text + wrapped(head) + "\n{\n" + "\n".join([*idle, *body]) + "\n}\n")
+        self.file.written[function] = Written(
+            comment(f"{inspect.getdoc(function) or signature.name}\n\nPython: {origin}", ""),
+            head,
+            "{\n" + "\n".join([*idle, *body]) + "\n}\n",
+            function in self._exported,
+        )
+
+    def _argument(self, name: str, kind: Kind, scope: Scope) -> str:
+        """A parameter's declaration; memory that the function does not write is constant."""
+        local, c = scope.locals[name], self.needs_kind(kind)
+        if not local.pointer:
+            return f"{c} {local.c}"
+        constant = "" if name in scope.written else "const "
+        return f"{constant}{c} *{local.c}"
 
 
 def _word_in(word: str, text: str) -> bool:

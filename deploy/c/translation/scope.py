@@ -1,14 +1,24 @@
 """What is known while one function is translated: its locals, and what has to stand before the present statement."""
 
 import ast
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from deploy.c.translation.kinds import Kind, Record
+from deploy.c.translation.kinds import Array, Kind, Record
 from deploy.c.translation.names import Names, local_name
 from deploy.c.translation.python_source import FunctionSource
 from deploy.c.translation.refused import TranslationRefused, refused_node
+
+
+@dataclass(slots=True)
+class Signature:
+    """A translated function, as its callers see it."""
+
+    name: str  # in C
+    parameters: list[tuple[str, Kind]]
+    result: Kind
+    written: frozenset[str] = frozenset()  # parameters, arrays all of them, that it writes into
 
 
 class Program(Protocol):
@@ -18,9 +28,9 @@ class Program(Protocol):
     perturbed: bool
 
     def needs_function(
-        self, function: Any, where: Callable[[str], Exception]
-    ) -> tuple[str, list[tuple[str, Kind]], Kind]:
-        """Name in C, arguments and kind of the result of a function that is called."""
+        self, function: Any, where: Callable[[str], Exception], arrays: Mapping[str, Array] = ...
+    ) -> Signature:
+        """A function that is called, with the kinds of its arguments that are arrays."""
         ...
 
     def needs_kind(self, kind: Kind) -> str:
@@ -38,7 +48,8 @@ class Local:
 
     c: str
     kind: Kind
-    pointer: bool = False  # a record that the caller owns
+    pointer: bool = False  # a record or an array that the caller owns
+    root: str = ""  # of a row: the local whose memory it is
 
 
 @dataclass(slots=True)
@@ -52,6 +63,9 @@ class Scope:
     before: list[str] = field(default_factory=list)  # statements that the present one needs done first
     conditional: int = 0  # depth of operands that Python may skip
     temporaries: dict[str, int] = field(default_factory=dict)
+    written: set[str] = field(default_factory=set)  # arrays that are written, and those whose rows are
+    reads: set[str] = field(default_factory=set)  # arrays that the present statement reads
+    changes: list[set[str]] = field(default_factory=list)  # arrays that each call in it writes into
 
     def refused(self, node: ast.AST, what: str) -> TranslationRefused:
         """The error for a piece of the function."""
@@ -74,6 +88,24 @@ class Scope:
         self.before.append(f"const {self.program.needs_kind(kind)} {name} = {text};")
         return name
 
+    def writes(self, name: str) -> None:
+        """The memory of this array changes."""
+        self.written.add(name)
+        if self.locals[name].root:
+            self.writes(self.locals[name].root)
+
+    def statement_ends(self, node: ast.AST) -> None:
+        """Refuse what C may do in another order: it does not say which operand of a sum comes first."""
+        if len(self.changes) > 1 or any(changed & self.reads for changed in self.changes):
+            raise self.refused(node, "a call that changes an array beside another one or beside a read of it")
+        self.reads.clear()
+        self.changes.clear()
+
+    def memory(self, name: str) -> str:
+        """The array whose row this is; any other name itself."""
+        local = self.locals.get(name)
+        return self.memory(local.root) if local is not None and local.root else name
+
     def declare(self, name: str, kind: Kind, *, pointer: bool = False) -> Local:
         """A new local; one that is known keeps its kind."""
         if name not in self.locals:
@@ -91,6 +123,8 @@ class Value:
     pointer: bool = False  # `place` is a pointer to it
     atom: bool = True  # needs no parentheses as an operand
     exact: float | int | None = None  # value of a constant
+    root: str = ""  # of an array: the local whose memory it is
+    fresh: str = ""  # an array that is made here: empty, zeros, copy
 
     def field(self, name: str) -> str:
         """One of its fields."""

@@ -1,10 +1,22 @@
-"""Statements of the Python subset in C: assignments, if, for over a range, break, continue, return."""
+"""Statements of the Python subset in C: assignments, calls, if, for over a range, break, continue, return."""
 
 import ast
 from typing import Final
 
+from deploy.c.translation.arrays import filled, own_array
 from deploy.c.translation.expressions import Expressions
-from deploy.c.translation.kinds import INT, REAL, TIME, Group, Kind, Record, Scalar, fields_of
+from deploy.c.translation.kinds import (
+    INT,
+    REAL,
+    TIME,
+    VOID,
+    Array,
+    Group,
+    Kind,
+    Record,
+    Scalar,
+    fields_of,
+)
 from deploy.c.translation.names import local_name, wrapped
 from deploy.c.translation.placement import Placement, placement_of
 from deploy.c.translation.scope import Scope, Value
@@ -22,6 +34,8 @@ class Statements:
         self._placement: Placement = placement_of(tree, set(scope.locals))
         self._pending = dict(scope.source.comments)
         self._pending = {line: text for line, text in self._pending.items() if line >= tree.body[0].lineno}
+        self._rows: dict[str, int] = {}  # names of rows -> the line that declares each
+        self._node: ast.AST = tree  # the present statement
         self._ahead: dict[str, int] = {}  # names whose declaration stands in `lines` at this place
         self.lines: list[str] = []
         self._indent = 1
@@ -33,12 +47,17 @@ class Statements:
         if isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
             body = body[1:]
         self._block(body)
+        for name, line in self._rows.items():
+            constant = "" if name in self.scope.written else "const "
+            self.lines[line] = self.lines[line].replace("?constant?", constant)
         return self.lines
 
     def _emit(self, text: str) -> None:
         self.lines.append(wrapped(STEP * self._indent + text))
 
     def _flush(self) -> None:
+        """What the present statement needs done before it; its own text comes next."""
+        self.scope.statement_ends(self._node)
         for text in self.scope.before:
             self._emit(text)
         self.scope.before.clear()
@@ -53,6 +72,7 @@ class Statements:
             method = getattr(self, f"_{type(statement).__name__.lower()}", None)
             if method is None:
                 raise self.scope.refused(statement, f"the statement {type(statement).__name__}")
+            self._node = statement
             method(statement)
 
     def _remarks(self, statement: ast.stmt) -> None:
@@ -70,21 +90,60 @@ class Statements:
     def _assign(self, node: ast.Assign) -> None:
         # a = b = value: the value is evaluated once in C too
         if len(node.targets) > 1:
-            if not all(isinstance(target, ast.Name) for target in node.targets):
-                raise self.scope.refused(node, "a chain of assignments to more than names")
             value = self.expressions.value(node.value)
+            if value.exact is None and not value.place:
+                value = self._held(node, "value", value)
             for target in node.targets:
-                assert isinstance(target, ast.Name)
-                self._store(node, target.id, value)
+                self._assigned(node, target, value)
             return
         target = node.targets[0]
-        if isinstance(target, ast.Name):
-            self._store(node, target.id, self.expressions.value(node.value))
-        elif isinstance(target, ast.Tuple) and all(isinstance(name, ast.Name) for name in target.elts):
-            names = [name.id for name in target.elts if isinstance(name, ast.Name)]
-            self._unpack(node, names, node.value)
+        if isinstance(target, ast.Tuple) and all(
+            isinstance(t, (ast.Name, ast.Subscript)) for t in target.elts
+        ):
+            self._unpack(node, target.elts, node.value)
         else:
+            self._assigned(node, target, self.expressions.value(node.value))
+
+    def _held(self, node: ast.stmt, label: str, value: Value) -> Value:
+        """A value in a temporary of its own."""
+        held = self.scope.temporary(node, label, value.kind, value.c)
+        return Value(held, value.kind, place=held)
+
+    def _assigned(self, node: ast.stmt, target: ast.expr, value: Value) -> None:
+        """Assign a name, a number of an array, or all numbers of one."""
+        if isinstance(target, ast.Name):
+            self._store(node, target.id, value)
+            return
+        owner = self.expressions.value(target.value) if isinstance(target, ast.Subscript) else None
+        if owner is None or not isinstance(owner.kind, Array) or not isinstance(target, ast.Subscript):
             raise self.scope.refused(node, f"an assignment to {ast.unparse(target)}")
+        self.scope.writes(owner.root)
+        if isinstance(target.slice, ast.Slice):
+            self._filled(node, target.slice, owner, value)
+            return
+        place = self.expressions.element(target, owner)
+        if isinstance(place.kind, Array):
+            raise self.scope.refused(node, f"an assignment to the row {ast.unparse(target)}")
+        text = self.expressions.converted(value, place.kind, node).c
+        self._flush()
+        self._emit(f"{place.c} = {text};")
+
+    def _filled(self, node: ast.stmt, part: ast.Slice, owner: Value, value: Value) -> None:
+        assert isinstance(owner.kind, Array)
+        if part.lower or part.upper or part.step or value.exact is None:
+            raise self.scope.refused(
+                node, "an assignment to a part of an array, or of more than a constant to all"
+            )
+        text = self.expressions.converted(value, owner.kind.item, node).c
+        *loops, inner = filled(owner, text)
+        self._flush()
+        for loop in loops:
+            self._emit(loop)
+            self._indent += 1
+        self._emit(inner)
+        for _ in loops:
+            self._indent -= 1
+            self._emit("}")
 
     def _annassign(self, node: ast.AnnAssign) -> None:
         if node.value is None or not isinstance(node.target, ast.Name):
@@ -92,19 +151,22 @@ class Statements:
         self._store(node, node.target.id, self.expressions.value(node.value))
 
     def _augassign(self, node: ast.AugAssign) -> None:
-        if not isinstance(node.target, ast.Name):
-            raise self.scope.refused(node, f"an assignment to {ast.unparse(node.target)}")
-        known = self.scope.locals.get(node.target.id)
+        target = node.target
+        known = self.scope.locals.get(target.id) if isinstance(target, ast.Name) else None
+        place = Value(known.c, known.kind) if known is not None else None
+        if isinstance(target, ast.Subscript):
+            place = self.expressions.value(target)  # counted as a read, which it is
+            self.scope.writes(self.expressions.value(target.value).root)
         sign = {ast.Add: "+=", ast.Sub: "-=", ast.Mult: "*="}.get(type(node.op))
         # /= may divide by zero, and the perturbed build wraps each result: both need the long form below
-        if sign is not None and known is not None and not self.scope.program.perturbed:
-            text = self.expressions.as_kind(node.value, known.kind)
+        if sign is not None and place is not None and not self.scope.program.perturbed:
+            text = self.expressions.as_kind(node.value, place.kind)
             self._flush()
-            self._emit(f"{known.c} {sign} {text};")
+            self._emit(f"{place.c} {sign} {text};")
             return
-        load = ast.copy_location(ast.Name(node.target.id, ast.Load()), node)
+        load = ast.copy_location(ast.parse(ast.unparse(target), mode="eval").body, node)
         whole = ast.copy_location(ast.BinOp(load, node.op, node.value), node)
-        self._store(node, node.target.id, self.expressions.value(whole))
+        self._assigned(node, target, self.expressions.value(whole))
 
     def _store(self, node: ast.stmt, name: str, value: Value) -> None:
         """Assign one name, and declare it where this is the place."""
@@ -112,6 +174,9 @@ class Statements:
         # a record comes as a pointer to the caller's own: storing through it would change the caller's
         if known is not None and known.pointer:
             raise self.scope.refused(node, f"an assignment to the argument {name}, which is a record")
+        if isinstance(value.kind, Array):
+            self._array(node, name, value)
+            return
         # a variable of C keeps the type of its first value
         kind = known.kind if known is not None else value.kind
         if kind != value.kind:
@@ -138,9 +203,28 @@ class Statements:
             self.lines[place] = self.lines[place].replace(f"?{name}?", f"{c} {local.c} = {zero};")
         self._emit(f"{local.c} = {value.c};")
 
-    def _unpack(self, node: ast.Assign, names: list[str], source: ast.expr) -> None:
+    def _array(self, node: ast.stmt, name: str, value: Value) -> None:
+        """A name for an array of the function's own, or for a row of another one."""
+        if name in self.scope.locals or (id(node), name) not in self._placement.at_assignment:
+            raise self.scope.refused(
+                node, f"an array {name} that is assigned more than once or used outside of its block"
+            )
+        self._flush()
+        kind = value.kind
+        assert isinstance(kind, Array)
+        if value.fresh:
+            local = self.scope.declare(name, kind)
+            for text in own_array(local.c, self.scope.program.needs_kind(kind), value):
+                self._emit(text)
+            return
+        local = self.scope.declare(name, kind, pointer=True)
+        local.root = value.root
+        self._rows[name] = len(self.lines)
+        self._emit(f"?constant?{kind.item.c} *{local.c} = {value.c};")
+
+    def _unpack(self, node: ast.Assign, targets: list[ast.expr], source: ast.expr) -> None:
         if isinstance(source, ast.Tuple):
-            self._each(node, names, list(source.elts))
+            self._each(node, targets, list(source.elts))
         elif (
             isinstance(source, ast.IfExp)
             and isinstance(source.body, ast.Tuple)
@@ -151,20 +235,19 @@ class Statements:
                 raise self.scope.refused(node, "a choice of tuples by more than a name")
             pairs = zip(source.body.elts, source.orelse.elts, strict=True)
             self._each(
-                node, names, [ast.copy_location(ast.IfExp(source.test, a, b), source) for a, b in pairs]
+                node, targets, [ast.copy_location(ast.IfExp(source.test, a, b), source) for a, b in pairs]
             )
         else:
             value = self.expressions.value(source)
             # the parts are read one by one: a call must not be repeated for each
             if not value.place:
-                label = ast.unparse(source.func) if isinstance(source, ast.Call) else names[0]
-                held = self.scope.temporary(node, label, value.kind, value.c)
-                value = Value(held, value.kind, place=held)
+                label = ast.unparse(source.func if isinstance(source, ast.Call) else targets[0])
+                value = self._held(node, label, value)
             parts = self._parts(node, value)
-            if len(parts) != len(names):
-                raise self.scope.refused(node, f"{len(names)} names for {len(parts)} values")
-            for name, part in zip(names, parts, strict=True):
-                self._store(node, name, part)
+            if len(parts) != len(targets):
+                raise self.scope.refused(node, f"{len(targets)} names for {len(parts)} values")
+            for target, part in zip(targets, parts, strict=True):
+                self._assigned(node, target, part)
 
     def _parts(self, node: ast.stmt, value: Value) -> list[Value]:
         if isinstance(value.kind, Group):
@@ -182,26 +265,38 @@ class Statements:
             return found
         raise self.scope.refused(node, f"unpacking {value.kind}")
 
-    def _each(self, node: ast.Assign, names: list[str], sources: list[ast.expr]) -> None:
-        """Several names at once; through temporaries where a value reads a name that is assigned before it."""
-        if len(names) != len(sources):
-            raise self.scope.refused(node, f"{len(names)} names for {len(sources)} values")
-        crossed = any(
-            isinstance(n, ast.Name) and n.id in names[:k]
+    def _each(self, node: ast.Assign, targets: list[ast.expr], sources: list[ast.expr]) -> None:
+        """Several targets at once; through temporaries where a value reads what is assigned before it."""
+        if len(targets) != len(sources):
+            raise self.scope.refused(node, f"{len(targets)} names for {len(sources)} values")
+        if not self._crossed(targets, sources):
+            for target, source in zip(targets, sources, strict=True):
+                self._assigned(node, target, self.expressions.value(source))
+            return
+        values = []
+        for target, source in zip(targets, sources, strict=True):
+            value = self.expressions.value(source)
+            label = f"new_{target.id}" if isinstance(target, ast.Name) else "new"
+            values.append(self._held(node, label, value))
+        for target, value in zip(targets, values, strict=True):
+            self._assigned(node, target, value)
+
+    def _crossed(self, targets: list[ast.expr], sources: list[ast.expr]) -> bool:
+        """Whether a value reads a name, or an array, that is assigned before it."""
+        bases = [t.value if isinstance(t, ast.Subscript) else t for t in targets]
+        names = [self.scope.memory(base.id) for base in bases if isinstance(base, ast.Name)]
+        return any(
+            isinstance(n, ast.Name) and self.scope.memory(n.id) in names[:k]
             for k, source in enumerate(sources)
             for n in ast.walk(source)
         )
-        if not crossed:
-            for name, source in zip(names, sources, strict=True):
-                self._store(node, name, self.expressions.value(source))
-            return
-        values = []
-        for name, source in zip(names, sources, strict=True):
-            value = self.expressions.value(source)
-            held = self.scope.temporary(node, f"new_{name}", value.kind, value.c)
-            values.append(Value(held, value.kind, place=held))
-        for name, value in zip(names, values, strict=True):
-            self._store(node, name, value)
+
+    def _expr(self, node: ast.Expr) -> None:
+        if not isinstance(node.value, ast.Call):
+            raise self.scope.refused(node, f"the statement {ast.unparse(node)}")
+        value = self.expressions.value(node.value)
+        self._flush()
+        self._emit(f"{value.c};" if value.kind == VOID else f"(void){value.c};")
 
     # -- control
 

@@ -17,12 +17,13 @@ class CFrame(ctypes.Structure):
 class BuiltEcu:
     """One ECU; the library has static memory, so that a second one of the same file would be the same ECU."""
 
-    def __init__(self, library, *, limits_enabled=True):
+    def __init__(self, library, *, limits_enabled=True, detect_faults=False):
         self._c = ctypes.CDLL(str(library))
         self._frames = (CFrame * MOST_FRAMES)()
         self._c.ecu_state.restype = ctypes.c_uint8
         self._c.ecu_tick.restype = ctypes.c_uint8
         self._c.ecu_init(ctypes.c_bool(limits_enabled))
+        self._c.ecu_detect_faults(ctypes.c_bool(detect_faults))
 
     @property
     def state(self):

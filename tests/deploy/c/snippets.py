@@ -5,6 +5,10 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
 LARGEST = 4.0
 """A constant of this module."""
 WAYS = 4
@@ -119,7 +123,55 @@ def times_and_moods(a: float, b: float) -> float:
     return seen.mood * known + first - second * seen.place.y
 
 
-TAKEN = (times_and_moods, swapped_in_a_loop, carried_past_a_condition, chosen, divided_by, through_records)
+def bumped(rows: Floats, place: int, by: float) -> float:
+    """Writes into an array of the caller's."""
+    rows[1, place] += by
+    return rows[1, place]
+
+
+def most(row: Floats) -> float:
+    """The largest number of a row."""
+    found = row[0]
+    for k in range(1, row.size):
+        found = max(found, row[k])
+    return found
+
+
+def emptied(row: Floats) -> None:
+    """Has no result."""
+    row[:] = 0.0
+
+
+def through_arrays(a: float, b: float) -> float:
+    """Arrays of its own, rows of them under another name, chains and tuples of assignments, writes of a callee."""
+    near, far = min(max(a, -9.0), 9.0), min(max(b, -9.0), 9.0)
+    rows, own = np.empty((3, 4)), np.zeros(4)
+    rows[:] = 1.0
+    row = rows[1]
+    row[0], rows[2, 3] = near, far
+    rows[0, 1] = rows[0, 2] = near * far
+    row[1], row[0] = rows[1, 0], row[1]  # one memory under two names
+    kept = row.copy()
+    change = bumped(rows, 2, far) - 1.0
+    wild = near > 0.0
+    wild |= most(rows[2]) > LARGEST
+    for k in range(rows.shape[1]):
+        own[k] -= rows[1, k] * (k + 1) - kept[k] * rows[0, k]
+    total = own[0] + 2.0 * own[1] + own[2] + own[3]
+    emptied(rows[0])
+    rows[0, 3] = bumped(rows, 0, near)
+    return total + change + most(rows[0]) if wild else total - (abs(near) + 1.0) ** (1.0 / 3.0)
+
+
+TAKEN = (
+    through_arrays,
+    times_and_moods,
+    swapped_in_a_loop,
+    carried_past_a_condition,
+    chosen,
+    divided_by,
+    through_records,
+)
 
 
 # -- refused
@@ -188,7 +240,46 @@ def without_annotation(a):
     return a
 
 
+def changes_twice_in_a_sum(a: float) -> float:
+    rows = np.zeros((2, 2))
+    return bumped(rows, 0, a) + bumped(rows, 1, a)
+
+
+def reads_beside_a_change(a: float) -> float:
+    rows = np.zeros((2, 2))
+    return rows[1, 0] + bumped(rows, 0, a)
+
+
+def counts_from_the_end(a: float) -> float:
+    row = np.zeros(2)
+    row[0] = a
+    return row[-1]
+
+
+def reads_beyond_the_end(a: float) -> float:
+    row = np.zeros(2)
+    row[0] = a
+    return row[2]
+
+
+def has_two_sizes(a: float) -> float:
+    short, long = np.zeros(2), np.zeros(3)
+    return most(short) + most(long) + a
+
+
+def assigns_a_row(a: float) -> float:
+    rows = np.zeros((2, 2))
+    rows[0] = a
+    return rows[0, 0]
+
+
 REFUSED = {
+    changes_twice_in_a_sum: "changes an array",
+    reads_beside_a_change: "beside a read",
+    counts_from_the_end: "from 0 to 1",
+    reads_beyond_the_end: "from 0 to 1",
+    has_two_sizes: "another size",
+    assigns_a_row: "the row",
     loops_while: "While",
     takes_text: "JoinedStr",
     keeps_a_list: "List",

@@ -166,12 +166,9 @@ def test_two_ecus_know_nothing_of_each_other():
     assert [f[:2] for f in other.tick(0).frames] == [f[:2] for f in silent.tick(0).frames]
 
 
-@pytest.mark.parametrize(
-    "asked", [{"form": "printed"}, {"detect_faults": True}], ids=["printed", "detection"]
-)
-def test_what_is_not_in_c_is_refused(asked):
+def test_what_is_not_in_c_is_refused():
     with pytest.raises(NotInCError, match="not in the ECU's C core"):
-        C.ecu(CALIBRATION, **asked)
+        C.ecu(CALIBRATION, form="printed")
 
 
 def test_without_a_compiler_one_line_says_so(monkeypatch, tmp_path):

@@ -61,9 +61,9 @@ class TestOnAHub:
         assert np.isin(read_candump(tmp_path / "run" / rundir.BUS).can_id, SENT).sum() > 100
 
     def test_what_it_does_not_have_ends_the_process_with_one_line(self, hub):  # noqa: F811
-        done = loaderhil("ecu", "--core", "c", "--detect-faults", "--bus", f"hub:{hub}")
+        done = loaderhil("ecu", "--core", "c", "--form", "printed", "--bus", f"hub:{hub}")
         assert done.returncode == 2
-        assert "--detect-faults: not in the ECU's C core" in done.stderr
+        assert "--form printed: not in the ECU's C core" in done.stderr
 
 
 @pytest.mark.socketcan

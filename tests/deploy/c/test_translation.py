@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from deploy.c.estimators import DIVIDED, MODULO
+from deploy.c.estimators import DIVIDED, MODULO, NOTED
 from deploy.c.project import RUNTIME
 from deploy.c.translation.names import wrapped
 from deploy.c.translation.program import Translation
@@ -30,8 +30,8 @@ def library(tmp_path_factory):
     ]
     protos = [f"double {name}_in_c(double a, double b);" for name in names]
     text = "\n".join(
-        ['#include "real.h"', "#define NEVER_NS INT64_MIN", *protos, "bool failed_in_c(void);", DIVIDED.replace("divided_by_zero", "failed"), MODULO,
-         translation.types, translation.constants, *translation.functions, *entries,
+        ['#include "real.h"', "#include <string.h>", "#define NEVER_NS INT64_MIN", *protos, "bool failed_in_c(void);", (NOTED + DIVIDED).replace("divided_by_zero", "failed"), MODULO,
+         translation.file.types, translation.file.definitions, *translation.file.functions, *entries,
          "bool failed_in_c(void) { return failed; }"]
     )  # fmt: skip
     (folder / "snippets.c").write_text(text)
@@ -87,10 +87,10 @@ def test_names_comments_and_units_are_kept():
     """The reader of the C finds the Python function, its words and its line."""
     translation = Translation(ROOT)
     translation.add(snippets.length)
-    assert "real_t x; /* to the right [m] */" in translation.types
+    assert "real_t x; /* to the right [m] */" in translation.file.types
     line = snippets.length.__code__.co_firstlineno
-    assert f"Python: tests/deploy/c/snippets.py:{line}" in translation.functions[-1]
-    assert "A record as an argument, its parts by name and by unpacking." in translation.functions[-1]
+    assert f"Python: tests/deploy/c/snippets.py:{line}" in translation.file.functions[-1]
+    assert "A record as an argument, its parts by name and by unpacking." in translation.file.functions[-1]
 
 
 def test_two_classes_of_one_name_stay_apart():

@@ -104,8 +104,13 @@ void ecu_found(const EcuFinding *finding)
         line("ecu.node", "StateChanged(before=%s, after=%s, event=%s, at_ns=%" PRId64 ")", names_of_states[finding->subject],
              names_of_states[finding->other], names_of_events[finding->detail], now_ns);
         break;
+    case ECU_FAULT_FOUND: /* of several with the mode ROOT_CAUSE_NOT_KNOWN one is faulty */
+        line("ecu.node", "FaultFound(%s, mode=%s, at_ns=%" PRId64 ")", names_of_inputs[finding->subject],
+             names_of_modes[finding->detail], now_ns);
+        break;
     default:
-        line("ecu.node", "EstimatorFailed(error='the estimators have no finite result', at_ns=%" PRId64 ")", now_ns);
+        line("ecu.node", "EstimatorFailed(error='%s', at_ns=%" PRId64 ")",
+             (finding->subject == 1U) ? "fault detection: division by zero" : "the estimators have no finite result", now_ns);
         break;
     }
 }

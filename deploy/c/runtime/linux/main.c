@@ -147,6 +147,7 @@ int main(int count, char **words)
     const int timer = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
     const struct itimerspec period = {{0, TICK_NS}, {0, TICK_NS}};
     ecu_init(options.limits);
+    ecu_detect_faults(options.detect_faults);
     if ((timer < 0) || (timerfd_settime(timer, 0, &period, NULL) != 0)) {
         (void)fprintf(stderr, "loader-ecu: no timer: %s\n", strerror(errno));
         return FAILED;

@@ -16,6 +16,8 @@ static const char usage[] =
     "\n"
     "  --bus socketcan:INTERFACE  the interface, as `loaderhil ecu` takes it\n"
     "  --no-limits                warn only\n"
+    "  --detect-faults            test the sensors against each other, and go on without a faulty one\n"
+    "  --no-detect-faults         do not (so it is without either)\n"
     "  --listen-s SECONDS         listen before the first frame is sent; end where another node sends the ECU's messages\n"
     "  --fifo PRIORITY            real-time priority (SCHED_FIFO), 1 to 99\n"
     "  --lock-memory              lock all memory, so that no tick waits for a page fault\n"
@@ -80,8 +82,8 @@ static int valued(const char *option, const char *value, Options *options)
 
 int options_read(int count, char **words, Options *options)
 {
-    const Options ordinary = {.interface = NULL, .limits = true, .fifo = 0, .cpu = -1, .lock_memory = false, .listen_s = 0.0,
-                              .xcp = NULL, .uds = NULL, .access_key = NULL};
+    const Options ordinary = {.interface = NULL, .limits = true, .detect_faults = false, .fifo = 0, .cpu = -1,
+                              .lock_memory = false, .listen_s = 0.0, .xcp = NULL, .uds = NULL, .access_key = NULL};
     *options = ordinary;
     for (int k = 1; k < count; ++k) {
         const char *word = words[k];
@@ -91,6 +93,10 @@ int options_read(int count, char **words, Options *options)
         }
         if (strcmp(word, "--no-limits") == 0) {
             options->limits = false;
+        } else if (strcmp(word, "--detect-faults") == 0) {
+            options->detect_faults = true;
+        } else if (strcmp(word, "--no-detect-faults") == 0) {
+            options->detect_faults = false;
         } else if (strcmp(word, "--lock-memory") == 0) {
             options->lock_memory = true;
         } else if (word[0] != '-') {

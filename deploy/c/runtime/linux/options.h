@@ -8,7 +8,8 @@ enum { PASSED = 0, FAILED = 1, MISUSED = 2, BUS_LOST = 4 }; /* exit codes, as th
 
 typedef struct {
     const char *interface;
-    bool limits;      /* false: only warns */
+    bool limits;
+    bool detect_faults;      /* false: only warns */
     int fifo;         /* priority of SCHED_FIFO; 0: an ordinary process */
     int cpu;          /* the only processor; -1: any */
     bool lock_memory; /* no tick waits for a page fault */
