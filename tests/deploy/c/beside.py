@@ -1,8 +1,10 @@
 """The services of the C host build beside those of the Python ECU: every frame goes to both, and both have to answer alike."""
 
+import _ctypes
 import ctypes
 import shutil
 import tempfile
+import weakref
 from pathlib import Path
 
 from bus.frame import FD, Frame
@@ -49,6 +51,7 @@ class CServices(BuiltEcu):
         with tempfile.NamedTemporaryFile(suffix=".so") as copy:
             shutil.copyfile(library, copy.name)
             super().__init__(copy.name)
+        weakref.finalize(self, _ctypes.dlclose, self._c._handle)
         self._count = ctypes.c_uint32.in_dll(self._c, "tested_count")
         self._sent = (CFrame * 4096).in_dll(self._c, "tested_sent")
         words = [
