@@ -52,8 +52,8 @@ CLOCK_MHZ, CLOCKS = 180, 1.5
 class Kept:
     """The Python ECU, keeping what it receives and sends."""
 
-    def __init__(self) -> None:
-        self._ecu = EcuCycle(load_calibration())
+    def __init__(self, ecu: EcuCycle | None = None) -> None:
+        self._ecu = ecu or EcuCycle(load_calibration())
         self.calls: Calls = []
         self.sent: Sent = []
 

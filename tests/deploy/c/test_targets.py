@@ -145,6 +145,7 @@ def test_help_opens_no_interface(linux_program):
     [
         ((), "usage: loader-ecu"),
         (("--calibration", "l60", "can0"), "there is no option --calibration"),
+        (("can0", "--detect-faults", "--xcp", "0x600,0x601"), "--detect-faults does not fit --xcp"),
         (("can0", "--fifo"), "--fifo (nothing): it takes a priority of 1 to 99"),
         (("can0", "--fifo", "100"), "--fifo 100: it takes"),
         (("can0", "--fifo", "5x"), "--fifo 5x: it takes"),

@@ -104,6 +104,9 @@ int main(void)
     SYST_CVR = 0U;
     SYST_CSR = 5U; /* counts the processor's clock, without interrupt */
     ecu_init(true);
+#ifdef REPLAY_DETECTS_FAULTS
+    ecu_detect_faults(true);
+#endif
     replayed(in, out);
     const uint32_t *untouched = &bss_end;
     while (*untouched == STACK_PATTERN) {

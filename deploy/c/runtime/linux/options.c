@@ -115,6 +115,11 @@ int options_read(int count, char **words, Options *options)
         (void)fputs(usage, stderr);
         return MISUSED;
     }
+    if (options->detect_faults && (options->xcp != NULL)) {
+        /* the thresholds of the detection follow from numbers that a tool could change */
+        (void)fprintf(stderr, "loader-ecu: --detect-faults does not fit --xcp here: take `loaderhil ecu` for both\n");
+        return MISUSED;
+    }
     if ((options->interface[0] == '\0') || (strlen(options->interface) >= IFNAMSIZ)) {
         return refused("INTERFACE", options->interface, "the name of a CAN interface, at most 15 letters");
     }

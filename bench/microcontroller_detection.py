@@ -1,0 +1,131 @@
+"""What the detection of sensor faults costs the exported C on a Cortex-M4F, and what single precision changes: docs/results/microcontroller-detection.md.
+
+Each scenario is driven by the Python ECU with the detection on. The frames that it received go through the C in double precision, through the
+host's single-precision build and through QEMU with it, and through QEMU without it.
+"""
+
+import argparse
+import statistics
+import tempfile
+from pathlib import Path
+
+from bench.microcontroller import (
+    CLOCK_MHZ,
+    CLOCKS,
+    SCENARIOS,
+    Builds,
+    Calls,
+    Kept,
+    Sent,
+    compared,
+    run,
+)
+from bench.speed import commit
+from deploy.c.replays import Answers, answers_of, frames_file
+from ecu.calibration import load_calibration
+from ecu.cycle import EcuCycle
+from hil.compose import Choice, plant_unit
+from hil.lockstep import Lockstep
+from tests.deploy.c.ecu_build import BuiltEcu
+
+PARTS = ("detection.c", "ecu_detection.c")
+
+
+def kept_of(scenario: str) -> Kept:
+    """What the Python ECU with the detection receives and sends in a scenario."""
+    kept = Kept(EcuCycle(load_calibration(), detect_faults=True))
+    Lockstep(plant_unit(Choice(scenario=scenario).load()), kept, reference=False).run()
+    return kept
+
+
+def sent_by(library: Path, calls: Calls) -> Sent:
+    """What a build for the host sends with the detection on."""
+    ecu, found = BuiltEcu(library, detect_faults=True), []
+    for frame, now in calls:
+        if frame is not None:
+            ecu.receive(frame, now)
+        else:
+            found.append([(f.can_id, f.data) for f in ecu.tick(now).frames])
+    return found
+
+
+def on_board(folder: Path, calls: Calls, *, detects: bool) -> tuple[Answers, list[int]]:
+    """Answers of QEMU, and the sizes of text, data and bss."""
+    options = f"OPTIONS={'-DREPLAY_DETECTS_FAULTS' if detects else ''}"
+    built = run("make", "--no-print-directory", "-B", "-C", folder, options, "cortex_m4/ecu.elf")
+    frames_file(folder / "frames.bin", calls)
+    run("make", "-C", folder, options, "replay")
+    return answers_of(folder / "answers.bin"), [int(size) for size in built.splitlines()[-1].split()[:3]]
+
+
+def cost_row(what: str, instructions: list[int], stack: int, static: int) -> str:
+    """Instructions of all cycles, and memory."""
+    ordered = sorted(instructions)
+    numbers = (statistics.median(ordered), ordered[int(0.99 * len(ordered))], ordered[-1])
+    texts = (f"{n:,.0f} ({n * CLOCKS / CLOCK_MHZ / 1e3:.1f} ms)" for n in numbers)
+    return f"| {what} | {' | '.join(texts)} | {stack:,} B | {static + stack:,} B |"
+
+
+def main() -> None:
+    """Measure and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("docs/results/microcontroller-detection.md"))
+    parser.add_argument("--scenarios", nargs="*", default=SCENARIOS)
+    options = parser.parse_args()
+    revision, clean = commit()
+    rows, cost = [], {True: ([0] * 0, 0), False: ([0] * 0, 0)}
+    sizes = [0, 0, 0]
+    with tempfile.TemporaryDirectory() as folder:
+        builds = Builds(Path(folder))
+        parts = dict(builds.parts())
+        for name in options.scenarios:
+            kept = kept_of(name)
+            differ = compared(sent_by(builds.double, kept.calls), kept.sent)[0]
+            single = sent_by(builds.single, kept.calls)
+            _, measured, steps, chosen = compared(single, kept.sent)
+            unlike = 0
+            for detects in (True, False):
+                board, sizes = on_board(builds.c, kept.calls, detects=detects)
+                instructions, stack = cost[detects]
+                cost[detects] = ([*instructions, *board.instructions], max(stack, board.stack))
+                if detects:
+                    pairs = zip(board.ticks, single, strict=True)
+                    unlike = sum(a != b for ours, theirs in pairs for a, b in zip(ours, theirs, strict=True))
+            sent = sum(map(len, kept.sent))
+            rows.append(f"| {name} | {sent} | {differ} | {measured} | {steps} | {chosen} | {unlike} |")
+            print(rows[-1], flush=True)
+    text, data, bss = sizes
+    options.out.write_text(
+        f"""# The detection of sensor faults on a Cortex-M4F
+
+Commit {revision}{"" if clean else " (with changes)"}; `python -m bench.microcontroller_detection --scenarios {" ".join(options.scenarios)}`. Words and method as in [the ECU in C](microcontroller.md).
+
+## Equal to the Python ECU
+
+The detection is on in Python and in C.
+
+| scenario | frames sent | double: frames that differ | single: measured signals that differ | most steps | single: chosen signals that differ | QEMU against the host's single build |
+|---|---:|---:|---:|---:|---:|---:|
+{chr(10).join(rows)}
+
+A frame in which QEMU and the host differ comes from their libraries: newlib and glibc may round a sine to different neighbours.
+
+## What it costs
+
+Instructions of `ecu_tick` in `qemu-system-arm -icount shift=0`; times with {CLOCKS} clocks per instruction at {CLOCK_MHZ} MHz, an assumption. Of {len(cost[True][0]):,} cycles.
+
+| | median | 99th percentile | most | stack | static memory and stack |
+|---|---:|---:|---:|---:|---:|
+{cost_row("detection off", *cost[False], data + bss)}
+{cost_row("detection on", *cost[True], data + bss)}
+
+Code and constants are {text + data:,} B of a budget of 131,072 B, of them {" and ".join(f"{parts[name]:,} B of `{name}`" for name in PARTS)}. The budget of memory is 32,768 B, that of a cycle 10 ms. Static memory is the same with the
+detection on and off: which it is, is decided when the ECU starts.
+""",
+        encoding="utf-8",
+    )
+    print(options.out)
+
+
+if __name__ == "__main__":
+    main()
