@@ -21,9 +21,10 @@ def frames_of(log):
     return [line.split(" ")[2] for line in log.read_text().splitlines()]
 
 
-def test_a_run_over_two_hubs_loses_nothing_and_times_every_hop(scenario, tmp_path):
+@pytest.mark.parametrize("core", ["python", "c"])
+def test_a_run_over_two_hubs_loses_nothing_and_times_every_hop(scenario, tmp_path, core):
     out = tmp_path / "run"
-    with started("run", scenario(3.0), "--gateway", "--out", out) as process:
+    with started("run", scenario(3.0), "--gateway", "--ecu-core", core, "--out", out) as process:
         code, errors = end(process)
     assert errors == ""
     assert code in (Ending.PASSED, Ending.FAILED)  # a busy host may miss deadlines

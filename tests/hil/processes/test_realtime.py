@@ -87,16 +87,17 @@ def end(process: subprocess.Popen[str]) -> tuple[int, str]:
     return process.returncode, errors
 
 
-def test_a_run_to_its_end_leaves_a_complete_directory(scenario, tmp_path):
+@pytest.mark.parametrize("core", ["python", "c"])
+def test_a_run_to_its_end_leaves_a_complete_directory(scenario, tmp_path, core):
     out = tmp_path / "run"
-    with started("run", scenario(2.0), "--realtime", "--out", out) as process:
+    with started("run", scenario(2.0), "--realtime", "--ecu-core", core, "--out", out) as process:
         wait_until_running(process, out)
         code, errors = end(process)
     assert errors == ""
     assert code in (Ending.PASSED, Ending.FAILED)  # a busy host may miss deadlines
     run = RunDirectory.read(out)
     assert run.problems == ()
-    assert run.record.outcome == "finished"
+    assert (run.record.outcome, run.record.ecu_core) == ("finished", core)
     assert run.truth["time_s"][-1] == pytest.approx(2.0)
     assert {"Articulation", "NormalForces", "Limits", "EcuStatus"} <= set(run.messages)
     assert "WheelForceFrontLeft" in run.reference
