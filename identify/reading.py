@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.io import loadmat
 
 from bus.user_error import UserError
 from diagnosis.reading.can import decoder, read_can
 from diagnosis.reading.tables import TIME, Column, Unreadable, is_table, read_table
 from discrepancy.signals.units import parse_scaled, parse_unit
+from identify import matlab
 
 Array = NDArray[np.float64]
 
@@ -114,18 +114,13 @@ def _columns(path: Path, dbcs: Sequence[Path]) -> Sequence[Column]:
 def _mat(path: Path) -> list[Column]:
     """Vectors of a MATLAB file, version 7 or older; names carry no units."""
     try:
-        content = loadmat(path, squeeze_me=True)
-    except NotImplementedError as error:
+        vectors = matlab.vectors(path)
+    except matlab.Newer as error:
         raise BadRecording(f"{path}: is a file of MATLAB 7.3 (HDF5); save it with '-v7'") from error
-    # SciPy raises what its parts raise for a damaged file: zlib.error, IndexError, MatReadError
-    except Exception as error:
-        first = (str(error).splitlines() or [type(error).__name__])[0]
-        raise BadRecording(f"{path}: cannot be read as a MATLAB file: {first}") from error
-    vectors = {
-        name: np.asarray(v, float)
-        for name, v in content.items()
-        if not name.startswith("__") and np.ndim(v) == 1 and np.asarray(v).dtype.kind in "fiu"
-    }
+    except matlab.Damaged as error:
+        raise BadRecording(f"{path}: cannot be read as a MATLAB file: {error}") from error
+    except OSError as error:
+        raise BadRecording(f"{path}: {error.strerror}") from error
     time = next((vectors.pop(name) for name in list(vectors) if name.lower() in TIME), None)
     if time is None:
         raise BadRecording(
