@@ -4,8 +4,10 @@ An FMU is a program: its binary runs in this process with the rights of the user
 """
 
 import fcntl
+import lzma
 import os
 import shutil
+import struct
 import tempfile
 import time
 import weakref
@@ -56,8 +58,12 @@ def _extract(file: Path, folder: Path) -> None:
                 archive.extract(entry, folder)
     except OSError as error:
         raise FmuError(f"{file}: {error.strerror or error}") from error
-    # RuntimeError: an encrypted entry, or an unknown compression
-    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError) as error:
+    except FmuError:
+        raise
+    # RuntimeError: an encrypted entry, or an unknown compression; ValueError: a name or a place that cannot be
+    except (
+        zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, RuntimeError, ValueError,
+    ) as error:  # fmt: skip
         raise FmuError(f"{file}: is no zip archive that can be read, so no FMU: {error}") from error
     text = (folder / DESCRIPTION).read_bytes()
     # a description needs no document type, and with one it could read files of this computer or grow without bound
@@ -80,6 +86,8 @@ def _checked(file: Path, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
             f"{file}: would unpack to {size / 2**30:.1f} GiB, at most {MOST_BYTES >> 30} GiB are unpacked"
         )
     for entry in entries:
+        if not entry.filename:  # zipfile ends a name at its first zero byte
+            raise FmuError(f"{file}: has a file without a name; the archive is damaged")
         parts = PurePosixPath(entry.filename.replace("\\", "/")).parts
         drive = bool(parts) and parts[0].endswith(":")  # C:\\
         if ".." in parts or parts[:1] == ("/",) or drive or LOCK in parts:

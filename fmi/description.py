@@ -22,6 +22,7 @@ NUMBERS: Final[Mapping[Version, tuple[str, ...]]] = {
 
 REAL: Final = ("Real", "Float64", "Float32")
 PLAIN: Final = "1"
+LONGEST_IDENTIFIER: Final = 240  # bytes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,8 +150,9 @@ def _step(read: Any) -> float | None:
 
 
 def _check_binary(file: Path, folder: Path, identifier: str, version: Version, fmpy: Any) -> None:
-    if not identifier or Path(identifier).name != identifier:
-        raise FmuError(f"{file}: its modelIdentifier is {identifier!r}, which is no name of a binary")
+    # with its ending, the name of a file has at most 255 bytes
+    if not identifier or Path(identifier).name != identifier or len(identifier.encode()) > LONGEST_IDENTIFIER:
+        raise FmuError(f"{file}: its modelIdentifier is {identifier[:80]!r}, which is no name of a binary")
     platform = fmpy.platform if version == 2 else fmpy.platform_tuple
     if (folder / "binaries" / platform / f"{identifier}{fmpy.sharedLibraryExtension}").is_file():
         return

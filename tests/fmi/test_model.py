@@ -236,6 +236,7 @@ def described(source: Source = TANK) -> bytes:
         ({"modelDescription.xml": b"", "/etc/x": b""}, "would leave its folder"),
         ({"modelDescription.xml": b"", "a\\..\\..\\x": b""}, "would leave its folder"),
         ({"modelDescription.xml": b"", "C:\\x": b""}, "would leave its folder"),
+        ({"modelDescription.xml": described(replace(TANK, name="T" * 250))}, "'T{80}', which is no name of a binary"),
         ({"modelDescription.xml": described()}, "has no binary for this computer .*it has none at all"),
         ({"modelDescription.xml": described(), "binaries/win64/Tank.dll": b""}, "it has win64"),
         ({"modelDescription.xml": described(), "binaries/linux64/Tank.so": b"?"}, "its binary cannot be loaded"),
@@ -260,6 +261,36 @@ def test_what_is_no_zip_is_refused_and_leaves_no_folder(tmp_path, monkeypatch):
     with pytest.raises(UserError, match="is no zip archive"):
         read_model(tmp_path / "a.fmu")
     assert list(tmp_path.glob(f"{FOLDER}*")) == []
+
+
+UNREADABLE = "is no zip archive that can be read"
+
+
+@pytest.mark.parametrize(
+    ("method", "old", "new", "message"),
+    [
+        (zipfile.ZIP_STORED, "\u00b5.txt".encode(), b"\xff\xff.txt", UNREADABLE),  # no UTF-8
+        (zipfile.ZIP_STORED, "\u00b5.txt".encode(), b"\0\0.txt", "has a file without a name"),
+        (
+            zipfile.ZIP_LZMA,
+            b"\x09\x04\x05\x00\x5d",
+            b"\x09\x04\x05\x00\xff",
+            UNREADABLE,
+        ),  # no properties of LZMA
+    ],
+)
+def test_an_archive_damaged_in_names_or_compression_is_refused_in_one_line(
+    tmp_path, method, old, new, message
+):
+    with zipfile.ZipFile(tmp_path / "bad.fmu", "w", method) as written:
+        written.writestr("modelDescription.xml", described())
+        written.writestr("\u00b5.txt", b"text")
+    content = (tmp_path / "bad.fmu").read_bytes()
+    assert old in content
+    (tmp_path / "bad.fmu").write_bytes(content.replace(old, new))
+    with pytest.raises(FmuError, match=message) as caught:
+        read_model(tmp_path / "bad.fmu")
+    assert "\n" not in str(caught.value)
 
 
 def test_an_archive_that_would_unpack_to_too_much_is_refused(tmp_path, monkeypatch):
