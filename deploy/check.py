@@ -75,7 +75,9 @@ def use(settings: ServiceSettings) -> None:
         raise settings.error("ecu.calibration", f"= {settings.calibration!r}: {error}") from error
     try:
         # made once here: what is not in C, or cannot be compiled, is found before the service starts
-        cycle = BY_NAME[settings.core].ecu(calibration, form=settings.form, limits=settings.limits)
+        cycle = BY_NAME[settings.core].ecu(
+            calibration, form=settings.form, limits=settings.limits, detect_faults=settings.detect_faults
+        )
     except UserError as error:
         raise settings.error("ecu.core", f"= {settings.core!r}: {error}") from error
     _offer(settings, cycle, table)

@@ -153,13 +153,19 @@ def _offered_words(offered: ServiceOptions) -> list[str]:
     return [f"{option} {word(value)}" for option, value in named.items() if value is not None]
 
 
+def _judging_words(settings: ServiceSettings) -> list[str]:
+    """Options of both programs: whether the ECU limits, and whether it tests its sensors, said either way."""
+    detects = "--detect-faults" if settings.detect_faults else "--no-detect-faults"
+    return [*([] if settings.limits else ["--no-limits"]), detects]
+
+
 def _ecu(settings: ServiceSettings, program: str, settings_file: str) -> str:
     interface, realtime = settings.can.interface, settings.realtime
     options = [
         f"--bus {settings.address}",
         f"--calibration {word(settings.calibration)}",
         f"--form {settings.form}",
-        *([] if settings.limits else ["--no-limits"]),
+        *_judging_words(settings),
         *([] if settings.core == CORES[0] else [f"--core {settings.core}"]),
         *_offered_words(settings.offered),
         *realtime.words(),
@@ -198,11 +204,13 @@ def _exported(settings: ServiceSettings, program: str) -> str:
                 key,
                 "does not fit --ecu-program: the exported program is core c, and offers XCP and UDS alone",
             )
+    if settings.detect_faults and settings.offered.xcp is not None:
+        raise settings.error("ecu.detect_faults", "does not fit --ecu-program together with offered.xcp")
     interface = settings.can.interface
     options = [
         f"--bus {settings.address}",
         f"--listen-s {settings.can.listen_s:g}",
-        *([] if settings.limits else ["--no-limits"]),
+        *_judging_words(settings),
         *_offered_words(settings.offered),
         *replace(settings.realtime, gc_freeze=True).words(),  # C collects no garbage
     ]

@@ -53,7 +53,7 @@ def test_every_setting_arrives_in_the_files():
     assert found["ExecStartPre"] == "/opt/loaderhil deploy check /etc/own/ecu.toml"
     assert found["ExecStart"] == (
         "/opt/loaderhil ecu --bus socketcan:can7 --calibration /etc/own/calibration.toml --form printed --no-limits"
-        " --fifo 33 --lock-memory --cpu 2"
+        " --no-detect-faults --fifo 33 --lock-memory --cpu 2"
     ).replace("/etc/own/calibration.toml", "/etc/loaderhil/own.toml")
     assert found["WatchdogSec"] == "0.7"
     assert found["LimitRTPRIO"] == "33"
@@ -102,6 +102,21 @@ def test_a_gateway_needs_both_interfaces():
     assert sections(files["etc/systemd/network/70-loaderhil-can1.network"])["Match"]["Name"] == "can1"
 
 
+@pytest.mark.parametrize("program", [None, "/opt/loader-ecu"], ids=["python", "exported program"])
+def test_the_detection_of_faults_is_said_either_way(program):
+    def command(settings):
+        files = service_files(settings, "/usr/bin/loaderhil", ecu_program=program)
+        return sections(files[SERVICE])["Service"]["ExecStart"].split()
+
+    assert "--detect-faults" in command(replace(SETTINGS, core="c", detect_faults=True))
+    assert "--no-detect-faults" in command(replace(SETTINGS, core="c"))
+
+
+def test_the_exported_program_does_not_detect_faults_while_xcp_may_change_its_numbers():
+    with pytest.raises(ConfigurationError, match=r"ecu\.detect_faults does not fit"):
+        service_files(replace(OFFERING, detect_faults=True), "/usr/bin/loaderhil", ecu_program="/opt/ecu")
+
+
 def test_the_core_arrives():
     assert "--core" not in service(SETTINGS)["ExecStart"]
     assert " --core c " in service(replace(SETTINGS, core="c"))["ExecStart"]
@@ -120,7 +135,7 @@ def test_the_exported_program_takes_the_place_of_the_ecu():
     files = service_files(IN_C, "/usr/bin/loaderhil", ecu_program="/opt/loader-ecu")
     found = sections(files[SERVICE])["Service"]
     assert found["ExecStart"] == (
-        "/opt/loader-ecu --bus socketcan:can0 --listen-s 0.5 --no-limits --fifo 50 --lock-memory --cpu 1"
+        "/opt/loader-ecu --bus socketcan:can0 --listen-s 0.5 --no-limits --no-detect-faults --fifo 50 --lock-memory --cpu 1"
     )
     assert "ExecStartPre" not in found
     assert "loaderhil " not in found["ExecStart"]

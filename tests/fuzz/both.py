@@ -95,8 +95,10 @@ def _spoiled(rng: random.Random) -> Iterator[tuple[Frame | None, int]]:
 
 
 def through_both(number: int) -> tuple[int, int]:
-    """One case: frames, and frames taken. Every other one is a random drive, in which the ECU runs."""
-    python, c, taken = PYTHON.ecu(CALIBRATION), C.ecu(CALIBRATION), 0
+    """One case: frames, and frames taken. Every other one is a random drive, in which the ECU runs; two of four test sensors against each other."""
+    detects = number % 4 >= 2
+    python, c = (core.ecu(CALIBRATION, detect_faults=detects) for core in (PYTHON, C))
+    taken = 0
     rng = random.Random(f"both/{number}")
     calls = _spoiled(rng) if number % 2 else RandomDrive(CALIBRATION, rng.getrandbits(32)).calls(FRAMES)
     for frame, now in calls:
