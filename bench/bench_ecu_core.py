@@ -3,7 +3,8 @@
     python -m bench.bench_ecu_core [SCENARIO]
 
 The two runs of a pair follow one another, in turn the one and the other first, so that a computer that slows down slows both; their
-ratio is of the pair. Every pair has to leave the same frames, or the benchmark ends with exit code 1.
+ratio is of the pair. Every pair has to leave the same frames, or the benchmark ends with exit code 1. The ECU alone hears the frames of
+the machine again, with and without the test of sensors against each other; its peer is cantools, which only decodes them.
 """
 
 import itertools
@@ -14,8 +15,10 @@ import time
 from collections.abc import Sequence
 from importlib.metadata import version
 
+import cantools
+
 from bus.frame import Frame
-from dbc import loader_database
+from dbc import FOLDER, loader_database
 from deploy.c.core import C
 from ecu.core import PYTHON, Core, Ecu
 from ecu.outputs import TICK_NS
@@ -27,9 +30,9 @@ from plant.unit.scenario import Scenario
 REPEATS = 9
 
 
-def ecu_of(core: Core) -> Ecu:
+def ecu_of(core: Core, *, detect_faults: bool = False) -> Ecu:
     """A fresh ECU that is ready."""
-    ecu = ecu_cycle(form="corrected", limits=True, core=core)
+    ecu = ecu_cycle(form="corrected", limits=True, core=core, detect_faults=detect_faults)
     ecu.warm_up()
     return ecu
 
@@ -43,11 +46,24 @@ def run(scenario: Scenario, core: Core) -> tuple[float, list[Frame]]:
     return seconds, recording.bus
 
 
-def cycle(frames: Sequence[Frame], core: Core) -> float:
-    """Processor time of the ECU alone for the frames of a run, per tick [us]: receive and tick."""
-    ecu, ticks, now = ecu_of(core), 0, TICK_NS // 2
+def heard_of(frames: Sequence[Frame]) -> list[Frame]:
+    """The frames that the ECU hears."""
     known = loader_database().by_id
-    heard = [frame for frame in frames if "Machine" in known[frame.can_id].senders]
+    return [frame for frame in frames if "Machine" in known[frame.can_id].senders]
+
+
+def decoded(heard: Sequence[Frame], database: cantools.database.can.Database) -> float:
+    """Processor time of cantools for the same frames, decoded to plain numbers, per tick [us]."""
+    ticks = heard[-1].at_ns // TICK_NS
+    start = time.thread_time()
+    for frame in heard:
+        database.decode_message(frame.can_id, frame.data, decode_choices=False)
+    return (time.thread_time() - start) / ticks * 1e6
+
+
+def cycle(heard: Sequence[Frame], core: Core, *, detect_faults: bool = False) -> float:
+    """Processor time of the ECU alone for the frames of a run, per tick [us]: receive and tick."""
+    ecu, ticks, now = ecu_of(core, detect_faults=detect_faults), 0, TICK_NS // 2
     start = time.thread_time()
     for frame in heard:
         while frame.at_ns > now:
@@ -72,7 +88,9 @@ def main() -> int:
     for core in (PYTHON, C):  # compile
         Lockstep(plant_unit(scenario), ecu_of(core)).step()
     spent: dict[str, list[float]] = {"python": [], "c": []}
-    alone: dict[str, list[float]] = {"python": [], "c": []}
+    alone: dict[str, list[float]] = {"python": [], "c": [], "tested": [], "cantools": []}
+    database = cantools.database.load_file(FOLDER / "loader.dbc")
+    assert isinstance(database, cantools.database.can.Database)
     for order in itertools.islice(itertools.cycle(((PYTHON, C), (C, PYTHON))), REPEATS):
         sent = []
         for core in order:
@@ -82,8 +100,11 @@ def main() -> int:
         if sent[0] != sent[1]:
             print("the two cores did not send the same frames", file=sys.stderr)
             return 1
+        heard = heard_of(sent[0])
         for core in order:
-            alone[core.name].append(cycle(sent[0], core))
+            alone[core.name].append(cycle(heard, core))
+        alone["tested"].append(cycle(heard, PYTHON, detect_faults=True))
+        alone["cantools"].append(decoded(heard, database))
     print("\n| x real time, by processor time | median | min..max |\n|---|---:|---:|")
     row("lockstep, Python core", spent["python"], 1)
     row("lockstep, C core", spent["c"], 1)
@@ -92,6 +113,10 @@ def main() -> int:
     row("Python core", alone["python"], 0)
     row("C core", alone["c"], 0)
     row("Python over C", [p / c for c, p in zip(alone["c"], alone["python"], strict=True)], 1)
+    row("Python core, sensors tested", alone["tested"], 0)
+    row("tested over not", [t / p for t, p in zip(alone["tested"], alone["python"], strict=True)], 2)
+    row("cantools, decoding alone", alone["cantools"], 0)
+    row("tested over cantools", [t / d for t, d in zip(alone["tested"], alone["cantools"], strict=True)], 2)
     return 0
 
 

@@ -105,6 +105,16 @@ FIGURES = (
         peer="Python core",
         peer_name="ECU in Python",
     ),
+    Figure(
+        what="ECU with sensors tested against each other, one cycle",
+        unit="us",
+        bench="bench_ecu_core",
+        label="Python core, sensors tested",
+        peer="cantools, decoding alone",
+        peer_name="cantools decoding the frames, nothing else",
+        floor=_of("bench_ecu_core", "Python core"),
+        floor_name="the same without the test",
+    ),
     Figure(what="ECU, one cycle", unit="us", bench="bench_ecu", label="collector on, processor"),
     Figure(
         what="ECU on columns, outlook included",

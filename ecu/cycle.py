@@ -47,8 +47,7 @@ class Tick:
 class EcuCycle:
     """One ECU. form: estimator equations, corrected or as printed; limits_enabled: False only warns.
 
-    detect_faults: whether sensors are tested against each other. Off: a signal that it calls faulty is no longer used,
-    and too few hours of hard driving were measured to rely on it (docs/results/faults.md).
+    detect_faults: whether sensors are tested against each other; a signal that is called faulty is no longer used.
     """
 
     def __init__(
@@ -105,11 +104,6 @@ class EcuCycle:
         return self._inputs_now
 
     @property
-    def detects_faults(self) -> bool:
-        """Whether sensors are tested against each other."""
-        return self._detection is not None
-
-    @property
     def trouble_codes(self) -> TroubleCodes:
         """The codes since start."""
         return self._troubles.codes
@@ -132,11 +126,11 @@ class EcuCycle:
             or wheel.unloaded_radius != old.parameters.wheel.unloaded_radius
         ):
             raise ValueError(f"calibration {calibration.name}: differs in what is fixed while the ECU runs")
-        if self._detection is not None and calibration.parameters != old.parameters:
-            raise ValueError("parameters are fixed while sensors are tested against each other")
         self._calibration, self._parameters = calibration, calibration.parameters
         self._estimator.change(calibration.parameters)
         self._consistency.change(wheel)
+        if self._detection is not None:
+            self._detection.change(calibration)
         self._unlimited = limits.unlimited(calibration.limits, calibration.parameters.prediction)
         self._times = reasons.times(calibration.alarms)
 

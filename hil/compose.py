@@ -48,7 +48,7 @@ class Choice:
     scenario: str  # name of a shipped one, or path of a TOML file
     form: Form = "corrected"  # equations of the ECU's estimators
     limits: bool = True  # whether the ECU limits the machine
-    detect_faults: bool = False  # whether the ECU tests its sensors against each other
+    detect_faults: bool = True  # whether the ECU tests its sensors against each other
     payload_kg: float | None = None
     seed: int | None = None
     inject: Path | None = None  # TOML file with additional faults

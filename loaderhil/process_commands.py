@@ -81,7 +81,7 @@ def ecu(
             help="Calibration: the machine parameters that the ECU works with.",
         ),
     ] = "l60",
-    detect_faults: DetectOption = False,
+    detect_faults: DetectOption = True,
     core: Annotated[
         str,
         typer.Option(

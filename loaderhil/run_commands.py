@@ -72,7 +72,7 @@ def run(
         ),
     ] = None,
     limits: LimitsOption = True,
-    detect_faults: DetectOption = False,
+    detect_faults: DetectOption = True,
     form: FormOption = "corrected",
     ecu_core: EcuCoreOption = "python",
     payload_kg: PayloadOption = None,

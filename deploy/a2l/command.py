@@ -26,13 +26,6 @@ def export_a2l(
             help="CAN identifiers of tool and ECU, as given to `loaderhil ecu --xcp`.",
         ),
     ] = EXAMPLE,
-    detect_faults: Annotated[
-        bool,
-        typer.Option(
-            "--detect-faults",
-            help="For an ECU that is started with --detect-faults: fewer numbers can be changed.",
-        ),
-    ] = False,
 ) -> None:
     """Write the A2L file of the ECU: everything that a tool can measure and calibrate by XCP, with addresses and ranges.
 
@@ -44,7 +37,7 @@ def export_a2l(
     from ecu.measure.channel import Channel
 
     name = load_calibration(calibration).name
-    text = write_a2l(name, Channel.parse(xcp, loader_database()), detects_faults=detect_faults)
+    text = write_a2l(name, Channel.parse(xcp, loader_database()))
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(text, encoding="utf-8")
     print(f"written: {out}")

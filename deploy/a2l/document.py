@@ -69,8 +69,8 @@ _EVERY_SLAVE: Final = {Command.CONNECT, Command.DISCONNECT, Command.GET_STATUS, 
 _OPTIONAL: Final = tuple(command for command in Command if command not in _EVERY_SLAVE)
 
 
-def write_a2l(calibration: str, channel: Channel, *, detects_faults: bool = False) -> str:
-    """The A2L file for a calibration of this name. detects_faults: whether the ECU tests its sensors, which fixes parameters."""
+def write_a2l(calibration: str, channel: Channel) -> str:
+    """The A2L file for a calibration of this name."""
     name = a2l_name(calibration)
     lines = [
         "ASAP2_VERSION 1 61",
@@ -78,14 +78,14 @@ def write_a2l(calibration: str, channel: Channel, *, detects_faults: bool = Fals
             f'PROJECT {name} "loaderhil, estimator ECU, calibration {calibration}"',
             _block(
                 'MODULE estimator_ecu "Estimator ECU of an articulated wheel loader"',
-                _module(channel, detects_faults),
+                _module(channel),
             ),
         ),
     ]
     return "\n".join(lines) + "\n"
 
 
-def _module(channel: Channel, detects_faults: bool) -> Iterator[str]:
+def _module(channel: Channel) -> Iterator[str]:
     yield from _block("A2ML", _AML.replace("%s", _commands_of_aml()).splitlines())
     yield from _block(
         'MOD_COMMON "All values are SI or in the unit of their name"',
@@ -110,7 +110,7 @@ def _module(channel: Channel, detects_faults: bool) -> Iterator[str]:
     for row in rows:
         yield from _measurement(row, tables[_choices(row)] if row.choices else _method(row.unit))
     for number in numbers:
-        yield from _characteristic(number, adjustable=number.adjustable(detects_faults=detects_faults))
+        yield from _characteristic(number, adjustable=number.adjustable)
     yield from _groups(rows, numbers)
 
 

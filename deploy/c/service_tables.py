@@ -156,7 +156,7 @@ def _numbers(sections: Mapping[str, object]) -> list[str]:
         quantity, table = number.quantity, sections[number.section]
         assert isinstance(table, Mapping)
         values = (float(table[number.key]), quantity.low, quantity.high, quantity.si(1.0))
-        adjustable = "true" if number.adjustable(detects_faults=False) else "false"
+        adjustable = "true" if number.adjustable else "false"
         found.append(
             f"{{{', '.join(map(real, values))}, {_target(number)}, {adjustable}}} /* {number.name} */"
         )

@@ -64,6 +64,7 @@ class Detection:
 
     def __init__(self, calibration: Calibration, database: Database) -> None:
         self._parameters, self._tolerances = calibration.parameters, calibration.detection.tolerances
+        self._database = database
         self._rules, self._height = rules_of(calibration, database)
         self._message = np.array(MESSAGE_PLACES)
         self._samples, self._usable, self._dt = np.zeros(COUNT), np.ones(COUNT), np.zeros(1)
@@ -79,6 +80,14 @@ class Detection:
             self._samples, self._heard, self._usable, self._message, self._parameters, self._tolerances, self._rules,
             self._height, self._state, self._dt, self._residuals, self._bounds,
         )  # fmt: skip
+
+    def change(self, calibration: Calibration) -> None:
+        """Go on with another calibration's parameters; its rules of the detection are those of before, and what is known of faults stays."""
+        if calibration.parameters == self._parameters:
+            return
+        self._parameters = calibration.parameters
+        self._rules, self._height = rules_of(calibration, self._database)
+        self._running = self._start()
 
     def reset(self) -> None:
         """Forget all cycles; compiles at the first call."""

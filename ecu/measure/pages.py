@@ -34,7 +34,7 @@ class CalibrationPages:
         self._reference = self._at_work = cycle.calibration
         self._numbers = calibration_numbers()
         self._images = {REFERENCE: bytearray(image_of(table.values))}
-        self._adjustable = [n.adjustable(detects_faults=cycle.detects_faults) for n in self._numbers]
+        self._adjustable = [n.adjustable for n in self._numbers]
         self.size = len(self._images[REFERENCE])
         self.active = WORKING  # the page that the ECU works with
         self.reset()

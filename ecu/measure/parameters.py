@@ -20,8 +20,6 @@ FIXED_SECTIONS: Final = frozenset(
 """Sections from which tables are built at the start: plausibility of the inputs, tracks, the test of sensors."""
 FIXED_NAMES: Final = frozenset({"wheel.unloaded_radius_m"})
 """Single numbers of other sections of which the same is true."""
-RULES: Final = frozenset({"limits", "warnings", "alarms"})
-"""Sections that the test of sensors does not work with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,12 +40,10 @@ class CalibrationNumber:
         """SECTION.KEY, as in messages about the file."""
         return f"{self.section}.{self.quantity.key}"
 
-    def adjustable(self, *, detects_faults: bool) -> bool:
-        """Whether it may change while the ECU runs. detects_faults: whether sensors are tested against each other."""
-        if self.section in FIXED_SECTIONS or self.name in FIXED_NAMES:
-            return False
-        # that test has its own tables of the machine, made at the start
-        return self.section in RULES or not detects_faults
+    @property
+    def adjustable(self) -> bool:
+        """Whether it may change while the ECU runs."""
+        return self.section not in FIXED_SECTIONS and self.name not in FIXED_NAMES
 
 
 @lru_cache(maxsize=1)

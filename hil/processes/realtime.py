@@ -235,7 +235,7 @@ class _Bench:
             "--core",
             choice.core.name,
             *([] if choice.limits else ["--no-limits"]),
-            *(["--detect-faults"] if choice.detect_faults else []),
+            "--detect-faults" if choice.detect_faults else "--no-detect-faults",
         ]
         if "ecu" not in self._buses.foreign:
             others.append(start("ecu", loaderhil("ecu", "--bus", on["ecu"], *form, *words)))

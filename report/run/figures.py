@@ -179,8 +179,8 @@ def command(run: RunDirectory) -> str:
     words = ["loaderhil", "run", r.scenario if r.scenario in known else f"{r.scenario}.toml"]
     if not r.limits:
         words.append("--no-limits")
-    if r.detect_faults:
-        words.append("--detect-faults")
+    if not r.detect_faults:
+        words.append("--no-detect-faults")
     if r.mode == "realtime":
         words.append("--realtime")
     if r.form != "corrected":

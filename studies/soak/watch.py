@@ -91,7 +91,9 @@ class Watch:
         calibration = calibration_of(scenario)
         # between ECU and wire: a fault on the bus must not change what the ECU is judged by
         self._probe = _Probe(
-            RestartableEcu(lambda: ecu_cycle(form="corrected", limits=True, calibration=calibration))
+            RestartableEcu(
+                lambda: ecu_cycle(form="corrected", limits=True, calibration=calibration, detect_faults=True)
+            )
         )
         self.injector = Injector(database, faults, seed=seed)
         self.injector.start(0)

@@ -66,7 +66,7 @@ def test_every_number_of_the_calibration_has_its_range(read):
         c = found[number.name]
         assert c.Address.Value == number.address
         assert (c.LowerLimit.Value, c.UpperLimit.Value) == (number.quantity.low, number.quantity.high)
-        assert c.READ_ONLY.Present == (not number.adjustable(detects_faults=False))
+        assert c.READ_ONLY.Present == (not number.adjustable)
 
 
 def test_every_number_of_the_file_can_be_read(read):

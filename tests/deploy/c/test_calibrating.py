@@ -16,7 +16,7 @@ from tests.deploy.c.test_ecu_in_c import moving
 from tests.ecu.xcp.tool import CHANNEL, SECRET, Ecu
 from tests.fuzz.services import xcp_commands
 
-ADJUSTABLE = [number for number in calibration_numbers() if number.adjustable(detects_faults=False)]
+ADJUSTABLE = [number for number in calibration_numbers() if number.adjustable]
 
 
 @pytest.fixture(scope="module")

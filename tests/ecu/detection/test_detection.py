@@ -1,6 +1,7 @@
 """Faults of sensors in a machine that drives straight: noticed, named, gone on without; none where there is none."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -206,6 +207,20 @@ def test_a_fault_that_ends_leaves_a_previous_code_and_a_running_ecu():
     play(ecu, machine, 150)
     assert ecu.state is State.RUNNING
     assert [code.name for code in ecu._troubles.codes.previous] == ["articulation_angle"]
+
+
+def test_a_fault_stays_known_when_a_parameter_changes():
+    ecu, machine = started()
+    size = 2.0 * jump_of(ecu, "wheel_speed_2")
+    machine.wrong["wheel_speed_2"] = lambda value, tick: value + size
+    play(ecu, machine, 10)
+    parameters = CALIBRATION.parameters
+    bucket = parameters.bucket._replace(mass=1.02 * parameters.bucket.mass)
+    ecu.recalibrate(replace(CALIBRATION, parameters=parameters._replace(bucket=bucket)))
+    _, findings = play(ecu, machine, 200)
+    # a detection that began anew would take the shifted wheel for a sound one that it has never seen otherwise
+    assert faults(findings) == []
+    assert "wheel_speed_2" in ecu._detection._known
 
 
 def test_the_height_gives_the_run_length_that_is_asked_for():

@@ -231,12 +231,13 @@ def test_measurements_cannot_be_written(unlocked):
     assert unlocked.ask("f00400000000") == refusal(Error.ACCESS_DENIED)
 
 
-def test_the_test_of_sensors_fixes_the_machine_but_not_the_limits():
+def test_an_ecu_that_tests_its_sensors_takes_another_mass():
     ecu = Ecu(detect_faults=True)
     ecu.ask(CONNECT)
     ecu.unlock()
-    assert write(ecu, "bucket.mass_kg", 900.0) == refusal(Error.WRITE_PROTECTED)
-    assert write(ecu, "limits.creep_speed_kmh", 2.5) == b"\xff"
+    assert write(ecu, "bucket.mass_kg", 900.0) == b"\xff"
+    ecu.cycles(1)
+    assert ecu.cycle.calibration.parameters.bucket.mass == 900.0
 
 
 def test_pages_switch_back_and_forth(unlocked):

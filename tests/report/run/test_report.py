@@ -337,7 +337,9 @@ def test_what_was_run_can_be_run_again(outline, runs):
 def test_a_run_in_c_is_run_again_in_c(runs):
     run = RunDirectory.read(runs[0])
     assert "--ecu-core" not in command(run)
-    assert "--detect-faults" in command(replace(run, record=replace(run.record, detect_faults=True)))
+    for detect_faults in (False, True):
+        again = command(replace(run, record=replace(run.record, detect_faults=detect_faults)))
+        assert ("--no-detect-faults" in again) == (not detect_faults)
     assert "--ecu-core c" in command(replace(run, record=replace(run.record, ecu_core="c")))
 
 

@@ -84,11 +84,12 @@ def test_a_machine_that_rolls_over_is_said(tmp_path):
     concluded = conclude("turn", choice, tmp_path / "r", run_lockstep(choice, tmp_path / "r"))
     rolled_over, degraded = concluded.remarks
     assert rolled_over.startswith("the machine rolled over at ")
-    # Not before: at 51 degrees of roll the slope sensor, which feels the acceleration too, has stood at its end of 60 degrees for
-    # ten frames. It knows the roll no more, and the ECU is right to say that it does without.
+    # Not long before: at 51 degrees of roll the slope sensor, which feels the acceleration too, has stood at its end of 60 degrees for
+    # ten frames. It knows the roll no more, and the ECU is right to say that it does without; the test of sensors against each
+    # other may say so while the machine falls.
     assert degraded.startswith("the ECU was in state degraded for ")
     (over_s,), (degraded_s,) = (re.findall(r"at (\d+\.\d+) s$", text) for text in (rolled_over, degraded))
-    assert float(over_s) < float(degraded_s) < float(over_s) + 0.2
+    assert float(over_s) - 0.1 < float(degraded_s) < float(over_s) + 0.2
 
 
 def test_an_ecu_in_fault_is_mentioned_in_the_summary(result_of):
