@@ -27,7 +27,7 @@ UNITS: Final[Mapping[str, tuple[str, float]]] = {
 ABOVE = 1.3
 """Faults from this multiple of the computed size on are above it: the size varies with speed and load of the moment."""
 WORDS = f"""
-The detection is off by default; the figures below are those of `loaderhil ecu --detect-faults`.
+The detection is on by default; `--no-detect-faults` switches it off.
 
 Each fault lasts {LASTS / 100:g} s, in random drives with random payload, ground and sensor offsets, under a calibration whose masses are
 wrong by up to 3 %, centres of gravity by 5 cm, radii by 1 %, stiffness by 15 %. *Computed* is the smallest size that the thresholds and
