@@ -136,8 +136,9 @@ const CycleInputs *detection_looked(const CycleInputs *received, real_t dt)
 {
     real_t samples[WATCHED];
     if (!tested(received, dt, samples)) {
+        const uint32_t estimators = SUSPECTS - 1U;
         detection_start();
-        codes_noted((uint16_t)(SUSPECTS - 1U), MODE_BAD_DEVICE);
+        codes_noted((uint16_t)estimators, MODE_BAD_DEVICE);
         announced(ECU_ESTIMATOR_FAILED, 1U, 0U, 0U);
         return received;
     }

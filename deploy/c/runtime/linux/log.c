@@ -38,7 +38,7 @@ static void line(const char *source, const char *format, ...)
     (void)fprintf(stderr, "%s,%03ld %s WARNING %s\n", stamp, now.tv_nsec / 1000000L, source, text);
 }
 
-static Logged *known(const char *words, const char *detail, int64_t now_ns)
+static Logged *logged_of(const char *words, const char *detail, int64_t now_ns)
 {
     static Logged all[MOST_KINDS];
     static uint8_t count;
@@ -62,7 +62,7 @@ static Logged *known(const char *words, const char *detail, int64_t now_ns)
 void log_bus(const char *words, const char *detail)
 {
     const int64_t now_ns = now_of();
-    Logged *logged = known(words, detail, now_ns);
+    Logged *logged = logged_of(words, detail, now_ns);
     if ((now_ns - logged->logged_ns) < AGAIN_NS) {
         logged->since += 1U;
         return;
