@@ -88,7 +88,9 @@ def main() -> int:
     for core in (PYTHON, C):  # compile
         Lockstep(plant_unit(scenario), ecu_of(core)).step()
     spent: dict[str, list[float]] = {"python": [], "c": []}
-    alone: dict[str, list[float]] = {"python": [], "c": [], "tested": [], "cantools": []}
+    alone: dict[str, list[float]] = {
+        name: [] for name in ("python", "c", "python tested", "c tested", "cantools")
+    }
     database = cantools.database.load_file(FOLDER / "loader.dbc")
     assert isinstance(database, cantools.database.can.Database)
     for order in itertools.islice(itertools.cycle(((PYTHON, C), (C, PYTHON))), REPEATS):
@@ -103,7 +105,7 @@ def main() -> int:
         heard = heard_of(sent[0])
         for core in order:
             alone[core.name].append(cycle(heard, core))
-        alone["tested"].append(cycle(heard, PYTHON, detect_faults=True))
+            alone[f"{core.name} tested"].append(cycle(heard, core, detect_faults=True))
         alone["cantools"].append(decoded(heard, database))
     print("\n| x real time, by processor time | median | min..max |\n|---|---:|---:|")
     row("lockstep, Python core", spent["python"], 1)
@@ -113,10 +115,17 @@ def main() -> int:
     row("Python core", alone["python"], 0)
     row("C core", alone["c"], 0)
     row("Python over C", [p / c for c, p in zip(alone["c"], alone["python"], strict=True)], 1)
-    row("Python core, sensors tested", alone["tested"], 0)
-    row("tested over not", [t / p for t, p in zip(alone["tested"], alone["python"], strict=True)], 2)
+    for name, core_name in (("Python", "python"), ("C", "c")):
+        tested = alone[f"{core_name} tested"]
+        row(f"{name} core, sensors tested", tested, 0)
+        row(
+            f"{name}, tested over not",
+            [t / p for t, p in zip(tested, alone[core_name], strict=True)],
+            2,
+        )
     row("cantools, decoding alone", alone["cantools"], 0)
-    row("tested over cantools", [t / d for t, d in zip(alone["tested"], alone["cantools"], strict=True)], 2)
+    over = [t / d for t, d in zip(alone["python tested"], alone["cantools"], strict=True)]
+    row("Python, tested over cantools", over, 2)
     return 0
 
 
