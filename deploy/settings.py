@@ -60,7 +60,7 @@ class ServiceSettings:
     watchdog_s: float  # without a tick for so long, systemd ends and restarts the ECU [s]
     recorder: RecorderSettings | None = None
     gateway: GatewaySettings | None = None
-    detect_faults: bool = False  # whether sensors are tested against each other
+    detect_faults: bool = True  # whether sensors are tested against each other
     offered: ServiceOptions = NO_SERVICES  # what the ECU answers on the bus beside its own messages
 
     @property
@@ -103,7 +103,7 @@ class ServiceSettings:
             calibration=_line(ecu, "calibration", CALIBRATION),
             form=next(known for known in FORMS if known == form),
             limits=ecu.flag("limits", default=True),
-            detect_faults=ecu.flag("detect_faults", default=False),
+            detect_faults=ecu.flag("detect_faults", default=True),
             realtime=RealtimeOptions(
                 fifo=fifo, cpu=cpu, lock_memory=realtime.flag("lock_memory", default=True)
             ),

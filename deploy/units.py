@@ -205,7 +205,9 @@ def _exported(settings: ServiceSettings, program: str) -> str:
                 "does not fit --ecu-program: the exported program is core c, and offers XCP and UDS alone",
             )
     if settings.detect_faults and settings.offered.xcp is not None:
-        raise settings.error("ecu.detect_faults", "does not fit --ecu-program together with offered.xcp")
+        raise settings.error(
+            "ecu.detect_faults", "does not fit --ecu-program together with offered.xcp: set it to false"
+        )
     interface = settings.can.interface
     options = [
         f"--bus {settings.address}",

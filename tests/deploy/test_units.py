@@ -53,7 +53,7 @@ def test_every_setting_arrives_in_the_files():
     assert found["ExecStartPre"] == "/opt/loaderhil deploy check /etc/own/ecu.toml"
     assert found["ExecStart"] == (
         "/opt/loaderhil ecu --bus socketcan:can7 --calibration /etc/own/calibration.toml --form printed --no-limits"
-        " --no-detect-faults --fifo 33 --lock-memory --cpu 2"
+        " --detect-faults --fifo 33 --lock-memory --cpu 2"
     ).replace("/etc/own/calibration.toml", "/etc/loaderhil/own.toml")
     assert found["WatchdogSec"] == "0.7"
     assert found["LimitRTPRIO"] == "33"
@@ -109,7 +109,7 @@ def test_the_detection_of_faults_is_said_either_way(program):
         return sections(files[SERVICE])["Service"]["ExecStart"].split()
 
     assert "--detect-faults" in command(replace(SETTINGS, core="c", detect_faults=True))
-    assert "--no-detect-faults" in command(replace(SETTINGS, core="c"))
+    assert "--no-detect-faults" in command(replace(SETTINGS, core="c", detect_faults=False))
 
 
 def test_the_exported_program_does_not_detect_faults_while_xcp_may_change_its_numbers():
@@ -125,6 +125,7 @@ def test_the_core_arrives():
 IN_C = replace(SETTINGS, core="c", can=replace(SETTINGS.can, listen_s=0.5), limits=False)
 OFFERING = replace(
     IN_C,
+    detect_faults=False,
     offered=ServiceOptions(
         xcp="0x600,0x601", uds="0x610,0x611", access_key=Path("/etc/loaderhil/access.key")
     ),
@@ -135,7 +136,7 @@ def test_the_exported_program_takes_the_place_of_the_ecu():
     files = service_files(IN_C, "/usr/bin/loaderhil", ecu_program="/opt/loader-ecu")
     found = sections(files[SERVICE])["Service"]
     assert found["ExecStart"] == (
-        "/opt/loader-ecu --bus socketcan:can0 --listen-s 0.5 --no-limits --no-detect-faults --fifo 50 --lock-memory --cpu 1"
+        "/opt/loader-ecu --bus socketcan:can0 --listen-s 0.5 --no-limits --detect-faults --fifo 50 --lock-memory --cpu 1"
     )
     assert "ExecStartPre" not in found
     assert "loaderhil " not in found["ExecStart"]

@@ -16,8 +16,8 @@ static const char usage[] =
     "\n"
     "  --bus socketcan:INTERFACE  the interface, as `loaderhil ecu` takes it\n"
     "  --no-limits                warn only\n"
-    "  --detect-faults            test the sensors against each other, and go on without a faulty one\n"
-    "  --no-detect-faults         do not (so it is without either)\n"
+    "  --detect-faults            test the sensors against each other, and go on without a faulty one: so it is, but with --xcp\n"
+    "  --no-detect-faults         do not\n"
     "  --listen-s SECONDS         listen before the first frame is sent; end where another node sends the ECU's messages\n"
     "  --fifo PRIORITY            real-time priority (SCHED_FIFO), 1 to 99\n"
     "  --lock-memory              lock all memory, so that no tick waits for a page fault\n"
@@ -82,9 +82,10 @@ static int valued(const char *option, const char *value, Options *options)
 
 int options_read(int count, char **words, Options *options)
 {
-    const Options ordinary = {.interface = NULL, .limits = true, .detect_faults = false, .fifo = 0, .cpu = -1,
+    const Options ordinary = {.interface = NULL, .limits = true, .detect_faults = true, .fifo = 0, .cpu = -1,
                               .lock_memory = false, .listen_s = 0.0, .xcp = NULL, .uds = NULL, .access_key = NULL};
     *options = ordinary;
+    bool asked = false;
     for (int k = 1; k < count; ++k) {
         const char *word = words[k];
         if ((strcmp(word, "--help") == 0) || (strcmp(word, "-h") == 0)) {
@@ -95,6 +96,7 @@ int options_read(int count, char **words, Options *options)
             options->limits = false;
         } else if (strcmp(word, "--detect-faults") == 0) {
             options->detect_faults = true;
+            asked = true;
         } else if (strcmp(word, "--no-detect-faults") == 0) {
             options->detect_faults = false;
         } else if (strcmp(word, "--lock-memory") == 0) {
@@ -115,8 +117,11 @@ int options_read(int count, char **words, Options *options)
         (void)fputs(usage, stderr);
         return MISUSED;
     }
-    if (options->detect_faults && (options->xcp != NULL)) {
-        /* the thresholds of the detection follow from numbers that a tool could change */
+    /* the thresholds of the detection follow from numbers that a tool could change */
+    if ((options->xcp != NULL) && !asked) {
+        options->detect_faults = false;
+    }
+    if ((options->xcp != NULL) && options->detect_faults) {
         (void)fprintf(stderr, "loader-ecu: --detect-faults does not fit --xcp here: take `loaderhil ecu` for both\n");
         return MISUSED;
     }
