@@ -149,9 +149,11 @@ def _step(read: Any) -> float | None:
     return step if step is not None and step > 0.0 else None
 
 
-def _check_binary(file: Path, folder: Path, identifier: str, version: Version, fmpy: Any) -> None:
+def _check_binary(file: Path, folder: Path, identifier: str | None, version: Version, fmpy: Any) -> None:
+    if not identifier:
+        raise FmuError(f"{file}: has no modelIdentifier, so no binary can be found")
     # with its ending, the name of a file has at most 255 bytes
-    if not identifier or Path(identifier).name != identifier or len(identifier.encode()) > LONGEST_IDENTIFIER:
+    if Path(identifier).name != identifier or len(identifier.encode()) > LONGEST_IDENTIFIER:
         raise FmuError(f"{file}: its modelIdentifier is {identifier[:80]!r}, which is no name of a binary")
     platform = fmpy.platform if version == 2 else fmpy.platform_tuple
     if (folder / "binaries" / platform / f"{identifier}{fmpy.sharedLibraryExtension}").is_file():

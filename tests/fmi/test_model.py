@@ -236,6 +236,7 @@ def described(source: Source = TANK) -> bytes:
         ({"modelDescription.xml": b"", "/etc/x": b""}, "would leave its folder"),
         ({"modelDescription.xml": b"", "a\\..\\..\\x": b""}, "would leave its folder"),
         ({"modelDescription.xml": b"", "C:\\x": b""}, "would leave its folder"),
+        ({"modelDescription.xml": described().replace(b'modelIdentifier="Tank"', b"")}, "has no modelIdentifier"),
         ({"modelDescription.xml": described(replace(TANK, name="T" * 250))}, "'T{80}', which is no name of a binary"),
         ({"modelDescription.xml": described()}, "has no binary for this computer .*it has none at all"),
         ({"modelDescription.xml": described(), "binaries/win64/Tank.dll": b""}, "it has win64"),
