@@ -278,7 +278,7 @@ def _replacing(file: Path) -> Iterator[Path]:
 def _read_table(file: Path, problems: list[str], *, optional: bool) -> Table:
     try:
         with file.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-            return Table(file, {name: archive[name] for name in archive.files})
+            return Table(file, {name: _numbers(archive, name) for name in archive.files})
     except FileNotFoundError:
         if not optional:
             problems.append(f"{file}: missing; its writer was killed before the run ended")
@@ -289,6 +289,15 @@ def _read_table(file: Path, problems: list[str], *, optional: bool) -> Table:
     ) as error:
         problems.append(f"{file}: unreadable ({error}); was it cut off while being copied?")
     return Table(file, {})
+
+
+def _numbers(archive: Mapping[str, Any], name: str) -> NDArray[Any]:
+    """A column of a table. ValueError if the archive holds something else there."""
+    column = archive[name]
+    # NumPy returns bytes where the header of an array is damaged
+    if not isinstance(column, np.ndarray) or column.dtype.kind not in "biuf":
+        raise ValueError(f"'{name}' holds no numbers")
+    return column
 
 
 def _read_truth(path: Path, problems: list[str], *, optional: bool) -> Table:

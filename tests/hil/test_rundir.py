@@ -1,6 +1,7 @@
 """What is written is read back; what is missing, damaged or foreign is named, and the rest still reads."""
 
 import json
+import zipfile
 from dataclasses import replace
 
 import numpy as np
@@ -115,6 +116,22 @@ def test_truth_cut_off_in_a_copy_is_named_and_the_log_still_reads(path):
     truth.write_bytes(truth.read_bytes()[:400])
     run = RunDirectory.read(path)
     assert any("truth.npz: unreadable" in problem for problem in run.problems)
+    assert "SlopeSensor" in run.messages
+
+
+@pytest.mark.parametrize("content", [b"", b"no array", "text"])
+def test_a_column_of_the_truth_that_is_no_array_of_numbers_is_named(path, content):
+    truth = path / rundir.TRUTH
+    with np.load(truth) as archive:
+        columns = {name: archive[name] for name in archive.files} | {"mass": np.zeros(3)}
+    if isinstance(content, str):
+        np.savez(truth, **columns | {"mass": np.array([content])})
+    else:
+        np.savez(truth, **{name: column for name, column in columns.items() if name != "mass"})
+        with zipfile.ZipFile(truth, "a") as archive:
+            archive.writestr("mass.npy", content)
+    run = RunDirectory.read(path)
+    assert any("truth.npz: unreadable ('mass' holds no numbers)" in problem for problem in run.problems)
     assert "SlopeSensor" in run.messages
 
 
