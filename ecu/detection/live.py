@@ -106,13 +106,18 @@ class Detection:
         self._heard[:], self._usable[:] = self._pattern(received)
         self._dt[0] = dt
         try:
-            ready = next(self._running) != 0
+            return self._looked(received, now_ns)
         except (ArithmeticError, ValueError) as failure:
             # An exception ends the compiled loop for good.
             self.reset()
             self._running = self._start()
             return received, [EstimatorFailed(f"fault detection: {failure}", now_ns)]
-        if not ready:
+
+    def _looked(
+        self, received: CycleInputs, now_ns: int
+    ) -> tuple[CycleInputs, list[FaultFound | EstimatorFailed]]:
+        """The next step of the compiled loop, and what follows from it."""
+        if next(self._running) == 0:
             self._known = _NONE
             return received, []
         faulty = frozenset(NAMES[k] for k in np.flatnonzero(self._state[FAULTY, :COUNT]))

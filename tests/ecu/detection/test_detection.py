@@ -11,7 +11,7 @@ from ecu.codes import Mode
 from ecu.cycle import EcuCycle
 from ecu.detection.layout import JUMP
 from ecu.detection.rules import FAMILIES, height_for
-from ecu.findings import FaultFound
+from ecu.findings import EstimatorFailed, FaultFound
 from ecu.states import State
 from ecu.watched import NAMES, PLACE
 from tests.ecu.machine import FakeMachine, decoded, play
@@ -196,6 +196,25 @@ def test_without_a_wheel_gyro_or_slope_the_loads_go_on(name, rough):
     for result in results[-4:]:
         newest |= decoded(result.frames)
     assert newest["NormalForces"]["FrontLeftValid"] == 1
+
+
+def test_a_replacement_that_cannot_be_computed_is_a_finding_and_not_the_end(monkeypatch):
+    """The levers of a linkage may stand so that a pressure says nothing of the other: the detection begins anew, the ECU goes on."""
+    ecu, machine = started()
+
+    def divided(*_):
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr("ecu.detection.live.pressure_from_other", divided)
+    machine.wrong["lift_pressure"] = lambda value, _: value + 3e6
+    _, findings = play(ecu, machine, 200)
+    failed = [f for f in findings if isinstance(f, EstimatorFailed)]
+    assert failed
+    assert "fault detection" in failed[0].error
+    monkeypatch.undo()
+    machine.wrong.clear()
+    play(ecu, machine, 400)
+    assert ecu.state is State.RUNNING
 
 
 def test_a_fault_that_ends_leaves_a_previous_code_and_a_running_ecu():
