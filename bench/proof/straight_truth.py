@@ -3,7 +3,7 @@
 Independent of discrepancy/models/straight.py on purpose: explicit Runge-Kutta at 5 ms, friction by tanh.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numba
@@ -129,19 +129,21 @@ def record(
     duration_s: float = 96.0,
     one_way: bool = False,
     interval: tuple[float, float] | None = None,
+    intervals: Mapping[str, Sequence[tuple[float, float]]] | None = None,
     keep: int = KEEP,
 ) -> Recording:
     """Drive a random sequence of target speeds; truth: parameters by the model's names, mass and sensors included, and those of STRUCTURE and _spoilt.
 
-    keep: one of so many steps is recorded. interval: the time [s] in which the effects act; else always.
+    keep: one of so many steps is recorded. interval: the time [s] in which the effects act; else always. intervals: the same for single effects, by parameter.
     """
     n = int(duration_s / STEP_S)
     always = np.array([truth.get(name, 0.0) if name in STANDING else 0.0 for name in ORDER])
     effects = np.array([0.0 if name in STANDING else truth.get(name, 0.0) for name in ORDER])
-    acts = np.ones(n)
-    if interval is not None:
-        at = STEP_S * np.arange(n)
-        acts = ((at >= interval[0]) & (at < interval[1])).astype(float)
+    at, acts = STEP_S * np.arange(n), np.ones((n, len(ORDER)))
+    spells = intervals or (dict.fromkeys(ORDER, (interval,)) if interval else {})
+    for name, times in spells.items():
+        inside = [(at >= start) & (at < end) for start, end in times]
+        acts[:, ORDER.index(name)] = np.any(inside, axis=0)
     target = np.repeat(
         rng.choice([0.0, 1.5, 3.0, 5.0] if one_way else [-3.0, -1.5, 0.0, 2.0, 5.0], size=n // 600 + 1), 600
     )[:n]
@@ -165,7 +167,7 @@ def record(
     wheel = np.interp(time_s - truth.get("speed.delay", 0.0), time_s, out[1]) * (1.0 + sense[0]) + reading
     # the accelerometer averages over 10 ms from its stamp on
     acceleration = 0.5 * (out[2] + np.append(out[2, 1:], out[2, -1]))
-    force = acceleration + G * np.sin(acts * truth.get("slope", 0.0))
+    force = acceleration + G * np.sin(acts[:, ORDER.index("slope")] * truth.get("slope", 0.0))
     force = force * (1.0 + truth.get("acceleration.scale", 0.0)) + truth.get("acceleration.bias", 0.0)
     force = force + rng.normal(0.0, noise.acceleration_sd, n)
     # a generator of its own: the same arm without the difference has the same drive and noise

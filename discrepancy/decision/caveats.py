@@ -11,7 +11,7 @@ from discrepancy.estimation.noise import Noise
 from discrepancy.estimation.normal_equations import inverse
 from discrepancy.estimation.problem import Problem
 from discrepancy.model.description import Effect, Parameter
-from discrepancy.selection.active_intervals import active_interval_of, time_varying_nuisance
+from discrepancy.selection.active_intervals import active_interval_of, runs, time_varying_nuisance
 from discrepancy.selection.candidate_fits import shapes_held
 from discrepancy.selection.open_ended import OpenEnded
 from discrepancy.selection.screen import FEW
@@ -173,10 +173,13 @@ def _superseded(problem: Problem, state: State, test: DropOneTest, equation: Ope
 
 def _changing_baseline(problem: Problem, state: State, test: DropOneTest, settings: Settings) -> list[str]:
     """A caveat if a baseline parameter with another value in some interval would explain as much as the temporary effect."""
-    rival = time_varying_nuisance(problem, state.noise, test.without)
+    active = active_interval_of(problem.model.effect(test.effect), state.fit.values)
+    assert active is not None
+    rival = time_varying_nuisance(problem, state.noise, test.without, active)
     least = gates.NUISANCE_IN_TIME.threshold * test.sse_reduction - settings.same
     if rival is None or rival[1] < least:
         return []
     name, _, windows = rival
-    start, end = problem.windows[windows.start].start_s, problem.windows[windows.stop - 1].end_s
-    return [f"the nuisance {name} would explain as much with another value from {start:.4g} to {end:.4g} s"]
+    ends = [(problem.windows[run.start], problem.windows[run.stop - 1]) for run in runs(problem, windows)]
+    when = " and ".join(f"from {first.start_s:.4g} to {last.end_s:.4g} s" for first, last in ends)
+    return [f"the nuisance {name} would explain as much with another value {when}"]

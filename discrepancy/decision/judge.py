@@ -21,7 +21,7 @@ from discrepancy.decision.not_understood import complaints_of, intervals_not_und
 from discrepancy.decision.verdict import verdict
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
-from discrepancy.estimation.problem import Problem, Unusable
+from discrepancy.estimation.problem import Problem, Unusable, Windows
 from discrepancy.selection.active_intervals import active_interval_of, restricted_to
 from discrepancy.selection.assess import screen
 from discrepancy.selection.open_ended import OpenEnded, explore
@@ -201,7 +201,7 @@ def _rivals(
     state: State,
     others: tuple[str, ...],
     without: Fit,
-    active: range | None,
+    active: Windows | None,
     settings: Settings,
 ) -> tuple[list[Score], Starts]:
     """Scores of the library with one accepted effect taken out again, and where fits of it begin.

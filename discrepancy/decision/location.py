@@ -5,7 +5,8 @@ import numpy as np
 from discrepancy.decision.regimes import BINS, regimes_of, time_bins
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
-from discrepancy.estimation.problem import Problem
+from discrepancy.estimation.problem import Problem, Windows
+from discrepancy.selection.active_intervals import runs
 from discrepancy.signals import findings as f
 from discrepancy.signals.recording import Array
 
@@ -19,7 +20,7 @@ MOSTLY = 0.5  # share of the recorded time; longer intervals are reported as "th
 
 
 def locate(
-    problem: Problem, noise: Noise, without: Fit, with_it: Fit, active: range | None = None
+    problem: Problem, noise: Noise, without: Fit, with_it: Fit, active: Windows | None = None
 ) -> f.Where:
     """Channels, intervals and regimes of the evidence; active: windows in which the effect acts, None for all."""
     reduction = without.residual**2 - with_it.residual**2
@@ -33,7 +34,7 @@ def locate(
     intervals = (
         _densest_intervals(problem, noise, share)
         if active is None
-        else [_active_interval(problem, noise, share, active)]
+        else [_active_interval(problem, noise, share, run) for run in runs(problem, active)]
     )
     length = sum(w.end_s - w.start_s for w in problem.windows)
     covered = sum(s.end_s - s.start_s for s in intervals)

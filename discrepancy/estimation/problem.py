@@ -34,6 +34,8 @@ from discrepancy.model.windows import (
 from discrepancy.signals.recording import Array, Complaint, Recording, cleaned
 
 Mask = NDArray[np.bool_]
+Windows = tuple[int, ...]
+"""Numbers of some windows of a problem, in order."""
 RECENT = 4  # predictions that are kept, because a fit often starts at a point that the one before has tried
 FAR = 1e9  # largest misfit of a prediction, in the largest value of its channel: beyond any wrong unit, so the model has diverged
 USED = 0.9  # share of a channel's samples below which it is worth a line that the others are not used
@@ -45,7 +47,7 @@ class Values:
 
     shared: Mapping[str, float]  # parameters of all windows
     local: Mapping[str, Array]  # parameters of single windows, one value each (windows,)
-    active_intervals: Mapping[str, range] = field(
+    active_intervals: Mapping[str, Windows] = field(
         default_factory=dict
     )  # windows outside which a shared one is `off`
     off: Mapping[str, float] = field(default_factory=dict)  # values of those parameters in all other windows
@@ -59,7 +61,7 @@ class Values:
         """The same, by mapping: names of parameters may hold dots."""
         return replace(self, shared={**self.shared, **changes})
 
-    def active_in(self, parameters: Iterable[Parameter], windows: range) -> "Values":
+    def active_in(self, parameters: Iterable[Parameter], windows: Windows) -> "Values":
         """A copy in which these parameters have their values in some windows only, and are off in the others."""
         names = {p.name: p.value for p in parameters}
         return replace(

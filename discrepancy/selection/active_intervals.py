@@ -1,11 +1,12 @@
-"""Finds temporary effects: effects that act in one interval of time only, and the range of windows in which they act.
+"""Finds temporary effects: effects that act in one or a few intervals of time only, and the windows in which they act.
 
-All ranges of windows of a recording are scanned; sums over windows give the scores of all ranges at once. The threshold of the SSE
-reduction grows with the number of ranges that were tried (Bonferroni).
+All ranges of windows of a recording are scanned; sums over windows give the scores of all ranges at once. An effect that comes again gets further
+ranges by dynamic programming. The threshold of the SSE reduction grows with every range by the number of those that were tried (Bonferroni).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -16,7 +17,7 @@ from discrepancy import gates
 from discrepancy.estimation.effort import BRIEF
 from discrepancy.estimation.fit import Fit, differences, fit, held_out
 from discrepancy.estimation.noise import Noise, estimate_noise
-from discrepancy.estimation.problem import Problem, Values
+from discrepancy.estimation.problem import Mask, Problem, Values, Windows
 from discrepancy.model.description import Effect
 from discrepancy.selection.screen import (
     FEWEST_BLOCKS,
@@ -33,6 +34,10 @@ from discrepancy.signals.recording import Array
 
 FEWEST_WINDOWS: Final = int(gates.WINDOWS_OF_INTERVAL.threshold)
 ROUNDS = 6  # alternations between range and noise, at most
+MOST_RANGES = 4  # of one effect
+LEAST_POWER = (
+    0.05  # of a window's mean share of what an effect does, below which the window says nothing of its size
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +53,13 @@ class ActiveInterval:
 class RefinedInterval:
     """A temporary effect: its windows, its fit, and the noise beside it, all estimated together."""
 
-    windows: range
+    windows: Windows
     noise: Noise
     without: Fit  # of the model without the effect, under that noise
     with_it: Fit  # with the effect in `windows`
     variance_inflation: float  # of the score over the whole recording
     blocks: int  # of time, from which that inflation is estimated
+    evenness: float  # p-value of the scatter of its size over the windows inside, beside that over the windows outside
 
     @property
     def sse_reduction(self) -> float:
@@ -69,9 +75,8 @@ class RefinedInterval:
         return float(chi2.isf(beyond, 1))
 
     def uniform(self, chance: float) -> bool:
-        """Whether the windows inside agree on one size and those outside on zero; a true case fails with probability `chance`."""
-        freedom = self.blocks - 1
-        return float(chi2.sf(self.variance_inflation * freedom, freedom)) > chance
+        """Whether the windows inside agree on one size; a true case fails with probability `chance`."""
+        return self.evenness > chance
 
 
 def window_ranges(problem: Problem) -> list[range]:
@@ -89,9 +94,14 @@ def window_ranges(problem: Problem) -> list[range]:
 
 
 def sse_threshold(problem: Problem, effect: Effect, values: Values, alpha: float) -> float:
-    """Threshold of the SSE reduction of an effect: its penalty, plus the penalty for the choice of its windows if it is temporary."""
-    always = penalty(effect.size, len(problem.model.effects), alpha)
-    return always + (search_penalty(window_ranges(problem)) if active_interval_of(effect, values) else 0.0)
+    """Threshold of the SSE reduction of an effect: its penalty, plus one for the choice of each of its ranges if it is temporary."""
+    always, windows = (
+        penalty(effect.size, len(problem.model.effects), alpha),
+        active_interval_of(effect, values),
+    )
+    if windows is None:
+        return always
+    return always + len(runs(problem, windows)) * search_penalty(window_ranges(problem))
 
 
 def search_penalty(among: Sequence[range]) -> float:
@@ -99,13 +109,25 @@ def search_penalty(among: Sequence[range]) -> float:
     return 2.0 * float(np.log(len(among)))
 
 
-def active_interval_of(effect: Effect, values: Values) -> range | None:
+def runs(problem: Problem, windows: Windows) -> list[range]:
+    """The ranges of windows, each in one recording, that some windows are made of."""
+    found: list[range] = []
+    for w in windows:
+        follows = found and w == found[-1].stop
+        if follows and problem.windows[w].recording == problem.windows[w - 1].recording:
+            found[-1] = range(found[-1].start, w + 1)
+        else:
+            found.append(range(w, w + 1))
+    return found
+
+
+def active_interval_of(effect: Effect, values: Values) -> Windows | None:
     """The windows in which an effect acts; None: all."""
     intervals = values.active_intervals
     return next((intervals[name] for name in effect.amplitude_names if name in intervals), None)
 
 
-def restricted_to(problem: Problem, columns: Sequence[Columns], windows: range) -> list[Columns]:
+def restricted_to(problem: Problem, columns: Sequence[Columns], windows: Windows) -> list[Columns]:
     """The sensitivities of effects that act in some windows only."""
     acts = np.isin(problem.row_window, windows)[:, None]
     return [replace(c, raw=tuple(raw * acts for raw in c.raw)) for c in columns]
@@ -118,7 +140,7 @@ def temporary_effects(
     scores: Sequence[Score],
     columns: Sequence[Columns],
     alpha: float,
-) -> list[tuple[Score, range]]:
+) -> list[tuple[Score, Windows]]:
     """Effects whose score in some range exceeds their score in all windows by more than the penalty for the choice; best first."""
     among = window_ranges(problem)
     if not among:
@@ -139,7 +161,7 @@ def temporary_effects(
             continue
         interval, change = max(active_intervals, key=lambda s: s[0].statistic)
         if interval.statistic >= score.raw_statistic + least:
-            found.append((interval.statistic, (replace(score, change=change), interval.windows)))
+            found.append((interval.statistic, (replace(score, change=change), tuple(interval.windows))))
     return [passing for _, passing in sorted(found, key=lambda f: -f[0])]
 
 
@@ -149,12 +171,14 @@ def refine_interval(
     effect: Effect,
     names: tuple[str, ...],
     start: Values,
-    windows: range,
+    windows: Windows,
     columns: Sequence[Columns],
+    least: float,
 ) -> RefinedInterval:
     """Noise, size and windows of a temporary effect, estimated in turn until the windows stay.
 
-    names: parameters fitted without the effect; start: values with the effect at its initial size; columns: of all candidates.
+    names: parameters fitted without the effect; start: values with the effect at its initial size; columns: of all candidates; least: reduction
+    of the SSE that each range has to bring.
     """
     # A single pass is not enough. Noise estimated without the effect contains a part of it, and scores are linear, so they are wrong
     # where the effect stops the machine. Windows are therefore chosen by the reduction that the fitted effect itself brings.
@@ -169,15 +193,14 @@ def refine_interval(
         noise = estimate_noise(problem, *unexplained(problem, noise, fitted, raw, columns), noise)
         everywhere = np.ones(noise.keep.size, bool)
         fitted = fit(problem, noise, (*names, *own), fitted.values, effort=BRIEF)
-        # SSE of every window with the effect always on, and never on: the best range is that with the largest sum of differences
+        # SSE of every window with the effect always on, and never on: the best ranges are those with the largest sum of differences
         others = {name: w for name, w in fitted.values.active_intervals.items() if name not in own}
         always = held_out(
             problem, noise, replace(fitted.values, active_intervals=others), everywhere
         ).residual
         never = held_out(problem, noise, fitted.values.with_shared(off), everywhere).residual
-        reduction = np.bincount(noise.row_window, never**2 - always**2, len(problem.windows))
-        summed = np.concatenate([[0.0], np.cumsum(reduction)])
-        best = max(among, key=lambda windows: float(summed[windows.stop] - summed[windows.start]))
+        reduction = np.bincount(noise.row_window, never**2 - always**2, len(problem.windows)).astype(float)
+        best = best_ranges(reduction, among, least)
         if best == windows:
             break
         windows = best
@@ -194,41 +217,108 @@ def refine_interval(
         noise,
         without,
         fitted,
-        *_variance_inflation(noise, (never - always)[:, None], fitted, len(names), windows),
+        *_scatter(noise, (never - always)[:, None], fitted, len(names), runs(problem, windows)),
     )
 
 
-def time_varying_nuisance(problem: Problem, noise: Noise, without: Fit) -> tuple[str, float, range] | None:
-    """The nuisance that would reduce the SSE most with another value in one range of windows: name, SSE reduction, windows; or None."""
+def best_ranges(reduction: Array, among: Sequence[range], least: float) -> Windows:
+    """The windows of the ranges, up to MOST_RANGES and apart from one another, with the largest reduction; each further one has to bring `least`.
+
+    reduction: by window (n,). Dynamic programming over the ranges by their ends, as in the segmentation of a series at an unknown number of change points.
+    """
+    summed, count = np.concatenate([[0.0], np.cumsum(reduction)]), reduction.size
+    by_end: dict[int, list[range]] = {}
+    for one in among:
+        by_end.setdefault(one.stop, []).append(one)
+    # the best choice of k ranges among the windows before `end`, the last of them out: (reduction, ranges)
+    nothing: tuple[float, tuple[range, ...]] = (0.0, ())
+    earlier, best = [nothing] * (count + 2), (-np.inf, tuple[range, ...]())
+    for number in range(MOST_RANGES):
+        now: list[tuple[float, tuple[range, ...]]] = [(-np.inf, ())]
+        for stop in range(1, count + 1):
+            ending = [
+                (
+                    earlier[one.start][0]
+                    + float(summed[stop] - summed[one.start])
+                    - (least if number else 0.0),
+                    (*earlier[one.start][1], one),
+                )
+                for one in by_end.get(stop, [])
+                if number == 0 or earlier[one.start][1]
+            ]
+            now.append(max([now[-1], *ending], key=lambda choice: choice[0]))
+        chosen = now[count]
+        active = sum(map(len, chosen[1]))
+        if not chosen[1] or chosen[0] <= best[0] or (number and active > count - FEWEST_WINDOWS):
+            break
+        best = chosen
+        # one window at least lies between two ranges
+        earlier = [(-np.inf, ()), *now]
+    return tuple(w for one in best[1] for w in one)
+
+
+def time_varying_nuisance(
+    problem: Problem, noise: Noise, without: Fit, active: Windows
+) -> tuple[str, float, Windows] | None:
+    """The nuisance that would reduce the SSE most with another value in one range of windows, or in `active`: name, SSE reduction, windows; or None."""
     base = problem.predict(without.values)
     raw = differences(problem, without.values, base, problem.nuisance_names)
     projector, among = Projector(problem, noise, without), window_ranges(problem)
-    found = [
-        (name, best.statistic, best.windows)
-        for name, column in zip(problem.nuisance_names, raw.T, strict=True)
-        if (best := best_interval(noise, projector, without.residual, column, among)) is not None
-    ]
+    acts = np.isin(problem.row_window, active)
+    found: list[tuple[str, float, Windows]] = []
+    for name, column in zip(problem.nuisance_names, raw.T, strict=True):
+        if (best := best_interval(noise, projector, without.residual, column, among)) is not None:
+            found.append((name, best.statistic, tuple(best.windows)))
+        free = projector.off(noise.whiten(column * acts)[:, None])[:, 0]
+        power = float(free @ free)
+        if power > 0.0:
+            found.append((name, float(free @ without.residual) ** 2 / power, active))
     return max(found, key=lambda f: f[1], default=None)
 
 
-def _variance_inflation(
-    noise: Noise, direction: Array, fitted: Fit, others: int, interval: range
-) -> tuple[float, int]:
-    """Variance inflation of the score along a direction (n, 1), and the number of blocks of time that it is estimated from.
+def _scatter(
+    noise: Noise, direction: Array, fitted: Fit, others: int, intervals: Sequence[range]
+) -> tuple[float, int, float]:
+    """Along a direction (n, 1): variance inflation of the score, the number of blocks of time that it is estimated from, and the evenness.
 
     others: number of the fit's first columns, which do not belong to the effect.
     """
     # An effect begins and ends somewhere within a window, so the windows at both ends contain only a part of it and would count as
     # disagreement. At each end, of the two windows next to the limit, the one that disagrees more is left out.
-    blocks, found, J = time_blocks_of(noise), [], fitted.columns[:, :others]
+    blocks, J = time_blocks_of(noise), fitted.columns[:, :others]
+    inflations, evenness = list[tuple[float, int]](), 0.0
     free = direction - J @ np.linalg.lstsq(J, direction, rcond=None)[0]
-    for start in (interval.start - 1, interval.start):
-        for stop in (interval.stop - 1, interval.stop):
-            rows = ~np.isin(noise.row_window, (start, stop))
-            own = np.unique(blocks[rows], return_inverse=True)[1]
-            inflation = score_variance_inflation(free[rows], fitted.residual[rows], own)
-            found.append((inflation, int(own.max()) + 1))
-    return min(found)
+    limits = [limit for one in intervals for limit in (one.start, one.stop)]
+    inside = np.isin(np.arange(noise.window_count), [w for one in intervals for w in one])
+    for left_out in product(*((limit - 1, limit) for limit in limits)):
+        rows = ~np.isin(noise.row_window, left_out)
+        own = np.unique(blocks[rows], return_inverse=True)[1]
+        inflation = score_variance_inflation(free[rows], fitted.residual[rows], own)
+        inflations.append((inflation, int(own.max()) + 1))
+        evenness = max(evenness, _evenness(noise, free[:, 0] * rows, fitted.residual, inside))
+    return *min(inflations), evenness
+
+
+def _evenness(noise: Noise, direction: Array, residual: Array, inside: Mask) -> float:
+    """p-value of the scatter of an effect's size over the windows inside, over that of windows outside about zero.
+
+    direction: zero in rows that do not count. What else is missing scatters outside as well; an effect that comes and goes within its interval scatters inside alone.
+    """
+    count = noise.window_count
+    power = np.bincount(noise.row_window, direction**2, count)
+    pull = np.bincount(noise.row_window, direction * residual, count)
+    # a window in which the effect hardly shows says nothing of its size
+    seen = power > LEAST_POWER * float(np.sum(power)) / count
+    within, beyond = seen & inside, seen & ~inside
+    freedom, outside = int(np.sum(within)) - 1, int(np.sum(beyond))
+    if freedom < 1:
+        return 1.0
+    common = float(np.sum(pull[within])) / float(np.sum(power[within]))
+    scatter = float(np.sum((pull[within] - common * power[within]) ** 2 / power[within])) / freedom
+    if not outside:
+        return float(chi2.sf(scatter * freedom, freedom))
+    usual = max(float(np.sum(pull[beyond] ** 2 / power[beyond])) / outside, 1.0)
+    return float(f_dist.sf(scatter / usual, freedom, outside))
 
 
 def best_interval(

@@ -7,7 +7,7 @@ from discrepancy import gates
 from discrepancy.estimation.effort import AS_IT_IS, CACHED, FULL, Effort
 from discrepancy.estimation.fit import Fit, fit, initial_uncertainty
 from discrepancy.estimation.noise import Noise, estimate_noise, white_noise
-from discrepancy.estimation.problem import Problem, Values
+from discrepancy.estimation.problem import Problem, Values, Windows
 from discrepancy.estimation.set_aside import NOTHING, SetAside
 from discrepancy.model.description import Effect
 from discrepancy.selection.active_intervals import temporary_effects, window_ranges
@@ -89,7 +89,7 @@ def assess(
 
 def _temporary_effects(
     problem: Problem, noise: Noise, fitted: Fit, columns: Sequence[Columns], settings: Settings
-) -> tuple[list[tuple[Score, range]], tuple[Noise, Fit] | None]:
+) -> tuple[list[tuple[Score, Windows]], tuple[Noise, Fit] | None]:
     """Effects that may act in one interval only, and the noise and fit under which they were scored."""
     # The noise of `assess` has candidates projected out that act throughout. It still contains an effect that acts in one interval, so
     # here the candidates are projected out window by window.

@@ -15,7 +15,7 @@ from discrepancy.estimation.effort import BEHIND, BRIEF, FIRST_STEPS, TRAINING, 
 from discrepancy.estimation.fit import Fit, Mask, fit, held_out
 from discrepancy.estimation.noise import Noise
 from discrepancy.estimation.normal_equations import inverse
-from discrepancy.estimation.problem import Problem, Values
+from discrepancy.estimation.problem import Problem, Values, Windows
 from discrepancy.model.description import Effect
 from discrepancy.selection.active_intervals import (
     active_interval_of,
@@ -54,7 +54,7 @@ def _fits(
     problem: Problem,
     state: State,
     listed: Sequence[Score],
-    temporary: Sequence[tuple[Score, range]],
+    temporary: Sequence[tuple[Score, Windows]],
     settings: Settings,
 ) -> list[CandidateFit]:
     """A fit of each of these effects beside the accepted ones; temporary: effects that may act in some windows only."""
@@ -129,7 +129,7 @@ def shortlisted(model_effects: Sequence[Effect], scores: Sequence[Score], settin
 
 
 def _temporary_fits(
-    problem: Problem, state: State, temporary: Sequence[tuple[Score, range]], settings: Settings
+    problem: Problem, state: State, temporary: Sequence[tuple[Score, Windows]], settings: Settings
 ) -> list[CandidateFit]:
     """Fits of temporary effects and of their rivals in the same windows, started under the noise with which they were scored."""
     if not temporary or state.temporary_basis is None:
@@ -161,13 +161,14 @@ def _in_the_same_windows(
 
 
 def _temporary_fit(
-    problem: Problem, state: State, found: Score, points: Starts, windows: range, settings: Settings
+    problem: Problem, state: State, found: Score, points: Starts, windows: Windows, settings: Settings
 ) -> CandidateFit:
     """The fit of a temporary effect, starting with these windows; windows, size and noise are then estimated together."""
     first_fits = first_steps(problem, state, found, points.of(found, windows))
     effect, names = problem.model.effect(found.effect), free_names(problem, state.accepted)
     best = _completed(problem, state, effect, first_fits, settings, -np.inf)
-    own = refine_interval(problem, state.noise, effect, names, best.values, windows, state.columns)
+    least = sse_threshold(problem, effect, best.values, settings.alpha)
+    own = refine_interval(problem, state.noise, effect, names, best.values, windows, state.columns, least)
     uniform = own.uniform(settings.alpha / len(problem.model.effects))
     return CandidateFit(
         effect.name,
@@ -175,7 +176,7 @@ def _temporary_fit(
         # an effect that comes and goes within its interval is another effect: it must not pass
         sse_reduction=own.sure_sse_reduction if uniform else 0.0,
         raw_sse_reduction=own.sse_reduction,
-        threshold=sse_threshold(problem, effect, best.values, settings.alpha),
+        threshold=sse_threshold(problem, effect, own.with_it.values, settings.alpha),
         variance_inflation=own.variance_inflation,
         size=size_of(effect, own.with_it),
         reference=replace(state, noise=own.noise, fit=own.without),

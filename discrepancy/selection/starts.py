@@ -11,7 +11,7 @@ import numpy as np
 
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
-from discrepancy.estimation.problem import Problem, Values
+from discrepancy.estimation.problem import Problem, Values, Windows
 from discrepancy.model.description import Effect
 from discrepancy.selection.screen import Columns, Projector, Score
 
@@ -42,7 +42,7 @@ class Starts:
         self._columns = {c.effect.name: c for c in columns}
         self._states = Projector(problem, noise, fitted).states
 
-    def of(self, found: Score, windows: range | None) -> list[Start]:
+    def of(self, found: Score, windows: Windows | None) -> list[Start]:
         """Starting points, best first: those better than the fit without the effect, or the best one if none is.
 
         windows: windows in which the effect acts; None: all.
@@ -62,7 +62,7 @@ class Starts:
         points.sort(key=lambda start: -start.sse_reduction)
         return [points[0], *(start for start in points[1:] if start.sse_reduction > 0.0)]
 
-    def _along(self, found: Score, point: Values, windows: range | None) -> Values:
+    def _along(self, found: Score, point: Values, windows: Windows | None) -> Values:
         """The point with all other fitted parameters moved, to first order, to their best values beside the effect at its size there."""
         problem, fitted, columns = self._problem, self._fit, self._columns[found.effect]
         sizes = np.array([point.shared[p.name] - p.value for p in columns.effect.amplitude_parameters])

@@ -10,7 +10,7 @@ import numpy as np
 from discrepancy import gates
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
-from discrepancy.estimation.problem import Problem, Values
+from discrepancy.estimation.problem import Problem, Values, Windows
 from discrepancy.estimation.set_aside import NOTHING, SetAside
 from discrepancy.model.description import Effect
 from discrepancy.selection.screen import Columns, Score
@@ -94,7 +94,7 @@ class State:
     scores: tuple[Score, ...]  # of all other effects, best first
     trials: tuple[CandidateFit, ...] = ()
     columns: tuple[Columns, ...] = field(default=(), repr=False)
-    temporary: tuple[tuple[Score, range], ...] = ()  # effects that may act in one interval only, best first
+    temporary: tuple[tuple[Score, Windows], ...] = ()  # effects that may act in one interval only, best first
     temporary_basis: tuple[Noise, Fit] | None = None  # noise and fit under which those were scored
     at_prior: Values | None = (
         None  # values with nuisances at their priors, where one was in conflict with its prior

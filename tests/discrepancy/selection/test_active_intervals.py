@@ -1,13 +1,14 @@
 """Effects that act for a while: which are seen to, and what is said of those that are not found."""
 
 from dataclasses import replace
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
 
 from discrepancy.decision.summary import candidates
 from discrepancy.estimation.problem import Problem
-from discrepancy.selection.active_intervals import temporary_effects
+from discrepancy.selection.active_intervals import FEWEST_WINDOWS, MOST_RANGES, best_ranges, temporary_effects
 from discrepancy.selection.assess import assess
 from discrepancy.selection.state import Settings, State
 from discrepancy.signals.recording import Recording, signal
@@ -35,8 +36,8 @@ def test_a_temporary_effect_is_seen_whichever_trial_step_scores_best_over_all(se
         scores = [replace(s, trial_step=trial_step) for s in state.scores]
         found = temporary_effects(problem, state.noise, state.fit, scores, state.columns, Settings().alpha)
         assert {(s.effect, windows) for s, windows in found} == {
-            ("level delay", range(3, 6)),
-            ("level lag", range(3, 6)),
+            ("level delay", (3, 4, 5)),
+            ("level lag", (3, 4, 5)),
         }
 
 
@@ -47,3 +48,39 @@ def test_a_possible_temporary_effect_is_not_ruled_out() -> None:
     assert by_name["level delay"].power > 0.99
     assert by_name["level delay"].verdict == "not needed"
     assert "blocks of time disagree on its size" in by_name["level delay"].reason
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("least", [0.5, 3.0, 20.0])
+def test_the_ranges_are_the_best_of_all_choices(seed: int, least: float) -> None:
+    """Against every choice of up to four ranges among 12 windows, tried one by one."""
+    reduction = np.random.default_rng(seed).normal(0.0, 2.0, 12)
+    count = reduction.size
+    among = [
+        range(first, stop)
+        for first in range(count)
+        for stop in range(first + FEWEST_WINDOWS, count + 1)
+        if stop - first <= count - FEWEST_WINDOWS
+    ]
+
+    def gained(choice: tuple[range, ...]) -> float:
+        return float(sum(reduction[list(one)].sum() for one in choice)) - least * (len(choice) - 1)
+
+    def apart(choice: tuple[range, ...]) -> bool:
+        ordered = sorted(choice, key=lambda one: one.start)
+        return all(a.stop < b.start for a, b in pairwise(ordered))
+
+    possible = [
+        choice
+        for number in range(1, MOST_RANGES + 1)
+        for choice in combinations(among, number)
+        if apart(choice)
+    ]
+    found = best_ranges(reduction, among, least)
+    best = max(possible, key=gained)
+    windows = tuple(sorted(w for one in best for w in one))
+    if len(windows) <= count - FEWEST_WINDOWS:
+        assert found == windows
+    else:  # too few would be left outside: fewer ranges
+        assert len(found) <= count - FEWEST_WINDOWS
+        assert reduction[list(found)].sum() >= max(gained((one,)) for one in among) - 1e-9

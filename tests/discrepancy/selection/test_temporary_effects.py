@@ -19,18 +19,40 @@ def verdict(recording: Recording, *effects: str) -> Findings:
     return examine(tank(*effects), [recording], STRICT)
 
 
-def leaking_from_66_to_133_s(seed: int) -> Recording:
-    """A leak of 0.2 that begins and ends within windows, under noise that remembers a twentieth of it after 60 samples."""
-    tight = record(seed, duration_s=240.0)
+def leaking(
+    seed: int, *spells: tuple[float, float], leak: float, memory: float = 0.0, duration_s: float = 240.0
+) -> Recording:
+    """A leak in some intervals of time, under noise with this memory; each step of the truth is exact."""
+    tight = record(seed, duration_s=duration_s)
     inflow, level = tight.signals["inflow"], tight.signals["level"]
     now, true = 0.5, np.empty(level.time_s.size)
     for i, (t, u) in enumerate(zip(level.time_s.tolist(), inflow.value.tolist(), strict=True)):
         true[i] = now
-        rate = 0.4 if 66.0 <= t < 133.0 else 0.2
+        rate = 0.2 + leak * any(start <= t < end for start, end in spells)
         now = u / rate + (now - u / rate) * np.exp(-0.1 * rate)
     white = np.random.default_rng(seed + 100).normal(0.0, 0.02, true.size)
-    seen = true + lfilter([1.0], [1.0, -0.95], white)
+    seen = true + lfilter([1.0], [1.0, -memory], white)
     return replace(tight, signals={"inflow": inflow, "level": signal(level.time_s, seen, "m")})
+
+
+def leaking_from_66_to_133_s(seed: int) -> Recording:
+    """A leak of 0.2 that begins and ends within windows, under noise that remembers a twentieth of it after 60 samples."""
+    return leaking(seed, (66.0, 133.0), leak=0.2, memory=0.95)
+
+
+@pytest.mark.parametrize("seed", [1, 4])
+@pytest.mark.parametrize("leak", [0.05, 0.2])
+def test_an_effect_that_comes_again_is_found_in_each_of_its_intervals(seed: int, leak: float) -> None:
+    """Over one range that spans both, it would be a leak of half the size that blocks of time disagree on."""
+    recording = leaking(seed, (40.0, 100.0), (180.0, 260.0), leak=leak, duration_s=300.0)
+    result = verdict(recording, "leak", "level scale", "level bias")
+    assert result.named == ["leak"]
+    found = result.findings[0]
+    assert found.parameters[0].value == pytest.approx(leak, rel=0.05)
+    first, again = found.where.intervals
+    assert (first.start_s, first.end_s) == pytest.approx((40.0, 100.0), abs=0.2)
+    assert (again.start_s, again.end_s) == pytest.approx((180.0, 260.0), abs=0.2)
+    assert not found.where.throughout
 
 
 def test_an_effect_that_acts_for_a_while_is_found_in_its_windows_with_its_size() -> None:
