@@ -176,9 +176,14 @@ def _number(where: str, value: object, p: Parameter) -> float:
     # bool is a subclass of int in Python, and `true` is not a size
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise BadExtension(f"{where} = {value!r} is not a number of {p.unit}")
-    if not p.lower <= value <= p.upper:
-        raise BadExtension(f"{where} = {value:g} {p.unit} is outside {p.lower:g} to {p.upper:g} {p.unit}")
-    return float(value)
+    try:
+        number = float(value)
+    # a whole number may have more digits than a float
+    except OverflowError as error:
+        raise BadExtension(f"{where} has more digits than a number of {p.unit} can have") from error
+    if not p.lower <= number <= p.upper:
+        raise BadExtension(f"{where} = {number:g} {p.unit} is outside {p.lower:g} to {p.upper:g} {p.unit}")
+    return number
 
 
 def extended(model: Model, values: Values) -> Model:

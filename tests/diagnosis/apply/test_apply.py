@@ -119,6 +119,10 @@ def test_a_proxy_is_not_applied_but_said(loaderhil: Call, tmp_path: Path) -> Non
         ("model = 'ball'", "not 'tank'"),
         ("model = 'tank'\n[effects.ghost]\na = 1", "no such effect; it has leak"),
         ("model = 'tank'\n[effects.leak]\nleak = 7", "is outside 0 to 1 1/s"),
+        (
+            f"model = 'tank'\n[effects.leak]\nleak = 1{'0' * 400}",
+            "effects.leak.leak has more digits than a number of 1/s",
+        ),
         ("model = 'tank'\n[effects.leak]\nhole = 1", "effects.leak.hole is not a parameter"),
         ("model = 'tank'\n[effects.leak]", "effects.leak.leak = None is not a number"),
         ("model = tank", "not valid TOML"),
