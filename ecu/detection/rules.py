@@ -71,6 +71,8 @@ PREDICTED: Final = 1.6
 """Standard deviation of an innovation over that of a sample: two samples, and the trend."""
 STIRS: Final = 4.0
 """Standard deviations of an innovation from which on it says that the machine was stirred."""
+NEVER: Final = 1e12
+"""A threshold that nothing reaches, in any unit."""
 UNSEEN: Final = 0.25
 """Share of an onset that a signal may show while no other shows anything."""
 
@@ -106,6 +108,12 @@ def rules_array(rules: DetectionRules, cycles: Mapping[str, float], p: Parameter
     found = np.zeros((RULES, WIDTH))
     share = rules.false_alarms / 3.0  # of samples, of standstills, of residuals
     for place, name in enumerate(NAMES):
+        found[CYCLES, place] = cycles[name]
+        if (
+            name not in FAMILIES
+        ):  # a signal whose sensor nobody has described: the checks of single signals stay
+            found[[JUMP, ONSET, STIRRED, FREEZE], place] = NEVER
+            continue
         if FAMILIES[name] not in rules.sensors:
             raise ConfigurationError(
                 f"the calibration has no section [sensor_{FAMILIES[name]}]: the detection cannot watch {name} without its noise"
@@ -115,7 +123,6 @@ def rules_array(rules: DetectionRules, cycles: Mapping[str, float], p: Parameter
         found[JUMP, place] = deviations_for(share) * innovation + UNSEEN * sensor.onset
         found[ONSET, place], found[STIRRED, place] = sensor.onset, STIRS * innovation
         found[FREEZE, place] = frames_for(share, sensor)
-        found[CYCLES, place] = cycles[name]
     _residuals(found[NOISE], found[TOLERANCE], rules, p)
     return found
 

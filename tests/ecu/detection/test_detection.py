@@ -217,6 +217,22 @@ def test_a_replacement_that_cannot_be_computed_is_a_finding_and_not_the_end(monk
     assert ecu.state is State.RUNNING
 
 
+def test_a_signal_of_no_known_family_is_not_judged(monkeypatch):
+    """Who adds a sensor need not describe its noise at once: neither a jump nor a standstill of it is a fault, those of others are."""
+    known = {name: family for name, family in FAMILIES.items() if name != "tilt_angle"}
+    others, _ = started()
+    jump, size = jump_of(others, "tilt_angle"), 2.0 * jump_of(others, "yaw_rate")
+    monkeypatch.setattr("ecu.detection.rules.FAMILIES", known)
+    ecu, machine = started()
+    monkeypatch.undo()
+    machine.wrong["tilt_angle"] = lambda value, tick: value + 2.0 * jump
+    _, findings = play(ecu, machine, 10)
+    assert faults(findings) == []
+    machine.wrong["yaw_rate"] = lambda value, tick: value + size
+    _, findings = play(ecu, machine, 10)
+    assert [f.signals for f in faults(findings)] == [("yaw_rate",)]
+
+
 def test_a_fault_that_ends_leaves_a_previous_code_and_a_running_ecu():
     ecu, machine = started()
     machine.wrong["articulation_angle"] = lambda value, tick: value + math.radians(3.0)
