@@ -20,6 +20,7 @@ from discrepancy.selection.candidate_fits import held_out_residual
 from discrepancy.selection.open_ended import FittedTerm, OpenEnded
 from discrepancy.selection.state import Progress, Settings, State, free_names
 from discrepancy.signals import findings as f
+from discrepancy.signals.quantities import figures, quantity
 
 ENOUGH: Final[tuple[f.Status, ...]] = ("explained", "nothing missing", "inconclusive")
 """Verdicts after which no second search follows."""
@@ -31,6 +32,7 @@ class Beside:
 
     plain: Problem
     baseline: State  # of the plain problem, without effects
+    first: State  # the same, with all that the first search accepted
     terms: tuple[FittedTerm, ...]
 
     def before(self) -> State:
@@ -58,7 +60,23 @@ class Beside:
         )
 
     def caveats(self, problem: Problem, state: State, test: DropOneTest, equation: OpenEnded) -> list[str]:
-        """A caveat if the effect may be what the equation leaves of its own mismatch: alike, and small beside it."""
+        """Caveats if the effect may be what the equation leaves of its own mismatch: alike and small beside it, or less than half of what it was without."""
+        return [*self._small(problem, state, test, equation), *self._halved(problem, state, test)]
+
+    def _halved(self, problem: Problem, state: State, test: DropOneTest) -> list[str]:
+        """A size that another cause halves is not determined, whether or not the rest is significant (ADR 50)."""
+        effect = problem.model.effect(test.effect)
+        if test.effect not in self.first.accepted or effect.size != 1:
+            return []
+        p = effect.parameters[0]
+        before, after = (s.fit.values.shared[p.name] for s in (self.first, state))
+        if (after - p.value) / (before - p.value) > gates.LEFT_BESIDE_EQUATION.threshold:
+            return []
+        return [
+            f"beside the equation its {p.name} is {quantity(after, p.unit)}, and without it {figures(before)}"
+        ]
+
+    def _small(self, problem: Problem, state: State, test: DropOneTest, equation: OpenEnded) -> list[str]:
         alike = self._alike(problem, state.fit, test.effect)
         least = gates.EQUATION_ERROR.threshold * alike * equation.sse_reduction
         if test.sse_reduction >= least:
@@ -92,7 +110,7 @@ def beside_equation(
         return first
     progress(f"searching beside {first.left.equation()}")
     grown = problem.of(built_in(problem, first.state, terms))
-    second = judged(grown, Beside(problem, first.baseline, terms))
+    second = judged(grown, Beside(problem, first.baseline, first.state, terms))
     if not _says_more(first.findings, second.findings):
         return first
     both = problem.simulations + grown.simulations

@@ -311,8 +311,8 @@ def _evenness(noise: Noise, direction: Array, residual: Array, inside: Mask) -> 
     seen = power > LEAST_POWER * float(np.sum(power)) / count
     within, beyond = seen & inside, seen & ~inside
     freedom, outside = int(np.sum(within)) - 1, int(np.sum(beyond))
-    if freedom < 1:
-        return 1.0
+    if freedom < 1:  # one window agrees with itself: another choice of those left out has to show it
+        return 0.0
     common = float(np.sum(pull[within])) / float(np.sum(power[within]))
     scatter = float(np.sum((pull[within] - common * power[within]) ** 2 / power[within])) / freedom
     if not outside:

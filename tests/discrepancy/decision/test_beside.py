@@ -1,5 +1,7 @@
 """A second search, with the equation for what no effect of the library explains in the baseline."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -73,7 +75,7 @@ def with_a_drain() -> tuple[Problem, State, Problem, State, Beside]:
     terms = (FittedTerm(reported, level),)
     grown = problem.of(built_in(problem, baseline, terms))
     state = assess(grown, ("leak",), grown.start().having(leak=0.03), SETTINGS)
-    return problem, baseline, grown, state, Beside(problem, baseline, terms)
+    return problem, baseline, grown, state, Beside(problem, baseline, baseline, terms)
 
 
 def test_an_effect_that_the_equation_can_do_has_to_be_large_beside_it() -> None:
@@ -87,6 +89,19 @@ def test_an_effect_that_the_equation_can_do_has_to_be_large_beside_it() -> None:
     (caveat,) = beside.caveats(grown, state, test, large)
     assert "may be what the equation leaves" in caveat
     assert "do 9" in caveat or "do 100%" in caveat
+
+
+def test_an_effect_that_the_equation_halves_is_not_determined() -> None:
+    """As in the first search: there the equation's omitted-variable bias is asked, here the two sizes are known."""
+    _, _, grown, state, beside = with_a_drain()
+    (test,) = drop_one_tests(grown, state, {}, OpenEnded(), SETTINGS)
+    found = state.fit.values.shared["leak"]
+    for factor, count in ((1.5, 0), (3.0, 1), (-1.0, 1)):
+        values = state.fit.values.having(leak=factor * found)
+        first = replace(state, fit=replace(state.fit, values=values))
+        caveats = replace(beside, first=first).caveats(grown, state, test, OpenEnded())
+        assert len(caveats) == count
+        assert all("beside the equation its leak is" in caveat for caveat in caveats)
 
 
 def test_without_its_terms_the_model_is_the_plain_one() -> None:
