@@ -68,9 +68,15 @@ class Kept:
         return tick
 
 
-def answers(library: Path, calls: Iterable[tuple[Frame | None, int]], seed: int | None = None) -> Sent:
-    """What a build of the C ECU sends."""
-    ecu = BuiltEcu(library)
+def answers(
+    library: Path,
+    calls: Iterable[tuple[Frame | None, int]],
+    seed: int | None = None,
+    *,
+    detects: bool = False,
+) -> Sent:
+    """What a build of the C ECU sends; detects: whether it tests its sensors against each other."""
+    ecu = BuiltEcu(library, detect_faults=detects)
     if seed is not None:
         ctypes.CDLL(str(library)).perturbed_start(ctypes.c_uint64(seed))
     found: Sent = []

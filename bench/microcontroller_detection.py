@@ -16,7 +16,7 @@ from bench.microcontroller import (
     Builds,
     Calls,
     Kept,
-    Sent,
+    answers,
     compared,
     run,
 )
@@ -26,7 +26,6 @@ from ecu.calibration import load_calibration
 from ecu.cycle import EcuCycle
 from hil.compose import Choice, plant_unit
 from hil.lockstep import Lockstep
-from tests.deploy.c.ecu_build import BuiltEcu
 
 PARTS = ("detection.c", "ecu_detection.c")
 
@@ -36,17 +35,6 @@ def kept_of(scenario: str) -> Kept:
     kept = Kept(EcuCycle(load_calibration(), detect_faults=True))
     Lockstep(plant_unit(Choice(scenario=scenario).load()), kept, reference=False).run()
     return kept
-
-
-def sent_by(library: Path, calls: Calls) -> Sent:
-    """What a build for the host sends with the detection on."""
-    ecu, found = BuiltEcu(library, detect_faults=True), []
-    for frame, now in calls:
-        if frame is not None:
-            ecu.receive(frame, now)
-        else:
-            found.append([(f.can_id, f.data) for f in ecu.tick(now).frames])
-    return found
 
 
 def on_board(folder: Path, calls: Calls, *, detects: bool) -> tuple[Answers, list[int]]:
@@ -80,8 +68,8 @@ def main() -> None:
         parts = dict(builds.parts())
         for name in options.scenarios:
             kept = kept_of(name)
-            differ = compared(sent_by(builds.double, kept.calls), kept.sent)[0]
-            single = sent_by(builds.single, kept.calls)
+            differ = compared(answers(builds.double, kept.calls, detects=True), kept.sent)[0]
+            single = answers(builds.single, kept.calls, detects=True)
             _, measured, steps, chosen = compared(single, kept.sent)
             unlike = 0
             for detects in (True, False):

@@ -26,7 +26,7 @@ from discrepancy.selection.state import Settings
 EFFECTS = STRAIGHT.intervals
 DURATION_S = 300.0
 LAMBDA = 2500.0
-SHORTEST_S, LONGEST_S = 40.0, 70.0  # of an interval; windows have some 7 s
+SHORTEST_S, LONGEST_S = 40.0, 70.0  # of an interval; a window of the model has 8 s
 FOUND, OVERLAP = 0.85, 0.7  # aims
 
 Spells = Sequence[tuple[float, float]]

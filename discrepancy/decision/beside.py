@@ -70,7 +70,8 @@ class Beside:
             return []
         p = effect.parameters[0]
         before, after = (s.fit.values.shared[p.name] for s in (self.first, state))
-        if (after - p.value) / (before - p.value) > gates.LEFT_BESIDE_EQUATION.threshold:
+        was, left = before - p.value, after - p.value
+        if left * was > gates.LEFT_BESIDE_EQUATION.threshold * was * was:  # a product: a size may be zero
             return []
         return [
             f"beside the equation its {p.name} is {quantity(after, p.unit)}, and without it {figures(before)}"

@@ -76,7 +76,8 @@ def _judged(
     progress("looking for what the library does not explain")
     # before the drop-one tests: the equation sets the best prediction against which the gap is measured
     left = explore(problem, state, settings) if settings.open_ended else OpenEnded()
-    equation = beside.equation(problem, state, left, settings) if beside else left
+    # without an effect the second verdict says no more than the first, and nobody reads its equation
+    equation = beside.equation(problem, state, left, settings) if beside and state.accepted else left
     on_the_way = {frozenset(h.accepted): h.fit.values for h in history}
     tests = drop_one_tests(problem, state, on_the_way, left, settings)
     progress("locating, grouping")

@@ -34,7 +34,8 @@ from discrepancy.signals.recording import Array
 
 FEWEST_WINDOWS: Final = int(gates.WINDOWS_OF_INTERVAL.threshold)
 ROUNDS = 6  # alternations between range and noise, at most
-MOST_RANGES = 4  # of one effect
+ROUNDING = 1e-6  # share of a column's power; less is left by a projection of what nuisances can do
+MOST_RANGES = 4  # of one effect: the choice of the windows left out at their ends doubles with every end
 LEAST_POWER = (
     0.05  # of a window's mean share of what an effect does, below which the window says nothing of its size
 )
@@ -271,7 +272,7 @@ def time_varying_nuisance(
             found.append((name, best.statistic, tuple(best.windows)))
         free = projector.off(noise.whiten(column * acts)[:, None])[:, 0]
         power = float(free @ free)
-        if power > 0.0:
+        if power > ROUNDING * float(np.sum(noise.whiten(column) ** 2)):
             found.append((name, float(free @ without.residual) ** 2 / power, active))
     return max(found, key=lambda f: f[1], default=None)
 
@@ -344,7 +345,7 @@ def best_interval(
     cross = shared[stop] - shared[first]
     power = own[stop] - own[first] - np.einsum("ri,ij,rj->r", cross, inverse, cross)
     score = seen[stop] - seen[first] - cross @ pull
-    statistic = np.where(power > 1e-6 * max(own[-1], 1e-300), score**2 / np.maximum(power, 1e-300), 0.0)
+    statistic = np.where(power > ROUNDING * max(own[-1], 1e-300), score**2 / np.maximum(power, 1e-300), 0.0)
     best = int(np.argmax(statistic))
     if statistic[best] == 0.0:
         return None

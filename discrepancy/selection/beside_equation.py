@@ -12,17 +12,14 @@ from typing import Final
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.problem import Problem
 from discrepancy.model.description import Model, Parameter, Window
-from discrepancy.model.equations import driven
+from discrepancy.model.equations import Signals, driven
 from discrepancy.selection.open_ended import FittedTerm
 from discrepancy.selection.state import State
 from discrepancy.signals.recording import Array
 
-WIDEST: Final = (
-    8.0  # times the fitted width of a term, and as much below: the range in which widths were looked for
-)
+WIDEST: Final = 8.0  # times the width that a term was found with, up and down: how far a refit may move it
 NEAR: Final = 0.3  # of a size or a width: a change that matters
 
-Signals = Mapping[str, Array]
 Key = tuple[str, float, int]
 
 

@@ -473,7 +473,8 @@ class Expressions:
             return None
         before = set(self.scope.reads)
         kind = self.value(node).kind
-        self.scope.reads = before  # looked at, and translated when its turn comes
+        # the text is not used here, so nothing has been read yet
+        self.scope.reads = before
         return kind if isinstance(kind, Array) else None
 
     def _argument(self, node: ast.expr, kind: Kind, *, written: bool) -> str:

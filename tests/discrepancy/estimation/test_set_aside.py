@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from discrepancy.estimation.problem import Problem
-from discrepancy.estimation.set_aside import NOTHING
+from discrepancy.estimation.set_aside import NOTHING, too_early, wrong_readings
 from discrepancy.examine import examine
 from discrepancy.selection.search import search
 from discrepancy.selection.state import Settings, State
@@ -130,3 +130,37 @@ def test_what_a_knock_moves_is_no_wrong_reading(seed: int) -> None:
 
 def test_an_interval_stays_unless_asked_for() -> None:
     assert search(Problem(tank(), [with_a_bad_contact(record(1), 42.0, 47.0)]), UNASKED)[0].aside == NOTHING
+
+
+def noisy(seed: int = 1, rows: int = 200) -> np.ndarray:
+    """A residual (n, 1) with a slow error of 20 standard deviations of its noise."""
+    slow = 0.2 * np.sin(2.0 * np.pi * np.arange(rows) / rows)
+    return (slow + np.random.default_rng(seed).normal(0.0, 0.01, rows))[:, None]
+
+
+def test_of_a_wrong_reading_and_what_was_predicted_from_it_the_reading_alone_is_out() -> None:
+    """Beside a slow error, where the reading's own residual does not stand out."""
+    residual = noisy()
+    residual[70] += 0.3
+    flagged = np.isin(np.arange(200), [70, 71, 72])
+    (found,) = wrong_readings([residual], [flagged])
+    assert np.flatnonzero(found).tolist() == [70]
+
+
+def test_readings_that_jump_about_are_no_single_wrong_one() -> None:
+    """The largest goes there and back as well; with it mended the others are still far off."""
+    residual = noisy()
+    residual[70:80, 0] += 0.3 * np.resize([1.0, -1.0], 10) * np.linspace(1.0, 1.5, 10)
+    flagged = np.isin(np.arange(200), range(70, 80))
+    (found,) = wrong_readings([residual], [flagged])
+    assert not found.any()
+
+
+def test_a_wrong_reading_among_the_first_rows_is_seen_and_a_step_is_not() -> None:
+    """They have no past to be predicted from: four rows, of a noise of order four."""
+    wrong, moved = noisy(2), noisy(3)
+    wrong[2] += 0.3
+    moved[2:] += 0.3
+    first, second = too_early([wrong, moved], 4)
+    assert np.flatnonzero(first).tolist() == [2]
+    assert not second.any()

@@ -8,7 +8,13 @@ import pytest
 
 from discrepancy.decision.summary import candidates
 from discrepancy.estimation.problem import Problem
-from discrepancy.selection.active_intervals import FEWEST_WINDOWS, MOST_RANGES, best_ranges, temporary_effects
+from discrepancy.selection.active_intervals import (
+    FEWEST_WINDOWS,
+    MOST_RANGES,
+    _evenness,
+    best_ranges,
+    temporary_effects,
+)
 from discrepancy.selection.assess import assess
 from discrepancy.selection.state import Settings, State
 from discrepancy.signals.recording import Recording, signal
@@ -84,3 +90,43 @@ def test_the_ranges_are_the_best_of_all_choices(seed: int, least: float) -> None
     else:  # too few would be left outside: fewer ranges
         assert len(found) <= count - FEWEST_WINDOWS
         assert reduction[list(found)].sum() >= max(gained((one,)) for one in among) - 1e-9
+
+
+@pytest.fixture(scope="module")
+def rows() -> State:
+    """A state with ten windows of 200 rows."""
+    return assessed(0)[1]
+
+
+INSIDE = np.isin(np.arange(10), [3, 4, 5, 6])
+
+
+def evenness(state: State, size_of_window: np.ndarray, scatter: float, seed: int) -> float:
+    """Of an effect of unit sensitivity, with these sizes by window beside the fitted one, under innovations of this size.
+
+    In each window the error has a share that stays, as another missing effect has: its sums scatter more than those of white innovations.
+    """
+    rng, noise = np.random.default_rng(seed), state.noise
+    count = noise.row_window.size
+    stays = scatter * rng.normal(0.0, np.sqrt(noise.window_count / count), noise.window_count)
+    residual = rng.normal(0.0, 1.0, count) + (size_of_window + stays)[noise.row_window]
+    return _evenness(noise, np.ones(count), residual, INSIDE)
+
+
+@pytest.mark.parametrize("scatter", [0.0, 3.0])
+def test_an_even_effect_is_called_uneven_as_rarely_as_is_asked_for(rows: State, scatter: float) -> None:
+    """Whether or not something else is missing too, inside and outside alike: of 400 at most 5 % with 3 standard deviations."""
+    found = np.array([evenness(rows, 0.0 * INSIDE, scatter, seed) for seed in range(400)])
+    assert np.mean(found < 0.05) < 0.05 + 3.0 * np.sqrt(0.05 * 0.95 / 400)
+
+
+def test_an_effect_that_comes_and_goes_within_its_interval_is_uneven(rows: State) -> None:
+    """Half of its windows have it twice and half not at all, each with lambda 200; the search asks for 2 % over its candidates."""
+    sizes = np.array([0.0, 0.0, 0.0, 1.0, -1.0, 1.0, -1.0, 0.0, 0.0, 0.0])
+    assert max(evenness(rows, sizes, 0.0, seed) for seed in range(20)) < Settings().alpha / 12
+
+
+def test_one_window_alone_shows_no_evenness(rows: State) -> None:
+    noise = rows.noise
+    direction = np.where(np.isin(noise.row_window, [4]) | ~INSIDE[noise.row_window], 1.0, 0.0)
+    assert _evenness(noise, direction, np.zeros(direction.size), INSIDE) == 0.0

@@ -99,15 +99,24 @@ static const Code *named(const uint8_t *rest)
     return NULL;
 }
 
-static UdsResult snapshot(const uint8_t *rest, UdsAnswer *answer)
+/* The code that a request names, with the head of the answer; NULL if there is none. */
+static const Code *answered(const uint8_t *rest, UdsAnswer *answer)
 {
     const Code *code = named(rest);
+    if (code != NULL) {
+        answer_number(answer, code_number(code), 3U);
+        answer_byte(answer, status_of(code));
+        answer_byte(answer, RECORD);
+    }
+    return code;
+}
+
+static UdsResult snapshot(const uint8_t *rest, UdsAnswer *answer)
+{
+    const Code *code = answered(rest, answer);
     if (code == NULL) {
         return UDS_OUT_OF_RANGE;
     }
-    answer_number(answer, code_number(code), 3U);
-    answer_byte(answer, status_of(code));
-    answer_byte(answer, RECORD);
     answer_byte(answer, FROZEN_VALUES);
     for (uint8_t k = 0U; k < FROZEN_VALUES; ++k) {
         answer_number(answer, SNAPSHOT_BASE + (uint32_t)k, 2U);
@@ -118,13 +127,10 @@ static UdsResult snapshot(const uint8_t *rest, UdsAnswer *answer)
 
 static UdsResult extended(const uint8_t *rest, UdsAnswer *answer)
 {
-    const Code *code = named(rest);
+    const Code *code = answered(rest, answer);
     if (code == NULL) {
         return UDS_OUT_OF_RANGE;
     }
-    answer_number(answer, code_number(code), 3U);
-    answer_byte(answer, status_of(code));
-    answer_byte(answer, RECORD);
     answer_byte(answer, code->occurrences);
     return UDS_DONE;
 }
