@@ -148,7 +148,6 @@ class SocketCanTransport(Closing):
         frames: list[Frame] = []
         # locals: this loop runs once per frame of a saturated bus
         receive, fd_size, ahead_ns = self._socket.recvmsg, _FD.size, SHARED.ahead_ns
-        # what waits has come since nothing waited; a frame may be stamped a moment before it waits
         started_ns = newest_ns = time.monotonic_ns()
         oldest_ns = self._empty_ns - JUMP_NS
         try:
@@ -159,12 +158,9 @@ class SocketCanTransport(Closing):
                     if kind == _SO_TIMESTAMPNS:
                         seconds, nanoseconds = _TIMESPEC.unpack(value)
                         at_ns = seconds * 1_000_000_000 + nanoseconds - ahead_ns
-                        # a clock that was set between stamp and check: an hour off, such a stamp would make all limits old
-                        if at_ns < oldest_ns:
-                            at_ns = oldest_ns
-                        elif at_ns > newest_ns:
+                        if not oldest_ns <= at_ns <= newest_ns:
                             newest_ns = time.monotonic_ns()
-                            at_ns = min(at_ns, newest_ns)
+                            at_ns = _plausible(at_ns, oldest_ns, newest_ns)
                     elif kind == _SO_RXQ_OVFL:
                         self._note_drops(_COUNT.unpack(value)[0])
                 # the kernel sets MSG_DONTROUTE on frames that a socket of this host sent (can.rst)
@@ -304,3 +300,15 @@ class SocketCanTransport(Closing):
         if self._watch is not None:
             self._watch.close()
             self._watch = None
+
+
+def _plausible(at_ns: int, oldest_ns: int, newest_ns: int) -> int:
+    """A stamp from before the queue was last seen empty, or from later than now, as far as it can be true.
+
+    On a starved machine the kernel stamps a frame and puts it into the queue many milliseconds
+    later: such a stamp is right. After the clock was set, it may be an hour off, and would make
+    everything that is measured from it look as old.
+    """
+    if at_ns < oldest_ns and SHARED.set_since(oldest_ns):
+        return oldest_ns
+    return min(at_ns, newest_ns)

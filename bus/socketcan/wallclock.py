@@ -8,6 +8,8 @@ import time
 
 # Below a millisecond a set clock and an interrupted reading cannot be distinguished.
 JUMP_NS = 1_000_000
+# How long a frame may be on its way between its stamp and the queue of a socket on a starved machine.
+_IN_FLIGHT_NS = 1_000_000_000
 _READINGS = 32
 
 
@@ -16,6 +18,8 @@ class WallClock:
 
     def __init__(self) -> None:
         self.ahead_ns = measure()
+        self.set_ns: int | None = None
+        """When the clock was last found set, in monotonic time; None: never."""
 
     def monotonic_ns(self, wall_ns: int) -> int:
         """The monotonic time of a wall-clock time."""
@@ -28,6 +32,12 @@ class WallClock:
             # the quick look may have been interrupted between its two readings; the careful one decides
             if self._off(measured):
                 self.ahead_ns = measured
+                self.set_ns = time.monotonic_ns()
+
+    def set_since(self, since_ns: int) -> bool:
+        """Whether the clock has been set since a moment, or up to a second before; looks once more."""
+        self.check()
+        return self.set_ns is not None and self.set_ns > since_ns - _IN_FLIGHT_NS
 
     def _off(self, ahead_ns: int) -> bool:
         return abs(ahead_ns - self.ahead_ns) > JUMP_NS

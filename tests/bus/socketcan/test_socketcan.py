@@ -68,6 +68,7 @@ def test_a_clock_set_between_a_stamp_and_its_reading_moves_no_stamp(
     with SocketCanTransport(INTERFACE) as receiver, SocketCanTransport(INTERFACE) as sender:
         assert receiver.drain() == []
         monkeypatch.setattr(SHARED, "ahead_ns", SHARED.ahead_ns + hours * 3_600_000_000_000)
+        monkeypatch.setattr(SHARED, "set_ns", time.monotonic_ns())
         monkeypatch.setattr(SHARED, "check", lambda: None)
         before_ns = time.monotonic_ns()
         sender.send(Frame(1, b"a"))
@@ -76,6 +77,17 @@ def test_a_clock_set_between_a_stamp_and_its_reading_moves_no_stamp(
         after_ns = time.monotonic_ns()
     # the other bound is the last look at an empty queue, less what lies between a stamp and the queue
     assert before_ns - 50_000_000 < first.at_ns <= second.at_ns <= after_ns
+
+
+def test_a_frame_that_reaches_the_queue_late_keeps_its_stamp() -> None:
+    """A starved kernel stamps a frame, and a reader finds the queue empty before the frame gets there."""
+    with SocketCanTransport(INTERFACE) as receiver, SocketCanTransport(INTERFACE) as sender:
+        sender.send(Frame(1, b"a"))
+        sent_ns = time.monotonic_ns()
+        time.sleep(0.02)
+        receiver._empty_ns = time.monotonic_ns()  # as if a drain had found nothing just now
+        (frame,) = collect(receiver, 1)
+    assert frame.at_ns <= sent_ns
 
 
 def test_a_small_receive_buffer_loses_frames_and_the_kernel_counts_them() -> None:

@@ -22,11 +22,13 @@ def test_a_set_clock_is_noticed_and_slewing_is_not() -> None:
     clock = WallClock()
     true = clock.ahead_ns
     clock.ahead_ns = true + 500_000
-    clock.check()
+    started_ns = time.monotonic_ns()
+    assert not clock.set_since(started_ns)
     assert clock.ahead_ns == true + 500_000
     clock.ahead_ns = true + 3_600_000_000_000
-    clock.check()
+    assert clock.set_since(started_ns)
     assert abs(clock.ahead_ns - true) < 1_000_000
+    assert not clock.set_since(time.monotonic_ns() + 2_000_000_000)
 
 
 def test_an_interruption_between_the_two_readings_is_not_taken_for_a_set_clock(

@@ -46,7 +46,7 @@ points = [[0.0, 0.0], [4.0, 8.0]]
 points = [[0.0, 0.0], [6.0, 0.0], [10.0, 20.0]]
 """
 STAMP_US = 3.0
-"""Stamps of two programs differ by the constant between two clocks, and each is cut off at 1 us."""
+"""Stamps of two programs differ by the constant between two clocks (NTP slews both alike), each cut off at 1 us."""
 
 
 class Vcan:
@@ -207,12 +207,7 @@ def test_our_recording_is_what_the_other_program_saw(loop, name):
     assert ours.length.tolist() == theirs.length.tolist()
     np.testing.assert_array_equal(ours.data, theirs.data)
     apart_us = (ours.time_ns - theirs.time_ns) * 1e-3
-    assert np.ptp(apart_us) < STAMP_US + clock_drift_us()
-
-
-def clock_drift_us() -> float:
-    """What NTP may slew between the two clocks during the run, and a microsecond of their reading."""
-    return 1.0 + 500e-6 * DURATION_S * 1e6
+    assert np.ptp(apart_us) < STAMP_US, np.sort(apart_us - np.median(apart_us))[[0, 1, -2, -1]]
 
 
 def test_both_buses_carried_the_same_frames_in_the_same_order_per_sender(loop):
