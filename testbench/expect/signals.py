@@ -3,16 +3,18 @@
 import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bus.user_error import UserError
-from dbc.columns import Columns
 from dbc.database import Database
 from dbc.signal import Signal
 from plant.truth import Truth
+
+if TYPE_CHECKING:  # it brings a compiler, which a live bus does not need
+    from dbc.columns import Columns
 
 TRUTH: Final = "truth"
 WHEELS: Final = ("front_left", "front_right", "rear_left", "rear_right")
@@ -29,7 +31,7 @@ class Source(Protocol):
     """The origin of the values: a finished run, or one that is still running."""
 
     @property
-    def messages(self) -> Mapping[str, Columns]:
+    def messages(self) -> "Mapping[str, Columns]":
         """Decoded frames by message name."""
 
     @property

@@ -2,6 +2,8 @@
 
 import asyncio
 import math
+import subprocess
+import sys
 import threading
 import time
 
@@ -21,6 +23,8 @@ from tests.docs.pages import ROOT
 from tests.examples.test_foreign_nodes import foreign, hub  # noqa: F401
 
 RUNNING, DEGRADED = "EcuStatus.State == running", "EcuStatus.State == degraded"
+
+ENGINE = ROOT / "examples" / "engine" / "engine.dbc"
 
 
 @pytest.fixture(scope="module")
@@ -207,3 +211,18 @@ def test_the_same_test_runs_in_real_time(tmp_path):
         bench.clear()
         bench.expect(RUNNING, within_s=10.0)
     assert RunDirectory.read(tmp_path / "run").messages
+
+
+def test_a_bench_on_a_bus_of_ones_own_loads_no_compiler() -> None:
+    """Loading it takes longer than all the rest of a short test."""
+    code = f"""
+import sys
+from pathlib import Path
+from testbench.api import Bench, blocking
+with blocking(Bench.on_bus("virtual:light", simulate=["Engine"], dbc=Path({str(ENGINE)!r}))) as rig:
+    rig.stimulate("EngineData.Rpm", 2500)
+    rig.expect("EngineData.Rpm == 2500", within_s=5.0)
+print(*{{"numba", "scipy", "pandas", "pyarrow", "matplotlib"}} & set(sys.modules))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
