@@ -63,6 +63,8 @@ class Arm:
     scale: float = 1.0  # size of each effect in its typical change
     # sizes by parameter name ('rolling_resistance.coefficient'), in its unit; they override `scale`
     values: Mapping[str, float] | None = None
+    # effects of the plant beside them, of which the model is to know nothing; every parameter by name, in its unit
+    beside: Mapping[str, float] | None = None
     truth: Body = "rk4"
     duration_s: float = 40.0
 
@@ -155,7 +157,7 @@ def record(arm: Arm, folder: Path) -> dict[str, float]:
     rng = np.random.default_rng([arm.seed, 17])
     off = {name: float(rng.normal(0.0, sd)) for name, sd in SPREAD.items()}
     # sizes by the model's library, so that `scale` means the same in truth and diagnosis
-    effects = hidden(loader.model(), arm)
+    effects = {**hidden(loader.model(), arm), **(arm.beside or {})}
     machine, equipment = load_machine("l60"), load_equipment("l60")
     payload = float(rng.choice(PAYLOADS_KG))
     machine = _with_effects(_off_its_sheet(machine, off), effects)

@@ -17,6 +17,7 @@ from discrepancy.signals.recording import Recording
 LOADERS = (
     "loader",
     "mujoco",
+    "wild loader",
 )  # bodies with a whole machine; their effects have a size, and the lambda they come to
 # From 10, at which no method detects reliably (docs/nomenclature.md), to 2500, which a plot of residuals shows.
 LAMBDAS = (10.0, 20.0, 50.0, 250.0, 2500.0)
@@ -66,6 +67,8 @@ class Truth:
 
     values: Mapping[str, float] = field(default_factory=dict)  # true parameters
     reached: float | None = None  # lambda on this recording
+    # of a wild arm, whose lambda is that without its differences: lambda beside them
+    beside: float | None = None
     channels: Mapping[str, float] = field(default_factory=dict)  # share of lambda per channel
     beyond: Mapping[str, str] = field(
         default_factory=dict
@@ -124,6 +127,7 @@ def row(arm: Arm, truth: Truth, found: Findings, seconds: float) -> Row:
         "noise": arm.noise,
         "strength": arm.strength,
         "reached": truth.reached,
+        "beside": truth.beside,
         "seed": arm.seed,
         "start_s": arm.start_s,
         "end_s": arm.end_s,
@@ -157,6 +161,7 @@ def read(kept: Row) -> Done:
     truth = Truth(
         values=json.loads(str(kept["truth"])),
         reached=_number(kept["reached"]),
+        beside=_number(kept.get("beside")),
         channels=json.loads(str(kept["channels"])),
         beyond=json.loads(str(kept["beyond"])),
     )

@@ -6,31 +6,23 @@ is hidden is sized on the same drive without the differences.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from bench.proof import ball, car, straight
+from bench.proof import ball, car, oracle, straight, wild_loader
 from bench.proof.arm import Arm, Truth, diagnosed
 from bench.proof.body import Body
+from bench.proof.difference import Difference, chosen, drawn
+from bench.proof.difference import names as difference_names
 from diagnosis.fleet.store import Row
+from discrepancy.estimation.problem import Problem
 from discrepancy.model.description import Effect, Model
 from discrepancy.signals.recording import Array
 
-Range = tuple[float, float]
-DIFFERENCES = 2  # of one drive
 STRENGTHS = (50.0, 250.0, 2500.0)
 SEEDS = {"tuning": 100_000, "report": 200_000}
 """Rules are changed by what the tuning arms show; the report arms are run when nothing is to be changed any more."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Difference:
-    """One way in which a real machine is not as the model says."""
-
-    name: str
-    ranges: Mapping[str, Range]  # of the truth's parameters, least and most; drawn evenly in the logarithm
-    fair: tuple[str, ...] = ()  # effects of the library that are a fair name for it
 
 
 STRAIGHT = (
@@ -94,13 +86,22 @@ CAR = (
         name="play of the steering", ranges={"play": (0.003, 0.01)}, fair=("servo delay", "servo lag")
     ),
 )
-DIFFERENCES_OF: dict[str, tuple[Difference, ...]] = {"straight": STRAIGHT, "ball": BALL, "car": CAR}
 BODIES: dict[str, Body] = {f"wild {body.name}": body for body in (straight.STRAIGHT, ball.BALL, car.CAR)}
+DIFFERENCES_OF: dict[str, tuple[Difference, ...]] = {
+    "wild straight": STRAIGHT,
+    "wild ball": BALL,
+    "wild car": CAR,
+    wild_loader.BODY: wild_loader.DIFFERENCES,
+}
+"""By body, the loader's among them."""
 NULLS, EFFECTS, TWINS = 70, 100, 16  # arms of a body, about
 
 
 def arms(name: str, first_seed: int) -> Iterator[Arm]:
     """Some 200 arms of one body: nothing hidden, one effect, a pair, and an effect that has an exact twin in the library."""
+    if name == wild_loader.BODY:
+        yield from wild_loader.arms(first_seed)
+        return
     body = BODIES[name]
     for repeat in range(NULLS):
         yield _arm(name, "null", first_seed + repeat)
@@ -122,10 +123,6 @@ def arms(name: str, first_seed: int) -> Iterator[Arm]:
 
 def _arm(name: str, kind: str, seed: int, effects: tuple[str, ...] = (), strength: float = 0.0) -> Arm:
     body = BODIES[name]
-    # a difference that is nearly what is hidden would leave nobody knowing what is there
-    possible = [d for d in DIFFERENCES_OF[body.name] if not set(d.fair) & set(effects)]
-    rng = np.random.default_rng([seed, 5])
-    drawn = sorted(rng.choice(len(possible), DIFFERENCES, replace=False)) if kind != "twin" else []
     return Arm(
         body=name,
         kind=kind,
@@ -133,14 +130,13 @@ def _arm(name: str, kind: str, seed: int, effects: tuple[str, ...] = (), strengt
         effects=effects,
         noise=body.noises[seed % len(body.noises)],
         strength=strength,
-        what=" + ".join(possible[i].name for i in drawn),
+        what=difference_names(DIFFERENCES_OF[name], seed, effects) if kind != "twin" else "",
     )
 
 
 def differences(arm: Arm) -> list[Difference]:
     """Those that the arm's truth has."""
-    of = {d.name: d for d in DIFFERENCES_OF[BODIES[arm.body].name]}
-    return [of[name] for name in arm.what.split(" + ") if name]
+    return chosen(arm, DIFFERENCES_OF[arm.body])
 
 
 def fair(arm: Arm) -> set[str]:
@@ -150,21 +146,23 @@ def fair(arm: Arm) -> set[str]:
 
 def carried_out(arm: Arm) -> Row:
     """Size the hidden effects without the differences, record with them, diagnose."""
+    if arm.body == wild_loader.BODY:
+        return wild_loader.carried_out(arm, twinned)
     body = BODIES[arm.body]
     library = {effect.name: effect for effect in body.model().effects}
     tame = replace(arm, body=body.name, kind="effect", what="")
     sized = [body.sized(library[name], tame) for name in arm.effects]
     values = {name: value for one in sized for name, value in one.values.items()}
-    rng = np.random.default_rng([arm.seed, 6])
-    drawn = {
-        name: float(low * (high / low) ** rng.random())
-        for d in differences(arm)
-        for name, (low, high) in d.ranges.items()
-    }
-    recordings = body.record({**drawn, **values}, tame, np.random.default_rng(arm.seed))
+    extra = drawn(arm, DIFFERENCES_OF[arm.body])
+    recordings = body.record({**extra, **values}, tame, np.random.default_rng(arm.seed))
     model = twinned(body.model(), library[arm.effects[0]]) if arm.kind == "twin" else body.model()
     reached = min((one.reached or 0.0 for one in sized), default=None)
-    return diagnosed(arm, model, recordings, Truth(values={**drawn, **values}, reached=reached))
+    truth = Truth(values={**extra, **values}, reached=reached)
+    if arm.effects:
+        hidden = [library[name] for name in arm.effects]
+        beside = oracle.measured(Problem(body.model(), recordings), hidden, values)
+        truth = replace(truth, beside=beside.reached)
+    return diagnosed(arm, model, recordings, truth)
 
 
 def twinned(model: Model, effect: Effect) -> Model:

@@ -1,0 +1,36 @@
+"""A law of the loader's wild arms: dry rolling friction that falls with speed."""
+
+import math
+
+from plant.compiled import uncounted
+from plant.effects.effect import Array, Effect, Parameter
+from plant.effects.ports import spin, twist_wheel
+from plant.physics.parameters import W_RADIUS
+from plant.physics.state import T_NORMAL
+from plant.physics.workspace import Workspace
+
+TURNING = 0.05  # spin below which the moment fades [rad/s]
+
+
+@uncounted
+def after_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
+    """Moment against the wheel's spin that decays over a speed."""
+    turning = spin(work, wheel)
+    radius = work.local[wheel, W_RADIUS]
+    share = q[0] * math.exp(-abs(turning) * radius / q[1])
+    twist_wheel(work, wheel, -share * work.tyres[wheel, T_NORMAL] * radius * math.tanh(turning / TURNING))
+
+
+EFFECT = Effect(
+    name="stribeck_rolling",
+    sentence="Dry rolling friction falls with speed.",
+    equation="M_y = -f exp(-|V|/V0) N R0 sgn(omega)",
+    parameters=(
+        Parameter("coefficient", "1", 0.01, 0.0, 0.1, "f"),
+        Parameter("decay_m_per_s", "m/s", 1.0, 0.1, 10.0, "V0", shape=True),
+    ),
+    acts_on="wheel torque, longitudinal force, speed",
+    signature="Resistance that is largest at creep.",
+    excited_by="driving at several speeds",
+    source="Stribeck's law",
+)
