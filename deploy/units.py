@@ -197,17 +197,12 @@ def _exported(settings: ServiceSettings, program: str) -> str:
     for key, lacks in (
         ("ecu.core", settings.core != "c"),
         ("ecu.form", settings.form != "corrected"),
-        ("offered.j1939", settings.offered.j1939 is not None),
     ):
         if lacks:
             raise settings.error(
                 key,
-                "does not fit --ecu-program: the exported program is core c, and offers XCP and UDS alone",
+                "does not fit --ecu-program: the exported program is core c, with the corrected equations",
             )
-    if settings.detect_faults and settings.offered.xcp is not None:
-        raise settings.error(
-            "ecu.detect_faults", "does not fit --ecu-program together with offered.xcp: set it to false"
-        )
     interface = settings.can.interface
     options = [
         f"--bus {settings.address}",

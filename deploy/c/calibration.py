@@ -10,6 +10,7 @@ from deploy.c.translation.names import local_name
 from deploy.c.translation.program import comment
 from deploy.c.translation.python_source import field_comments
 from ecu.calibration import Calibration
+from ecu.detection.noise import makes_of
 
 _HEADER: Final = """\
 /* What the ECU knows of the machine "{name}". Written by `loaderhil export-c`. */
@@ -49,7 +50,10 @@ def calibration_files(calibration: Calibration) -> dict[str, str]:
             parts=parts,
             limits="\n".join(lines(calibration.limits, 1)),
             detection=detection_numbers(
-                calibration, loader_database(), lines(calibration.detection.tolerances, 1)
+                calibration,
+                loader_database(),
+                lines(calibration.detection.tolerances, 1),
+                lines(makes_of(calibration.detection), 1),
             ),
         ),
     }

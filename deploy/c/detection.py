@@ -7,9 +7,10 @@ from deploy.c.translation.program import File, Translation
 from ecu.detection import layout
 from ecu.detection.bucket import pressure_from_other
 from ecu.detection.detector import step
+from ecu.detection.noise import of_residuals
 from ecu.watched import COUNT
 
-ENTRIES: Final = (step, pressure_from_other)
+ENTRIES: Final = (step, pressure_from_other, of_residuals)
 _SIGNALS, _RESIDUALS = (COUNT,), (layout.RESIDUALS,)
 ARRAYS: Final = {
     "m": Array(REAL, _SIGNALS),
@@ -21,7 +22,7 @@ ARRAYS: Final = {
     "r": Array(REAL, _RESIDUALS),
     "bound": Array(REAL, _RESIDUALS),
 }
-"""The arrays of `detector.step`."""
+"""The arrays of the entries, by the names of their arguments."""
 
 _NOTE: Final = "/* Detection of faulty sensors. Written by `loaderhil export-c` from ecu/detection; edit the Python source, not this file. */\n"
 _HEADER: Final = """\

@@ -1,5 +1,6 @@
 """Tables in C around the detection of sensor faults: which signals it watches, and its numbers for one machine."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Final
 
@@ -10,6 +11,7 @@ from deploy.c.tables import Received, constant, numbered, real, rows
 from ecu.calibration import Calibration
 from ecu.detection import layout
 from ecu.detection.live import MESSAGE_PLACES, REPLACED_S, rules_of
+from ecu.detection.noise import makes_of
 from ecu.watched import LIFT, NAMES, TILT
 
 
@@ -50,19 +52,29 @@ def machine_detection(calibration: Calibration, database: Database) -> dict[str,
     rules, height = rules_of(calibration, database)
     return {
         "detection_tolerances": list(calibration.detection.tolerances),
+        "detection_makes": [
+            number for make in makes_of(calibration.detection) for number in dataclasses.astuple(make)
+        ],
         "detection_rules": np.ravel(rules).tolist(),
         "detection_height": [height],
     }
 
 
-def detection_numbers(calibration: Calibration, database: Database, tolerances: Sequence[str]) -> str:
-    """Their definitions; tolerances: lines of the record."""
+def detection_numbers(
+    calibration: Calibration, database: Database, tolerances: Sequence[str], makes: Sequence[str]
+) -> str:
+    """Their definitions; tolerances, makes: lines of the records."""
     rules, height = rules_of(calibration, database)
     body = "\n".join("        {" + ", ".join(real(number) for number in row) + "}," for row in rules.tolist())
     return f"""
 /* What is uncertain of the machine, by the calibration's [detection]. */
 OF_MACHINE Tolerances detection_tolerances = {{
 {chr(10).join(tolerances)}
+}};
+
+/* The sensors, by the calibration's [sensor_FAMILY]. */
+OF_MACHINE Makes detection_makes = {{
+{chr(10).join(makes)}
 }};
 
 /* Thresholds of the signals and of the residuals, by the noise of the sensors. */
@@ -79,6 +91,7 @@ OF_MACHINE real_t detection_height = {real(height)};
 
 DECLARATIONS: Final = f"""\
 extern OF_MACHINE Tolerances detection_tolerances;
+extern OF_MACHINE Makes detection_makes;
 extern OF_MACHINE Reals{layout.RULES}x{layout.WIDTH} detection_rules;
 extern OF_MACHINE real_t detection_height;
 """

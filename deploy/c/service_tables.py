@@ -3,11 +3,12 @@
 import importlib.metadata
 import struct
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Final
 
 from dbc.database import Database
-from deploy.c.tables import constant, numbered, real, rows
+from deploy.c.j1939_tables import j1939_files
+from deploy.c.tables import byte_list, constant, numbered, real, rows
 from deploy.c.translation.names import local_name
 from ecu import reasons
 from ecu.calibration import ORDERED, WITH_AREAS, Calibration, fields_of
@@ -127,7 +128,8 @@ def service_files(
             rows("PossibleCode", "possible_codes", [f"{{{spn}U, {int(mode)}U}}" for spn, mode in possible], "POSSIBLE_CODES"),
         ]
     )  # fmt: skip
-    return {"services/service_tables.h": header, "services/service_tables.c": source}
+    tables = {"services/service_tables.h": header, "services/service_tables.c": source}
+    return tables | j1939_files(calibration.name, database, version)
 
 
 def _measured(row: Measurement) -> str:
@@ -164,7 +166,7 @@ def _numbers(sections: Mapping[str, object]) -> list[str]:
 
 
 def _field(number: CalibrationNumber) -> str | None:
-    """The name of a number in its section; None in the sections of the detection, which is not in C."""
+    """The name of a number in its section; None in the sections of the detection, which are fixed while the ECU runs."""
     if number.section.startswith(("detection", "sensor_")):
         return None
     fields = fields_of(number.section)
@@ -207,8 +209,3 @@ def _delays() -> list[str]:
     kinds = list(reasons.Delay)
     delays = {name: reason.delay for name, reason in reasons.REASONS.items()}
     return [f"{kinds.index(delays.get(name, reasons.Delay.SHORT))}U /* {name} */" for name in names]
-
-
-def byte_list(content: Sequence[int]) -> str:
-    """Bytes as an initialiser."""
-    return "{" + ", ".join(f"{byte:#04x}U" for byte in content) + "}"

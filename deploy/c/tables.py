@@ -77,6 +77,11 @@ def rows(kind: str, name: str, items: Sequence[str], count: str) -> str:
     return f"const {kind} {name}[{count}] = {{\n{body}}};\n"
 
 
+def byte_list(content: Sequence[int]) -> str:
+    """Bytes as an initialiser."""
+    return "{" + ", ".join(f"{byte:#04x}U" for byte in content) + "}"
+
+
 # -- what comes from the bus
 
 

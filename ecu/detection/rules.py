@@ -1,8 +1,8 @@
 """Rules of the detection for one machine: from what the calibration says of its sensors to thresholds.
 
 A sensor is described by noise, resolution, the offset it may have when it is sound, and the largest innovation that the
-machine gives it when something sets in. Noise and offsets of the residuals follow by their equations; the height of
-the sequential tests follows from the false-alarm rate.
+machine gives it when something sets in. Noise and offsets of the residuals follow by their equations (`ecu.detection.noise`);
+the height of the sequential tests follows from the false-alarm rate.
 """
 
 import math
@@ -13,35 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from configuration import ConfigurationError
-from ecu.detection.layout import (
-    ACROSS,
-    ALONG,
-    ANGLE_RATE,
-    BUCKET_LOAD,
-    CYCLES,
-    FREEZE,
-    FRONT_TORQUES,
-    JUMP,
-    NOISE,
-    ONSET,
-    PITCH_GYRO,
-    PITCH_RATES,
-    REAR_TORQUES,
-    RESIDUALS,
-    ROLL_GYRO,
-    RULES,
-    SPEEDS,
-    STEERING_LINES,
-    STIRRED,
-    TOLERANCE,
-    TRACTION,
-    UPWARDS,
-    WIDTH,
-    YAW_STEERING,
-)
-from ecu.detection.machine import OBSERVED, effective_radius, machine_mass
+from ecu.detection.layout import CYCLES, FREEZE, JUMP, ONSET, RESIDUALS, RULES, STIRRED, WIDTH
+from ecu.detection.noise import makes_of, of_residuals
 from ecu.detection_rules import DetectionRules, Sensor
-from ecu.estimators.parameters import GRAVITY, Parameters
+from ecu.estimators.parameters import Parameters
 from ecu.watched import NAMES
 
 Floats = NDArray[np.float64]
@@ -123,40 +98,5 @@ def rules_array(rules: DetectionRules, cycles: Mapping[str, float], p: Parameter
         found[JUMP, place] = deviations_for(share) * innovation + UNSEEN * sensor.onset
         found[ONSET, place], found[STIRRED, place] = sensor.onset, STIRS * innovation
         found[FREEZE, place] = frames_for(share, sensor)
-    _residuals(found[NOISE], found[TOLERANCE], rules, p)
+    of_residuals(found, makes_of(rules), rules.tolerances, p)
     return found
-
-
-def _residuals(noise: Floats, offset: Floats, rules: DetectionRules, p: Parameters) -> None:
-    """Noise and tolerated offset of every residual, from those of its signals by its equation."""
-    s, g = rules.sensors, p.geometry
-    angle, rate, wheel, torque = (
-        s[name] for name in ("articulation_angle", "articulation_rate", "wheel_speed", "wheel_torque")
-    )
-    force, gyro, slope, pressure = (
-        s[name] for name in ("specific_force", "angular_rate", "slope", "pressure")
-    )
-    radius, track = effective_radius(p), (g.front_track + g.rear_track) / 2.0
-    base = g.front_length + g.rear_length
-    upright = rules.tolerances.gain * GRAVITY  # of axes that are not quite at right angles
-    # an observer of OBSERVED seconds turns an offset of the rate into one of the angle
-    noise[ANGLE_RATE], offset[ANGLE_RATE] = angle.noise, rate.offset * OBSERVED + angle.onset
-    for j in (ROLL_GYRO, PITCH_GYRO):
-        noise[j], offset[j] = slope.noise, gyro.offset * OBSERVED + slope.onset
-    noise[PITCH_RATES], offset[PITCH_RATES] = 1.5 * gyro.noise, gyro.offset
-    for j in range(SPEEDS, SPEEDS + 6):
-        noise[j] = 1.5 * wheel.noise * radius + gyro.noise * track
-        offset[j] = wheel.offset * radius + (gyro.offset + rate.offset) * track
-    noise[YAW_STEERING] = gyro.noise + rate.noise * g.front_length / base
-    offset[YAW_STEERING] = 3.0 * gyro.offset + rate.offset + wheel.onset / 2.0 * radius / base
-    noise[ALONG] = noise[ACROSS] = force.noise
-    offset[ALONG] = offset[ACROSS] = force.offset + slope.offset * GRAVITY + upright
-    noise[UPWARDS], offset[UPWARDS] = 1.5 * force.noise, force.offset + upright
-    for j in (FRONT_TORQUES, REAR_TORQUES):
-        noise[j], offset[j] = 1.5 * torque.noise, torque.offset
-    noise[TRACTION] = 2.0 * torque.noise / radius + machine_mass(p) * force.noise
-    offset[TRACTION] = torque.offset / radius + machine_mass(p) * force.offset
-    lever = 0.3 * p.tilt_linkage.head_area
-    noise[BUCKET_LOAD] = 1.5 * pressure.noise * lever
-    offset[BUCKET_LOAD] = pressure.offset * lever
-    noise[STEERING_LINES], offset[STEERING_LINES] = pressure.noise, pressure.offset

@@ -22,6 +22,11 @@ DELAY_NS: Final = 600_000
 """Unit of the random delay, 0 to 255 of them, after which a controller says that it has no address: two would collide."""
 
 
+def contention_ns(address: int) -> int:
+    """How long a claim of this address is open to objections."""
+    return CONTENTION_NS if address in CONTENDED else 0
+
+
 class State(enum.Enum):
     """Of an address."""
 
@@ -45,7 +50,7 @@ class AddressClaim:
     def start(self, now_ns: int) -> list[Frame]:
         """Claim the address."""
         self.state = State.CLAIMING
-        self._due_ns = now_ns + (CONTENTION_NS if self.address in CONTENDED else 0)
+        self._due_ns = now_ns + contention_ns(self.address)
         return [self._claimed(self.address)]
 
     def receive(self, frame: Frame, now_ns: int) -> list[Frame]:

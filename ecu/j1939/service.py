@@ -28,6 +28,8 @@ BROADCAST: Final = 0x20
 """Control byte of an announcement to all (BAM)."""
 PIECE: Final = 7
 """Bytes of a long message in one frame."""
+COMPONENT_TAIL: Final = b"**"
+"""Ends the identity in the component identification, and the number of the unit in the machine, which has none."""
 PIECE_NS: Final = 50_000_000
 """Least time between two frames of a message to all."""
 
@@ -120,10 +122,30 @@ def j1939_service(
     name: Name, database: Database, *, calibration: str, version: str, random: Callable[[], int]
 ) -> J1939Service:
     """J1939 for the estimator ECU of a DBC. random: gives 0 to 255."""
-    codecs = [c for c in database.by_id.values() if ECU in c.senders]
-    claim = AddressClaim(int(name), source_address(codecs[0].can_id), random)
+    claim = AddressClaim(int(name), address_of(database), random)
+    identity = str(name.identity).encode()
     texts = {
-        SOFTWARE: b"\x01" + f"loaderhil {version}*".encode(),
-        COMPONENT: f"loaderhil*{calibration}*{name.identity}**".encode(),
+        SOFTWARE: software_text(version),
+        COMPONENT: component_head(calibration) + identity + COMPONENT_TAIL,
     }
-    return J1939Service(claim, texts, frozenset(pgn(c.can_id) for c in codecs))
+    return J1939Service(claim, texts, sent_groups(database))
+
+
+def address_of(database: Database) -> int:
+    """The address in the identifiers of the ECU's messages."""
+    return source_address(next(c.can_id for c in database.by_id.values() if ECU in c.senders))
+
+
+def sent_groups(database: Database) -> frozenset[int]:
+    """Parameter groups that the ECU sends of its own accord."""
+    return frozenset(pgn(c.can_id) for c in database.by_id.values() if ECU in c.senders)
+
+
+def software_text(version: str) -> bytes:
+    """The software identification: one field."""
+    return b"\x01" + f"loaderhil {version}*".encode()
+
+
+def component_head(calibration: str) -> bytes:
+    """The component identification up to the identity of the unit: make and model."""
+    return f"loaderhil*{calibration}*".encode()

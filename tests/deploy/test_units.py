@@ -112,9 +112,11 @@ def test_the_detection_of_faults_is_said_either_way(program):
     assert "--no-detect-faults" in command(replace(SETTINGS, core="c", detect_faults=False))
 
 
-def test_the_exported_program_does_not_detect_faults_while_xcp_may_change_its_numbers():
-    with pytest.raises(ConfigurationError, match=r"ecu\.detect_faults does not fit"):
-        service_files(replace(OFFERING, detect_faults=True), "/usr/bin/loaderhil", ecu_program="/opt/ecu")
+def test_the_exported_program_detects_faults_beside_xcp():
+    files = service_files(replace(OFFERING, detect_faults=True), "/usr/bin/loaderhil", ecu_program="/opt/ecu")
+    words = sections(files[SERVICE])["Service"]["ExecStart"]
+    assert " --detect-faults " in words
+    assert " --xcp 0x600,0x601 " in words
 
 
 def test_the_core_arrives():
@@ -127,7 +129,10 @@ OFFERING = replace(
     IN_C,
     detect_faults=False,
     offered=ServiceOptions(
-        xcp="0x600,0x601", uds="0x610,0x611", access_key=Path("/etc/loaderhil/access.key")
+        xcp="0x600,0x601",
+        uds="0x610,0x611",
+        j1939="identity=1,manufacturer=0",
+        access_key=Path("/etc/loaderhil/access.key"),
     ),
 )
 
@@ -148,7 +153,6 @@ def test_the_exported_program_takes_the_place_of_the_ecu():
     [
         ({"core": "python"}, "ecu.core"),
         ({"form": "printed"}, "ecu.form"),
-        ({"offered": ServiceOptions(j1939="identity=1")}, "offered.j1939"),
     ],
 )
 def test_what_the_exported_program_does_not_have_is_refused(changed, key):
@@ -163,7 +167,8 @@ def test_the_exported_program_understands_its_unit(ecu_sources):
     program = ecu_sources / "linux/loader-ecu"
     files = service_files(OFFERING, "/usr/bin/loaderhil", ecu_program="/opt/loader-ecu")
     words = sections(files[SERVICE])["Service"]["ExecStart"]
-    assert " --xcp 0x600,0x601 --uds 0x610,0x611 --access-key /etc/loaderhil/access.key " in words
+    offered = "--xcp 0x600,0x601 --uds 0x610,0x611 --j1939 identity=1,manufacturer=0 --access-key /etc/loaderhil/access.key"
+    assert f" {offered} " in words
     shown = subprocess.run(
         [program, *words.split()[1:], "--help"], capture_output=True, text=True, check=False
     )

@@ -15,7 +15,9 @@ typedef char frames_suffice[(MOST_FRAMES <= ECU_MOST_FRAMES) ? 1 : -1];
 
 typedef struct {
     bool limits_enabled;
+#ifndef ECU_WITHOUT_DETECTION
     bool detects_faults;
+#endif
     uint8_t state;
     uint32_t ticks;
     bool started; /* whether a frame has been received */
@@ -39,6 +41,7 @@ typedef struct {
 
 static Ecu ecu;
 static real_t last_values[VALUES]; /* of the last tick */
+static const CycleInputs *last_inputs; /* those that the last tick relied on: of the bus, or as the detection left them */
 
 /* The machine's own limits only. */
 static Limits limits_none(void)
@@ -51,6 +54,48 @@ static Times times_of(int64_t on_delay_ns)
     const Times times = {.on_delay_ns = on_delay_ns, .least_on_ns = RULE_LEAST_ON_NS, .off_delay_ns = RULE_OFF_DELAY_NS};
     return times;
 }
+
+/* Time since the previous cycle, in whole periods: the sensors sample by the same clock. */
+static real_t period(int64_t now_ns)
+{
+    if (!ecu.has_previous) {
+        return (real_t)TICK_NS * R(1e-9);
+    }
+    const int64_t turns = ratio_rounded(now_ns - ecu.previous_ns, TICK_NS);
+    const int64_t period_ns = ((turns > 1) ? turns : 1) * TICK_NS;
+    return (real_t)period_ns * R(1e-9);
+}
+
+/* -- what is compiled of the detection of faulty sensors */
+
+#ifdef ECU_WITHOUT_DETECTION
+static void detection_restart(void)
+{
+}
+
+static const CycleInputs *tested(const CycleInputs *received, int64_t now_ns)
+{
+    (void)now_ns;
+    return received;
+}
+#else
+static void detection_restart(void)
+{
+    detection_start();
+}
+
+/* The inputs that may be relied on. */
+static const CycleInputs *tested(const CycleInputs *received, int64_t now_ns)
+{
+    const bool runs = (ecu.state == STATE_RUNNING) || (ecu.state == STATE_DEGRADED);
+    return (ecu.detects_faults && runs) ? detection_looked(received, period(now_ns)) : received;
+}
+
+void ecu_detect_faults(bool on)
+{
+    ecu.detects_faults = on;
+}
+#endif
 
 void ecu_restart(void)
 {
@@ -70,9 +115,9 @@ void ecu_restart(void)
 #ifdef ECU_FINDINGS
     ecu.stale = 0U;
 #endif
-    inputs_start();
+    last_inputs = inputs_start();
     validity_start();
-    detection_start();
+    detection_restart();
     codes_dropped();
 }
 
@@ -85,14 +130,14 @@ void ecu_init(bool limits_enabled)
     ecu_restart();
 }
 
-void ecu_detect_faults(bool on)
-{
-    ecu.detects_faults = on;
-}
-
 const real_t *ecu_values(void)
 {
     return last_values;
+}
+
+const CycleInputs *ecu_inputs(void)
+{
+    return last_inputs;
 }
 
 uint8_t ecu_state(void)
@@ -121,17 +166,6 @@ void ecu_receive(uint32_t id, const uint8_t *data, uint8_t length, int64_t now_n
     if (inputs_receive(id, data, length, now_ns)) {
         ecu.protection_failed = true;
     }
-}
-
-/* Time since the previous cycle, in whole periods: the sensors sample by the same clock. */
-static real_t period(int64_t now_ns)
-{
-    if (!ecu.has_previous) {
-        return (real_t)TICK_NS * R(1e-9);
-    }
-    const int64_t turns = ratio_rounded(now_ns - ecu.previous_ns, TICK_NS);
-    const int64_t period_ns = ((turns > 1) ? turns : 1) * TICK_NS;
-    return (real_t)period_ns * R(1e-9);
 }
 
 static uint8_t input_event(const CycleInputs *inputs, int64_t now_ns)
@@ -166,7 +200,7 @@ static void moved(uint8_t event)
     if (ecu.state != before) {
         announced(ECU_STATE_CHANGED, before, event, ecu.state);
         if (before == STATE_FAULT) {
-            detection_start(); /* what it held against signals was of the time before: good inputs have lasted for the time to recover */
+            detection_restart(); /* what it held against signals was of the time before: good inputs have lasted for the time to recover */
         }
     }
     if ((before == STATE_INIT) && (ecu.state == STATE_RUNNING) && (ecu.fault_ns < 0)) {
@@ -319,9 +353,8 @@ uint8_t ecu_tick(int64_t now_ns, EcuFrame frames[ECU_MOST_FRAMES])
 #ifdef ECU_FINDINGS
     stale_found(received);
 #endif
-    if (ecu.detects_faults && ((ecu.state == STATE_RUNNING) || (ecu.state == STATE_DEGRADED))) {
-        received = detection_looked(received, period(now_ns));
-    }
+    received = tested(received, now_ns);
+    last_inputs = received;
     moved(input_event(received, now_ns));
     const uint32_t known = estimated(received, now_ns, &estimates, &failed);
     codes_stepped(received, failed, estimates.speed, now_ns);

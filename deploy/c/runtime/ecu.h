@@ -21,8 +21,13 @@ typedef struct {
 /* Start anew. limits_enabled: false only warns. */
 void ecu_init(bool limits_enabled);
 
-/* Whether sensors are tested against each other: a faulty one is then no longer relied on. Off after ecu_init; call it before frames. */
+/*
+ * Whether sensors are tested against each other: a faulty one is then no longer relied on. Off after ecu_init; call it before frames.
+ * A firmware that is compiled with -DECU_WITHOUT_DETECTION has neither the tests nor this function.
+ */
+#ifndef ECU_WITHOUT_DETECTION
 void ecu_detect_faults(bool on);
+#endif
 
 /* Take one frame from the bus; frames of other identifiers are ignored. */
 void ecu_receive(uint32_t id, const uint8_t *data, uint8_t length, int64_t now_ns);

@@ -3,7 +3,7 @@
 
 #include "ecu_internal.h"
 
-#define MOST_CODES ((INPUTS * 6U) + (WATCHED * 3U) + (LISTENERS * 2U) + 1U) /* suspect parameters times the modes that each can have */
+#define MOST_CODES ((INPUTS * 6U) + (WATCHED * DETECTED_MODES) + (LISTENERS * 2U) + 1U) /* suspect parameters times the modes that each can have */
 #define MOST_OCCURRENCES 126U
 #define MANUFACTURERS 7U /* top three bits of an SPN of the manufacturer's range */
 #define EVERY_TICKS 10U  /* each message shows the next code */

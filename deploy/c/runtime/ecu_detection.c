@@ -3,6 +3,8 @@
 
 #include "ecu_internal.h"
 
+#ifndef ECU_WITHOUT_DETECTION
+
 #define ALIKE R(0.3) /* two signals that jumped against each other, equally far to within this share, are exchanged */
 
 static DetectionState state;
@@ -168,3 +170,5 @@ const CycleInputs *detection_looked(const CycleInputs *received, real_t dt)
     }
     return &relied_on;
 }
+
+#endif

@@ -29,7 +29,7 @@ static uint16_t same[INPUTS]; /* frames in a row with the value of the one befor
 static AxleSides axles[2];
 static CycleInputs gathered;
 
-void inputs_start(void)
+const CycleInputs *inputs_start(void)
 {
     (void)memset(heard_of, 0, sizeof heard_of);
     (void)memset(axles, 0, sizeof axles);
@@ -39,6 +39,7 @@ void inputs_start(void)
         gathered.values[k] = R(0.0);
     }
     gathered.values[INPUT_SPECIFIC_FORCE_Z] = R(9.81);
+    return &gathered;
 }
 
 static bool is_fresh(uint8_t listener, int64_t now_ns)
@@ -209,11 +210,6 @@ bool inputs_receive(uint32_t id, const uint8_t *data, uint8_t length, int64_t no
         }
     }
     return false;
-}
-
-const CycleInputs *inputs_held(void)
-{
-    return &gathered;
 }
 
 const CycleInputs *inputs_gathered(int64_t now_ns)

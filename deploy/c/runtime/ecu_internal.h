@@ -68,14 +68,19 @@ typedef struct {
     uint64_t doubted; /* inputs that the detection holds for faulty, replaced ones too */
 } CycleInputs;
 
-void inputs_start(void);
+const CycleInputs *inputs_start(void); /* forgets what has come; the inputs that a tick gathers */
 bool inputs_receive(uint32_t id, const uint8_t *data, uint8_t length, int64_t now_ns); /* whether a protection failed */
 const CycleInputs *inputs_gathered(int64_t now_ns);
 
 /* -- detection of faulty sensors (ecu_detection.c) */
 
+#ifdef ECU_WITHOUT_DETECTION
+#define DETECTED_MODES 0U
+#else
+#define DETECTED_MODES 3U /* failure modes that no check of a single signal has */
 void detection_start(void); /* forgets all cycles */
 const CycleInputs *detection_looked(const CycleInputs *received, real_t dt); /* the inputs that may be relied on */
+#endif
 
 /* -- trouble codes (ecu_codes.c) */
 
@@ -99,10 +104,10 @@ const Code *codes_all(uint16_t *count); /* the oldest first */
 void codes_cleared(void); /* forgets the previous ones; of those that are active, that they came before */
 void codes_dropped(void); /* what was noted since the last tick becomes no code */
 
-/* -- what the cycle shows to services beside it (ecu.c, ecu_inputs.c) */
+/* -- what the cycle shows to services beside it (ecu.c) */
 
 const real_t *ecu_values(void); /* VALUES of the last tick; zeros before the first */
-const CycleInputs *inputs_held(void); /* those of the last tick, until a frame is received */
+const CycleInputs *ecu_inputs(void); /* that the last tick relied on, until a frame is received */
 void ecu_restart(void); /* as after power-on; trouble codes, counters of frames and of ticks go on */
 
 /* -- rules (ecu_rules.c) */

@@ -46,7 +46,8 @@ def services_library(folder, *options, name="l60"):
 class CServices(BuiltEcu):
     """One ECU with its services."""
 
-    def __init__(self, library, *, xcp=None, uds=None, secret=b""):
+    def __init__(self, library, *, xcp=None, uds=None, name=None, secret=b"", detect_faults=False):
+        """xcp, uds: their channels; name: NAME with which the ECU claims its address."""
         # the memory is static: every ECU is a library of its own
         with tempfile.NamedTemporaryFile(suffix=".so") as copy:
             shutil.copyfile(library, copy.name)
@@ -59,7 +60,14 @@ class CServices(BuiltEcu):
             for channel in (xcp, uds)
             for word in ((0, 0) if channel is None else (channel.receive, channel.send))
         ]
-        self._c.tested_start(*map(ctypes.c_uint32, words), secret, ctypes.c_uint16(len(secret)))
+        self._c.tested_start(
+            *map(ctypes.c_uint32, words),
+            secret,
+            ctypes.c_uint16(len(secret)),
+            ctypes.c_bool(detect_faults),
+            ctypes.c_bool(name is not None),
+            ctypes.c_uint64(name or 0),
+        )
 
     @property
     def library(self):
@@ -75,6 +83,11 @@ class CServices(BuiltEcu):
                 ctypes.c_int64(now_ns),
             )
         return self._taken()
+
+    def may_send(self):
+        """Whether the ECU has its address, or needs none."""
+        self._c.services_may_send.restype = ctypes.c_bool
+        return bool(self._c.services_may_send())
 
     def before_cycle(self, now_ns):
         self._c.services_before_cycle(ctypes.c_int64(now_ns))
@@ -141,8 +154,8 @@ class ServiceBeside:
         return found
 
 
-def put_beside(ecu, library, *, secret, **channel):
-    """Let an ECU of the tests answer with C and Python alike."""
-    c = CServices(library, secret=secret or b"", **channel)
+def put_beside(ecu, library, *, secret, detect_faults=False, **channel):
+    """Let an ECU of the tests answer with C and Python alike. detect_faults: as the ECU in Python was made."""
+    c = CServices(library, secret=secret or b"", detect_faults=detect_faults, **channel)
     ecu.cycle, ecu.service = CycleBeside(ecu.cycle, c), ServiceBeside(ecu.service, c)
     return ecu

@@ -23,7 +23,8 @@ class BuiltEcu:
         self._c.ecu_state.restype = ctypes.c_uint8
         self._c.ecu_tick.restype = ctypes.c_uint8
         self._c.ecu_init(ctypes.c_bool(limits_enabled))
-        self._c.ecu_detect_faults(ctypes.c_bool(detect_faults))
+        if hasattr(self._c, "ecu_detect_faults"):  # not in a build without the detection
+            self._c.ecu_detect_faults(ctypes.c_bool(detect_faults))
 
     @property
     def state(self):

@@ -12,9 +12,9 @@ from typing import Final
 
 from bus.frame import Frame
 from dbc import loader_database
-from dbc.protection import sign
+from dbc.protection import Protector, sign
 from ecu.calibration import Calibration
-from tests.ecu.machine import PERIOD_NS, FakeMachine
+from tests.ecu.machine import MESSAGES, PERIOD_NS, FakeMachine
 
 MS: Final = 1_000_000
 WHEELS: Final = (1, 2, 3, 4)
@@ -207,6 +207,25 @@ class RandomDrive:
             if self._random.random() < 0.2
             else [frame]
         )
+
+
+def random_frames(seed: int, frames: int) -> Iterator[tuple[Frame | None, int]]:
+    """Calls as of `RandomDrive`: random contents, mostly signed, of random length now and then, at times that also run backwards."""
+    generator, now = random.Random(seed), 0
+    codecs = [loader_database().by_name[name] for name in MESSAGES]
+    protectors = {c.can_id: Protector(c) for c in codecs if c.e2e_data_id is not None}
+    for k in range(frames):
+        codec = codecs[k % len(codecs)]
+        data = generator.randbytes(codec.length)
+        if codec.can_id in protectors and generator.random() < 0.95:
+            data = protectors[codec.can_id].protect(data)
+        if generator.random() < 0.01:
+            data = data[: generator.randrange(9)]
+        can_id = codec.can_id if generator.random() < 0.99 else generator.getrandbits(29)
+        yield Frame(can_id, bytes(data), now), now
+        if k % len(codecs) == 0:
+            now += generator.choice((PERIOD_NS, PERIOD_NS, PERIOD_NS, 7 * PERIOD_NS, -PERIOD_NS, 1 << 40))
+            yield None, now
 
 
 def signed(frame: Frame, content: bytes) -> Frame:

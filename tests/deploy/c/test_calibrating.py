@@ -7,6 +7,8 @@ import struct
 import numpy as np
 import pytest
 
+from dbc import loader_database
+from deploy.c.detection_tables import machine_detection
 from deploy.c.rules_tables import machine_rules
 from ecu import reasons
 from ecu.measure.parameters import calibration_numbers
@@ -53,7 +55,7 @@ class AlarmTimes(ctypes.Structure):
 
 
 def numbers_in_c(ecu):
-    """The machine's numbers and what follows from them, limits, warnings and times of alarms: as the C works with them, and as Python does."""
+    """The machine's numbers and what follows from them, limits, warnings, times of alarms, rules of the detection: as the C works with them, and as Python does."""
     c, calibration = ecu.cycle.c, ecu.cycle.calibration
     times = reasons.times(calibration.alarms)
     alarms = [times[name] for name in (*reasons.REASONS, *(state.name for state in reasons.STATES))]
@@ -62,6 +64,7 @@ def numbers_in_c(ecu):
         "calibration_limits": fields(calibration.limits),
         "warning_rules": fields(calibration.warnings),
         "machine_rules": list(machine_rules(calibration.parameters).values()),
+        **machine_detection(calibration, loader_database()),
     }
     found = {name: list((ctypes.c_double * len(of_python[name])).in_dll(c, name)) for name in of_python}
     of_python["alarm_holds"] = [alarms[0].least_on_ns, alarms[0].off_delay_ns]

@@ -33,13 +33,13 @@ RAM_BUDGET = 32 * 1024
 FLASH_BUDGET = 128 * 1024
 
 
-def make(folder, target, *needed):
-    """Build by the exported Makefile; skips without its tools."""
+def make(folder, target, *needed, options="OPTIONS="):
+    """Build by the exported Makefile; skips without its tools. options: its variable of that name."""
     for tool in ("make", *needed):
         if shutil.which(tool) is None:
             pytest.skip(f"no {tool}")
     run = subprocess.run(
-        ["make", "--no-print-directory", "-C", str(folder), target],
+        ["make", "--no-print-directory", "-C", str(folder), target, options],
         capture_output=True,
         text=True,
         check=False,
@@ -149,7 +149,6 @@ def test_help_opens_no_interface(linux_program):
     [
         ((), "usage: loader-ecu"),
         (("--calibration", "l60", "can0"), "there is no option --calibration"),
-        (("can0", "--detect-faults", "--xcp", "0x600,0x601"), "--detect-faults does not fit --xcp"),
         (("can0", "--fifo"), "--fifo (nothing): it takes a priority of 1 to 99"),
         (("can0", "--fifo", "100"), "--fifo 100: it takes"),
         (("can0", "--fifo", "5x"), "--fifo 5x: it takes"),
@@ -166,6 +165,10 @@ def test_help_opens_no_interface(linux_program):
             ("can0", "--uds", f"0x600,{loader_database().by_name['Limits'].can_id & 0x1FFFFFFF:#x}"),
             "of Limits",
         ),
+        (("can0", "--j1939", "identity=1"), "a NAME needs manufacturer, as in identity=1,manufacturer=0"),
+        (("can0", "--j1939", "maker=1"), "a NAME has the fields identity, manufacturer,"),
+        (("can0", "--j1939", "identity=one,manufacturer=0"), "there is no whole number for identity"),
+        (("can0", "--j1939", "identity=1,manufacturer=2048"), "too large for manufacturer"),
         (("can0", "--access-key", "/no/such/file"), "/no/such/file: cannot be read"),
         (("can0", "--access-key", "/dev/null"), "a secret has 16 to 4096 bytes, this file 0"),
     ],

@@ -14,7 +14,6 @@ from bus.frame import EXTENDED, EXTENDED_MASK, Frame
 from dbc import loader_database
 from dbc.j1939 import pgn, source_address
 from ecu.j1939.claim import CONTENTION_NS, GLOBAL, State, message
-from ecu.j1939.name import Name
 from ecu.j1939.service import (
     ACKNOWLEDGEMENT,
     BUSY,
@@ -23,27 +22,28 @@ from ecu.j1939.service import (
     REFUSED,
     REQUEST,
     SOFTWARE,
-    j1939_service,
 )
+from tests.ecu.j1939.conftest import NAME
 
 DATABASE = loader_database()
 ADDRESS = source_address(DATABASE.by_name["EcuStatus"].can_id)
 TOOL = 0xF9
 TICK_NS = 10_000_000
 PATIENCE_S = 30.0
-NAME = Name(identity=77, manufacturer=5)
 
 
-def service_named(name: Name = NAME):
-    return j1939_service(name, DATABASE, calibration="l60", version="1.2.3", random=lambda: 10)
+@pytest.fixture
+def owning(service_named):
+    """Makes a service that has its address."""
 
+    def made():
+        service = service_named()
+        service.after_cycle(0)
+        service.after_cycle(CONTENTION_NS)
+        assert service.may_send()
+        return service
 
-def owning():
-    service = service_named()
-    service.after_cycle(0)
-    service.after_cycle(CONTENTION_NS)
-    assert service.may_send()
-    return service
+    return made
 
 
 def request(group: int, to: int = ADDRESS) -> Frame:
@@ -56,7 +56,7 @@ def test_the_address_is_that_of_all_messages_of_the_ecu():
     }
 
 
-def test_the_ecu_sends_nothing_before_it_has_its_address():
+def test_the_ecu_sends_nothing_before_it_has_its_address(service_named):
     service = service_named()
     (claim,) = service.after_cycle(0)
     assert source_address(claim.can_id) == ADDRESS
@@ -67,7 +67,7 @@ def test_the_ecu_sends_nothing_before_it_has_its_address():
     assert service.may_send()
 
 
-def test_a_lost_address_is_logged_once_and_ends_a_long_answer(caplog):
+def test_a_lost_address_is_logged_once_and_ends_a_long_answer(owning, caplog):
     service = owning()
     assert len(service.receive(request(SOFTWARE, GLOBAL), CONTENTION_NS)) == 1
     lower = message(0xEE00, ADDRESS, bytes(8))
@@ -82,7 +82,7 @@ def test_a_lost_address_is_logged_once_and_ends_a_long_answer(caplog):
 
 
 @pytest.mark.parametrize("group", [0xFECA, 0xFEDA, 0xFEEB, 0xEE00, 0x1234, 0x1FFFF])
-def test_only_a_request_to_the_ecu_alone_is_refused(group):
+def test_only_a_request_to_the_ecu_alone_is_refused(owning, group):
     """J1939-21: nobody refuses a request to all."""
     known = {pgn(c.can_id) for c in DATABASE.by_id.values() if "EstimatorEcu" in c.senders}
     refused = group not in known | {SOFTWARE, COMPONENT, 0xEE00}
@@ -97,7 +97,7 @@ def test_only_a_request_to_the_ecu_alone_is_refused(group):
     )
 
 
-def test_a_second_long_answer_waits_for_the_first():
+def test_a_second_long_answer_waits_for_the_first(owning):
     service = owning()
     service.receive(request(SOFTWARE), CONTENTION_NS)
     (busy,) = service.receive(request(COMPONENT), CONTENTION_NS)
@@ -113,7 +113,7 @@ def test_a_second_long_answer_waits_for_the_first():
     assert len(service.receive(request(COMPONENT), now)) == 1
 
 
-def test_random_frames_harm_nothing():
+def test_random_frames_harm_nothing(owning):
     draw = random.Random(1)
     service, groups = owning(), [REQUEST, 0xEE00, ACKNOWLEDGEMENT, 0xEC00, 0xEB00]
     for k in range(20_000):
@@ -155,7 +155,7 @@ class Bench:
 
 
 @pytest.fixture
-def bench() -> Iterator[Bench]:
+def bench(service_named) -> Iterator[Bench]:
     bench = Bench(service_named())
     yield bench
     bench.theirs.stop()

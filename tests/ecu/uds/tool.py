@@ -25,8 +25,8 @@ class UdsEcu(Ecu):
 
     channel = CHANNEL
 
-    def __init__(self, *, secret: bytes | None = SECRET) -> None:
-        super().__init__()
+    def __init__(self, *, secret: bytes | None = SECRET, **options: bool) -> None:
+        super().__init__(**options)
         seeds = iter(range(1, 1 << 16))
         self.service = uds_service(
             self.cycle, calibration_table(), CHANNEL,

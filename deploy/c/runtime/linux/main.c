@@ -91,7 +91,9 @@ static void ticked(int64_t due_ns)
     const int64_t started_ns = now_of();
     services_before_cycle(due_ns);
     const uint8_t count = ecu_tick(due_ns, frames);
-    bus_sent(frames, count);
+    if (services_may_send()) {
+        bus_sent(frames, count);
+    }
     services_after_cycle(due_ns);
     const int64_t ended_ns = now_of();
     ecu_executed(ended_ns - started_ns);

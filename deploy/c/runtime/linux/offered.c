@@ -2,6 +2,7 @@
 #include "offered.h"
 
 #include <errno.h>
+#include <inttypes.h>
 #include <linux/can.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,6 +11,8 @@
 
 #include "can_bus.h"
 #include "ecu_names.h"
+#include "j1939_name.h"
+#include "log.h"
 #include "services/services.h"
 
 #define LEAST_SECRET 16U /* bytes: shorter ones can be found by trying */
@@ -24,6 +27,13 @@ bool service_random(uint8_t *bytes, uint8_t count)
 {
     /* the cycle must not wait for a kernel that has gathered no randomness yet */
     return getrandom(bytes, count, GRND_NONBLOCK) == (ssize_t)count;
+}
+
+void service_address_lost(uint64_t name)
+{
+    char detail[20];
+    (void)snprintf(detail, sizeof detail, "%016" PRIX64, name);
+    log_note("another controller has the ECU's address, which sends nothing until it is restarted: NAME ", detail);
 }
 
 /* One identifier of "RECEIVE,SEND", with bit 31 where it has 29 bits. False where there is none before `stop`. */
@@ -115,6 +125,12 @@ bool offered_started(const Options *options)
     if (services.xcp.offered && services.uds.offered && shares(&services.xcp, &services.uds)) {
         (void)fprintf(stderr, "loader-ecu: --xcp %s and --uds %s share an identifier\n", options->xcp, options->uds);
         return false;
+    }
+    if (options->j1939 != NULL) {
+        services.claims_address = true;
+        if (!name_read(options->j1939, &services.name)) {
+            return false;
+        }
     }
     if (options->access_key != NULL) {
         services.secret_length = (uint16_t)secret_read(options->access_key, secret);

@@ -16,7 +16,7 @@ static const char usage[] =
     "\n"
     "  --bus socketcan:INTERFACE  the interface, as `loaderhil ecu` takes it\n"
     "  --no-limits                warn only\n"
-    "  --detect-faults            test the sensors against each other, and go on without a faulty one: so it is, but with --xcp\n"
+    "  --detect-faults            test the sensors against each other, and go on without a faulty one (the default)\n"
     "  --no-detect-faults         do not\n"
     "  --listen-s SECONDS         listen before the first frame is sent; end where another node sends the ECU's messages\n"
     "  --fifo PRIORITY            real-time priority (SCHED_FIFO), 1 to 99\n"
@@ -24,6 +24,8 @@ static const char usage[] =
     "  --cpu N                    run only on processor N, counted from 0\n"
     "  --xcp RECEIVE,SEND         answer XCP: CAN identifiers of the tool's and of the ECU's frames\n"
     "  --uds RECEIVE,SEND         answer UDS on ISO-TP, likewise\n"
+    "  --j1939 NAME               claim the ECU's address by J1939-81 with this NAME, such as identity=1,manufacturer=0, and\n"
+    "                             answer requests; without the address nothing is sent\n"
     "  --access-key FILE          the secret behind seed and key; without it nothing can be unlocked\n"
     "  -h, --help                 this text\n"
     "\n"
@@ -60,6 +62,8 @@ static int valued(const char *option, const char *value, Options *options)
         options->xcp = value;
     } else if (strcmp(option, "--uds") == 0) {
         options->uds = value;
+    } else if (strcmp(option, "--j1939") == 0) {
+        options->j1939 = value;
     } else if (strcmp(option, "--access-key") == 0) {
         options->access_key = value;
     } else if (strcmp(option, "--fifo") == 0) {
@@ -83,9 +87,9 @@ static int valued(const char *option, const char *value, Options *options)
 int options_read(int count, char **words, Options *options)
 {
     const Options ordinary = {.interface = NULL, .limits = true, .detect_faults = true, .fifo = 0, .cpu = -1,
-                              .lock_memory = false, .listen_s = 0.0, .xcp = NULL, .uds = NULL, .access_key = NULL};
+                              .lock_memory = false, .listen_s = 0.0, .xcp = NULL, .uds = NULL, .j1939 = NULL,
+                              .access_key = NULL};
     *options = ordinary;
-    bool asked = false;
     for (int k = 1; k < count; ++k) {
         const char *word = words[k];
         if ((strcmp(word, "--help") == 0) || (strcmp(word, "-h") == 0)) {
@@ -96,7 +100,6 @@ int options_read(int count, char **words, Options *options)
             options->limits = false;
         } else if (strcmp(word, "--detect-faults") == 0) {
             options->detect_faults = true;
-            asked = true;
         } else if (strcmp(word, "--no-detect-faults") == 0) {
             options->detect_faults = false;
         } else if (strcmp(word, "--lock-memory") == 0) {
@@ -115,14 +118,6 @@ int options_read(int count, char **words, Options *options)
     }
     if (options->interface == NULL) {
         (void)fputs(usage, stderr);
-        return MISUSED;
-    }
-    /* the thresholds of the detection follow from numbers that a tool could change */
-    if ((options->xcp != NULL) && !asked) {
-        options->detect_faults = false;
-    }
-    if ((options->xcp != NULL) && options->detect_faults) {
-        (void)fprintf(stderr, "loader-ecu: --detect-faults does not fit --xcp here: take `loaderhil ecu` for both\n");
         return MISUSED;
     }
     if ((options->interface[0] == '\0') || (strlen(options->interface) >= IFNAMSIZ)) {

@@ -8,14 +8,15 @@ enum { PASSED = 0, FAILED = 1, MISUSED = 2, BUS_LOST = 4 }; /* exit codes, as th
 
 typedef struct {
     const char *interface;
-    bool limits;
-    bool detect_faults;      /* false: only warns */
+    bool limits; /* false: only warns */
+    bool detect_faults; /* whether sensors are tested against each other */
     int fifo;         /* priority of SCHED_FIFO; 0: an ordinary process */
     int cpu;          /* the only processor; -1: any */
     bool lock_memory; /* no tick waits for a page fault */
     double listen_s;  /* before the first frame is sent [s] */
     const char *xcp;  /* identifiers of tool and ECU, for measuring and calibrating; NULL: not offered */
     const char *uds;  /* for diagnosis */
+    const char *j1939; /* NAME with which the ECU claims its address; NULL: it claims none */
     const char *access_key; /* file with the secret behind seed and key; NULL: nothing can be unlocked */
 } Options;
 

@@ -65,4 +65,5 @@ void calibration_applied(const real_t *numbers)
     alarms_set(numbers);
     RULE_PULL = PULL_SHARE * calibration_parameters.wheel.nominal_load;
     RULE_FRICTION = FRICTION_SHARE * real_max(calibration_parameters.wheel.friction, calibration_parameters.wheel.lateral_peak);
+    noise_of_residuals(&detection_rules, &detection_makes, &detection_tolerances, &calibration_parameters);
 }

@@ -67,7 +67,7 @@ static void framed(const uint8_t *head, uint8_t heads, const uint8_t *bytes, uin
             frame.data[k] = (place < count) ? bytes[place] : PADDING;
         }
     }
-    service_sent(&frame);
+    service_answered(&frame);
 }
 
 static void flow_controlled(uint8_t status)

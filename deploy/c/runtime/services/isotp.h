@@ -1,7 +1,7 @@
 /*
  * ISO-TP (ISO 15765-2) on one pair of identifiers of classic CAN: frames in, requests out; answers in, frames out.
  *
- * Half duplex: what comes while an answer is under way is for the caller to leave out. Sent frames go to service_sent.
+ * Half duplex: what comes while an answer is under way is for the caller to leave out. Sent frames go to service_answered.
  */
 #ifndef ISOTP_H
 #define ISOTP_H

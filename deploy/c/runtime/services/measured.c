@@ -21,7 +21,7 @@ void measured_start(void)
 
 void measured_taken(void)
 {
-    (void)memcpy(inputs, inputs_held()->values, sizeof inputs);
+    (void)memcpy(inputs, ecu_inputs()->values, sizeof inputs);
     is_packed = false;
     has_cycle = true;
 }

@@ -4,6 +4,7 @@
 #include <stddef.h>
 
 #include "access.h"
+#include "j1939.h"
 #include "measured.h"
 #include "uds.h"
 #include "xcp.h"
@@ -16,6 +17,9 @@ void services_start(const Services *services)
     offered.secret = NULL; /* what is needed of it is kept by access.c */
     access_start(services->secret, services->secret_length);
     measured_start();
+    if (offered.claims_address) {
+        j1939_start(offered.name);
+    }
     if (offered.xcp.offered) {
         xcp_start(offered.xcp.send);
     }
@@ -24,10 +28,25 @@ void services_start(const Services *services)
     }
 }
 
+bool services_may_send(void)
+{
+    return !offered.claims_address || j1939_may_send();
+}
+
+void service_answered(const EcuFrame *frame)
+{
+    if (services_may_send()) {
+        service_sent(frame);
+    }
+}
+
 void services_receive(uint32_t id, const uint8_t *data, uint8_t length, int64_t now_ns)
 {
     if ((length == 0U) || (length > 8U)) {
         return;
+    }
+    if (offered.claims_address) {
+        j1939_receive(id, data, length, now_ns);
     }
     if (offered.xcp.offered && (id == offered.xcp.receive)) {
         xcp_receive(data, length, now_ns);
@@ -50,6 +69,9 @@ void services_before_cycle(int64_t now_ns)
 void services_after_cycle(int64_t now_ns)
 {
     measured_taken();
+    if (offered.claims_address) {
+        j1939_after_cycle(now_ns);
+    }
     if (offered.xcp.offered) {
         xcp_after_cycle(now_ns);
     }

@@ -56,7 +56,7 @@ void packet_sent(const XcpPacket *packet)
     frame.id = xcp.send;
     frame.length = packet->length;
     (void)memcpy(frame.data, packet->bytes, packet->length);
-    service_sent(&frame);
+    service_answered(&frame);
 }
 
 static void key_forgotten(void)
