@@ -6,17 +6,19 @@ import shutil
 import struct
 import tempfile
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from bus.frame import Frame
 from bus.user_error import UserError
+from configuration import CheckedTable
 from dbc import loader_database
 from dbc.protection import Finding as Check
 from deploy.c.detection_tables import machine_detection
 from deploy.c.library import library
+from deploy.c.offered import OfferedInC
 from deploy.c.rules_tables import CHECKS, EVENTS, machine_rules
 from deploy.c.tables import Received, inputs_of
 from ecu.calibration import Calibration
@@ -32,6 +34,7 @@ from ecu.findings import (
     StateChanged,
 )
 from ecu.inputs import EXCHANGED, FROZEN, GROUP_OF, REPORTED, WEIGHTLESS, Group, doubt
+from ecu.measure.channel import Channel
 from ecu.states import State
 
 _FRAME: Final = struct.Struct("=IB8s3x")
@@ -62,11 +65,29 @@ class CEcu:
     """One ECU in C. As `ecu.core.Ecu`."""
 
     def __init__(self, calibration: Calibration, *, limits: bool, detect_faults: bool = False) -> None:
-        c = _own_copy(library(calibration))
+        self._calibration, self._limits, self._detect_faults = calibration, limits, detect_faults
+        self._inputs = inputs_of(calibration)
+        self._suspects: tuple[str, ...] = ()  # of a fault whose other signals are still to come
+        self._load(library(calibration))
+
+    def offer(
+        self,
+        table: CheckedTable,
+        channels: tuple[Channel | None, Channel | None],
+        secret: bytes | None,
+        random: Callable[[int], bytes],
+    ) -> OfferedInC:
+        """XCP and UDS of this ECU, before its first frame. As `ecu.offered.services.OffersByItself`."""
+        # a bench without tools neither builds nor loads the services
+        self._load(library(self._calibration, table.values))
+        return OfferedInC(self._c, channels, secret, random)
+
+    def _load(self, file: Path) -> None:
+        """Start as this library."""
+        c = self._c = _own_copy(file)
         # the C has no ECU to hand around, its memory is static: each ECU is a library of its own, unloaded with it
         weakref.finalize(self, _ctypes.dlclose, c._handle)
-        _set_machine(c, calibration)
-        self._inputs = inputs_of(calibration)
+        _set_machine(c, self._calibration)
         most_frames, most_findings, self._most_received = (
             ctypes.c_uint32.in_dll(c, f"library_most_{what}").value
             for what in ("frames", "findings", "received")
@@ -85,9 +106,8 @@ class CEcu:
         self._executed, self._overran, self._state = c.ecu_executed, c.ecu_overran, c.ecu_state
         self._executed.argtypes, self._overran.argtypes = (ctypes.c_int64,), (ctypes.c_uint32,)
         self._state.restype = ctypes.c_uint8
-        c.ecu_init(ctypes.c_bool(limits))
-        c.ecu_detect_faults(ctypes.c_bool(detect_faults))
-        self._suspects: tuple[str, ...] = ()  # of a fault whose other signals are still to come
+        c.ecu_init(ctypes.c_bool(self._limits))
+        c.ecu_detect_faults(ctypes.c_bool(self._detect_faults))
 
     @property
     def state(self) -> State:

@@ -6,6 +6,7 @@ import shlex
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Final
@@ -31,18 +32,20 @@ class NoCompilerError(UserError, ValueError):
     """There is no C compiler, or it cannot compile the ECU."""
 
 
-def library(calibration: Calibration) -> Path:
+def library(calibration: Calibration, sections: Mapping[str, object] | None = None) -> Path:
     """The shared library of the ECU with the rules of this calibration; built if its sources have changed or it was never built.
+
+    sections: the table of the calibration's file, for a library that also offers XCP and UDS.
 
     What the estimators know of the machine (`calibration.parameters`) is set in the loaded library: campaigns draw hundreds of machines.
     Errors: NoCompilerError; NoCacheFolderError where compiled code cannot be kept.
     """
     folder = code_folder(_HERE, "ecu-in-c", _sources())
-    file = folder / f"{_key(calibration)}.so"
+    file = folder / f"{_key(calibration, sections)}.so"
     if not file.exists():
         # built beside its place and moved there whole: another process may build the same at the same time
         with tempfile.TemporaryDirectory(dir=folder) as work:
-            _build(calibration, Path(work), folder).replace(file)
+            _build(calibration, sections, Path(work), folder).replace(file)
     return file
 
 
@@ -55,18 +58,18 @@ def _sources() -> str:
     return digest_of(sorted(f for f in files if f.suffix in _SUFFIXES and "__pycache__" not in f.parts))
 
 
-def _key(calibration: Calibration) -> str:
+def _key(calibration: Calibration, sections: Mapping[str, object] | None) -> str:
     """Fingerprint of the numbers that go into the C, and of the choice of compiler."""
     c = calibration
     # names and rules of the detection are not exported, and the machine's numbers are set after loading
-    said = repr((c.limits, c.warnings, c.alarms, c.inputs, OPTIONS, os.environ.get("CC", "")))
+    said = repr((c.limits, c.warnings, c.alarms, c.inputs, sections, OPTIONS, os.environ.get("CC", "")))
     return hashlib.sha256(said.encode()).hexdigest()[:16]
 
 
-def _build(calibration: Calibration, work: Path, kept: Path) -> Path:
+def _build(calibration: Calibration, sections: Mapping[str, object] | None, work: Path, kept: Path) -> Path:
     """Write the C into `work` and build it there; the estimators' object stays in `kept`."""
     compiler = _compiler()
-    write_project(work, calibration)
+    write_project(work, calibration, sections)
     # three quarters of the time to compile, and the same for every calibration
     chosen = hashlib.sha256(os.environ.get("CC", "").encode()).hexdigest()[:8]
     translated = [kept / f"{name}-{chosen}.o" for name in _TRANSLATED]
@@ -76,7 +79,8 @@ def _build(calibration: Calibration, work: Path, kept: Path) -> Path:
             (work / f"{name}.o").replace(made)
     others = sorted(
         file.relative_to(work).as_posix()
-        for file in (*work.glob("*.c"), *work.glob("library/*.c"))
+        for folder in (".", "library", "services")
+        for file in work.glob(f"{folder}/*.c")
         if file.stem not in _TRANSLATED
     )
     _compile(compiler, work, "-shared", "-I.", *others, *map(str, translated), "-o", "ecu.so", "-lm")

@@ -14,7 +14,7 @@ from deploy.c.service_tables import service_files
 from ecu.calibration import Calibration
 
 RUNTIME: Final = Path(__file__).resolve().parent / "runtime"
-_OFFERING: Final = ("services/", "linux/")
+_OFFERING: Final = ("services/", "linux/", "library/services.c")
 MARK: Final = "Written by `loaderhil export-c`"
 
 

@@ -2,9 +2,10 @@
 
 import importlib.metadata
 import secrets
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from bus.user_error import UserError
 from configuration import CheckedTable
@@ -31,6 +32,21 @@ class ServiceOptions:
 NO_SERVICES = ServiceOptions()
 
 
+@runtime_checkable
+class OffersByItself(Protocol):
+    """An ECU of another core that has XCP and UDS of its own."""
+
+    def offer(
+        self,
+        table: CheckedTable,
+        channels: "tuple[Channel | None, Channel | None]",
+        secret: bytes | None,
+        random: Callable[[int], bytes],
+    ) -> BusService:
+        """Both as one service, before the first frame. channels: of XCP and of UDS; secret: without one nothing can be unlocked."""
+        ...
+
+
 class ServicesError(UserError, ValueError):
     """This ECU cannot offer what was asked for."""
 
@@ -43,8 +59,6 @@ def services_of(cycle: Ecu, table: CheckedTable, options: ServiceOptions) -> lis
         offered.append(_j1939(table, options.j1939))
     if options.xcp is None and options.uds is None:
         return offered
-    if not isinstance(cycle, EcuCycle):
-        raise ServicesError("XCP and UDS are offered by the ECU in Python only: leave --core at python")
     from ecu.measure.access import read_secret
     from ecu.measure.channel import Channel
 
@@ -57,6 +71,11 @@ def services_of(cycle: Ecu, table: CheckedTable, options: ServiceOptions) -> lis
     words = [word for channel in channels.values() for word in (channel.receive, channel.send)]
     if len(set(words)) < len(words):
         raise ServicesError(f"--xcp {options.xcp} and --uds {options.uds} share an identifier")
+    if isinstance(cycle, OffersByItself):
+        both = channels.get("xcp"), channels.get("uds")
+        return [*offered, cycle.offer(table, both, secret, secrets.token_bytes)]
+    if not isinstance(cycle, EcuCycle):
+        raise ServicesError("this core of the ECU offers neither XCP nor UDS: take --core python or c")
     if "xcp" in channels:
         from ecu.xcp.service import xcp_service
 

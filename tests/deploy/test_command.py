@@ -124,7 +124,7 @@ def test_systemd_finds_a_program_with_an_awkward_name(cli, tmp_path, monkeypatch
     [
         (("--core", "c", "--form", "printed"), "--form printed: not in the ECU's C core"),
         (("--xcp", "foo"), "foo"),
-        (("--core", "c", "--uds", "0x610,0x611"), "in Python only"),
+        (("--core", "c", "--uds", "0x610"), "two CAN identifiers"),
     ],
 )
 def test_options_are_judged_whether_there_is_a_bus_or_not(cli, options, said, tmp_path):
