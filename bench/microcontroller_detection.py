@@ -7,6 +7,7 @@ host's single-precision build and through QEMU with it, and through QEMU without
 import argparse
 import statistics
 import tempfile
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from bench.microcontroller import (
@@ -28,6 +29,9 @@ from hil.compose import Choice, plant_unit
 from hil.lockstep import Lockstep
 
 PARTS = ("detection.c", "ecu_detection.c")
+ON, OFF, LEFT_OUT = "-DREPLAY_DETECTS_FAULTS", "", "-DECU_WITHOUT_DETECTION"
+BUILDS = {ON: "detection on", OFF: "detection off", LEFT_OUT: "detection left out"}
+"""Options of the compiler, and what they make of the detection."""
 
 
 def kept_of(scenario: str) -> Kept:
@@ -37,21 +41,36 @@ def kept_of(scenario: str) -> Kept:
     return kept
 
 
-def on_board(folder: Path, calls: Calls, *, detects: bool) -> tuple[Answers, list[int]]:
-    """Answers of QEMU, and the sizes of text, data and bss."""
-    options = f"OPTIONS={'-DREPLAY_DETECTS_FAULTS' if detects else ''}"
-    built = run("make", "--no-print-directory", "-B", "-C", folder, options, "cortex_m4/ecu.elf")
-    frames_file(folder / "frames.bin", calls)
-    run("make", "-C", folder, options, "replay")
-    return answers_of(folder / "answers.bin"), [int(size) for size in built.splitlines()[-1].split()[:3]]
+def built(folder: Path, option: str) -> list[int]:
+    """Compile the firmware with one of BUILDS; the sizes of text, data and bss."""
+    said = run("make", "--no-print-directory", "-B", "-C", folder, f"OPTIONS={option}", "cortex_m4/ecu.elf")
+    return [int(size) for size in said.splitlines()[-1].split()[:3]]
 
 
-def cost_row(what: str, instructions: list[int], stack: int, static: int) -> str:
+def replayed(folder: Path, option: str, *drives: Calls) -> Answers:
+    """Answers of QEMU to drives, for each of which the ECU starts anew."""
+    frames_file(folder / "frames.bin", *drives)
+    run("make", "-C", folder, f"OPTIONS={option}", "replay")
+    return answers_of(folder / "answers.bin")
+
+
+@dataclass(slots=True)
+class Cost:
+    """Of one build, over all scenarios."""
+
+    instructions: list[int] = field(default_factory=list)  # of each tick
+    stack: int = 0  # its depth [bytes]
+    sizes: list[int] = field(default_factory=list)  # of text, data and bss
+
+
+def cost_row(what: str, cost: Cost) -> str:
     """Instructions of all cycles, and memory."""
-    ordered = sorted(instructions)
+    ordered = sorted(cost.instructions)
+    text, data, bss = cost.sizes
+    stack, static = cost.stack, data + bss
     numbers = (statistics.median(ordered), ordered[int(0.99 * len(ordered))], ordered[-1])
     texts = (f"{n:,.0f} ({n * CLOCKS / CLOCK_MHZ / 1e3:.1f} ms)" for n in numbers)
-    return f"| {what} | {' | '.join(texts)} | {stack:,} B | {static + stack:,} B |"
+    return f"| {what} | {' | '.join(texts)} | {stack:,} B | {static + stack:,} B | {text + data:,} B |"
 
 
 def main() -> None:
@@ -61,8 +80,7 @@ def main() -> None:
     parser.add_argument("--scenarios", nargs="*", default=SCENARIOS)
     options = parser.parse_args()
     revision, clean = commit()
-    rows, cost = [], {True: ([0] * 0, 0), False: ([0] * 0, 0)}
-    sizes = [0, 0, 0]
+    rows, costs = [], {option: Cost() for option in BUILDS}
     with tempfile.TemporaryDirectory() as folder:
         builds = Builds(Path(folder))
         parts = dict(builds.parts())
@@ -72,17 +90,17 @@ def main() -> None:
             single = answers(builds.single, kept.calls, detects=True)
             _, measured, steps, chosen = compared(single, kept.sent)
             unlike = 0
-            for detects in (True, False):
-                board, sizes = on_board(builds.c, kept.calls, detects=detects)
-                instructions, stack = cost[detects]
-                cost[detects] = ([*instructions, *board.instructions], max(stack, board.stack))
-                if detects:
+            for option, cost in costs.items():
+                cost.sizes = built(builds.c, option)
+                board = replayed(builds.c, option, kept.calls)
+                cost.instructions += board.instructions
+                cost.stack = max(cost.stack, board.stack)
+                if option == ON:
                     pairs = zip(board.ticks, single, strict=True)
                     unlike = sum(a != b for ours, theirs in pairs for a, b in zip(ours, theirs, strict=True))
             sent = sum(map(len, kept.sent))
             rows.append(f"| {name} | {sent} | {differ} | {measured} | {steps} | {chosen} | {unlike} |")
             print(rows[-1], flush=True)
-    text, data, bss = sizes
     options.out.write_text(
         f"""# The detection of sensor faults on a Cortex-M4F
 
@@ -100,15 +118,14 @@ A frame in which QEMU and the host differ comes from their libraries: newlib and
 
 ## What it costs
 
-Instructions of `ecu_tick` in `qemu-system-arm -icount shift=0`; times with {CLOCKS} clocks per instruction at {CLOCK_MHZ} MHz, an assumption. Of {len(cost[True][0]):,} cycles.
+Instructions of `ecu_tick` in `qemu-system-arm -icount shift=0`; times with {CLOCKS} clocks per instruction at {CLOCK_MHZ} MHz, an assumption. Of {len(costs[ON].instructions):,} cycles.
 
-| | median | 99th percentile | most | stack | static memory and stack |
-|---|---:|---:|---:|---:|---:|
-{cost_row("detection off", *cost[False], data + bss)}
-{cost_row("detection on", *cost[True], data + bss)}
+| | median | 99th percentile | most | stack | static memory and stack | code and constants |
+|---|---:|---:|---:|---:|---:|---:|
+{chr(10).join(cost_row(what, costs[option]) for option, what in BUILDS.items())}
 
-Code and constants are {text + data:,} B of a budget of 131,072 B, of them {" and ".join(f"{parts[name]:,} B of `{name}`" for name in PARTS)}. The budget of memory is 32,768 B, that of a cycle 10 ms. Static memory is the same with the
-detection on and off: which it is, is decided when the ECU starts.
+The budget of code and constants is 131,072 B, of memory 32,768 B, of a cycle 10 ms. Of the code are {" and ".join(f"{parts[name]:,} B of `{name}`" for name in PARTS)}. On or off is decided when the ECU starts;
+left out it is by `-DECU_WITHOUT_DETECTION` when the firmware is compiled.
 """,
         encoding="utf-8",
     )

@@ -17,6 +17,7 @@ from bench.safe_state.events import (
     BROKEN,
     CUT,
     EVENTS,
+    HELD_UP_S,
     EcuProgram,
     Outcome,
     c_ecu,
@@ -44,10 +45,11 @@ a tick that comes late, because the host is busy, is seen late. Each cell: media
 |---|---|---:|---:|---|---:|---:|
 """
 BESIDE_HEAD = """
-What must not reach the machine: a recorder beside the ECU whose disk (256 KiB) is full, a clock that is set an hour on and back, and nothing at all, which shows what the host itself does.
+What must not reach the machine: a recorder beside the ECU whose disk (256 KiB) is full, a clock that is set an hour on and back, and nothing at all, which shows what the host itself does. All share one processor. Where the
+machine's own ticks were {held_up:.0f} ms apart, its inputs are stale, and safe limits answer to that: these times are not held against the event. The recorder's disk is judged from its first written byte on.
 
-| ECU | event | times with safe limits | longest gap of `Limits` [ms] | longest gap of the machine's ticks [ms] | exit code of what had to end |
-|---|---|---:|---:|---:|---|
+| ECU | event | times with safe limits | of them with the machine on time | longest gap of `Limits` [ms] | longest gap of the machine's ticks [ms] | exit code of what had to end |
+|---|---|---:|---:|---:|---:|---|
 """
 BROKEN_HEAD = """
 An ECU that is started with a broken configuration: the Python ECU with a calibration that holds a text for a number, the C program with a priority that does not exist.
@@ -83,7 +85,7 @@ def page(
             lines.append(
                 f"| {ecu} | {event} | {safe} | {bound} | {well} of {len(outcomes)} | {slow} | {back} |\n"
             )
-    lines.append(BESIDE_HEAD)
+    lines.append(BESIDE_HEAD.format(held_up=HELD_UP_S * 1e3))
     for (ecu, event), outcomes in found.items():
         if event in BESIDE:
             gap, late = (
@@ -92,7 +94,10 @@ def page(
             )
             reached = sum(o.safe_after_s is not None for o in outcomes)
             codes = ", ".join(sorted({str(o.exit_code) for o in outcomes if o.exit_code is not None})) or "–"
-            lines.append(f"| {ecu} | {event} | {reached} of {len(outcomes)} | {gap} | {late} | {codes} |\n")
+            unforced = sum(o.unforced_s is not None for o in outcomes)
+            lines.append(
+                f"| {ecu} | {event} | {reached} of {len(outcomes)} | {unforced} | {gap} | {late} | {codes} |\n"
+            )
     lines.append(BROKEN_HEAD)
     for (ecu, event), outcomes in found.items():
         if event in BROKEN:

@@ -27,6 +27,10 @@ BESIDE: Final = ("nothing", "full disk", "clock step")
 BROKEN: Final = ("broken configuration",)
 EVENTS: Final = (*CUT, *BESIDE, *BROKEN)
 WATCHED_S: Final = 2.0  # after an event beside the ECU
+HELD_UP_S: Final = 0.03
+"""Inputs of three cycles' age are stale: a machine whose own ticks are so far apart gets safe limits, whatever else happens."""
+FELT_S: Final = 0.2
+"""Within so long the ECU's answer to stale inputs is there."""
 RUNNING_TICKS: Final = 50
 OWN: Final = {c.can_id for c in loader_database().by_name.values() if "EstimatorEcu" in c.senders}
 
@@ -38,6 +42,7 @@ class Outcome:
     declared_s: float  # of the equipment: age of the last limits beyond which the machine takes its safe ones
     late_s: float  # longest time between two ticks of the machine after the event: how busy this host was
     safe_after_s: float | None = None  # first tick with safe limits in force; None: there was none
+    unforced_s: float | None = None  # likewise, where the machine itself was not held up just before
     slow_after_s: float | None = None  # speed within the safe limit
     back_after_s: float | None = None  # limits of the ECU in force again, after it could send again
     longest_gap_s: float = 0.0  # between two Limits frames that the machine used
@@ -156,13 +161,31 @@ def _watched(machine: DrivingMachine, event_ns: int, exit_code: int | None = Non
     time.sleep(WATCHED_S)
     ticks = machine.after(event_ns)
     safe = [tick.at_ns for tick in ticks if tick.safe]
+    unforced = unforced_of(machine.ticks, event_ns)
     return Outcome(
         declared_s=machine.obedience.stale_after,
         late_s=_late(machine.ticks, event_ns, ticks[-1].at_ns),
         safe_after_s=(safe[0] - event_ns) * 1e-9 if safe else None,
+        unforced_s=None if unforced is None else (unforced - event_ns) * 1e-9,
         longest_gap_s=max(tick.limits_age_s for tick in ticks),
         exit_code=exit_code,
     )
+
+
+def unforced_of(ticks: Sequence[Tick], event_ns: int) -> int | None:
+    """When safe limits began after an event without a late tick of the machine just before; None: never.
+
+    The machine and the ECU share one processor with the event: a machine that is not run for three cycles sends no inputs, and the
+    ECU's answer to that is no answer to the event.
+    """
+    held_up_ns = -(1 << 62)
+    for before, tick in itertools.pairwise(ticks):
+        if tick.at_ns - before.at_ns >= HELD_UP_S * 1e9:
+            held_up_ns = tick.at_ns
+        begins = tick.safe and not before.safe and tick.at_ns > event_ns
+        if begins and tick.at_ns - held_up_ns > FELT_S * 1e9:
+            return tick.at_ns
+    return None
 
 
 @contextmanager
@@ -178,17 +201,21 @@ def small_disk(folder: Path) -> Iterator[Path]:
 
 
 def _full_disk(machine: DrivingMachine, folder: Path) -> Outcome:
-    """A recorder beside the ECU fills its disk; the event is its end."""
+    """A recorder beside the ECU fills its disk; the event begins when the recorder writes."""
     with small_disk(folder) as disk:
-        words = ["record", f"loader=socketcan:{MACHINE}", "--out", str(disk / "bus.log")]
-        started_ns = time.monotonic_ns()
+        file = disk / "bus.log"
+        words = ["record", f"loader=socketcan:{MACHINE}", "--out", str(file)]
         recorder = subprocess.Popen([sys.executable, "-m", "loaderhil", *words], stderr=subprocess.DEVNULL)
         try:
+            # its start, a Python program on the only processor, is none of the disk's doing
+            while recorder.poll() is None and not (file.exists() and file.stat().st_size):
+                time.sleep(0.01)
+            written_ns = time.monotonic_ns()
             code = recorder.wait(timeout=100.0)
         finally:
             recorder.kill()
             recorder.wait()
-        return _watched(machine, started_ns, code)
+        return _watched(machine, written_ns, code)
 
 
 def _clock_step(machine: DrivingMachine) -> Outcome:

@@ -14,8 +14,8 @@ def judged(event: str, outcome: Outcome) -> list[str]:
             wrong.append(
                 f"safe limits after {outcome.safe_after_s} s, declared {outcome.declared_s} s, late {outcome.late_s} s"
             )
-    elif outcome.safe_after_s is not None:
-        wrong.append(f"the machine was on safe limits {outcome.safe_after_s} s after {event}")
+    elif outcome.unforced_s is not None:
+        wrong.append(f"the machine was on safe limits {outcome.unforced_s} s after {event}")
     if event in BROKEN and (outcome.frames or outcome.exit_code != Ending.MISUSED):
         wrong.append(f"{outcome.frames} frames were sent, exit code {outcome.exit_code}")
     if event == "full disk" and outcome.exit_code != Ending.FAILED:

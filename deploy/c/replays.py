@@ -1,4 +1,4 @@
-"""The files of the Cortex-M4F replay: frames and ticks in, answers with instructions and stack out (runtime/cortex_m4/replay.c)."""
+"""The files of the Cortex-M4F replay: frames, ticks and starts in, answers with instructions and stack out (runtime/cortex_m4/replay.c)."""
 
 import struct
 from collections.abc import Iterable
@@ -9,6 +9,8 @@ from typing import Final
 from bus.frame import Frame
 
 _RECORD: Final = struct.Struct("<BB2xI8sq")
+_FRAME, _TICK, _START = range(3)
+"""Kinds of records."""
 _ANSWER: Final = 16
 _MARK: Final = 0xFFFFFFFF
 
@@ -22,14 +24,16 @@ class Answers:
     stack: int  # its depth [bytes]
 
 
-def frames_file(file: Path, calls: Iterable[tuple[Frame | None, int]]) -> None:
-    """Write frames for the ECU, and ticks (None), with their times [ns]."""
+def frames_file(file: Path, *drives: Iterable[tuple[Frame | None, int]]) -> None:
+    """Write frames for the ECU, and ticks (None), with their times [ns]. The ECU starts anew before each drive."""
     with file.open("wb") as out:
-        for frame, now_ns in calls:
-            if frame is None:
-                out.write(_RECORD.pack(1, 0, 0, b"", now_ns))
-            else:
-                out.write(_RECORD.pack(0, len(frame.data), frame.can_id, bytes(frame.data), now_ns))
+        for calls in drives:
+            out.write(_RECORD.pack(_START, 0, 0, b"", 0))
+            for frame, now_ns in calls:
+                if frame is None:
+                    out.write(_RECORD.pack(_TICK, 0, 0, b"", now_ns))
+                else:
+                    out.write(_RECORD.pack(_FRAME, len(frame.data), frame.can_id, bytes(frame.data), now_ns))
 
 
 def answers_of(file: Path) -> Answers:

@@ -2,7 +2,7 @@
  * Replays recorded frames through the ECU on a Cortex-M4F, over semihosting: for QEMU and for a debugger.
  *
  * Reads `frames.bin`: records of 24 bytes (kind, length, two bytes unused, identifier, data, time in ns); kind 0 is a frame for
- * the ECU, kind 1 a tick. Writes `answers.bin`: for each tick a record of 16 bytes (0xFFFFFFFF, number of frames, instructions,
+ * the ECU, kind 1 a tick, kind 2 a start anew. Writes `answers.bin`: for each tick a record of 16 bytes (0xFFFFFFFF, number of frames, instructions,
  * 0), then one of 16 bytes for each frame (identifier, length and three bytes unused, data). Then the depth of the stack.
  *
  * Instructions are counted by SysTick: under `-icount shift=0` QEMU takes 1 ns for each, and one count at 25 MHz is 40 of them.
@@ -19,6 +19,8 @@
 #define READ_BINARY 1U
 #define WRITE_BINARY 5U
 #define RECORD 24U
+#define TICK 1U
+#define START 2U
 #define ANSWER 16U
 #define RECORDS 128U
 #define INSTRUCTIONS_PER_COUNT 40U
@@ -77,6 +79,14 @@ static void ticked(uint32_t file, int64_t now_ns)
     }
 }
 
+static void started(void)
+{
+    ecu_init(true);
+#ifdef REPLAY_DETECTS_FAULTS
+    ecu_detect_faults(true);
+#endif
+}
+
 static void replayed(uint32_t in, uint32_t out)
 {
     uint32_t got = read_into(in, records, sizeof records);
@@ -86,8 +96,10 @@ static void replayed(uint32_t in, uint32_t out)
             int64_t now_ns;
             (void)memcpy(&id, &records[at + 4U], sizeof id);
             (void)memcpy(&now_ns, &records[at + 16U], sizeof now_ns);
-            if (records[at] == 1U) {
+            if (records[at] == TICK) {
                 ticked(out, now_ns);
+            } else if (records[at] == START) {
+                started();
             } else {
                 ecu_receive(id, &records[at + 8U], records[at + 1U], now_ns);
             }
@@ -103,10 +115,7 @@ int main(void)
     SYST_RVR = LONGEST_COUNT;
     SYST_CVR = 0U;
     SYST_CSR = 5U; /* counts the processor's clock, without interrupt */
-    ecu_init(true);
-#ifdef REPLAY_DETECTS_FAULTS
-    ecu_detect_faults(true);
-#endif
+    started();
     replayed(in, out);
     const uint32_t *untouched = &bss_end;
     while (*untouched == STACK_PATTERN) {
