@@ -31,6 +31,12 @@ class LossConduct:
         return found
 
 
+SEND_OPTIONAL = "SendOptional"
+"""Attribute of a message: 1 where its sender may leave it out. A frame that is sent has to obey everything else."""
+UNCERTAINTY_OF = "UncertaintyOf"
+"""Attribute of a signal: the signal, as `Message.Signal`, whose standard deviation it is."""
+
+
 @dataclass(frozen=True, slots=True)
 class NodeConduct:
     """Attributes of a node.

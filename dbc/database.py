@@ -12,7 +12,7 @@ from typing import Any, Self
 from bus.bounded_json import printable
 from bus.frame import EXTENDED
 from dbc import codegen
-from dbc.conduct import LossConduct, NodeConduct
+from dbc.conduct import SEND_OPTIONAL, LossConduct, NodeConduct
 from dbc.errors import DatabaseError, DecodeError, EncodeError
 from dbc.j1939 import pgn
 from dbc.lean import without_mf4
@@ -52,6 +52,7 @@ class MessageCodec:
         self.by_signal: Mapping[str, Signal] = {signal.name: signal for signal in self.layout}
         self.is_multiplexed: bool = any(signal.multiplexer is not None for signal in self.layout)
         self.send_type: str = _attribute(message, "GenMsgSendType") or "cyclic"
+        self.is_optional: bool = _attribute(message, SEND_OPTIONAL) == 1  # its sender may leave it out
         self.is_j1939: bool = message.is_extended_frame and _attribute(message, "VFrameFormat") == "J1939PG"
         profile = _profile(message)
         # data id of AUTOSAR E2E profile 1; None for a message without that profile
@@ -65,6 +66,11 @@ class MessageCodec:
 
     def __repr__(self) -> str:
         return f"<{self.name} 0x{self.can_id & ~EXTENDED:X}, {self.length} bytes: {', '.join(self.signals)}>"
+
+    @property
+    def is_owed(self) -> bool:
+        """Whether a sender that is there has to send it: it is cyclic, and may not be left out."""
+        return bool(self.cycle_ns) and not self.is_optional
 
     @property
     def profile(self) -> Profile1 | None:
@@ -138,7 +144,23 @@ class Database:
         self.by_pgn: dict[int, MessageCodec] = {
             pgn(codec.can_id): codec for codec in reversed(every) if codec.is_j1939
         }
+        # the signal that carries the standard deviation of another one, by the name `Message.Signal` of that one
+        self.uncertainties: Mapping[str, tuple[MessageCodec, Signal]] = self._uncertainties()
         self._introduce()
+
+    def _uncertainties(self) -> dict[str, tuple[MessageCodec, Signal]]:
+        found = {}
+        for codec in self.by_name.values():
+            for signal in codec.layout:
+                if not (of := signal.uncertainty_of):
+                    continue
+                message, _, name = of.partition(".")
+                if message not in self.by_name or name not in self.by_name[message].by_signal:
+                    raise ValueError(
+                        f"signal {codec.name}.{signal.name}: UncertaintyOf {of!r} is no Message.Signal of this DBC"
+                    )
+                found[of] = (codec, signal)
+        return found
 
     def _introduce(self) -> None:
         """Let the messages of profile 1 know each other: a receiver names the one that a masqueraded frame is."""

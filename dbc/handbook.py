@@ -81,7 +81,8 @@ def _message(codec: MessageCodec) -> list[str]:
         "",
         codec.comment,
         "",
-        f"{_identifier(codec)}, {codec.length} bytes, to {', '.join(codec.receivers) or 'nobody in particular'}.",
+        f"{_identifier(codec)}, {codec.length} bytes, to {', '.join(codec.receivers) or 'nobody in particular'}."
+        + (" Optional: its sender may leave it out." if codec.is_optional else ""),
         "",
         "| signal | bits | factor | range | unit | meaning |",
         "|---|---|---|---|---|---|",

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, Self
 
 from bus.bounded_json import printable
+from dbc.conduct import UNCERTAINTY_OF
 from dbc.limits import check_name
 
 _FLOAT_BITS = (16, 32, 64)
@@ -37,6 +38,7 @@ class Signal:
     is_multiplexer: bool = False
     multiplexer: str | None = None  # the signal that selects this one
     multiplexer_ids: frozenset[int] = frozenset()  # values of the multiplexer under which this one is present
+    uncertainty_of: str = ""  # `Message.Signal` whose standard deviation this one is; '' if of none
 
     def __post_init__(self) -> None:
         if self.is_float and self.length not in _FLOAT_BITS:
@@ -72,6 +74,7 @@ class Signal:
             is_multiplexer=signal.is_multiplexer,
             multiplexer=signal.multiplexer_signal,
             multiplexer_ids=frozenset(signal.multiplexer_ids or ()),
+            uncertainty_of=_uncertainty_of(signal),
         )
 
     @property
@@ -134,6 +137,11 @@ class Signal:
         if self.signed:
             return lowest if first > lowest else None
         return highest if last < highest else None
+
+
+def _uncertainty_of(signal: Any) -> str:
+    attributes = signal.dbc.attributes if signal.dbc is not None else {}
+    return printable(str(attributes[UNCERTAINTY_OF].value)) if UNCERTAINTY_OF in attributes else ""
 
 
 def _integers_if_whole(conversion: Any) -> tuple[int | float, int | float]:

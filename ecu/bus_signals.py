@@ -41,6 +41,7 @@ class Sent:
     unit: str
     validity: str = ""  # entry of `ecu.validity.NEEDS`
     flag: str = ""  # signal of the same message that carries that validity
+    deviation_of: str = ""  # entry of `ecu.validity.NEEDS` of the estimate whose standard deviation this is
 
 
 def rows(table: type, marker: type[Marker]) -> Iterator[tuple[str, Marker]]:

@@ -25,7 +25,7 @@ from ecu.findings import EstimatorFailed, Finding, ProtectionFailed, Stale, Stat
 from ecu.inputs import OUTSIDE_ESTIMATES, CycleInputs, Group, InputReceiver, estimator_inputs
 from ecu.outputs import TICK_NS, Outputs
 from ecu.states import Event, State, after
-from ecu.validity import NOTHING, valid_without
+from ecu.validity import NOTHING, unknown_deviations, valid_without
 
 Form = Literal["corrected", "printed"]
 NO_ESTIMATES: Final = Estimates(*([0.0] * len(Estimates._fields)))
@@ -292,6 +292,7 @@ class EcuCycle:
         prevents = acting.cause in (limits.Cause.ROLL_OVER_PREVENTION, limits.Cause.SAFE_VALUES)
         return {
             **e._asdict(),
+            **unknown_deviations(e, valid),
             **{f"{name} valid": float(flag) for name, flag in valid.items()},
             **{f"reason {name}": float(flag) for name, flag in raised.items()},
             "warning level": float(reasons.level(raised)),

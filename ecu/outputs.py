@@ -16,6 +16,8 @@ from ecu.estimators.signals import Estimates
 
 ECU = "EstimatorEcu"
 TICK_NS: Final = 10_000_000
+LAST: Final = "EstimateUncertainty"
+"""Its frames are placed after all others: those keep the ticks that they have in recordings made without it."""
 REASON_SIGNALS: Final = (
     "RollOverPredicted", "RollOverNow", "WheelLifted", "WheelSpin", "WheelLock", "AxleOverload",
     "ArticulationNearStop", "SteepSlope", "PayloadHigh", "InputStale", "InputImplausible",
@@ -71,7 +73,7 @@ def messages() -> dict[str, Signals]:
             signals[row.flag] = ("1", f"{row.validity} valid")
     for message, more in CYCLE_VALUES.items():
         found.setdefault(message, {}).update(more)
-    return dict(found)
+    return {name: found[name] for name in sorted(found, key=lambda name: name == LAST)}
 
 
 class Outputs:

@@ -4,9 +4,13 @@ Three conditions are derived from the inputs: *motion* is known from the inertia
 or else from the rear wheels with the slope sensor; *speed* from any wheel; *mass* from pressures and pose.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import Final
+
+from ecu.bus_signals import Sent, rows
+from ecu.estimators.signals import Estimates
 
 WHEELS: Final = (1, 2, 3, 4)
 
@@ -48,3 +52,15 @@ def valid_without(unusable: frozenset[str]) -> Mapping[str, bool]:
 
 NOTHING: Final[Mapping[str, bool]] = dict.fromkeys(NEEDS, False)
 """Before the first estimate."""
+
+DEVIATIONS: Final[Mapping[str, str]] = {
+    name: row.deviation_of for name, row in rows(Estimates, Sent) if row.deviation_of
+}
+"""Standard deviation -> the entry of the table whose estimate it belongs to."""
+
+
+def unknown_deviations(estimates: Estimates, valid: Mapping[str, bool]) -> dict[str, float]:
+    """NaN for each standard deviation that means nothing: its estimate is not valid, or the equations give none (0)."""
+    return {
+        name: math.nan for name, of in DEVIATIONS.items() if not valid[of] or getattr(estimates, name) <= 0.0
+    }

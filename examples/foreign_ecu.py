@@ -59,7 +59,12 @@ class Ecu:
     """What the ECU is without a bus: frames that it hears, and one step per 10 ms that gives the frames to send."""
 
     def __init__(self, database) -> None:
-        self.mine = [message for message in database.messages if "EstimatorEcu" in message.senders]
+        # What the DBC calls optional is left out: this ECU estimates nothing that it could be uncertain of.
+        self.mine = [
+            message
+            for message in database.messages
+            if "EstimatorEcu" in message.senders and not attribute(message, "SendOptional")
+        ]
         self.sample = database.get_message_by_name("Articulation")
         # The DBC says which inputs matter, and how long each may stay away.
         needed = [m for m in database.messages if attribute(m, "InputLossState") == "degraded"]

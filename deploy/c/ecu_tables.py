@@ -7,6 +7,7 @@ from deploy.c.detection_tables import detection_constants, detection_tables
 from deploy.c.rules_tables import (
     EVENTS,
     alarm_rows,
+    deviations,
     flag_masks,
     needs_table,
     ranges,
@@ -58,6 +59,7 @@ def table_files(calibration: Calibration, database: Database) -> dict[str, str]:
         "SENSOR_STATES": received.split("sensor_states")[1].count(".inputs"),
         "OUTPUT_SIGNALS": sent.count(".value ="),
         "RANGES": len(ranges(calibration, database)),
+        "DEVIATIONS": len(deviations()),
         "FLAGS": len(flag_masks(inputs)),
         "MOST_FRAMES": most,
         "ESTIMATOR_SIGNALS": len(signals),
@@ -110,10 +112,7 @@ def table_files(calibration: Calibration, database: Database) -> dict[str, str]:
             validity_rows,
             rows("uint64_t", "flag_inputs", flag_masks(inputs), "FLAGS"),
             rows("uint8_t", "estimator_signals", signals, "ESTIMATOR_SIGNALS"),
-            rows("ValueRange", "value_ranges", ranges(calibration, database), "RANGES"),
-            rows("AlarmTimes", "alarm_times", alarm_rows(calibration), "ALARMS").replace(
-                "const", "OF_MACHINE", 1
-            ),
+            *_judging(calibration, database),
             settable_tables(calibration),
             "const uint8_t state_after[STATES][EVENTS] = {\n"
             + "".join(f"    {row},\n" for row in transitions())
@@ -124,6 +123,16 @@ def table_files(calibration: Calibration, database: Database) -> dict[str, str]:
         ]
     )
     return {"ecu_tables.h": header, "ecu_tables.c": source}
+
+
+def _judging(calibration: Calibration, database: Database) -> list[str]:
+    """Tables of what makes an estimate or its standard deviation mean nothing, and of the alarms."""
+    alarms = rows("AlarmTimes", "alarm_times", alarm_rows(calibration), "ALARMS")
+    return [
+        rows("ValueRange", "value_ranges", ranges(calibration, database), "RANGES"),
+        rows("Deviation", "deviations", deviations(), "DEVIATIONS"),
+        alarms.replace("const", "OF_MACHINE", 1),
+    ]
 
 
 def _by_name() -> list[str]:
@@ -142,6 +151,7 @@ extern const uint64_t flag_inputs[FLAGS];
 /* the estimators' inputs from the bus, in their order */
 extern const uint8_t estimator_signals[ESTIMATOR_SIGNALS];
 extern const ValueRange value_ranges[RANGES];
+extern const Deviation deviations[DEVIATIONS];
 extern OF_MACHINE AlarmTimes alarm_times[ALARMS];
 extern const uint8_t state_after[STATES][EVENTS];
 extern const Suspect suspects[SUSPECTS];

@@ -18,7 +18,7 @@ from ecu.estimators.signals import NEVER, Estimates
 from ecu.estimators.tyres.contact import CONTRADICTION
 from ecu.inputs import FLAGS, GROUP_OF, OUTSIDE_ESTIMATES
 from ecu.states import TRANSITIONS, Event, State
-from ecu.validity import NEEDS, conditions
+from ecu.validity import DEVIATIONS, NEEDS, conditions
 
 EVENTS: Final = tuple(Event)
 CHECKS: Final = (
@@ -73,6 +73,15 @@ def ranges(calibration: Calibration, database: Database) -> list[str]:
     return [
         f"{{.validity = {names.index(r.validity)}U, .estimate = {r.place}U, .least = {real(r.least)}, .most = {real(r.most)}}}"
         for r in consistency.ranges
+    ]
+
+
+def deviations() -> list[str]:
+    """Standard deviations with the entry of the validity table whose estimate they belong to."""
+    names = list(NEEDS)
+    return [
+        f"{{.validity = {names.index(of)}U, .estimate = {Estimates._fields.index(name)}U}} /* {name} */"
+        for name, of in DEVIATIONS.items()
     ]
 
 

@@ -164,13 +164,23 @@ class Estimates(NamedTuple):
     # how far the loads contradict themselves (`ecu.consistency`)
     load_gap: float  # their sum less mass times vertical specific force [N]
     load_contradiction: float  # balance of forces against gyro, as an angle of tilt [rad]
-    # standard deviations by the calibration's tolerances and the sensors' errors (ecu.estimators.uncertainty); 0 in the printed form
-    normal_1_sd: float  # [N]
-    normal_2_sd: float
-    normal_3_sd: float
-    normal_4_sd: float
-    load_transfer_ratio_sd: float
-    payload_sd: float  # [kg]
+    # standard deviations by the calibration's tolerances and the sensors' errors (ecu.estimators.uncertainty); 0, not known, in the printed form
+    normal_1_sd: Annotated[
+        float, Sent("EstimateUncertainty", "NormalForceFrontLeft", "N", deviation_of="normal")
+    ]
+    normal_2_sd: Annotated[
+        float, Sent("EstimateUncertainty", "NormalForceFrontRight", "N", deviation_of="normal")
+    ]
+    normal_3_sd: Annotated[
+        float, Sent("EstimateUncertainty", "NormalForceRearLeft", "N", deviation_of="normal")
+    ]
+    normal_4_sd: Annotated[
+        float, Sent("EstimateUncertainty", "NormalForceRearRight", "N", deviation_of="normal")
+    ]
+    load_transfer_ratio_sd: Annotated[
+        float, Sent("EstimateUncertainty", "LoadTransferRatio", "1", deviation_of="roll_over")
+    ]
+    payload_sd: Annotated[float, Sent("EstimateUncertainty", "PayloadMass", "kg", deviation_of="payload")]
 
 
 NEVER = 10.23  # TimeToLiftOff of the DBC: none within the horizon [s]

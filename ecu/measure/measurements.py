@@ -39,9 +39,6 @@ _INSIDE: Final[Mapping[str, tuple[str, str]]] = {
     "permitted_motion": ("1", "Its motion: 0 arm up, 1 arm down, 2 bucket back, 3 bucket forward."),
     "load_gap": ("N", "Sum of the normal forces less mass times vertical specific force."),
     "load_contradiction": ("rad", "Tilt on the tyres by the balance of forces against the gyro."),
-    **{f"normal_{n}_sd": ("N", "Standard deviation of the normal force, by the tolerances of calibration and sensors.") for n in range(1, 5)},
-    "load_transfer_ratio_sd": ("1", "Standard deviation of the load-transfer ratio."),
-    "payload_sd": ("kg", "Standard deviation of the payload."),
 }  # fmt: skip
 
 

@@ -184,13 +184,13 @@ def _by_identifier(
 def _absent(
     databases: Iterable[Database], seen: Sequence[MessageCodec], present: set[str]
 ) -> dict[int, tuple[MessageCodec, NDArray[np.int64]]]:
-    """Cyclic messages that a node never sent although it sent others."""
+    """Cyclic messages that a node never sent although it sent others, and may not leave out."""
     none = np.empty(0, np.int64)
     return {
         codec.can_id: (codec, none)
         for database in databases
         for codec in database.by_name.values()
-        if codec.cycle_ns and codec not in seen and present.intersection(codec.senders)
+        if codec.is_owed and codec not in seen and present.intersection(codec.senders)
     }
 
 

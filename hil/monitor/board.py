@@ -6,8 +6,8 @@ sends; *slow* or *fast* if it keeps coming at a period that is off by more than 
 """
 
 from collections import deque
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from bus import errors
@@ -52,6 +52,7 @@ class Row:
     findings: int = 0  # frames with a finding
     shown: Shown | None = None
     variant: str = ""  # the identifier where it differs from the DBC's (J1939 source address), else ''
+    deviations: Mapping[str, str] = field(default_factory=dict)  # standard deviation by signal, as text
 
 
 class _Stream:
@@ -66,9 +67,8 @@ class _Stream:
         self.readings: dict[str, tuple[Field, Number]] = {}
         own = shown is None or shown.codec.can_id == can_id
         self.variant = "" if own else identifier(can_id)
-        cycle_ns = shown.codec.cycle_ns if shown is not None else 0
-        self.cycle_ns = cycle_ns
-        self._pause_ns = round(STALE_AFTER * cycle_ns) or _PAUSE_NS
+        self.cycle_ns = shown.codec.cycle_ns if shown is not None else 0
+        self._pause_ns = round(STALE_AFTER * self.cycle_ns) or _PAUSE_NS
 
     def take(self, frame: Frame) -> None:
         # a pause is no period: the mean over it would be wrong for the next 32 frames
@@ -136,6 +136,16 @@ def pace(cycle_ns: int, period_ns: float | None, age_ns: int) -> Pace:
     return Pace.FAST if period_ns < (1 - TOLERANCE) * cycle_ns else Pace.NONE
 
 
+def _with_deviations(rows: list[Row]) -> list[Row]:
+    """The rows, each with the standard deviations that others carry for its signals; none that is stale or not available."""
+    fresh = [(row.bus, *reading) for row in rows if row.pace is not Pace.STALE for reading in row.readings]
+    sent = {(bus, of): f.text(v) for bus, f, v in fresh if (of := f.signal.uncertainty_of) and not f.label(v)}
+    found = [
+        {f.name: sent.get((row.bus, f"{row.name}.{f.name}"), "") for f, _ in row.readings} for row in rows
+    ]
+    return [replace(row, deviations=of) for row, of in zip(rows, found, strict=True)] if sent else rows
+
+
 class Board:
     """Everything seen so far."""
 
@@ -168,7 +178,7 @@ class Board:
 
     def rows(self, now_ns: int) -> list[Row]:
         """Every message by bus and name, including missing ones; unknown identifiers last."""
-        rows = [stream.row(now_ns) for stream in self._streams.values()]
+        rows = _with_deviations([stream.row(now_ns) for stream in self._streams.values()])
         rows += self._missing(self.since_ns(now_ns))
         return sorted(rows, key=lambda row: (row.bus, not row.name, row.name, row.identifier))
 

@@ -153,12 +153,12 @@ class Messages:
         return next((codec for codec in (*exact, *grouped) if codec is not None), None)
 
     def expected_beside(self, codec: MessageCodec) -> list[Shown]:
-        """The other cyclic messages of the sender of this one, as far as they are selected."""
+        """The other cyclic messages that the sender of this one has to send, as far as they are selected."""
         database = next(d for d in self._databases if d.by_id.get(codec.can_id) is codec)
         return [
             self._shown[other]
             for other in database.by_id.values()
-            if other in self._shown and other.cycle_ns and set(other.senders) & set(codec.senders)
+            if other in self._shown and other.is_owed and set(other.senders) & set(codec.senders)
         ]
 
     def _check(self) -> None:

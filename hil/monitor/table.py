@@ -110,6 +110,8 @@ def _signals(row: Row, width: int) -> list[Text]:
     pieces = []
     for shown, value in row.readings:
         value_text = shown.text(value)
+        if (deviation := row.deviations.get(shown.name)) and not shown.label(value):
+            value_text += f" ± {deviation}"
         piece = Text(shown.name)
         piece.truncate(max(1, width - len(value_text) - 1), overflow="ellipsis")
         piece.append(" ")

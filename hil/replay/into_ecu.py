@@ -80,7 +80,7 @@ def into_ecu(
     LogError when the recording has no answers, or does not begin with the ECU at rest.
     """
     recorded = Recorded(table, database)
-    schedule = _idle(make(), CYCLE)
+    schedule = [[f for f in frames if f.can_id not in recorded.left_out] for frames in _idle(make(), CYCLE)]
     number, first = first_tick(recorded, schedule, source)
     ticks = recorded.ticks(first, [len(schedule[(number + k) % CYCLE]) for k in range(CYCLE)])
     walks = [_Walk(recorded, ticks, make, number + turns * CYCLE) for turns in IDLE_TURNS]

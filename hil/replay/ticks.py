@@ -58,6 +58,9 @@ class Recorded:
             row for row, frame in enumerate(self.frames)
             if frame.can_id not in self.codecs and not frame.can_id & (ERROR | REMOTE)
         ]  # fmt: skip
+        present = {self.frames[row].can_id for row in self.answers}
+        # a recording may be older than a message that an ECU may leave out
+        self.left_out = {i for i, codec in self.codecs.items() if codec.is_optional and i not in present}
         self.first_heard = self.heard[0] if self.heard else len(self.frames)
         self._sample_rows = [
             row for row in self.heard

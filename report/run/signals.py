@@ -20,6 +20,7 @@ WHEEL_SIGNALS = ("FrontLeft", "FrontRight", "RearLeft", "RearRight")
 NO_PREDICTION_S = 10.2  # RollOver.TimeToLiftOff at the top of its range: none within the horizon
 SHOWN_AHEAD_S = 3.0  # of the true time to lift-off: longer than the ECU looks ahead
 DEGREES = 180.0 / np.pi
+NORMAL_95 = 1.96  # half of a 95 % interval, in standard deviations
 FLAG = {0: ("", 0), 1: ("set", 2)}
 STATES = (
     (
@@ -116,6 +117,23 @@ class Signals:
         within = (time >= self._window[0]) & (time <= self._window[1])
         return [Curve(label, time[within], value[within], style, steps)] if within.any() else []
 
+    def interval(self, message: str, signal: str, valid: str) -> list[Curve]:
+        """Both ends of the 95 % interval of an estimate, by the standard deviation that the bus carries; [] where it carries none."""
+        estimate = self.frame(message, signal, "95 % interval", "interval", valid=valid)
+        codec, deviation = loader_database().uncertainties[f"{message}.{signal}"]
+        columns = self._run.messages.get(codec.name)
+        if not estimate or columns is None or not columns.time_s.size:
+            return []
+        most = math.inf if deviation.maximum is None else deviation.maximum + abs(deviation.scale) / 2
+        sent = np.asarray(columns.signals[deviation.name], float)
+        half = np.where(sent <= most, NORMAL_95 * sent, np.nan)
+        # held between its frames, which come more seldom than those of the estimate
+        (middle,) = estimate
+        newest = np.searchsorted(np.asarray(columns.time_s, float), middle.time_s, side="right") - 1
+        half = np.where(newest >= 0, half[newest], np.nan)
+        upper = replace(middle, value=middle.value + half)
+        return [upper, replace(middle, value=middle.value - half, silent=True)]
+
     def limit(self, signal: str, label: str, *, either_way: bool = False) -> list[Curve]:
         """A limit, where it is below the top of its range; either_way: drawn for both signs."""
         # the top of the range means "no limit"; 0.999, because decoded floats are not exact
@@ -145,6 +163,7 @@ def _wheel_loads(s: Signals) -> tuple[Plot, ...]:
             f"Normal force, {wheel}",
             "kN",
             s.truth("normal_force", "true", "truth", index=i, scale=1e-3),
+            s.interval("NormalForces", signal, f"{signal}Valid"),
             s.frame("NormalForces", signal, "estimated", "estimate", valid=f"{signal}Valid"),
             always=(0.0,),
         )
@@ -158,6 +177,7 @@ def _roll_over(s: Signals, verdict: RunVerdict | None) -> tuple[Plot, ...]:
             "Load-transfer ratio of the four wheels, positive: right side heavier",
             "1",
             s.truth("load_transfer_ratio", "true", "truth"),
+            s.interval("RollOver", "LoadTransferRatio", "Valid"),
             s.frame("RollOver", "LoadTransferRatio", "estimated", "estimate", valid="Valid"),
             s.frame("RollOver", "PredictedLoadTransferRatio", "predicted", "predicted", valid="Valid"),
             always=(-1.0, 1.0),
@@ -292,6 +312,7 @@ def _drive(s: Signals) -> tuple[Plot, ...]:
             "Payload",
             "kg",
             s.truth("payload_mass", "true", "truth"),
+            s.interval("BodyMotion", "PayloadMass", "PayloadValid"),
             s.frame("BodyMotion", "PayloadMass", "estimated", "estimate", valid="PayloadValid"),
             always=(0.0, 1000.0),
         ),

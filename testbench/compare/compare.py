@@ -81,7 +81,11 @@ def _differences(one: RunDirectory, other: RunDirectory, tolerances: Tolerances)
                 if first and second
                 else f"only in the {'first' if first else 'second'} run"
             )
-            yield _difference(Kind.ESTIMATE, name, False, missing)
+            # an ECU that leaves it out lacks nothing, and a run may be older than the message
+            there = first or second
+            left_out = there is not None and there.codec.is_optional and not (first and second)
+            missing += "; an ECU may leave it out" if left_out else ""
+            yield _difference(Kind.ESTIMATE, name, left_out, missing)
             continue
         for signal in first.codec.layout:
             if signal.name not in _NOT_COMPARED:

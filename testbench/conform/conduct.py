@@ -53,7 +53,7 @@ def _initial_values(evidence: Evidence) -> Iterator[Requirement]:
     """The first frame of each message whose signals have start values."""
     for name, traffic in evidence.own.items():
         started = [signal for signal in traffic.codec.layout if signal.start_value is not None]
-        if not started:
+        if not started or (traffic.codec.is_optional and not traffic.rows.size):
             continue
         if not evidence.from_start:
             yield unknown(Kind.INITIAL, name, "the node ran before: switch it on while conform waits for it")

@@ -97,6 +97,8 @@ def _presence(name: str, traffic: Traffic, evidence: Evidence) -> Requirement:
     # one verdict on the node instead of a failure for each of its messages
     if not evidence.frames:
         return unknown(Kind.PRESENCE, name, f"{evidence.node} sent nothing at all: is it on this bus?")
+    if traffic.codec.is_optional:
+        return passed(Kind.PRESENCE, name, "never sent, which the DBC permits (SendOptional)")
     return failed(
         Kind.PRESENCE, name, f"never sent, while {evidence.node} sent {evidence.frames} other frames"
     )

@@ -8,7 +8,9 @@ from hypothesis import strategies as st
 
 from bus.bits import classic_bits, stuffed
 from bus.frame import EXTENDED, Frame
-from dbc import loader_database, reference_database
+from dbc import FOLDER, loader_database, reference_database
+from dbc.database import Database
+from dbc.errors import DatabaseError
 from dbc.handbook import page
 from dbc.load import bus_load, frame_bits
 from dbc.units import SI
@@ -90,3 +92,23 @@ def test_the_bus_is_not_overloaded():
 )
 def test_the_reference_pages_are_current(name, title, make):
     assert (DOCS / name).read_text(encoding="utf-8") == page(title, make()), "run scripts/dbc-docs"
+
+
+def test_every_standard_deviation_has_the_unit_of_its_signal():
+    database = loader_database()
+    assert len(database.uncertainties) == 6
+    for of, (codec, signal) in database.uncertainties.items():
+        message, _, name = of.partition(".")
+        estimate = database.by_name[message].by_signal[name]
+        assert (codec.is_optional, signal.unit) == (True, estimate.unit)
+        assert signal.not_available is not None
+        assert signal.start_value == signal.not_available
+
+
+def test_a_standard_deviation_of_nothing_is_refused(tmp_path):
+    """The error names the signal and what it refers to."""
+    text = (FOLDER / "loader.dbc").read_text(encoding="utf-8")
+    file = tmp_path / "wrong.dbc"
+    file.write_text(text.replace('"NormalForces.FrontLeft"', '"NormalForces.Front"'), encoding="utf-8")
+    with pytest.raises(DatabaseError, match=r"NormalForceFrontLeft: UncertaintyOf 'NormalForces.Front'"):
+        Database.from_file(file)

@@ -74,6 +74,48 @@ def test_a_standing_machine_is_weighed_and_not_limited():
     assert not [f for f in findings if isinstance(f, (ProtectionFailed, Implausible))]
 
 
+DEVIATIONS = {
+    "NormalForceFrontLeft": ("normal_1_sd", 1e-3),
+    "NormalForceFrontRight": ("normal_2_sd", 1e-3),
+    "NormalForceRearLeft": ("normal_3_sd", 1e-3),
+    "NormalForceRearRight": ("normal_4_sd", 1e-3),
+    "LoadTransferRatio": ("load_transfer_ratio_sd", 1.0),
+    "PayloadMass": ("payload_sd", 1.0),
+}
+
+
+def deviations(results):
+    """The standard deviations as sent last, in the DBC's unit; None where they are not available."""
+    layout = loader_database().by_name["EstimateUncertainty"].by_signal
+    sent = last_values(results)["EstimateUncertainty"]
+    absent = {name: layout[name].not_available * layout[name].scale for name in DEVIATIONS}
+    return {name: None if sent[name] == absent[name] else sent[name] for name in DEVIATIONS}
+
+
+def test_a_standard_deviation_is_sent_beside_every_load_ratio_and_payload():
+    """Within half a step of the signal."""
+    results, _ = play(cycle(), FakeMachine(), 300)
+    frame = next(k for k in range(299, 0, -1) if "EstimateUncertainty" in decoded(results[k].frames))
+    estimates, layout = results[frame].estimates, loader_database().by_name["EstimateUncertainty"].by_signal
+    for name, sent in deviations(results).items():
+        of, unit = DEVIATIONS[name]
+        assert sent == pytest.approx(getattr(estimates, of) * unit, abs=0.51 * layout[name].scale), name
+
+
+def test_no_standard_deviation_is_sent_where_there_is_none():
+    """Before the first estimate, of one that is not valid, and by the printed equations."""
+    silent = cycle()
+    assert set(deviations([silent.tick(k * PERIOD_NS) for k in range(20)]).values()) == {None}
+    printed, _ = play(cycle(form="printed"), FakeMachine(), 100)
+    assert set(deviations(printed).values()) == {None}
+    # without pressures nothing is known of the payload, and so nothing of the loads
+    ecu, machine = cycle(), FakeMachine()
+    play(ecu, machine, 100)
+    machine.silent.add("LiftPressure")
+    deaf, _ = play(ecu, machine, 100)
+    assert deviations(deaf)["PayloadMass"] is None
+
+
 def test_the_newest_sample_is_echoed():
     machine = FakeMachine()
     results, _ = play(cycle(), machine, 30)

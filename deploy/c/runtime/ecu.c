@@ -329,6 +329,17 @@ static void limits_valued(real_t *values)
     values[VALUE_PREVENTION_LIMITS_SPEED] = as_real(prevents && (acting->speed < none.speed));
 }
 
+/* A standard deviation means nothing where its estimate is not valid, or where it is 0: not known. */
+static void deviations_valued(uint32_t valid, real_t *values)
+{
+    for (uint8_t k = 0U; k < DEVIATIONS; ++k) {
+        const Deviation *each = &deviations[k];
+        if ((((valid >> each->validity) & 1U) == 0U) || (values[each->estimate] <= R(0.0))) {
+            values[each->estimate] = REAL_NAN;
+        }
+    }
+}
+
 static uint8_t frames_made(const real_t *values, EcuFrame *frames)
 {
     uint8_t made = 0U;
@@ -367,6 +378,7 @@ uint8_t ecu_tick(int64_t now_ns, EcuFrame frames[ECU_MOST_FRAMES])
     for (uint8_t k = 0U; k < VALIDITIES; ++k) {
         values[VALUE_NORMAL_VALID + k] = as_real(((valid >> k) & 1U) != 0U);
     }
+    deviations_valued(valid, values);
     warnings_valued(known, values);
     limits_valued(values);
     codes_valued(ecu.ticks, invalid, ecu.state == STATE_FAULT, values);

@@ -70,6 +70,11 @@ typedef struct {
 } ValueRange;
 
 typedef struct {
+    uint8_t validity; /* of the estimate whose standard deviation this is */
+    uint8_t estimate;
+} Deviation;
+
+typedef struct {
     int64_t on_delay_ns;
     uint8_t level; /* of the warning that the reason raises */
 } AlarmTimes;

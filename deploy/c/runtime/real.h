@@ -20,6 +20,7 @@ typedef float real_t;
 #define REAL_OF(name) name##f
 #define REAL_INFINITY ((real_t)HUGE_VALF)
 #endif
+#define REAL_NAN ((real_t)NAN)
 
 /* Numbers of one machine: a bench sets those of one after the other without compiling for each, a tool those of its own. */
 #ifdef ECU_SETTABLE

@@ -106,6 +106,14 @@ def test_a_message_that_its_node_never_sent_is_missing(table):
     assert verdict_on(done, "Limits").missing == pytest.approx(TICKS, abs=1)
 
 
+def test_an_optional_message_may_be_missing_but_not_late(table):
+    rows = rows_of(table, "EstimateUncertainty")
+    done = check(without(table, rows), DATABASES)
+    assert done.overall.result is Result.PASSED, done.overall.reason
+    assert "EstimateUncertainty" not in {one.verdict.name for one in done.messages}
+    assert failed(check(without(table, rows[8:12]), DATABASES)) == {"EstimateUncertainty"}
+
+
 def test_a_node_that_is_not_there_leaves_the_question_open_unless_it_does_not_matter(table):
     machine = [c.can_id for c in loader_database().by_name.values() if "Machine" in c.senders]
     alone = without(table, np.flatnonzero(np.isin(table.can_id, machine)))

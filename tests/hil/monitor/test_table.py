@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from bus.frame import Frame
+from dbc import loader_database
 from hil.monitor.board import Board, Row
 from hil.monitor.live import LiveView, TableView
 from hil.monitor.source import Batch
@@ -136,3 +137,23 @@ def test_the_live_table_draws_in_place_and_leaves_the_terminal_as_it_was() -> No
     last = view.end()
     assert last.startswith("\33[?25h\33[?1049l")
     assert "Articulation " in last
+
+
+def uncertain(**raw: int) -> Board:
+    """A board that has heard the loads, and once their standard deviations with these raw values."""
+    board, database = Board(messages()), loader_database()
+    loads, sent = database.by_name["NormalForces"], database.by_name["EstimateUncertainty"]
+    values = {s.name: (raw.get(s.name, s.not_available) or 0) * s.scale for s in sent.layout}
+    board.take("can0", Frame(loads.can_id, loads.encode_dict(dict.fromkeys(loads.signals, 1)), 1))
+    board.take("can0", Frame(sent.can_id, sent.encode_dict(values), 2))
+    return board
+
+
+def test_a_standard_deviation_stands_beside_its_estimate() -> None:
+    """30 steps of 0.05 kN; none where it is not available, and none that is stale."""
+    board = uncertain(NormalForceFrontLeft=30)
+    (line,) = [text for text in drawn(220, None, board.rows(3)) if text.startswith("NormalForces")]
+    assert "FrontLeft 1.00 kN ± 1.50 kN" in line
+    assert "FrontRight 1.00 kN  " in line
+    later = [text for text in drawn(220, None, board.rows(400 * MS)) if text.startswith("NormalForces")]
+    assert "±" not in later[0]

@@ -132,6 +132,19 @@ def test_a_lost_answer_is_found(virtual):
     assert found.ticks == 20
 
 
+def test_a_recording_without_an_optional_message_gives_the_recorded_answers(virtual):
+    """As one that was made before that message existed; one that has it has to have all of its frames."""
+    optional = DATABASE.by_name["EstimateUncertainty"].can_id
+    older = [frame for frame in virtual if frame.can_id != optional]
+    found = into_ecu(table_of(older), fresh, DATABASE)
+    assert found.difference is None
+    assert found.answers == sum(
+        1 for frame in older if "EstimatorEcu" in DATABASE.by_id[frame.can_id].senders
+    )
+    row = row_of(virtual, "EstimateUncertainty", 5)
+    assert into_ecu(table_of([*virtual[:row], *virtual[row + 1 :]]), fresh, DATABASE).difference is not None
+
+
 def test_an_input_that_changed_shows_in_the_answers(virtual):
     """The plausible change of one frame: with its CRC wrong the ECU does not use it, and says so."""
     row = row_of(virtual, "BodyAcceleration", 40)

@@ -244,6 +244,25 @@ def test_curves_read_back_to_the_samples(outline, known, title, curve, values):
         np.testing.assert_allclose(value, values(run)[inside], atol=(high - low) / UNITS)
 
 
+def test_the_interval_is_1_96_standard_deviations_wide_to_either_side(outline, known):
+    """By the standard deviations on the bus, each held until the next."""
+    for plot, run in zip(outline.plots["Normal force, rear right"], known, strict=True):
+        loads, sure = run.frames["NormalForces"], run.frames["EstimateUncertainty"]
+        assert plot["legend"][1] == plot["legend"][2] == "95 % interval"
+        newest = np.searchsorted(sure.time, loads.time, side="right") - 1
+        sent = sure.NormalForceRearRight[np.maximum(newest, 0)]
+        shown = (newest >= 0) & (sent < 12.72) & (loads.RearRightValid > 0)
+        shown &= loads.time <= run.truth["time_s"][-1]
+        (start, end), (low, high) = plot["t"], plot["y"]
+        for index, sign in ((1, 1.0), (2, -1.0)):
+            x, y = np.unique(np.concatenate(points_of(f' d="{plot["paths"][index][1]}"')), axis=0).T
+            wanted = (loads.RearRight + sign * 1.96 * sent)[shown]
+            np.testing.assert_allclose(
+                start + x / UNITS * (end - start), loads.time[shown], atol=(end - start) / UNITS
+            )
+            np.testing.assert_allclose(high - y / UNITS * (high - low), wanted, atol=(high - low) / UNITS)
+
+
 def test_the_same_plot_of_both_runs_has_one_range(outline):
     assert len(outline.plots) > 12
     for plots in outline.plots.values():

@@ -1,6 +1,7 @@
 """Two runs: equal ones pass, each kind of difference is named, tolerances are kept to the digit."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -95,6 +96,15 @@ def test_equal_runs_are_equal_in_everything(kept):
 
 
 @pytest.mark.timeout(600)
+def test_a_run_without_an_optional_message_lacks_nothing(kept):
+    """As one that was recorded before the message existed; a message that has to be there is a difference."""
+    whole = RunDirectory.read(kept / "one")
+    for name, result in (("EstimateUncertainty", Result.PASSED), ("NormalForces", Result.FAILED)):
+        less = replace(whole, messages={n: c for n, c in whole.messages.items() if n != name})
+        for pair in ((whole, less), (less, whole)):
+            assert next(d for d in compare(*pair, Tolerances()) if d.name == name).result is result
+
+
 def test_a_stuck_sensor_is_a_difference_of_state_and_warning(kept):
     found = compare(RunDirectory.read(kept / "one"), RunDirectory.read(kept / "stuck"), Tolerances())
     different = {each.name: each for each in found if each.result is Result.FAILED}

@@ -81,6 +81,16 @@ class TestTheExample:
         assert asked(found, "loss of BodyRates", "state after loss").result is Result.PASSED
         assert asked(found, "loss of all inputs", "state after loss").result is Result.PASSED
 
+    def test_may_leave_out_what_is_optional(self, good):
+        found = asked(judge(good.evidence()), "EstimateUncertainty", "presence")
+        assert (found.result, found.evidence) == (
+            Result.PASSED,
+            "never sent, which the DBC permits (SendOptional)",
+        )
+        assert {e.kind.value for e in judge(good.evidence()) if e.subject == "EstimateUncertainty"} == {
+            "presence"
+        }
+
     def test_a_recording_gives_the_verdicts_of_the_live_test(self, good, tmp_path):
         keep(good, Bench(from_start=True, late_ns=3), tmp_path)
         assert kept_bench(tmp_path) == Bench(from_start=True, late_ns=3)
