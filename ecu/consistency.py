@@ -3,7 +3,7 @@
 An estimate can be wrong although every input it needs is usable: after a lift-off, with a wrong but plausible sensor,
 or beyond the range of its signal. Rules: a tyre pushes and never pulls; the loads add up to mass times vertical specific force; the balance of
 forces and the gyro agree about the tilt on the tyres; a load-transfer ratio lies within -1 and 1; a tyre gives no more than friction times its
-load; a value outside the range of its signal would arrive changed. Loads that break a rule take with them all that comes from the same balance.
+load; a speed is proved by wheels that do not slide; a value outside the range of its signal would arrive changed. Loads that break a rule take with them all that comes from the same balance.
 Warnings and limits do not ask for this: that a wheel has lifted is known also when its load is not.
 """
 
@@ -25,6 +25,10 @@ SETTLING_NS: Final = 200_000_000
 """Time without a broken rule until an estimate is valid again. The load of a lifted wheel swings about zero, and a flag that follows it is no use."""
 FRICTION: Final = 1.5
 """Times the friction of a dry road, plus PULL of the nominal load: beyond any tyre; 0.8 of it is reached in the drive cases."""
+DOUBTFUL: Final = 0.3
+"""Doubt of the speed [m/s] beyond which it is not valid: no wheel has proved it for 0.4 s. It is 1 km/h, as a speedometer's error."""
+FROM_SPEED: Final = frozenset({"speed"} | {f"slip_{n}" for n in WHEELS})
+"""What a wrong speed makes wrong: a slip is the difference of two speeds."""
 
 FROM_LOADS: Final = frozenset(
     {"normal", "roll_over", "yaw_moment", "joint_torque", "payload"}
@@ -70,6 +74,8 @@ class Consistency:
         for n, load, x, y in zip(WHEELS, normal, along, across, strict=True):
             if math.hypot(x, y) > self._friction * max(load, 0.0) + self._pull:
                 found.add(f"force_{n}")
+        if e.speed_doubt > DOUBTFUL:
+            found |= FROM_SPEED
         return frozenset(found | FROM_LOADS) if "normal" in found else frozenset(found)
 
     def valid(self, e: Estimates, known: Mapping[str, bool], now_ns: int) -> Mapping[str, bool]:

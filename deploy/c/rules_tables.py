@@ -11,7 +11,7 @@ from ecu import reasons
 from ecu.calibration import Calibration
 from ecu.codes import ACTIVE, ESTIMATORS, HOLD_NS, NO_CODE, NO_FROZEN
 from ecu.coherence import LIGHT
-from ecu.consistency import FRICTION, FROM_LOADS, PULL, SETTLING_NS, Consistency
+from ecu.consistency import DOUBTFUL, FRICTION, FROM_LOADS, FROM_SPEED, PULL, SETTLING_NS, Consistency
 from ecu.detection.troubles import Troubles
 from ecu.estimators.parameters import GRAVITY, Parameters
 from ecu.estimators.signals import NEVER, Estimates
@@ -128,6 +128,11 @@ def least_ns(holds: Callable[[int], bool]) -> int:
     return high
 
 
+def _entries(names: frozenset[str]) -> int:
+    """Entries of the validity table as bits."""
+    return sum(1 << k for k, name in enumerate(NEEDS) if name in names)
+
+
 def rule_constants(calibration: Calibration) -> str:
     """Thresholds and times of one machine as macros."""
     inputs = calibration.inputs
@@ -147,7 +152,9 @@ def rule_constants(calibration: Calibration) -> str:
         "RULE_LEAST_SPECIFIC_FORCE": real(inputs.least_specific_force),
         "RULE_NEVER": real(NEVER),
         "RULE_CONTRADICTION": real(CONTRADICTION),
-        "RULE_FROM_LOADS": f"{sum(1 << k for k, name in enumerate(NEEDS) if name in FROM_LOADS):#x}U",
+        "RULE_FROM_LOADS": f"{_entries(FROM_LOADS):#x}U",
+        "RULE_DOUBTFUL": real(DOUBTFUL),
+        "RULE_FROM_SPEED": f"{_entries(FROM_SPEED):#x}U",
         "RULE_NO_CODE": real(NO_CODE),
         "RULE_NO_FROZEN": real(NO_FROZEN),
         "RULE_COUNTED_GROUPS": f"{sum(1 << g for g in set(GROUP_OF.values()) - OUTSIDE_ESTIMATES):#x}U",

@@ -35,6 +35,7 @@ from ecu.estimators.motion.motion import (
     motion,
 )
 from ecu.estimators.motion.planar import Steering, lateral_step
+from ecu.estimators.motion.speed import Fused
 from ecu.estimators.next_state import next_state
 from ecu.estimators.parameters import GRAVITY, Body, Parameters
 from ecu.estimators.quantities import NormalForces, Vector, WheelForces
@@ -62,7 +63,7 @@ class Present(NamedTuple):
     load_contradiction: float  # between the balance of forces and the gyro, as an angle of tilt [rad]
     yaw_moment: float
     joint_torque: float
-    speed: float
+    speed: Fused
     force: Vector  # specific force at the centre of gravity
     slope: Slope
     payload: float
@@ -171,7 +172,8 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
 
     r1 = radius(s.normal_1, w.front_stiffening, w)
     r2 = radius(s.normal_2, w.front_stiffening, w)
-    v = fused_speed(i, s, m, a.axle, slope, Vector(r1, r2, r3), p)
+    fused = fused_speed(i, s, m, a.axle, slope, Vector(r1, r2, r3), p)
+    v = fused.speed
     led = lean_after(i, s, m, lean, slope, v, axle_speed, p)
     axle_acceleration = (m.wheel_acceleration_3 + m.wheel_acceleration_4) / 2.0 * r3
     trail = w.pneumatic_trail * min(max(v / 0.5, -1.0), 1.0)
@@ -217,11 +219,11 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     turn = turning.yaw_moment(forces, whole.x, whole.y, d, g) - trail * (lateral.front + lateral.rear)
     now = Present(
         n, forces, slips, models,
-        rollover.margin(n, machine.standing), gap, contradiction, turn, lateral.joint_torque, v,
+        rollover.margin(n, machine.standing), gap, contradiction, turn, lateral.joint_torque, fused,
         centre_force(a, front, p.rear, p.axle.mass), slope, load.payload, start, int(s.cycles) % MOTIONS, machine,
     )  # fmt: skip
     state = next_state(
-        i, s, m, load, v, axle_speed, axle_acceleration, n, forces,
+        i, s, m, load, fused, axle_speed, axle_acceleration, n, forces,
         deflections, slide.drift, tilt.tilt, tilt.bias, led, lateral.front, arm, bucket,
     )  # fmt: skip
     return now, state
@@ -304,8 +306,8 @@ def estimates_of(now: Present, future: Future, p: Parameters) -> Estimates:
         lifting_wheel=future.prediction.wheel,
         yaw_moment=now.yaw_moment,
         joint_torque=now.joint_torque,
-        yaw_rate=yaw_rate(now.speed, c.articulation_angle, c.articulation_rate, p.geometry),
-        speed=now.speed,
+        yaw_rate=yaw_rate(now.speed.speed, c.articulation_angle, c.articulation_rate, p.geometry),
+        speed=now.speed.speed,
         specific_force_x=now.force.x,
         specific_force_y=now.force.y,
         specific_force_z=now.force.z,
@@ -319,6 +321,7 @@ def estimates_of(now: Present, future: Future, p: Parameters) -> Estimates:
         permitted_motion=future.permitted_motion,
         load_gap=now.load_gap,
         load_contradiction=now.load_contradiction,
+        speed_doubt=now.speed.doubt,
         normal_1_sd=sure.normal_1,
         normal_2_sd=sure.normal_2,
         normal_3_sd=sure.normal_3,

@@ -5,6 +5,7 @@ from ecu.estimators.inclination import Lean
 from ecu.estimators.loads.payload import BucketLoad
 from ecu.estimators.motion.arm import Turning
 from ecu.estimators.motion.motion import Motion
+from ecu.estimators.motion.speed import Fused
 from ecu.estimators.quantities import NormalForces, WheelForces
 from ecu.estimators.signals import Inputs
 from ecu.estimators.stability.levers import MOTIONS
@@ -17,7 +18,7 @@ MOST_CYCLES = 8_000_000.0
 
 @compiled
 def next_state(
-    i: Inputs, s: State, m: Motion, load: BucketLoad, fused: float, axle_speed: float, axle_acceleration: float,
+    i: Inputs, s: State, m: Motion, load: BucketLoad, fused: Fused, axle_speed: float, axle_acceleration: float,
     n: NormalForces, f: WheelForces, u: WheelForces, drift: float, tilt: Tilt, bias: Tilt, lean: Lean, front_side: float,
     arm: Turning, bucket: Turning,
 ) -> State:  # fmt: skip
@@ -25,7 +26,7 @@ def next_state(
     # by whole turns of the levers' four motions, whose limits are looked for one after another
     cycles = s.cycles + 1.0 if s.cycles < MOST_CYCLES else s.cycles + 1.0 - MOTIONS
     return State(
-        cycles, load.payload, fused, i.articulation_rate, m.articulation_acceleration,
+        cycles, load.payload, fused.speed, fused.doubt, i.articulation_rate, m.articulation_acceleration,
         i.roll_rate, m.change.x, i.pitch_rate, m.change.y, i.yaw_rate, m.change.z,
         i.wheel_speed_1, i.wheel_speed_2, i.wheel_speed_3, i.wheel_speed_4,
         m.wheel_acceleration_1, m.wheel_acceleration_2, m.wheel_acceleration_3, m.wheel_acceleration_4,

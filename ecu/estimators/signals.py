@@ -147,7 +147,7 @@ class Estimates(NamedTuple):
     yaw_moment: Annotated[float, Sent("TurningTorque", "YawMoment", "N.m", "yaw_moment", "MomentValid")]
     joint_torque: Annotated[float, Sent("TurningTorque", "JointTorque", "N.m", "joint_torque", "TorqueValid")]
     yaw_rate: Annotated[float, Sent("TurningTorque", "YawRate", "rad/s")]
-    speed: Annotated[float, Sent("BodyMotion", "Speed", "m/s")]  # of the rear axle
+    speed: Annotated[float, Sent("BodyMotion", "Speed", "m/s", "speed", "SpeedValid")]  # of the rear axle
     # specific force at the machine's centre of gravity
     specific_force_x: Annotated[float, Sent("BodyMotion", "LongitudinalAcceleration", "m/s2")]
     specific_force_y: Annotated[float, Sent("BodyMotion", "LateralAcceleration", "m/s2")]
@@ -164,6 +164,7 @@ class Estimates(NamedTuple):
     # how far the loads contradict themselves (`ecu.consistency`)
     load_gap: float  # their sum less mass times vertical specific force [N]
     load_contradiction: float  # balance of forces against gyro, as an angle of tilt [rad]
+    speed_doubt: float  # by how much the speed may be wrong because wheels slide [m/s]
     # standard deviations by the calibration's tolerances and the sensors' errors (ecu.estimators.uncertainty); 0, not known, in the printed form
     normal_1_sd: Annotated[
         float, Sent("EstimateUncertainty", "NormalForceFrontLeft", "N", deviation_of="normal")

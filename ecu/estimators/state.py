@@ -12,6 +12,7 @@ class State(NamedTuple):
     cycles: float  # since the start
     payload: float  # [kg]
     speed: float  # of the rear axle, fused [m/s]
+    speed_doubt: float  # by how much it may be wrong because wheels slide [m/s]
     articulation_rate: float  # [rad/s]
     articulation_acceleration: float  # [rad/s2]
     roll_rate: float  # of the rear frame [rad/s]

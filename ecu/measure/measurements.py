@@ -39,6 +39,7 @@ _INSIDE: Final[Mapping[str, tuple[str, str]]] = {
     "permitted_motion": ("1", "Its motion: 0 arm up, 1 arm down, 2 bucket back, 3 bucket forward."),
     "load_gap": ("N", "Sum of the normal forces less mass times vertical specific force."),
     "load_contradiction": ("rad", "Tilt on the tyres by the balance of forces against the gyro."),
+    "speed_doubt": ("m/s", "How far the speed may be wrong because wheels slide."),
 }  # fmt: skip
 
 

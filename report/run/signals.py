@@ -134,6 +134,11 @@ class Signals:
         upper = replace(middle, value=middle.value + half)
         return [upper, replace(middle, value=middle.value - half, silent=True)]
 
+    def flag(self, message: str, signal: str) -> str | None:
+        """The flag's name; none where the run never sets it, as before the flag existed."""
+        columns = self._run.messages.get(message)
+        return signal if columns is not None and np.any(columns.signals.get(signal, 0)) else None
+
     def limit(self, signal: str, label: str, *, either_way: bool = False) -> list[Curve]:
         """A limit, where it is below the top of its range; either_way: drawn for both signs."""
         # the top of the range means "no limit"; 0.999, because decoded floats are not exact
@@ -304,7 +309,14 @@ def _drive(s: Signals) -> tuple[Plot, ...]:
             "Speed",
             "km/h",
             s.truth("speed", "true", "truth", scale=3.6),
-            s.frame("BodyMotion", "Speed", "estimated", "estimate", scale=3.6),
+            s.frame(
+                "BodyMotion",
+                "Speed",
+                "estimated",
+                "estimate",
+                scale=3.6,
+                valid=s.flag("BodyMotion", "SpeedValid"),
+            ),
             s.limit("Speed", "limit"),
             always=(0.0, 5.0),
         ),

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from dbc import loader_database
 from ecu.calibration import load_calibration
-from ecu.consistency import SETTLING_NS, Consistency
+from ecu.consistency import DOUBTFUL, SETTLING_NS, Consistency
 from ecu.estimators.signals import NEVER, Estimates
 from ecu.estimators.tyres.contact import CONTRADICTION
 from ecu.validity import NEEDS, WHEELS
@@ -45,6 +45,11 @@ def test_loads_that_do_not_add_up_are_invalid(gap):
 def test_loads_are_invalid_while_the_balance_contradicts_the_gyro():
     assert invalid(load_contradiction=1.01 * CONTRADICTION) == set(NEEDS) - {"speed"}
     assert invalid(load_contradiction=0.99 * CONTRADICTION) == set()
+
+
+def test_a_doubtful_speed_takes_the_slips_with_it():
+    assert invalid(speed_doubt=1.01 * DOUBTFUL) == {"speed"} | {f"slip_{n}" for n in WHEELS}
+    assert invalid(speed_doubt=0.99 * DOUBTFUL) == set()
 
 
 @pytest.mark.parametrize("name", ["load_transfer_ratio", "predicted_load_transfer_ratio"])

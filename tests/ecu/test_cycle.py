@@ -41,6 +41,7 @@ def flags(values):
         "joint_torque": bool(values["TurningTorque"]["TorqueValid"]),
         "yaw_moment": bool(values["TurningTorque"]["MomentValid"]),
         "payload": bool(values["BodyMotion"]["PayloadValid"]),
+        "speed": bool(values["BodyMotion"]["SpeedValid"]),
         **{f"slip_{n}": bool(values[f"TyreForce{w}"]["SlipValid"]) for n, w in enumerate(wheels, 1)},
         **{f"force_{n}": bool(values[f"TyreForce{w}"]["ForceValid"]) for n, w in enumerate(wheels, 1)},
     }
@@ -172,9 +173,7 @@ def test_a_silent_message_invalidates_what_depends_on_it_and_nothing_else(messag
     play(ecu, machine, 30)
     machine.silent = {message}
     results, findings = play(ecu, machine, 20)
-    expected = {
-        name: not LOST[message].intersection(needs) for name, needs in NEEDS.items() if name != "speed"
-    }
+    expected = {name: not LOST[message].intersection(needs) for name, needs in NEEDS.items()}
     assert flags(last_values(results)) == expected
     assert [type(f) for f in findings].count(Stale) == 1
     cause = last_values(results)["Limits"]["Cause"]

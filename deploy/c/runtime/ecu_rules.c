@@ -68,6 +68,9 @@ static uint32_t contradicted(const Estimates *e)
     if (real_max(real_abs(e->load_transfer_ratio), real_abs(e->predicted_load_transfer_ratio)) > R(1.0)) {
         broken |= (uint32_t)1U << VALID_ROLL_OVER;
     }
+    if (e->speed_doubt > RULE_DOUBTFUL) {
+        broken |= RULE_FROM_SPEED;
+    }
     if (((broken >> VALID_NORMAL) & 1U) != 0U) {
         broken |= RULE_FROM_LOADS;
     }

@@ -14,6 +14,7 @@ from ecu.estimators.motion.acceleration import (
     yaw_acceleration,
     yaw_rate,
 )
+from ecu.estimators.motion.speed import Fused
 from ecu.estimators.parameters import GRAVITY, Body, Parameters
 from ecu.estimators.quantities import Vector
 from ecu.estimators.signals import Inputs
@@ -115,8 +116,8 @@ def kinematic_accelerations(
 @compiled
 def fused_speed(
     i: Inputs, s: State, m: Motion, axle: Vector, slope: Slope, r: Vector, p: Parameters
-) -> float:
-    """Speed of the rear axle [m/s]: carried by acceleration, corrected by the wheels.
+) -> Fused:
+    """Speed of the rear axle: carried by acceleration, corrected by the wheels.
 
     r: effective radii of front left, front right and of both rear wheels [m].
     """
@@ -132,12 +133,13 @@ def fused_speed(
     v4 = speed.rear_wheel_reading(
         i.wheel_speed_4 * r.z, expected_slip(s.force_4, s.normal_4, w), -1.0, yaw, g
     )
+    grip = w.lateral_peak * GRAVITY * i.dt
     count = i.wheel_1_usable + i.wheel_2_usable + i.wheel_3_usable + i.wheel_4_usable
     if count == 0.0:
-        return s.speed
+        return Fused(s.speed, min(s.speed_doubt + grip, speed.DOUBT_MOST))
     total = i.wheel_1_usable * v1 + i.wheel_2_usable * v2 + i.wheel_3_usable * v3 + i.wheel_4_usable * v4
     if s.cycles == 0.0:
-        return total / count
+        return Fused(total / count, 0.0)
     trusted = i.acceleration_usable * i.slope_usable
     predicted = s.speed
     if trusted != 0.0:
@@ -150,16 +152,24 @@ def fused_speed(
     mean = total / count
     spread = max(abs(v1 - mean), abs(v2 - mean), abs(v3 - mean), abs(v4 - mean))
     least = speed.CONSENSUS if count == 4.0 and spread < scatter and abs(mean) > speed.ROLLING else 0.0
-    correction = i.wheel_1_usable * e1 * max(speed.influence(e1, scatter), least)
-    correction += i.wheel_2_usable * e2 * max(speed.influence(e2, scatter), least)
-    correction += i.wheel_3_usable * e3 * max(speed.influence(e3, scatter), least)
-    correction += i.wheel_4_usable * e4 * max(speed.influence(e4, scatter), least)
     if trusted == 0.0:  # nothing else carries the speed: the plain mean
-        correction = total - count * predicted
-        return predicted + gain * correction / count
+        change = gain * (total - count * predicted) / count
+        return Fused(predicted + change, speed.doubt_of_wheels(s.speed_doubt, change, grip, i.dt))
+    i1, i2 = speed.influence(e1, scatter), speed.influence(e2, scatter)
+    i3, i4 = speed.influence(e3, scatter), speed.influence(e4, scatter)
+    correction = i.wheel_1_usable * e1 * max(i1, least)
+    correction += i.wheel_2_usable * e2 * max(i2, least)
+    correction += i.wheel_3_usable * e3 * max(i3, least)
+    correction += i.wheel_4_usable * e4 * max(i4, least)
     # A slope that is a little wrong carries the speed away from wheels that stand, whose influence is then nothing.
     carried = min(max(mean - predicted, -1.0), 1.0) * speed.DRIFT * i.dt
-    return predicted + gain * correction / count + carried
+    weight = i.wheel_1_usable * i1 + i.wheel_2_usable * i2 + i.wheel_3_usable * i3 + i.wheel_4_usable * i4
+    # what the least influence moves is no evidence: wheels that all slide alike agree too
+    agreed = i.wheel_1_usable * e1 * max(least - i1, 0.0) + i.wheel_2_usable * e2 * max(least - i2, 0.0)
+    agreed += i.wheel_3_usable * e3 * max(least - i3, 0.0) + i.wheel_4_usable * e4 * max(least - i4, 0.0)
+    unproven = carried * (1.0 - weight / count) + gain * agreed / count
+    doubt = speed.doubt_carried(s.speed_doubt, weight / count, unproven, gain, i.dt)
+    return Fused(predicted + gain * correction / count + carried, doubt)
 
 
 @compiled

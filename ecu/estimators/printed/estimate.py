@@ -101,7 +101,6 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
     # the reference: straight wheels, but the centre of gravity of the present articulation
     standing = loads(centre, 0.0, 0.0, 0.0, 0.0, 0.0, p)
     margin = printed_margin(n, standing)
-    lift_off = 0.0 if margin.ratio <= 0.0 else NEVER
     transfer = four_wheel_load_transfer(n)
 
     yaw = yaw_rate_of_angle(v, d, g)
@@ -136,7 +135,7 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
         lift_off_margin=margin.ratio,
         lift_off_wheel=margin.wheel,
         predicted_margin=margin.ratio,
-        time_to_lift_off=lift_off,
+        time_to_lift_off=0.0 if margin.ratio <= 0.0 else NEVER,
         lifting_wheel=margin.wheel,
         yaw_moment=turn,
         joint_torque=turn,  # the thesis compares one with the other
@@ -156,6 +155,7 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
         permitted_motion=s.cycles % 4.0,
         load_gap=0.0,  # the thesis does not ask whether its loads agree with each other
         load_contradiction=0.0,
+        speed_doubt=0.0,  # the thesis takes wheels to roll
         normal_1_sd=0.0,
         normal_2_sd=0.0,
         normal_3_sd=0.0,
