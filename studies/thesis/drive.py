@@ -20,6 +20,7 @@ from ecu.estimators.signals import Estimates, Inputs
 from ecu.estimators.tyres.wheels import radius
 from plant.effects.effect import ActiveEffect
 from plant.physics.surface import Surface
+from plant.sheets.machine import Machine
 from plant.truth import Truth, columns_of
 from plant.unit.profile import Profile
 from plant.unit.scenario import Scenario, Start, load_scenario
@@ -63,8 +64,13 @@ def line(*points: tuple[float, float]) -> Profile:
 
 def driven(case: Scenario, split: Split, *effects: ActiveEffect) -> Truths:
     """The truth of the drive, one row per 10 ms."""
+    return driven_by(replace(machine_of(split), effects=effects), case)
+
+
+def driven_by(machine: Machine, case: Scenario) -> Truths:
+    """The truth of this machine's drive."""
     # no ECU at all: the thesis' simulation had none, and limits would change the drive
-    unit = PlantUnit(replace(machine_of(split), effects=effects), case, seed=case.seed, obey_limits=False)
+    unit = PlantUnit(machine, case, seed=case.seed, obey_limits=False)
     rows: list[Array] = []
     while not unit.finished:
         unit.tick(len(rows) * TICK_NS)

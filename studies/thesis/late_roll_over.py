@@ -12,33 +12,21 @@ from pathlib import Path
 
 import numpy as np
 
-from hil.verdict import LIFT_MIN_S, WHEELS, first_lift_off, lasting
+from hil.verdict import LIFT_MIN_S, WHEELS, lasting
 from plant.unit.scenario import Scenario, Start
 from plant.unit.script import KMH, Script
 from studies.campaigns import roll_over as campaign
+from studies.thesis import late_causes
+from studies.thesis.abrupt_turn import ANGLE, RATE, ROLLED, SPEED_KMH, TURN_S, Seen, seen
 from studies.thesis.drive import Array, Truths, drive_case, driven, estimated, line, repaired
 from studies.thesis.questions import Answer, Row
 from studies.thesis.split import SHEET, SPLITS, Split
-
-SPEED_KMH = 26.0
-TURN_S = 2.0
-RATE = math.radians(27.0)  # what the steering cylinders give [rad/s]
-ANGLE = math.radians(39.0)
-ROLLED = math.radians(45.0)
 
 REPAIRS: Mapping[str, Mapping[str, float]] = {
     "pivot arm alone (E-15)": {"pivot_arm": 1.0},
     "centripetal acceleration alone (E-18)": {"centripetal": 1.0},
     "both": {"pivot_arm": 1.0, "centripetal": 1.0},
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Seen:
-    """When and at which wheel an estimate comes to zero; infinite and none: never."""
-
-    time: float = math.inf
-    wheel: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,19 +74,15 @@ def measure(split: Split = SHEET, side: float = 1.0) -> Run:
     return Run(
         truth,
         forces,
-        _seen(time, truth["normal_force"]),
-        {form: _seen(time, force) for form, force in forces.items()},
+        seen(time, truth["normal_force"]),
+        {form: seen(time, force) for form, force in forces.items()},
         foreseen[0] if foreseen else math.inf,
     )
 
 
-def _seen(time: Array, force: Array) -> Seen:
-    found = first_lift_off(time, force)
-    return Seen(*found) if found else Seen()
-
-
 def answer() -> Answer:
-    """Left and right with the sheet's masses, over the bus, and the splits."""
+    """Left and right with the sheet's masses, over the bus, the splits, and why it is later than in theory."""
+    suspects = late_causes.causes()
     run, mirrored = measure(), measure(side=-1.0)
     many = [measure(split) for split in SPLITS]
     # once more through sensors and bus: the estimates above have neither noise nor delay
@@ -116,8 +100,15 @@ def answer() -> Answer:
         "[The roll-over grid](../results/rollover_grid.md) has the same for 240 turns.",
         f"Over the mass splits shown the printed estimator is {_range([r.late('printed') for r in many])} s late, the corrected one {_range([-r.late('corrected') for r in many])} s ahead and its outlook "
         f"{_range([_ahead(r) for r in many])} s; {sum(r.rolls_over for r in many)} of {len(many)} machines go over at this speed, and the first wheel is {_wheels(many)} in all of them.",
+        late_causes.paragraph(suspects),
     )  # fmt: skip
-    return Answer(text, _rows(run, warned.lead_s), partial(_draw, run=run, many=many))
+    changed = [
+        Row(f"{what}: seen after the plant's [s]", "–", f"{each.late:+.2f}", "–")
+        for what, each in late_causes.lines(suspects)
+    ]
+    by_friction = {friction: each.late for friction, each in suspects.frictions.items()}
+    draw = partial(_draw, run=run, many=many, by_friction=by_friction, theory=late_causes.THEORY)
+    return Answer(text, (*_rows(run, warned.lead_s), *changed), draw)
 
 
 def _ahead(run: Run) -> float:
@@ -160,12 +151,21 @@ def _rows(run: Run, lead: float | None) -> tuple[Row, ...]:
     )  # fmt: skip
 
 
-def _draw(file: Path, run: Run, many: list[Run]) -> None:
+def _draw(
+    file: Path, run: Run, many: list[Run], by_friction: Mapping[float, float], theory: tuple[float, float]
+) -> None:
     from studies.thesis import picture
 
     time, lift = run.truth["time_s"], run.lift_off.time
     wheel = run.lift_off.wheel or 0
-    with picture.panels(file, 1, 2, (11, 4), width_ratios=(2.2, 1)) as (figure, (left, right)):
+    with picture.panels(file, 1, 3, (14, 4), width_ratios=(2.2, 1, 1)) as (figure, (left, right, last)):
+        last.plot(list(by_friction), list(by_friction.values()), "o-", color=picture.PRINTED)
+        last.axhspan(*theory, color="#888888", alpha=picture.BAND, label="two bodies in the plane")
+        last.set(
+            title="by friction",
+            xlabel="friction of the ground",
+            ylabel="printed, after the true lift-off [s]",
+        )
         left.plot(time - lift, run.truth["normal_force"][:, wheel] / 1e3, color=picture.TRUE, label="plant")
         for form, colour, style in (
             ("printed", picture.PRINTED, "-"),
@@ -201,4 +201,4 @@ def _draw(file: Path, run: Run, many: list[Run]) -> None:
             ylabel="after the true lift-off [s]",
             xticks=(-885, 0, 885),
         )
-        picture.key(figure, [left, right], 4)
+        picture.key(figure, [left, right, last], 4)

@@ -8,7 +8,19 @@ import pytest
 from plant.unit.scenario import Start
 from plant.unit.script import Script
 from studies.thesis.drive import drive_case, driven, line
-from studies.thesis.split import SHEET
+from studies.thesis.joint_torque import (
+    ALIGNING,
+    ALL,
+    LOAD,
+    PITCHED,
+    PLAIN,
+    UNFILTERED,
+    estimates_of,
+    grip_of,
+    moved_of,
+    torque_of,
+)
+from studies.thesis.split import SHEET, parameters_of
 from studies.thesis.turning_torque import CASES, TORQUE, ZIGZAG, external_moments, line_through, measure
 
 
@@ -46,6 +58,38 @@ def test_the_corrected_joint_torque_follows_the_plants(runs, case):
     assert 0.9 < fit.amplitude < 1.25
     assert fit.correlation > 0.98
     assert abs(fit.offset) < 150.0
+
+
+def test_the_loads_on_a_pitched_frame_make_the_ecus_joint_torque_too_large(runs):
+    zigzag = runs[ZIGZAG]
+    assert zigzag.fit_without(PLAIN).amplitude > 1.15
+    assert zigzag.fit_without(PITCHED).amplitude < 1.08
+    assert zigzag.left_without(PITCHED) < 0.5 * zigzag.left_without(PLAIN)
+    assert zigzag.fit_without(PITCHED).delay == zigzag.fit_without(UNFILTERED).delay == 0.0
+
+
+def test_the_aligning_moments_do_not(runs):
+    assert runs[ZIGZAG].left_without(ALIGNING) > runs[ZIGZAG].left_without(PLAIN)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_without_its_causes_the_joint_torque_is_the_plants(runs, case):
+    """To a twentieth; the offset of the torque case, 80 N m, goes with them."""
+    run = runs[case]
+    fit = run.fit_without(ALL)
+    assert fit.amplitude == pytest.approx(1.0, abs=0.05)
+    assert run.left_without(ALL) < 0.06 * np.std(run.torque)
+    assert abs(fit.offset) < 10.0
+    assert run.left_without(ALL) < min(run.left_without(one) for one in (PLAIN, ALIGNING, LOAD))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_taken_apart_and_put_together_the_balance_is_the_estimators(case):
+    make, _ = CASES[case]
+    truth, p = driven(make(), SHEET), parameters_of(SHEET)
+    e, angle = estimates_of(truth, p), truth["articulation_angle"]
+    again = torque_of(moved_of(e, angle, p), grip_of(e, p), angle, p)
+    np.testing.assert_allclose(again, e["joint_torque"], atol=1e-6)
 
 
 @pytest.fixture(scope="module")
