@@ -7,6 +7,7 @@ misspelt key that is ignored silently changes a run.
 import difflib
 import math
 import os
+import sys
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -83,6 +84,7 @@ class CheckedTable:
         # bool is a subclass of int in Python: `mass = true` must not read as 1 kg
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.error(key, f"= {value!r} is not a number of {unit}")
+        self._refuse_beyond_floats(key, value)
         if not low <= value <= high:
             raise self.error(key, f"= {value} {unit} is outside {low:g}..{high:g} {unit}")
         return float(value)
@@ -135,6 +137,8 @@ class CheckedTable:
             isinstance(item, bool) or not isinstance(item, str | int | float) for item in items
         ):
             raise self.error(key, f"= {value!r} is neither a text or number nor a list of them")
+        for item in items:
+            self._refuse_beyond_floats(key, item)
         return tuple(items)
 
     def numbers(self, key: str, *, unit: str, count: int, low: float, high: float) -> tuple[float, ...]:
@@ -207,6 +211,11 @@ class CheckedTable:
     def error(self, key: str, what: str) -> ConfigurationError:
         """An error about `key`, naming the file and the full key."""
         return ConfigurationError(f"{self._file}: {self._path(key)} {what}")
+
+    def _refuse_beyond_floats(self, key: str, value: object) -> None:
+        # TOML's whole numbers have no limit in Python, and a float of one raises
+        if isinstance(value, int) and abs(value) > sys.float_info.max:
+            raise self.error(key, f"= a whole number of {len(str(abs(value)))} digits is too large")
 
     def _path(self, key: str) -> str:
         return f"{self._section}.{key}" if self._section else key

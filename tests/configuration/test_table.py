@@ -97,3 +97,11 @@ def test_a_file_that_cannot_be_read_or_parsed_is_named(tmp_path):
     bad.write_bytes(b"\xff\xfe")
     with pytest.raises(ConfigurationError, match=r"bad\.toml: cannot be read"):
         CheckedTable.from_file(bad)
+
+
+@pytest.mark.parametrize("read", [lambda t: t.number("v", unit="m"), lambda t: t.one_or_more("v")])
+def test_a_whole_number_that_no_float_holds_is_refused_by_its_length(read):
+    with pytest.raises(
+        ConfigurationError, match=r"^a\.toml: part\.v = a whole number of 401 digits is too large$"
+    ):
+        read(table(v=10**400))
