@@ -51,7 +51,9 @@ SPREAD: Mapping[str, float] = {
     "tyre_stiffness": 0.03,
     "wheel_radius": 0.001,
 }
-"""Standard deviation of the machine's deviations from its sheet: those of the priors of the model's nuisances."""
+"""Standard deviation of the machine's deviations from its sheet, within the priors of the model's nuisances."""
+TYRE_SPREAD: Mapping[str, float] = {"slip_stiffness": 0.05, "cornering_stiffness": 0.05}
+"""The same of the tyres' slopes at no slip."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,6 +158,9 @@ def record(arm: Arm, folder: Path) -> dict[str, float]:
     # a stream apart from the sensors', which begin with the seed alone
     rng = np.random.default_rng([arm.seed, 17])
     off = {name: float(rng.normal(0.0, sd)) for name, sd in SPREAD.items()}
+    # of their own, so that the drives stay those of earlier reports
+    tyres = np.random.default_rng([arm.seed, 19])
+    off |= {name: float(tyres.normal(0.0, sd)) for name, sd in TYRE_SPREAD.items()}
     # sizes by the model's library, so that `scale` means the same in truth and diagnosis
     effects = {**hidden(loader.model(), arm), **(arm.beside or {})}
     machine, equipment = load_machine("l60"), load_equipment("l60")
@@ -253,6 +258,8 @@ def _off_its_sheet(machine: Machine, off: Mapping[str, float]) -> Machine:
             qfz1=tyre.qfz1 * stiffer,
             qfz2=tyre.qfz2 * stiffer,
             radius=tyre.radius + off["wheel_radius"],
+            pkx1=tyre.pkx1 * (1.0 + off["slip_stiffness"]),
+            pky1=tyre.pky1 * (1.0 + off["cornering_stiffness"]),
         ),
     )
 

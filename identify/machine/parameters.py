@@ -120,6 +120,8 @@ def quantities(machine: Machine, model: Model) -> list[Quantity]:
                 ("tyre", "qfz2", lambda v: m.tyre.qfz2 * (1.0 + v)),
             ),
         ),
+        _scaled("slip_stiffness", "stiffness of a tyre along, at no slip (PKX1)", "tyre", "pkx1", m.tyre.pkx1, "1"),
+        _scaled("cornering_stiffness", "stiffness of a tyre across, at no slip (PKY1)", "tyre", "pky1", m.tyre.pky1, "1"),
         # the bucket carries it, so it belongs to the drive and not to the machine file
         Quantity(PAYLOAD, "payload beyond that of the record", "kg", "machine", lambda v: v),
     ]  # fmt: skip
@@ -173,8 +175,8 @@ def _shifted(parameter: str, label: str, unit: str, table: str, key: str, sheet:
     return Quantity(parameter, label, unit, "machine", value, ((table, key, value),))
 
 
-def _scaled(parameter: str, label: str, table: str, key: str, sheet: float) -> Quantity:
+def _scaled(parameter: str, label: str, table: str, key: str, sheet: float, unit: str = "kg m2") -> Quantity:
     def value(v: float) -> float:
         return sheet * (1.0 + v)
 
-    return Quantity(parameter, label, "kg m2", "machine", value, ((table, key, value),))
+    return Quantity(parameter, label, unit, "machine", value, ((table, key, value),))

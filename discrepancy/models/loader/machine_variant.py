@@ -25,6 +25,9 @@ class Variants:
             qfz1=m.tyre.qfz1 * stiffer,
             qfz2=m.tyre.qfz2 * stiffer,
             radius=m.tyre.radius + values.get("wheel_radius", 0.0),
+            # the slopes at no slip; friction, and with it the peaks, stays
+            pkx1=m.tyre.pkx1 * (1.0 + values.get("slip_stiffness", 0.0)),
+            pky1=m.tyre.pky1 * (1.0 + values.get("cornering_stiffness", 0.0)),
         )
         rear = replace(
             m.rear_frame,

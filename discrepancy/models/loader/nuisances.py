@@ -60,13 +60,16 @@ BODIES = (
 The shares are of the bodies of the sheet. The effects yaw_inertia and roll_inertia act on the whole front part, with its axle.
 """
 
-# Priors are about the accuracy with which a sheet or a workshop knows a value: masses to 2 %, a centre of gravity to 5 cm, tyres to 5 %,
-# torque to 2 %, angle sensors to a few mrad.
+# Priors are about the accuracy with which a sheet or a workshop knows a value: masses to 2 %, a centre of gravity to 5 cm, tyres to 5 %
+# radially and to 10 % along and across (a maker gives a load over a deflection, and the rest comes from a tyre of its class), torque to 2 %,
+# angle sensors to a few mrad.
 NUISANCES = (
     Parameter(name="rear_mass", unit="kg", lower=-1500.0, upper=1500.0, typical=100.0, prior_sd=120.0),
     Parameter(name="front_mass", unit="kg", lower=-800.0, upper=800.0, typical=50.0, prior_sd=60.0),
     Parameter(name="rear_height", unit="m", lower=-0.4, upper=0.4, typical=0.03, prior_sd=0.05),
     Parameter(name="tyre_stiffness", unit="1", lower=-0.5, upper=1.0, typical=0.05, prior_sd=0.05),
+    Parameter(name="slip_stiffness", unit="1", lower=-0.6, upper=2.0, typical=0.05, prior_sd=0.1),
+    Parameter(name="cornering_stiffness", unit="1", lower=-0.6, upper=2.0, typical=0.05, prior_sd=0.1),
     Parameter(
         name="torque_scale",
         unit="1",

@@ -268,6 +268,25 @@ def test_nothing_is_found_where_nothing_was_concealed(plain):
 
 
 @pytest.mark.slow
+def test_tyres_of_another_stiffness_are_no_effect():
+    """Nobody knows a tyre's slopes to a few percent; taken for exact, they were called yaw inertia or the places of the axles."""
+    from discrepancy.examine import examine
+    from discrepancy.selection.assess import assess
+    from discrepancy.selection.state import Settings
+
+    true = {"slip_stiffness": -0.12, "cornering_stiffness": 0.13}
+    tyre = replace(L60.tyre, pkx1=0.88 * L60.tyre.pkx1, pky1=1.13 * L60.tyre.pky1)
+    drive = recorded(machine=replace(L60, tyre=tyre))
+    model = restricted("yaw_inertia", "axle_position", "lateral_relaxation", recordings=[drive])
+    problem = Problem(model, [drive])
+    fitted = assess(problem, (), problem.start(), Settings()).fit
+    for name, value in true.items():
+        assert fitted.sd(name) < 0.03
+        assert abs(fitted.values.shared[name] - value) < 3.0 * fitted.sd(name)
+    assert examine(model, [drive], Settings(open_ended=False)).status == "nothing missing"
+
+
+@pytest.mark.slow
 def test_the_pile_of_the_scenario_is_found_where_it_is(tmp_path):
     """Without it the machine pushes forward for seconds where the recorded one stands: nothing of the baseline is near."""
     from discrepancy.examine import examine
