@@ -99,8 +99,8 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
     slope, lean = slope_without_lean(i, s, v, ax, p.sensors.slope_levelling)
     n = loads(centre, d, ax, ay_right, -slope.pitch, -slope.roll, p)
     # the reference: straight wheels, but the centre of gravity of the present articulation
-    standing = loads(centre, 0.0, 0.0, 0.0, 0.0, 0.0, p)
-    margin = printed_margin(n, standing)
+    margin = printed_margin(n, loads(centre, 0.0, 0.0, 0.0, 0.0, 0.0, p))
+    lift_off = 0.0 if margin.ratio <= 0.0 else NEVER
     transfer = four_wheel_load_transfer(n)
 
     yaw = yaw_rate_of_angle(v, d, g)
@@ -135,7 +135,7 @@ def printed(i: Inputs, s: PrintedState, p: Parameters) -> tuple[Estimates, Print
         lift_off_margin=margin.ratio,
         lift_off_wheel=margin.wheel,
         predicted_margin=margin.ratio,
-        time_to_lift_off=0.0 if margin.ratio <= 0.0 else NEVER,
+        time_to_lift_off=lift_off,
         lifting_wheel=margin.wheel,
         yaw_moment=turn,
         joint_torque=turn,  # the thesis compares one with the other
