@@ -18,6 +18,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 from bench.speed import commit
@@ -116,28 +117,42 @@ def run(*words: str | Path, folder: Path | None = None) -> str:
 
 
 class Builds:
-    """Every build of the exported folder."""
+    """Every build of the exported folder, each made when it is asked for."""
 
     def __init__(self, folder: Path) -> None:
         self.c = folder / "c"
         write_project(self.c, load_calibration())
-        perturbed = folder / "perturbed"
-        write_project(perturbed, load_calibration())
+        self._perturbed = folder / "perturbed"
+
+    @cached_property
+    def double(self) -> Path:
+        """In double precision."""
+        return self._library(self.c, "double", "-DECU_DOUBLE")
+
+    @cached_property
+    def single(self) -> Path:
+        """In single precision, as the board's."""
+        return self._library(self.c, "single")
+
+    @cached_property
+    def perturbed(self) -> Path:
+        """In double precision, each result changed at random by the rounding of single precision."""
+        write_project(self._perturbed, load_calibration())
         for name, text in estimator_files(perturbed=True).items():
-            (perturbed / name).write_text(text)
-        self.double = self._library(self.c, "double", "-DECU_DOUBLE")
-        self.single = self._library(self.c, "single")
-        self.perturbed = self._library(perturbed, "perturbed", "-DECU_DOUBLE", "-DECU_PERTURBED")
-        self.sanitized = self._library(
-            self.c,
-            "sanitized",
-            "-g",
-            "-fsanitize=address,undefined,float-cast-overflow",
-            "-fno-sanitize-recover=all",
-        )
-        self.size = (
-            run("make", "--no-print-directory", "-C", self.c, "cortex_m4/ecu.elf").splitlines()[-1].split()
-        )
+            (self._perturbed / name).write_text(text)
+        return self._library(self._perturbed, "perturbed", "-DECU_DOUBLE", "-DECU_PERTURBED")
+
+    @cached_property
+    def sanitized(self) -> Path:
+        """In single precision, ended by the first undefined behaviour."""
+        options = ("-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all")
+        return self._library(self.c, "sanitized", "-g", *options)
+
+    @cached_property
+    def size(self) -> list[str]:
+        """Of the board's firmware: text, data, bss."""
+        made = run("make", "--no-print-directory", "-B", "-C", self.c, "cortex_m4/ecu.elf")
+        return made.splitlines()[-1].split()
 
     @staticmethod
     def _library(folder: Path, name: str, *options: str) -> Path:

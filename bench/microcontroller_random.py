@@ -14,7 +14,7 @@ from pathlib import Path
 
 from bench.microcontroller import CLOCK_MHZ, CLOCKS, Builds, Calls, Sent, answers
 from bench.microcontroller_detection import ON, built, replayed
-from bench.single_precision import APART, FACTOR, NEAR, Judged, choice_rows, difference_of, estimate_rows
+from bench.single_precision import NEAR, Judged, choice_rows, difference_of, estimate_rows, estimates
 from bench.speed import commit
 from ecu.calibration import load_calibration
 from ecu.cycle import EcuCycle
@@ -75,37 +75,40 @@ def judged_together(builds: Builds, seeds: range, done: Judged, instructions: li
 def page(done: Judged, frames: int, unlike: int, instructions: list[int], took_s: float) -> str:
     """The whole page."""
     revision, clean = commit()
-    beyond, most = done.beyond(), max(instructions)
-    alone = sum(len(choice.alone) for choice in done.choices.values())
-    stretches = sum(choice.stretches for choice in done.choices.values())
+    most = max(instructions)
+    of_estimates, alone = done.counts(estimates())
+    of_choices, alone_choices = done.counts(done.choices())
+    compared = done.ticks * len(list(estimates()))
     return f"""# Random frames in single precision on a Cortex-M4F
 
-Commit {revision}{"" if clean else " (with changes)"}; `DRAWS={DRAWS} python -m bench.microcontroller_random --frames {frames}`, {took_s / 60:.0f} minutes. Words and method as in [the ECU in C](microcontroller.md).
+Commit {revision}{"" if clean else " (with changes)"}; `DRAWS={DRAWS} python -m bench.microcontroller_random --frames {frames}`, {took_s / 60:.0f} minutes. Words and method as in [the ECU in C](microcontroller.md), reasons in [decision 63](../adr/0063-random-frames-in-single-precision.md).
 
 {done.drives} drives of {FRAMES:,} frames, {done.ticks:,} cycles, go through `qemu-system-arm` and through the Python ECU; the detection of sensor faults is on in both. Nine of ten are drives with noisy and wild signals and bursts of trouble
 (frames lost, late, doubled, swapped, cut, damaged, or of random bits and signed; sensors that stand still or report a fault), one of ten is random bits, mostly signed, at times that jump and run backwards. The ECU starts anew for each.
 
+## The rule
+
+- An estimate is within one step of its signal of what Python sends. A choice (validity, warning, state, trouble code, a limit, the end of a prediction) is Python's.
+- It may be otherwise only where rounding decides, at a threshold: one of {DRAWS} builds in double precision whose every result is changed at random by the rounding of single precision (a *draw*) is then beyond the same bound, within {NEAR / 100:g} s of the stretch of cycles.
+  The thresholds are also those of choices that no signal shows: whether the detection replaces a sample, whether a tyre is in contact.
+
 ## Estimates
 
-The bound of an estimate is {FACTOR:g} times what rounding does to the same equations, and at least one step of its signal. What rounding does is the largest difference from Python in {DRAWS} builds in double precision whose every result is changed at random
-by the rounding of single precision (*draws*), in the same drives. Estimates are compared in {done.compared:,} cycles: not within {APART / 100:g} s after another choice inside the estimators (validity, state, trouble code), when both are in another situation.
+Of some {compared:,} values sent, those beyond their bound lie in {of_estimates:,} stretches; {alone:,} of these have no draw that is beyond it too.
 
-**{"Every estimate is within its bound." if not beyond else "Beyond their bound: " + ", ".join(beyond) + "."}** In brackets: steps of the signal.
-
-| estimate | frames in which it differs | largest difference | of the draws [steps] | bound |
-|---|---:|---:|---:|---:|
+| estimate | bound | frames off within it | beyond it | stretches | without a draw beyond it |
+|---|---:|---:|---:|---:|---:|
 {chr(10).join(estimate_rows(done))}
 
 ## Choices
 
-A choice (validity, warning, state, trouble code, a limit, the end of a prediction) may differ at a threshold alone: where rounding decides it. A stretch of cycles with another choice counts as that where one of the draws also chooses otherwise than Python,
-within {NEAR / 100:g} s of the stretch. Of {stretches:,} stretches this holds for {stretches - alone:,}; {alone:,} have no such draw.
+{of_choices:,} stretches with another choice; {alone_choices:,} of these have no draw that chooses otherwise than Python.
 
-| choice | cycles in which it differs | stretches | without a draw that differs |
+| choice | frames in which it differs | stretches | without a draw that differs |
 |---|---:|---:|---:|
 {chr(10).join(choice_rows(done))}
 
-{unlike:,} frames of QEMU differ from those of the host's single-precision build: newlib and glibc round a sine to different neighbours. The most costly cycle took {most:,} instructions ({most * CLOCKS / CLOCK_MHZ / 1e3:.1f} of 10 ms).
+{unlike:,} frames of QEMU differ from those of the host's single-precision build: newlib and glibc round a sine to different neighbours. The most costly cycle took {most:,} instructions ({most * CLOCKS / CLOCK_MHZ / 1e3:.1f} of 10 ms, as estimated on [the page of costs](microcontroller.md)).
 """
 
 
@@ -122,12 +125,12 @@ def main() -> None:
         for first in range(0, options.frames // FRAMES, TOGETHER):
             seeds = range(first, min(first + TOGETHER, options.frames // FRAMES))
             unlike += judged_together(builds, seeds, done, instructions)
-            for name, choice in done.choices.items():
-                alone = [place for place in choice.alone if place[0] >= first]
-                print(name, choice.stretches, alone, flush=True) if alone else None
+            for name, found in done.signals.items():
+                if alone := [place for place in found.alone if place[0] >= first]:
+                    print(name, found.stretches, alone, flush=True)
             text = page(done, options.frames, unlike, instructions, time.monotonic() - started)
             options.out.write_text(text, encoding="utf-8")
-            print(f"{done.drives} drives after {time.monotonic() - started:.0f} s", done.beyond(), flush=True)
+            print(f"{done.drives} drives after {time.monotonic() - started:.0f} s", flush=True)
 
 
 if __name__ == "__main__":

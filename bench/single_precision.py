@@ -1,10 +1,12 @@
 """Judges a build in single precision against the Python ECU: how far each estimate is off, and whether another choice is one of rounding.
 
 The reference for rounding is Monte Carlo arithmetic: builds in double precision whose every result is changed at random by up to the
-rounding of single precision. Each such *draw* of a drive shows which estimates and choices rounding moves, and by how much.
+rounding of single precision, with the constants and samples of the single build. Each such *draw* of a drive shows where rounding
+decides.
 
-An *estimate* is a measured signal of many steps. A *choice* is everything else: validity, warnings, states, trouble codes, and what
-follows from a choice among rates or from the end of a prediction (limits, predicted values).
+An *estimate* is a measured signal of many steps; its bound is STEPS. A *choice* is everything else: validity, warnings, states,
+trouble codes, and what follows from a choice among rates or from the end of a prediction (limits, predicted values); its bound is 0.
+Inside the ECU there are choices that no signal shows, such as whether a sample is replaced; estimates beyond their bound come from them.
 """
 
 from collections import defaultdict
@@ -19,13 +21,10 @@ DATABASE = loader_database()
 NO_ESTIMATES = (*CHOSEN, "EcuStatus", "ActiveFaults", "PreviousFaults", "FaultFreezeFrame")
 LEAST_BITS = 9
 """A signal of fewer is a flag, a state or a count."""
-APART = 200
-"""Ticks after a choice inside the estimators (validity, state, trouble) in which estimates are not compared: 2 s."""
+STEPS = 1
+"""Of an estimate: the other neighbour of a value that lies between two raw numbers."""
 NEAR = 100
-"""Ticks around a stretch of another choice within which a draw has to choose otherwise too: 1 s. The codes are sent ten times a second."""
-INSIDE = ("EcuStatus.", "ActiveFaults.", "PreviousFaults.")
-FACTOR = 2.0
-"""Bound of an estimate over the largest difference of any draw: single precision is one more draw, and may be the largest."""
+"""Ticks around a stretch beyond the bound within which a draw has to be beyond it too: 1 s. Trouble codes are sent ten times a second."""
 
 
 def is_estimate(message: str, signal: str, bits: int) -> bool:
@@ -33,21 +32,21 @@ def is_estimate(message: str, signal: str, bits: int) -> bool:
     return message not in NO_ESTIMATES and f"{message}.{signal}" not in CHOSEN_SIGNALS and bits >= LEAST_BITS
 
 
+def estimates() -> Iterator[str]:
+    """The names of all estimates, MESSAGE.SIGNAL."""
+    for name, codec in DATABASE.by_name.items():
+        if "EstimatorEcu" in codec.senders:
+            yield from (f"{name}.{s.name}" for s in codec.layout if is_estimate(name, s.name, s.length))
+
+
 @dataclass(slots=True)
 class Difference:
     """Of a build from the Python ECU, over one drive."""
 
-    estimates: dict[str, dict[int, int]] = field(
-        default_factory=lambda: defaultdict(dict)
-    )  # signal -> tick -> steps
-    choices: dict[str, list[int]] = field(default_factory=lambda: defaultdict(list))  # signal -> ticks
-
-    def apart(self) -> set[int]:
-        """Ticks in which the build is in another situation than Python, or was so lately."""
-        inside = (
-            ticks for name, ticks in self.choices.items() if name.startswith(INSIDE) or name.endswith("Valid")
-        )
-        return {later for ticks in inside for at in ticks for later in range(at, at + APART + 1)}
+    within: dict[str, int] = field(
+        default_factory=lambda: defaultdict(int)
+    )  # estimate -> frames, off within its bound
+    beyond: dict[str, list[int]] = field(default_factory=lambda: defaultdict(list))  # signal -> ticks
 
 
 def difference_of(found: Sent, expected: Sent) -> Difference:
@@ -63,49 +62,31 @@ def difference_of(found: Sent, expected: Sent) -> Difference:
                 if a == b or signal.name in ("Crc", "AliveCounter"):
                     continue
                 name = f"{codec.name}.{signal.name}"
-                if is_estimate(codec.name, signal.name, signal.length):
-                    result.estimates[name][tick] = abs(round((a - b) / signal.scale))
+                measured = is_estimate(codec.name, signal.name, signal.length)
+                if measured and abs(round((a - b) / signal.scale)) <= STEPS:
+                    result.within[name] += 1
                 else:
-                    result.choices[name].append(tick)
+                    result.beyond[name].append(tick)
     return result
 
 
 def stretches(ticks: Sequence[int]) -> Iterator[tuple[int, int]]:
     """First and last tick of each; a pause of up to NEAR ends none."""
-    first = last = None
-    for tick in ticks:
-        if last is not None and tick - last > NEAR:
-            yield first, last
-            first = None
-        first = tick if first is None else first
-        last = tick
-    if last is not None:
-        yield first, last
+    ends = [k for k in range(1, len(ticks) + 1) if k == len(ticks) or ticks[k] - ticks[k - 1] > NEAR]
+    for begin, end in zip([0, *ends], ends, strict=False):
+        yield ticks[begin], ticks[end - 1]
 
 
 @dataclass(slots=True)
-class Estimate:
-    """One estimate over all drives, in steps of its signal."""
+class Figures:
+    """One signal over all drives."""
 
-    differ: int = 0
-    largest: int = 0
-    of_draws: int = 0  # the largest difference of any draw
-
-    @property
-    def bound(self) -> int:
-        """Steps that single precision may be off."""
-        return max(round(FACTOR * self.of_draws), 1)
-
-
-@dataclass(slots=True)
-class Choice:
-    """One choice over all drives."""
-
-    ticks: int = 0  # in which it differs
-    stretches: int = 0
+    within: int = 0  # frames in which it is off, within its bound
+    beyond: int = 0  # frames in which it is beyond it
+    stretches: int = 0  # of these, one after another
     alone: list[tuple[int, int, int]] = field(
         default_factory=list
-    )  # drive, first and last tick, where no draw differs
+    )  # drive, first and last tick, where no draw is beyond
 
 
 @dataclass(slots=True)
@@ -114,59 +95,46 @@ class Judged:
 
     drives: int = 0
     ticks: int = 0
-    compared: int = 0  # ticks in which estimates were compared
-    estimates: dict[str, Estimate] = field(default_factory=lambda: defaultdict(Estimate))
-    choices: dict[str, Choice] = field(default_factory=lambda: defaultdict(Choice))
+    signals: dict[str, Figures] = field(default_factory=lambda: defaultdict(Figures))
 
     def add(self, ticks: int, build: Difference, draws: Sequence[Difference]) -> None:
         """One more drive of so many ticks."""
-        apart = build.apart()
-        self.compared += ticks - sum(tick < ticks for tick in apart)
-        for name, off in build.estimates.items():
-            steps = [size for tick, size in off.items() if tick not in apart]
-            found = self.estimates[name]
-            found.differ, found.largest = found.differ + len(steps), max([found.largest, *steps])
-        for draw in draws:
-            beside = draw.apart()
-            for name, off in draw.estimates.items():
-                steps = [size for tick, size in off.items() if tick not in beside]
-                self.estimates[name].of_draws = max([self.estimates[name].of_draws, *steps])
-        for name, found in build.choices.items():
-            choice = self.choices[name]
-            choice.ticks += len(found)
-            theirs = [set(draw.choices.get(name, ())) for draw in draws]
-            for first, last in stretches(found):
-                choice.stretches += 1
+        for name, frames in build.within.items():
+            self.signals[name].within += frames
+        for name, beyond in build.beyond.items():
+            found = self.signals[name]
+            found.beyond += len(beyond)
+            theirs = [set(draw.beyond.get(name, ())) for draw in draws]
+            for first, last in stretches(beyond):
+                found.stretches += 1
                 near = range(first - NEAR, last + NEAR + 1)
-                if not any(tick in ticks_of for ticks_of in theirs for tick in near):
-                    choice.alone.append((self.drives, first, last))
+                if not any(tick in each for each in theirs for tick in near):
+                    found.alone.append((self.drives, first, last))
         self.drives += 1
         self.ticks += ticks
 
-    def beyond(self) -> list[str]:
-        """Estimates that are further off than their bound."""
-        return [name for name, found in self.estimates.items() if found.largest > found.bound]
+    def counts(self, names: Iterable[str]) -> tuple[int, int]:
+        """Stretches beyond the bound of these signals, and those in which no draw is beyond it."""
+        chosen = [self.signals[name] for name in names if name in self.signals]
+        return sum(each.stretches for each in chosen), sum(len(each.alone) for each in chosen)
+
+    def choices(self) -> list[str]:
+        """Names of the choices that differ anywhere."""
+        return sorted(set(self.signals) - set(estimates()))
 
 
-def estimate_rows(done: Judged) -> Iterable[str]:
+def estimate_rows(done: Judged) -> Iterator[str]:
     """A row for each estimate."""
-    for name in sorted(done.estimates):
-        found = done.estimates[name]
+    for name in estimates():
+        found = done.signals[name]
         message, signal = name.split(".")
         layout = DATABASE.by_name[message].by_signal[signal]
-        bound, largest = (
-            f"{steps * layout.scale:.4g} {layout.unit}".strip() for steps in (found.bound, found.largest)
-        )
-        yield f"| {name} | {found.differ:,} | {largest} ({found.largest}) | {found.of_draws} | {bound} ({found.bound}) |"
+        bound = f"{STEPS * layout.scale:g} {layout.unit}".strip()
+        yield f"| {name} | {bound} | {found.within:,} | {found.beyond:,} | {found.stretches:,} | {len(found.alone):,} |"
 
 
-def choice_rows(done: Judged) -> Iterable[str]:
-    """A row for each choice."""
-    for name in sorted(done.choices):
-        found = done.choices[name]
-        yield f"| {name} | {found.ticks:,} | {found.stretches:,} | {len(found.alone):,} |"
-
-
-def alone(done: Judged) -> int:
-    """Stretches of another choice in which no draw chooses otherwise."""
-    return sum(len(choice.alone) for choice in done.choices.values())
+def choice_rows(done: Judged) -> Iterator[str]:
+    """A row for each choice that differs anywhere."""
+    for name in done.choices():
+        found = done.signals[name]
+        yield f"| {name} | {found.beyond:,} | {found.stretches:,} | {len(found.alone):,} |"

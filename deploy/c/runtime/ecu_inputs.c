@@ -117,7 +117,7 @@ static uint8_t contradiction(uint8_t listener, const real_t *now, int64_t now_ns
 /* Failure mode of a value that is not plausible, 0 if it is; `before` is that of the previous frame, good or bad. */
 static uint8_t doubt(const InputField *field, real_t value, real_t before)
 {
-    if ((real_abs(value) <= field->limit) && !(real_abs(value - before) > field->step)) {
+    if ((real_abs(value) <= field->limit) && !(real_abs(SAMPLED(value - before)) > field->step)) {
         return 0U;
     }
     if (value != value) { /* cppcheck-suppress duplicateExpression */
@@ -135,7 +135,7 @@ static real_t si_value(const InputField *field, uint64_t bits)
     if ((raw < field->lowest) || (raw > field->highest)) {
         return (real_t)NAN; /* not available */
     }
-    return (((real_t)raw * field->scale) + field->offset) * field->factor;
+    return SAMPLED(SAMPLED(SAMPLED((real_t)raw * field->scale) + field->offset) * field->factor);
 }
 
 static void decoded(uint8_t listener, uint64_t bits, int64_t now_ns)

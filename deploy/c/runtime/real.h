@@ -32,8 +32,10 @@ typedef float real_t;
 /* A constant: written in full, rounded to the type by the compiler. */
 #ifdef ECU_PERTURBED
 #define R(number) ((real_t)(float)(number)) /* a double build with the constants of the single one, for tests */
+#define SAMPLED(number) ((real_t)(float)(number)) /* and with its samples: they decide by themselves, and are the same each time */
 #else
 #define R(number) ((real_t)(number))
+#define SAMPLED(number) (number)
 #endif
 
 #define real_sin(x) REAL_OF(sin)(x)
