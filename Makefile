@@ -92,8 +92,10 @@ identification: $(BIN)/.test ## coverage of the identification on 200 seeded cas
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.identify_coverage --cases 200 --out docs/results/identification.md
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.identify_machine --seeds 200 220 --out docs/results/identification-machine.md
 
-microcontroller: $(BIN)/.test ## the exported C ECU against the Python one, and its cost on a Cortex-M4F, into docs/results/microcontroller.md (some ten minutes)
+microcontroller: $(BIN)/.test ## the exported C ECU against the Python one, and its cost on a Cortex-M4F, into docs/results/microcontroller*.md (half an hour)
 	$(BIN)/python -m bench.microcontroller --out docs/results/microcontroller.md
+	$(BIN)/python -m bench.microcontroller_detection --out docs/results/microcontroller-detection.md
+	$(BIN)/python -m bench.microcontroller_random --out docs/results/microcontroller-random.md
 
 results: $(BIN)/.test ## regenerate the campaigns' tables and docs/thesis (tens of minutes; results of single runs are kept)
 	$(BIN)/loaderhil campaign normal-force --out docs/results || test $$? = 1 # a target missed: the page says so
