@@ -101,6 +101,11 @@ def straight(m: Manoeuvre) -> Manoeuvre:
     return dataclasses.replace(m, angle_deg=0.0, lift_percent=0.0, tilt_percent=0.0)
 
 
+def even(m: Manoeuvre) -> Manoeuvre:
+    """The same driver and load, without the step."""
+    return dataclasses.replace(m, left_m=0.0, right_m=0.0)
+
+
 def scenario_of(m: Manoeuvre) -> Scenario:
     """The drive as a scenario."""
     # 0.4 s after the step: the machine is still rocking when the turn begins

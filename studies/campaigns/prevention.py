@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ecu.calibration import load_calibration
 from ecu.core import PYTHON, Core, Ecu
@@ -24,8 +25,10 @@ from plant.unit.scenario import Scenario
 from studies.campaigns import manoeuvres, wrong_calibration
 from studies.campaigns.batch import Result as Found
 from studies.campaigns.batch import header, markdown_table, results_of
-from studies.campaigns.manoeuvres import DRY, KINDS, Manoeuvre, drawn, scenario_of, straight
+from studies.campaigns.manoeuvres import DRY, KINDS, Manoeuvre, drawn, even, scenario_of, straight
 from studies.campaigns.memory import columns_of
+
+Array = NDArray[np.float64]
 
 COMMAND: Final = "loaderhil campaign prevention"
 FILE: Final = "prevention.md"
@@ -40,10 +43,16 @@ FREE_EVERY: Final = 5
 GROUND: Final = (
     "ground and load alone: driven straight with the levers at rest it lifts the same wheel at the same time"
 )
+TOGETHER: Final = (
+    "ground and turn together: on even ground the wheel keeps the limits' floor; straight on this ground it keeps less than the floor, "
+    "or what turn and ground take of its load at that time adds up to all of it"
+)
 CALIBRATION: Final = "the wrong calibration: with the right one no wheel lifts but by the ground"
 SLIPPERY: Final = "slippery ground: on a dry road no wheel lifts but by the ground"
 UNEXPLAINED: Final = "not explained"
-CAUSES: Final = (GROUND, CALIBRATION, SLIPPERY, UNEXPLAINED)
+CAUSES: Final = (GROUND, TOGETHER, CALIBRATION, SLIPPERY, UNEXPLAINED)
+BY_GROUND: Final = (GROUND, TOGETHER)
+"""Causes without which no wheel would have lifted, and of which no limit knows before the wheels do."""
 
 
 def ecu_of(m: Manoeuvre, scenario: Scenario, *, limits: bool, core: Core = PYTHON) -> Ecu:
@@ -100,17 +109,61 @@ def beside(lifted: LiftOff, others: Sequence[LiftOff]) -> bool:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Driven:
+    """A drive as far as causes ask for it: time (n,) [s], normal forces as shares of the standing ones (n, 4)."""
+
+    time_s: Array
+    share: Array
+
+    def least(self, lifted: LiftOff) -> float:
+        """The smallest share of its standing load that the lifted wheel has here while it is in the air there, or nearly then."""
+        then = (self.time_s > lifted.begin_s - SAME_S) & (self.time_s < lifted.end_s + SAME_S)
+        return float(self.share[then, lifted.wheel].min()) if then.any() else 1.0
+
+
+def shares(m: Manoeuvre, core: Core = PYTHON) -> Driven:
+    """A drive with the limits on."""
+    truth = driven(m, limits=True, core=core)[1].truth
+    force = np.array([row.normal_force for row in truth])
+    return Driven(np.array([row.time_s for row in truth]), force / np.array(standing_loads(scenario_of(m))))
+
+
+def adds_up(lifted: LiftOff, on_even: Driven, by_ground: Driven, floor: float) -> bool:
+    """Whether a turn in which the limits keep their floor and the ground take the wheel's load together.
+
+    The floor is what the limits keep for all that they do not foresee. A step that alone takes more than they leave, or all but the floor, is beyond it.
+    """
+    left_by_turn, left_by_ground = on_even.least(lifted), by_ground.least(lifted)
+    return left_by_turn >= floor and (left_by_ground < floor or left_by_turn + left_by_ground <= 1.0)
+
+
+def together(
+    m: Manoeuvre, lifted: Sequence[LiftOff], causes: Sequence[str], core: Core = PYTHON
+) -> list[str]:
+    """The causes, with those named that are ground and turn together; a drive on even ground has none."""
+    if UNEXPLAINED not in causes or not (m.left_m or m.right_m):
+        return list(causes)
+    floor = load_calibration(calibration_of(scenario_of(m))).parameters.prediction.margin_floor
+    on_even, by_ground = shares(even(m), core), shares(straight(m), core)
+    return [
+        TOGETHER if cause == UNEXPLAINED and adds_up(each, on_even, by_ground, floor) else cause
+        for each, cause in zip(lifted, causes, strict=True)
+    ]
+
+
 def causes_of(m: Manoeuvre, lifted: Sequence[LiftOff], core: Core = PYTHON) -> list[str]:
     """Why each of these lift-offs came although the limits acted: the first of the counterfactuals below that explains it.
 
-    The ground explains a lift-off of the same wheel that it makes by itself at the same time; one that comes earlier or later, or
-    of another wheel, is the driver's. Calibration and friction explain what is left if nothing is left without them.
+    The ground explains a lift-off of the same wheel that it makes by itself at the same time. Where it does not, it may still take so much of
+    the wheel's load that a turn in which the limits keep their floor takes the rest: no limit knows of a step before the wheels do. Calibration and friction explain what is left if nothing is left without them.
     """
     if not lifted:
         return []
     # limits stay on here too, so that only steering and levers differ; a wheel that the ground takes off for 40 ms counts as well
     by_ground = lift_offs(straight(m), core, 0.0)
     causes = [GROUND if beside(each, by_ground) else UNEXPLAINED for each in lifted]
+    causes = together(m, lifted, causes, core)
     for cause, applies, changed in (
         # the order matters: a drive that would lift with the right calibration too is not the calibration's fault
         (CALIBRATION, m.calibration_seed is not None, dataclasses.replace(m, calibration_seed=None)),
@@ -172,7 +225,7 @@ def suite_of(cases: Sequence[Manoeuvre], found: Sequence[Found]) -> Suite:
 def _question(kind: str, cases: Sequence[Manoeuvre], found: Sequence[Found]) -> Case:
     of_kind = [r for c, r in zip(cases, found, strict=True) if c.kind == kind]
     # a wrong calibration and slippery ground are what the limits have to bear, so they count as failures
-    failed = sum(bool(r["lifts"]) and r["cause"] != GROUND for r in of_kind)
+    failed = sum(bool(r["lifts"]) and r["cause"] not in BY_GROUND for r in of_kind)
     question = f"{kind}: no wheel lifts that a limit could keep down"
     if not of_kind:
         return Case(name=question, result=Result.INCONCLUSIVE, reason="no drive of this kind was drawn")
@@ -223,6 +276,7 @@ def kinds_table(cases: Sequence[Manoeuvre], found: Sequence[Found]) -> str:
         "drives",
         "number",
         "lift a wheel",
+        "... by ground and turn together",
         "... that a limit could keep down",
         "roll over",
         "margin, median",
@@ -238,7 +292,8 @@ def _kind_row(name: str, group: Sequence[Found]) -> list[str]:
         name,
         str(len(group)),
         str(len(lifted)),
-        str(sum(r["cause"] != GROUND for r in lifted)),
+        str(sum(r["cause"] == TOGETHER for r in lifted)),
+        str(sum(r["cause"] not in BY_GROUND for r in lifted)),
         str(sum(bool(r["rolls_over"]) for r in group)),
         f"{np.median(margins):.2f}",
         f"{np.quantile(margins, 0.05):.2f}",

@@ -5,6 +5,7 @@ import json
 import random
 import shutil
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -17,7 +18,7 @@ from hil.results import ending_of
 from hil.verdict import Result
 from studies.campaigns import prevention
 from studies.campaigns.manoeuvres import DRY, KINDS, drawn, manoeuvre, scenario_of, straight
-from studies.campaigns.prevention import LiftOff
+from studies.campaigns.prevention import Driven, LiftOff
 from studies.campaigns.wrong_calibration import MASS, PLACE, RADIUS, STIFFNESS, wrong_calibration
 
 RIGHT = load_calibration("l60")
@@ -125,6 +126,43 @@ def test_the_ground_explains_a_lift_off_of_the_same_wheel_at_the_same_time(by_gr
     assert prevention.causes_of(m, [STEERED]) == [prevention.GROUND if explained else prevention.UNEXPLAINED]
 
 
+def carries(share):
+    """A drive in which the lifted wheel has this share of its load at its lift-off, and its whole load long before and after."""
+    time_s = np.arange(0.0, 6.0, 0.01)
+    loads = np.ones((time_s.size, 4))
+    loads[np.abs(time_s - 3.05) < 0.03, STEERED.wheel] = share
+    return Driven(time_s, loads)
+
+
+@pytest.mark.parametrize(
+    ("by_turn", "by_ground", "explained"),
+    [
+        (0.6, 0.3, True),  # both take more than there is
+        (0.9, 0.14, True),  # the step alone takes all but the floor
+        (0.9, 0.16, False),  # together they leave something: what lifted it is neither
+        (0.14, 0.05, False),  # the limits did not keep their floor
+        (0.5, 0.6, False),
+    ],
+)
+def test_turn_and_ground_explain_what_they_take_together(by_turn, by_ground, explained):
+    assert prevention.adds_up(STEERED, carries(by_turn), carries(by_ground), 0.15) is explained
+
+
+def test_what_another_wheel_or_another_time_loses_explains_nothing():
+    other, later = LiftOff(3.0, 3.1, 2), LiftOff(4.0, 4.1, 1)
+    assert not prevention.adds_up(other, carries(0.3), carries(0.1), 0.15)
+    assert not prevention.adds_up(later, carries(0.3), carries(0.1), 0.15)
+
+
+@pytest.mark.parametrize("step", [0.0, 0.15])
+def test_only_a_drive_over_a_step_has_ground_and_turn_together(step, monkeypatch):
+    monkeypatch.setattr(prevention, "lift_offs", lambda m, *_: [STEERED] if m.angle_deg else [])
+    # on the step, straight, the wheel keeps a tenth; without the step a half
+    monkeypatch.setattr(prevention, "shares", lambda m, *_: carries(0.1 if m.left_m else 0.5))
+    m = steered(calibration_seed=None, friction=DRY, left_m=step)
+    assert prevention.causes_of(m, [STEERED]) == [prevention.TOGETHER if step else prevention.UNEXPLAINED]
+
+
 def test_every_lift_off_of_a_drive_has_its_own_cause(monkeypatch):
     first, second = LiftOff(1.3, 1.5, 0), STEERED
     monkeypatch.setattr(prevention, "lift_offs", lambda m, *_: [first, second] if m.angle_deg else [first])
@@ -163,7 +201,7 @@ def test_the_page_counts_lift_offs_and_says_how_to_repeat_them():
     text = prevention.page(cases, found, [{"lifts": True}] * 3, 9)
     assert "loaderhil campaign prevention --runs 12 --seed 9" in text
     assert "Of 12 drives **2** lift a wheel. Of 3 that were also driven without limits 3 lift one." in text
-    assert "| all | 12 | 2 | 1 | 0 | 0.40 | 0.00 |" in text
+    assert "| all | 12 | 2 | 0 | 1 | 0 | 0.40 | 0.00 |" in text
     assert f"| {prevention.UNEXPLAINED} | 1 | 1 |" in text
 
 
