@@ -206,7 +206,7 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     start = PredictionState(
         d, i.articulation_rate, demand, v, acceleration, rest.x, rest.y, rest.z, ground, slide.drift,
         m.rate.z, front_load, rear_load, over.y, contact.support_rate(n, tilt.rate, joint, i.articulation_rate, w, g),
-        lever_demands(i, arm, bucket, p),
+        contact.front_load_rate(n, tilt.rate, joint, w, g), lever_demands(i, arm, bucket, p),
     )  # fmt: skip
 
     slips = wheel_slips(i, m.rate.z, v, slide.drift - g.rear_length * m.rate.z, n, w, g)

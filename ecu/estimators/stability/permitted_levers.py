@@ -33,8 +33,12 @@ SWING = 2.0
 """A step of force on an undamped spring: twice its size."""
 DRIVEN_STEP = 0.05
 """The pose after a motion is found in steps of this length [s], half of the drive's lag."""
+SOON = 0.12
+"""A lever may also be let go so soon [s]: before its limit is looked for again and its drive has followed."""
 RECOVERY_RATES = 4
 """Rates tried for recovery: the largest, a half, a quarter and an eighth of it."""
+STOP_RATES = 4
+"""Rates tried for a gentle stop: quarters of the present one."""
 LEVER_TRIALS = 3
 """Halvings between no motion and the full one: the limit is known to an eighth of it."""
 
@@ -91,13 +95,19 @@ def margin_after(floor: float, start: PredictionState, levers: Levers, m: Loaded
 
 @compiled
 def keeps_with_lever(start: PredictionState, motion: int, rate: float, m: LoadedMachine) -> bool:
-    """Whether the motion at this rate [rad/s] keeps `margin_floor` over the horizon, and `turn_floor` in the pose it leads to."""
+    """Whether the motion at this rate [rad/s] keeps `margin_floor` over the horizon, and `turn_floor` in the pose it leads to.
+
+    The driver may let the lever go at any time. Axles that swing bear that at one moment and not at another, so that an early end is
+    judged beside the late one.
+    """
     rules, levers = m.prediction, with_motion(start.levers, motion, rate)
     # the pose first: it costs a fifth of a prediction, and where it fails it spares one
     if margin_after(rules.turn_floor, start, levers, m) < rules.turn_floor:
         return False
-    ahead = predict(with_levers(start, levers), rules.limit_hold, rules.margin_floor, m)
-    return ahead.margin > rules.margin_floor
+    moving = with_levers(start, levers)
+    if predict(moving, rules.limit_hold, rules.margin_floor, m).margin <= rules.margin_floor:
+        return False
+    return predict(moving, SOON, rules.margin_floor, m).margin > rules.margin_floor
 
 
 @compiled
@@ -106,10 +116,14 @@ def recovery_lever(
 ) -> float:
     """Largest of the tried rates [rad/s] of this motion that bring the machine further from roll-over; 0 if none does.
 
-    rested, after_rest: margins if the arm rests, over the horizon and in its pose. As of an articulation rate: better
-    loads in the pose that it leads to, and on the way not much worse ones.
+    rested, after_rest: margins if the arm rests, over the horizon and in its pose. The pose that the rate leads to has to be better. On
+    the way it may cost TRANSIENT of what the resting arm's pose gives, and not of the next moments: of a machine that swings each
+    cycle would give up as much again.
     """
-    high, least = largest(motion, m.drive), rested - TRANSIENT
+    high, least = (
+        largest(motion, m.drive),
+        max(rested, min(after_rest, m.prediction.margin_floor)) - TRANSIENT,
+    )
     for k in range(RECOVERY_RATES):
         levers = with_motion(start.levers, motion, high / 2.0**k)
         if margin_after(NONE, start, levers, m) > after_rest + BETTER:
@@ -117,6 +131,29 @@ def recovery_lever(
             if moving.margin > least:
                 return high / 2.0**k
     return 0.0
+
+
+@compiled
+def present_rate(levers: Levers, motion: int) -> float:
+    """How fast the part moves in this motion [rad/s]; 0 where it moves the other way."""
+    rate = levers.lift_rate if motion in (LIFT_UP, LIFT_DOWN) else levers.tilt_rate
+    return max(rate if motion in (LIFT_UP, TILT_BACK) else -rate, 0.0)
+
+
+@compiled
+def gentlest_stop(start: PredictionState, motion: int, rested: float, m: LoadedMachine) -> float:
+    """The rate [rad/s], up to the present one, from which this motion ends with the largest margin; rested: if it ends at once.
+
+    A part that stops at once pushes with all its momentum. Stopped in two steps it pushes twice, with half of it.
+    """
+    best, found, now = rested, 0.0, present_rate(start.levers, motion)
+    for k in range(STOP_RATES):
+        rate = now * (k + 1.0) / STOP_RATES
+        moving = with_levers(start, with_motion(start.levers, motion, rate))
+        left = predict(moving, m.prediction.limit_hold, best, m).margin
+        if left > best + BETTER:
+            best, found = left, rate
+    return found
 
 
 @compiled
@@ -135,7 +172,8 @@ def permitted_lever(start: PredictionState, motion: int, margin: float, m: Loade
     after_rest = margin_after(NONE, start, rest, m)
     rested = predict(with_levers(start, rest), rules.limit_hold, NONE, m).margin
     if after_rest < rules.turn_floor or rested <= rules.margin_floor:
-        return recovery_lever(start, motion, rested, after_rest, m)
+        helps = recovery_lever(start, motion, rested, after_rest, m)
+        return max(helps, gentlest_stop(start, motion, rested, m))
     for _ in range(LEVER_TRIALS):
         trial = (low + high) / 2.0
         if keeps_with_lever(start, motion, trial, m):

@@ -40,6 +40,7 @@ class PredictionState(NamedTuple):
     rear_load: float
     support: float  # present support point along y [m]
     support_rate: float  # [m/s]
+    front_load_rate: float  # of both front wheels by the pitch on the tyres; the rear ones lose it [N/s]
     levers: Levers  # lift arm and bucket, and what is demanded of them
 
 
@@ -143,7 +144,10 @@ def predict(start: PredictionState, hold: float, floor: float, machine: LoadedMa
         support = Support(loads.support.load, loads.support.x, loads.support.y + offset)
         forces = normal_forces(support, joint, loads.axle_load, loads.axle_moment, geometry)
         if arm_moves:
-            bounce = bounced(bounce, forces, front_load, rear_load, k == 0, dt, machine)
+            if k == 0:
+                bounce = bouncing(forces, front_load, rear_load, start.front_load_rate)
+            else:
+                bounce = bounced(bounce, forces, dt, machine)
             forces = with_bounce(forces, bounce)
         front_load = forces.front_left + forces.front_right
         rear_load = forces.rear_left + forces.rear_right
@@ -179,17 +183,22 @@ STILL = Bounce(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @inlined
-def bounced(
-    b: Bounce, forces: NormalForces, front: float, rear: float, first: bool, dt: float, m: LoadedMachine
-) -> Bounce:
-    """The axles' loads on tyres that give way: they follow the quasi-static `forces` as the pitch mode does.
+def bouncing(forces: NormalForces, front: float, rear: float, front_rate: float) -> Bounce:
+    """How the axles swing now; front, rear: their loads [N], beside the quasi-static `forces`; front_rate: of the front ones [N/s].
 
-    front, rear: the loads that the axles have now [N], from which the first step starts. An arm that starts in a tenth of a
-    second is faster than the tyres: they see part of the push, and swing after it.
+    Without the rate an arm that has just started looks as if the swing that it began were over.
     """
     ahead, behind = forces.front_left + forces.front_right, forces.rear_left + forces.rear_right
-    if first:
-        return Bounce(front - ahead, 0.0, rear - behind, 0.0, ahead, behind)
+    return Bounce(front - ahead, front_rate, rear - behind, -front_rate, ahead, behind)
+
+
+@inlined
+def bounced(b: Bounce, forces: NormalForces, dt: float, m: LoadedMachine) -> Bounce:
+    """The axles' loads `dt` [s] later, on tyres that give way: they follow the quasi-static `forces` as the pitch mode does.
+
+    An arm that starts in a tenth of a second is faster than the tyres: they see part of the push, and swing after it.
+    """
+    ahead, behind = forces.front_left + forces.front_right, forces.rear_left + forces.rear_right
     square = m.pitch_frequency * m.pitch_frequency
     damping = 2.0 * m.prediction.roll_damping * m.pitch_frequency
     f, r = b.front - (ahead - b.front_load), b.rear - (behind - b.rear_load)
@@ -213,7 +222,7 @@ def with_demand(start: PredictionState, rate: float) -> PredictionState:
     return PredictionState(
         start.articulation_angle, start.articulation_rate, rate, start.speed, start.acceleration,
         start.gravity_x, start.gravity_y, start.gravity_z, start.ground, start.drift, start.yaw_rate,
-        start.front_load, start.rear_load, start.support, start.support_rate, start.levers,
+        start.front_load, start.rear_load, start.support, start.support_rate, start.front_load_rate, start.levers,
     )  # fmt: skip
 
 
@@ -223,5 +232,5 @@ def with_levers(start: PredictionState, levers: Levers) -> PredictionState:
     return PredictionState(
         start.articulation_angle, start.articulation_rate, start.demanded_rate, start.speed, start.acceleration,
         start.gravity_x, start.gravity_y, start.gravity_z, start.ground, start.drift, start.yaw_rate,
-        start.front_load, start.rear_load, start.support, start.support_rate, levers,
+        start.front_load, start.rear_load, start.support, start.support_rate, start.front_load_rate, levers,
     )  # fmt: skip

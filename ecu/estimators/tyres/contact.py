@@ -185,6 +185,15 @@ def carried(
 
 
 @compiled
+def front_load_rate(
+    forces: NormalForces, rate: Tilt, joint: Joint, wheel: Wheel, geometry: Geometry
+) -> float:
+    """How fast the machine's tilting loads the front wheels together [N/s]; the rear ones lose as much."""
+    then = shifted(forces, rate, joint, springs(forces, wheel), geometry)
+    return then.front_left + then.front_right - forces.front_left - forces.front_right
+
+
+@compiled
 def support_rate(
     forces: NormalForces,
     rate: Tilt,

@@ -111,7 +111,7 @@ def start(speed, angle, demanded, ground, m=MACHINE):
     front, rear = forces.front_left + forces.front_right, forces.rear_left + forces.rear_right
     support = support_of(forces, angle, m.geometry).y
     return PredictionState(
-        angle, 0.0, demanded, speed, 0.0, *ground, ground, 0.0, turn, front, rear, support, 0.0,
+        angle, 0.0, demanded, speed, 0.0, *ground, ground, 0.0, turn, front, rear, support, 0.0, 0.0,
         Levers(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     )  # fmt: skip
 

@@ -78,6 +78,7 @@ def start(speed, angle, given=EMPTY, gravity=LEVEL, rate=0.0):
         rear_load=n.rear_left + n.rear_right,
         support=support_of(n, angle, given.geometry).y,
         support_rate=0.0,
+        front_load_rate=0.0,
         levers=Levers(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     )
 
