@@ -1,6 +1,6 @@
 """What `loaderhil decode` takes and gives: DBC files, and the tables' formats, places and errors."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
@@ -10,6 +10,7 @@ from bus.user_error import UserError
 from dbc import FOLDER
 from dbc.database import Database
 from dbc.j1939 import pgn
+from dbc.protections import Protection, ProtectionError
 
 DEFAULT_DBCS = ("loader.dbc", "reference.dbc", "j1939.dbc")
 
@@ -48,6 +49,15 @@ def load_databases(files: Iterable[Path], *, j1939: bool = False) -> list[Databa
         extended = [codec for codec in database.by_id.values() if codec.can_id & EXTENDED]
         database.by_pgn = {pgn(codec.can_id): codec for codec in reversed(extended)}
     return databases
+
+
+def protect(databases: Sequence[Database], protections: Mapping[str, Protection]) -> None:
+    """Give each protection to the first DBC that has its message; ProtectionError if none has."""
+    for name, each in protections.items():
+        found = next((database for database in databases if name in database.by_name), None)
+        if found is None:
+            raise ProtectionError(f"PROTECTIONS: no DBC has a message {name!r}")
+        found.protect_with({name: each})
 
 
 def target_of(out: Path, log: Path, message: str, form: Format, *, several: bool) -> Path:

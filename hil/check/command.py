@@ -2,7 +2,6 @@
 
 import json
 import sys
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,44 +10,21 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from dbc import FOLDER
-from dbc.database import Database
 from dbc.errors import LogError
-from dbc.protections import Protection, ProtectionError, read_protections
-from hil.check.check import Check, Rules, check
-from hil.check.observed import read_observed
+from dbc.protections import read_protections
+from dbc.recordings.part import Part, WrongPartError
+from dbc.tables import load_databases, protect
+from hil.check.check import Check, Rules
+from hil.check.observed import check_observed, observed
 from hil.check.tables import COLOUR, several_channels, table_of
 from hil.ending import Ending
 from hil.results import Case, Suite, write_junit
-from hil.timing.deadlines import STALE_AFTER, TOLERANCE, Observer
+from hil.shell.progress import reading_progress
+from hil.timing.deadlines import STALE_AFTER, TOLERANCE
 from hil.verdict import Result
 
-DEFAULT_DBCS = ("loader.dbc", "reference.dbc", "j1939.dbc")
 WIDTH = 120
 """Columns that the table needs; used where standard output is not a terminal."""
-
-
-def windowed(observer: Observer, from_s: float | None, to_s: float | None) -> Observer:
-    """The observer with its window narrowed to [from_s, to_s] after its start; LogError if the window is then empty."""
-    start_ns, end_ns = observer.start_ns, observer.end_ns
-    begin_ns = start_ns + round(from_s * 1e9) if from_s is not None else start_ns
-    # the end of the recording bounds the window: silence beyond it would count as missing frames
-    stop_ns = min(start_ns + round(to_s * 1e9), end_ns) if to_s is not None else end_ns
-    if begin_ns >= stop_ns:
-        length_s = (end_ns - start_ns) * 1e-9
-        raise LogError(
-            f"--from-s {from_s} to --to-s {to_s}: nothing to judge there; there are {length_s:.3f} s"
-        )
-    return replace(observer, start_ns=begin_ns, end_ns=stop_ns)
-
-
-def protect(databases: Sequence[Database], protections: Mapping[str, Protection]) -> None:
-    """Give each protection to the first DBC that has its message; ProtectionError if none has."""
-    for name, each in protections.items():
-        found = next((database for database in databases if name in database.by_name), None)
-        if found is None:
-            raise ProtectionError(f"PROTECTIONS: no DBC has a message {name!r}")
-        found.protect_with({name: each})
 
 
 def print_summary(console: Console, recording: Path, done: Check) -> None:
@@ -165,7 +141,7 @@ def check_recording(
     `loaderhil check drive.blf --dbc car.dbc --from-s 10`
     """
     # not strict: signals that overlap do not matter here, and DBC files of third parties often have some
-    databases = [Database.from_file(file, strict=False) for file in dbc or [FOLDER / d for d in DEFAULT_DBCS]]
+    databases = load_databases(dbc or [])
     if protection is not None:
         protect(databases, read_protections(protection))
     known = sorted({name for db in databases for codec in db.by_name.values() for name in codec.senders})
@@ -174,16 +150,18 @@ def check_recording(
             raise LogError(
                 f"--node {name}: the DBC has no sender of that name; its senders are {', '.join(known)}"
             )
+    rules = Rules(tolerance=tolerance, stale_after=stale_after, nodes=tuple(node or ()))
+    part = Part(from_s=from_s, to_s=to_s, channel=channel)
+    errors = Console(stderr=True, highlight=False, soft_wrap=True)
     try:
-        table, observer = read_observed(recording)
+        with reading_progress(errors, recording.name) as progress:
+            done = check_observed(observed(recording), databases, rules, part=part, progress=progress)
+    except WrongPartError:
+        raise
     except LogError as error:
-        Console(stderr=True, highlight=False, soft_wrap=True).print(f"loaderhil: {escape(str(error))}")
+        errors.print(f"loaderhil: {escape(str(error))}")
         # FAILED, not MISUSED: an unreadable recording is a result, and a build server must not take it for a wrong option
         raise typer.Exit(Ending.FAILED) from None
-    if channel is not None:
-        table = table.on_channel(channel, recording)
-    rules = Rules(tolerance=tolerance, stale_after=stale_after, nodes=tuple(node or ()))
-    done = check(table, databases, rules, observer=windowed(observer, from_s, to_s))
     if junit is not None:
         write_junit(junit, "check", [suite_of(recording, done)])
     if json_output:

@@ -10,41 +10,18 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from bus.frame import ERROR, EXTENDED, EXTENDED_MASK, REMOTE
 from dbc.columns import ColumnDecoder
 from dbc.errors import DatabaseError, LogError
-from dbc.j1939 import pgn
+from dbc.j1939 import identifier_text
 from dbc.offline.decoding import Decoded, decode_log
 from dbc.offline.writing import Tables
 from dbc.tables import Format, TableError, load_databases
 from hil.ending import Ending
+from hil.shell.progress import reading_progress
 
 SHOWN = 12
-
-# Acronyms of common parameter groups, SAE J1939-71 and -73 and -21.
-PGN_NAMES = {
-    0: "TSC1", 1024: "XBR", 59392: "ACKM", 59904: "RQST", 60160: "TP.DT", 60416: "TP.CM", 60928: "AC",
-    61184: "PropA", 61440: "ERC1", 61441: "EBC1", 61442: "ETC1", 61443: "EEC2", 61444: "EEC1",
-    61445: "ETC2", 61449: "VDC2", 65132: "TCO1", 65134: "HRW", 65215: "EBC2", 65226: "DM1", 65227: "DM2",
-    65247: "EEC3", 65253: "HOURS", 65254: "TD", 65257: "LFC", 65258: "VW", 65260: "VI", 65262: "ET1",
-    65263: "EFL/P1", 65264: "PTO", 65265: "CCVS", 65266: "LFE", 65269: "AMB", 65270: "IC1", 65271: "VEP1",
-    65276: "DD",
-}  # fmt: skip
-
-
-def identifier_text(can_id: int) -> str:
-    """An identifier in hexadecimal, with the J1939 parameter group of a 29-bit one."""
-    if can_id & ERROR:
-        return f"error frame 0x{can_id & EXTENDED_MASK:08X}"
-    kind = " (remote)" if can_id & REMOTE else ""
-    if not can_id & EXTENDED:
-        return f"0x{can_id & 0x7FF:03X}{kind}"
-    group = pgn(can_id)
-    name = PGN_NAMES.get(group) or ("PropB" if 65280 <= group <= 65535 else "")
-    return f"0x{can_id & EXTENDED_MASK:08X} (PGN {group}{f' {name}' if name else ''}){kind}"
 
 
 def print_summary(console: Console, done: Decoded) -> None:
@@ -145,16 +122,8 @@ def decode(
 def _with_progress(
     log: Path, decoder: ColumnDecoder, errors: Console, channel: str | None, tables: Tables | None
 ) -> Decoded:
-    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=errors, transient=True) as progress:
-        task = progress.add_task(log.name, total=None)
-        return decode_log(
-            log,
-            decoder,
-            lambda read, total: progress.update(task, completed=read, total=total),
-            channel,
-            None if tables is None else tables.take,
-        )
+    with reading_progress(errors, log.name) as progress:
+        return decode_log(log, decoder, progress, channel, None if tables is None else tables.take)
 
 
 def register(app: typer.Typer) -> None:

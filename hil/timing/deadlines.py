@@ -25,8 +25,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from dbc.tally.counters import CounterSteps
+from dbc.tally.gaps import Gaps, Uneven
 from hil.timing.waits import Rows, Wait, explaining, longest
 from hil.verdict import Result, Verdict
 
@@ -123,6 +125,76 @@ class Judged:
     verdict: MessageVerdict
 
 
+class MessageJudge:
+    """Judges one message by frames that it takes piece by piece, in the order of arrival."""
+
+    def __init__(
+        self,
+        period_ns: int | None,
+        *,
+        modulus: int = COUNTER_MODULUS,
+        waits: Mapping[str, Rows] | None = None,
+        tolerance: float = TOLERANCE,
+        stale_after: float = STALE_AFTER,
+    ) -> None:
+        """waits: by process, of the processes that the message's frames come from and pass."""
+        self._period_ns = period_ns if period_ns is not None and period_ns > 0 else None
+        period = self._period_ns or 1
+        self._gaps = Gaps(period, tolerance=tolerance, stale_after=stale_after)
+        self._steps = CounterSteps(period, modulus)
+        self._excuse = _Excuse(period, tolerance, waits or {})
+
+    def add(
+        self,
+        at_ns: NDArray[np.int64],
+        counters: NDArray[np.int64] | None = None,
+        same_payload: NDArray[np.bool_] | None = None,
+    ) -> None:
+        """Take some more frames; the arrays are those of an `Observation`."""
+        self._excuse.add(self._gaps.add(at_ns))
+        # without a counter, equal content cannot be distinguished from a repeated frame
+        if counters is not None:
+            self._steps.add(at_ns, counters, same_payload)
+
+    def verdict(self, name: str, observer: Observer) -> MessageVerdict:
+        """The verdict over the observer's window, which holds all frames. Nothing is added afterwards."""
+        frames, period = self._gaps.frames, self._period_ns
+        window = observer.end_ns - observer.start_ns
+        reason = ""
+        if period is None:
+            reason = "the DBC gives no cycle time: nothing to judge it by"
+        elif window < LEAST_PERIODS * period:
+            wanted = f"{LEAST_PERIODS} periods of {period * 1e-6:.0f} ms"
+            reason = f"observed for {window * 1e-6:.0f} ms, less than {wanted}"
+        if reason:
+            return MessageVerdict(
+                name=name, period_ns=period, frames=frames, result=Result.INCONCLUSIVE, reason=reason
+            )
+        gaps, steps = self._gaps.finish(observer.start_ns, observer.end_ns), self._steps
+        self._excuse.add(gaps.uneven)
+        verdict = MessageVerdict(
+            name=name,
+            period_ns=period,
+            frames=frames,
+            late=gaps.late,
+            early=gaps.early,
+            missing=gaps.missing,
+            duplicates=steps.duplicates,
+            counter_jumps=steps.jumps,
+            counter_errors=steps.errors,
+            lost_frames=steps.lost,
+            backwards=gaps.backwards,
+            stale_share=gaps.stale_ns / window,
+            median_gap_ns=gaps.median_ns,
+            worst_gap_ns=gaps.longest_ns,
+            worst_at_ns=gaps.longest_at_ns,
+            result=Result.PASSED,
+            reason="",
+        )
+        excusable = not (verdict.duplicates or verdict.counter_errors or verdict.backwards)
+        return _concluded(verdict, observer, self._excuse.wait if excusable else None)
+
+
 def judge_message(
     seen: Observation,
     observer: Observer,
@@ -131,119 +203,48 @@ def judge_message(
     stale_after: float = STALE_AFTER,
 ) -> MessageVerdict:
     """The verdict on one message over the observer's window."""
-    frames = int(seen.at_ns.size)
-    if seen.period_ns is None or seen.period_ns <= 0:
-        reason = "the DBC gives no cycle time: nothing to judge it by"
-        return MessageVerdict(
-            name=seen.name, period_ns=None, frames=frames, result=Result.INCONCLUSIVE, reason=reason
-        )
-    period = seen.period_ns
-    window = observer.end_ns - observer.start_ns
-    if window < LEAST_PERIODS * period:
-        wanted = f"{LEAST_PERIODS} periods of {period * 1e-6:.0f} ms"
-        reason = f"observed for {window * 1e-6:.0f} ms, less than {wanted}"
-        return MessageVerdict(
-            name=seen.name, period_ns=period, frames=frames, result=Result.INCONCLUSIVE, reason=reason
-        )
-    edges = np.concatenate(([observer.start_ns], seen.at_ns, [observer.end_ns])).astype(np.int64)
-    gaps = np.diff(edges)
-    inner = gaps[1:-1]
-    # The two outer gaps are cut by the window, so they can only be too long, never early.
-    late = gaps > period * (1 + tolerance)
-    missing = np.where(gaps >= 1.5 * period, _skipped(gaps, period, tolerance), 0)
-    # the outer gaps have no frame beyond the window: only whole periods count
-    missing[[0, -1]] = np.floor(gaps[[0, -1]] / period)
-    missing[[0, -1]] *= late[[0, -1]]
-    worst = int(np.argmax(gaps))
-    duplicates, jumps, errors, lost = _counter_events(seen, period)
-    verdict = MessageVerdict(
-        name=seen.name,
-        period_ns=period,
-        frames=frames,
-        late=int(np.count_nonzero(late)),
-        early=int(np.count_nonzero((inner < period * (1 - tolerance)) & (inner >= 0))),
-        missing=int(missing.sum()),
-        duplicates=duplicates,
-        counter_jumps=jumps,
-        counter_errors=errors,
-        lost_frames=lost,
-        backwards=int(np.count_nonzero(inner < 0)),
-        stale_share=float(np.maximum(gaps - stale_after * period, 0).sum() / window),
-        median_gap_ns=float(np.median(inner)) if inner.size else None,
-        worst_gap_ns=int(gaps[worst]),
-        worst_at_ns=int(edges[worst]),
-        result=Result.PASSED,
-        reason="",
+    judge = MessageJudge(
+        seen.period_ns,
+        modulus=seen.modulus,
+        waits=observer.waits.get(seen.sender),
+        tolerance=tolerance,
+        stale_after=stale_after,
     )
-    return _concluded(
-        verdict,
-        observer,
-        _excuse(verdict, edges, late | (missing > 0), tolerance, observer.waits.get(seen.sender, {})),
-    )
+    judge.add(seen.at_ns, seen.counters, seen.same_payload)
+    return judge.verdict(seen.name, observer)
 
 
-def _excuse(
-    verdict: MessageVerdict,
-    edges: NDArray[np.int64],
-    late: NDArray[np.bool_],
-    tolerance: float,
-    waits: Mapping[str, Rows],
-) -> Wait | None:
-    """The longest wait for a processor, if a wait explains each gap that is too long or too short, and no other event exists.
+class _Excuse:
+    """The longest wait for a processor, if each gap that is too long or too short is explained by one."""
 
-    late: of each gap, whether it is too long.
-    """
-    period = verdict.period_ns
-    if period is None or not waits or verdict.duplicates or verdict.counter_errors or verdict.backwards:
-        return None
-    found = []
-    # beyond 1.5 periods a frame counts as missing, whatever the tolerance
-    permitted = round(period * (1 + min(tolerance, 0.5)))
-    for row in np.flatnonzero(late).tolist():
-        begin, end = int(edges[row]), int(edges[row + 1])
-        beyond = max(end - begin - permitted, 1)
+    def __init__(self, period: int, tolerance: float, waits: Mapping[str, Rows]) -> None:
+        self._period, self._waits = period, waits
+        # beyond 1.5 periods a frame counts as missing, whatever the tolerance
+        self._permitted = round(period * (1 + min(tolerance, 0.5)))
+        self._least = round(period * (1 - tolerance))
+        self._possible = bool(waits)
+        self.wait: Wait | None = None
+
+    def add(self, uneven: Uneven) -> None:
+        """Look for a wait for each of these gaps."""
+        for gaps, explain in ((uneven.late, self._late), (uneven.early, self._early)):
+            # one gap without an explanation is enough: the others need not be looked at
+            for begin, end in gaps.tolist() if self._possible else ():
+                wait = explain(begin, end)
+                if wait is None:
+                    self._possible, self.wait = False, None
+                    return
+                self.wait = wait if self.wait is None else longest((self.wait, wait))
+
+    def _late(self, begin: int, end: int) -> Wait | None:
+        beyond = max(end - begin - self._permitted, 1)
         # A wait that ended before the frame was due delays it only if its sender skips ticks and continues its
         # schedule later: the wait is then as long as the whole delay.
-        wait = explaining(waits, begin, end, beyond, beyond_ns=begin + period)
-        wait = wait or explaining(waits, begin, end, end - begin - period)
-        found.append(wait)
-    early = np.diff(edges)[1:-1] < period * (1 - tolerance)
-    for row in (1 + np.flatnonzero(early)).tolist():
-        begin, end = int(edges[row]), int(edges[row + 1])
-        found.append(explaining(waits, end - period, begin, begin + round(period * (1 - tolerance)) - end))
-    explained = [wait for wait in found if wait is not None]
-    return longest(explained) if len(explained) == len(found) else None
+        wait = explaining(self._waits, begin, end, beyond, beyond_ns=begin + self._period)
+        return wait or explaining(self._waits, begin, end, end - begin - self._period)
 
-
-def _skipped(gaps: NDArray[np.int64], period: int, tolerance: float) -> NDArray[np.float64]:
-    """Number of frames missing in each gap. A delayed frame is not missing: the gap after it is short."""
-    following = np.full(gaps.size, np.inf)
-    following[:-2] = gaps[1:-1]  # the last gap ends with the window, not with a frame
-    caught_up = (following >= 0) & (following < period * (1 - tolerance))
-    until = gaps + np.where(caught_up, following, 0.0)
-    skipped: NDArray[np.float64] = np.rint(until / period) - np.where(caught_up, 2, 1)
-    return skipped
-
-
-def _counter_events(seen: Observation, period_ns: int) -> tuple[int, int, int, int]:
-    """Numbers of duplicates, of counter jumps, of those that are no pause of the sender, and of the frames lost in jumps.
-
-    The counter gives a step only modulo 15; the time between the frames selects among the candidates.
-    """
-    if seen.counters is None or seen.counters.size < 2:
-        return 0, 0, 0, 0  # without a counter, equal content cannot be distinguished from a repeated frame
-    modulo = np.diff(seen.counters) % seen.modulus
-    periods = np.diff(seen.at_ns) / period_ns
-    turns = np.maximum(np.rint((periods - modulo) / seen.modulus), 0)
-    step = (modulo + seen.modulus * turns).astype(np.int64)
-    still = step == 0
-    duplicate = still if seen.same_payload is None else still & seen.same_payload[1:]
-    outside = (seen.counters < 0) | (seen.counters >= seen.modulus)
-    jump = (step > 1) | (still & ~duplicate) | outside[1:]
-    # one step in a gap of fifteen periods: fifteen frames were lost, or the sender paused and none was sent
-    paused = (modulo == 1) & ~outside[1:]
-    lost = int((step[step > 1] - 1).sum())
-    return int(duplicate.sum()), int(jump.sum()), int((jump & ~paused).sum()), lost
+    def _early(self, begin: int, end: int) -> Wait | None:
+        return explaining(self._waits, end - self._period, begin, begin + self._least - end)
 
 
 def _concluded(verdict: MessageVerdict, observer: Observer, excuse: Wait | None) -> MessageVerdict:
@@ -314,11 +315,3 @@ def doubtful(judged: Sequence[Judged], doubts: Sequence[str]) -> Verdict:
 def absent(names: Iterable[str], seen: Mapping[str, Observation]) -> list[str]:
     """Messages that were expected and never came, in the order given."""
     return [name for name in names if name not in seen or seen[name].at_ns.size == 0]
-
-
-def same_as_before(payloads: ArrayLike) -> NDArray[np.bool_]:
-    """Whether each payload equals the one before it; payloads: (n, width) bytes. The first never does."""
-    rows = np.asarray(payloads)
-    equal = np.zeros(rows.shape[0], np.bool_)
-    equal[1:] = (rows[1:] == rows[:-1]).all(axis=1)
-    return equal

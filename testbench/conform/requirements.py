@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from dbc.columns import decode_rows
 from dbc.protection import Checker, Finding
-from hil.check.check import observation
-from hil.check.contents import not_in_table, outside_range
-from hil.timing.deadlines import TOLERANCE, Observer, judge_message
+from dbc.tally.contents import not_in_table, outside_range
+from hil.check.message import Times
+from hil.timing.deadlines import Observer
 from hil.verdict import Result, Verdict
 from testbench.conform.evidence import Evidence, Traffic
 
@@ -115,8 +115,11 @@ def _cycle(name: str, traffic: Traffic, evidence: Evidence) -> Requirement:
         lost=evidence.observer.lost,
         starved=evidence.observer.starved,
     )
-    seen = observation(name, traffic.codec, evidence.table, traffic.rows, window)
-    found = judge_message(seen, window, tolerance=TOLERANCE)
+    times = Times(traffic.codec)
+    times.add(
+        evidence.table, traffic.rows[(traffic.at_ns >= window.start_ns) & (traffic.at_ns <= window.end_ns)]
+    )
+    found = times.judged(name, "", window).verdict
     # ten gaps: the median of fewer may be that of the start-up
     off = abs(float(np.median(gaps)) - period) / period if gaps.size >= 10 else 0.0
     if off > SYSTEMATIC:

@@ -15,7 +15,7 @@ from dbc.database import Database
 from dbc.recordings.logfile import Damage
 from dbc.recordings.writer import candump_line
 from hil import rundir
-from hil.check.check import Rules, check, whole
+from hil.check.check import Rules, check
 from hil.check.command import register
 from hil.compose import Choice, lockstep
 from hil.ending import Ending
@@ -141,11 +141,12 @@ def test_damage_between_the_frames_is_doubt_at_the_end_it_is_a_note(table):
 
 
 def test_a_starved_host_decides_nothing_only_where_something_was_late(table):
-    observer = whole(table, starved="12 % stolen")
-    assert check(table, DATABASES, observer=observer).overall.result is Result.PASSED
+    starved = replace(check(table, DATABASES).observer, starved="12 % stolen")
+    assert check(table, DATABASES, observer=starved).overall.result is Result.PASSED
     behind = np.where(table.time_ns > table.time_ns[0] + 200_000_000, 100_000_000, 0)
     waited = replace(table, time_ns=table.time_ns + behind)  # all senders were kept waiting for 0.1 s
-    late = check(waited, DATABASES, observer=whole(waited, starved="12 % stolen"))
+    starved = replace(check(waited, DATABASES).observer, starved="12 % stolen")
+    late = check(waited, DATABASES, observer=starved)
     assert late.overall.result is Result.INCONCLUSIVE
     assert "12 % stolen" in late.overall.reason
 

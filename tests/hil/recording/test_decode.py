@@ -13,10 +13,11 @@ from typer.testing import CliRunner
 
 from bus.frame import ERROR, EXTENDED, REMOTE
 from dbc import FOLDER, loader_database
+from dbc.j1939 import identifier_text
 from dbc.recordings.reading import read_frames
 from dbc.recordings.writer import candump_line
 from dbc.tables import load_databases
-from hil.recording.decode import identifier_text, register
+from hil.recording.decode import register
 from hil.recording.formats import open_writer
 from hil.recording.ring import records_of
 from plant.sheets.machine import load_machine

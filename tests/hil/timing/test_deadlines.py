@@ -1,13 +1,14 @@
 """Deadlines: every kind of miss is counted exactly, silence counts, and doubt is never a pass."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.timing.deadlines import Observation, Observer, absent, judge_message, overall, same_as_before
+from hil.timing.deadlines import MessageJudge, Observation, Observer, judge_message, overall
 from hil.verdict import Result
 
 MS = 1_000_000
@@ -207,11 +208,18 @@ def test_the_worst_verdict_decides():
     assert overall([]).result is Result.INCONCLUSIVE
 
 
-def test_absent_names_what_never_came():
-    at, _ = punctual()
-    assert absent(["A", "B", "C"], {"A": observation(at), "B": observation([])}) == ["B", "C"]
-
-
-def test_same_as_before():
-    rows = np.array([[1, 2], [1, 2], [1, 3], [1, 2]], np.uint8)
-    assert same_as_before(rows).tolist() == [False, True, False, False]
+@given(
+    gaps=st.lists(st.integers(-5 * MS, 60 * MS), min_size=1, max_size=60),
+    steps=st.lists(st.integers(0, 15), min_size=60, max_size=60),
+    same=st.lists(st.booleans(), min_size=61, max_size=61),
+    cuts=st.lists(st.integers(0, 61), max_size=8),
+)
+def test_frames_taken_in_pieces_give_the_verdict_on_all(gaps, steps, same, cuts):
+    at = np.concatenate(([3 * MS], 3 * MS + np.cumsum(gaps)))
+    counters = np.concatenate(([0], np.cumsum(steps)[: len(gaps)])) % 16  # 15 among them, which is never sent
+    seen = observation(at, counters, same[: at.size])
+    window = Observer(start_ns=int(at.min()) - 40 * MS, end_ns=int(at.max()) + 40 * MS)
+    judge = MessageJudge(PERIOD)
+    for begin, end in pairwise([0, *sorted(min(cut, at.size) for cut in cuts), at.size]):
+        judge.add(seen.at_ns[begin:end], seen.counters[begin:end], seen.same_payload[begin:end])
+    assert judge.verdict(seen.name, window) == judge_message(seen, window)

@@ -9,9 +9,8 @@ import pytest
 from dbc import loader_database
 from dbc.recordings.writer import candump_line
 from hil import rundir
-from hil.check.check import check
 from hil.check.command import as_json
-from hil.check.observed import ECU_BUS, PLANT_BUS, punctuality_of, read_observed
+from hil.check.observed import ECU_BUS, PLANT_BUS, check_observed, observed, punctuality_of
 from hil.compose import Choice, lockstep
 from hil.faults.record import Injected, write_faults
 from hil.rundir import RunDirectory
@@ -95,9 +94,9 @@ def test_a_run_in_time_passes_on_both_buses(run):
 
 def test_the_check_of_a_real_time_run_is_written_as_json(run, frames):
     late_plant(run, frames, waits={"plant": [(START, START + 5_000_000, 5_000_000)]})
-    table, observer = read_observed(run)
-    assert observer.waits
-    content = json.loads(as_json(run, check(table, [loader_database()], observer=observer)))
+    done = check_observed(observed(run), [loader_database()])
+    assert done.observer.waits
+    content = json.loads(as_json(run, done))
     assert {message["verdict"]["result"] for message in content["messages"]} <= {r.value for r in Result}
     assert "waits" not in content["observer"]
 
