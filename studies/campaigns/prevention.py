@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ecu.calibration import load_calibration
 from ecu.core import PYTHON, Core, Ecu
+from ecu.findings import FaultFound
 from hil import verdict
 from hil.compose import calibration_of, plant_unit, standing_loads
 from hil.judgement import first_warning
@@ -56,11 +57,12 @@ BY_GROUND: Final = (GROUND, TOGETHER)
 
 
 def ecu_of(m: Manoeuvre, scenario: Scenario, *, limits: bool, core: Core = PYTHON) -> Ecu:
-    """The ECU of a drive, with the drive's calibration."""
+    """The ECU of a drive, with the drive's calibration. Its sensors are tested, as in every run of a user."""
     name = calibration_of(scenario)
     if m.calibration_seed is None:
-        return core.ecu(load_calibration(name), limits=limits)
-    return core.ecu(wrong_calibration.wrong_calibration(name, m.calibration_seed), limits=limits)
+        return core.ecu(load_calibration(name), limits=limits, detect_faults=True)
+    wrong = wrong_calibration.wrong_calibration(name, m.calibration_seed)
+    return core.ecu(wrong, limits=limits, detect_faults=True)
 
 
 def driven(m: Manoeuvre, *, limits: bool, core: Core = PYTHON) -> tuple[RunVerdict, Recording]:
@@ -79,6 +81,15 @@ def driven(m: Manoeuvre, *, limits: bool, core: Core = PYTHON) -> tuple[RunVerdi
         standing=standing_loads(scenario),
     )
     return judged, recording
+
+
+def called_faulty(recording: Recording) -> list[str]:
+    """Every finding of the detection, with its moment; the sensors of all drives are sound."""
+    return [
+        f"{' or '.join(found.signals)} at {found.at_ns * 1e-9:.2f} s"
+        for found in recording.ecu_findings
+        if isinstance(found, FaultFound)
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,6 +202,7 @@ def run_case(m: Manoeuvre, core: Core = PYTHON) -> Found:
             [each.begin_s, each.end_s, each.wheel, cause] for each, cause in zip(lifted, causes, strict=True)
         ],
         "cause": max(causes, key=CAUSES.index, default=""),
+        "called_faulty": called_faulty(recording),
     }
 
 
@@ -219,7 +231,17 @@ def run_campaign(
 
 def suite_of(cases: Sequence[Manoeuvre], found: Sequence[Found]) -> Suite:
     """One question per kind of drive: does a wheel lift that a limit could have kept down?"""
-    return Suite(name="prevention", cases=tuple(_question(kind, cases, found) for kind in KINDS))
+    kept = tuple(_question(kind, cases, found) for kind in KINDS)
+    return Suite(name="prevention", cases=(*kept, _sound(found)))
+
+
+def _sound(found: Sequence[Found]) -> Case:
+    wrong = sum(bool(r["called_faulty"]) for r in found)
+    return Case(
+        name="no sound sensor is called faulty",
+        result=Result.FAILED if wrong else Result.PASSED,
+        reason=f"in {wrong} of {len(found)} drives one is",
+    )
 
 
 def _question(kind: str, cases: Sequence[Manoeuvre], found: Sequence[Found]) -> Case:
@@ -238,6 +260,7 @@ Random drives of the L60 with the limits on. A drive starts straight at 6 to 24 
 its top. Its kind says what comes then: a *lever* moved in a turn, steering one way and the other (*counter-steer*), a turn in *reverse*, a step of 5 to 20 cm up
 (*kerb*) or down (*drop*) under one side with steering both ways after it, a turn on a *slope* (grade up to 18 %, bank up to 9°). Half of the drives have a *wrong
 calibration*: masses ±3 %, centres of gravity ±5 cm, tyre radius ±1 %, stiffnesses ±15 %, each drawn evenly. The friction of the ground is 0.4 to 0.85, which the ECU does not know.
+Sensors are sound, and tested against each other as in every run: a signal that is called faulty is no longer used.
 A wheel *lifts* when its true load is zero for more than 50 ms. *Margin*: smallest load of a wheel over what it carries on level ground.
 
 """
@@ -256,10 +279,22 @@ def page(cases: Sequence[Manoeuvre], found: Sequence[Found], free: Sequence[Foun
             "## Why the others lift a wheel\n",
             "The first of these that holds when the drive is driven again, for every lift-off. A drive counts with the last of them that one of its lift-offs has.\n",
             causes_table([r for _, r in lifted]),
+            "## Sound sensors that were called faulty\n",
+            faulty_text(cases, found),
             "## Drives that lift a wheel\n",
             lifted_table(lifted),
         )
     )
+
+
+def faulty_text(cases: Sequence[Manoeuvre], found: Sequence[Found]) -> str:
+    """In how many drives the detection was wrong, and what it said there; it is what the limits then lived with."""
+    said = [
+        f"- {m.kind}, drive {k}, {'lifts a wheel' if r['lifts'] else 'all wheels down'}: {'; '.join(r['called_faulty'])}"
+        for k, (m, r) in enumerate(zip(cases, found, strict=True), 1)
+        if r["called_faulty"]
+    ]
+    return f"In {len(said)} of {len(found)} drives.\n\n" + "".join(f"{line}\n" for line in said)
 
 
 def kinds_table(cases: Sequence[Manoeuvre], found: Sequence[Found]) -> str:

@@ -13,7 +13,9 @@ from deploy.c.core import C
 from deploy.c.library import COMPILERS
 from ecu.calibration import load_calibration
 from ecu.core import PYTHON
+from hil.compose import plant_unit
 from hil.ending import Ending
+from hil.lockstep import Lockstep
 from hil.results import ending_of
 from hil.verdict import Result
 from studies.campaigns import prevention
@@ -24,6 +26,7 @@ from studies.campaigns.wrong_calibration import MASS, PLACE, RADIUS, STIFFNESS, 
 RIGHT = load_calibration("l60")
 KEPT = {
     "lifts": False, "rolls_over": False, "wheel": None, "lead_s": None, "margin": 0.4, "lift_offs": [], "cause": "",
+    "called_faulty": [],
 }  # fmt: skip
 
 
@@ -203,6 +206,35 @@ def test_the_page_counts_lift_offs_and_says_how_to_repeat_them():
     assert "Of 12 drives **2** lift a wheel. Of 3 that were also driven without limits 3 lift one." in text
     assert "| all | 12 | 2 | 0 | 1 | 0 | 0.40 | 0.00 |" in text
     assert f"| {prevention.UNEXPLAINED} | 1 | 1 |" in text
+
+
+def test_a_sound_sensor_that_is_called_faulty_fails_and_is_on_the_page():
+    cases = drawn(12, 9)
+    wrong = KEPT | {"called_faulty": ["pitch or roll at 2.31 s"]}
+    suite = prevention.suite_of(cases, [*[KEPT] * 11, wrong])
+    (failed,) = [case for case in suite.cases if case.result is Result.FAILED]
+    assert (failed.name, failed.reason) == ("no sound sensor is called faulty", "in 1 of 12 drives one is")
+    text = prevention.page(cases, [*[KEPT] * 11, wrong], [], 9)
+    assert (
+        f"In 1 of 12 drives.\n\n- {cases[11].kind}, drive 12, all wheels down: pitch or roll at 2.31 s"
+        in text
+    )
+
+
+def test_findings_of_the_detection_are_read_from_the_drive():
+    """A gyro that is off by far is called faulty in the same way as a sound one would be."""
+    m = dataclasses.replace(drawn(1, 1)[0], calibration_seed=None, speed_kmh=6.0, angle_deg=12.0)
+    assert prevention.called_faulty(prevention.driven(m, limits=True)[1]) == []
+    scenario = scenario_of(m)
+    sensors = scenario.equipment.sensors
+    shifted = dataclasses.replace(sensors.of("yaw_rate"), bias=0.5)
+    equipment = dataclasses.replace(
+        scenario.equipment,
+        sensors=dataclasses.replace(sensors, channels=sensors.channels | {"yaw_rate": shifted}),
+    )
+    unit = plant_unit(dataclasses.replace(scenario, equipment=equipment))
+    found = Lockstep(unit, prevention.ecu_of(m, scenario, limits=True), reference=False).run()
+    assert any(line.startswith("yaw_rate at ") for line in prevention.called_faulty(found))
 
 
 def test_a_drive_counts_with_the_last_cause_and_each_of_its_lift_offs_with_its_own():
