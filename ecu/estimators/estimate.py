@@ -13,6 +13,7 @@ from ecu.estimators.inclination import Slope, without
 from ecu.estimators.joint import Joint, joint_at
 from ecu.estimators.loads.arm_forces import arm_forces
 from ecu.estimators.loads.cog import front_unit_in, machine_centre, pose_at
+from ecu.estimators.loads.doubt import Doubt, doubt_of
 from ecu.estimators.loads.payload import (
     BucketLoad,
     Residual,
@@ -67,6 +68,7 @@ class Present(NamedTuple):
     force: Vector  # specific force at the centre of gravity
     slope: Slope
     payload: float
+    doubt: Doubt  # of payload and pile
     start: PredictionState
     motion: int  # of the levers, whose limit is looked for in this cycle
     machine: LoadedMachine
@@ -182,7 +184,9 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     quick = Turning(arm.angle, arm.rate, lift_acceleration(i, moments, along, load, arm, p), arm.sample)
     pose = pose_at(quick.angle, bucket.angle, p.arm, p.bucket)  # the tracked one, whose motion it is
     moved = arm_forces(pose, quick, bucket, front_yaw, load.payload, p.arm, p.bucket)
-    balanced = balance(i, m, a, front, push_of(i, load, p), moved, x, trail, joint, p)
+    push = push_of(i, load, p)
+    doubt = doubt_of(i, moments, along, load, push, arm, pose, p)
+    balanced = balance(i, m, a, front, push, moved, x, trail, joint, p)
     lateral = balanced.lateral
     n, tilt = follow_tilt(i, s, m, balanced.normal, joint, p)
 
@@ -220,7 +224,7 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     now = Present(
         n, forces, slips, models,
         rollover.margin(n, machine.standing), gap, contradiction, turn, lateral.joint_torque, fused,
-        centre_force(a, front, p.rear, p.axle.mass), slope, load.payload, start, int(s.cycles) % MOTIONS, machine,
+        centre_force(a, front, p.rear, p.axle.mass), slope, load.payload, doubt, start, int(s.cycles) % MOTIONS, machine,
     )  # fmt: skip
     state = next_state(
         i, s, m, load, fused, axle_speed, axle_acceleration, n, forces,
@@ -274,7 +278,9 @@ def predict_and_permit(
 def estimates_of(now: Present, future: Future, p: Parameters) -> Estimates:
     """Both halves as one row of estimates."""
     c = now.start
-    sure = uncertainty(now.force, c.articulation_angle, c.levers.lift_angle, now.payload, now.normal, p)
+    sure = uncertainty(
+        now.force, c.articulation_angle, c.levers.lift_angle, now.payload, now.normal, now.doubt, p
+    )
     return Estimates(
         normal_1=now.normal.front_left,
         normal_2=now.normal.front_right,

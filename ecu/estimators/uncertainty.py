@@ -7,13 +7,16 @@ balance leaves out.
 
 Arm and bucket: the cylinders' pressure weighs them together with the payload. Their errors go into the payload with the opposite sign, and
 of the loads only the part that the arm's pivot bears remains.
-Not included: a pile, wheels on the axle's stop, tyre radii and stiffnesses (which act on the loads in the short run only).
+What the payload gets wrong by the scale of the pressures and by the arm's angle moves the loads with it. Payload and push of a pile that have
+not settled, and what a pile leaves open, are `ecu.estimators.loads.doubt`.
+Not included: wheels on the axle's stop, tyre radii and stiffnesses (which act on the loads in the short run only).
 """
 
 import math
 from typing import NamedTuple
 
 from ecu.estimators.compiled import compiled
+from ecu.estimators.loads.doubt import Doubt
 from ecu.estimators.parameters import Geometry, Parameters
 from ecu.estimators.quantities import NormalForces, Vector
 
@@ -26,6 +29,8 @@ ACCELERATION = 0.05
 """Of the accelerometers' zero [m/s2]."""
 PRESSURE = 0.0025
 """Of the scale of the cylinders' pressures."""
+ANGLE = 0.008
+"""Of the angle between the arm and the measured specific force [rad]: sensor of the arm 0.2 degrees, accelerometers 0.3 degrees, frames that bend."""
 OWN_FRONT = 350.0
 """Of a front wheel's load with the right calibration [N]: RMS errors of 190 to 560 N in the drive cases."""
 OWN_REAR = 550.0
@@ -112,23 +117,59 @@ def with_lump(
     return with_error(ahead, 0.0, -d * f.x, -d * f.y, p)
 
 
+class Weighing(NamedTuple):
+    """Variances of the payload [kg2]: errors that the loads share with it, and those that they do not."""
+
+    shared: float  # scale of the pressures, angle of the arm
+    apart: float  # arm and bucket weighed with it, and what the estimate shows with the right calibration
+
+
 @compiled
-def payload_variance(lift_angle: float, payload: float, p: Parameters) -> float:
-    """Variance of the payload [kg2]: arm and bucket weighed with it, and the pressures' scale."""
+def weighing(lift_angle: float, payload: float, lean: float, p: Parameters) -> Weighing:
+    """How well the cylinders weigh; lean: specific force ahead over upwards, in the front frame's axes.
+
+    The weight's lever about the arm's pivot is the pin's place ahead, less its height times the lean. An arm that lies low
+    has a longer one while the machine brakes, and a change of its angle changes it more.
+    """
     arm, bucket = p.arm, p.bucket
-    reach = arm.length * math.cos(lift_angle)
-    centre = arm.along * math.cos(lift_angle) - arm.above * math.sin(lift_angle)
-    weighed = arm.mass * centre + (bucket.mass + max(payload, 0.0)) * reach
+    c, s = math.cos(lift_angle), math.sin(lift_angle)
+    lever = arm.length * (c - s * lean)
+    centre = arm.along * (c - s * lean) - arm.above * (s + c * lean)
+    weighed = (arm.mass * centre + (bucket.mass + max(payload, 0.0)) * lever) / lever
     share = OWN_SHARE * max(payload, 0.0)
     own = OWN_PAYLOAD * OWN_PAYLOAD + share * share
-    arm_mass, arm_place = MASS * arm.mass * centre / reach, PLACE * arm.mass / reach
-    bucket_mass, scale = MASS * bucket.mass, PRESSURE * weighed / reach
-    return own + arm_mass * arm_mass + arm_place * arm_place + bucket_mass * bucket_mass + scale * scale
+    arm_mass, bucket_mass = MASS * arm.mass * centre / lever, MASS * bucket.mass
+    arm_place = PLACE * arm.mass * math.sqrt(1.0 + lean * lean) / lever
+    scale, turned = PRESSURE * weighed, ANGLE * weighed * (s + c * lean) / (c - s * lean)
+    return Weighing(
+        scale * scale + turned * turned,
+        own + arm_mass * arm_mass + arm_place * arm_place + bucket_mass * bucket_mass,
+    )
+
+
+@compiled
+def with_bucket(
+    v: Spread, shared: float, doubt: Doubt, fx: float, fz: float, c: float, s: float, p: Points
+) -> Spread:
+    """The variances with those of a payload that is off by `shared` [kg], and of a load or push that has not settled.
+
+    fx, fz: specific force in the front frame's axes [m/s2]; c, s: of its angle against the rear frame.
+    """
+    heavier = shared * (doubt.ahead * fz - doubt.height * fx)
+    known = with_error(v, shared * fz, heavier * c, heavier * s, p)
+    pitching = doubt.pitching / ROOT
+    return with_error(known, doubt.load / ROOT, pitching * c, pitching * s, p)
 
 
 @compiled
 def uncertainty(
-    force: Vector, angle: float, lift_angle: float, payload: float, n: NormalForces, p: Parameters
+    force: Vector,
+    angle: float,
+    lift_angle: float,
+    payload: float,
+    n: NormalForces,
+    doubt: Doubt,
+    p: Parameters,
 ) -> Uncertainty:
     """Standard deviations of the estimates of one cycle.
 
@@ -136,10 +177,13 @@ def uncertainty(
     """
     c, s, at = math.cos(angle), math.sin(angle), points_of(angle, n, p.geometry)
     front, rear, arm = p.front, p.rear, p.arm
+    fx, fz = force.x * c + force.y * s, max(force.z, 1.0)
+    weighed = weighing(lift_angle, payload, fx / fz, p)
     own = OWN_FRONT / at.total
     v = Spread(0.0, 0.0, 0.0, 4.0 * own * own)
     v = with_lump(v, front.mass, front.x * c, front.x * s, front.z, c, s, force, at)
     v = with_lump(v, rear.mass, rear.x, 0.0, rear.z, 1.0, 0.0, force, at)
+    v = with_bucket(v, math.sqrt(weighed.shared), doubt, fx, fz, c, s, at)
     # what the payload does not take over of the arm's mass: its part on the pivot
     rest = MASS * arm.mass * (1.0 - arm.along / arm.length) * force.z
     v = with_error(v, rest, rest * arm.pivot_x * c, rest * arm.pivot_x * s, at)
@@ -156,5 +200,5 @@ def uncertainty(
         behind,
         behind,
         math.sqrt(v.transfer),
-        math.sqrt(payload_variance(lift_angle, payload, p)),
+        math.sqrt(weighed.shared + weighed.apart + doubt.payload * doubt.payload / 3.0),
     )

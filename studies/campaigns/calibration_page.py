@@ -54,7 +54,7 @@ with the right calibration and with every wrong one. Thresholds, delays and sens
 ## Normal forces and payload
 
 Normal forces: RMS error of the worst wheel up to the first lift-off, in % of the load that it carries standing. Payload: RMS error after the first
-second [kg].
+second [kg]; in the pile the ground that lies in the bucket counts, by what the wheels truly bear.
 
 """
 COVERAGE: Final = """

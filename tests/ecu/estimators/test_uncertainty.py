@@ -11,18 +11,21 @@ from hypothesis import strategies as st
 from ecu.calibration import load_calibration
 from ecu.estimators.joint import joint_at
 from ecu.estimators.loads import normal_force
+from ecu.estimators.loads.doubt import Doubt
 from ecu.estimators.loads.normal_force import Support
 from ecu.estimators.loads.payload import standing_payload
 from ecu.estimators.quantities import NormalForces, Vector
 from ecu.estimators.signals import Inputs
 from ecu.estimators.stability.rollover import load_transfer_ratio
 from ecu.estimators.uncertainty import (
+    ANGLE,
     OWN_FRONT,
     OWN_PAYLOAD,
+    PRESSURE,
     Spread,
-    payload_variance,
     points_of,
     uncertainty,
+    weighing,
     with_error,
 )
 from studies.campaigns.wrong_calibration import wrong_parameters
@@ -62,8 +65,11 @@ LEVEL = Vector(0.0, 0.0, 9.81)
 STANDS = NormalForces(27e3, 27e3, 55e3, 31e3, 31e3)
 
 
-def sure(angle=0.0, force=LEVEL, n=STANDS, payload=0.0, lift=-0.6):
-    return uncertainty(force, angle, lift, payload, n, PARAMETERS)
+SETTLED = Doubt(0.0, 0.0, 0.0, 3.2, 0.9)
+
+
+def sure(angle=0.0, force=LEVEL, n=STANDS, payload=0.0, lift=-0.6, doubt=SETTLED):
+    return uncertainty(force, angle, lift, payload, n, doubt, PARAMETERS)
 
 
 @unhurried
@@ -97,10 +103,54 @@ def test_wrong_calibrations_scatter_the_payload_as_is_said(lift_deg):
     i = Inputs(**{name: given_inputs[name] for name in Inputs._fields})
     draw = random.Random(1)
     weighed = [standing_payload(i, 9.81, wrong_parameters(PARAMETERS, draw)) for _ in range(400)]
-    arm, bucket = PARAMETERS.arm, PARAMETERS.bucket
-    reach = arm.length * math.cos(i.lift_arm_angle)
-    held = arm.mass * arm.along * math.cos(i.lift_arm_angle) + bucket.mass * reach
-    own = OWN_PAYLOAD**2 + (0.0025 * held / reach) ** 2
-    expected = payload_variance(i.lift_arm_angle, 0.0, PARAMETERS) - own
+    expected = weighing(i.lift_arm_angle, 0.0, 0.0, PARAMETERS).apart - OWN_PAYLOAD**2
     # the standard deviation of 400 is known to 3.5 %; places of arm and bucket also turn with the angle
     assert float(np.std(weighed)) == pytest.approx(math.sqrt(expected), rel=0.15)
+
+
+@unhurried
+@given(st.floats(-0.7, 0.7), st.floats(-0.5, 0.5), st.floats(0.0, 3500.0))
+def test_scale_and_angle_move_the_payload_as_its_balance_does(lift, lean, payload):
+    """The same moment of the cylinders, weighed with another scale of the pressures or another angle of the arm."""
+    arm, bucket = PARAMETERS.arm, PARAMETERS.bucket
+
+    def lever(along, above, angle):
+        """Moment about the arm's pivot per newton of weight: place ahead less height times lean."""
+        ahead, up = (
+            along * math.cos(angle) - above * math.sin(angle),
+            along * math.sin(angle) + above * math.cos(angle),
+        )
+        return ahead - up * lean
+
+    own = arm.mass * lever(arm.along, arm.above, lift)
+    moment = own + (bucket.mass + payload) * lever(arm.length, 0.0, lift)
+
+    def weighed(scale=1.0, turned=0.0):
+        # the arm's own weight is nearly all on its pin's line: its share follows the same angle
+        return scale * moment / lever(arm.length, 0.0, lift + turned)
+
+    small = 1e-5
+    by_scale = (weighed(scale=1.0 + small) - weighed()) / small * PRESSURE
+    by_angle = (weighed(turned=small) - weighed()) / small * ANGLE
+    found = weighing(lift, payload, lean, PARAMETERS)
+    assert math.sqrt(found.shared) == pytest.approx(math.hypot(by_scale, by_angle), rel=1e-3)
+
+
+@unhurried
+@given(angles, st.floats(-2e4, 2e4), st.floats(-5e4, 5e4))
+def test_what_has_not_settled_widens_the_loads_that_it_moves(angle, load, pitching):
+    """By the even distribution of one error, through the estimators' own balance."""
+    c, s = math.cos(angle), math.sin(angle)
+    calm, open_ = sure(angle), sure(angle, doubt=SETTLED._replace(load=load, pitching=pitching))
+    before = loads(1e5, -2e4, 0.0, angle)
+    after = loads(1e5 + load, -2e4 + pitching * c, pitching * s, angle)
+    for k, wheel in enumerate(("front_left", "front_right", "rear_left", "rear_right")):
+        moved = (getattr(after, wheel) - getattr(before, wheel)) / math.sqrt(3.0)
+        assert open_[k] == pytest.approx(math.hypot(calm[k], moved), rel=1e-6)
+    assert open_.payload == calm.payload
+
+
+def test_a_payload_of_which_nothing_is_known_has_an_interval_that_holds_all_of_it():
+    unsure = sure(doubt=SETTLED._replace(payload=3000.0)).payload
+    assert 1.96 * unsure > 3000.0
+    assert unsure == pytest.approx(math.hypot(sure().payload, 3000.0 / math.sqrt(3.0)))
