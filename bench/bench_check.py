@@ -80,10 +80,9 @@ def peer(log: Path) -> int:
 
 def memory_mib(log: Path) -> float:
     """The most that `loaderhil check` takes."""
-    program = (
-        "import sys; from pathlib import Path; from bench.bench_check import check; check(Path(sys.argv[1]))"
+    child = subprocess.Popen(
+        [sys.executable, "-m", "loaderhil", "check", str(log)], stdout=subprocess.DEVNULL
     )
-    child = subprocess.Popen([sys.executable, "-c", program, str(log)])
     _, _, usage = os.wait4(child.pid, 0)
     return usage.ru_maxrss / 1024
 
