@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dbc.database import MessageCodec
 from dbc.recordings.logfile import FrameTable
 from dbc.tally.contents import ContentsCount
-from dbc.tally.counters import LastPayload, counters_of
+from dbc.tally.payloads import LastPayload, counters_of
 from hil.timing.deadlines import COUNTER_MODULUS, STALE_AFTER, TOLERANCE, Judged, MessageJudge, Observer
 from hil.timing.waits import Rows
 

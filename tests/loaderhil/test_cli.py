@@ -188,3 +188,12 @@ def test_ctrl_c_inside_a_command_is_reported_once(monkeypatch, capsys):
         main()
     assert ended.value.code == Ending.INTERRUPTED
     assert capsys.readouterr() == ("", "loaderhil: interrupted\n")
+
+
+@pytest.mark.parametrize("module", ["hil.processes.gateway_command", "hil.recording.command", "hil.rundir"])
+def test_gateway_and_recorder_load_no_compiler(module):
+    """numba takes more memory than all the rest of them; judging deadlines must not bring it in with the readers of recordings."""
+    code = f"import sys, {module}; print(*sys.modules)"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert module in shown.split()
+    assert not {"numba", "llvmlite"} & set(shown.split())

@@ -11,7 +11,7 @@ from dbc.kernels.checksums import COUNTER_NEVER_SENT, INTACT, WRONG_CRC, check_p
 from dbc.protections import MODES, Profile1
 from dbc.recordings.logfile import FrameTable
 from dbc.tally.contents import ContentsCount, not_in_table, outside_range
-from dbc.tally.counters import LastPayload
+from dbc.tally.payloads import LastPayload
 
 DATABASE = loader_database()
 
