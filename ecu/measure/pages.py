@@ -14,6 +14,7 @@ from ecu.cycle import EcuCycle
 from ecu.measure.parameters import BASE, SIZE, calibration_numbers, image_of
 
 REFERENCE, WORKING = 0, 1
+MOST_DECIMALS = 22  # powers of ten up to here are exact in double precision
 
 
 class NotAdjustable(Exception):
@@ -86,8 +87,7 @@ class CalibrationPages:
         section = self._table[number.section]
         assert isinstance(section, dict)
         before = section[number.key]
-        # The shortest decimal of the float32, 0.3 and not 0.30000001: a limit of a range is then within it.
-        section[number.key] = float(str(np.frombuffer(data, "<f4")[0]))
+        section[number.key] = shortest_decimal(np.frombuffer(data, "<f4")[0])
         try:
             table = CheckedTable(self._table, file=self._file)
             self._working = reread(self._working, table, number.section)
@@ -102,3 +102,18 @@ class CalibrationPages:
         if wanted is not self._at_work:
             self._cycle.recalibrate(wanted)
             self._at_work = wanted
+
+
+def shortest_decimal(number: np.float32) -> float:
+    """The decimal with the fewest places that is this float32, 0.3 and not 0.30000001: a limit of a range is then within it.
+
+    A number below 1e-13 stays as it is: it would need powers of ten that a double does not hold exactly,
+    and the ECU in C could not come to the same double.
+    """
+    exact, power = float(number), 1.0
+    for _ in range(MOST_DECIMALS + 1):
+        shorter = float(np.rint(exact * power)) / power
+        if np.float32(shorter) == number:
+            return shorter
+        power *= 10.0
+    return exact

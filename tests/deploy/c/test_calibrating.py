@@ -118,3 +118,12 @@ def test_random_commands_with_the_key_change_both_alike(library, seed):
             driven(ecu, 1)
             found, expected = numbers_in_c(ecu)
             assert found == expected
+
+
+@pytest.mark.parametrize("value", [5.9495075e-20, 3.3e-14, 2.7e-30, 1e-45, 0.3, 1e-12])
+def test_a_number_too_small_for_powers_of_ten_is_the_same_in_both(ecu, value):
+    number = next(n for n in ADJUSTABLE if n.key == "rear_torque_kn_m")
+    assert write(ecu, number, value)
+    driven(ecu, 1)
+    found, expected = numbers_in_c(ecu)
+    assert found == expected
