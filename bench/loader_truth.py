@@ -52,8 +52,13 @@ SPREAD: Mapping[str, float] = {
     "wheel_radius": 0.001,
 }
 """Standard deviation of the machine's deviations from its sheet, within the priors of the model's nuisances."""
-TYRE_SPREAD: Mapping[str, float] = {"slip_stiffness": 0.05, "cornering_stiffness": 0.05}
-"""The same of the tyres' slopes at no slip."""
+LATER_SPREAD: Mapping[str, float] = {
+    "slip_stiffness": 0.05,
+    "cornering_stiffness": 0.05,
+    "rear_x": 0.025,
+    "front_x": 0.025,
+}
+"""The same of the tyres' slopes at no slip and of the frames' centres along them, which reports before November 2026 did not vary."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,8 +164,8 @@ def record(arm: Arm, folder: Path) -> dict[str, float]:
     rng = np.random.default_rng([arm.seed, 17])
     off = {name: float(rng.normal(0.0, sd)) for name, sd in SPREAD.items()}
     # of their own, so that the drives stay those of earlier reports
-    tyres = np.random.default_rng([arm.seed, 19])
-    off |= {name: float(tyres.normal(0.0, sd)) for name, sd in TYRE_SPREAD.items()}
+    later = np.random.default_rng([arm.seed, 19])
+    off |= {name: float(later.normal(0.0, sd)) for name, sd in LATER_SPREAD.items()}
     # sizes by the model's library, so that `scale` means the same in truth and diagnosis
     effects = {**hidden(loader.model(), arm), **(arm.beside or {})}
     machine, equipment = load_machine("l60"), load_equipment("l60")
@@ -246,12 +251,14 @@ def _pulse(at: float, size: float, length: float) -> list[tuple[float, float]]:
 
 
 def _off_its_sheet(machine: Machine, off: Mapping[str, float]) -> Machine:
-    rear, tyre = machine.rear_frame, machine.tyre
+    rear, front, tyre = machine.rear_frame, machine.front_frame, machine.tyre
     stiffer = 1.0 + off["tyre_stiffness"]
     return replace(
         machine,
-        rear_frame=replace(rear, mass=rear.mass + off["rear_mass"], z=rear.z + off["rear_height"]),
-        front_frame=replace(machine.front_frame, mass=machine.front_frame.mass + off["front_mass"]),
+        rear_frame=replace(
+            rear, mass=rear.mass + off["rear_mass"], x=rear.x + off["rear_x"], z=rear.z + off["rear_height"]
+        ),
+        front_frame=replace(front, mass=front.mass + off["front_mass"], x=front.x + off["front_x"]),
         tyre=replace(
             tyre,
             # both terms of the load: the tyre is stiffer at every deflection

@@ -40,12 +40,10 @@ INITIAL_STATES = (
 )
 """Initial-state uncertainty of a segment: differences from the warm-up run that no sensor measures exactly."""
 
-# Centres of gravity along the frames, and inertias, are no nuisances of a diagnosis: they are effects of its library, or act as the masses do
-# there. An identification of the machine frees them. A sheet estimates them: centres to 5 cm, inertias to 30 %, and that of a wheel, which
+# The height of the front frame's centre, and inertias, are no nuisances of a diagnosis: they are effects of its library, or no drive shows
+# them. An identification of the machine frees them. A sheet estimates them: centres to 5 cm, inertias to 30 %, and that of a wheel, which
 # follows from the mass of tyre and rim, to 15 %.
 BODIES = (
-    Parameter(name="rear_x", unit="m", lower=-0.4, upper=0.4, typical=0.03, prior_sd=0.05),
-    Parameter(name="front_x", unit="m", lower=-0.4, upper=0.4, typical=0.03, prior_sd=0.05),
     Parameter(name="front_height", unit="m", lower=-0.4, upper=0.4, typical=0.03, prior_sd=0.05),
     Parameter(name="lift_arm_pitch", unit="1", lower=-0.9, upper=9.0, typical=0.2, prior_sd=0.3),
     Parameter(name="wheel_spin", unit="1", lower=-0.9, upper=4.0, typical=0.1, prior_sd=0.15),
@@ -55,7 +53,7 @@ BODIES = (
         for end in ("rear", "front")
     ),
 )
-"""Values of the machine's bodies that only an identification frees: centres of both frames, shares of inertia of frames, lift arm and wheels.
+"""Values of the machine's bodies that only an identification frees: the front frame's height, shares of inertia of frames, lift arm and wheels.
 
 The shares are of the bodies of the sheet. The effects yaw_inertia and roll_inertia act on the whole front part, with its axle.
 """
@@ -66,6 +64,8 @@ The shares are of the bodies of the sheet. The effects yaw_inertia and roll_iner
 NUISANCES = (
     Parameter(name="rear_mass", unit="kg", lower=-1500.0, upper=1500.0, typical=100.0, prior_sd=120.0),
     Parameter(name="front_mass", unit="kg", lower=-800.0, upper=800.0, typical=50.0, prior_sd=60.0),
+    Parameter(name="rear_x", unit="m", lower=-0.4, upper=0.4, typical=0.03, prior_sd=0.05),
+    Parameter(name="front_x", unit="m", lower=-0.4, upper=0.4, typical=0.03, prior_sd=0.05),
     Parameter(name="rear_height", unit="m", lower=-0.4, upper=0.4, typical=0.03, prior_sd=0.05),
     Parameter(name="tyre_stiffness", unit="1", lower=-0.5, upper=1.0, typical=0.05, prior_sd=0.05),
     Parameter(name="slip_stiffness", unit="1", lower=-0.6, upper=2.0, typical=0.05, prior_sd=0.1),

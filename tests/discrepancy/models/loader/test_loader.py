@@ -287,6 +287,22 @@ def test_tyres_of_another_stiffness_are_no_effect():
 
 
 @pytest.mark.slow
+def test_a_centre_further_behind_is_no_effect():
+    """Taken for exact, it was called the place of the axles and yaw inertia on a drive of 40 s."""
+    from discrepancy.examine import examine
+    from discrepancy.selection.assess import assess
+    from discrepancy.selection.state import Settings
+
+    drive = recorded(machine=replace(L60, rear_frame=replace(L60.rear_frame, x=L60.rear_frame.x + 0.05)))
+    model = restricted("yaw_inertia", "axle_position", "mass_split", recordings=[drive])
+    problem = Problem(model, [drive])
+    fitted = assess(problem, (), problem.start(), Settings()).fit
+    assert fitted.sd("rear_x") < 0.02
+    assert abs(fitted.values.shared["rear_x"] - 0.05) < 3.0 * fitted.sd("rear_x")
+    assert examine(model, [drive], Settings(open_ended=False)).status == "nothing missing"
+
+
+@pytest.mark.slow
 def test_the_pile_of_the_scenario_is_found_where_it_is(tmp_path):
     """Without it the machine pushes forward for seconds where the recorded one stands: nothing of the baseline is near."""
     from discrepancy.examine import examine
