@@ -73,7 +73,7 @@ def refusal(settings):
             "offered ",
             "share an identifier",
         ),
-        ({"core": "c", "offered": ServiceOptions(xcp="0x601,0x602")}, "offered.xcp", "in Python only"),
+        ({"core": "c", "offered": ServiceOptions(xcp="0x601")}, "offered.xcp", "0x601"),
         ({"core": "c", "form": "printed"}, "ecu.core", "--form printed"),
         ({"calibration": "l61"}, "ecu.calibration", "'l61'"),
         ({"realtime": RealtimeOptions(cpu=4000)}, "realtime.cpu", "= 4000"),
