@@ -65,10 +65,13 @@ class LoadedMachine(NamedTuple):
 
 @compiled
 def load_transfer_ratio(forces: NormalForces) -> float:
-    """(right - left) / sum of the four normal forces; right side heavier +."""
+    """(right - left) / sum of the four normal forces; right side heavier +. 0 where the wheels carry nothing together.
+
+    A prediction from inputs that contradict one another runs away, and the sum of its forces may be zero.
+    """
     left = forces.front_left + forces.rear_left
     right = forces.front_right + forces.rear_right
-    return (right - left) / (right + left)
+    return (right - left) / (right + left) if right + left > 0.0 else 0.0
 
 
 @compiled

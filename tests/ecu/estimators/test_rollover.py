@@ -105,6 +105,9 @@ def test_the_ratio_is_one_when_the_left_wheels_have_lifted(front, rear):
     right_only = NormalForces(0.0, front, 0.0, 0.0, rear)
     assert load_transfer_ratio(right_only) == 1.0
     assert load_transfer_ratio(mirrored_forces(right_only)) == -1.0
+    # where the wheels carry nothing together, or pull, a share of it means nothing
+    assert load_transfer_ratio(NormalForces(1e14, -1e14, 0.0, 5.0, -5.0)) == 0.0
+    assert load_transfer_ratio(NormalForces(-2e4, -1e4, -3e4, 0.0, 0.0)) == 0.0
 
 
 @given(wheels)
