@@ -71,10 +71,10 @@ def alternatives(
         if any(in_between(p, best) for p in candidate.amplitude_parameters):
             continue  # half a wrong sign is a scale error and must not be named a wrong sign
         extra = EXTRA_PARAMETER * (candidate.size - problem.model.effect(effect).size)
-        if settings.same <= best.sse - state.fit.sse + extra < NEAR * whole:
+        if settings.rival <= best.sse - state.fit.sse + extra < NEAR * whole:
             best = fit(problem, state.noise, names, best.values, effort=TO_THE_END)
         difference = best.sse - state.fit.sse + extra
-        limit = max(settings.same, gates.VUONG.threshold * difference_sd(state.noise, best, state.fit))
+        limit = max(settings.rival, gates.VUONG.threshold * difference_sd(state.noise, best, state.fit))
         kept = without.sse - best.sse > gates.RIVAL_KEEPS.threshold * whole
         if (
             difference < limit

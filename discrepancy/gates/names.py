@@ -19,9 +19,9 @@ SAME_LIKELIHOOD: Final = _gate(
     name="same likelihood",
     of="group",
     statistic="SSE of the rival in the finding's place minus SSE of the finding, plus 2 per further parameter",
-    threshold=6.0,
+    threshold=9.2,
     passes="below",
-    source="a likelihood ratio of 20",
+    source="a likelihood ratio of 100: a wrong name is ahead of the right one by more in at most 1 of 100 recordings",
     otherwise="the rival is no member of the group, unless the next test is passed",
     module="decision.groups",
 )
@@ -59,7 +59,7 @@ MANOEUVRE_DECIDES: Final = _gate(
     of="group",
     statistic="expected difference in SSE between two rivals in the manoeuvre, after a fit of one to the other",
     threshold=20.0,
-    source="three times what counts as the same likelihood",
+    source="twice what counts as the same likelihood",
     otherwise="the manoeuvre is not proposed; the model's own sentence is printed, if there is one",
     module="decision.groups",
 )

@@ -25,7 +25,10 @@ class Settings:
     alpha: float = gates.FALSE_ALARM.threshold  # probability of a false finding in a search
     held_out: float = gates.HELD_OUT_REDUCTION.threshold  # smallest SSE reduction on held-out rows
     confirmed: float = gates.HELD_OUT_SHARE.threshold  # its smallest share of the reduction on all rows
-    same: float = gates.SAME_LIKELIHOOD.threshold  # difference in SSE below which two fits are equally good
+    same: float = (
+        6.0  # difference in SSE below which two fits of one effect are equally good: a likelihood ratio of 20
+    )
+    rival: float = gates.SAME_LIKELIHOOD.threshold  # the same of two effects, of which one is to be excluded
     gap_closed: float = gates.GAP_CLOSED.threshold
     shortlist: int = 6  # effects that are fitted in one round
     most_effects: int = 6  # accepted effects after which a search ends

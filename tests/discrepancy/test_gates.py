@@ -12,7 +12,7 @@ from tests.conftest import ROOT
 
 PAGE = Path(ROOT / "docs/explanation/discrepancy.md")
 NAMES = {value.name: name for name, value in vars(gates).items() if isinstance(value, gates.Gate)}
-BY_SETTINGS = {"alpha": gates.FALSE_ALARM, "same": gates.SAME_LIKELIHOOD, "gap_closed": gates.GAP_CLOSED}
+BY_SETTINGS = {"alpha": gates.FALSE_ALARM, "rival": gates.SAME_LIKELIHOOD, "gap_closed": gates.GAP_CLOSED}
 BY_MODEL = {"negligible": gates.NEGLIGIBLE_SIZE, "least_explained": gates.LEAST_EXPLAINED}
 
 
