@@ -4,11 +4,8 @@ numba recompiles a cached function when the function's own file changes, but not
 in another file does, wherever the code is kept. A folder per state of all sources together cannot be stale.
 """
 
-import hashlib
 import inspect
-import os
-import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, get_args, get_origin
@@ -16,7 +13,7 @@ from typing import Any, ParamSpec, TypeVar, get_args, get_origin
 import numba
 from numba.core.options import DefaultOptions
 
-from bus.user_error import UserError
+from bus.cache_folder import cache_folder
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -30,63 +27,14 @@ COUNTED: dict[str, Any] = {"_nrt": True} if _HAS_OPTION else {}
 UNCOUNTED: dict[str, Any] = {"_nrt": False} if _HAS_OPTION else {}
 """Options of a compiler whose functions must not; without the option they are compiled as the others are, only slower."""
 
-KEPT_S = 86_400.0
-"""How much older the code of other sources is when it is removed [s]: another process may still use it."""
-
-
-class NoCacheFolderError(UserError, ValueError):
-    """No place for machine code can be written to."""
-
-
-def digest_of(sources: Iterable[Path]) -> str:
-    """Fingerprint of the names and contents of files, 16 hexadecimal digits."""
-    fingerprint = hashlib.sha256()
-    for source in sources:
-        content = source.read_bytes()
-        # name and length separate the files: moving a line from one file to the next changes the digest
-        fingerprint.update(f"{source}\0{len(content)}\0".encode())
-        fingerprint.update(content)
-    return fingerprint.hexdigest()[:16]
-
 
 def code_folder(package: Path, name: str, digest: str) -> Path:
-    """Make and return the folder for the machine code of a package as its sources are now.
+    """The folder for the machine code of a package as its sources are now; in NUMBA_CACHE_DIR if that is set.
 
-    It is in NUMBA_CACHE_DIR if that is set, else in the package's own `__pycache__`, else, where that is
-    not writable, in the user's cache. Errors: NoCacheFolderError where none of them is.
+    Errors: NoCacheFolderError.
     """
-    places = [package / "__pycache__", _of_user() / "loaderhil"]
     config: Any = numba.config  # its settings are made at run time
-    if config.CACHE_DIR:
-        places.insert(0, Path(config.CACHE_DIR))
-    # an installed package may belong to another user; mkdir also succeeds on an existing folder without write access
-    for place in places:
-        folder = place / f"{name}-{digest}"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
-        if os.access(folder, os.W_OK):
-            _forget_others(folder, name)
-            return folder
-    tried = ", ".join(map(str, places))
-    raise NoCacheFolderError(
-        f"no folder for compiled code can be written to (tried {tried}): free space or permissions?"
-    )
-
-
-def _of_user() -> Path:
-    """Where this user's programs keep what they can make again."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-
-
-def _forget_others(folder: Path, name: str) -> None:
-    """Remove the code of other states of the same package's sources that is KEPT_S older than this one."""
-    made = folder.stat().st_mtime
-    for other in folder.parent.glob(f"{name}-*"):
-        # another checkout or an older process may still load it: only code that is a day older goes
-        if other != folder and made - other.stat().st_mtime > KEPT_S:
-            shutil.rmtree(other, ignore_errors=True)
+    return cache_folder(package, name, digest, config.CACHE_DIR)
 
 
 @contextmanager

@@ -1,27 +1,27 @@
 """Reads a DBC file; gives for each message functions between frame bytes and physical values.
 
-cantools reads the file; the functions are generated at load time (`dbc.codegen`) and give
-cantools' values bit for bit, with value tables left as numbers.
+cantools reads a file that is new (`dbc.definitions.parsing`, `dbc.definitions.kept`); the functions are generated at load time (`dbc.codegen`)
+and give cantools' values bit for bit, with value tables left as numbers.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
-from bus.bounded_json import printable
 from bus.frame import EXTENDED
 from dbc import codegen
-from dbc.conduct import SEND_OPTIONAL, LossConduct, NodeConduct
+from dbc.conduct import NodeConduct
+from dbc.definitions.definition import MessageDefinition
+from dbc.definitions.kept import keep, recall
+from dbc.definitions.limits import read_text
+from dbc.definitions.parsing import parse
 from dbc.errors import DatabaseError, DecodeError, EncodeError
 from dbc.j1939 import pgn
-from dbc.lean import without_mf4
-from dbc.limits import check_name, check_text
 from dbc.protections import Profile1, Protection, ProtectionError
 from dbc.signal import Signal
 
 Number = int | float
-_MS = 1_000_000
 
 
 class MessageCodec:
@@ -34,34 +34,30 @@ class MessageCodec:
     decode: Callable[[bytes], tuple[Number, ...]]
     encode: Callable[[Sequence[Number]], bytes]
 
-    def __init__(self, message: Any) -> None:
-        self.name: str = message.name
-        check_name("message", self.name)
-        for node in message.senders:
-            check_name("node", node)
-        self.comment: str = message.comment or ""
-        # Linux `can_id` word: with the flag a 29-bit identifier never equals an 11-bit one of the same number
-        self.can_id: int = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
-        self.length: int = message.length  # bytes
-        self.is_fd: bool = bool(message.is_fd) or message.length > 8
-        self.cycle_ns: int = (message.cycle_time or 0) * _MS  # 0 where the DBC gives no cycle time
-        self.senders: tuple[str, ...] = tuple(message.senders)
-        self.receivers: tuple[str, ...] = tuple(sorted(message.receivers))
-        self.layout: tuple[Signal, ...] = tuple(Signal.from_cantools(signal) for signal in message.signals)
+    def __init__(self, message: MessageDefinition) -> None:
+        self.name = message.name
+        self.comment = message.comment
+        self.can_id = message.can_id  # Linux `can_id` word
+        self.length = message.length  # bytes
+        self.is_fd = message.is_fd
+        self.cycle_ns = message.cycle_ns  # 0 where the DBC gives no cycle time
+        self.senders = message.senders
+        self.receivers = message.receivers
+        self.layout = message.layout
         self.signals: tuple[str, ...] = tuple(signal.name for signal in self.layout)
         self.by_signal: Mapping[str, Signal] = {signal.name: signal for signal in self.layout}
         self.is_multiplexed: bool = any(signal.multiplexer is not None for signal in self.layout)
-        self.send_type: str = _attribute(message, "GenMsgSendType") or "cyclic"
-        self.is_optional: bool = _attribute(message, SEND_OPTIONAL) == 1  # its sender may leave it out
-        self.is_j1939: bool = message.is_extended_frame and _attribute(message, "VFrameFormat") == "J1939PG"
-        profile = _profile(message)
+        self.send_type = message.send_type
+        self.is_optional = message.is_optional  # its sender may leave it out
+        self.is_j1939 = message.is_j1939
+        profile = None if message.profile is None else Profile1(*message.profile)
         # data id of AUTOSAR E2E profile 1; None for a message without that profile
         self.e2e_data_id: int | None = None if profile is None else profile.data_id
         self.protection: Protection | None = profile  # counter and checksum; None for an unprotected message
         # the other messages of the database that profile 1 protects, by name; filled by `Database`
         self.neighbours: Mapping[str, Profile1] = {}
         # what the DBC asks of a controller that loses this message, see `dbc.conduct`
-        self.conduct = LossConduct.of(message.name, _attributes(message, LossConduct.ATTRIBUTES))
+        self.conduct = message.conduct
         self._compile()
 
     def __repr__(self) -> str:
@@ -186,30 +182,16 @@ class Database:
     @classmethod
     def from_file(cls, path: str | Path, *, strict: bool = True) -> Self:
         """Read a DBC file; `strict` refuses signals that overlap or do not fit their message."""
-        check_text(Path(path))
-        with without_mf4():
-            import cantools.database  # takes half a second to load with python-can; commands without a DBC do not pay
-            import cantools.errors
-
+        text = read_text(Path(path))
+        kept = recall(text, strict=strict)
+        definition = parse(path, text, strict=strict) if kept is None else kept
         try:
-            read: Any = cantools.database.load_file(str(path), database_format="dbc", strict=strict)
-        except OSError as error:
-            raise DatabaseError(f"{path}: cannot read the DBC: {error.strerror or error}") from error
-        except (cantools.errors.Error, UnicodeDecodeError, ValueError) as error:
-            raise DatabaseError(f"{path}: not a usable DBC: {_one_line(error)}") from error
-        # the parser fails on damaged files in many ways (KeyError, TypeError, ...): all of them are the file's fault
-        except Exception as error:
-            raise DatabaseError(
-                f"{path}: not a usable DBC: {type(error).__name__}: {_one_line(error)}"
-            ) from error
-        try:
-            nodes = {
-                node.name: NodeConduct.of(node.name, _attributes(node, NodeConduct.ATTRIBUTES))
-                for node in read.nodes
-            }
-            return cls(str(path), [MessageCodec(message) for message in read.messages], nodes)
+            made = cls(str(path), map(MessageCodec, definition.messages), definition.nodes)
         except (ValueError, OverflowError, TypeError) as error:
             raise DatabaseError(f"{path}: {error}") from error
+        if kept is None:
+            keep(text, definition, strict=strict)
+        return made
 
     def match(self, can_id: int) -> MessageCodec | None:
         """The message of a frame: by exact id, else a J1939 one by parameter group.
@@ -219,46 +201,3 @@ class Database:
         """
         codec = self.by_id.get(can_id)
         return codec if codec is not None or not can_id & EXTENDED else self.by_pgn.get(pgn(can_id))
-
-
-def _one_line(error: Exception) -> str:
-    """The message of a foreign error without line ends and control characters; it quotes the file."""
-    return printable(" ".join(str(error).split()), 300)
-
-
-def _attribute(message: Any, name: str) -> Any:
-    """A DBC attribute of the message, or the file's default; ENUM values as their text."""
-    if message.dbc is None:
-        return None
-    own, definitions = message.dbc.attributes, message.dbc.attribute_definitions
-    definition = own[name].definition if name in own else definitions.get(name)
-    if definition is None:
-        return None
-    value = own[name].value if name in own else definition.default_value
-    # cantools gives an ENUM's value as an index or as its text, depending on where the file sets it
-    is_index = definition.type_name == "ENUM" and isinstance(value, int)
-    return definition.choices[value] if is_index else value
-
-
-def _attributes(of: Any, names: Iterable[str]) -> dict[str, Any]:
-    """The attributes of these names that a message or a node has, or that the file has a default for."""
-    found = {name: _attribute(of, name) for name in names}
-    return {name: value for name, value in found.items() if value is not None}
-
-
-def _profile(message: Any) -> Profile1 | None:
-    """E2E profile of a message with E2EProfile P01; any other profile is refused rather than left unchecked."""
-    profile = _attribute(message, "E2EProfile")
-    if profile in (None, "none"):
-        return None
-    if profile != "P01":
-        raise ValueError(f"message {message.name}: E2EProfile {profile} is not implemented; P01 or none")
-    data_id = _attribute(message, "E2EDataId")
-    if data_id is None:
-        raise ValueError(f"message {message.name}: E2EProfile P01 without E2EDataId")
-    if message.length < 2:
-        raise ValueError(f"message {message.name}: E2EProfile P01 needs 2 bytes, it has {message.length}")
-    try:
-        return Profile1(int(data_id), str(_attribute(message, "E2EDataIdMode") or "both"))
-    except ValueError as error:
-        raise ValueError(f"message {message.name}: {error}") from None

@@ -6,11 +6,6 @@ physical = raw * scale + offset, with raw unsigned, two's complement or an IEEE 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Self
-
-from bus.bounded_json import printable
-from dbc.conduct import UNCERTAINTY_OF
-from dbc.limits import check_name
 
 _FLOAT_BITS = (16, 32, 64)
 _NOT_AVAILABLE = "not_available"
@@ -48,34 +43,6 @@ class Signal:
                 f"signal {self.name}: factor {self.scale}, offset {self.offset}; "
                 "both must be finite and the factor not 0"
             )
-
-    @classmethod
-    def from_cantools(cls, signal: Any) -> Self:
-        """The same signal out of a cantools database."""
-        check_name("signal", signal.name)
-        conversion = signal.conversion
-        scale, offset = _integers_if_whole(conversion)
-        return cls(
-            name=signal.name,
-            start=signal.start,
-            length=signal.length,
-            big_endian=signal.byte_order == "big_endian",
-            signed=signal.is_signed,
-            is_float=conversion.is_float,
-            scale=scale,
-            offset=offset,
-            minimum=signal.minimum,
-            maximum=signal.maximum,
-            start_value=signal.raw_initial,
-            unit=printable(signal.unit or ""),
-            comment=signal.comment or "",
-            receivers=tuple(signal.receivers),
-            choices={int(value): printable(str(name)) for value, name in (signal.choices or {}).items()},
-            is_multiplexer=signal.is_multiplexer,
-            multiplexer=signal.multiplexer_signal,
-            multiplexer_ids=frozenset(signal.multiplexer_ids or ()),
-            uncertainty_of=_uncertainty_of(signal),
-        )
 
     @property
     def first_bit(self) -> int:
@@ -137,15 +104,3 @@ class Signal:
         if self.signed:
             return lowest if first > lowest else None
         return highest if last < highest else None
-
-
-def _uncertainty_of(signal: Any) -> str:
-    attributes = signal.dbc.attributes if signal.dbc is not None else {}
-    return printable(str(attributes[UNCERTAINTY_OF].value)) if UNCERTAINTY_OF in attributes else ""
-
-
-def _integers_if_whole(conversion: Any) -> tuple[int | float, int | float]:
-    """Factor and offset: integers if both are whole (1 or 1.0) and so is the raw value, as cantools has it."""
-    scale, offset = conversion.scale, conversion.offset
-    whole = float(scale).is_integer() and float(offset).is_integer()
-    return (int(scale), int(offset)) if whole and not conversion.is_float else (scale, offset)

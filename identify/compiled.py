@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from bus.machine_code import code_folder, compiler, digest_of
+from bus.cache_folder import digest_of
+from bus.machine_code import code_folder, compiler
 from plant.compiled import DIGEST as OF_PLANT
 
 FOLDER = Path(__file__).resolve().parent

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from bus.machine_code import COUNTED, code_folder, compiler, digest_of, uncounting
+from bus.cache_folder import digest_of
+from bus.machine_code import COUNTED, code_folder, compiler, uncounting
 from plant.effects.files import effect_files
 
 FOLDER = Path(__file__).resolve().parent

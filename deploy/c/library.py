@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Final
 
 import dbc
-from bus.machine_code import code_folder, digest_of
+from bus.cache_folder import digest_of
+from bus.machine_code import code_folder
 from bus.user_error import UserError
 from deploy.c.project import write_project
 from ecu.calibration import Calibration

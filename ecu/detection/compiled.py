@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from bus.machine_code import code_folder, compiler, digest_of
+from bus.cache_folder import digest_of
+from bus.machine_code import code_folder, compiler
 
 _FOLDER = Path(__file__).resolve().parent
 _BESIDE = [_FOLDER.parent / name for name in ("watched.py", "detection_rules.py")]

@@ -6,7 +6,8 @@ that the same text can be run by Python, compiled by numba and exported to C.
 
 from pathlib import Path
 
-from bus.machine_code import code_folder, compiler, digest_of
+from bus.cache_folder import digest_of
+from bus.machine_code import code_folder, compiler
 
 _FOLDER = Path(__file__).resolve().parent
 

@@ -10,7 +10,6 @@ from bus.address import open_transport
 from bus.frame import Frame
 from dbc.database import Database
 from dbc.recordings.writer import CandumpWriter
-from hil.rundir import BUS, writing
 from testbench.api.driven import NotPossible
 from testbench.api.listening import Listener
 from testbench.restbus.core import RestBus
@@ -110,6 +109,9 @@ class BusDriven:
 
     def keep(self, folder: Path) -> Path:
         """The log of the bus."""
+        # late: it loads what checks run directories (pydantic), and only a test that fails keeps a recording
+        from hil.rundir import BUS, writing
+
         with writing(folder / BUS):
             folder.mkdir(parents=True, exist_ok=True)
             with CandumpWriter(folder / BUS) as log:

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from dbc import FOLDER
 from dbc.columns import decode_rows
 from dbc.database import Database, MessageCodec
+from dbc.definitions import parsing
 from dbc.errors import DatabaseError, DecodeError, EncodeError
 from dbc.recordings.logfile import parse_candump
 
@@ -209,7 +210,7 @@ def rows_of(draw, message, count=3):
 @given(messages() | multiplexed_messages(), st.data())
 @settings(max_examples=400, deadline=None)
 def test_generated_messages(message, data):
-    codec = MessageCodec(message)
+    codec = MessageCodec(parsing.message_of(message))
     rows = []
     for row in rows_of(data.draw, message):
         try:
@@ -302,11 +303,11 @@ def multiplexed():
 
 def test_an_unknown_page_is_an_error_that_names_it():
     with pytest.raises(DecodeError, match="Page is 9"):
-        MessageCodec(multiplexed()).decode_dict(bytes([9]) + bytes(7))
+        MessageCodec(parsing.message_of(multiplexed())).decode_dict(bytes([9]) + bytes(7))
 
 
 def test_encoding_names_the_missing_signal_and_the_unknown_page():
-    codec = MessageCodec(multiplexed())
+    codec = MessageCodec(parsing.message_of(multiplexed()))
     with pytest.raises(EncodeError, match="no value for signal A"):
         codec.encode_dict({"Page": 0, "Always": 1})
     with pytest.raises(EncodeError, match="Page is 9"):

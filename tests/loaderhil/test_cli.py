@@ -1,5 +1,6 @@
 """What a user gets wrong ends in one line and exit code 2; what is right says what it did."""
 
+import os
 import subprocess
 import sys
 import threading
@@ -10,6 +11,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import loaderhil.__main__
+from dbc import loader_database
 from hil.ending import Ending
 from loaderhil.__main__ import main
 from loaderhil.cli import app, load_command
@@ -60,25 +62,44 @@ def test_the_help_page_loads_no_command():
     assert "rich" not in modules
 
 
-def test_a_run_in_lockstep_loads_no_library_for_tables():
+def modules_after(code, environment=None):
+    """Names of the modules that are loaded after `code`, in a process of its own."""
+    shown = subprocess.run(
+        [sys.executable, "-c", f"import sys; {code}; print(*sys.modules)"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment,
+    )
+    return set(shown.stdout.split())
+
+
+def test_a_run_in_lockstep_loads_no_library_for_tables_and_no_parser():
+    """cantools loads python-can, that asammdf, and that pandas and pyarrow."""
+    loader_database()  # from now on it is kept
+    loaded = modules_after(
+        "import hil.compose, hil.rundir, loaderhil.single; from dbc import loader_database; loader_database()"
+    )
+    assert "numba" in loaded
+    assert not {"pandas", "pyarrow", "asammdf", "matplotlib", "rich.markdown", "hdrh"} & loaded
+    assert not {"cantools", "can", "hil.processes.realtime"} & loaded
+
+
+def test_a_dbc_that_is_new_brings_no_library_for_tables(tmp_path):
     """pandas and pyarrow came with asammdf, that with python-can, and that with cantools."""
-    code = "import sys, hil.compose, hil.rundir, loaderhil.single; from dbc import loader_database; loader_database(); print(*sys.modules)"
-    loaded = set(
-        subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True
-        ).stdout.split()
-    )
-    assert {"numba", "cantools"} <= loaded
-    assert (
-        not {"pandas", "pyarrow", "asammdf", "matplotlib", "rich.markdown", "hdrh", "hil.processes.realtime"}
-        & loaded
-    )
+    nothing_kept = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    loaded = modules_after("from dbc import loader_database; loader_database()", nothing_kept)
+    assert {"cantools", "can"} <= loaded
+    assert not {"pandas", "pyarrow", "asammdf", "matplotlib"} & loaded
 
 
-def test_mf4_is_read_after_a_dbc_was():
-    """asammdf is hidden from python-can only while that is loaded."""
+def test_mf4_is_read_after_a_dbc_was(tmp_path):
+    """asammdf is hidden from python-can only while that is loaded, which a DBC that is not kept does."""
     code = "from dbc import loader_database; loader_database(); import asammdf, can.io.mf4; print(asammdf.MDF, can.io.mf4.asammdf)"
-    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    nothing_kept = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    shown = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=nothing_kept
+    ).stdout
     assert shown.split() == ["<class", "'asammdf.mdf.MDF'>", "None"]
 
 
@@ -193,7 +214,6 @@ def test_ctrl_c_inside_a_command_is_reported_once(monkeypatch, capsys):
 @pytest.mark.parametrize("module", ["hil.processes.gateway_command", "hil.recording.command", "hil.rundir"])
 def test_gateway_and_recorder_load_no_compiler(module):
     """numba takes more memory than all the rest of them; judging deadlines must not bring it in with the readers of recordings."""
-    code = f"import sys, {module}; print(*sys.modules)"
-    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert module in shown.split()
-    assert not {"numba", "llvmlite"} & set(shown.split())
+    loaded = modules_after(f"import {module}")
+    assert module in loaded
+    assert not {"numba", "llvmlite"} & loaded

@@ -19,11 +19,8 @@ _POWER_OF_TEN: Final = re.compile(rb"\b\d[\d.]*[eE]\+?0*(\d{3,})")
 _NAME: Final = re.compile(r"\w[\w.-]*")
 
 
-def check_text(path: Path) -> None:
-    """Refuse a DBC whose parser would need gigabytes or hours. Raises DatabaseError that names the message, or the line.
-
-    cantools builds a table of all bits of a message, and writes out whole numbers in full; so sizes are looked at before.
-    """
+def read_text(path: Path) -> bytes:
+    """The content of a DBC file; DatabaseError where it cannot be read or is too long for one."""
     try:
         with path.open("rb") as file:
             text = file.read(FILE_LIMIT + 1)
@@ -31,6 +28,14 @@ def check_text(path: Path) -> None:
         raise DatabaseError(f"{path}: cannot read the DBC: {error.strerror or error}") from error
     if len(text) > FILE_LIMIT:
         raise DatabaseError(f"{path}: longer than {FILE_LIMIT >> 20} MiB; is this a DBC?")
+    return text
+
+
+def check_text(path: Path, text: bytes) -> None:
+    """Refuse a DBC whose parser would need gigabytes or hours. Raises DatabaseError that names the message, or the line.
+
+    cantools builds a table of all bits of a message, and writes out whole numbers in full; so sizes are looked at before.
+    """
     for name, length in _MESSAGE.findall(text):
         # nine digits first: int() of a very long digit string is itself slow
         if len(length) > 9 or int(length) > LONGEST_MESSAGE:

@@ -1,0 +1,69 @@
+"""Folders for what a program can make again from its sources: machine code, definitions read from DBC files.
+
+The folder's name holds a fingerprint of all sources that its content depends on, so that a changed source cannot leave it stale.
+"""
+
+import hashlib
+import os
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+
+from bus.user_error import UserError
+
+KEPT_S = 86_400.0
+"""How much older what belongs to other sources is when it is removed [s]: another process may still use it."""
+
+
+class NoCacheFolderError(UserError, ValueError):
+    """No place for what is kept can be written to."""
+
+
+def digest_of(sources: Iterable[Path]) -> str:
+    """Fingerprint of the names and contents of files, 16 hexadecimal digits."""
+    fingerprint = hashlib.sha256()
+    for source in sources:
+        content = source.read_bytes()
+        # name and length separate the files: moving a line from one file to the next changes the digest
+        fingerprint.update(f"{source}\0{len(content)}\0".encode())
+        fingerprint.update(content)
+    return fingerprint.hexdigest()[:16]
+
+
+def cache_folder(package: Path, name: str, digest: str, chosen: str | None = None) -> Path:
+    """Make and return the folder for what is kept of a package as its sources are now.
+
+    It is in the folder `chosen` if that is given, else in the package's own `__pycache__`, else, where that is
+    not writable, in the user's cache. Errors: NoCacheFolderError where none of them is.
+    """
+    places = [package / "__pycache__", _of_user() / "loaderhil"]
+    if chosen:
+        places.insert(0, Path(chosen))
+    # an installed package may belong to another user; mkdir also succeeds on an existing folder without write access
+    for place in places:
+        folder = place / f"{name}-{digest}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            _forget_others(folder, name)
+            return folder
+    tried = ", ".join(map(str, places))
+    raise NoCacheFolderError(
+        f"no folder for compiled code can be written to (tried {tried}): free space or permissions?"
+    )
+
+
+def _of_user() -> Path:
+    """Where this user's programs keep what they can make again."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+
+
+def _forget_others(folder: Path, name: str) -> None:
+    """Remove what belongs to other states of the same package's sources and is KEPT_S older than this folder."""
+    made = folder.stat().st_mtime
+    for other in folder.parent.glob(f"{name}-*"):
+        # another checkout or an older process may still load it: only what is a day older goes
+        if other != folder and made - other.stat().st_mtime > KEPT_S:
+            shutil.rmtree(other, ignore_errors=True)

@@ -1,0 +1,1 @@
+"""What DBC files say, as plain data: read, limited, and kept from one start to the next."""
