@@ -51,3 +51,5 @@ def test_the_readme_says_what_the_wild_arms_count():
         shown.append(f"{wrong} of {count} {said} ({100 * wrong / count:.1f} %, bound {100 * bound:.1f} %)")
     assert count == clear
     assert f"{shown[0]}, and {shown[1]}, of which {named} are named" in readme
+    found, visible = of_bodies("of those with lambda >= 50 beside the differences too: in a named group")
+    assert f"of the {visible} that are clear beside those laws too, {found}." in readme
