@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from hil.shell.realtime_options import CpuOption, FifoOption, FreezeOption, LockOption, RealtimeOptions
+from loaderhil.loading import uncollected
 from loaderhil.options import (
     DetectOption,
     EcuCoreOption,
@@ -145,9 +146,10 @@ def run(
     `loaderhil run loaded unloaded --expect criteria.toml --junit results.xml` or
     `loaderhil run loaded --gateway --ecu socketcan:can0` (a real ECU on can0) or `loaderhil run loaded --realtime --fifo 50 --lock-memory`
     """
-    from hil.compose import Choice
-    from hil.gateway.buses import Buses
-    from loaderhil.single import Output, report_run
+    with uncollected():
+        from hil.compose import Choice
+        from hil.gateway.buses import Buses
+        from loaderhil.single import Output, report_run
 
     core = checked_core(ecu_core, both=True)
     fmu = Path(foreign_plant) if foreign_plant is not None and foreign_plant.endswith(".fmu") else None
