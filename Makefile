@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test compiled check fast slow-tests socketcan fuzz kills safe-state debian-root bench shape speed scaling proof wild switched identification microcontroller results pages clean lock
+.PHONY: help demo test compiled check fast slow-tests socketcan fuzz kills safe-state debian-root bench shape speed scaling proof wild wild-loader switched identification microcontroller results pages clean lock
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
@@ -84,6 +84,9 @@ proof: $(BIN)/.bench ## prove the diagnosis: all arms into docs/results/proof.md
 
 wild: $(BIN)/.bench ## diagnosis of truths that differ from the model in structure, into docs/results/wild.md (an hour; run again to take up); WILD='--share 0.5'
 	$(BIN)/python -m bench.wild --seeds report --out docs/results/wild.md $(WILD)
+
+wild-loader: $(BIN)/.bench ## the same of the whole loader, into docs/results/wild-loader.md (two hours; run again to take up); WILD='--share 0.2'
+	LOADERHIL_EFFECTS=bench/wild_effects OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.wild --bodies loader --seeds report --out docs/results/wild-loader.md $(WILD)
 
 switched: $(BIN)/.bench ## faults that come and go, two in a drive, into docs/results/switched.md (half an hour)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.switched --out docs/results/switched.md
