@@ -19,6 +19,7 @@ from bus.machine_code import UNCOUNTED
 from dbc import codegen
 from dbc.binding import Binding, resting
 from dbc.database import MessageCodec
+from dbc.kernels.checksums import CRC_TABLE
 from dbc.protection import COUNTERS
 from dbc.signal import Signal
 
@@ -26,7 +27,6 @@ Signals = Mapping[str, tuple[str, str]]
 """Of one message: signal -> (SI unit, name of the value that goes into it)."""
 
 MOST_BITS: Final = 52
-POLYNOMIAL: Final = 0x1D  # CRC-8 SAE J1850, as E2E profile 1 uses it
 
 # Columns of the table of messages: their rows of the signal tables, bytes, data id of the protection or -1.
 M_FIRST, M_LAST, M_LENGTH, M_DATA_ID = range(4)
@@ -257,16 +257,7 @@ def put_bits(frame: NDArray[np.uint8], raw: int, place: NDArray[np.int64]) -> No
 def checksum(payload: NDArray[np.uint8], data_id: int) -> int:
     """CRC of E2E profile 1 with both bytes of the data id."""
     # low byte of the data id first, then the high one, then the payload (PRS_E2EProtocol, profile 1, BOTH)
-    crc = crc_step(crc_step(0, data_id & 0xFF), data_id >> 8)
+    crc = CRC_TABLE[CRC_TABLE[data_id & 0xFF] ^ data_id >> 8]
     for byte in payload:
-        crc = crc_step(crc, byte)
+        crc = CRC_TABLE[crc ^ byte]
     return crc
-
-
-@compiled
-def crc_step(crc: int, byte: int) -> int:
-    """The CRC after one more byte."""
-    crc ^= byte
-    for _ in range(8):
-        crc = crc << 1 ^ POLYNOMIAL if crc & 0x80 else crc << 1
-    return crc & 0xFF

@@ -10,14 +10,13 @@ codec and a modelled wire. One tick of 10 ms:
 Nothing here reads a clock or draws a random number: equal arguments give equal bytes.
 """
 
-import gc
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
 from bus.frame import Frame
 from bus.wire import Carrier, Wire
+from hil.shell.collector import uncollected
 
 MS = 1_000_000
 PERIOD_NS = 10 * MS
@@ -173,7 +172,8 @@ class Lockstep:
         """Step until the plant has finished; `progress` receives the simulated seconds every `every` ticks."""
         ticks = 0
         try:
-            with _no_search_for_cycles():
+            # a tick leaves no cycles, and searching the growing recording for some takes a tenth of the run
+            with uncollected():
                 while not self._plant.finished:
                     self.step()
                     ticks += 1
@@ -188,16 +188,3 @@ class Lockstep:
         for frame in self._waiting:
             self._recording.ecu_findings += self._ecu.receive(frame, frame.at_ns)
         self._waiting = []
-
-
-@contextmanager
-def _no_search_for_cycles() -> Iterator[None]:
-    """Switch Python's cyclic garbage collector off for the block."""
-    # a tick leaves no cycles, and searching the growing recording for some takes a tenth of the run
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()

@@ -25,18 +25,19 @@ def _table() -> NDArray[np.uint8]:
     return crc.astype(np.uint8)
 
 
-_TABLE = _table()
+CRC_TABLE: Final = _table()
+"""CRC after one more byte, at the CRC before exclusive-or the byte."""
 
 
 def _begins(profile: Profile1) -> tuple[np.uint8, np.uint8]:
     """The CRC over the data id, for frames with an even and with an odd counter."""
     low, high = profile.data_id & 0xFF, profile.data_id >> 8 & 0xFF
-    of_low = int(_TABLE[low])
+    of_low = int(CRC_TABLE[low])
     if profile.mode == "alternating":
-        return _TABLE[low], _TABLE[high]
+        return CRC_TABLE[low], CRC_TABLE[high]
     # mode nibble sends half of the high byte in the frame, and counts a zero in its place
     second = {"both": high, "nibble": 0}.get(profile.mode)
-    begin = _TABLE[low] if second is None else _TABLE[of_low ^ second]
+    begin = CRC_TABLE[low] if second is None else CRC_TABLE[of_low ^ second]
     return begin, begin
 
 
@@ -46,7 +47,7 @@ def check_profile1(
     """Of each frame in `rows` INTACT, WRONG_CRC or COUNTER_NEVER_SENT, (n,); length: bytes of the message."""
     found = np.empty(rows.size, np.uint8)
     even, odd = _begins(profile)
-    check_frames(data, rows, length, even, odd, _TABLE, found)
+    check_frames(data, rows, length, even, odd, CRC_TABLE, found)
     return found
 
 
