@@ -147,7 +147,7 @@ def run(
     `loaderhil run loaded --gateway --ecu socketcan:can0` (a real ECU on can0) or `loaderhil run loaded --realtime --fifo 50 --lock-memory`
     """
     # some hundred thousand objects are loaded that stay: searching them again and again takes a fifth of a run's start
-    with uncollected():
+    with uncollected(kept=True):
         from hil.compose import Choice
         from hil.gateway.buses import Buses
         from loaderhil.single import Output, report_run

@@ -6,12 +6,14 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def uncollected() -> Iterator[None]:
-    """Switch the collector off for the block."""
+def uncollected(*, kept: bool = False) -> Iterator[None]:
+    """Switch the collector off for the block. kept: what exists then will stay, and is never searched again."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
+        if kept:
+            gc.freeze()
         if was_enabled:
             gc.enable()

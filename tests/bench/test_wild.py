@@ -142,3 +142,23 @@ def test_effects_that_were_not_reached_count_in_no_row() -> None:
     weak = done("effect", "late brake", effects=("slope",))
     weak = replace(weak, truth=Truth(reached=3.0))
     assert page.measured([weak])["one effect hidden, lambda >= 50: in a named group"][0] == "none run"
+
+
+def test_effects_that_the_differences_bury_do_not_count_as_visible() -> None:
+    row, silent = (
+        "of those with lambda >= 50 beside the differences too: in a named group",
+        "of the same: said that nothing is missing",
+    )
+    buried = done("effect", "late brake", effects=("slope",))
+    seen = done("effect", "late brake", named("slope"), effects=("slope",))
+    buried, seen = (
+        replace(run, truth=Truth(reached=250.0, beside=beside))
+        for run, beside in ((buried, 49.0), (seen, 51.0))
+    )
+    cells = page.measured([buried, seen])
+    assert cells[row][0].startswith("1 of 1 ")
+    assert cells[silent][0].startswith("0 of 1 ")
+    quiet = replace(buried, truth=seen.truth)
+    quiet = replace(quiet, findings=replace(quiet.findings, status="nothing missing"))
+    cells = page.measured([quiet, seen])
+    assert cells[silent] == ("1 of 2 (50 %; 9 to 91)", False)

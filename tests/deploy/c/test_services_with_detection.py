@@ -105,8 +105,8 @@ def test_a_drift_is_a_trouble_code_with_its_freeze_frame(library, name):
     ecu.machine = NoisyMachine()
     ecu.cycles(250)
     assert reported(ecu) == b""
-    begun, slope = ecu.machine.tick, jump_of(ecu.cycle, name) / 100.0
-    ecu.machine.wrong[name] = lambda value, tick: value + min(tick - begun, 400) * slope
+    start, slope = ecu.machine.tick, jump_of(ecu.cycle, name) / 100.0
+    ecu.machine.wrong[name] = lambda value, tick: value + min(tick - start, 400) * slope
     ecu.cycles(500)
     codes = reported(ecu)
     assert modes_of(ecu).keys() & (ONLY_DETECTED | {Mode.RATE_OF_CHANGE})

@@ -22,3 +22,13 @@ def test_it_is_as_before_after_a_block_that_fails(before: bool) -> None:
         assert gc.isenabled() is before
     finally:
         gc.enable()
+
+
+def test_what_is_kept_is_searched_no_more() -> None:
+    frozen = gc.get_freeze_count()
+    try:
+        with uncollected(kept=True):
+            made = [[number] for number in range(1000)]
+        assert gc.get_freeze_count() >= frozen + len(made)
+    finally:
+        gc.unfreeze()
