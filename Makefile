@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test compiled check fast slow-tests socketcan fuzz kills safe-state debian-root bench shape speed scaling proof wild wild-loader switched identification microcontroller results pages clean lock
+.PHONY: help demo test compiled check fast slow-tests socketcan fuzz kills safe-state debian-root bench shape wheel speed scaling proof wild wild-loader switched identification microcontroller results pages clean lock
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
@@ -66,6 +66,11 @@ slow-tests: $(BIN)/.test ## tests that compute for long, then those with process
 # a user-mode kernel lacks the mappings to compile
 socketcan: compiled ## SocketCAN tests: natively where the kernel has CAN, else under user-mode Linux
 	UML_TIMEOUT_S=1800 scripts/with-vcan $(BIN)/pytest -m socketcan $$(grep -rlE 'mark\.socketcan' tests --include='test_*.py')
+
+wheel: $(BIN)/.test ## a wheel in out/wheel that holds the machine code: what is installed from it compiles nothing (three minutes)
+	rm -rf out/wheel
+	$(BIN)/python scripts/build-wheel out/wheel
+	$(BIN)/python scripts/check-wheel out/wheel/*.whl
 
 bench: $(BIN)/.bench ## every benchmark, each against its peer
 	@for b in $(basename $(notdir $(wildcard bench/bench_*.py))); do echo "== $$b"; $(BIN)/python -m bench.$$b || exit 1; done

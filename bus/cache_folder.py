@@ -11,6 +11,12 @@ from pathlib import Path
 
 from bus.user_error import UserError
 
+ROOT = Path(__file__).resolve().parents[1]
+"""The folder that holds our packages."""
+
+INSTALLED = "installed"
+"""A file of this name says that a folder came with the package: whoever keeps code elsewhere begins with a copy of it."""
+
 KEPT_S = 86_400.0
 """How much older what belongs to other sources is when it is removed [s]: another process may still use it."""
 
@@ -20,12 +26,16 @@ class NoCacheFolderError(UserError, ValueError):
 
 
 def digest_of(sources: Iterable[Path]) -> str:
-    """Fingerprint of the names and contents of files, 16 hexadecimal digits."""
+    """Fingerprint of the names and contents of files, 16 hexadecimal digits.
+
+    Our own files are named from the folder that holds our packages, so that the digest is the same wherever they are installed.
+    """
     fingerprint = hashlib.sha256()
     for source in sources:
         content = source.read_bytes()
         # name and length separate the files: moving a line from one file to the next changes the digest
-        fingerprint.update(f"{source}\0{len(content)}\0".encode())
+        name = source.relative_to(ROOT).as_posix() if source.is_relative_to(ROOT) else str(source)
+        fingerprint.update(f"{name}\0{len(content)}\0".encode())
         fingerprint.update(content)
     return fingerprint.hexdigest()[:16]
 
@@ -34,7 +44,8 @@ def cache_folder(package: Path, name: str, digest: str, chosen: str | None = Non
     """Make and return the folder for what is kept of a package as its sources are now.
 
     It is in the folder `chosen` if that is given, else in the package's own `__pycache__`, else, where that is
-    not writable, in the user's cache. Errors: NoCacheFolderError where none of them is.
+    not writable, in the user's cache. It begins with what was installed with the package (`make wheel`), if anything.
+    Errors: NoCacheFolderError where none of the places is writable.
     """
     places = [package / "__pycache__", _of_user() / "loaderhil"]
     if chosen:
@@ -43,7 +54,8 @@ def cache_folder(package: Path, name: str, digest: str, chosen: str | None = Non
     for place in places:
         folder = place / f"{name}-{digest}"
         try:
-            folder.mkdir(parents=True, exist_ok=True)
+            if not folder.exists():
+                _begin(folder, places[-2] / folder.name)
         except OSError:
             continue
         if os.access(folder, os.W_OK):
@@ -53,6 +65,23 @@ def cache_folder(package: Path, name: str, digest: str, chosen: str | None = Non
     raise NoCacheFolderError(
         f"no folder for compiled code can be written to (tried {tried}): free space or permissions?"
     )
+
+
+def _begin(folder: Path, installed: Path) -> None:
+    """Make the folder, with a copy of what was installed for the same sources where this user cannot write."""
+    if not (installed / INSTALLED).is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        return
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    # another process may start at the same time: a folder appears whole or not at all
+    fresh = folder.with_name(f"{folder.name}.{os.getpid()}")
+    try:
+        shutil.copytree(installed, fresh, copy_function=shutil.copyfile)
+        fresh.rename(folder)
+    except OSError:
+        shutil.rmtree(fresh, ignore_errors=True)
+        if not folder.is_dir():
+            raise
 
 
 def _of_user() -> Path:

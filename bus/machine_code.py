@@ -2,18 +2,24 @@
 
 numba recompiles a cached function when the function's own file changes, but not when a function it calls
 in another file does, wherever the code is kept. A folder per state of all sources together cannot be stale.
+
+The code is for a model of processor that nearly all computers have, not for this one's own, and is found by names that do not
+hold the place of the installation. So it can be installed with the package (`make wheel`, ADR 73).
 """
 
 import inspect
-from collections.abc import Callable, Iterator
+import platform
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, get_args, get_origin
 
+import llvmlite.binding as llvm
 import numba
+from numba.core import caching
 from numba.core.options import DefaultOptions
 
-from bus.cache_folder import cache_folder
+from bus.cache_folder import ROOT, cache_folder
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -26,6 +32,65 @@ COUNTED: dict[str, Any] = {"_nrt": True} if _HAS_OPTION else {}
 """Options of a compiler whose functions may allocate arrays and return them."""
 UNCOUNTED: dict[str, Any] = {"_nrt": False} if _HAS_OPTION else {}
 """Options of a compiler whose functions must not; without the option they are compiled as the others are, only slower."""
+
+
+PROCESSOR = "x86-64-v3"
+"""The processor that code is made for: Intel's since 2013, AMD's since 2015. Wider vectors gained the plant nothing (ADR 73)."""
+NEEDED = frozenset(
+    [
+        "avx",
+        "avx2",
+        "bmi",
+        "bmi2",
+        "cx16",
+        "f16c",
+        "fma",
+        "lzcnt",
+        "movbe",
+        "popcnt",
+        "sahf",
+        "sse3",
+        "sse4.1",
+        "sse4.2",
+        "ssse3",
+        "xsave",
+    ]
+)
+"""What makes a processor of this model, by LLVM's names (System V ABI, AMD64 supplement, table 3.1)."""
+
+
+def has_processor(machine: str, features: Mapping[str, bool]) -> bool:
+    """Whether a computer runs code for `PROCESSOR`. features: by LLVM's names."""
+    return machine == "x86_64" and all(features.get(name, False) for name in NEEDED)
+
+
+def _choose_processor() -> None:
+    """Have numba make code for `PROCESSOR`, unless the user chose one or this computer lacks something of it."""
+    config: Any = numba.config
+    chosen = config.CPU_NAME is not None or config.CPU_FEATURES is not None
+    if not chosen and has_processor(platform.machine(), llvm.get_host_cpu_features()):
+        config.CPU_NAME, config.CPU_FEATURES = PROCESSOR, ""
+
+
+_choose_processor()  # before numba makes or loads the first code of this process
+
+_ByFolder: Any = getattr(caching, "UserProvidedCacheLocator", object)
+
+
+class Locator(_ByFolder):  # type: ignore[misc]  # numba has no types
+    """Where numba keeps the code of a function within its folder: by the name of the package, not by where that is installed."""
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        """The folder of a source's functions."""
+        config: Any = numba.config
+        source = Path(py_file).resolve()
+        if source.is_relative_to(Path(config.CACHE_DIR).resolve()):
+            return "generated"  # what the plant writes beside its code
+        if source.is_relative_to(ROOT):
+            return ".".join(source.parent.relative_to(ROOT).parts)
+        other: str = super().get_suitable_cache_subpath(py_file)
+        return other
 
 
 def code_folder(package: Path, name: str, digest: str) -> Path:
@@ -41,13 +106,15 @@ def code_folder(package: Path, name: str, digest: str) -> Path:
 def _kept_in(folder: Path) -> Iterator[None]:
     """Functions that are given to numba meanwhile keep their machine code in `folder`."""
     config: Any = numba.config
-    # numba reads CACHE_DIR when a function is decorated, so it is set only around that
-    before = config.CACHE_DIR
+    # numba reads both when a function is decorated, so they are set only around that
+    before = config.CACHE_DIR, getattr(config, "CACHE_LOCATOR_CLASSES", "")
     config.CACHE_DIR = str(folder)
+    if _ByFolder is not object:  # an older numba has other locators: code is found where it was made only
+        config.CACHE_LOCATOR_CLASSES = f"{__name__}.{Locator.__name__}"
     try:
         yield
     finally:
-        config.CACHE_DIR = before
+        config.CACHE_DIR, config.CACHE_LOCATOR_CLASSES = before
 
 
 def compiler(folder: Path, **options: Any) -> Callable[[Callable[P, R]], Callable[P, R]]:

@@ -11,13 +11,12 @@ from itertools import accumulate
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from bus.frame import Frame
-from bus.machine_code import UNCOUNTED
 from dbc import codegen
 from dbc.binding import Binding, resting
+from dbc.compiled import packing as compiled
 from dbc.database import MessageCodec
 from dbc.kernels.checksums import CRC_TABLE
 from dbc.protection import COUNTERS
@@ -34,7 +33,6 @@ M_FIRST, M_LAST, M_LENGTH, M_DATA_ID = range(4)
 P_SOURCE, P_FIRST_BIT, P_BITS, P_BIG_ENDIAN = range(4)
 N_FACTOR, N_OFFSET, N_SCALE, N_LOWEST, N_HIGHEST, N_ABSENT = range(6)
 
-compiled = njit(cache=True, error_model="numpy", **UNCOUNTED)
 _made = tuple.__new__
 
 

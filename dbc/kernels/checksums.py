@@ -7,9 +7,9 @@ The CRC is CRC-8 SAE J1850 over the data id, as its mode says, and over the payl
 from typing import Any, Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from dbc.compiled import released
 from dbc.protections import COUNTERS, Profile1
 
 POLYNOMIAL: Final = 0x1D
@@ -51,7 +51,7 @@ def check_profile1(
     return found
 
 
-@njit(cache=True, nogil=True)
+@released
 def check_frames(data: Any, rows: Any, length: Any, even: Any, odd: Any, table: Any, found: Any) -> None:
     """Write what each frame is into `found`."""
     for i in range(rows.size):

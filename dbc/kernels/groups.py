@@ -7,10 +7,10 @@ to piece, so that an identifier is looked up in the DBC files once.
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-_compiled = njit(cache=True, nogil=True)
+from dbc.compiled import released
+
 _FIRST_SIZE = 1024
 _FREE = -1
 _MULTIPLIER = np.uint32(
@@ -55,7 +55,7 @@ class Numbering:
         number_words(known, 0, self._keys, self._numbers, self._words, 0, again)
 
 
-@_compiled
+@released
 def number_words(
     can_id: Any, row: Any, keys: Any, numbers: Any, words: Any, count: Any, found: Any
 ) -> tuple[int, int]:
@@ -80,7 +80,7 @@ def number_words(
     return row, count
 
 
-@_compiled
+@released
 def rows_by_group(numbers: Any, group_of: Any, groups: Any) -> Any:
     """Rows in the order of their groups, stable; where each group begins, (groups + 2,); rows of each number.
 

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from dbc.compiled import quotients, released
 from dbc.signal import Signal
 
 # Columns of the signals' table of integers.
@@ -70,7 +70,7 @@ def kind_of(signal: Signal) -> type[np.generic]:
     return np.uint64 if signal.length == _WORD and not signal.signed else np.int64
 
 
-@njit(cache=True, nogil=True)
+@released
 def unpack(
     words: Any, time_ns: Any, rows: Any, length: Any, integers: Any, floats: Any, whole: Any, real: Any
 ) -> None:
@@ -100,7 +100,7 @@ def unpack(
             )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@released
 def _mirror(block: Any, length: Any, size: Any) -> None:
     """The first `length` bytes of each frame in reverse: on them one shift and mask serve Motorola signals too."""
     for word in range((length + 7) // 8):
@@ -114,7 +114,7 @@ def _mirror(block: Any, length: Any, size: Any) -> None:
             block[1, place // 8, i] |= byte << up
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@quotients
 def _signal(block: Any, integers: Any, floats: Any, whole: Any, real: Any) -> None:
     """One signal of a block of frames."""
     first, bit = integers[P_SHIFT] // 64, np.uint64(integers[P_SHIFT] % 64)

@@ -7,11 +7,9 @@ python-can's `can/io/blf.py`; all numbers are little-endian.
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from bus.frame import BRS, ERROR, ESI, EXTENDED, EXTENDED_MASK, FD, REMOTE, STANDARD_MASK
-
-_inlined = njit(cache=True, nogil=True, forceinline=True)
+from dbc.compiled import inlined, released
 
 CHANNELS = 256
 LATEST_S = 9e9
@@ -35,17 +33,17 @@ _REMOTE_FLAG, _REMOTE_FLAG_64 = 0x80, 0x10
 _FD_LENGTHS = np.array([*range(9), 12, 16, 20, 24, 32, 48, 64], np.int64)  # ISO 11898-1, table 5
 
 
-@_inlined
+@inlined
 def _u16(data: Any, at: Any) -> Any:
     return np.int64(data[at]) | np.int64(data[at + 1]) << 8
 
 
-@_inlined
+@inlined
 def _u32(data: Any, at: Any) -> Any:
     return _u16(data, at) | _u16(data, at + 2) << 16
 
 
-@_inlined
+@inlined
 def _seconds(ticks: Any, per_second: Any) -> Any:
     """Seconds of an unsigned number of ticks, rounded once."""
     if ticks < _EXACT:
@@ -54,13 +52,13 @@ def _seconds(ticks: Any, per_second: Any) -> Any:
     return np.float64(ticks // per_second) + np.float64(ticks % per_second) / np.float64(per_second)
 
 
-@_inlined
+@inlined
 def _signature(data: Any, at: Any) -> Any:
     """Whether an object begins here; four bytes must follow."""
     return data[at] == 76 and data[at + 1] == 79 and data[at + 2] == 66 and data[at + 3] == 74
 
 
-@_inlined
+@inlined
 def _frame(data: Any, at: Any, kind: Any, begin: Any, header: Any, size: Any) -> Any:
     """Channel, identifier, flags of the identifier, CAN FD flags, announced length, length, and where how many bytes of data are.
 
@@ -111,7 +109,7 @@ def _frame(data: Any, at: Any, kind: Any, begin: Any, header: Any, size: Any) ->
     )  # fmt: skip
 
 
-@_inlined
+@inlined
 def _why_none(word: Any, is_data: Any, announced: Any, length: Any, flags: Any, stamp_s: Any) -> Any:
     """Why a frame is none, 0 if it is one; and what the reason names."""
     identifier = word & EXTENDED_MASK
@@ -127,7 +125,7 @@ def _why_none(word: Any, is_data: Any, announced: Any, length: Any, flags: Any, 
     return 0, 0, 0
 
 
-@njit(cache=True, nogil=True)
+@released
 def parse(
     data: Any, at: Any, start_s: Any, columns: Any, row: Any, channels: Any, known: Any, stamps: Any, bad: Any
 ) -> Any:

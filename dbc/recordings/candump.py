@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
 
 from bus.frame import ERROR, EXTENDED, FD, REMOTE
+from dbc.compiled import inlined, merged, released
 
-_step = njit(cache=True, nogil=True, inline="always")  # a call per step would cost a third more
-_inlined = njit(cache=True, nogil=True, forceinline=True)
+_step = merged  # a call per step would cost a third more
 
 CHANNELS = 64
 CLASSIC_BYTES, FD_BYTES = 8, 64
@@ -243,20 +243,20 @@ def _one_load(typing_context: Any, text: Any, at: Any) -> Any:
 _eight: Any = intrinsic(_one_load)
 
 
-@_inlined
+@inlined
 def _below_lowest(marks: Any) -> Any:
     """All bits of the bytes below the lowest byte whose highest bit is set in `marks`."""
     # all ones for no mark, as 0 - 1 does
     return ((marks & (~marks + _ONE)) >> np.uint64(7)) - _ONE
 
 
-@_inlined
+@inlined
 def _bytes_of(below: Any) -> Any:
     """Number of bytes that `_below_lowest` found."""
     return np.int64(((below & _ONES) * _ONES) >> np.uint64(56))
 
 
-@_inlined
+@inlined
 def _hexadecimal(word: Any) -> Any:
     """Values of eight hexadecimal digits as four bytes, first digit highest, and the bits of the leading bytes that are digits.
 
@@ -274,7 +274,7 @@ def _hexadecimal(word: Any) -> Any:
     return (pairs | pairs >> np.uint64(16)) & np.uint64(0xFFFFFFFF), below
 
 
-@_inlined
+@inlined
 def _six_decimals(word: Any) -> Any:
     """Value of six decimal digits in the lower bytes of a word, -1 if they are none."""
     word = word << np.uint64(16) | np.uint64(0x3030)
@@ -287,7 +287,7 @@ def _six_decimals(word: Any) -> Any:
     return np.int64(((word & np.uint64(0x0000FFFF0000FFFF)) * np.uint64(42949672960001)) >> np.uint64(32))
 
 
-@njit(cache=True, nogil=True)
+@released
 def _usual_lines(text: Any, at: Any, row: Any, columns: Any, keys: Any, known: Any, digits: Any) -> Any:
     """Read lines `(seconds.microseconds) channel IDENTIFIER#DATA` from `at` on into rows from `row` on.
 
@@ -350,7 +350,7 @@ def _usual_lines(text: Any, at: Any, row: Any, columns: Any, keys: Any, known: A
     return line, row
 
 
-@_inlined
+@inlined
 def _usual_identifier(text: Any, at: Any, digits: Any) -> Any:
     """Identifier and '#': position, negative if they are not there, and `can_id` word."""
     if text[at + 8] == _HASH:
@@ -372,7 +372,7 @@ def _usual_identifier(text: Any, at: Any, digits: Any) -> Any:
     return at + 4, word
 
 
-@_inlined
+@inlined
 def _key(text: Any, start: Any, end: Any) -> Any:
     """A channel's name as a word; 0, which none is, for one of more than seven bytes."""
     key = np.uint64(0)
@@ -383,7 +383,7 @@ def _key(text: Any, start: Any, end: Any) -> Any:
     return key
 
 
-@njit(cache=True, nogil=True)
+@released
 def parse(text: Any, columns: Any, starts: Any, ends: Any, bad_line: Any, bad_code: Any, digits: Any) -> Any:
     """Parse every line of `text`; returns rows, lines, damaged lines and channels found.
 

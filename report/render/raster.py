@@ -4,13 +4,18 @@ Flat shading by one sun and the eye, a shadow on the ground, a metre grid. Four 
 """
 
 import math
+from pathlib import Path
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from bus.cache_folder import digest_of
+from bus.machine_code import code_folder, compiler
 from report.render.scene import FIELD_OF_VIEW_DEG, Scene, project, view_of
 from report.render.solids import Array
+
+_FILE = Path(__file__).resolve()
+_compiled = compiler(code_folder(_FILE.parent, "raster", digest_of([_FILE])))
 
 Pixels = NDArray[np.uint8]
 
@@ -77,12 +82,12 @@ def _background(scene: Scene) -> tuple[Array, Array]:
     return _landscape(eye, view, rows * scale, columns * scale)
 
 
-@njit(cache=True)
+@_compiled
 def _on_line(x: float, y: float) -> bool:
     return min(abs(x - round(x)), abs(y - round(y))) < LINE_M
 
 
-@njit(cache=True)
+@_compiled
 def _landscape(eye: Array, view: Array, up: Array, right: Array) -> tuple[Array, Array]:
     """Sky, ground and grid in perspective, and their nearness. up, right: slopes of the rays against the view direction."""
     colour = np.empty((up.size, right.size, 3))
@@ -103,7 +108,7 @@ def _landscape(eye: Array, view: Array, up: Array, right: Array) -> tuple[Array,
     return colour, near
 
 
-@njit(cache=True)
+@_compiled
 def _paper(eye: Array, view: Array, up: Array, right: Array) -> tuple[Array, Array]:
     """Background of a drawing: the grid from above, or the ground as a band from the side."""
     colour = np.empty((up.size, right.size, 3))
@@ -122,7 +127,7 @@ def _paper(eye: Array, view: Array, up: Array, right: Array) -> tuple[Array, Arr
     return colour, near
 
 
-@njit(cache=True)
+@_compiled
 def _bounds(corners: Array, shape: tuple[int, int]) -> tuple[int, int, int, int, float]:
     """Rows and columns that a triangle can cover, and twice its signed area; empty behind the eye."""
     # behind the eye the projection is not defined; the camera stands outside of the machine, so nothing is lost
@@ -135,7 +140,7 @@ def _bounds(corners: Array, shape: tuple[int, int]) -> tuple[int, int, int, int,
     return top, bottom, left, right, area
 
 
-@njit(cache=True)
+@_compiled
 def _weights(corners: Array, area: float, x: float, y: float) -> tuple[float, float, float]:
     """Barycentric weights of a sample; one is negative when it lies outside."""
     a = ((corners[1, 0] - x) * (corners[2, 1] - y) - (corners[2, 0] - x) * (corners[1, 1] - y)) / area
@@ -143,7 +148,7 @@ def _weights(corners: Array, area: float, x: float, y: float) -> tuple[float, fl
     return a, b, 1.0 - a - b
 
 
-@njit(cache=True)
+@_compiled
 def _fill_one(corners: Array, paint: Array, colour: Array, near: Array) -> None:
     top, bottom, left, right, area = _bounds(corners, near.shape)
     if area == 0.0:
@@ -158,14 +163,14 @@ def _fill_one(corners: Array, paint: Array, colour: Array, near: Array) -> None:
                     colour[i, j] = paint
 
 
-@njit(cache=True)
+@_compiled
 def _fill(corners: Array, paint: Array, colour: Array, near: Array) -> None:
     """Paint every triangle (x, y, nearness of its corners) where it is nearest."""
     for n in range(corners.shape[0]):
         _fill_one(corners[n], paint[n], colour, near)
 
 
-@njit(cache=True)
+@_compiled
 def _shadow_one(corners: Array, factor: float, colour: Array, near: Array, done: NDArray[np.bool_]) -> None:
     top, bottom, left, right, area = _bounds(corners, near.shape)
     if area == 0.0:
@@ -178,7 +183,7 @@ def _shadow_one(corners: Array, factor: float, colour: Array, near: Array, done:
                 colour[i, j] *= factor
 
 
-@njit(cache=True)
+@_compiled
 def _darken(corners: Array, factor: float, colour: Array, near: Array) -> None:
     """Darken the ground below triangles that lie on it, each sample once."""
     done = np.zeros(near.shape, np.bool_)

@@ -4,6 +4,7 @@ import os
 
 import pytest
 
+import bus.cache_folder as cache_folder_module
 from bus.cache_folder import KEPT_S, NoCacheFolderError, cache_folder, digest_of
 
 
@@ -15,6 +16,19 @@ def test_the_digest_changes_when_content_moves_between_files(tmp_path):
     first.write_text("xy")
     second.write_text("z")
     assert digest_of([first, second]) != before
+
+
+def test_our_sources_are_named_from_our_folder_and_others_by_their_path(tmp_path, monkeypatch):
+    digests = []
+    for place in ("here", "there"):
+        (tmp_path / place / "plant").mkdir(parents=True)
+        for file in (tmp_path / place / "plant" / "tyre.py", tmp_path / place / "other.py"):
+            file.write_text("x")
+        monkeypatch.setattr(cache_folder_module, "ROOT", tmp_path / place / "plant")
+        digests.append([digest_of([tmp_path / place / name]) for name in ("plant/tyre.py", "other.py")])
+    (ours, others), (ours_there, others_there) = digests
+    assert ours == ours_there
+    assert others != others_there
 
 
 def test_code_of_long_ago_is_removed_and_that_of_today_stays(tmp_path):

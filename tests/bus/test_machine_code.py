@@ -1,6 +1,7 @@
 """Machine code is made again when any source changes, also one that the function only calls."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,10 +12,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from bus.cache_folder import INSTALLED
 from bus.machine_code import (
     COUNTED,
+    NEEDED,
     UNCOUNTED,
     compiler,
+    has_processor,
     uncounting,
 )
 
@@ -160,3 +164,85 @@ def test_what_allocates_is_refused_by_numba(tmp_path):
 
     with pytest.raises(numba.errors.NumbaError):
         allocates(3)
+
+
+SMALL = """\
+import sys
+import llvmlite.binding as llvm
+if "old" in sys.argv:
+    features = llvm.get_host_cpu_features()
+    features["avx2"] = False
+    llvm.get_host_cpu_features = lambda: features
+import numba
+from pathlib import Path
+from bus.cache_folder import digest_of
+from bus.machine_code import code_folder, compiler
+here = Path(__file__).resolve().parent
+compiled = compiler(code_folder(here, "code", digest_of(sorted(here.glob("*.py")))))
+
+@compiled
+def answer():
+    return 42
+
+print(answer(), sum(answer.stats.cache_hits.values()), numba.config.CPU_NAME)
+"""
+
+
+def installation(folder: Path) -> Path:
+    """A folder as pip installs it, with what keeps machine code and a package that has some."""
+    (folder / "small").mkdir(parents=True)
+    (folder / "small" / "small.py").write_text(SMALL)
+    (folder / "bus").mkdir()
+    for name in ("__init__.py", "cache_folder.py", "machine_code.py", "user_error.py"):
+        shutil.copy(ROOT / "bus" / name, folder / "bus")
+    return folder
+
+
+def answered(installed: Path, *options: str, **settings: str) -> list[str]:
+    """What the package in this folder prints: the answer, how often code was found, the processor."""
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA_")}
+    environment |= {"PYTHONPATH": str(installed), "PYTHONDONTWRITEBYTECODE": "1"} | settings
+    program = [sys.executable, "-P", installed / "small" / "small.py", *options]
+    return subprocess.run(program, capture_output=True, text=True, env=environment, check=True).stdout.split()
+
+
+@pytest.mark.processes
+def test_code_is_found_after_the_package_has_moved(tmp_path):
+    first = installation(tmp_path / "first")
+    assert answered(first)[:2] == ["42", "0"]
+    second = first.rename(tmp_path / "second")
+    assert answered(second)[:2] == ["42", "1"]
+
+
+@pytest.mark.processes
+def test_code_that_was_installed_is_taken_along_to_another_place(tmp_path):
+    installed = installation(tmp_path / "installed")
+    answered(installed)
+    place = str(tmp_path / "chosen")
+    assert answered(installed, NUMBA_CACHE_DIR=place)[:2] == ["42", "0"]  # made here, not installed
+    shutil.rmtree(place)
+    [folder] = (installed / "small" / "__pycache__").glob("code-*")
+    (folder / INSTALLED).touch()
+    assert answered(installed, NUMBA_CACHE_DIR=place)[:2] == ["42", "1"]
+
+
+@pytest.mark.processes
+def test_a_processor_that_lacks_something_compiles_for_itself(tmp_path):
+    installed = installation(tmp_path / "installed")
+    answered(installed)
+    assert answered(installed, "old") == ["42", "0", "None"]
+
+
+@pytest.mark.processes
+def test_a_users_choice_of_processor_stays(tmp_path):
+    installed = installation(tmp_path / "installed")
+    answered(installed)
+    assert answered(installed, NUMBA_CPU_NAME="generic") == ["42", "0", "generic"]
+
+
+def test_each_part_of_the_processor_is_needed():
+    everything = dict.fromkeys(NEEDED, True) | {"avx512f": False}
+    assert has_processor("x86_64", everything)
+    assert not has_processor("aarch64", everything)
+    for name in NEEDED:
+        assert not has_processor("x86_64", everything | {name: False}), name
