@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from ecu.detection.changes import remembered
 from ecu.detection.compiled import compiled
 from ecu.detection.isolation import QUIET, isolate, sensitivities, test
 from ecu.detection.jumps import look
@@ -78,6 +79,7 @@ def step(
     sensitive = np.empty((RESIDUALS, COUNT))
     sensitivities(m, state[FILTERS, F_SPEED], p, sensitive)
     fired = test(m, usable, sensitive, rules, height, state, dt, r, bound)
+    remembered(m, bound, rules, state, dt)
     found += isolate(fired, sensitive, rules, state, bound, dt)
     aged(sensitive, state, bound, r, dt)
     return found

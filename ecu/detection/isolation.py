@@ -2,12 +2,14 @@
 
 A residual's test is a CUSUM in standard deviations beyond its bound, upwards and downwards. When one has fired, each
 signal is tried as the one that is wrong: the size that explains the fired residuals best has to leave no residual
-beyond its bound. Every signal that passes is a candidate; where several pass, the readings do not show which one is wrong.
+beyond its bound. Every signal that passes is a candidate; where several pass, the changes of the torques may exclude some
+(`ecu.detection.changes`). Where several are left, the readings do not show which one is wrong.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ecu.detection.changes import UNKNOWN, unexplained
 from ecu.detection.compiled import compiled
 from ecu.detection.layout import (
     ACROSS,
@@ -85,6 +87,10 @@ AVERAGE = 0.1
 """Time constant of the mean of a residual [s]."""
 SLACK = 0.7
 """A candidate may leave so much of a bound: bounds add up what is worst, sound residuals stay below two thirds of theirs."""
+SETTLED = 0.5
+"""Share of what is permitted up to which a change is explained: half, where SLACK starts to exclude."""
+CLEARED = 2.0 * NOTHING
+"""In place of the misfit of a candidate that cannot be the one."""
 QUIET = 2.0
 """A fault found by residuals is over after so long without one [s]."""
 
@@ -204,6 +210,19 @@ def misfit(k: int, sensitive: Floats, rules: Floats, state: Floats, bound: Float
 
 
 @compiled
+def narrowed(allowed: float, left: Floats, state: Floats) -> None:
+    """Take those out of the candidates without which a change stays unexplained, when another one explains it."""
+    explained = False
+    for k in range(COUNT):
+        if left[k] <= allowed:
+            share = unexplained(k, state)
+            explained |= share != UNKNOWN and share <= SETTLED
+    for k in range(COUNT):
+        if explained and left[k] <= allowed and unexplained(k, state) > SLACK:
+            left[k] = CLEARED
+
+
+@compiled
 def isolate(fired: int, sensitive: Floats, rules: Floats, state: Floats, bound: Floats, dt: float) -> int:
     """Name the signals that can be wrong once the window is over; returns how many."""
     if fired == 0:
@@ -223,6 +242,7 @@ def isolate(fired: int, sensitive: Floats, rules: Floats, state: Floats, bound: 
         left[k] = misfit(k, sensitive, rules, state, bound) if touched else NOTHING
         least = min(least, left[k])
     allowed = max(SLACK, least * 1.1)
+    narrowed(allowed, left, state)
     found = 0
     for k in range(COUNT):
         found += 1 if left[k] <= allowed else 0

@@ -53,7 +53,12 @@ JOINT, ROLLING_RATE, PITCHING, YAWING, SPEED, GRIPPING, AHEAD, ASIDE, UPRIGHT, L
 )
 QUICKS: Final = 12
 PEAKS: Final = 24
-ROWS: Final = 25
+# Torques whose changes are compared: of now, and one and two memories ago.
+PRESENT, RECENT, EARLIER = 25, 26, 27
+C_TORQUE: Final = 0  # mean, of four wheels
+C_BOUND: Final = 4  # without the offsets of sound sensors, of two axles
+C_TIME: Final = 6  # since the newest memory
+ROWS: Final = 28
 WIDTH: Final = max(COUNT, RESIDUALS, 32)
 
 # Rows of the rules, (RULES, WIDTH), by signal: see `ecu.detection.rules`.
