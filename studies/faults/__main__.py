@@ -8,6 +8,7 @@ from studies.campaigns.batch import ROOT, results_of
 from studies.campaigns.manoeuvres import drawn
 from studies.faults.campaign import Case, Hard, run, run_hard
 from studies.faults.document import page
+from studies.faults.driven import keep, read_driven
 
 SCENARIOS = ROOT / "plant" / "scenarios"
 
@@ -27,6 +28,12 @@ def main() -> int:
     parser.add_argument("--rounds", type=int, default=1, help="calibrations under which faults are injected")
     parser.add_argument("--jobs", type=int, default=None, help="processes; default: one per processor")
     parser.add_argument("--out", type=Path, default=Path("docs/results/faults.md"))
+    parser.add_argument(
+        "--keep", type=Path, default=None, help="also write what the drives say of false alarms, for --driven"
+    )
+    parser.add_argument(
+        "--driven", type=Path, default=None, help="file of --keep, of an earlier commit: hours for the page"
+    )
     chosen = parser.parse_args()
     cache, also = ROOT / "build" / "faults", sorted(Path(__file__).parent.glob("[a-z]*.py"))
     cases = [
@@ -40,7 +47,7 @@ def main() -> int:
         for file in sorted(SCENARIOS.glob("*.toml"))
         for k in range(chosen.noise)
     ]
-    also = [file for file in also if file.name not in ("document.py", "campaign.py")]
+    also = [file for file in also if file.name not in ("document.py", "campaign.py", "driven.py")]
     results = results_of(hard, run_hard, cache=cache, jobs=chosen.jobs, title="hard drives", also=also)
     results += results_of(cases, run, cache=cache, jobs=chosen.jobs, title="random drives", also=also)
     command = (
@@ -48,7 +55,10 @@ def main() -> int:
         f"--manoeuvres {chosen.manoeuvres} --manoeuvre-seed {chosen.manoeuvre_seed} --noise {chosen.noise} "
         f"--calibrations {chosen.calibrations} --rounds {chosen.rounds}"
     )
-    chosen.out.write_text(page(results, chosen.calibrations, command), encoding="utf-8")
+    if chosen.keep:
+        keep(chosen.keep, results, command)
+    driven = read_driven(chosen.driven) if chosen.driven else None
+    chosen.out.write_text(page(results, chosen.calibrations, command, driven), encoding="utf-8")
     print(chosen.out)
     return 0
 

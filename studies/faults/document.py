@@ -10,6 +10,7 @@ from ecu.detection.rules import FAMILIES
 from ecu.watched import NAMES
 from studies.campaigns.batch import Result, header, markdown_table
 from studies.campaigns.manoeuvres import KINDS as DRIVEN
+from studies.faults.driven import Driven
 from studies.faults.injected import KINDS, LASTS
 
 UNITS: Final[Mapping[str, tuple[str, float]]] = {
@@ -39,8 +40,8 @@ False alarms are counted with the ECU in the loop, and over its inputs once more
 HARD: Final = (*DRIVEN, "drive case")
 
 
-def page(results: Sequence[Result], calibrations: int, command: str) -> str:
-    """The whole page."""
+def page(results: Sequence[Result], calibrations: int, command: str, driven: Driven | None = None) -> str:
+    """The whole page. driven: more drives without a fault."""
     outcomes = [outcome for result in results for outcome in result["outcomes"]]
     above = [o for o in outcomes if o["multiple"] >= ABOVE or o["kind"] == "freeze"]
     noticed = [o for o in above if o["noticed"]]
@@ -57,7 +58,7 @@ def page(results: Sequence[Result], calibrations: int, command: str) -> str:
                 ),
             ),
             "## Without a fault\n",
-            _false_alarms(results, calibrations),
+            _false_alarms(results, calibrations, driven),
             "## The smallest offset that is noticed, by what the machine does\n",
             "Medians over moments of the drives (random drives: 10, 50 and 95 %), with the right calibration.\n",
             _by_manoeuvre(results),
@@ -69,9 +70,17 @@ def page(results: Sequence[Result], calibrations: int, command: str) -> str:
     )  # fmt: skip
 
 
-def _false_alarms(results: Sequence[Result], calibrations: int) -> str:
+def _false_alarms(results: Sequence[Result], calibrations: int, driven: Driven | None) -> str:
     """Drives, hours and alarms by kind of drive, with what the hours say of the rate, and every alarm."""
-    rows = []
+    rows, more = [], ""
+    if driven:
+        known = {result["what"] for result in results}
+        # a drive that both runs had counts once, as this run had it
+        results = [*results, *(r for r in driven.results if r["what"] not in known)]
+        more = (
+            f"Of these {len(results) - len(known)} drives are from `{driven.command}` at commit {driven.commit}: "
+            f"they count as long as what makes an alarm has not changed.\n"
+        )
     for kind in _driven(results):
         these = [r for r in results if r["kind"] == kind]
         wrong = sum(1 for r in these if r["alarms"])
@@ -79,11 +88,11 @@ def _false_alarms(results: Sequence[Result], calibrations: int) -> str:
     hours, wrong = sum(r["hours"] for r in results), sum(1 for r in results if r["alarms"])
     rows.append(("all", str(len(results)), f"{hours:.2f}", str(wrong)))
     said = f"Each drive counts once, however many of the {calibrations + 1} calibrations take a sound sensor for faulty.\n"
+    said += more
     if not wrong:
         # none in T hours bounds a Poisson rate at -ln(0.05) / T, about 3 / T (rule of three)
         said += (
-            f"Without one in {hours:.2f} h the rate is below {3.0 / hours:.1f} per hour at 95 % confidence; "
-            f"10 h would bound it at 0.3 per hour.\n"
+            f"Without one in {hours:.2f} h the rate is below {3.0 / hours:.2g} per hour at 95 % confidence.\n"
         )
     alarms = [f"- {r['what']}: {line}\n" for r in results for line in r["alarms"][:3]]
     table = markdown_table(("drives", "number", "hours", "with a false alarm"), rows)
