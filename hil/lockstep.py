@@ -158,15 +158,18 @@ class Lockstep:
     def _deliver(self, until_ns: int) -> None:
         """Hand every frame that has arrived to the other side."""
         recording, to_plant = self._recording, self._plant.receive
+        record, wait = recording.bus.append, self._waiting.append
         to_ecu = self._ecu.receive if self._cycle is None else None
         for sender, frame in self._wire.take(until_ns):
-            recording.bus.append(frame)
+            record(frame)
             if sender != "plant":
-                recording.plant_findings += to_plant(frame, frame.at_ns)
+                # nearly no frame has a finding
+                if found := to_plant(frame, frame[2]):
+                    recording.plant_findings += found
             elif to_ecu is None:
-                self._waiting.append(frame)
-            else:
-                recording.ecu_findings += to_ecu(frame, frame.at_ns)
+                wait(frame)
+            elif found := to_ecu(frame, frame[2]):
+                recording.ecu_findings += found
 
     def run(self, progress: Callable[[float], None] | None = None, *, every: int = 50) -> Recording:
         """Step until the plant has finished; `progress` receives the simulated seconds every `every` ticks."""

@@ -10,6 +10,7 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from bus.machine_code import direct
 from plant.effects import dispatch
 from plant.observer import Observer, advance_and_observe
 from plant.physics import state as s
@@ -110,7 +111,7 @@ class Plant:
         self.machine = machine
         self.surface = Surface() if surface is None else surface
         self.payload_mass = payload_mass
-        self.step_s = step_s
+        self.step_s = float(step_s)
         self.integrator = integrator
         self._steps = 0
         self._parameters = parameter_vector(machine, self.surface, payload_mass)
@@ -119,6 +120,7 @@ class Plant:
         self._work = new_workspace()
         self._command = np.zeros(s.COMMANDS)
         self._state = np.zeros(s.STATES)
+        self._advance_and_observe = direct(advance_and_observe, *self._arguments(1, np.empty(Truth.size)))
         self._state[s.JOINT + s.FRONT_FRAME] = articulation_angle
         self._state[s.JOINT + s.LIFT_ARM] = lift
         self._state[s.JOINT + s.BUCKET] = tilt
@@ -137,7 +139,20 @@ class Plant:
             raise ValueError(f"duration_s={duration_s} s is not a whole number of steps of {self.step_s} s")
         self._command = commands.vector()
         row = np.empty(Truth.size)
-        finite = advance_and_observe(
+        finite = self._advance_and_observe(*self._arguments(count, row))
+        self._steps += count
+        if not finite:
+            raise DivergedError(
+                f"the motion diverged before {self.time_s:.3f} s (step {self.step_s} s): "
+                "is a stiffness or damping too large for the step, or an inertia too small?"
+            )
+        return self._observer.finished(row, self.time_s)
+
+    def _arguments(
+        self, count: int, row: Array
+    ) -> tuple[Array, Array, Array, float, int, bool, Workspace, Array | None, Array, Array]:
+        """Of `advance_and_observe`, for so many steps and the row to fill."""
+        return (
             self._state,
             self._command,
             self._parameters,
@@ -149,13 +164,6 @@ class Plant:
             row,
             self._observer.measures,
         )
-        self._steps += count
-        if not finite:
-            raise DivergedError(
-                f"the motion diverged before {self.time_s:.3f} s (step {self.step_s} s): "
-                "is a stiffness or damping too large for the step, or an inertia too small?"
-            )
-        return self._observer.finished(row, self.time_s)
 
     def truth(self) -> Truth:
         """Everything that is true now."""

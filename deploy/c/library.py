@@ -20,7 +20,8 @@ from ecu.calibration import Calibration
 
 COMPILERS: Final = ("cc", "gcc", "clang")
 OPTIONS: Final = (
-    "-std=c99", "-O2", "-fPIC", "-DECU_DOUBLE", "-DECU_FINDINGS", "-DECU_SETTABLE",
+    # -O3 and no errno, which nobody reads: 32.2 instead of 34.4 µs a cycle, the same frames
+    "-std=c99", "-O3", "-fno-math-errno", "-fPIC", "-DECU_DOUBLE", "-DECU_FINDINGS", "-DECU_SETTABLE",
     # a fused multiplication rounds once where Python rounds twice; on x86 there is none by default, on ARM there is
     "-ffp-contract=off",
 )  # fmt: skip

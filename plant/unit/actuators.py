@@ -84,19 +84,22 @@ class Request(NamedTuple):
 def request_of(demand: Demand, abilities: Abilities) -> Request:
     """The driver's demand as torques and rates, before any limit."""
     a = abilities
+    torque, brake, rate, lift, tilt = demand
     return Request(
-        wheel_torque=_times(demand.torque, a.drive_torque),
-        brake_torque=_times(demand.brake, a.brake_torque),
-        articulation_rate=min(max(demand.articulation_rate, -a.articulation_rate), a.articulation_rate),
-        lift_rate=demand.lift * (a.lift_up if demand.lift > 0 else a.lift_down),
-        tilt_rate=demand.tilt * a.tilt,
+        _times(torque, a.drive_torque),
+        _times(brake, a.brake_torque),
+        min(max(rate, -a.articulation_rate), a.articulation_rate),
+        lift * (a.lift_up if lift > 0 else a.lift_down),
+        tilt * a.tilt,
     )
 
 
 def within_power(request: Request, wheel_speed: Four, power: float) -> Request:
     """The request with drive torques cut to |torque speed| <= power [W], wheel by wheel."""
     torque = request.wheel_torque
-    if not any(abs(t) * abs(speed) > power for t, speed in zip(torque, wheel_speed, strict=True)):
+    # written out, as in _times
+    (a, b, c, d), (i, j, k, m) = torque, wheel_speed
+    if not (abs(a * i) > power or abs(b * j) > power or abs(c * k) > power or abs(d * m) > power):
         return request
     cut = four(
         math.copysign(power / speed, t) if abs(t) * speed > power else t

@@ -27,7 +27,8 @@ def machine_values(readings: Readings, moment: Moment) -> Floats:
     values = np.zeros(len(MACHINE_SOURCES))
     values[: _STATES.start] = readings.values
     # Sensors are healthy in nearly every tick, and zero is the state of a healthy one.
-    if readings.health.any():
+    # counted, because `any` takes five times as long for so few numbers
+    if np.count_nonzero(readings.health):
         values[_STATES] = [readings.health[channels].max() for channels in _STATE_CHANNELS]
     values[_STATES.stop :] = _INTERNAL_VALUES(moment)
     return values

@@ -46,14 +46,14 @@ class Script:
         wanted = angle.at(time) if angle else None
         slope = (angle.at(time + step) - wanted) / step if angle and wanted is not None else 0.0
         return Wish(
-            speed=self.speed.at(time) if self.speed else None,
-            torque=self.torque.at(time) if self.torque else None,
-            brake=self.brake.at(time) if self.brake else 0.0,
-            articulation_angle=wanted,
-            articulation_angle_rate=slope,
-            articulation_rate=self.articulation_rate.at(time) if self.articulation_rate else None,
-            lift=self.lift.at(time) if self.lift else 0.0,
-            tilt=self.tilt.at(time) if self.tilt else 0.0,
+            self.speed.at(time) if self.speed else None,
+            self.torque.at(time) if self.torque else None,
+            self.brake.at(time) if self.brake else 0.0,
+            wanted,
+            slope,
+            self.articulation_rate.at(time) if self.articulation_rate else None,
+            self.lift.at(time) if self.lift else 0.0,
+            self.tilt.at(time) if self.tilt else 0.0,
         )
 
 

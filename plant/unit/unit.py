@@ -94,6 +94,8 @@ class PlantUnit:
             faulty(equipment.sensors, machine.effects), step=TICK_S, generator=np.random.default_rng(seed)
         )
         self._readings: Readings | None = None
+        self._wheel_speed: Four = (0.0, 0.0, 0.0, 0.0)  # as read
+        self._ground_speed = 0.0  # as the machine measures it, from the mean of its wheels [m/s]
         self._driver = DriverState()
         self._held_back = False  # whether limits kept the driver from driving on at the last tick
         self._reception = Reception(loader_database())
@@ -172,8 +174,10 @@ class PlantUnit:
         else:
             self._advance(self._readings, now_ns)
         self._readings = self._sensors.sample(measured_values(self._truth), felt_values(self._truth))
+        self._wheel_speed = four(self._readings.values[_WHEEL_SPEEDS].tolist())
+        self._ground_speed = sum(self._wheel_speed) / 4 * self._equipment.rolling_radius
         self._ticks += 1
-        moment = Moment(self.demand, self.sequence, abs(self._ground_speed(self._readings)))
+        moment = Moment(self.demand, self.sequence, abs(self._ground_speed))
         values = interface.machine_values(self._readings, moment)
         return self._schedule.pack(self._ticks - 1, values)
 
@@ -198,7 +202,7 @@ class PlantUnit:
     def _advance(self, readings: Readings, now_ns: int) -> None:
         """Driver, limits and dynamics, from the last sample to now."""
         equipment = self._equipment
-        speed = self._ground_speed(readings)
+        speed = self._ground_speed
         self._driver = drive(
             self._driver,
             equipment.driver,
@@ -217,13 +221,5 @@ class PlantUnit:
             speed=speed,
         )
         self._held_back = holds_back(demanded, request)
-        request = within_power(request, _wheel_speed(readings), self._abilities.drive_power)
+        request = within_power(request, self._wheel_speed, self._abilities.drive_power)
         self._truth = self._plant.advance(request.commands(), TICK_S)
-
-    def _ground_speed(self, readings: Readings) -> float:
-        """Ground speed as the machine measures it, from the mean of its wheels [m/s]."""
-        return sum(_wheel_speed(readings)) / 4 * self._equipment.rolling_radius
-
-
-def _wheel_speed(readings: Readings) -> Four:
-    return four(readings.values[_WHEEL_SPEEDS].tolist())

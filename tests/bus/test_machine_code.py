@@ -18,6 +18,7 @@ from bus.machine_code import (
     NEEDED,
     UNCOUNTED,
     compiler,
+    direct,
     has_processor,
     uncounting,
 )
@@ -136,6 +137,22 @@ def test_what_calls_nothing_counted_may_still_call_what_allocates(tmp_path):
         return last_of_double(a) + 1.0
 
     assert outer(np.arange(4.0)) == 7.0
+
+
+def test_direct_code_does_what_the_function_does(tmp_path):
+    one, other = pair(), pair()
+    swapped = uncounting(tmp_path)(swap_rows)
+    code = direct(swapped, pair())
+    assert swapped.signatures  # compiled by the types, without a call
+    assert swapped(one) == code(other) == 9.0
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_direct_code_refuses_what_is_no_array(tmp_path):
+    code = direct(uncounting(tmp_path)(swap_rows), pair())
+    with pytest.raises(TypeError):
+        code(Pair(1.0, [2.0]))  # type: ignore[arg-type]
 
 
 def gives_an_array(a: Array) -> Array:
