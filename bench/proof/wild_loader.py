@@ -41,18 +41,19 @@ DIFFERENCES = (
     Difference(
         name="rolling friction that falls with speed",
         ranges={"stribeck_rolling.coefficient": (0.005, 0.02), "stribeck_rolling.decay_m_per_s": (0.5, 2.0)},
-        fair=("rolling_resistance", "brake_drag"),
+        fair=("rolling_resistance", "brake_drag", "resistance_curve"),
     ),
     Difference(
         name="resistance of another power",
         ranges={"root_drag.force_N": (300.0, 1500.0), "root_drag.power": (0.3, 0.7)},
-        fair=("rolling_resistance", "brake_drag", "aerodynamic_drag"),
+        fair=("rolling_resistance", "brake_drag", "aerodynamic_drag", "resistance_curve"),
     ),
     Difference(
         name="cornering by another law",
         ranges={"cornering_law.share": (0.05, 0.3), "cornering_law.slip": (0.02, 0.1)},
         # it acts on the slip that the carcass lets through, so a stiffer tyre is a stiffer carcass, which is a shorter relaxation
         fair=(
+            "cornering_curve",
             "lateral_relaxation",
             "surface_friction",
             "velocity_dependent_friction",

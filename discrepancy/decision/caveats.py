@@ -14,7 +14,6 @@ from discrepancy.model.description import Effect, Parameter
 from discrepancy.selection.active_intervals import active_interval_of, runs, time_varying_nuisance
 from discrepancy.selection.candidate_fits import shapes_held
 from discrepancy.selection.open_ended import OpenEnded
-from discrepancy.selection.screen import FEW
 from discrepancy.selection.state import Settings, State, switched_off
 from discrepancy.signals import findings as f
 from discrepancy.signals.quantities import figures, quantity
@@ -59,15 +58,10 @@ Estimated = list[tuple[Parameter, f.Estimate]]
 """Amplitude parameters with value and interval."""
 
 
-def _is_profile(effect: Effect) -> bool:
-    """Of a profile most values may be zero or at a bound."""
-    return len(effect.amplitude_parameters) > FEW
-
-
 def _present(problem: Problem, effect: Effect, fitted: Fit, noise: Noise) -> Estimated:
     """Amplitude parameters less those that are absent for certain: of brakes that drag in front, the torque of the rear ones."""
     own = [(p, estimated(problem, p, fitted, noise)) for p in effect.amplitude_parameters]
-    if _is_profile(effect):
+    if effect.is_profile:
         return own
     largest = max(abs(e.value - p.value) / abs(p.typical) for p, e in own)
 
@@ -80,7 +74,7 @@ def _present(problem: Problem, effect: Effect, fitted: Fit, noise: Noise) -> Est
 def _at_bounds(effect: Effect, present: Estimated) -> list[str]:
     """Amplitude parameters at a physical bound; for a profile only if all are. A fit at a bound would go on: something else is missing."""
     at_bound = [e for p, e in present if e.at_bound is not None and e.value != p.value]
-    if at_bound and (not _is_profile(effect) or len(at_bound) == len(present)):
+    if at_bound and (not effect.is_profile or len(at_bound) == len(present)):
         first = at_bound[0]
         return [f"{first.name} stops at its physical bound, {quantity(first.value, first.unit)}"]
     return []
@@ -88,7 +82,7 @@ def _at_bounds(effect: Effect, present: Estimated) -> list[str]:
 
 def _at_baseline(present: Estimated, fitted: Fit, effect: Effect) -> list[str]:
     """Amplitude parameters whose interval, at this shape, contains the baseline. Profiles are exempt."""
-    if _is_profile(effect):
+    if effect.is_profile:
         return []
     found = []
     variances = np.diag(inverse(shapes_held(effect, fitted)))

@@ -14,7 +14,7 @@ from discrepancy.estimation.effort import Effort
 from discrepancy.estimation.fit import fit
 from discrepancy.estimation.problem import Problem
 from discrepancy.model.description import Effect, Parameter
-from discrepancy.selection.screen import FEW, Score, changes_at
+from discrepancy.selection.screen import Score, changes_at
 from discrepancy.selection.state import State
 from discrepancy.signals.recording import Array
 
@@ -27,7 +27,7 @@ def in_a_valley(effect: Effect, score: Score) -> bool:
     return (
         effect.kind == "physics"
         and score.confounded_share > gates.CONFOUNDED.threshold
-        and len(effect.amplitude_parameters) <= FEW
+        and not effect.is_profile
     )
 
 

@@ -83,7 +83,15 @@ def alternatives(
         ):
             cosine = collinearity(own, _direction(problem, best, candidate.name))
             found.append(Alternative(candidate.name, float(difference), cosine, best))
-    return sorted(found, key=lambda m: m.difference)
+    return _special_before_general(problem, sorted(found, key=lambda m: m.difference))
+
+
+def _special_before_general(problem: Problem, ranked: list[Alternative]) -> list[Alternative]:
+    """The alternatives, best first, without curves where a law of few parameters is among them.
+
+    A curve contains such laws as special cases. It fits as well as any of them and says less.
+    """
+    return [a for a in ranked if not problem.model.effect(a.effect).is_profile] or ranked
 
 
 def _worth_fitting(problem: Problem, effect: str, score: Score, whole: float, settings: Settings) -> bool:

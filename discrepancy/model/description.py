@@ -16,6 +16,7 @@ import numpy as np
 from discrepancy.signals.recording import Array, Recording, Signal
 from discrepancy.signals.units import parse_unit
 
+FEW = 3  # amplitude parameters; an effect with more is a profile
 NEARLY_NONE = 0.02  # of a typical change: so small a step gives the local gradient
 OLD_SCOPES = {"begin": "initial_uncertainty"}  # written in files of users before the name was changed
 
@@ -100,6 +101,11 @@ class Effect:
     def amplitude_parameters(self) -> list[Parameter]:
         """Parameters that switch the effect on: all but shapes."""
         return [p for p in self.parameters if not p.shape]
+
+    @property
+    def is_profile(self) -> bool:
+        """Whether it is a curve over something: it has many amplitudes, is linear in all of them, and needs one trial step only."""
+        return len(self.amplitude_parameters) > FEW
 
     @property
     def amplitude_names(self) -> list[str]:

@@ -19,11 +19,10 @@ from discrepancy.estimation.fit import Fit, WindowStates, differences
 from discrepancy.estimation.noise import Noise
 from discrepancy.estimation.normal_equations import inverse, root
 from discrepancy.estimation.problem import Problem, Values
-from discrepancy.model.description import Effect, Parameter
+from discrepancy.model.description import FEW, Effect, Parameter
 from discrepancy.signals.recording import Array
 
 INVISIBLE = 1e-6  # share of an effect's squared sensitivity after projection, below which it is only rounding
-FEW = 3  # amplitude parameters; an effect with more is a profile, linear in all of them, and needs one trial step only
 BLOCKS = (
     30  # of time: enough for a variance to some 25 %, and each still long against the memory of the noise
 )
@@ -120,7 +119,7 @@ def changes_at(effect: Effect, trial_step: int) -> Array:
 
 def _trial_steps(effect: Effect) -> int:
     own = effect.amplitude_parameters
-    return max(len(p.trial_values) for p in own) if len(own) <= FEW else 1
+    return 1 if effect.is_profile else max(len(p.trial_values) for p in own)
 
 
 def projected(

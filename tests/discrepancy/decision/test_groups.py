@@ -69,6 +69,45 @@ def test_track_radius_and_gyro_scale_are_one_group_by_yaw_rate_alone(seed: int) 
     assert {found.effect, *(m.effect for m in found.group)} == {"track", "radius", "yaw_rate scale"}
 
 
+KNOTS = (0.0, 0.1, 0.25, 0.4)  # [m/s]
+
+
+def with_curve() -> Model:
+    """The same robot with a curve over the difference of speeds, of which a constant factor is a special case."""
+    plain = robot()
+    names = [f"curve.{i}" for i in range(len(KNOTS))]
+    curve = Effect(
+        name="curve",
+        sentence="yaw follows another curve",
+        equation="",
+        parameters=tuple(Parameter(name=n, unit="1", lower=-0.9, upper=2.0, typical=0.1) for n in names),
+        kind="physics",
+        place="axle",
+    )
+
+    def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Array]) -> dict[str, Array]:
+        share = np.interp(np.abs(window["difference"]), KNOTS, [values.get(n, 0.0) for n in names])
+        return {"yaw_rate": (1.0 + share) * plain.simulate(window, values, extra)["yaw_rate"]}
+
+    return replace(plain, effects=(share("track"), curve), simulate=simulate)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_curve_stands_back_behind_a_law_that_it_contains(seed: int) -> None:
+    (found,) = examine(with_curve(), [turning(seed, 0.7)], SETTINGS).findings
+    assert (found.effect, found.group) == ("track", [])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_curve_is_the_name_where_no_special_law_does(seed: int) -> None:
+    recording = turning(seed, 1.0)
+    difference, noisy = recording.signals["difference"], recording.signals["yaw_rate"]
+    other = noisy.value * (0.8 + 0.8 * np.abs(difference.value) / 0.4)
+    bent = replace(recording, signals={**recording.signals, "yaw_rate": replace(noisy, value=other)})
+    (found,) = examine(with_curve(), [bent], SETTINGS).findings
+    assert (found.effect, found.group) == ("curve", [])
+
+
 def test_exact_twins_are_a_group_beside_a_nuisance_that_does_the_same() -> None:
     model = tank("offset", "level bias")
     datum = Parameter(name="datum", unit="m", typical=0.01, prior_sd=0.02)

@@ -1,17 +1,27 @@
 """Tyres: each effect against the law that its equation states."""
 
 import math
+import sys
 
 import numpy as np
 import pytest
 
+from plant.effects.curves import between_knots
 from plant.physics import state as s
 from plant.physics.parameters import P_WHEELS, W_DAMPING, W_RADIUS, WHEEL_SIZE, parameter_vector
 from plant.physics.state import T_KAPPA_RATE, T_OUTPUTS, T_TAN_ALPHA_RATE
 from plant.physics.surface import Surface
 from plant.physics.tyre import combined_forces, radial_force, stiffness_and_peak, tyre_forces
 from plant.plant import Commands, Plant
-from tests.plant.effects.trial import L60, evaluated, machine, run, strong, wrenches
+from tests.plant.effects.trial import (
+    L60,
+    coast,
+    evaluated,
+    machine,
+    run,
+    strong,
+    wrenches,
+)
 
 LOAD = 29e3
 
@@ -70,6 +80,51 @@ def turning(given=L60, seconds=2.0):
     plant = Plant(given, speed=4.0, articulation_angle=0.35)
     plant.advance(Commands(), seconds)
     return plant
+
+
+@pytest.mark.parametrize("name", ["cornering_curve", "resistance_curve"])
+def test_a_curve_is_the_broken_line_through_its_knots(name):
+    knots = sys.modules[f"plant.effects.library.{name}"].KNOTS
+    values = np.array([0.1, -0.3, 0.25, 0.05])
+    x = np.linspace(0.0, 1.5 * knots[-1], 301)
+    np.testing.assert_allclose([between_knots(v, knots, values) for v in x], np.interp(x, knots, values))
+
+
+def test_a_cornering_curve_adds_its_share_of_each_lateral_force():
+    """By NumPy's interpolation at the slip angle of each wheel, of which the four in a turn differ."""
+    plant = turning()
+    before = evaluated(plant)
+    shares = {"at_0": 0.3, "at_0_03": -0.2, "at_0_08": 0.1, "at_0_2": -0.4}
+    after = evaluated(plant, machine("cornering_curve", **shares))
+    slip = np.abs(before.state[s.TAN_ALPHA : s.TAN_ALPHA + 4])
+    assert np.ptp(slip) > 0.005
+    expected = 1.0 + np.interp(slip, (0.0, 0.03, 0.08, 0.2), tuple(shares.values()))
+    lateral = before.work.tyres[:, s.T_LATERAL]
+    np.testing.assert_allclose(after.work.tyres[:, s.T_LATERAL], expected * lateral, rtol=1e-12)
+    # the force acts where the tyre touches the ground, and no moment about the road's normal comes with it
+    difference = np.linalg.norm(wrenches(after)[:, 3:] - wrenches(before)[:, 3:], axis=1)
+    np.testing.assert_allclose(difference, np.abs((expected - 1.0) * lateral), rtol=1e-9)
+
+
+def test_an_even_resistance_curve_is_rolling_resistance():
+    values = dict.fromkeys(("at_0_5", "at_1_5", "at_3", "at_6"), 0.03)
+    by_curve = coast(machine("resistance_curve", **values), 3.0)
+    by_load = coast(machine("rolling_resistance", coefficient=0.03, growth_per_m_per_s=0.0), 3.0)
+    assert by_curve == pytest.approx(by_load, rel=1e-12)
+
+
+def test_a_resistance_curve_is_a_moment_about_each_axle():
+    """By NumPy's interpolation at what a free tyre of that spin would roll; nothing but the moment is added."""
+    values = {"at_0_5": 0.01, "at_1_5": 0.05, "at_3": 0.02, "at_6": 0.04}
+    for speed in (-2.25, 1.0, 4.5):
+        plant = Plant(L60, speed=speed)
+        plain = evaluated(plant)
+        difference = wrenches(evaluated(plant, machine("resistance_curve", **values))) - wrenches(plain)
+        truth, radius = plant.truth(), front(L60)[W_RADIUS]
+        shares = np.interp(np.abs(truth.wheel_speed) * radius, (0.5, 1.5, 3.0, 6.0), tuple(values.values()))
+        expected = -np.sign(speed) * shares * truth.normal_force * radius
+        np.testing.assert_allclose(difference[:, 1], expected, rtol=1e-3)
+        np.testing.assert_allclose(difference[:, [0, 2, 3, 4, 5]], 0.0, atol=1.0)
 
 
 def test_turn_slip_is_a_parking_moment_that_fades_with_speed():
