@@ -11,6 +11,7 @@ import inspect
 import platform
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, get_args, get_origin
 
@@ -84,13 +85,29 @@ class Locator(_ByFolder):  # type: ignore[misc]  # numba has no types
     def get_suitable_cache_subpath(cls, py_file: str) -> str:
         """The folder of a source's functions."""
         config: Any = numba.config
-        source = Path(py_file).resolve()
-        if source.is_relative_to(Path(config.CACHE_DIR).resolve()):
-            return "generated"  # what the plant writes beside its code
-        if source.is_relative_to(ROOT):
-            return ".".join(source.parent.relative_to(ROOT).parts)
-        other: str = super().get_suitable_cache_subpath(py_file)
-        return other
+        place = _place(py_file, config.CACHE_DIR)
+        if place is None:
+            place = super().get_suitable_cache_subpath(py_file)
+        return place
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder of a source's functions."""
+        # numba makes and removes a file in it for each function; code_folder has seen that it can be written to
+        _make(self.get_cache_path())
+
+
+@cache  # as below: a source has dozens of functions, and each of them asks
+def _place(py_file: str, kept: str) -> str | None:
+    """Where within the folder `kept` the code of a source's functions lies; None for a source that is not ours."""
+    source = Path(py_file).resolve()
+    if source.is_relative_to(Path(kept).resolve()):
+        return "generated"  # what the plant writes beside its code
+    return ".".join(source.parent.relative_to(ROOT).parts) if source.is_relative_to(ROOT) else None
+
+
+@cache
+def _make(folder: str) -> None:
+    Path(folder).mkdir(parents=True, exist_ok=True)
 
 
 def code_folder(package: Path, name: str, digest: str) -> Path:
