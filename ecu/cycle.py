@@ -23,7 +23,7 @@ from ecu.estimators.live import LiveEstimator
 from ecu.estimators.signals import Estimates
 from ecu.findings import EstimatorFailed, Finding, ProtectionFailed, Stale, StateChanged
 from ecu.inputs import OUTSIDE_ESTIMATES, CycleInputs, Group, InputReceiver, estimator_inputs
-from ecu.outputs import TICK_NS, Outputs
+from ecu.outputs import MOST_TICKS, TICK_NS, Outputs
 from ecu.states import Event, State, after
 from ecu.validity import NOTHING, unknown_deviations, valid_without
 
@@ -229,10 +229,10 @@ class EcuCycle:
         return (now_ns - since_ns) * 1e-9 >= self._calibration.inputs.recovery
 
     def _period(self, now_ns: int) -> float:
-        """Time since the previous cycle [s], in whole periods: the sensors sample by the same clock."""
+        """Time since the previous cycle [s], in whole periods, MOST_TICKS at most: the sensors sample by the same clock."""
         if self._previous_ns is None:
             return TICK_NS * 1e-9
-        return max(round((now_ns - self._previous_ns) / TICK_NS), 1) * TICK_NS * 1e-9
+        return min(max(round((now_ns - self._previous_ns) / TICK_NS), 1), MOST_TICKS) * TICK_NS * 1e-9
 
     def _estimates(
         self, received: CycleInputs, now_ns: int

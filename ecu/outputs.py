@@ -16,6 +16,8 @@ from ecu.estimators.signals import Estimates
 
 ECU = "EstimatorEcu"
 TICK_NS: Final = 10_000_000
+MOST_TICKS: Final = 10
+"""A longer pause between two cycles counts as one of so many ticks: across it a predicted angle or speed says nothing."""
 LAST: Final = "EstimateUncertainty"
 """Its frames are placed after all others: those keep the ticks that they have in recordings made without it."""
 REASON_SIGNALS: Final = (

@@ -36,7 +36,7 @@ from ecu.codes import Mode
 from ecu.estimators.signals import Estimates, Inputs
 from ecu.inputs import GROUP_OF
 from ecu.limits import Cause
-from ecu.outputs import TICK_NS, messages
+from ecu.outputs import MOST_TICKS, TICK_NS, messages
 from ecu.states import State
 from ecu.validity import NEEDS
 
@@ -97,6 +97,7 @@ def table_files(calibration: Calibration, database: Database) -> dict[str, str]:
         "".join(numbered(name, size) for name, size in sizes.items()),
         numbered("REASONS", len(reasons.REASONS)) + "#define SUSPECTS (INPUTS + LISTENERS + 1U)\n",
         f"#define TICK_NS {TICK_NS}LL\n",
+        f"#define MOST_TICKS {MOST_TICKS}LL\n",
         counters(),
     ]
     watched_header, watched_source = detection_tables(inputs)

@@ -45,6 +45,7 @@ from ecu.estimators.stability import permitted, permitted_levers, prediction, ro
 from ecu.estimators.stability.levers import MOTIONS, Levers, demanded
 from ecu.estimators.stability.prediction import Prediction, PredictionState
 from ecu.estimators.stability.rollover import LoadedMachine, Margin
+from ecu.estimators.stability.start import MOST, felt, within
 from ecu.estimators.state import State
 from ecu.estimators.tyres import contact
 from ecu.estimators.tyres.contact import Followed, Tilt
@@ -190,10 +191,10 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     lateral = balanced.lateral
     n, tilt = follow_tilt(i, s, m, balanced.normal, joint, p)
 
-    rest = Vector(a.rear.x, a.rear.y, a.rear.z)
+    rest = felt(Vector(a.rear.x, a.rear.y, a.rear.z))
     if i.slope_usable != 0.0:
         rest = gravity_reaction(slope.pitch, slope.roll, GRAVITY)
-    acceleration = (a.axle.x - rest.x) if i.acceleration_usable != 0.0 else axle_acceleration
+    acceleration = within(a.axle.x - rest.x if i.acceleration_usable != 0.0 else axle_acceleration, MOST)
     front_load, rear_load = n.front_left + n.front_right, n.rear_left + n.rear_right
     gap = front_load + rear_load - balanced.carried
     contradiction = max(abs(tilt.innovation.roll), abs(tilt.innovation.pitch))

@@ -55,14 +55,15 @@ static Times times_of(int64_t on_delay_ns)
     return times;
 }
 
-/* Time since the previous cycle, in whole periods: the sensors sample by the same clock. */
+/* Time since the previous cycle, in whole periods, MOST_TICKS at most: the sensors sample by the same clock. */
 static real_t period(int64_t now_ns)
 {
     if (!ecu.has_previous) {
         return (real_t)TICK_NS * R(1e-9);
     }
     const int64_t turns = ratio_rounded(now_ns - ecu.previous_ns, TICK_NS);
-    const int64_t period_ns = ((turns > 1) ? turns : 1) * TICK_NS;
+    const int64_t counted = (turns < MOST_TICKS) ? turns : MOST_TICKS;
+    const int64_t period_ns = ((counted > 1) ? counted : 1) * TICK_NS;
     return (real_t)period_ns * R(1e-9);
 }
 

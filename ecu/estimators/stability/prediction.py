@@ -20,6 +20,11 @@ from ecu.estimators.quantities import NormalForces, Vector
 from ecu.estimators.signals import NEVER
 from ecu.estimators.stability.levers import Levers, driven, moved, share_followed
 from ecu.estimators.stability.rollover import LoadedMachine, load_transfer_ratio, loads_of, margin
+from ecu.estimators.stability.start import ASIDE, ASIDE_RATE, within
+
+OVERTURNED = -10.0
+"""Margin at which a prediction ends in any case: the wheel would have to be held down by ten times its standing load. Four are what a
+side force of 1 g and a payload take from a wheel; beyond, the equations of a standing machine say nothing."""
 
 
 class PredictionState(NamedTuple):
@@ -48,9 +53,9 @@ class Prediction(NamedTuple):
     """What happens within the horizon, up to the moment when the margin is used up."""
 
     time_to_lift_off: float  # [s]; NEVER if no wheel lifts
-    margin: float  # the smallest over the time looked at
+    margin: float  # the smallest over the time looked at; OVERTURNED or more
     wheel: float  # the wheel of that margin (1..4)
-    load_transfer_ratio: float  # at the end of that time
+    load_transfer_ratio: float  # at the end of that time; as far from 0 as OVERTURNED at most
 
 
 @inlined
@@ -79,7 +84,7 @@ def steered(
 def predict(start: PredictionState, hold: float, floor: float, machine: LoadedMachine) -> Prediction:
     """Margin and time to lift-off if the demanded rates last `hold` seconds and then end.
 
-    It looks no further than the moment when the margin falls to `floor`; 0 is lift-off.
+    It looks no further than the moment when the margin falls to `floor`, or to OVERTURNED; 0 is lift-off.
 
     The articulation rate follows the demand as the steering can and fades before the stop; so do lift arm and bucket. The
     longitudinal acceleration fades; the tyres slip sideways and give what their grip allows; the support
@@ -99,13 +104,13 @@ def predict(start: PredictionState, hold: float, floor: float, machine: LoadedMa
     drift, yaw = start.drift, start.yaw_rate
     front_load, rear_load = start.front_load, start.rear_load
     gx, gy = start.gravity_x, start.gravity_y
-    offset, support_rate, before = 0.0, start.support_rate, 0.0
+    offset, support_rate, before = 0.0, within(start.support_rate, ASIDE_RATE), 0.0
     front, arm, levers = machine.front, NO_ARM_FORCES, start.levers
     lift = Turning(levers.lift_angle, levers.lift_rate, 0.0, levers.lift_angle)
     tilt = Turning(levers.tilt_angle, levers.tilt_rate, 0.0, levers.tilt_angle)
     arm_moves, bounce = moved(levers), STILL
     pivot, pin = joint_at(lift.angle), joint_at(tilt.angle - machine.bucket.carried)
-    lift_off, worst, lifting, forces = NEVER, 1e9, 0.0, machine.standing
+    lift_off, worst, lifting, forces, end = NEVER, 1e9, 0.0, machine.standing, max(floor, OVERTURNED)
     for k in range(int(prediction.horizon / dt + 0.5) + 1):
         change = 0.0
         if k > 0:
@@ -139,7 +144,7 @@ def predict(start: PredictionState, hold: float, floor: float, machine: LoadedMa
             support_rate += (-omega * omega * offset - damping * support_rate) * dt
             offset += support_rate * dt
         else:
-            offset = start.support - loads.support.y
+            offset = within(start.support, ASIDE) - loads.support.y
         before = loads.support.y
         support = Support(loads.support.load, loads.support.x, loads.support.y + offset)
         forces = normal_forces(support, joint, loads.axle_load, loads.axle_moment, geometry)
@@ -154,7 +159,7 @@ def predict(start: PredictionState, hold: float, floor: float, machine: LoadedMa
         now = margin(forces, machine.standing)
         if now.ratio < worst:
             worst, lifting = now.ratio, now.wheel
-        if worst <= floor:
+        if worst <= end:
             if worst <= 0.0:
                 lift_off = k * dt
             break
@@ -164,7 +169,8 @@ def predict(start: PredictionState, hold: float, floor: float, machine: LoadedMa
         faster = speed + acceleration * dt
         speed = faster if faster * speed > 0.0 else 0.0
         acceleration *= fade
-    return Prediction(lift_off, worst, lifting, load_transfer_ratio(forces))
+    ratio = within(load_transfer_ratio(forces), -OVERTURNED)
+    return Prediction(lift_off, max(worst, OVERTURNED), lifting, ratio)
 
 
 class Bounce(NamedTuple):

@@ -27,6 +27,9 @@ from ecu.estimators.parameters import (
 from ecu.estimators.quantities import NormalForces, Vector, WheelForces
 from ecu.estimators.stability.turning import lateral_forces
 
+LEAST_LOAD = 0.05
+"""Share of its weight below which a machine stands nowhere: the moments about the joint are then divided by this much."""
+
 
 class Margin(NamedTuple):
     """Smallest normal force over its standing value, and its wheel (1 FL, 2 FR, 3 RL, 4 RR)."""
@@ -161,8 +164,10 @@ def loads_of(
     x += arm.pitching * c - arm.rolling * s
     y = yf * front_force.z - front.z * front_force.y - rear.z * rear_force.y
     y += arm.pitching * s + arm.rolling * c
+    # an arm that is thrown up may carry the whole machine for a moment
+    borne = max(load, LEAST_LOAD * GRAVITY * (front.mass + rear.mass))
     support = Support(
-        load, (x - axle.height * axle_x) / load, (y + geometry.pivot_height * pivot_side) / load
+        load, (x - axle.height * axle_x) / borne, (y + geometry.pivot_height * pivot_side) / borne
     )
     axle_moment = geometry.pivot_height * pivot_side + axle.height * axle_y
     return Loads(support, axle.mass * gravity.z, axle_moment)

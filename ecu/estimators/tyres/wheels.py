@@ -9,12 +9,17 @@ from ecu.estimators.signals import Inputs
 from ecu.estimators.state import State
 from ecu.estimators.tyres import tyre
 
+RIM, FREE = 0.5, 1.5
+"""Loaded radius over the unloaded one, at least and at most: on its rim, and far above what a pull on a lifted wheel gives. The
+effective radius has a pole where the axle would be below the road."""
+
 
 @compiled
 def radius(normal: float, stiffening: float, wheel: Wheel) -> float:
     """Effective radius [m] under a normal force [N]."""
     loaded = wheel.unloaded_radius - tyre.deflection(normal, stiffening, wheel)
-    return tyre.effective_radius(loaded, wheel.unloaded_radius)
+    possible = min(max(loaded, RIM * wheel.unloaded_radius), FREE * wheel.unloaded_radius)
+    return tyre.effective_radius(possible, wheel.unloaded_radius)
 
 
 @compiled

@@ -12,9 +12,11 @@ from bus.frame import Frame
 from dbc import loader_database
 from dbc.protection import Protector
 from ecu.cycle import EcuCycle
+from ecu.states import State
 from tests.deploy.c.building import STRICT, build, compiler
 from tests.deploy.c.conftest import CALIBRATION
 from tests.deploy.c.ecu_build import BuiltEcu
+from tests.deploy.c.random_drives import random_frames
 from tests.ecu.machine import PERIOD_NS, FakeMachine
 from tests.ecu.test_fuzz import CODECS, Bits, Values
 
@@ -248,3 +250,18 @@ def test_random_frames_meet_no_undefined_behaviour(ecu_sources, tmp_path):
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert (ran.returncode, ran.stdout) == (0, "2500\n"), ran.stderr[-2000:]
+
+
+@pytest.mark.parametrize("seed", [9, 19, 69])
+def test_contradicting_frames_send_neither_ecu_into_fault(ecu_single, seed):
+    """Random bits, signed, at times that jump: the prediction ran away, single precision lost its numbers, and the ECU went to *fault*."""
+    python, c = EcuCycle(CALIBRATION), BuiltEcu(ecu_single)
+    for frame, now in random_frames(seed, 5000):
+        if frame is not None:
+            python.receive(frame, now)
+            c.receive(frame, now)
+        else:
+            python.tick(now)
+            c.tick(now)
+            assert python.state is not State.FAULT
+            assert c.state == python.state

@@ -132,7 +132,7 @@ def test_a_changed_coefficient_is_noticed(written, tmp_path, rows, expected):
     """The comparison can fail: one constant of the exported text changed by a thousandth."""
     text = (written / "estimators.c").read_text()
     assert "R(0.3333" not in text
-    changed = text.replace("R(3.0)", "R(3.003)", 1)
+    changed = text.replace("(R(3.0) * w", "(R(3.003) * w", 1)
     assert changed != text
     (tmp_path / "estimators.c").write_text(changed)
     library = build(

@@ -17,6 +17,7 @@ from ecu.estimators.parameters import GRAVITY
 from ecu.estimators.quantities import Vector
 from ecu.estimators.signals import Inputs
 from ecu.estimators.state import INITIAL
+from ecu.outputs import MOST_TICKS
 
 P = load_calibration().parameters
 ARM, BUCKET = P.arm, P.bucket
@@ -187,3 +188,26 @@ def test_the_payload_stands_still_while_the_arm_accelerates():
     moments = residual(heavier, UP.x, UP.z, P)
     assert followed_load(heavier, state, moments, UP, 0.0, 3.0, uneven, P).payload == 0.0
     assert followed_load(heavier, state, moments, UP, 0.0, 3.0, even, P).payload > 1.0
+
+
+@pytest.mark.parametrize("every", [1, 2])
+@pytest.mark.parametrize("ticks", range(1, MOST_TICKS + 1))
+def test_a_wrong_angle_is_forgotten_however_long_a_cycle_takes(ticks, every):
+    """Samples that still differ, by nothing that counts, are new ones."""
+    now = Turning(0.1, 0.0, 0.0, 0.0)
+    for k in range(400):
+        now = tracked(now, 1e-9 * (k // every % 2), 0.01 * ticks)
+    assert abs(now.angle) < 1e-6
+    assert abs(now.rate) < 1e-6
+    assert abs(now.acceleration) < 1e-4
+
+
+def test_without_new_samples_the_motion_stays_possible():
+    now = Turning(0.0, 0.0, 0.0, 0.0)
+    for k in range(10):
+        now = tracked(now, 0.1 * k * k, 0.01)
+    sample = now.sample
+    for _ in range(6000):
+        now = tracked(now, sample, 0.01)
+    assert abs(now.angle - sample) <= 0.5
+    assert abs(now.rate) <= 3.0

@@ -29,6 +29,7 @@ from ecu.estimators.stability.rollover import (
     steady_loads,
     support_of,
 )
+from ecu.estimators.stability.start import felt
 
 unhurried = settings(deadline=None, max_examples=40)  # the first example compiles
 P = load_calibration().parameters
@@ -380,3 +381,43 @@ def test_a_turn_begun_uphill_takes_load_off_its_outer_side(angle):
         ratios.append(math.copysign(1.0, angle) * found.load_transfer_ratio)
     assert ratios == sorted(ratios, reverse=True)
     assert ratios[0] > ratios[2] + 0.02
+
+
+# where inputs contradict one another
+
+WILD = {
+    "articulation_rate": 2.0, "demanded_rate": 2.0, "speed": 30.0, "acceleration": 400.0, "gravity_x": 400.0, "gravity_y": 400.0,
+    "gravity_z": 400.0, "drift": 1e3, "yaw_rate": 5.0, "front_load": 1e7, "rear_load": 1e7, "support": 1e4, "support_rate": 1e4,
+    "front_load_rate": 1e9,
+}  # fmt: skip
+wild_starts = st.builds(
+    lambda angle, levers, values: start(0.0, angle)._replace(levers=Levers(*levers), **values),
+    st.floats(-0.7, 0.7),
+    st.tuples(*[st.floats(-3.0, 3.0)] * 6),
+    st.fixed_dictionaries({name: st.floats(-most, most) for name, most in WILD.items()}),
+)
+
+
+@given(wild_starts, st.sampled_from([0.0, 0.3, -1e9]))
+@settings(deadline=None, max_examples=200)
+def test_a_prediction_from_any_start_ends_where_the_machine_has_overturned(begin, floor):
+    found = predict(begin, 0.5, floor, EMPTY)
+    assert found.margin >= -10.0
+    assert abs(found.load_transfer_ratio) <= 10.0
+    assert found.wheel in (1.0, 2.0, 3.0, 4.0)
+
+
+@given(st.tuples(*[st.floats(-400.0, 400.0)] * 3))
+def test_a_force_that_nobody_can_feel_keeps_its_direction_alone(values):
+    force, size = felt(Vector(*values)), math.hypot(*values)
+    assert math.hypot(*force) == pytest.approx(min(size, 2.0 * 9.81), rel=1e-12)
+    assert [size * x for x in force] == pytest.approx(
+        [math.hypot(*force) * x for x in values], rel=1e-9, abs=1e-9
+    )
+
+
+def test_a_machine_whose_arm_carries_it_stands_nowhere():
+    """Without a load there is no support point: the moments are divided by a share of the weight, and not by zero."""
+    weightless = Vector(0.5, 0.5, 0.0)
+    n = turning(1.0, 0.2, EMPTY, weightless)
+    assert all(math.isfinite(force) for force in n)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from ecu.calibration import load_calibration
 from ecu.estimators.tyres.tyre import cornering_stiffness
-from ecu.estimators.tyres.wheels import shared
+from ecu.estimators.tyres.wheels import radius, shared
 
 WHEEL = load_calibration("l60").parameters.wheel
 loads, slips = st.floats(1e3, 9e4), st.floats(-0.5, 0.5)
@@ -62,3 +62,10 @@ def test_the_slower_wheel_of_a_turn_slides_at_the_larger_angle():
 def test_a_wheel_in_the_air_pushes_nothing():
     assert shared(1e4, 0.0, 3e4, 0.1, 0.1, WHEEL) == (0.0, 1e4)
     assert shared(1e4, -5.0, 0.0, 0.1, 0.1, WHEEL) == (5e3, 5e3)
+
+
+@given(st.floats(-1e12, 1e12))
+def test_a_wheel_keeps_a_radius_under_any_load(normal):
+    """Beyond the rim the closed form has a pole; a radius there would make any speed of a wheel's."""
+    unloaded = WHEEL.unloaded_radius
+    assert 0.7 * unloaded < radius(normal, 1.0, WHEEL) < 1.2 * unloaded
