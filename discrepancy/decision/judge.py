@@ -6,6 +6,7 @@ the best proxy and the cause is unknown. All thresholds are in discrepancy.gates
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from discrepancy.decision import summary
@@ -17,6 +18,7 @@ from discrepancy.decision.groups import Alternative, alternatives, separation
 from discrepancy.decision.judgement import Judgement
 from discrepancy.decision.location import locate
 from discrepancy.decision.missing_channels import missing_channels
+from discrepancy.decision.namesakes import without_namesakes
 from discrepancy.decision.not_understood import complaints_of, intervals_not_understood
 from discrepancy.decision.verdict import verdict
 from discrepancy.estimation.fit import Fit
@@ -37,6 +39,8 @@ LESS_SURE: Final[Mapping[f.Status, f.Status]] = {
     "nothing missing": "unknown",
     "explained": "explained in part",
 }
+
+MOST_SWAPS: Final = 2  # of a verdict; each one costs all its tests again
 
 
 def judge(
@@ -72,19 +76,18 @@ def _judged(
     state, history = search(problem, settings, progress, look)
     complaints += complaints_of(problem, history[0])
     left_over = best_confirmed(problem, state, settings)
-    state = backward(problem, state, settings)
-    progress("looking for what the library does not explain")
-    # before the drop-one tests: the equation sets the best prediction against which the gap is measured
-    left = explore(problem, state, settings) if settings.open_ended else OpenEnded()
+    compared = _compared(problem, backward(problem, state, settings), history, settings, progress)
+    for _ in range(MOST_SWAPS):
+        swapped = without_namesakes(problem, compared.state, compared.rivals, settings)
+        if swapped is None:
+            break
+        progress(f"one effect is the best name twice; trying {', '.join(swapped.accepted)}")
+        compared = _compared(problem, swapped, history, settings, progress)
+    state, left = compared.state, compared.left
     # without an effect the second verdict says no more than the first, and nobody reads its equation
     equation = beside.equation(problem, state, left, settings) if beside and state.accepted else left
-    on_the_way = {frozenset(h.accepted): h.fit.values for h in history}
-    tests = drop_one_tests(problem, state, on_the_way, left, settings)
-    progress("locating, grouping")
-    groups, found = dict[str, Sequence[Alternative]](), list[f.Finding]()
-    for test in tests:
-        rivals = _alternatives(problem, state, test, settings)
-        groups[rivals[0].effect] = rivals
+    found = list[f.Finding]()
+    for test, rivals in zip(compared.tests, compared.rivals, strict=True):
         caveats = caveats_of(
             problem, state, test, problem.model.effect(rivals[0].effect), rivals[0].fit, left, settings
         )
@@ -129,7 +132,29 @@ def _judged(
         simulations=problem.simulations,
         samples=problem.samples,
     )
-    return Judgement(findings, problem, baseline, state, left, groups)
+    return Judgement(findings, problem, baseline, state, left, {r[0].effect: r for r in compared.rivals})
+
+
+@dataclass(frozen=True, slots=True)
+class _Compared:
+    """Accepted effects compared with what leaving them out, an equation, and other effects in their place give."""
+
+    state: State
+    left: OpenEnded
+    tests: Sequence[DropOneTest]
+    rivals: Sequence[Sequence[Alternative]]  # of each test, best first
+
+
+def _compared(
+    problem: Problem, state: State, history: Sequence[State], settings: Settings, progress: Progress
+) -> _Compared:
+    progress("looking for what the library does not explain")
+    # before the drop-one tests: the equation sets the best prediction against which the gap is measured
+    left = explore(problem, state, settings) if settings.open_ended else OpenEnded()
+    on_the_way = {frozenset(h.accepted): h.fit.values for h in history}
+    tests = drop_one_tests(problem, state, on_the_way, left, settings)
+    progress("locating, grouping")
+    return _Compared(state, left, tests, [alternatives_of(problem, state, test, settings) for test in tests])
 
 
 def nothing_usable(model: str, recordings: Sequence[str], error: Unusable) -> f.Findings:
@@ -143,7 +168,9 @@ def nothing_usable(model: str, recordings: Sequence[str], error: Unusable) -> f.
     )
 
 
-def _alternatives(problem: Problem, state: State, test: DropOneTest, settings: Settings) -> list[Alternative]:
+def alternatives_of(
+    problem: Problem, state: State, test: DropOneTest, settings: Settings
+) -> list[Alternative]:
     """What explains the recordings as well as an accepted effect in its place, best first."""
     others = tuple(n for n in state.accepted if n != test.effect)
     active = active_interval_of(problem.model.effect(test.effect), state.fit.values)

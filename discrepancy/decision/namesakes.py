@@ -1,0 +1,33 @@
+"""Findings that would get the same name: one effect explains two of them better than they themselves do, each in its place."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+
+from discrepancy.decision.drop_one import backward
+from discrepancy.decision.groups import Alternative
+from discrepancy.estimation.problem import Problem
+from discrepancy.selection.assess import assess
+from discrepancy.selection.state import Settings, State
+
+
+def without_namesakes(
+    problem: Problem, state: State, rivals: Sequence[Sequence[Alternative]], settings: Settings
+) -> State | None:
+    """The state with that one effect in the place of the finding that it replaces best, and without what it then makes needless; None if every best name is there once.
+
+    rivals: by accepted effect, in their order, its alternatives, best first.
+    """
+    # The search takes one effect after the other. Two wrong ones together may have stood in for a right one before other misfits were out.
+    names = Counter(ranked[0].effect for ranked in rivals)
+    twice = [
+        (ranked[0].difference, own, ranked[0])
+        for own, ranked in zip(state.accepted, rivals, strict=True)
+        if names[ranked[0].effect] > 1 and ranked[0].effect != own
+    ]
+    if not twice:
+        return None
+    _, replaced, best = min(twice, key=lambda swap: swap[0])
+    accepted = tuple(best.effect if name == replaced else name for name in state.accepted)
+    swapped = assess(problem, accepted, best.fit.values, settings, state.aside)
+    return backward(problem, replace(swapped, trials=state.trials), settings)
