@@ -16,6 +16,7 @@ from ecu.detection.jumps import look
 from ecu.detection.layout import (
     BY_JUMP,
     BY_RESIDUAL,
+    F_LAST_YAW,
     F_SPEED,
     F_WARM,
     FAULTY,
@@ -36,7 +37,7 @@ from ecu.detection.machine import NOTHING
 from ecu.detection.residuals import residuals
 from ecu.detection_rules import Tolerances
 from ecu.estimators.parameters import Parameters
-from ecu.watched import COUNT
+from ecu.watched import COUNT, YAW_RATE
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -100,6 +101,8 @@ def aged(sensitive: Floats, state: Floats, bound: Floats, r: Floats, dt: float) 
             if state[SINCE, k] > QUIET:
                 state[FAULTY, k], state[MODE, k] = 0.0, SOUND
         elif mode == BY_JUMP and state[SINCE, k] > LONGEST:
+            if k == YAW_RATE:  # the offset is believed from now on, but the machine does not turn faster now
+                state[FILTERS, F_LAST_YAW] += state[JUMPED, k]
             state[FAULTY, k], state[MODE, k], state[JUMPED, k] = 0.0, SOUND, 0.0
 
 

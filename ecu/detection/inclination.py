@@ -25,6 +25,7 @@ from ecu.detection.layout import (
     F_ROLL_SWING,
     F_ROLL_TAKEN,
     FILTERS,
+    JUMPED,
     TOLERANCE,
 )
 from ecu.detection.machine import OBSERVED
@@ -58,7 +59,8 @@ def corrected(
 ) -> tuple[Lean, Slope]:
     """Puts the corrected slope into the samples `m`; the correction's uncertainty, and what accelerometers show of this driving."""
     f, time = state[FILTERS], p.sensors.slope_levelling
-    yaw, v = m[YAW_RATE], w.middle
+    # a gyro's jump that may be a fault would move the prediction of the slope, and so explain itself
+    yaw, v = m[YAW_RATE] - state[JUMPED, YAW_RATE], w.middle
     behind = p.geometry.rear_length + p.sensors.imu_x
     if not started:
         at_start = lean_at_start(yaw * v)

@@ -10,7 +10,7 @@ from ecu.calibration import load_calibration
 from ecu.codes import Mode
 from ecu.cycle import EcuCycle
 from ecu.detection.layout import JUMP
-from ecu.detection.rules import FAMILIES, height_for
+from ecu.detection.rules import FAMILIES, PREDICTED, height_for
 from ecu.findings import EstimatorFailed, FaultFound
 from ecu.states import State
 from ecu.watched import NAMES, PLACE
@@ -65,10 +65,11 @@ def test_a_sound_machine_has_no_fault():
     assert faults(findings) == []
 
 
+@pytest.mark.parametrize("times", [2.0, 6.0])
 @pytest.mark.parametrize("name", SIGNALS)
-def test_an_offset_is_noticed_and_named_within_a_tenth_of_a_second(name):
+def test_an_offset_is_noticed_and_named_within_a_tenth_of_a_second(name, times):
     ecu, machine = started()
-    size = 2.0 * jump_of(ecu, name)
+    size = times * jump_of(ecu, name)
     machine.wrong[name] = lambda value, tick: value + size
     _, findings = play(ecu, machine, 10)
     assert [f.signals for f in faults(findings)] == [(name,)]
@@ -141,13 +142,39 @@ def test_a_brake_that_grips_a_wheel_is_no_fault_of_its_torque(speed, fault):
     assert [f.signals for f in faults(findings)] == fault
 
 
-def test_a_jump_that_waits_is_kept_from_the_estimators():
-    ecu, machine = started()
-    size = 4.0 * jump_of(ecu, "yaw_rate")
+def yaw_moments(times, detect_faults=True):
+    """Estimates of four cycles that begin with a jump of the gyro, in multiples of the smallest one; and the findings."""
+    ecu, machine = EcuCycle(CALIBRATION, detect_faults=detect_faults), NoisyMachine()
+    play(ecu, machine, 250)
+    size = times * jump_of(started()[0], "yaw_rate")
     machine.wrong["yaw_rate"] = lambda value, tick: value + size
     results, findings = play(ecu, machine, 4)
-    assert faults(findings) == []
-    assert all(abs(result.estimates.yaw_rate) < size / 4.0 for result in results)
+    return np.array([result.estimates.yaw_moment for result in results]), faults(findings)
+
+
+@pytest.mark.parametrize("times", [1.5, 4.0, 20.0])
+def test_a_jump_that_waits_is_kept_from_the_estimators(times):
+    """The yaw moment follows from the gyro's change: while the jump waits, only the noise of its sample is left of it."""
+    noise = PREDICTED * CALIBRATION.detection.sensors[FAMILIES["yaw_rate"]].noise
+    sound, _ = yaw_moments(0.0)
+    waiting, found = yaw_moments(times)
+    let_in, _ = yaw_moments(times, detect_faults=False)
+    jump = times * jump_of(started()[0], "yaw_rate")
+    assert found == []
+    # five standard deviations of the one innovation that the jump is taken for
+    assert max(abs(waiting - sound)) < 5.0 * noise / jump * max(abs(let_in - sound))
+
+
+def test_a_gyro_that_jumps_does_not_accuse_the_slope():
+    """Nor when it jumps back, nor when the offset is believed at last: the slope's prediction goes on without the jump."""
+    for ticks in (100, 1100):
+        ecu, machine = started()
+        size = 8.0 * jump_of(ecu, "yaw_rate")
+        machine.wrong["yaw_rate"] = lambda value, tick, size=size: value + size
+        _, findings = play(ecu, machine, ticks)
+        del machine.wrong["yaw_rate"]
+        findings += play(ecu, machine, 100)[1]
+        assert {f.signals for f in faults(findings)} == {("yaw_rate",)}
 
 
 def test_a_slow_drift_of_a_wheel_is_found_by_its_residuals():
