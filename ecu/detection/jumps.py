@@ -31,6 +31,7 @@ from ecu.detection.layout import (
     LEVEL,
     MODE,
     ONSET,
+    RAMP,
     REJECTED,
     SAME,
     SAMPLE,
@@ -46,11 +47,14 @@ from ecu.detection.machine import NOTHING, STANDING
 from ecu.watched import (
     ANGLE,
     COUNT,
+    LIFT,
     PITCH,
     PITCH_RATE,
     RATE,
     ROLL,
     ROLL_RATE,
+    SLOPE_RATE,
+    TILT,
     TORQUE,
     WHEEL,
     YAW_RATE,
@@ -122,6 +126,8 @@ def look(m: Floats, heard: Integers, message: Integers, rules: Floats, state: Fl
         if state[GAP, k] > rules[CYCLES, k]:  # after a gap there is no prediction
             innovation[k] = 0.0
     stir(innovation, message, rules, state, dt)
+    ramp(PITCH_RATE, innovation[PITCH_RATE], state, dt)
+    ramp(SLOPE_RATE, innovation[SLOPE_RATE], state, dt)
     for k in range(COUNT):
         state[THRESHOLD, k] = threshold(k, message[k], rules, state)
     for wheel in range(4):
@@ -150,6 +156,26 @@ def stir(innovation: Floats, message: Integers, rules: Floats, state: Floats, dt
         beyond = abs(innovation[k]) - rules[STIRRED, k]
         if beyond > 0.0 and state[FAULTY, k] == 0.0:
             state[STIR, message[k]] = max(state[STIR, message[k]], beyond / rules[ONSET, k])
+
+
+@compiled
+def ramp(k: int, innovation: float, state: Floats, dt: float) -> None:
+    """How far signal `k` has left its trend within EXPLAINED: noise does not add up in it, the next sample takes it back."""
+    left = innovation + math.exp(-dt / EXPLAINED) * state[RAMP, k]
+    state[RAMP, k] = left if state[FAULTY, k] == 0.0 else 0.0
+
+
+@compiled
+def pitched(upwards: bool, rules: Floats, state: Floats) -> float:
+    """How much the pitch rates show of a moment that set in, in onsets; upwards: one that raises the load and pitches the nose down.
+
+    A lever that is thrown or let go accelerates arm and bucket at once, and their pressures jump. The frame answers with an
+    angular acceleration: its rate grows with time, and from one sample to the next by less than noise.
+    """
+    sign = 1.0 if upwards else -1.0
+    gyro = sign * state[RAMP, PITCH_RATE] / rules[ONSET, PITCH_RATE]
+    slope = sign * state[RAMP, SLOPE_RATE] / rules[ONSET, SLOPE_RATE]
+    return max(gyro, slope, 0.0)
 
 
 @compiled
@@ -196,7 +222,12 @@ def sample(k: int, m: Floats, innovation: float, rules: Floats, state: Floats) -
 @compiled
 def suspected(k: int, message: Integers, rules: Floats, state: Floats, dt: float) -> int:
     """A jump that waits for the rest of the machine to explain it; 1 if its time is over and it turned into a fault."""
-    if state[LARGEST, k] <= state[THRESHOLD, k] or state[FAULTY, k] != 0.0:
+    explained = state[THRESHOLD, k]
+    if k in (LIFT, TILT):
+        # in proportion and no REACH: what both feel has had its time
+        moment = pitched(state[JUMPED, k] > 0.0, rules, state)
+        explained = max(explained, rules[JUMP, k] + moment * rules[ONSET, k])
+    if state[LARGEST, k] <= explained or state[FAULTY, k] != 0.0:
         state[SUSPECTED, k] = state[LARGEST, k] = 0.0
         if state[FAULTY, k] == 0.0:
             state[JUMPED, k] = 0.0

@@ -58,7 +58,8 @@ PRESENT, RECENT, EARLIER = 25, 26, 27
 C_TORQUE: Final = 0  # mean, of four wheels
 C_BOUND: Final = 4  # without the offsets of sound sensors, of two axles
 C_TIME: Final = 6  # since the newest memory
-ROWS: Final = 28
+RAMP: Final = 28  # of each signal: how far it has left its trend while a jump waits to be explained
+ROWS: Final = 29
 WIDTH: Final = max(COUNT, RESIDUALS, 32)
 
 # Rows of the rules, (RULES, WIDTH), by signal: see `ecu.detection.rules`.
