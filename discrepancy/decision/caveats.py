@@ -37,6 +37,7 @@ def caveats_of(
             f"has {_evidence(test.data_sse_reduction)} on the data it was fitted to, beside the other effects, "
             f"and {_evidence(test.held_out_sse_reduction)} on held-out data"
         )
+    found += _own_reading(effect, test)
     found += _in_between(problem, state, fitted)
     kept = _present(problem, effect, fitted, state.noise)
     found += _at_bounds(effect, kept)
@@ -47,6 +48,14 @@ def caveats_of(
     if active_interval_of(problem.model.effect(test.effect), state.fit.values) is not None:
         found += _changing_baseline(problem, state, test, settings)
     return found
+
+
+def _own_reading(effect: Effect, test: DropOneTest) -> list[str]:
+    """A caveat if the fault of a sensor helps every channel but its own; only of the finding itself, since rivals have no test."""
+    ratio = test.error_ratio.get(effect.reading)
+    if effect.name != test.effect or ratio is None or ratio < gates.OWN_READING.threshold:
+        return []
+    return [f"does not improve the prediction of {effect.reading}, the reading that it is to change"]
 
 
 def _evidence(sse_reduction: float) -> str:

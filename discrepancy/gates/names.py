@@ -94,6 +94,16 @@ CHANNEL_TOUCHED: Final = _gate(
     otherwise="the channel does not count in the gap",
     module="decision.drop_one",
 )
+OWN_READING: Final = _gate(
+    name="a sensor's own reading",
+    of="name",
+    statistic="held-out error of the reading that a sensor's fault changes, over that without the fault",
+    threshold=1.0,
+    passes="below",
+    source="a fault of a sensor is in its reading first; a model that is driven by the reading passes what is wrong with it on to all others",
+    otherwise="best proxy, cause unknown",
+    module="decision.caveats",
+)
 DISCRETE_VALUE: Final = _gate(
     name="there or not there",
     of="name",

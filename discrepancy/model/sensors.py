@@ -105,6 +105,7 @@ def sensor_effects(
             parameters=(p,),
             kind="sensor",
             place=f"sensor of {output}",
+            reading=output,
             reverse=REVERSE.get(kind, "").format(output),
             excited_by=excited,
             confusable=_confusable(output, kind),

@@ -108,3 +108,15 @@ def test_a_part_that_is_absent_for_certain_does_not_cost_the_name(share: float, 
     assert leak.parameters[0].value == pytest.approx(0.05, abs=0.005)
     if not named:
         assert any("right.leak" in caveat for caveat in leak.caveats)
+
+
+def test_a_sensors_fault_that_helps_every_reading_but_its_own_is_a_proxy() -> None:
+    """What is wrong with a reading that drives the model is in the others too; a fault has to show in the reading itself."""
+    problem = Problem(tank("level delay"), [record(3, delay_s=0.35)])
+    state, _ = search(problem, STRICT)
+    (test,) = drop_one_tests(problem, state, {}, OpenEnded(), STRICT)
+    assert (test.effect, test.error_ratio["level"] < 0.9) == ("level delay", True)
+    delay = problem.model.effect("level delay")
+    elsewhere = replace(test, error_ratio={"level": 1.01, "flow": 0.5})
+    said = [caveats_of(problem, state, t, delay, state.fit, OpenEnded(), STRICT) for t in (test, elsewhere)]
+    assert said == [[], ["does not improve the prediction of level, the reading that it is to change"]]
