@@ -71,7 +71,7 @@ def _wheel(name: str) -> Part:
     return Part(
         title=f"wheel {title}",
         channels=rf".*_{name}|speed|encoder",
-        effects=r"tyre|wheel|rolling|slip|relax|camber|inflation|washboard|lug|soil|sink|kerb|ditch|brake|drive|motor|damping|deflection|"
+        effects=r"tyre|wheel|rolling|cornering|slip|relax|camber|inflation|washboard|lug|soil|sink|kerb|ditch|brake|drive|motor|damping|deflection|"
         r"torque (error|scale)|reverse drag|transducer|(?<!steering )(?<!pivot )friction",
         side=_disc(x, 0.70, RADIUS) if near else "",
         top=_box(x - RADIUS, y - WIDTH / 2.0, x + RADIUS, y + WIDTH / 2.0),

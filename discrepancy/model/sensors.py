@@ -31,6 +31,33 @@ def sensor_effects(
     output: str, unit: str, *, bias: float, kinds: Iterable[str] = KINDS, delay_s: float = 0.05
 ) -> tuple[Effect, ...]:
     """Effects for the faults of one output channel. bias: an offset that matters [unit]; delay_s: a delay that matters [s]."""
+    library = _faults(output, unit, bias, delay_s)
+    if unknown := set(kinds) - set(library):
+        raise ValueError(
+            f"sensor effects of {output}: unknown kinds {sorted(unknown)}; known are {', '.join(KINDS)}"
+        )
+    return tuple(
+        Effect(
+            name=f"{output} {kind}",
+            sentence=sentence,
+            equation=equation,
+            parameters=(p,),
+            kind="sensor",
+            place=f"sensor of {output}",
+            reading=output,
+            reverse=REVERSE.get(kind, "").format(output),
+            excited_by=excited,
+            confusable=_confusable(output, kind),
+        )
+        for kind, (sentence, equation, p, excited) in library.items()
+        if kind in kinds
+    )
+
+
+def _faults(
+    output: str, unit: str, bias: float, delay_s: float
+) -> Mapping[str, tuple[str, str, Parameter, str]]:
+    """By kind: sentence, equation, parameter, and what a recording must contain to show it."""
 
     def parameter(
         kind: str,
@@ -55,7 +82,7 @@ def sensor_effects(
 
     # trial steps reach to four times delay_s and have to lie within the bounds, also where a slow sensor has delays of seconds
     longest, slowest = max(LONGEST_DELAY_S, 5.0 * delay_s), max(SLOWEST_LAG_S, 10.0 * delay_s)
-    library = {
+    return {
         "bias": (
             f"{output} reads too much by a constant",
             "y = y_true + b",
@@ -93,26 +120,6 @@ def sensor_effects(
             "a long recording",
         ),
     }
-    if unknown := set(kinds) - set(library):
-        raise ValueError(
-            f"sensor effects of {output}: unknown kinds {sorted(unknown)}; known are {', '.join(KINDS)}"
-        )
-    return tuple(
-        Effect(
-            name=f"{output} {kind}",
-            sentence=sentence,
-            equation=equation,
-            parameters=(p,),
-            kind="sensor",
-            place=f"sensor of {output}",
-            reading=output,
-            reverse=REVERSE.get(kind, "").format(output),
-            excited_by=excited,
-            confusable=_confusable(output, kind),
-        )
-        for kind, (sentence, equation, p, excited) in library.items()
-        if kind in kinds
-    )
 
 
 def _confusable(output: str, kind: str) -> Mapping[str, str]:

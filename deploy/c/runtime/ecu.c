@@ -61,9 +61,15 @@ static real_t period(int64_t now_ns)
     if (!ecu.has_previous) {
         return (real_t)TICK_NS * R(1e-9);
     }
-    const int64_t turns = ratio_rounded(now_ns - ecu.previous_ns, TICK_NS);
-    const int64_t counted = (turns < MOST_TICKS) ? turns : MOST_TICKS;
-    const int64_t period_ns = ((counted > 1) ? counted : 1) * TICK_NS;
+    int64_t counted = ratio_rounded(now_ns - ecu.previous_ns, TICK_NS);
+    if (counted < 1) {
+        counted = 1;
+    } else if (counted > MOST_TICKS) {
+        counted = MOST_TICKS;
+    } else {
+        /* as many as there were */
+    }
+    const int64_t period_ns = counted * TICK_NS;
     return (real_t)period_ns * R(1e-9);
 }
 
