@@ -47,7 +47,8 @@ def cache_folder(package: Path, name: str, digest: str, chosen: str | None = Non
     not writable, in the user's cache. It begins with what was installed with the package (`make wheel`), if anything.
     Errors: NoCacheFolderError where none of the places is writable.
     """
-    places = [package / "__pycache__", _of_user() / "loaderhil"]
+    own = package / "__pycache__"
+    places = [own, _of_user() / "loaderhil"]
     if chosen:
         places.insert(0, Path(chosen))
     # an installed package may belong to another user; mkdir also succeeds on an existing folder without write access
@@ -55,7 +56,7 @@ def cache_folder(package: Path, name: str, digest: str, chosen: str | None = Non
         folder = place / f"{name}-{digest}"
         try:
             if not folder.exists():
-                _begin(folder, places[-2] / folder.name)
+                _begin(folder, own / folder.name)
         except OSError:
             continue
         if os.access(folder, os.W_OK):

@@ -4,21 +4,17 @@ import math
 
 from plant.compiled import uncounted
 from plant.effects.effect import Array, Effect, Parameter
-from plant.effects.ports import spin, twist_wheel
+from plant.effects.ports import resist_rolling, spin
 from plant.physics.parameters import W_RADIUS
-from plant.physics.state import T_NORMAL
 from plant.physics.workspace import Workspace
-
-TURNING = 0.05  # spin below which the moment fades [rad/s]
 
 
 @uncounted
 def after_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """Moment against the wheel's spin that decays over a speed."""
     turning = spin(work, wheel)
-    radius = work.local[wheel, W_RADIUS]
-    share = q[0] * math.exp(-abs(turning) * radius / q[1])
-    twist_wheel(work, wheel, -share * work.tyres[wheel, T_NORMAL] * radius * math.tanh(turning / TURNING))
+    speed = abs(turning) * work.local[wheel, W_RADIUS]
+    resist_rolling(work, wheel, turning, q[0] * math.exp(-speed / q[1]))
 
 
 EFFECT = Effect(

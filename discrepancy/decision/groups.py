@@ -62,6 +62,8 @@ def alternatives(
         if score.effect in state.accepted or not _worth_fitting(problem, effect, score, whole, settings):
             continue
         candidate = problem.model.effect(score.effect)
+        if candidate.is_profile and not problem.model.effect(effect).is_profile:
+            continue  # a curve contains such laws as special cases, and stands back behind them (ADR 76)
         names = free_names(problem, (*others, candidate.name))
         points = [start.values for start in starts.of(score, interval)]
         fits = [fit(problem, state.noise, names, point, effort=RIVAL) for point in points]
@@ -87,10 +89,7 @@ def alternatives(
 
 
 def _special_before_general(problem: Problem, ranked: list[Alternative]) -> list[Alternative]:
-    """The alternatives, best first, without curves where a law of few parameters is among them.
-
-    A curve contains such laws as special cases. It fits as well as any of them and says less.
-    """
+    """The alternatives, best first, without curves where a law of few parameters is among them: it fits as well and says more."""
     return [a for a in ranked if not problem.model.effect(a.effect).is_profile] or ranked
 
 

@@ -23,6 +23,7 @@ from plant.physics.state import (
 )
 from plant.physics.workspace import Workspace
 
+TURNING = 0.05  # spin below which a resistance to rolling fades, so that it cannot turn a standing wheel back [rad/s]
 LEAST = 1e-9  # keeps the heading of a wheel that lies on its side finite
 
 
@@ -115,6 +116,13 @@ def twist_wheel(work: Workspace, wheel: int, moment: float) -> None:
     twist(work, WHEEL + wheel, moment * a[0], moment * a[1], moment * a[2])
     for i in range(3):
         out[T_WRENCH + i] += moment * a[i]
+
+
+@uncounted
+def resist_rolling(work: Workspace, wheel: int, turning: float, coefficient: float) -> None:
+    """A moment against the spin `turning` [rad/s] of a wheel, as a share of its load times its unloaded radius."""
+    moment = -coefficient * work.tyres[wheel, T_NORMAL] * work.local[wheel, W_RADIUS]
+    twist_wheel(work, wheel, moment * math.tanh(turning / TURNING))
 
 
 @uncounted

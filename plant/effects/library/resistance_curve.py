@@ -1,26 +1,22 @@
 """Resistance to rolling by a curve of its own over speed: whatever law it follows, where none is known."""
 
-import math
-
 from plant.compiled import uncounted
 from plant.effects.curves import between_knots
 from plant.effects.effect import Array, Confusable, Effect, Parameter
-from plant.effects.ports import spin, twist_wheel
+from plant.effects.ports import resist_rolling, spin
 from plant.physics.parameters import W_RADIUS
-from plant.physics.state import T_NORMAL
 from plant.physics.workspace import Workspace
 
 KNOTS = (0.5, 1.5, 3.0, 6.0)  # [m/s]; a loader works below the last one
-TURNING = 0.05  # spin below which the moment fades, so that it cannot turn a standing wheel back [rad/s]
 SHARE = "resistance over load at"
 
 
 @uncounted
 def after_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """Moment against the wheel's spin, proportional to its load."""
-    turning, radius = spin(work, wheel), work.local[wheel, W_RADIUS]
-    share = between_knots(abs(turning) * radius, KNOTS, q)
-    twist_wheel(work, wheel, -share * work.tyres[wheel, T_NORMAL] * radius * math.tanh(turning / TURNING))
+    turning = spin(work, wheel)
+    speed = abs(turning) * work.local[wheel, W_RADIUS]
+    resist_rolling(work, wheel, turning, between_knots(speed, KNOTS, q))
 
 
 EFFECT = Effect(

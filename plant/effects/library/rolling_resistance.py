@@ -1,25 +1,18 @@
 """Rolling resistance: the tyre's hysteresis shifts its load ahead of the axle."""
 
-import math
-
 from plant.compiled import uncounted
 from plant.effects.effect import Array, Confusable, Effect, Parameter
-from plant.effects.ports import spin, twist_wheel
+from plant.effects.ports import resist_rolling, spin
 from plant.physics.parameters import W_RADIUS
-from plant.physics.state import T_NORMAL
 from plant.physics.workspace import Workspace
-
-TURNING = 0.05  # spin below which the moment fades, so that it cannot turn a standing wheel back [rad/s]
 
 
 @uncounted
 def after_tyre(q: Array, x: int, state: Array, p: Array, wheel: int, work: Workspace) -> None:
     """Moment against the wheel's spin, proportional to its load."""
     turning = spin(work, wheel)
-    radius = work.local[wheel, W_RADIUS]
-    coefficient = q[0] * (1.0 + q[1] * abs(turning) * radius)
-    moment = -coefficient * work.tyres[wheel, T_NORMAL] * radius * math.tanh(turning / TURNING)
-    twist_wheel(work, wheel, moment)
+    growth = q[1] * abs(turning) * work.local[wheel, W_RADIUS]
+    resist_rolling(work, wheel, turning, q[0] * (1.0 + growth))
 
 
 EFFECT = Effect(

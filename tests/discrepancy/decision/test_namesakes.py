@@ -1,7 +1,6 @@
 """Two findings that one effect explains better, each in its place, become that one."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -60,7 +59,7 @@ def judged(accepted: tuple[str, ...]) -> State | None:
     state = assess(problem, accepted, problem.start(), SETTINGS)
     tests = drop_one_tests(problem, state, {}, OpenEnded(), SETTINGS)
     rivals = [alternatives_of(problem, state, test, SETTINGS) for test in tests]
-    return without_namesakes(problem, replace(state, trials=()), rivals, SETTINGS)
+    return without_namesakes(problem, state, rivals, SETTINGS)
 
 
 def test_two_effects_that_one_replaces_become_that_one() -> None:
