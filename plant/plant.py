@@ -120,11 +120,12 @@ class Plant:
         self._work = new_workspace()
         self._command = np.zeros(s.COMMANDS)
         self._state = np.zeros(s.STATES)
-        self._advance_and_observe = direct(advance_and_observe, *self._arguments(1, np.empty(Truth.size)))
         self._state[s.JOINT + s.FRONT_FRAME] = articulation_angle
         self._state[s.JOINT + s.LIFT_ARM] = lift
         self._state[s.JOINT + s.BUCKET] = tilt
         self._start(speed, heading)
+        # last: where it is the first that numba compiles, with all that it calls, it takes four times as long and seven times the room
+        self._advance_and_observe = direct(advance_and_observe, *self._arguments(1, np.empty(Truth.size)))
 
     @property
     def time_s(self) -> float:
