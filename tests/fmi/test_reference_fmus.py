@@ -1,7 +1,8 @@
 """The Modelica Association's reference FMUs, made by another tool: they validate, and move as plant as FMPy moves them.
 
-scripts/fetch-data fetches the archive of their release; without it these tests are skipped, and the foreign FMUs of
-tests/fmi/test_plant.py, compiled on this computer, stand for them.
+scripts/fetch-data fetches the archive of their release, scripts/build-reference-fmus builds them from their sources.
+Without either these tests are skipped, and the foreign FMUs of tests/fmi/test_plant.py, compiled on this computer,
+stand for them.
 """
 
 import zipfile
@@ -19,8 +20,9 @@ from plant.plant import Commands
 from plant.unit.signals import CHANNELS
 
 BROKEN = "2.0/Feedthrough.fmu"
-"""Of this release, as other importers say, which take it from an earlier one."""
-ARCHIVE = "reference_fmus/Reference-FMUs-0.0.39.zip"
+"""Of release 0.0.39, as other importers say, which take it from an earlier one."""
+ARCHIVES = ("reference_fmus/Reference-FMUs-0.0.39.zip", "reference_fmus/built.zip")
+"""The release as it was fetched, or what was built from its sources."""
 OUTPUTS = {"Dahlquist": "x", "VanDerPol": "x0"}
 """Model -> an output without a unit that changes."""
 MOVING = [(version, name) for version in ("2.0", "3.0") for name in OUTPUTS]
@@ -28,11 +30,14 @@ MOVING = [(version, name) for version in ("2.0", "3.0") for name in OUTPUTS]
 
 @pytest.fixture(scope="session")
 def archive(recordings: Path) -> Path:
-    """The release's archive."""
-    file = recordings / ARCHIVE
-    if not file.is_file():
-        pytest.skip(f"no {file}: run scripts/fetch-data")
-    return file
+    """A zip archive of the FMUs, in the folders 2.0 and 3.0."""
+    for name in ARCHIVES:
+        if (recordings / name).is_file():
+            return recordings / name
+    pytest.skip(
+        f"no reference FMUs in {recordings / 'reference_fmus'}: scripts/fetch-data fetches them from GitHub, "
+        "scripts/build-reference-fmus builds them from a checkout of their sources"
+    )
 
 
 def test_a_height_is_no_angle(archive, tmp_path):
