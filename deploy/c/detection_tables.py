@@ -84,8 +84,10 @@ OF_MACHINE Reals{layout.RULES}x{layout.WIDTH} detection_rules = {{
     }},
 }};
 
+#ifndef ECU_WITHOUT_DETECTION
 /* How far a sequential test goes before it has fired [standard deviations]. */
 OF_MACHINE real_t detection_height = {real(height)};
+#endif
 """
 
 
@@ -93,5 +95,7 @@ DECLARATIONS: Final = f"""\
 extern OF_MACHINE Tolerances detection_tolerances;
 extern OF_MACHINE Makes detection_makes;
 extern OF_MACHINE Reals{layout.RULES}x{layout.WIDTH} detection_rules;
+#ifndef ECU_WITHOUT_DETECTION
 extern OF_MACHINE real_t detection_height;
+#endif
 """

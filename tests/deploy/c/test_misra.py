@@ -24,12 +24,16 @@ def listed():
     return found
 
 
-def checked(folder, places, settable=False):
-    """(place, rule) of everything that the addon reports of these files. settable: as the program with services is compiled."""
+def checked(folder, places, *, settable=False, detection=True):
+    """(place, rule) of everything that the addon reports of these files.
+
+    settable: as the program with services is compiled; detection: with the tests of sensors.
+    """
     files = sorted(file.relative_to(folder).as_posix() for place in places for file in folder.glob(place))
     done = subprocess.run(
         ["cppcheck", "--addon=misra", "--enable=style", "--std=c99", "--quiet", "--inline-suppr", "-I.",
-         "-DECU_DOUBLE", "-DECU_FINDINGS", "-UECU_PERTURBED", "-DECU_SETTABLE" if settable else "-UECU_SETTABLE", *files],
+         "-DECU_DOUBLE", "-DECU_FINDINGS", "-UECU_PERTURBED", "-DECU_SETTABLE" if settable else "-UECU_SETTABLE",
+         "-UECU_WITHOUT_DETECTION" if detection else "-DECU_WITHOUT_DETECTION", *files],
         cwd=folder, capture_output=True, text=True, check=True, timeout=600,
     )  # fmt: skip
     assert "Bailing out" not in done.stdout + done.stderr
@@ -50,6 +54,18 @@ def test_every_deviation_is_listed_with_its_reason(ecu_sources):
     board = {(place, rule) for place, rule in checked(ecu_sources, BOARD) if place == "cortex_m4/"}
     found = {place: {rule for where, rule in whole | board if where == place} for place in PLACES}
     assert found == listed()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_without_the_detection_no_other_rule_is_broken(ecu_sources):
+    """What only the detection uses is left out with it, and not left behind unused."""
+    if shutil.which("cppcheck") is None:
+        pytest.skip("no cppcheck: Debian's package cppcheck")
+    found = checked(ecu_sources, WHOLE, settable=True, detection=False)
+    expected = listed()
+    assert found, "the addon has looked"
+    assert [(place, rule) for place, rule in sorted(found) if rule not in expected[place]] == []
 
 
 @pytest.mark.slow
