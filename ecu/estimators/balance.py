@@ -11,6 +11,7 @@ from ecu.estimators.compiled import compiled
 from ecu.estimators.joint import Joint
 from ecu.estimators.loads import normal_force
 from ecu.estimators.loads.arm_forces import ArmForces
+from ecu.estimators.loads.leaning import Leaning
 from ecu.estimators.loads.normal_force import Support
 from ecu.estimators.loads.payload import Push
 from ecu.estimators.motion.motion import Accelerations, Motion
@@ -82,11 +83,11 @@ def with_held(i: Inputs, s: State, push: float, x: WheelForces, w: Wheel) -> Whe
 
 @compiled
 def longitudinal_forces(
-    i: Inputs, s: State, m: Motion, a: Accelerations, front: Body, p: Parameters
+    i: Inputs, s: State, m: Motion, a: Accelerations, lean: Leaning, front: Body, p: Parameters
 ) -> WheelForces:
     """Longitudinal forces from the wheels' own balance; held wheels from the machine's, and all of them without torques, shared equally. Lateral ones 0."""
     w = p.wheel
-    push = front.mass * a.front.x + p.rear.mass * a.rear.x + p.axle.mass * a.axle.x
+    push = front.mass * a.front.x + p.rear.mass * a.rear.x + p.axle.mass * a.axle.x - lean.along
     if i.torque_usable == 0.0:
         equal = push / (2.0 + 2.0 * math.cos(i.articulation_angle))
         return WheelForces(equal, equal, equal, equal, 0.0, 0.0, 0.0, 0.0)
@@ -113,18 +114,19 @@ def lateral_balance(
     arm: ArmForces,
     along: WheelForces,
     trail: float,
+    lean: Leaning,
     joint: Joint,
     p: Parameters,
 ) -> Lateral:
-    """Lateral axle forces and joint torque from the moments of both halves about the joint."""
+    """Lateral axle forces and joint torque from the moments of both halves about the joint; lean: of the wheel loads, which the tyres need not give."""
     c, s = joint.cosine, joint.sine
     side = front.mass * a.front.y + p.rear.mass * a.rear.y + p.axle.mass * a.axle.y
     side -= push.x * s  # its line passes through the joint: no moment about it
     front_yaw = m.change.z + m.articulation_acceleration
-    side += arm.x * s + arm.y * c
+    side += arm.x * s + arm.y * c - lean.across
     front_moment = front.mass * front.x * (c * a.front.y - s * a.front.x) + front.yaw_inertia * front_yaw
-    front_moment += arm.yawing
-    moment = front_moment + p.rear.mass * p.rear.x * a.rear.y
+    front_moment += arm.yawing - lean.front_moment
+    moment = front_moment - lean.rear_moment + p.rear.mass * p.rear.x * a.rear.y
     moment -= p.axle.mass * p.geometry.rear_length * a.axle.y
     moment += (p.rear.yaw_inertia + p.axle.roll_inertia) * m.change.z
     return turning.lateral_forces(side, moment, front_moment, along, trail, joint, p.geometry)
@@ -140,10 +142,13 @@ def balance(
     arm: ArmForces,
     along: WheelForces,
     trail: float,
+    lean: Leaning,
     joint: Joint,
     p: Parameters,
 ) -> Balance:
     """Lateral and normal forces; trail: pneumatic trail with the sign of travel [m].
+
+    lean: of the wheel loads.
 
     push: force on the bucket beside its weight, a fifth contact; arm: of arm and bucket that move on the front frame.
 
@@ -151,10 +156,10 @@ def balance(
     """
     g, w = p.geometry, p.wheel
     c, s = joint.cosine, joint.sine
-    lateral = lateral_balance(i, m, a, front, push, arm, along, trail, joint, p)
+    lateral = lateral_balance(i, m, a, front, push, arm, along, trail, lean, joint, p)
     xf, yf = front.x * c, front.x * s
     carried = front.mass * a.front.z + p.rear.mass * a.rear.z - push.z + arm.z
-    pivot_side = lateral.rear - p.axle.mass * a.axle.y
+    pivot_side = lateral.rear + lean.rear - p.axle.mass * a.axle.y
     about_y = xf * front.mass * a.front.z + p.rear.x * p.rear.mass * a.rear.z
     about_y -= front.z * front.mass * a.front.x + p.rear.z * p.rear.mass * a.rear.x
     about_y -= p.axle.height * p.axle.mass * a.axle.x
@@ -182,7 +187,10 @@ def balance(
     about_x -= gyro_front * c + spin_front * s
     support = Support(carried, about_y / carried, about_x / carried)
     axle_load = p.axle.mass * a.axle.z
-    axle_moment = g.pivot_height * pivot_side + p.axle.height * p.axle.mass * a.axle.y + gyro_rear
+    # the rear axle stays with the road while the frame rolls above it
+    axle_side = p.axle.mass * a.axle.y - lean.roll * axle_load
+    pressing = pivot_side - lean.rear + lean.roll * axle_load
+    axle_moment = g.pivot_height * pressing + p.axle.height * axle_side + gyro_rear
     free = normal_force.normal_forces(support, joint, axle_load, axle_moment, g)
     stopped = normal_force.on_axle_stop(free, joint, axle_moment, axle_load, g)
     normal = NormalForces(

@@ -14,6 +14,7 @@ from ecu.estimators.joint import Joint, joint_at
 from ecu.estimators.loads.arm_forces import arm_forces
 from ecu.estimators.loads.cog import front_unit_in, machine_centre, pose_at
 from ecu.estimators.loads.doubt import Doubt, doubt_of
+from ecu.estimators.loads.leaning import Leaning, leaning
 from ecu.estimators.loads.payload import (
     BucketLoad,
     Residual,
@@ -104,13 +105,14 @@ def bucket_load(
     r: Residual,
     a: Accelerations,
     x: WheelForces,
+    lean: Leaning,
     front: Body,
     lift: Turning,
     joint: Joint,
     p: Parameters,
 ) -> BucketLoad:
     """What the bucket carries and pushes, from the pressures and the traction that the motion does not explain."""
-    traction = (x.x1 + x.x2) * joint.cosine + x.x3 + x.x4
+    traction = (x.x1 + x.x2) * joint.cosine + x.x3 + x.x4 + lean.along
     traction -= front.mass * a.front.x + p.rear.mass * a.rear.x + p.axle.mass * a.axle.x
     return followed_load(i, s, r, in_front_axes(joint, a.front), traction, s.speed, lift, p)
 
@@ -165,11 +167,15 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
         a = measured_accelerations(i, m, front, p)
     else:
         a = kinematic_accelerations(i, s, m, slope, front, p)
-    x = longitudinal_forces(i, s, m, a, front, p)
+    lean_of_loads = leaning(
+        NormalForces(s.normal_1, s.normal_2, 0.0, s.normal_3, s.normal_4),
+        Tilt(s.roll_tilt, s.pitch_tilt), joint, g,
+    )  # fmt: skip
+    x = longitudinal_forces(i, s, m, a, lean_of_loads, front, p)
     arm, bucket = arm_motion(i, s)
     along = in_front_axes(joint, a.front)
     moments = residual(i, along.x, along.z, p)
-    load = bucket_load(i, s, moments, a, x, front, arm, joint, p)
+    load = bucket_load(i, s, moments, a, x, lean_of_loads, front, arm, joint, p)
     front = front_unit_in(pose, load.payload, p.front, p.arm, p.bucket)
     machine = rollover.loaded_machine(front, load.payload, p)
 
@@ -187,7 +193,7 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     moved = arm_forces(pose, quick, bucket, front_yaw, load.payload, p.arm, p.bucket)
     push = push_of(i, load, p)
     doubt = doubt_of(i, moments, along, load, push, arm, pose, p)
-    balanced = balance(i, m, a, front, push, moved, x, trail, joint, p)
+    balanced = balance(i, m, a, front, push, moved, x, trail, lean_of_loads, joint, p)
     lateral = balanced.lateral
     n, tilt = follow_tilt(i, s, m, balanced.normal, joint, p)
 
