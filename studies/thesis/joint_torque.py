@@ -1,4 +1,4 @@
-"""What makes the ECU's joint torque differ from the plant's: each suspect is taken out by itself, in the same drive.
+"""What makes the ECU's joint torque differ from the plant's, and what would without its law of the tilted frame: one change at a time, in the same drive.
 
 The estimator computes the torque from moments of the measured motion and from the wheels' longitudinal forces. Both are taken apart here and
 put together again with one part as the plant has it.
@@ -10,8 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ecu.estimators.columns import estimate_columns
+from ecu.estimators.joint import Joint
+from ecu.estimators.loads.leaning import leaning
 from ecu.estimators.parameters import Parameters
+from ecu.estimators.quantities import NormalForces
 from ecu.estimators.signals import Estimates, Inputs
+from ecu.estimators.tyres.contact import Tilt
 from studies.thesis.drive import Array, Truths, inputs_of
 from studies.thesis.split import Split, parameters_of
 
@@ -21,8 +25,9 @@ PLAIN = "as it is"
 ALIGNING = "aligning moments of the plant"
 LOAD = "empty bucket known"
 UNFILTERED = "angular accelerations unfiltered"
-PITCHED = "wheel loads on a pitched frame"
-ALL = "the last three together"
+LEVEL = "wheel loads square to the frame"
+LEVEL_UNFILTERED = "the last two together"
+ALL = "empty bucket known and angular accelerations unfiltered"
 
 
 class Moved(NamedTuple):
@@ -90,12 +95,16 @@ def torque_of(moved: Moved, grip: Grip, angle: Array, p: Parameters) -> Array:
     return moved.front - front_x - grip.front_aligning - grip.front_arm * front
 
 
-def pitched(truth: Truths, along: Array) -> Array:
-    """Longitudinal forces (4, n) in the axes of the frames [N]: wheel loads are square to the road, and the frames are pitched against it."""
-    d, pitch, roll = truth["articulation_angle"], truth["pitch"], truth["roll"]
-    front = pitch * np.cos(d) - roll * np.sin(d)
-    lean = np.array([front, front, pitch, pitch])
-    return along - truth["normal_force"].T * np.sin(lean)
+def level(truth: Truths, moved: Moved, p: Parameters) -> Moved:
+    """The same as if wheel loads were square to the frames: what their parts along and across the tilted frames give is left to the tyres."""
+    d, n = truth["articulation_angle"], truth["normal_force"].T
+    loads = NormalForces(n[0], n[1], np.zeros_like(d), n[2], n[3])
+    lean = leaning(loads, Tilt(truth["roll"], truth["pitch"]), Joint(d, np.cos(d), np.sin(d)), p.geometry)
+    return Moved(
+        moved.side + lean.across,
+        moved.moment + lean.front_moment + lean.rear_moment,
+        moved.front + lean.front_moment,
+    )
 
 
 def plants_aligning(truth: Truths, grip: Grip, p: Parameters) -> Grip:
@@ -104,23 +113,20 @@ def plants_aligning(truth: Truths, grip: Grip, p: Parameters) -> Grip:
     return Grip(grip.along, m[:, 0] + m[:, 1], m[:, 2] + m[:, 3], g.front_length, g.rear_length)
 
 
-def without(truth: Truths, split: Split) -> dict[str, Array]:
-    """The ECU's joint torque [N m] without each suspect in turn."""
+def changed(truth: Truths, split: Split) -> dict[str, Array]:
+    """The ECU's joint torque [N m] with each change in turn."""
     p, angle = parameters_of(split), truth["articulation_angle"]
     quick = p._replace(sensors=p.sensors._replace(rate_time=QUICK))
     e, still = estimates_of(truth, p), estimates_of(truth, p, empty=True)
     fast, best = estimates_of(truth, quick), estimates_of(truth, quick, empty=True)
-    grip, best_grip = grip_of(e, p), grip_of(best, quick)
+    grip, moved = grip_of(e, p), moved_of(e, angle, p)
+    fast_level = level(truth, moved_of(fast, angle, quick), quick)
     return {
         PLAIN: e["joint_torque"],
-        ALIGNING: torque_of(moved_of(e, angle, p), plants_aligning(truth, grip, p), angle, p),
+        ALIGNING: torque_of(moved, plants_aligning(truth, grip, p), angle, p),
         LOAD: still["joint_torque"],
         UNFILTERED: fast["joint_torque"],
-        PITCHED: torque_of(moved_of(e, angle, p), grip._replace(along=pitched(truth, grip.along)), angle, p),
-        ALL: torque_of(
-            moved_of(best, angle, quick),
-            best_grip._replace(along=pitched(truth, best_grip.along)),
-            angle,
-            quick,
-        ),
+        LEVEL: torque_of(level(truth, moved, p), grip, angle, p),
+        LEVEL_UNFILTERED: torque_of(fast_level, grip_of(fast, quick), angle, quick),
+        ALL: best["joint_torque"],
     }

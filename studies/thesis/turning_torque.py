@@ -21,7 +21,16 @@ from plant.unit.scenario import Scenario, Start
 from plant.unit.script import KMH, Script
 from plant.unit.unit import TICK_S
 from studies.thesis.drive import Array, Truths, centres, drive_case, driven, estimated, line
-from studies.thesis.joint_torque import ALIGNING, ALL, LOAD, PITCHED, PLAIN, UNFILTERED, without
+from studies.thesis.joint_torque import (
+    ALIGNING,
+    ALL,
+    LEVEL,
+    LEVEL_UNFILTERED,
+    LOAD,
+    PLAIN,
+    UNFILTERED,
+    changed,
+)
 from studies.thesis.questions import Answer, Row
 from studies.thesis.split import SHEET, SPLITS, Split, parameters_of
 
@@ -85,19 +94,19 @@ class Run:
     time: Array
     torque: Array
     forms: Mapping[str, Array]
-    repaired: Mapping[str, Array]  # the ECU's joint torque without each suspect
+    changed: Mapping[str, Array]  # the ECU's joint torque with each change of `changed`
 
     def fit(self, form: str) -> Fit:
         """The form over the plant's torque."""
         return line_through(self.torque, self.forms[form])
 
-    def fit_without(self, suspect: str) -> Fit:
-        """The ECU's joint torque without a suspect, over the plant's."""
-        return line_through(self.torque, self.repaired[suspect])
+    def fit_with(self, change: str) -> Fit:
+        """The ECU's joint torque with a change, over the plant's."""
+        return line_through(self.torque, self.changed[change])
 
-    def left_without(self, suspect: str) -> float:
+    def left_with(self, change: str) -> float:
         """Standard deviation of what then differs from the plant's [N m]."""
-        return float(np.std(self.repaired[suspect] - self.torque))
+        return float(np.std(self.changed[change] - self.torque))
 
 
 def line_through(x: Array, y: Array) -> Fit:
@@ -136,7 +145,7 @@ def measure(case: str, split: Split = SHEET) -> Run:
         truth["time_s"][swinging],
         truth["joint_torque"][swinging],
         {form: moment[swinging] for form, moment in forms.items()},
-        {suspect: torque[swinging] for suspect, torque in without(truth, split).items()},
+        {change: torque[swinging] for change, torque in changed(truth, split).items()},
     )
 
 
@@ -190,7 +199,7 @@ def answer() -> Answer:
         "Factors like 12 and 15 need no further cause; that the thesis' program held the misprint is likely, not proven.",
     )  # fmt: skip
     return Answer(
-        text, (*_rows(fits), *_suspects(runs[ZIGZAG])), partial(_draw, runs=runs, fits=fits, many=many)
+        text, (*_rows(fits), *_changed(runs[ZIGZAG])), partial(_draw, runs=runs, fits=fits, many=many)
     )
 
 
@@ -204,25 +213,25 @@ def _two(fits: Fits, form: str, what: str, places: int = 1) -> str:
 
 
 def _why(runs: Mapping[str, Run]) -> str:
-    """Why the ECU's joint torque differs from the plant's in the zigzag."""
-    run = runs[ZIGZAG]
-    plain, aligning, load, quick, pitched, all_three = (
-        run.fit_without(suspect) for suspect in (PLAIN, ALIGNING, LOAD, UNFILTERED, PITCHED, ALL)
+    """Which part the tilted frame has in the ECU's joint torque, and what is left in the zigzag."""
+    run, torque = runs[ZIGZAG], runs[TORQUE]
+    plain, aligning, load, level, both = (
+        run.fit_with(change) for change in (PLAIN, ALIGNING, LOAD, LEVEL, LEVEL_UNFILTERED)
     )
     return (
-        f"**Why the ECU's joint torque is {plain.amplitude:.2f} times too large in the zigzag, and {plain.ahead:.2f} s early.** Each suspect is taken out by itself (panels on the right). The *wheel loads on a pitched frame* "
-        f"make the size: the outer wheel carries more, a load is square to the road and the frame is not, so that both loads together turn the front frame; the balance leaves that out. With it the torque is {pitched.amplitude:.2f} times the plant's. "
-        f"The time is where a flat correlation has its maximum ({_alike_at(run, plain.delay):.3f} there, {plain.correlation:.3f} at no delay): without the *filter of the angular accelerations* (30 ms) alone the torque is {_early(quick.ahead)} and {quick.amplitude:.2f} times the plant's, and with the loads on the pitched frame alone it is {_early(pitched.ahead)}. The payload that the pressures show in an empty bucket adds "
-        f"{100 * (plain.amplitude - load.amplitude):.0f} %. The *aligning moments* are no cause: with the plant's own instead of a constant trail it is {aligning.amplitude:.2f}. Without the three that are causes the torque is {all_three.amplitude:.2f} times "
-        f"the plant's, {_early(all_three.ahead)}, and what differs is {run.left_without(ALL):.0f} instead of {run.left_without(PLAIN):.0f} N m (standard deviation; {np.std(run.torque):.0f} of the torque itself). In the torque case the same takes the offset from "
-        f"{runs[TORQUE].fit_without(PLAIN).offset:.0f} to {runs[TORQUE].fit_without(ALL).offset:.0f} N m."
+        f"**Why the tilt of the frame belongs in the balance.** The outer wheel carries more. A load is square to the road, and the frame that is tilted on its tyres is not. So both loads together turn the front frame about the joint. "
+        f"The ECU's balance has this law (`ecu.estimators.loads.leaning`). With *loads square to the frame* its torque in the zigzag would be {level.amplitude:.2f} times the plant's and {level.ahead:.2f} s early, and what differs {run.left_with(LEVEL):.0f} instead of {run.left_with(PLAIN):.0f} N m (standard deviation; {np.std(run.torque):.0f} of the torque itself). "
+        f"In the torque case the offset would be {torque.fit_with(LEVEL).offset:.0f} instead of {torque.fit_with(PLAIN).offset:.0f} N m. "
+        f"The {level.ahead:.2f} s are where a flat correlation has its maximum ({_alike_at(run, level.delay):.3f} there, {level.correlation:.3f} at no delay): without the *filter of the angular accelerations* (30 ms) that torque too would be {_early(both.ahead)}, {both.amplitude:.2f} times the plant's. "
+        f"What is left: the payload that the pressures show in an empty bucket is {100 * (plain.amplitude - load.amplitude):.0f} % of the amplitude, and the filter most of what differs. Without both it is {run.left_with(ALL):.0f} N m. "
+        f"The *aligning moments* are no cause: with the plant's own instead of a constant trail the amplitude is {aligning.amplitude:.2f} times the plant's."
     )
 
 
 def _alike_at(run: Run, delay: float) -> float:
-    """Correlation of the ECU's joint torque with the plant's, moved back by a delay that is negative or zero [s]."""
+    """Correlation of the joint torque by loads square to the frame with the plant's, moved back by a delay that is negative or zero [s]."""
     k = round(-delay / TICK_S)
-    return _alike(run.torque[k:], run.repaired[PLAIN][: run.torque.size - k])
+    return _alike(run.torque[k:], run.changed[LEVEL][: run.torque.size - k])
 
 
 def _early(ahead: float) -> str:
@@ -253,15 +262,13 @@ def _rows(fits: Fits) -> tuple[Row, ...]:
     return tuple(rows)
 
 
-def _suspects(run: Run) -> tuple[Row, ...]:
-    """What is left of the ECU's error in the zigzag without each suspect."""
+def _changed(run: Run) -> tuple[Row, ...]:
+    """The ECU's joint torque in the zigzag with each change."""
     found = []
-    for suspect in (ALIGNING, LOAD, UNFILTERED, PITCHED, ALL):
-        fit = run.fit_without(suspect)
+    for change in (ALIGNING, LOAD, UNFILTERED, ALL, LEVEL, LEVEL_UNFILTERED):
+        fit = run.fit_with(change)
         found.append(
-            Row(
-                f"zigzag, {suspect}: amplitude, delay [s]", "–", "–", f"{fit.amplitude:.2f}, {fit.delay:+.2f}"
-            )
+            Row(f"zigzag, {change}: amplitude, delay [s]", "–", "–", f"{fit.amplitude:.2f}, {fit.delay:+.2f}")
         )
     return tuple(found)
 
@@ -276,16 +283,16 @@ def _draw(
 
     with picture.panels(file, 2, 4, (14, 6), width_ratios=(1.6, 1.6, 1, 1.6)) as (figure, axes):
         for (case, run), (beside, above, over, left) in zip(runs.items(), axes, strict=True):
-            for suspect, colour in (
-                (PLAIN, picture.PRINTED),
-                (UNFILTERED, picture.REPAIRED),
+            for change, colour in (
+                (LEVEL, picture.PRINTED),
+                (PLAIN, picture.REPAIRED),
                 (ALL, picture.CORRECTED),
             ):
                 left.plot(
                     run.time,
-                    run.repaired[suspect] - run.torque,
+                    run.changed[change] - run.torque,
                     color=colour,
-                    label=f"ECU less plant, {suspect}",
+                    label=f"ECU less plant, {change}",
                 )
             left.set(title="error of the ECU's joint torque", ylabel="torque [N m]", xlabel="time [s]")
             gain = fits[case]["printed"].amplitude
