@@ -5,7 +5,7 @@ put together again with one part as the plant has it.
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -97,9 +97,12 @@ def torque_of(moved: Moved, grip: Grip, angle: Array, p: Parameters) -> Array:
 
 def level(truth: Truths, moved: Moved, p: Parameters) -> Moved:
     """The same as if wheel loads were square to the frames: what their parts along and across the tilted frames give is left to the tyres."""
-    d, n = truth["articulation_angle"], truth["normal_force"].T
+    # whole columns where the law has numbers: it only adds and multiplies
+    t: Any = truth
+    d, n = t["articulation_angle"], t["normal_force"].T
     loads = NormalForces(n[0], n[1], np.zeros_like(d), n[2], n[3])
-    lean = leaning(loads, Tilt(truth["roll"], truth["pitch"]), Joint(d, np.cos(d), np.sin(d)), p.geometry)
+    joint: Any = (d, np.cos(d), np.sin(d))
+    lean = leaning(loads, Tilt(t["roll"], t["pitch"]), Joint(*joint), p.geometry)
     return Moved(
         moved.side + lean.across,
         moved.moment + lean.front_moment + lean.rear_moment,

@@ -54,7 +54,7 @@ def turn(request):
 
 @pytest.mark.parametrize(("first", "second"), [(1, 2), (3, 4)])
 def test_an_axles_lateral_force_in_a_turn_is_the_plants(turn, first, second):
-    """Within 150 N; with loads square to the frame it is 420 to 620 N off."""
+    """Within 150 N; with loads square to the frame it is 330 to 640 N off."""
     truth, estimates = turn
     found = estimates[f"lateral_{first}"] + estimates[f"lateral_{second}"]
     true = truth["lateral_force"][:, first - 1] + truth["lateral_force"][:, second - 1]
@@ -62,11 +62,11 @@ def test_an_axles_lateral_force_in_a_turn_is_the_plants(turn, first, second):
 
 
 def test_rear_wheels_share_their_load_as_the_plants_do(turn):
-    """The rear axle stays with the road while the frame rolls above it."""
+    """The rear axle stays with the road while the frame rolls above it; if it rolled along they would be 200 N off."""
     truth, estimates = turn
     found = estimates["normal_4"] - estimates["normal_3"]
     true = truth["normal_force"][:, 3] - truth["normal_force"][:, 2]
-    assert np.mean(found - true) == pytest.approx(0.0, abs=120.0)
+    assert np.mean(found - true) == pytest.approx(0.0, abs=160.0)
 
 
 def test_held_wheels_of_a_standing_machine_push_nothing():
