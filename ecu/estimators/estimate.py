@@ -118,6 +118,13 @@ def bucket_load(
 
 
 @compiled
+def leaning_before(s: State, joint: Joint, p: Parameters) -> Leaning:
+    """Of the loads and the tilt of the cycle before; nothing in the first one."""
+    loads = NormalForces(s.normal_1, s.normal_2, 0.0, s.normal_3, s.normal_4)
+    return leaning(loads, Tilt(s.roll_tilt, s.pitch_tilt), joint, p.geometry)
+
+
+@compiled
 def arm_motion(i: Inputs, s: State) -> tuple[Turning, Turning]:
     """Motion of lift arm and bucket; at rest in the first cycle."""
     if s.cycles == 0.0:
@@ -167,10 +174,7 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
         a = measured_accelerations(i, m, front, p)
     else:
         a = kinematic_accelerations(i, s, m, slope, front, p)
-    lean_of_loads = leaning(
-        NormalForces(s.normal_1, s.normal_2, 0.0, s.normal_3, s.normal_4),
-        Tilt(s.roll_tilt, s.pitch_tilt), joint, g,
-    )  # fmt: skip
+    lean_of_loads = leaning_before(s, joint, p)
     x = longitudinal_forces(i, s, m, a, lean_of_loads, front, p)
     arm, bucket = arm_motion(i, s)
     along = in_front_axes(joint, a.front)
@@ -187,10 +191,9 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     axle_acceleration = (m.wheel_acceleration_3 + m.wheel_acceleration_4) / 2.0 * r3
     trail = w.pneumatic_trail * min(max(v / 0.5, -1.0), 1.0)
 
-    front_yaw = m.rate.z + i.articulation_rate
     quick = Turning(arm.angle, arm.rate, lift_acceleration(i, moments, along, load, arm, p), arm.sample)
     pose = pose_at(quick.angle, bucket.angle, p.arm, p.bucket)  # the tracked one, whose motion it is
-    moved = arm_forces(pose, quick, bucket, front_yaw, load.payload, p.arm, p.bucket)
+    moved = arm_forces(pose, quick, bucket, m.rate.z + i.articulation_rate, load.payload, p.arm, p.bucket)
     push = push_of(i, load, p)
     doubt = doubt_of(i, moments, along, load, push, arm, pose, p)
     balanced = balance(i, m, a, front, push, moved, x, trail, lean_of_loads, joint, p)
