@@ -11,6 +11,7 @@ from deploy.c.tables import Received, constant, numbered, real, rows
 from ecu.calibration import Calibration
 from ecu.detection import layout
 from ecu.detection.live import MESSAGE_PLACES, REPLACED_S, rules_of
+from ecu.detection.machine import HALF_CYCLE
 from ecu.detection.noise import makes_of
 from ecu.watched import LIFT, NAMES, TILT
 
@@ -30,7 +31,7 @@ def detection_constants(inputs: Sequence[Received]) -> str:
         "/* Fault detection: the signals that it watches, and places in its arrays */\n"
         + "".join(found)
         + f"#define WATCHED_INPUTS {watched:#x}ULL\n#define WATCHED_POSE {pose:#x}U\n"
-        + f"#define DETECTION_REPLACED {real(REPLACED_S)}\n"
+        + f"#define DETECTION_REPLACED {real(REPLACED_S - HALF_CYCLE)} /* s, to the nearest cycle */\n"
     )
 
 

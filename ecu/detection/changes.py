@@ -21,7 +21,7 @@ from ecu.detection.layout import (
     SPOILED,
     TOLERANCE,
 )
-from ecu.detection.machine import NOTHING
+from ecu.detection.machine import NOTHING, over
 from ecu.watched import TORQUE
 
 Floats = NDArray[np.float64]
@@ -49,7 +49,7 @@ def remembered(m: Floats, bound: Floats, rules: Floats, state: Floats, dt: float
         elif bound[j] < NOTHING:
             state[PRESENT, C_BOUND + axle] = bound[j] - rules[TOLERANCE, j] + rules[NOISE, j]
     state[RECENT, C_TIME] += dt
-    if state[RECENT, C_TIME] >= HELD:
+    if over(state[RECENT, C_TIME], HELD):
         for i in range(C_TIME):
             state[EARLIER, i] = state[RECENT, i]
             state[RECENT, i] = state[PRESENT, i]

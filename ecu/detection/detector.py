@@ -33,7 +33,7 @@ from ecu.detection.layout import (
     UNDECIDED,
     WIDTH,
 )  # fmt: skip
-from ecu.detection.machine import NOTHING
+from ecu.detection.machine import NOTHING, over
 from ecu.detection.residuals import residuals
 from ecu.detection_rules import Tolerances
 from ecu.estimators.parameters import Parameters
@@ -98,9 +98,9 @@ def aged(sensitive: Floats, state: Floats, bound: Floats, r: Floats, dt: float) 
             for j in range(RESIDUALS):
                 if sensitive[j, k] != 0.0 and bound[j] < NOTHING and abs(r[j]) > bound[j]:
                     state[SINCE, k] = 0.0
-            if state[SINCE, k] > QUIET:
+            if over(state[SINCE, k], QUIET):
                 state[FAULTY, k], state[MODE, k] = 0.0, SOUND
-        elif mode == BY_JUMP and state[SINCE, k] > LONGEST:
+        elif mode == BY_JUMP and over(state[SINCE, k], LONGEST):
             if k == YAW_RATE:  # the offset is believed from now on, but the machine does not turn faster now
                 state[FILTERS, F_LAST_YAW] += state[JUMPED, k]
             state[FAULTY, k], state[MODE, k], state[JUMPED, k] = 0.0, SOUND, 0.0

@@ -53,7 +53,7 @@ from ecu.detection.layout import (
     WAITING,
     YAW_STEERING,
 )  # fmt: skip
-from ecu.detection.machine import NOTHING, OBSERVED, effective_radius, machine_mass
+from ecu.detection.machine import NOTHING, OBSERVED, effective_radius, machine_mass, over, remaining
 from ecu.estimators.parameters import GRAVITY, Parameters
 from ecu.watched import (
     ANGLE,
@@ -153,14 +153,14 @@ def test(
     """One step of every sequential test; returns how many have fired and are not explained by a known fault."""
     fired = 0
     for j in range(RESIDUALS):
-        spoiled = state[FILTERS, F_WARM] < RECOVERY
+        spoiled = not over(state[FILTERS, F_WARM], RECOVERY)
         for k in range(COUNT):
             if sensitive[j, k] != 0.0 and (state[FAULTY, k] != 0.0 or usable[k] == 0.0):
                 spoiled = True
         if spoiled:
             state[SPOILED, j] = RECOVERY
         elif state[SPOILED, j] > 0.0:
-            state[SPOILED, j] -= dt
+            state[SPOILED, j] = remaining(state[SPOILED, j], dt)
             spoiled = True
         if spoiled:
             state[UP, j] = state[DOWN, j] = state[FIRED, j] = state[MEAN, j] = 0.0
@@ -229,7 +229,7 @@ def isolate(fired: int, sensitive: Floats, rules: Floats, state: Floats, bound: 
         state[WAITING, 0] = 0.0
         return 0
     state[WAITING, 0] += dt
-    if state[WAITING, 0] < WINDOW:
+    if not over(state[WAITING, 0], WINDOW):
         return 0
     state[WAITING, 0] = 0.0
     left = np.empty(COUNT)

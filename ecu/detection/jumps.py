@@ -43,7 +43,7 @@ from ecu.detection.layout import (
     THRESHOLD,
     TREND,
 )  # fmt: skip
-from ecu.detection.machine import NOTHING, STANDING
+from ecu.detection.machine import NOTHING, STANDING, over
 from ecu.watched import (
     ANGLE,
     COUNT,
@@ -233,7 +233,7 @@ def suspected(k: int, message: Integers, rules: Floats, state: Floats, dt: float
             state[JUMPED, k] = 0.0
         return 0
     state[SUSPECTED, k] += dt
-    if state[SUSPECTED, k] < EXPLAINED:
+    if not over(state[SUSPECTED, k], EXPLAINED):
         return 0
     state[SUSPECTED, k] = state[LARGEST, k] = 0.0
     state[FAULTY, k] = 1.0

@@ -33,6 +33,7 @@ from ecu.detection.layout import (
     SUSPECTED,
     UNDECIDED,
 )  # fmt: skip
+from ecu.detection.machine import HALF_CYCLE
 from ecu.detection.rules import height_for, rules_array
 from ecu.findings import EstimatorFailed, FaultFound
 from ecu.inputs import GROUP_OF, OUTSIDE_ESTIMATES, CycleInputs
@@ -186,7 +187,7 @@ class Detection:
             place = PLACE[name]
             jumped, since = self._state[JUMPED, place], self._state[SINCE, place]
             away = abs(jumped) > self._rules[JUMP, place] / 2.0
-            if self._state[MODE, place] == BY_JUMP and since < REPLACED_S:
+            if self._state[MODE, place] == BY_JUMP and since < REPLACED_S - HALF_CYCLE:
                 found[name] = self._samples[place] - (jumped if away else 0.0)
             elif place in (LIFT, TILT) and not faulty & ({*_PRESSURES} - {name} | _POSE):
                 couple = self._state[FILTERS, F_COUPLE]

@@ -19,6 +19,25 @@ STANDING: Final = 0.1
 """Below this speed a wheel may be held by its brake [rad/s]: its torque signal then lacks the brake, and it uses all of its grip."""
 OBSERVED: Final = 1.0
 """Time in which an angle's observer forgets [s]."""
+HALF_CYCLE: Final = 0.005
+"""Half a cycle of the ECU [s]."""
+
+
+@compiled
+def over(time: float, limit: float) -> bool:
+    """Whether a time that adds up from cycle to cycle has reached its limit [s], to the nearest cycle.
+
+    Limits are whole cycles. Compared to the last bit, the rounding of the sum would say in which cycle one is reached, and
+    single precision would have another answer than double.
+    """
+    return time > limit - HALF_CYCLE
+
+
+@compiled
+def remaining(time: float, dt: float) -> float:
+    """What one more cycle leaves of a time that runs down [s]: 0 from the nearest cycle on."""
+    left = time - dt
+    return left if left > HALF_CYCLE else 0.0
 
 
 @compiled

@@ -50,7 +50,15 @@ from ecu.detection.layout import (
     TRACTION,
     UPWARDS,
 )  # fmt: skip
-from ecu.detection.machine import NOTHING, OBSERVED, STANDING, effective_radius, follow, machine_mass
+from ecu.detection.machine import (
+    NOTHING,
+    OBSERVED,
+    STANDING,
+    effective_radius,
+    follow,
+    machine_mass,
+    remaining,
+)
 from ecu.detection.motion import Motion, motion
 from ecu.detection.wheels import Wheels, speed_pairs, wheel_speeds, yaw_by_steering
 from ecu.detection_rules import Tolerances
@@ -149,7 +157,7 @@ def premises(w: Wheels, q: Motion, state: Floats, dt: float, bound: Floats) -> N
         if silent:
             state[PAUSED, j] = FORGOTTEN
         elif state[PAUSED, j] > 0.0:
-            state[PAUSED, j] -= dt
+            state[PAUSED, j] = remaining(state[PAUSED, j], dt)
         if state[PAUSED, j] > 0.0:
             bound[j] = NOTHING
 

@@ -17,6 +17,7 @@ from hil.ending import Ending
 from hil.runs import run_lockstep
 from tests.deploy.c.building import compiler
 from tests.deploy.c.conftest import CALIBRATION
+from tests.deploy.c.ecu_build import BuiltEcu
 from tests.deploy.c.random_drives import RandomDrive
 from tests.deploy.c.test_core import SCENARIOS
 
@@ -67,6 +68,27 @@ def test_random_drives_with_wild_signals_have_the_same_faults():
     modes = modes_of(found)
     assert {Mode.NOT_RESPONDING, Mode.RATE_OF_CHANGE, Mode.ROOT_CAUSE_NOT_KNOWN} <= modes.keys()
     assert modes.keys() & set(DRIFTED)
+
+
+@pytest.mark.parametrize(("seed", "frames"), [(13, 5_000), (57, 8_000)])
+def test_in_single_precision_it_decides_in_the_same_cycle(ecu_single, seed, frames):
+    """Drives in which the steering lines' pressures cross: a cycle later the other one is the lower one, and is taken for faulty.
+
+    Times that ended by the rounding of their sum left the ECU running where Python's was degraded, for up to 5 s.
+    """
+    python, c = PYTHON.ecu(CALIBRATION, detect_faults=True), BuiltEcu(ecu_single, detect_faults=True)
+    found, theirs, ours = [], [], []
+    for frame, now in RandomDrive(CALIBRATION, seed).calls(frames):
+        if frame is not None:
+            python.receive(frame, now)
+            c.receive(frame, now)
+        else:
+            found += python.tick(now).findings
+            c.tick(now)
+            theirs.append(python.state)
+            ours.append(c.state)
+    assert modes_of(found)
+    assert ours == theirs
 
 
 def test_off_it_finds_no_fault():
