@@ -44,9 +44,10 @@ from ecu.estimators.quantities import NormalForces, Vector, WheelForces
 from ecu.estimators.signals import Estimates, Inputs
 from ecu.estimators.stability import permitted, permitted_levers, prediction, rollover, steady, turning
 from ecu.estimators.stability.levers import MOTIONS, Levers, demanded
-from ecu.estimators.stability.prediction import Prediction, PredictionState
+from ecu.estimators.stability.prediction import Prediction
 from ecu.estimators.stability.rollover import LoadedMachine, Margin
 from ecu.estimators.stability.start import MOST, felt, within
+from ecu.estimators.stability.step import PredictionState
 from ecu.estimators.state import State
 from ecu.estimators.tyres import contact
 from ecu.estimators.tyres.contact import Followed, Tilt
@@ -267,21 +268,48 @@ def predict_and_permit(
 
     motion: of the levers, the one whose limit is looked for.
     """
-    g, rules, rate = machine.geometry, machine.prediction, start.articulation_rate
-    asked = prediction.with_demand(start, min(max(start.demanded_rate, -rate_limit), rate_limit))
-    ahead = prediction.predict(asked, rules.demand_hold, 0.0, machine)
-    turned = start.articulation_angle + rate * rules.limit_hold
-    turned = min(max(turned, -g.articulation_stop), g.articulation_stop)
-    direction = 1.0 if start.speed >= 0.0 else -1.0
-    speed = permitted.permitted_speed(turned, start.ground, direction, machine)
+    asked = asked_of(start, rate_limit)
+    ahead = prediction.predict(asked, machine.prediction.demand_hold, 0.0, machine)
     return Future(
         ahead,
         permitted.permitted_rate(start, machine),
-        math.copysign(1.0, start.demanded_rate) if start.demanded_rate != 0.0 else 0.0,
-        permitted.limit_for(speed, start.ground, direction, machine),
+        asked_direction(start),
+        speed_limit(start, machine),
         permitted_levers.permitted_lever(asked, motion, ahead.margin, machine),
         float(motion),
     )
+
+
+@compiled
+def asked_of(start: PredictionState, rate_limit: float) -> PredictionState:
+    """The start with the articulation rate that is demanded and permitted [rad/s]."""
+    return prediction.with_demand(start, min(max(start.demanded_rate, -rate_limit), rate_limit))
+
+
+@compiled
+def asked_direction(start: PredictionState) -> float:
+    """The direction that is demanded: +1 left, -1 right, 0 none."""
+    return math.copysign(1.0, start.demanded_rate) if start.demanded_rate != 0.0 else 0.0
+
+
+@compiled
+def speed_limit(start: PredictionState, machine: LoadedMachine) -> float:
+    """Limit of the speed [m/s] for the turn that the present articulation rate leads to."""
+    direction = travel(start)
+    speed = permitted.permitted_speed(turn_ahead(start, machine), start.ground, direction, machine)
+    return permitted.limit_for(speed, start.ground, direction, machine)
+
+
+@compiled
+def turn_ahead(start: PredictionState, machine: LoadedMachine) -> float:
+    """Articulation angle [rad] that the present rate leads to."""
+    return permitted.turned_to(start, start.articulation_rate, machine)
+
+
+@compiled
+def travel(start: PredictionState) -> float:
+    """+1 forward, -1 reverse."""
+    return 1.0 if start.speed >= 0.0 else -1.0
 
 
 @compiled

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from ecu.estimators.compiled import inlined
 from ecu.estimators.joint import Joint
 from ecu.estimators.parameters import GRAVITY, Body, Geometry, Wheel
-from ecu.estimators.tyres import tyre
+from ecu.estimators.tyres.tyre import sideways
 
 
 class Steering(NamedTuple):
@@ -52,7 +52,7 @@ def side_force(along: float, across: float, load: float, dt: float, wheel: Wheel
     step `dt` [s] it is that of the secant: a sliding tyre has no tangent to stop it from overshooting.
     """
     forward = max(abs(along), wheel.low_speed)
-    force = tyre.sideways(-across / forward, load, wheel)
+    force = sideways(-across / forward, load, wheel)
     steepest = -wheel.cornering_stiffness * max(load, 0.0) / forward
     if abs(across) * load > abs(force) * GRAVITY * dt:
         used = wheel.cornering_stiffness / (3.0 * wheel.lateral_peak) * abs(across) / forward

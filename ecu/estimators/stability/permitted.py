@@ -7,10 +7,11 @@ heading that it reaches within `turn_ahead`, at the speed that is left there. IS
 
 from ecu.estimators.compiled import compiled
 from ecu.estimators.quantities import Vector
-from ecu.estimators.stability.prediction import PredictionState, predict, with_demand
+from ecu.estimators.stability.prediction import predict, with_demand
 from ecu.estimators.stability.rollover import LoadedMachine
 from ecu.estimators.stability.search import goes_on, narrowed, next_trial, over
 from ecu.estimators.stability.steady import least_margin, steady_turns
+from ecu.estimators.stability.step import PredictionState
 
 TRANSIENT = 0.05
 """Margin that recovery may cost on its way: turning back accelerates the front unit sideways, and turns between here and a better one
@@ -116,10 +117,17 @@ def permitted_rate(start: PredictionState, machine: LoadedMachine) -> float:
     Without a demand the direction that tightens the turn is taken. Where even holding the angle violates a floor, a
     rate that leads out is permitted, and no other: to refuse it would keep the machine where it is about to tip over.
     """
+    high = machine.prediction.largest_rate
+    if keeps_margins(start, demanded_direction(start) * high, machine):
+        return high
+    return searched_rate(start, machine)
+
+
+@compiled
+def searched_rate(start: PredictionState, machine: LoadedMachine) -> float:
+    """`permitted_rate` where the largest one does not keep the margins."""
     rules, direction = machine.prediction, demanded_direction(start)
     low, high = 0.0, rules.largest_rate
-    if keeps_margins(start, direction * high, machine):
-        return high
     # to the end, because recovery compares with them
     after_hold = margin_after(NONE, start, 0.0, machine)
     held = predict(with_demand(start, 0.0), rules.limit_hold, NONE, machine).margin

@@ -22,9 +22,10 @@ from ecu.estimators.stability.levers import (
     with_motion,
 )
 from ecu.estimators.stability.permitted import BETTER, NONE, TRANSIENT
-from ecu.estimators.stability.prediction import PredictionState, predict, with_levers
+from ecu.estimators.stability.prediction import predict, with_levers
 from ecu.estimators.stability.rollover import LoadedMachine, posed, share_lost
-from ecu.estimators.stability.steady import least_margin, steady_turns
+from ecu.estimators.stability.steady import SteadyTurns, least_margin, steady_turns
+from ecu.estimators.stability.step import PredictionState
 
 AMPLE = 0.25
 """Margin above the floor that a motion's estimated cost has to leave, so that it is permitted in full without a prediction.
@@ -83,14 +84,20 @@ def largest_loss(start: PredictionState, motion: int, machine: LoadedMachine) ->
 @compiled
 def margin_after(floor: float, start: PredictionState, levers: Levers, m: LoadedMachine) -> float:
     """Least margin of the present turn in the pose that these demands lead to while a limit holds; floor: as of `least_margin`."""
+    # the margins stay shares of what the wheels carry now
+    return least_margin(floor, start.speed, turns_after(start, levers, m), start.ground, m)
+
+
+@compiled
+def turns_after(start: PredictionState, levers: Levers, m: LoadedMachine) -> SteadyTurns:
+    """Steady turns at the present angle in the pose that these demands lead to while a limit holds."""
     lift = Turning(levers.lift_angle, levers.lift_rate, 0.0, 0.0)
     tilt = Turning(levers.tilt_angle, levers.tilt_rate, 0.0, 0.0)
     share = share_followed(DRIVEN_STEP, m.drive)
     for _ in range(int(m.prediction.limit_hold / DRIVEN_STEP + 0.5)):
         lift, tilt = driven(lift, tilt, levers, True, DRIVEN_STEP, share, m.drive)
     then = posed(m, lift.angle, tilt.angle)
-    turns = steady_turns(start.articulation_angle, start.ground.z, then)
-    return least_margin(floor, start.speed, turns, start.ground, then)
+    return steady_turns(start.articulation_angle, start.ground.z, then)
 
 
 @compiled
@@ -163,11 +170,24 @@ def permitted_lever(start: PredictionState, motion: int, margin: float, m: Loade
     margin: the smallest predicted one without this motion. Where even the arm's rest violates a floor only a rate that
     helps is permitted.
     """
+    high = largest(motion, m.drive)
+    if leaves_ample(start, motion, margin, m) or keeps_with_lever(start, motion, high, m):
+        return high
+    return searched_lever(start, motion, m)
+
+
+@compiled
+def leaves_ample(start: PredictionState, motion: int, margin: float, m: LoadedMachine) -> bool:
+    """Whether the full motion's estimated cost leaves AMPLE of the margin that is predicted without it."""
+    rules = m.prediction
+    left = margin - largest_loss(start, motion, m) - rules.margin_floor
+    return min(left, margin - rules.turn_floor) > AMPLE
+
+
+@compiled
+def searched_lever(start: PredictionState, motion: int, m: LoadedMachine) -> float:
+    """`permitted_lever` where the full rate does not keep the margins."""
     rules, low, high = m.prediction, 0.0, largest(motion, m.drive)
-    if min(margin - largest_loss(start, motion, m) - rules.margin_floor, margin - rules.turn_floor) > AMPLE:
-        return high
-    if keeps_with_lever(start, motion, high, m):
-        return high
     rest = with_motion(start.levers, motion, 0.0)
     after_rest = margin_after(NONE, start, rest, m)
     rested = predict(with_levers(start, rest), rules.limit_hold, NONE, m).margin

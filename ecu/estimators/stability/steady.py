@@ -18,8 +18,6 @@ from ecu.estimators.tyres.contact import Tilt, tilt_of
 
 TURN_STEP = 0.5
 """Time between two judged headings [s]: at 0.3 g and 10 km/h the machine turns by 30 degrees in it."""
-LEANING = 2
-"""Iterations for the lean of a steady turn, which depends on the loads that it changes: each leaves a fifth of the error."""
 
 
 class SteadyTurns(NamedTuple):
@@ -97,12 +95,17 @@ def steady_forces(
     speed: [m/s], reverse negative; rate: of yaw [rad/s]; ground: specific force of rest in axes of the ground [m/s2].
     """
     upright = with_more(with_more(turns.rest, rate * rate, turns.squared), speed * rate, turns.inward)
-    gravity, forces = ground, upright
-    for k in range(LEANING + 1):
-        forces = with_more(with_more(upright, gravity.x, turns.ahead), gravity.y, turns.aside)
-        if k < LEANING:
-            gravity = leaned(ground, tilt_of(forces, turns.joint, m.wheel, m.geometry))
-    return forces
+    # The lean depends on the loads that it changes; each of the two iterations leaves a fifth of the error. Written out, because a
+    # loop here would keep `turn_lanes` from its vectors.
+    hard = on_slope(upright, ground, turns)
+    once = on_slope(upright, leaned(ground, tilt_of(hard, turns.joint, m.wheel, m.geometry)), turns)
+    return on_slope(upright, leaned(ground, tilt_of(once, turns.joint, m.wheel, m.geometry)), turns)
+
+
+@compiled
+def on_slope(upright: NormalForces, gravity: Vector, turns: SteadyTurns) -> NormalForces:
+    """Loads of a turn with its weight square to the ground, and what this specific force of rest [m/s2] adds to them."""
+    return with_more(with_more(upright, gravity.x, turns.ahead), gravity.y, turns.aside)
 
 
 @compiled
@@ -113,16 +116,27 @@ def least_margin(
 
     It slows down by `braking`, uphill by more and downhill by less. No heading is computed after one below `floor`.
     """
-    prediction, grip = machine.prediction, machine.wheel.lateral_peak
     direction = 1.0 if speed >= 0.0 else -1.0
     here, least = ground, 1e9
-    for _ in range(int(prediction.turn_ahead / TURN_STEP + 0.5) + 1):
-        rate = within_grip(speed * turns.curvature, speed, grip)
+    for _ in range(headings_of(machine)):
+        rate = within_grip(speed * turns.curvature, speed, machine.wheel.lateral_peak)
         least = min(least, margin(steady_forces(speed, rate, turns, here, machine), machine.standing).ratio)
         # a machine that does not turn keeps its heading, and its loads with it
         if least < floor or rate == 0.0:
             return least
-        slower = max(prediction.braking + direction * here.x, 0.0) * TURN_STEP
-        speed = direction * max(abs(speed) - slower, 0.0)
+        speed = slowed(speed, direction, here, machine)
         here = turned_gravity(here, rate * TURN_STEP)
     return least
+
+
+@compiled
+def headings_of(machine: LoadedMachine) -> int:
+    """Headings that are judged in a turn, the present one included."""
+    return int(machine.prediction.turn_ahead / TURN_STEP + 0.5) + 1
+
+
+@compiled
+def slowed(speed: float, direction: float, here: Vector, machine: LoadedMachine) -> float:
+    """Speed [m/s] at the next heading; direction: +1 forward, -1 reverse; here: specific force of rest at this one [m/s2]."""
+    slower = max(machine.prediction.braking + direction * here.x, 0.0) * TURN_STEP
+    return direction * max(abs(speed) - slower, 0.0)

@@ -15,7 +15,7 @@ from ecu.estimators.compiled import compiled
 from ecu.estimators.joint import Joint
 from ecu.estimators.parameters import Contact, Geometry, Wheel
 from ecu.estimators.quantities import NormalForces
-from ecu.estimators.tyres import tyre
+from ecu.estimators.tyres.tyre import deflection, radial_stiffness
 
 FORESEEN = 15.0
 """The prior of the gyro's bias, zero, weighs as much as this many cycles of measurement."""
@@ -48,9 +48,9 @@ def springs(forces: NormalForces, wheel: Wheel) -> Springs:
     """Stiffness of the tyres under their loads; that of a lifted one is what it begins with."""
     rear = (forces.rear_left + forces.rear_right) / 2.0
     return Springs(
-        tyre.radial_stiffness(forces.front_left, wheel.front_stiffening, wheel),
-        tyre.radial_stiffness(forces.front_right, wheel.front_stiffening, wheel),
-        tyre.radial_stiffness(rear, wheel.rear_stiffening, wheel),
+        radial_stiffness(forces.front_left, wheel.front_stiffening, wheel),
+        radial_stiffness(forces.front_right, wheel.front_stiffening, wheel),
+        radial_stiffness(rear, wheel.rear_stiffening, wheel),
     )
 
 
@@ -59,11 +59,11 @@ def tilt_of(forces: NormalForces, joint: Joint, wheel: Wheel, geometry: Geometry
     """The tilt at which the tyres carry these loads."""
     c, s = joint.cosine, joint.sine
     lf, lr = geometry.front_length, geometry.rear_length
-    left = tyre.deflection(forces.front_left, wheel.front_stiffening, wheel)
-    right = tyre.deflection(forces.front_right, wheel.front_stiffening, wheel)
+    left = deflection(forces.front_left, wheel.front_stiffening, wheel)
+    right = deflection(forces.front_right, wheel.front_stiffening, wheel)
     mean = (forces.rear_left + forces.rear_right) / 2.0
     across = (right - left) / geometry.front_track
-    along = (left + right) / 2.0 - tyre.deflection(mean, wheel.rear_stiffening, wheel)
+    along = (left + right) / 2.0 - deflection(mean, wheel.rear_stiffening, wheel)
     base = lf + lr * c
     roll = ((lr + lf * c) * across - s * along) / base
     return Tilt(roll, (lf * s * across + c * along) / base)

@@ -32,17 +32,10 @@ from ecu.estimators.stability.permitted_levers import (
     largest_loss,
     permitted_lever,
 )
-from ecu.estimators.stability.prediction import (
-    Bounce,
-    PredictionState,
-    bounced,
-    bouncing,
-    predict,
-    with_bounce,
-    with_levers,
-)
+from ecu.estimators.stability.prediction import predict, with_levers
 from ecu.estimators.stability.rollover import loaded_machine, share_lost, steady_rate, support_of
 from ecu.estimators.stability.steady import steady_forces, steady_turns
+from ecu.estimators.stability.step import Bounce, PredictionState, bounced, bouncing, with_bounce
 from ecu.estimators.tyres.contact import Tilt, front_load_rate, shifted, springs
 
 P = load_calibration().parameters

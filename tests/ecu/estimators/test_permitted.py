@@ -23,9 +23,10 @@ from ecu.estimators.stability.permitted import (
     permitted_rate,
     permitted_speed,
 )
-from ecu.estimators.stability.prediction import PredictionState, predict, with_demand
+from ecu.estimators.stability.prediction import predict, with_demand
 from ecu.estimators.stability.rollover import loaded_machine, steady_rate, support_of
 from ecu.estimators.stability.steady import least_margin, steady_forces, steady_turns, turned_gravity
+from ecu.estimators.stability.step import PredictionState
 
 P = load_calibration().parameters
 G, LOCK = 9.81, 0.66

@@ -20,7 +20,7 @@ from ecu.estimators.parameters import GRAVITY, Body
 from ecu.estimators.quantities import NormalForces, Vector
 from ecu.estimators.signals import NEVER
 from ecu.estimators.stability.levers import Levers
-from ecu.estimators.stability.prediction import PredictionState, predict, with_demand
+from ecu.estimators.stability.prediction import predict, with_demand
 from ecu.estimators.stability.rollover import (
     front_load_transfer_ratio,
     load_transfer_ratio,
@@ -30,6 +30,7 @@ from ecu.estimators.stability.rollover import (
     support_of,
 )
 from ecu.estimators.stability.start import felt
+from ecu.estimators.stability.step import PredictionState
 
 unhurried = settings(deadline=None, max_examples=40)  # the first example compiles
 P = load_calibration().parameters

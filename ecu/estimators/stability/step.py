@@ -1,0 +1,260 @@
+"""One step of a prediction: articulation, speed, slide of the tyres, lift arm and bucket, the loads that follow.
+
+The same functions step one machine (`prediction.predict`) and many side by side (`lanes`). ISO 8855, joint origin, rear frame axes.
+"""
+
+import math
+from typing import NamedTuple
+
+from ecu.estimators.compiled import compiled, inlined
+from ecu.estimators.joint import Joint, joint_at, slight, turned
+from ecu.estimators.loads.arm_forces import NO_ARM_FORCES, arm_forces
+from ecu.estimators.loads.cog import front_unit_in, pose_of
+from ecu.estimators.loads.normal_force import Support, normal_forces
+from ecu.estimators.motion.arm import Turning
+from ecu.estimators.motion.planar import Steering, lateral_step
+from ecu.estimators.parameters import Geometry, LinkageDrive, PredictionRules
+from ecu.estimators.quantities import NormalForces, Vector
+from ecu.estimators.stability.levers import Levers, driven, share_followed
+from ecu.estimators.stability.rollover import LoadedMachine, loads_of, margin
+from ecu.estimators.stability.start import ASIDE, ASIDE_RATE, within
+
+
+class PredictionState(NamedTuple):
+    """The machine's motion and the driver's demand at the beginning of a prediction."""
+
+    articulation_angle: float  # [rad]
+    articulation_rate: float  # [rad/s]
+    demanded_rate: float  # articulation rate that the driver asks for [rad/s]
+    speed: float  # of the rear axle [m/s], reverse negative
+    acceleration: float  # of it, along the rear frame [m/s2]
+    gravity_x: float  # specific force of rest on this ground, rear axes [m/s2]
+    gravity_y: float
+    gravity_z: float
+    ground: Vector  # the same in axes of the ground, on which the machine leans [m/s2]
+    drift: float  # velocity of the joint to the left [m/s]
+    yaw_rate: float  # of the rear frame [rad/s]
+    front_load: float  # normal force of the front wheels together [N]
+    rear_load: float
+    support: float  # present support point along y [m]
+    support_rate: float  # [m/s]
+    front_load_rate: float  # of both front wheels by the pitch on the tyres; the rear ones lose it [N/s]
+    levers: Levers  # lift arm and bucket, and what is demanded of them
+
+
+class Bounce(NamedTuple):
+    """How far the loads of the axles are from the quasi-static ones, and how fast that changes."""
+
+    front: float  # [N]
+    front_rate: float  # [N/s]
+    rear: float
+    rear_rate: float
+    front_load: float  # the quasi-static ones of the step before [N]
+    rear_load: float
+
+
+STILL = Bounce(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""The tyres carry what rests on them."""
+
+
+@inlined
+def bouncing(forces: NormalForces, front: float, rear: float, front_rate: float) -> Bounce:
+    """How the axles swing now; front, rear: their loads [N], beside the quasi-static `forces`; front_rate: of the front ones [N/s].
+
+    Without the rate an arm that has just started looks as if the swing that it began were over.
+    """
+    ahead, behind = forces.front_left + forces.front_right, forces.rear_left + forces.rear_right
+    return Bounce(front - ahead, front_rate, rear - behind, -front_rate, ahead, behind)
+
+
+@inlined
+def bounced(b: Bounce, forces: NormalForces, dt: float, m: LoadedMachine) -> Bounce:
+    """The axles' loads `dt` [s] later, on tyres that give way: they follow the quasi-static `forces` as the pitch mode does.
+
+    An arm that starts in a tenth of a second is faster than the tyres: they see part of the push, and swing after it.
+    """
+    ahead, behind = forces.front_left + forces.front_right, forces.rear_left + forces.rear_right
+    square = m.pitch_frequency * m.pitch_frequency
+    damping = 2.0 * m.prediction.roll_damping * m.pitch_frequency
+    f, r = b.front - (ahead - b.front_load), b.rear - (behind - b.rear_load)
+    front_rate = b.front_rate - (square * f + damping * b.front_rate) * dt
+    rear_rate = b.rear_rate - (square * r + damping * b.rear_rate) * dt
+    return Bounce(f + front_rate * dt, front_rate, r + rear_rate * dt, rear_rate, ahead, behind)
+
+
+@inlined
+def with_bounce(n: NormalForces, b: Bounce) -> NormalForces:
+    """Both wheels of an axle swing alike."""
+    front, rear = b.front / 2.0, b.rear / 2.0
+    return NormalForces(
+        n.front_left + front, n.front_right + front, n.pivot + b.rear, n.rear_left + rear, n.rear_right + rear
+    )
+
+
+@inlined
+def steered(
+    rate: float,
+    target: float,
+    angle: float,
+    share: float,
+    dt: float,
+    geometry: Geometry,
+    prediction: PredictionRules,
+) -> float:
+    """Articulation rate after `dt` [s]: it follows the target with the steering's lag (`share` of the way in
+    a step), no faster than the steering can, and fades as the cushion of the end stop makes it."""
+    follow = (target - rate) * share
+    most = prediction.steering_acceleration * dt
+    then = rate + min(max(follow, -most), most)
+    left = geometry.articulation_stop - abs(angle)
+    if then * angle > 0.0:
+        cushioned = max(left, 0.0) / prediction.cushion
+        then = min(max(then, -cushioned), cushioned)
+    return then
+
+
+class Rates(NamedTuple):
+    """What is the same in every step of a prediction."""
+
+    step: float  # [s]
+    fade: float  # of the longitudinal acceleration in a step
+    steering_share: float  # of the way to its demand that the articulation rate goes in a step
+    drive_share: float  # ... and the rates of lift arm and bucket
+
+
+@compiled
+def rates_of(prediction: PredictionRules, drive: LinkageDrive) -> Rates:
+    """The rates of this machine's steps."""
+    dt = prediction.step
+    return Rates(
+        dt,
+        math.exp(-dt / prediction.acceleration_memory),
+        1.0 - math.exp(-dt / prediction.steering_lag),
+        share_followed(dt, drive),
+    )
+
+
+class Course(NamedTuple):
+    """The machine within a prediction, and the least margin so far."""
+
+    joint: Joint  # the articulation
+    rate: float  # [rad/s]
+    speed: float  # [m/s]
+    acceleration: float  # [m/s2]
+    drift: float  # [m/s]
+    yaw: float  # rate [rad/s]
+    front_load: float  # [N]
+    rear_load: float
+    gravity_x: float  # [m/s2]
+    gravity_y: float
+    offset: float  # of the support point from the quasi-static one [m]
+    support_rate: float  # [m/s]
+    before: float  # the quasi-static support point of the step before [m]
+    lift: Turning
+    tilt: Turning
+    pivot: Joint  # of the lift arm
+    pin: Joint  # of the bucket
+    bounce: Bounce
+    forces: NormalForces
+    worst: float  # smallest margin so far
+    lifting: float  # the wheel of that margin
+
+
+@compiled
+def course_from(start: PredictionState, standing: NormalForces, carried: float) -> Course:
+    """The machine before the first step; standing: its loads at rest [N]; carried: tilt angle of the bucket as carried [rad]."""
+    levers = start.levers
+    return Course(
+        joint_at(start.articulation_angle), start.articulation_rate, start.speed, start.acceleration, start.drift,
+        start.yaw_rate, start.front_load, start.rear_load, start.gravity_x, start.gravity_y,
+        0.0, within(start.support_rate, ASIDE_RATE), 0.0,
+        Turning(levers.lift_angle, levers.lift_rate, 0.0, levers.lift_angle),
+        Turning(levers.tilt_angle, levers.tilt_rate, 0.0, levers.tilt_angle),
+        joint_at(levers.lift_angle), joint_at(levers.tilt_angle - carried),
+        STILL, standing, 1e9, 0.0,
+    )  # fmt: skip
+
+
+@inlined
+def loaded(
+    c: Course,
+    first: bool,
+    held: bool,
+    arm_moves: bool,
+    start: PredictionState,
+    rates: Rates,
+    machine: LoadedMachine,
+) -> Course:
+    """The machine with the loads of this step.
+
+    first: whether nothing has been driven or steered yet; held: whether the demands still last; arm_moves: whether arm or bucket
+    moves or is to move.
+    """
+    geometry, prediction, dt, joint = machine.geometry, machine.prediction, rates.step, c.joint
+    damping = 2.0 * prediction.roll_damping * machine.roll_frequency
+    change, rate = 0.0, c.rate
+    if not first:
+        target = start.demanded_rate if held else 0.0
+        rate = steered(c.rate, target, joint.angle, rates.steering_share, dt, geometry, prediction)
+        change = (rate - c.rate) / dt
+    front, arm = machine.front, NO_ARM_FORCES
+    lift, tilt, pivot, pin, bounce = c.lift, c.tilt, c.pivot, c.pin, c.bounce
+    if arm_moves:
+        if not first:
+            lift, tilt = driven(lift, tilt, start.levers, held, dt, rates.drive_share, machine.drive)
+            pivot, pin = turned(pivot, lift.angle), turned(pin, tilt.angle - machine.bucket.carried)
+        pose = pose_of(pivot, pin, machine.arm, machine.bucket)
+        if not first:
+            front = front_unit_in(pose, machine.payload, machine.frame, machine.arm, machine.bucket)
+        arm = arm_forces(pose, lift, tilt, c.yaw + rate, machine.payload, machine.arm, machine.bucket)
+    steering = Steering(
+        joint, rate, change, c.speed, c.acceleration, c.gravity_x, c.gravity_y,
+        arm.x * joint.sine + arm.y * joint.cosine, arm.yawing,
+    )  # fmt: skip
+    slide = lateral_step(
+        c.drift, c.yaw, steering, c.front_load, c.rear_load, dt, front, machine.rear_unit, machine.wheel, geometry
+    )  # fmt: skip
+    loads = loads_of(
+        c.acceleration - c.yaw * c.drift, slide.drift_change + c.yaw * c.speed, c.yaw, slide.yaw_change, joint, rate,
+        change, Vector(c.gravity_x, c.gravity_y, start.gravity_z), front, machine.rear, machine.axle, geometry, arm,
+    )  # fmt: skip
+    # the roll mode answers to changes of the quasi-static support point
+    offset, support_rate = c.offset, c.support_rate
+    if first:
+        offset = within(start.support, ASIDE) - loads.support.y
+    else:
+        offset -= loads.support.y - c.before
+        support_rate += (
+            -machine.roll_frequency * machine.roll_frequency * offset - damping * support_rate
+        ) * dt
+        offset += support_rate * dt
+    support = Support(loads.support.load, loads.support.x, loads.support.y + offset)
+    forces = normal_forces(support, joint, loads.axle_load, loads.axle_moment, geometry)
+    if arm_moves:
+        if first:
+            bounce = bouncing(forces, c.front_load, c.rear_load, start.front_load_rate)
+        else:
+            bounce = bounced(bounce, forces, dt, machine)
+        forces = with_bounce(forces, bounce)
+    now = margin(forces, machine.standing)
+    less = now.ratio < c.worst
+    return Course(
+        joint, rate, c.speed, c.acceleration, slide.drift, slide.yaw_rate,
+        forces.front_left + forces.front_right, forces.rear_left + forces.rear_right, c.gravity_x, c.gravity_y,
+        offset, support_rate, loads.support.y, lift, tilt, pivot, pin, bounce, forces,
+        now.ratio if less else c.worst, now.wheel if less else c.lifting,
+    )  # fmt: skip
+
+
+@inlined
+def moved_on(c: Course, rates: Rates, stop: float) -> Course:
+    """The machine a step later, before its loads are known; stop: largest articulation angle [rad]."""
+    dt = rates.step
+    cosine, sine = slight(c.yaw * dt)
+    faster = c.speed + c.acceleration * dt
+    return Course(
+        turned(c.joint, min(max(c.joint.angle + c.rate * dt, -stop), stop)), c.rate,
+        faster if faster * c.speed > 0.0 else 0.0, c.acceleration * rates.fade, c.drift, c.yaw,
+        c.front_load, c.rear_load, c.gravity_x * cosine + c.gravity_y * sine, c.gravity_y * cosine - c.gravity_x * sine,
+        c.offset, c.support_rate, c.before, c.lift, c.tilt, c.pivot, c.pin, c.bounce, c.forces, c.worst, c.lifting,
+    )  # fmt: skip

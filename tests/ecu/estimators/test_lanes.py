@@ -1,0 +1,67 @@
+"""Predictions and turns side by side in vectors: the same numbers as one after the other, whatever the machine does."""
+
+import numpy as np
+import pytest
+
+from ecu.calibration import load_calibration
+from ecu.estimators import columns
+from ecu.estimators.columns import estimate_columns
+from ecu.estimators.live import LiveEstimator
+from ecu.estimators.signals import NEVER, Estimates, Inputs
+from tests.ecu.estimators.test_estimators import drive
+
+P = load_calibration().parameters
+ROWS = 768
+
+
+def violent(seed):
+    """A drive whose rows are thrown about one by one: levers, hard steering, slopes, loads beyond those of any machine."""
+    rng = np.random.default_rng(seed)
+    table, names = drive(ROWS, seed), Inputs._fields
+    for name in names:
+        if not name.endswith(("usable", "limit")) and name != "dt":
+            column = names.index(name)
+            size = np.abs(table[:, column]).max()
+            thrown = rng.random(ROWS) < 0.2
+            table[thrown, column] += rng.standard_normal(thrown.sum()) * size
+    # levers at rest in a third of the rows
+    for name, size in {"articulation_rate_demand": 0.8, "lift_demand": 1.0, "tilt_demand": 1.0}.items():
+        table[:, names.index(name)] = size * rng.uniform(-1, 1, ROWS) * (rng.random(ROWS) < 0.67)
+    # a bank on which no turn is permitted at any speed
+    table[-ROWS // 8 :, names.index("roll")] += 0.6
+    for name in ("lift_up_limit", "lift_down_limit", "tilt_back_limit", "tilt_forward_limit"):
+        table[:, names.index(name)] = 1.0
+    return table
+
+
+def test_side_by_side_gives_the_bits_of_one_by_one(monkeypatch):
+    """Rates, levers and speeds that are permitted in full, in part and not at all; wheels that lift, and none that does."""
+    monkeypatch.setattr(columns, "BLOCK", 128)
+    table = np.vstack([violent(seed) for seed in (1, 2)])
+    live = LiveEstimator(P, "corrected")
+    expected = np.array([live.estimate(Inputs(*row.tolist())) for row in table])
+    for cores in (1, 2):
+        np.testing.assert_array_equal(estimate_columns(table, P, cores=cores), expected)
+    found = Estimates(*expected.T)
+    for permitted, largest in (
+        (found.permitted_rate, P.prediction.largest_rate),
+        (found.permitted_speed, None),
+    ):
+        most = permitted.max() if largest is None else largest
+        assert (permitted == 0.0).any()
+        assert (permitted == most).any()
+        assert ((permitted > 0.0) & (permitted < most)).any()
+    assert len(np.unique(found.permitted_lever)) > 8
+    assert (found.time_to_lift_off == NEVER).any()
+    assert len(np.unique(found.time_to_lift_off)) > 8
+    assert len(np.unique(found.lifting_wheel)) == 4
+
+
+def test_a_division_by_zero_in_a_lane_is_raised(monkeypatch):
+    """A cushion of no time divides by zero in every step of a prediction; a vector gives infinity, which a bound would hide."""
+    monkeypatch.setattr(columns, "BLOCK", 128)
+    stiff = P._replace(prediction=P.prediction._replace(cushion=0.0))
+    table = violent(3)
+    for rows in (table[:4], table):  # one by one, and side by side
+        with pytest.raises(ZeroDivisionError):
+            estimate_columns(rows, stiff, cores=1)
