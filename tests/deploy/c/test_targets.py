@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import random
 import re
 import shutil
 import signal
@@ -23,7 +24,7 @@ from deploy.c.replays import answers_of, frames_file
 from tests.bus.conftest import vcan  # noqa: F401
 from tests.bus.laws import collect
 from tests.bus.vcan import ip
-from tests.deploy.c.building import compiler
+from tests.deploy.c.building import build, compiler
 from tests.deploy.c.ecu_build import BuiltEcu
 from tests.deploy.c.test_ecu_in_c import moving
 from tests.ecu.machine import PERIOD_NS, FakeMachine
@@ -144,40 +145,85 @@ def test_help_opens_no_interface(linux_program):
     )
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ((), "usage: loader-ecu"),
-        (("--calibration", "l60", "can0"), "there is no option --calibration"),
-        (("can0", "--fifo"), "--fifo (nothing): it takes a priority of 1 to 99"),
-        (("can0", "--fifo", "100"), "--fifo 100: it takes"),
-        (("can0", "--fifo", "5x"), "--fifo 5x: it takes"),
-        (("can0", "--cpu", "-1"), "--cpu -1: it takes"),
-        (("can0", "--listen-s", "nan"), "--listen-s nan: it takes"),
-        (("--bus", "hub:/tmp/x"), "--bus hub:/tmp/x: it takes socketcan:INTERFACE"),
-        (("an-interface-name",), "at most 15 letters"),
-        (("can0", "--uds", "0x1"), "--uds 0x1: give two CAN identifiers"),
-        (("can0", "--uds", "0x1,0x40000000"), "give two CAN identifiers"),
-        (("can0", "--xcp", "-1,2"), "give two CAN identifiers"),
-        (("can0", "--xcp", "0x7,7"), "their frames would collide"),
-        (("can0", "--xcp", "0x600,0x601", "--uds", "0x601,0x602"), "share an identifier"),
-        (
-            ("can0", "--uds", f"0x600,{loader_database().by_name['Limits'].can_id & 0x1FFFFFFF:#x}"),
-            "of Limits",
-        ),
-        (("can0", "--j1939", "identity=1"), "a NAME needs manufacturer, as in identity=1,manufacturer=0"),
-        (("can0", "--j1939", "maker=1"), "a NAME has the fields identity, manufacturer,"),
-        (("can0", "--j1939", "identity=one,manufacturer=0"), "there is no whole number for identity"),
-        (("can0", "--j1939", "identity=1,manufacturer=2048"), "too large for manufacturer"),
-        (("can0", "--access-key", "/no/such/file"), "/no/such/file: cannot be read"),
-        (("can0", "--access-key", "/dev/null"), "a secret has 16 to 4096 bytes, this file 0"),
-    ],
+WRONG_OPTIONS = (
+    ((), "usage: loader-ecu"),
+    (("--calibration", "l60", "can0"), "there is no option --calibration"),
+    (("can0", "--fifo"), "--fifo (nothing): it takes a priority of 1 to 99"),
+    (("can0", "--fifo", "100"), "--fifo 100: it takes"),
+    (("can0", "--fifo", "5x"), "--fifo 5x: it takes"),
+    (("can0", "--cpu", "-1"), "--cpu -1: it takes"),
+    (("can0", "--listen-s", "nan"), "--listen-s nan: it takes"),
+    (("--bus", "hub:/tmp/x"), "--bus hub:/tmp/x: it takes socketcan:INTERFACE"),
+    (("an-interface-name",), "at most 15 letters"),
+    (("can0", "--uds", "0x1"), "--uds 0x1: give two CAN identifiers"),
+    (("can0", "--uds", "0x1,0x40000000"), "give two CAN identifiers"),
+    (("can0", "--xcp", "-1,2"), "give two CAN identifiers"),
+    (("can0", "--xcp", "0x7,7"), "their frames would collide"),
+    (("can0", "--xcp", "0x600,0x601", "--uds", "0x601,0x602"), "share an identifier"),
+    (
+        ("can0", "--uds", f"0x600,{loader_database().by_name['Limits'].can_id & 0x1FFFFFFF:#x}"),
+        "of Limits",
+    ),
+    (("can0", "--j1939", "identity=1"), "a NAME needs manufacturer, as in identity=1,manufacturer=0"),
+    (("can0", "--j1939", "maker=1"), "a NAME has the fields identity, manufacturer,"),
+    (("can0", "--j1939", "identity=one,manufacturer=0"), "there is no whole number for identity"),
+    (("can0", "--j1939", "identity=1,manufacturer=2048"), "too large for manufacturer"),
+    (("can0", "--access-key", "/no/such/file"), "/no/such/file: cannot be read"),
+    (("can0", "--access-key", "/dev/null"), "a secret has 16 to 4096 bytes, this file 0"),
 )
+
+
+@pytest.mark.parametrize(("words", "said"), WRONG_OPTIONS)
 def test_wrong_options_end_in_one_line_before_a_bus_is_opened(linux_program, words, said):
     refused = linux_program(*words)
     assert refused.returncode == 2
     assert said in refused.stderr
     assert refused.stdout == ""
+
+
+def sanitized(folder, program, sanitizers):
+    """The program for Linux, which ends by itself where a sanitizer finds something."""
+    sources = [file for place in ("linux/*.c", "services/*.c", "*.c") for file in sorted(folder.glob(place))]
+    return build(
+        sources, program, "-std=c99", "-O1", "-g", f"-fsanitize={sanitizers}", "-fno-sanitize-recover=all", "-ffp-contract=off",
+        "-DECU_DOUBLE", "-DECU_FINDINGS", "-DECU_SETTABLE", f"-I{folder}",
+    )  # fmt: skip
+
+
+def test_sanitizers_find_nothing_in_how_the_linux_program_reads_its_words(ecu_sources, tmp_path):
+    program = sanitized(ecu_sources, tmp_path / "loader-ecu", "address,undefined")
+    for words, said in (*WRONG_OPTIONS, (("an-interface-that-is-far-too-long" * 200,), "at most 15 letters")):
+        done = subprocess.run([program, *words], capture_output=True, text=True, check=False, timeout=60)
+        assert (done.returncode, said in done.stderr, "Sanitizer" in done.stderr) == (2, True, False), words
+
+
+@pytest.mark.socketcan
+def test_sanitizers_find_nothing_in_the_linux_program_on_a_bus(ecu_sources, tmp_path):
+    """Frames of the machine, of random bits and identifiers, and of tools; a user-mode kernel has no room for the address sanitizer."""
+    if not kernel_has_can():
+        pytest.skip("this kernel has no CAN; run scripts/with-vcan .venv/bin/pytest -m socketcan")
+    program = sanitized(ecu_sources, tmp_path / "loader-ecu", "undefined,float-cast-overflow")
+    machine, generator = FakeMachine(), random.Random(8)
+    name = "identity=1,manufacturer=0"
+    words = ("vcan0", "--xcp", "0x600,0x601", "--uds", "0x602,0x603", "--j1939", name)
+    with open_transport("socketcan:vcan0", name="machine") as bus:
+        ecu = subprocess.Popen([program, *words], stderr=subprocess.PIPE, text=True)
+        try:
+            for k in range(300):
+                moving(machine, k)
+                strange = [generator.getrandbits(29) | 0x80000000, 0x600, 0x602, *loader_database().by_id]
+                for frame in machine.frames():
+                    bus.send(frame)
+                for _ in range(5):
+                    content = generator.randbytes(generator.randrange(9))
+                    bus.send(Frame(generator.choice(strange), content, 0))
+                time.sleep(0.01)
+                bus.drain()
+            ecu.send_signal(signal.SIGTERM)
+            said = ecu.communicate(timeout=20)[1]
+        finally:
+            ecu.kill()
+    assert (ecu.returncode, "runtime error" in said) == (0, False), said[-2000:]
 
 
 def test_the_log_calls_every_message_by_its_name(ecu_sources):
