@@ -12,7 +12,7 @@ from ecu.estimators.compiled import compiled
 from ecu.estimators.inclination import Slope, without
 from ecu.estimators.joint import Joint, joint_at
 from ecu.estimators.loads.arm_forces import arm_forces
-from ecu.estimators.loads.cog import front_unit_in, machine_centre, pose_at
+from ecu.estimators.loads.cog import Pose, front_unit_in, machine_centre, pose_at, rotated
 from ecu.estimators.loads.doubt import Doubt, doubt_of
 from ecu.estimators.loads.leaning import Leaning, leaning
 from ecu.estimators.loads.payload import (
@@ -100,10 +100,30 @@ def in_front_axes(joint: Joint, v: Vector) -> Vector:
 
 
 @compiled
+def felt_by_load(
+    i: Inputs, m: Motion, a: Accelerations, front: Body, pose: Pose, joint: Joint, p: Parameters
+) -> tuple[Vector, Residual]:
+    """Specific force where the load lies [m/s2, front frame's axes], and what the cylinders carry besides arm and bucket.
+
+    Arm, bucket and load lie ahead of the front unit's centre of gravity: in a turn each is drawn inwards by its own distance from the joint.
+    """
+    front_yaw = m.rate.z + i.articulation_rate
+    spin = front_yaw * front_yaw
+    centre = in_front_axes(joint, a.front)
+    ahead = pose.pin_x + pose.load_x  # of the arm's pivot
+    felt = Vector(centre.x - spin * (p.arm.pivot_x + ahead - front.x), centre.y, centre.z)
+    r = residual(i, felt.x, felt.z, p)
+    arm_x, arm_z = rotated(p.arm.along, p.arm.above, i.lift_arm_angle)
+    nearer = p.arm.mass * arm_z * spin * (ahead - arm_x)
+    return felt, Residual(r.weight + nearer, r.place, r.tilt_weight, r.tilt_place)
+
+
+@compiled
 def bucket_load(
     i: Inputs,
     s: State,
     r: Residual,
+    along: Vector,
     a: Accelerations,
     x: WheelForces,
     lean: Leaning,
@@ -115,7 +135,7 @@ def bucket_load(
     """What the bucket carries and pushes, from the pressures and the traction that the motion does not explain."""
     traction = (x.x1 + x.x2) * joint.cosine + x.x3 + x.x4 + lean.along
     traction -= front.mass * a.front.x + p.rear.mass * a.rear.x + p.axle.mass * a.axle.x
-    return followed_load(i, s, r, in_front_axes(joint, a.front), traction, s.speed, lift, p)
+    return followed_load(i, s, r, along, traction, s.speed, lift, p)
 
 
 @compiled
@@ -178,9 +198,8 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
     lean_of_loads = leaning_before(s, joint, p)
     x = longitudinal_forces(i, s, m, a, lean_of_loads, front, p)
     arm, bucket = arm_motion(i, s)
-    along = in_front_axes(joint, a.front)
-    moments = residual(i, along.x, along.z, p)
-    load = bucket_load(i, s, moments, a, x, lean_of_loads, front, arm, joint, p)
+    along, moments = felt_by_load(i, m, a, front, pose, joint, p)
+    load = bucket_load(i, s, moments, along, a, x, lean_of_loads, front, arm, joint, p)
     front = front_unit_in(pose, load.payload, p.front, p.arm, p.bucket)
     machine = rollover.loaded_machine(front, load.payload, p)
 
