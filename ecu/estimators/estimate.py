@@ -11,8 +11,8 @@ from ecu.estimators.balance import balance, longitudinal_forces
 from ecu.estimators.compiled import compiled
 from ecu.estimators.inclination import Slope, without
 from ecu.estimators.joint import Joint, joint_at
-from ecu.estimators.loads.arm_forces import arm_forces
-from ecu.estimators.loads.cog import Pose, front_unit_in, machine_centre, pose_at, rotated
+from ecu.estimators.loads.arm_forces import ArmForces, arm_forces
+from ecu.estimators.loads.cog import Pose, front_unit_in, machine_centre, pose_at, product_of_inertia
 from ecu.estimators.loads.doubt import Doubt, doubt_of
 from ecu.estimators.loads.leaning import Leaning, leaning
 from ecu.estimators.loads.payload import (
@@ -113,9 +113,31 @@ def felt_by_load(
     ahead = pose.pin_x + pose.load_x  # of the arm's pivot
     felt = Vector(centre.x - spin * (p.arm.pivot_x + ahead - front.x), centre.y, centre.z)
     r = residual(i, felt.x, felt.z, p)
-    arm_x, arm_z = rotated(p.arm.along, p.arm.above, i.lift_arm_angle)
-    nearer = p.arm.mass * arm_z * spin * (ahead - arm_x)
+    nearer = p.arm.mass * pose.arm_z * spin * (ahead - pose.arm_x)
     return felt, Residual(r.weight + nearer, r.place, r.tilt_weight, r.tilt_place)
+
+
+@compiled
+def forces_of_arm(
+    i: Inputs,
+    m: Motion,
+    pose: Pose,
+    lift: Turning,
+    tilt: Turning,
+    payload: float,
+    front: Body,
+    joint: Joint,
+    p: Parameters,
+) -> ArmForces:
+    """Of arm and bucket that move, and the moments of arm, bucket and load that lie ahead of the frame and not at its height as the unit turns."""
+    yaw, turning_up = m.rate.z + i.articulation_rate, m.change.z + m.articulation_acceleration
+    f = arm_forces(pose, lift, tilt, yaw, payload, p.arm, p.bucket)
+    product = product_of_inertia(pose, payload, front, p.front, p.arm, p.bucket)
+    rolling = joint.cosine * m.change.x + joint.sine * m.change.y
+    return ArmForces(
+        f.x, f.y, f.z,
+        f.pitching + product * yaw * yaw, f.rolling - product * turning_up, f.yawing - product * rolling,
+    )  # fmt: skip
 
 
 @compiled
@@ -213,7 +235,7 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
 
     quick = Turning(arm.angle, arm.rate, lift_acceleration(i, moments, along, load, arm, p), arm.sample)
     pose = pose_at(quick.angle, bucket.angle, p.arm, p.bucket)  # the tracked one, whose motion it is
-    moved = arm_forces(pose, quick, bucket, m.rate.z + i.articulation_rate, load.payload, p.arm, p.bucket)
+    moved = forces_of_arm(i, m, pose, quick, bucket, load.payload, front, joint, p)
     push = push_of(i, load, p)
     doubt = doubt_of(i, moments, along, load, push, arm, pose, p)
     balanced = balance(i, m, a, front, push, moved, x, trail, lean_of_loads, joint, p)

@@ -95,6 +95,19 @@ def front_unit_in(pose: Pose, payload: float, frame: Body, arm: Arm, bucket: Buc
 
 
 @compiled
+def product_of_inertia(
+    pose: Pose, payload: float, front: Body, frame: Body, arm: Arm, bucket: Bucket
+) -> float:
+    """Sum of mass times distance ahead of and above the front unit's centre of gravity [kg m2]; front: of `front_unit_in`."""
+    px, pz = arm.pivot_x + pose.pin_x, arm.pivot_z + pose.pin_z
+    product = frame.mass * frame.x * frame.z
+    product += arm.mass * (arm.pivot_x + pose.arm_x) * (arm.pivot_z + pose.arm_z)
+    product += bucket.mass * (px + pose.bucket_x) * (pz + pose.bucket_z)
+    product += payload * (px + pose.load_x) * (pz + pose.load_z)
+    return product - front.mass * front.x * front.z
+
+
+@compiled
 def machine_centre(articulation_angle: float, front: Body, rear: Body) -> Centre:
     """Centre of gravity of front and rear unit together, (36), (40), (41) corrected (E-09, E-10)."""
     mass = front.mass + rear.mass
