@@ -358,7 +358,14 @@ def estimates_of(now: Present, future: Future, p: Parameters) -> Estimates:
     """Both halves as one row of estimates."""
     c = now.start
     sure = uncertainty(
-        now.force, c.articulation_angle, c.levers.lift_angle, now.payload, now.normal, now.doubt, p
+        now.force,
+        c.articulation_angle,
+        c.articulation_rate,
+        c.levers.lift_angle,
+        now.payload,
+        now.normal,
+        now.doubt,
+        p,
     )
     return Estimates(
         normal_1=now.normal.front_left,

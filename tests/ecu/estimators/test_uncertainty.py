@@ -18,10 +18,12 @@ from ecu.estimators.quantities import NormalForces, Vector
 from ecu.estimators.signals import Inputs
 from ecu.estimators.stability.rollover import load_transfer_ratio
 from ecu.estimators.uncertainty import (
+    ACCELERATION,
     ANGLE,
     OWN_FRONT,
     OWN_PAYLOAD,
     PRESSURE,
+    STEERED,
     Spread,
     points_of,
     uncertainty,
@@ -68,8 +70,8 @@ STANDS = NormalForces(27e3, 27e3, 55e3, 31e3, 31e3)
 SETTLED = Doubt(0.0, 0.0, 0.0, 3.2, 0.9)
 
 
-def sure(angle=0.0, force=LEVEL, n=STANDS, payload=0.0, lift=-0.6, doubt=SETTLED):
-    return uncertainty(force, angle, lift, payload, n, doubt, PARAMETERS)
+def sure(angle=0.0, force=LEVEL, n=STANDS, payload=0.0, lift=-0.6, doubt=SETTLED, rate=0.0):
+    return uncertainty(force, angle, rate, lift, payload, n, doubt, PARAMETERS)
 
 
 @unhurried
@@ -154,3 +156,28 @@ def test_a_payload_of_which_nothing_is_known_has_an_interval_that_holds_all_of_i
     unsure = sure(doubt=SETTLED._replace(payload=3000.0)).payload
     assert 1.96 * unsure > 3000.0
     assert unsure == pytest.approx(math.hypot(sure().payload, 3000.0 / math.sqrt(3.0)))
+
+
+def test_while_it_is_steered_the_ratio_and_the_rear_wheels_are_less_sure():
+    calm, steered = sure(), sure(rate=-0.3)
+    assert steered.load_transfer_ratio == pytest.approx(math.hypot(calm.load_transfer_ratio, 0.3 * STEERED))
+    moved = (
+        0.3
+        * STEERED
+        * sum((STANDS.front_left, STANDS.front_right, STANDS.rear_left, STANDS.rear_right))
+        / 2.0
+    )
+    assert steered.normal_3 == pytest.approx(math.hypot(calm.normal_3, moved))
+    assert steered.normal_1 == calm.normal_1
+
+
+def test_a_wrong_zero_of_the_accelerometers_acts_on_the_load_too():
+    """Moments about the ground: a load twice as high counts twice."""
+    empty, low, high = sure(), sure(payload=3000.0), sure(payload=3000.0, doubt=SETTLED._replace(height=1.8))
+    heavier = (PARAMETERS.bucket.mass + 3000.0) * 0.9 * ACCELERATION
+    assert low.load_transfer_ratio > empty.load_transfer_ratio
+    # the higher load's own moment beside all others, of which half act on the ratio as a moment about the track
+    assert (
+        high.load_transfer_ratio**2 - low.load_transfer_ratio**2
+        > (2.0 * heavier / G.front_track / 1.2e5) ** 2
+    )
