@@ -24,8 +24,8 @@ def test_the_product_of_inertia_is_the_sum_over_the_lumps(payload, lift, tilt):
     places = np.array([
         (P.front.x, P.front.z),
         (P.arm.pivot_x + pose.arm_x, P.arm.pivot_z + pose.arm_z),
-        pin + (pose.bucket_x, pose.bucket_z),
-        pin + (pose.load_x, pose.load_z),
+        (pin[0] + pose.bucket_x, pin[1] + pose.bucket_z),
+        (pin[0] + pose.load_x, pin[1] + pose.load_z),
     ])  # fmt: skip
     masses = np.array([P.front.mass, P.arm.mass, P.bucket.mass, payload])
     off = places - np.average(places, axis=0, weights=masses)
