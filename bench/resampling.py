@@ -1,20 +1,25 @@
 """Whether a verdict depends on how often was sampled: arms of the small bodies, every 2nd, 4th and 8th sample of them.
 
-    python -m bench.resampling [--bodies straight,ball,car] [--seeds 1] [--effects ...] [--as-recorded]
+    python -m bench.resampling [--bodies straight,ball,car] [--seeds 1] [--effects ...] [--as-recorded] [--out docs/results/resampling.md]
 
 A verdict is unchanged if the same effects are named and the intervals of the hidden one have values in common. Arms count where the hidden effect still has
 a lambda of 50 in the thinnest recording. --as-recorded leaves every sample a row of its own, as a baseline.
 """
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+import shlex
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from bench.proof import ball, car, oracle
 from bench.proof.arm import Arm
 from bench.proof.plan import BODIES
+from bench.proof.report import commit
+from bench.proof.score import Share
 from bench.proof.straight_truth import WHITE, record
 from discrepancy.estimation.problem import Problem
 from discrepancy.examine import examine
@@ -27,6 +32,7 @@ from discrepancy.signals.recording import Recording, Signal
 FACTORS = (1, 2, 4, 8)
 EVERYTHING = Settings(average=True)
 VISIBLE = 50.0  # lambda from which the proof expects a name
+UNCHANGED = 0.95  # share of verdicts that stay
 TOO_FAST_HZ = 1e6  # a bandwidth beyond that of every recording: nothing is averaged
 
 Recorded = Callable[[Mapping[str, float], int], list[Recording]]
@@ -77,6 +83,12 @@ class Resampled:
     effect: str
     found: Mapping[int, Findings]
     visible: float  # lambda in the thinnest recording
+    seed: int = 0
+
+    @property
+    def verdicts(self) -> dict[int, str]:
+        """In words, by factor: the named effects, or the status where there is none."""
+        return {factor: " + ".join(found.named) or found.status for factor, found in self.found.items()}
 
     def same(self, factor: int) -> bool:
         """Whether a verdict is that of the finest recording."""
@@ -115,46 +127,86 @@ def resampled(
     found = {factor: examine(model, thinned(finest, factor), settings) for factor in factors}
     # in the thinnest recording: an effect that is lost there by thinning is no change of the verdict
     known = oracle.measured(Problem(model, thinned(finest, max(factors))), [effect], values)
-    return Resampled(effect.name, found, known.reached or 0.0)
+    return Resampled(effect.name, found, known.reached or 0.0, seed)
+
+
+def page(arms: Mapping[str, Sequence[Resampled]], command: str, commit: str) -> Iterator[str]:
+    """The page of Markdown, line by line; the arms by body."""
+    yield from (
+        "# Verdicts and how often was sampled",
+        "",
+        f"`{command}`, commit {commit}.",
+        "",
+        "Each small body hides one effect of its typical size. It is recorded fast (the straight drive at 200 Hz, the ball at 480 pictures a second, the car's commands at 100 Hz),",
+        "and every 2nd, 4th and 8th sample of the same recording is diagnosed anew. A verdict is unchanged if the same effects are named and the intervals of the hidden one",
+        f"have values in common. Arms count where the hidden effect still has a lambda of {VISIBLE:.0f} in the thinnest recording. Shares have Wilson's 95 % interval.",
+        "",
+        f"| body | arms that count | {' | '.join(f'1 of {f} samples' for f in FACTORS[1:])} | target |",
+        f"|---|---:|{'---|' * len(FACTORS)}",
+    )
+    for body, all_of in arms.items():
+        counted = [arm for arm in all_of if arm.visible >= VISIBLE]
+        shares = [Share(sum(arm.same(factor) for arm in counted), len(counted)) for factor in FACTORS[1:]]
+        cells = [
+            f"{share}{' **missed**' if share.of and share.hits < UNCHANGED * share.of else ''}"
+            for share in shares
+        ]
+        yield f"| {body} | {len(counted)} of {len(all_of)} | {' | '.join(cells)} | >= {UNCHANGED:.0%} |"
+    yield from (
+        "",
+        "## Every arm",
+        "",
+        "| body | hidden | seed | lambda in the thinnest | every sample | "
+        + " | ".join(f"1 of {f}" for f in FACTORS[1:])
+        + " |",
+        f"|---|---|---:|---:|{'---|' * len(FACTORS)}",
+    )
+    for body, all_of in arms.items():
+        for arm in all_of:
+            cells = [
+                verdict + ("" if arm.same(factor) or arm.visible < VISIBLE else " (**changed**)")
+                for factor, verdict in arm.verdicts.items()
+            ]
+            yield f"| {body} | {arm.effect} | {arm.seed} | {arm.visible:.0f} | {' | '.join(cells)} |"
 
 
 def main() -> None:
+    """Diagnose all arms and print or write the page."""
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="python -m bench.resampling",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--bodies", default=",".join(FINEST))
-    parser.add_argument("--seeds", default="1", help="by comma")
+    parser.add_argument("--seeds", default="1", help="by comma; the page's are 301 and more")
     parser.add_argument("--effects", default="", help="by comma; default: all")
     parser.add_argument("--as-recorded", action="store_true", help="no sample is averaged with another")
+    parser.add_argument("--out", type=Path, default=None, help="write the page here, else print it")
     chosen = parser.parse_args()
     only = [name for name in chosen.effects.split(",") if name]
+    arms: dict[str, list[Resampled]] = {}
     for body in chosen.bodies.split(","):
         model = BODIES[body].model()
         if chosen.as_recorded:
             # the way back to a row per sample, without a switch in the engine for this benchmark
             model = replace(model, bandwidth_hz=TOO_FAST_HZ)
         effects = [e for e in model.effects if not only or e.name in only]
-        arms = [
-            _printed(body, resampled(body, model, effect, int(seed)))
-            for seed in chosen.seeds.split(",")
-            for effect in effects
-        ]
-        counted = [arm for arm in arms if arm.visible >= VISIBLE]
-        for factor in FACTORS[1:]:
-            same = sum(arm.same(factor) for arm in counted)
-            print(f"{body}: every {factor}th sample: {same} of {len(counted)} verdicts unchanged")
-
-
-def _printed(body: str, arm: Resampled) -> Resampled:
-    """The arm, after its line is printed."""
-    verdicts = ", ".join(
-        f"/{factor} {' + '.join(found.named) or found.status}" for factor, found in arm.found.items()
-    )
-    print(
-        f"{body}, {arm.effect} (lambda {arm.visible:.0f} in the thinnest): {verdicts}; same: {[arm.same(f) for f in arm.found]}",
-        flush=True,
-    )
-    return arm
+        arms[body] = []
+        for seed in chosen.seeds.split(","):
+            for effect in effects:
+                arm = resampled(body, model, effect, int(seed))
+                arms[body].append(arm)
+                print(f"{body}, {effect.name}, seed {seed}: {arm.verdicts}", file=sys.stderr, flush=True)
+    options = [f"--seeds={chosen.seeds}"]
+    if only:
+        options.append(f"--effects={chosen.effects}")
+    if chosen.as_recorded:
+        options.append("--as-recorded")
+    text = "\n".join(page(arms, shlex.join(["python", "-m", "bench.resampling", *options]), commit()))
+    if chosen.out:
+        chosen.out.write_text(text + "\n", encoding="utf-8")
+    else:
+        print(text)
 
 
 if __name__ == "__main__":
