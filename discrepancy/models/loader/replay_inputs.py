@@ -19,6 +19,7 @@ from scipy.stats import trim_mean
 from discrepancy.model.description import Window
 from discrepancy.model.sensors import delayed
 from discrepancy.models.loader.channels import RATE_ZERO_SD, SPEEDS, TORQUE_SCALE_SD, TORQUES
+from discrepancy.models.loader.nuisances import TORQUE_ERRORS
 from discrepancy.signals.recording import Array
 from plant.compiled import compiled
 from plant.replay import (
@@ -68,6 +69,8 @@ class ReplayInputs:
     demanded: Demanded  # by joint of plant.replay.JOINTS: whether its rate is the demanded one, else it is the measured one
     payload: float  # [kg]
     step_s: float  # between rows
+    # (n, 2): by how much the torque of every wheel may be off [N m], one standard deviation each: `torque_errors`; None: not at all
+    torque_sd: Array | None = None
 
 
 def replay_inputs(
@@ -86,6 +89,7 @@ def replay_inputs(
         demanded=demanded,
         payload=windows[0].constants.get("payload", 0.0),
         step_s=windows[0].step_s,
+        torque_sd=np.concatenate([torque_errors(window, machine, abilities) for window in windows]),
     )
 
 
@@ -155,6 +159,9 @@ def without_sensor_errors(inputs: ReplayInputs, values: Mapping[str, float]) -> 
     values: of the model's parameters by name; a missing one counts as 0.
     """
     rows = inputs.measured.copy()
+    errors = [values.get(name, 0.0) for name in TORQUE_ERRORS]
+    if inputs.torque_sd is not None and any(errors):
+        rows[:, M_TORQUE : M_TORQUE + 4] += (inputs.torque_sd @ errors)[:, None]
     rows[:, M_TORQUE : M_TORQUE + 4] /= 1.0 + values.get("torque_scale", 0.0)
     rows[:, M_ARTICULATION] -= values.get("articulation_zero", 0.0)
     for column, _, name in LINKAGE:
@@ -264,7 +271,7 @@ def _with_difference(nominal: Array, measured: Array) -> Array:
     torque the motors were said to deliver half of it. So offset and factor are taken from the whole, and what then is left is smoothed, and
     kept where it is larger than noise is after that smoothing. Pedals have no noise, so the factor is not diluted itself.
     """
-    noise = float(np.median(np.abs(np.diff(measured - nominal)))) / (math.sqrt(2.0) * QUARTILE)
+    noise = _noise(measured - nominal)
     varying = nominal - nominal.mean()
     factor = varying @ (measured - nominal) / (varying @ varying + (noise / TORQUE_SCALE_SD) ** 2 + TINY)
     level = nominal + factor * varying
@@ -277,6 +284,26 @@ def _with_difference(nominal: Array, measured: Array) -> Array:
     return np.asarray(
         level + rest * np.clip(1.0 - (BY_CHANCE * left / (power + TINY)) ** 2, 0.0, None), float
     )
+
+
+def torque_errors(window: Window, machine: Machine, abilities: Abilities) -> Array:
+    """Standard deviations (n, 2) [N m] of what `_with_difference` takes from the whole of a window: its offset, and its factor times the torque.
+
+    Both come from noisy torques and are the same in the whole window, so that no window shows how far off they are. Wheels turn together:
+    of four independent errors only the sum moves the machine, and every wheel gets a quarter of its standard deviation.
+    """
+    nominal = _demanded_torque(window, machine, abilities)
+    varying = nominal - nominal.mean(axis=0)
+    noise = np.array([_noise(window[name] - nominal[:, i]) for i, name in enumerate(TORQUES)])
+    offset = np.full(len(nominal), math.hypot(*noise) / math.sqrt(len(nominal)))
+    factors = noise / np.sqrt(np.sum(varying**2, axis=0) + (noise / TORQUE_SCALE_SD) ** 2 + TINY)
+    factor = np.sqrt(np.sum((factors * varying) ** 2, axis=1)) * np.sign(np.sum(varying, axis=1))
+    return np.stack([offset, factor], axis=1) / len(TORQUES)
+
+
+def _noise(signal: Array) -> float:
+    """Standard deviation of the noise of a signal that moves little from row to row."""
+    return float(np.median(np.abs(np.diff(signal)))) / (math.sqrt(2.0) * QUARTILE)
 
 
 def _demanded_torque(window: Window, machine: Machine, abilities: Abilities) -> Array:

@@ -17,6 +17,7 @@ from discrepancy.models.loader.replay_inputs import (
     first_order_lag,
     measured_rows,
     replay_inputs,
+    torque_errors,
     wheel_speeds,
     without_sensor_errors,
 )
@@ -262,3 +263,40 @@ def test_bench_arm_angle_is_known_to_half_its_sensors_noise(driven):
     assert np.ptp(true["lift_arm_angle"]) > 0.1, "the drive does not lift"
     assert np.std(error) < 0.5 * sheet.noise
     assert abs(np.mean(error)) < 0.5 * sheet.noise
+
+
+@pytest.mark.parametrize("pulse", [0.0, 0.3], ids=["even", "varying"])
+def test_noise_leaves_the_torques_as_uncertain_as_is_said(pulse: float) -> None:
+    """Recordings of one drive that differ in noise only: the sum of their torques scatters by what `torque_errors` says."""
+    pedal = 0.1 + pulse * (np.abs(TIME_S - 4.0) < 0.5)
+    true, rng, sums = pedalled(pedal), np.random.default_rng(3), []
+    for _ in range(300):
+        noisy = {name: late(true, name) + rng.normal(0.0, 60.0, TIME_S.size) for name in TORQUES}
+        seen = window(torque_demand=pedal, **noisy)
+        sums.append(rows_of(seen)[:, M_TORQUE : M_TORQUE + 4].sum(axis=1))
+    said = np.linalg.norm(4.0 * torque_errors(seen, L60, ABILITIES), axis=1)
+    scatter = np.array(sums) - np.mean(sums, axis=0)
+    for rows in (np.abs(TIME_S - 4.0) > 2.0, np.abs(TIME_S - 4.0) < 0.3):
+        assert np.std(scatter[:, rows].mean(axis=1)) == pytest.approx(said[rows].mean(), rel=0.2)
+
+
+def test_an_uncertain_torque_moves_all_wheels_alike() -> None:
+    """One standard deviation of the offset is the same torque in every row; that of the factor goes with the torque, and changes its sign."""
+    pedal = 0.1 + 0.3 * (np.abs(TIME_S - 4.0) < 0.5)
+    noise = np.random.default_rng(4).normal(0.0, 60.0, TIME_S.size)
+    inputs = replay_inputs(
+        [window(torque_demand=pedal, **dict.fromkeys(TORQUES, pedalled(pedal) + noise))],
+        L60,
+        EQUIPMENT.sensors,
+        ABILITIES,
+    )
+
+    def added(name: str) -> np.ndarray:
+        more, none = without_sensor_errors(inputs, {name: 1.0}), without_sensor_errors(inputs, {})
+        return (more - none)[:, M_TORQUE : M_TORQUE + 4]
+
+    # four independent sensors with a noise of 60 N m, the mean of 800 rows each
+    np.testing.assert_allclose(added("initial.torque_offset"), 60.0 / np.sqrt(4 * TIME_S.size), rtol=0.1)
+    factor = added("initial.torque_factor")
+    assert factor[400, 0] > 0.0 > factor[100, 0]
+    np.testing.assert_allclose(factor, factor[:, :1] * np.ones(4))
