@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test compiled check fast slow-tests socketcan fuzz kills safe-state debian-root bench shape wheel speed scaling proof wild wild-loader switched resampling identification microcontroller results pages clean lock
+.PHONY: help demo test compiled check fast slow-tests socketcan fuzz kills safe-state debian-root bench shape wheel speed scaling proof wild wild-loader switched next-experiment resampling identification microcontroller results pages clean lock
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
@@ -95,6 +95,9 @@ wild-loader: $(BIN)/.bench ## the same of the whole loader, into docs/results/wi
 
 switched: $(BIN)/.bench ## faults that come and go, two in a drive, into docs/results/switched.md (half an hour)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.switched --out docs/results/switched.md
+
+next-experiment: $(BIN)/.bench ## three groups that one drive cannot distinguish, and the manoeuvre that does, into docs/results/next-experiment.md (a quarter of an hour)
+	$(BIN)/python -m bench.next_experiment --out docs/results/next-experiment.md
 
 resampling: $(BIN)/.bench ## whether verdicts depend on how often was sampled, into docs/results/resampling.md (half an hour)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.resampling --seeds 301 --out docs/results/resampling.md

@@ -34,19 +34,18 @@ speed_kmh = 10.0
 [driver.speed_kmh]
 points = [[0.0, 10.0], [8.0, 10.0], [9.0, 11.0], [16.0, 11.0], [17.0, 10.0]]
 """
-CIRCLE = """
+WINDING = """
 name = "drive"
-sentence = "One circle to the left at 10 km/h with an empty bucket."
-duration_s = 24.0
+sentence = "Slow turns to the left and to the right at 8 km/h with an empty bucket."
+duration_s = 30.0
 machine = "l60"
 seed = {seed}
 [start]
-speed_kmh = 10.0
-articulation_deg = 15.0
+speed_kmh = 8.0
 [driver.speed_kmh]
-points = [[0.0, 10.0], [24.0, 10.0]]
+points = [[0.0, 8.0], [30.0, 8.0]]
 [driver.articulation_deg]
-points = [[0.0, 15.0], [24.0, 15.0]]
+points = [[0.0, 0.0], [4.0, 0.0], [8.0, 12.0], [12.0, 12.0], [18.0, -12.0], [22.0, -12.0], [26.0, 0.0], [30.0, 0.0]]
 """
 
 
@@ -68,16 +67,16 @@ CASES = (
         "at one load and one speed, brakes that drag and tyres that resist rolling are the same torque",
     ),
     Case(
-        "lift_pressure scale",
-        {"lift_pressure.scale": 0.06},
+        "rolling_resistance",
+        {"rolling_resistance.coefficient": 0.02, "rolling_resistance.growth_per_m_per_s": 0.0},
         STRAIGHT,
-        "while the arm rests, a pressure 6 % too large and one too large by an offset are the same",
+        "the same group, and the other of the two is true",
     ),
     Case(
-        "yaw_rate bias",
-        {"yaw_rate.bias": 0.01},
-        CIRCLE,
-        "at one yaw rate, a gyro's offset and its scale are the same",
+        "yaw_rate lag",
+        {"yaw_rate.lag": 0.03},
+        WINDING,
+        "in slow turns, a gyro that lags and one that is late read the same",
     ),
 )
 
