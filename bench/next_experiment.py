@@ -104,7 +104,7 @@ def carried_out(case: Case, seed: int, folder: Path) -> dict[str, Any]:
         folder / "next",
     )
     ended = subprocess.run([sys.executable, "-m", "loaderhil", *map(str, words)], check=False)
-    if ended.returncode not in (0, 1):
+    if ended.returncode not in (0, 1, 5):
         raise SystemExit(f"{case.effect}: `loaderhil experiment` ended with {ended.returncode}")
     document: dict[str, Any] = json.loads((folder / "next" / "experiment.json").read_text(encoding="utf-8"))
     return document

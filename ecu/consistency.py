@@ -22,7 +22,7 @@ from ecu.validity import NEEDS, WHEELS
 PULL: Final = 0.05
 """Share of the tyre's nominal load by which an estimated load may be negative, or their sum be off: the noise of the sensors."""
 SETTLING_NS: Final = 200_000_000
-"""Time without a broken rule until an estimate is valid again. The load of a lifted wheel swings about zero, and a flag that follows it is no use."""
+"""Time without a broken rule until an estimate is valid again."""
 FRICTION: Final = 1.5
 """Times the friction of a dry road, plus PULL of the nominal load: beyond any tyre; 0.8 of it is reached in the drive cases."""
 DOUBTFUL: Final = 0.3
@@ -79,8 +79,15 @@ class Consistency:
         return frozenset(found | FROM_LOADS) if "normal" in found else frozenset(found)
 
     def valid(self, e: Estimates, known: Mapping[str, bool], now_ns: int) -> Mapping[str, bool]:
-        """What may be called valid: the inputs are usable (`known`), and no rule has been broken for SETTLING_NS."""
-        for name in self.contradicted(e):
+        """What may be called valid: the inputs are usable (`known`), and no rule has been broken for SETTLING_NS.
+
+        After a broken rule every wheel has to bear load before loads count as right again.
+        """
+        broken = self.contradicted(e)
+        if min(e[0:4]) < self._pull and now_ns - self._broken_ns.get("normal", -SETTLING_NS) < SETTLING_NS:
+            # The estimated load of a lifted wheel swings about zero. It has landed only when it bears load again.
+            broken |= FROM_LOADS
+        for name in broken:
             self._broken_ns[name] = now_ns
         if not self._broken_ns:
             return known

@@ -215,23 +215,15 @@ def _two(fits: Fits, form: str, what: str, places: int = 1) -> str:
 def _why(runs: Mapping[str, Run]) -> str:
     """Which part the tilted frame has in the ECU's joint torque, and what is left in the zigzag."""
     run, torque = runs[ZIGZAG], runs[TORQUE]
-    plain, aligning, load, level, both = (
-        run.fit_with(change) for change in (PLAIN, ALIGNING, LOAD, LEVEL, LEVEL_UNFILTERED)
-    )
+    plain, aligning, load, level = (run.fit_with(change) for change in (PLAIN, ALIGNING, LOAD, LEVEL))
     return (
         f"**Why the tilt of the frame belongs in the balance.** The outer wheel carries more. A load is square to the road, and the frame that is tilted on its tyres is not. So both loads together turn the front frame about the joint. "
-        f"The ECU's balance has this law (`ecu.estimators.loads.leaning`). With *loads square to the frame* its torque in the zigzag would be {level.amplitude:.2f} times the plant's and {level.ahead:.2f} s early, and what differs {run.left_with(LEVEL):.0f} instead of {run.left_with(PLAIN):.0f} N m (standard deviation; {np.std(run.torque):.0f} of the torque itself). "
+        f"The ECU's balance has this law (`ecu.estimators.loads.leaning`). With *loads square to the frame* its torque in the zigzag would be {level.amplitude:.2f} times the plant's and {_early(level.ahead)}, and what differs {run.left_with(LEVEL):.0f} instead of {run.left_with(PLAIN):.0f} N m (standard deviation; {np.std(run.torque):.0f} of the torque itself). "
         f"In the torque case the offset would be {torque.fit_with(LEVEL).offset:.0f} instead of {torque.fit_with(PLAIN).offset:.0f} N m. "
-        f"The {level.ahead:.2f} s are where a flat correlation has its maximum ({_alike_at(run, level.delay):.3f} there, {level.correlation:.3f} at no delay): without the *filter of the angular accelerations* (30 ms) that torque too would be {_early(both.ahead)}, {both.amplitude:.2f} times the plant's. "
+        "It once was 0.22 s early as well: the load in the bucket was taken to feel what the frame's centre feels, and in a turn arm, bucket and load are drawn inwards by their own distance (decision 78). "
         f"What is left: the payload that the pressures show in an empty bucket is {100 * (plain.amplitude - load.amplitude):.0f} % of the amplitude, and the filter most of what differs. Without both it is {run.left_with(ALL):.0f} N m. "
         f"The *aligning moments* are no cause: with the plant's own instead of a constant trail the amplitude is {aligning.amplitude:.2f} times the plant's."
     )
-
-
-def _alike_at(run: Run, delay: float) -> float:
-    """Correlation of the joint torque by loads square to the frame with the plant's, moved back by a delay that is negative or zero [s]."""
-    k = round(-delay / TICK_S)
-    return _alike(run.torque[k:], run.changed[LEVEL][: run.torque.size - k])
 
 
 def _early(ahead: float) -> str:

@@ -1,5 +1,6 @@
 """An estimate that breaks a law is not valid, whatever its inputs say; one that obeys them all is."""
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -94,6 +95,24 @@ def test_an_estimate_is_valid_again_after_the_settling_time_and_not_before(pulls
         e = STANDING._replace(normal_1=-20e3) if pulling else STANDING
         lately = pulls[max(k - SETTLING_NS // TICK_NS + 1, 0) : k + 1]
         assert rules.valid(e, KNOWN, k * TICK_NS)["roll_over"] is not any(lately)
+
+
+def test_a_lifted_wheel_has_landed_only_when_it_bears_load_again():
+    """Its estimated load swings about zero for a second; then it carries 5 kN."""
+    rules = Consistency(WHEEL, loader_database())
+    loads = [-5e3, *np.tile([-500.0, 300.0], 50), *np.full(SETTLING_NS // TICK_NS, 5e3), 5e3]
+    flags = [
+        rules.valid(STANDING._replace(normal_1=load), KNOWN, k * TICK_NS)["normal"]
+        for k, load in enumerate(loads)
+    ]
+    assert flags == [False] * (len(loads) - 2) + [True, True]
+
+
+def test_a_wheel_that_hardly_bears_load_is_valid_while_no_rule_was_broken():
+    rules = Consistency(WHEEL, loader_database())
+    assert all(
+        rules.valid(STANDING._replace(normal_1=300.0), KNOWN, k * TICK_NS)["normal"] for k in range(50)
+    )
 
 
 def test_a_restart_forgets_that_a_rule_was_broken():

@@ -48,6 +48,11 @@ static uint32_t beyond_friction(const Estimates *e)
     return broken;
 }
 
+static real_t least_load(const Estimates *e)
+{
+    return real_min(real_min(e->normal_1, e->normal_2), real_min(e->normal_3, e->normal_4));
+}
+
 /* The validities whose estimates break a rule. */
 static uint32_t contradicted(const Estimates *e)
 {
@@ -61,8 +66,7 @@ static uint32_t contradicted(const Estimates *e)
             broken |= (uint32_t)1U << range->validity;
         }
     }
-    const real_t least = real_min(real_min(e->normal_1, e->normal_2), real_min(e->normal_3, e->normal_4));
-    if ((least < -RULE_PULL) || (real_abs(e->load_gap) > RULE_PULL) || (e->load_contradiction > RULE_CONTRADICTION)) {
+    if ((least_load(e) < -RULE_PULL) || (real_abs(e->load_gap) > RULE_PULL) || (e->load_contradiction > RULE_CONTRADICTION)) {
         broken |= (uint32_t)1U << VALID_NORMAL;
     }
     if (real_max(real_abs(e->load_transfer_ratio), real_abs(e->predicted_load_transfer_ratio)) > R(1.0)) {
@@ -86,7 +90,10 @@ void validity_start(void)
 
 uint32_t validity_consistent(uint32_t valid, const Estimates *e, int64_t now_ns)
 {
-    const uint32_t broken = contradicted(e);
+    uint32_t broken = contradicted(e);
+    if ((now_ns < settled_ns[VALID_NORMAL]) && (least_load(e) < RULE_PULL)) {
+        broken |= RULE_FROM_LOADS; /* a lifted wheel has landed only when it bears load again */
+    }
     uint32_t settling = 0U;
     for (uint8_t k = 0U; k < VALIDITIES; ++k) {
         if (((broken >> k) & 1U) != 0U) {
