@@ -8,6 +8,7 @@ The expected evidence is the choice's own prediction; what the diagnosis of both
 
 import argparse
 import json
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -16,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bench.proof.report import commit
+from bench.proof import report
 from diagnosis.blind.hidden import Truth
 from diagnosis.blind.hidden_run import concealed_run
 from diagnosis.blind.seal import seal
@@ -47,6 +48,10 @@ points = [[0.0, 8.0], [30.0, 8.0]]
 [driver.articulation_deg]
 points = [[0.0, 0.0], [4.0, 0.0], [8.0, 12.0], [12.0, 12.0], [18.0, -12.0], [22.0, -12.0], [26.0, 0.0], [30.0, 0.0]]
 """
+MOST = 3
+"""Manoeuvres of a case."""
+FINISHED = (0, 1, 5)
+"""Exit codes of `loaderhil experiment`: every finding has one name; something is left that nothing distinguishes; another manoeuvre is proposed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,20 +96,10 @@ def carried_out(case: Case, seed: int, folder: Path) -> dict[str, Any]:
     (run / REFERENCE).unlink()
     sealed = folder / "truth.sealed"
     sealed.write_text(seal(truth, [run]), encoding="utf-8")
-    words = (
-        "experiment",
-        run,
-        "--model",
-        "loader",
-        "--sealed",
-        sealed,
-        "--most",
-        2,
-        "--out",
-        folder / "next",
-    )
-    ended = subprocess.run([sys.executable, "-m", "loaderhil", *map(str, words)], check=False)
-    if ended.returncode not in (0, 1, 5):
+    experiment = [sys.executable, "-m", "loaderhil", "experiment", str(run), "--model", "loader"]
+    options = ["--sealed", str(sealed), "--most", str(MOST), "--out", str(folder / "next")]
+    ended = subprocess.run([*experiment, *options], check=False)
+    if ended.returncode not in FINISHED:
         raise SystemExit(f"{case.effect}: `loaderhil experiment` ended with {ended.returncode}")
     document: dict[str, Any] = json.loads((folder / "next" / "experiment.json").read_text(encoding="utf-8"))
     return document
@@ -156,11 +151,10 @@ def main() -> None:
             continue
         with tempfile.TemporaryDirectory(prefix="loaderhil-next-") as folder:
             results.append((case, args.first + number, carried_out(case, args.first + number, Path(folder))))
-    text = "\n".join(page(results, f"python -m bench.next_experiment --first {args.first}", commit())) + "\n"
-    if args.out:
-        args.out.write_text(text, encoding="utf-8")
-    else:
-        print(text)
+    chosen = f" --cases {shlex.quote(args.cases)}" if wanted else ""
+    command = f"python -m bench.next_experiment --first {args.first}{chosen}"
+    text = "\n".join(page(results, command, report.commit())) + "\n"
+    report.publish(text, args.out)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ import numpy as np
 from bench.proof import ball, car, oracle
 from bench.proof.arm import Arm
 from bench.proof.plan import BODIES
-from bench.proof.report import commit
+from bench.proof.report import commit, publish
 from bench.proof.score import Share
 from bench.proof.straight_truth import WHITE, record
 from discrepancy.estimation.problem import Problem
@@ -197,16 +197,14 @@ def main() -> None:
                 arm = resampled(body, model, effect, int(seed))
                 arms[body].append(arm)
                 print(f"{body}, {effect.name}, seed {seed}: {arm.verdicts}", file=sys.stderr, flush=True)
-    options = [f"--seeds={chosen.seeds}"]
-    if only:
-        options.append(f"--effects={chosen.effects}")
-    if chosen.as_recorded:
-        options.append("--as-recorded")
+    options = [
+        f"--{name}={value}"
+        for name in ("bodies", "seeds", "effects")
+        if (value := getattr(chosen, name)) != parser.get_default(name)
+    ]
+    options += ["--as-recorded"] if chosen.as_recorded else []
     text = "\n".join(page(arms, shlex.join(["python", "-m", "bench.resampling", *options]), commit()))
-    if chosen.out:
-        chosen.out.write_text(text + "\n", encoding="utf-8")
-    else:
-        print(text)
+    publish(text + "\n", chosen.out)
 
 
 if __name__ == "__main__":

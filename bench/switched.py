@@ -171,10 +171,7 @@ def main() -> None:
         )
         + "\n"
     )
-    if args.out:
-        args.out.write_text(text, encoding="utf-8")
-    else:
-        print(text)
+    report.publish(text, args.out)
 
 
 if __name__ == "__main__":

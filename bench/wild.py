@@ -233,10 +233,7 @@ def main() -> None:
         shlex.join(["python", "-m", "bench.wild", *options]),
         commit,
     )
-    if args.out:
-        args.out.write_text(text, encoding="utf-8")
-    else:
-        print(text)
+    report.publish(text, args.out)
 
 
 if __name__ == "__main__":

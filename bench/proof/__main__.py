@@ -69,10 +69,7 @@ def main() -> None:
         command,
         {"commit": version, "note": note},
     )
-    if args.out:
-        args.out.write_text(text, encoding="utf-8")
-    else:
-        print(text)
+    report.publish(text, args.out)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 import platform
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -29,6 +30,14 @@ REMARKS = (
     "  to first order: no method can distinguish them, and one of them comes first by chance.",
     "- A channel is right if the oracle gives it at least 80 % of the largest share of lambda.",
 )
+
+
+def publish(text: str, out: Path | None) -> None:
+    """A page into a file, else onto the terminal."""
+    if out is None:
+        print(text)
+    else:
+        out.write_text(text, encoding="utf-8")
 
 
 def commit() -> str:

@@ -9,10 +9,9 @@ the results, bit by bit.
 import os
 from collections import deque
 from concurrent import futures as threads
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numba.np.unsafe import ndarray as unsafe
 from numpy.typing import NDArray
 
 from ecu.estimators.compiled import compiled, released
@@ -28,15 +27,13 @@ from ecu.estimators.outlook import CASES, Case, case_in, futures, put_case
 from ecu.estimators.parameters import Parameters
 from ecu.estimators.printed.estimate import printed
 from ecu.estimators.printed.state import PRINTED_INITIAL, PrintedState
+from ecu.estimators.rows import ESTIMATES, INPUTS, STATES, to_fixed_tuple
 from ecu.estimators.signals import Estimates, Inputs
 from ecu.estimators.stability import rollover
 from ecu.estimators.stability.loading import loading_of
 from ecu.estimators.state import INITIAL, State
 
 Floats = NDArray[np.float64]
-INPUTS = len(Inputs._fields)
-ESTIMATES = len(Estimates._fields)
-STATES = len(State._fields)
 BLOCK = 2048
 """Rows that a thread computes at a time: some 20 ms, beside which handing them over takes nothing."""
 
@@ -51,8 +48,6 @@ LTR_AHEAD, MARGIN_AHEAD, LIFT_OFF, LIFTING, RATE, DIRECTION, SPEED, LEVER, MOTIO
     ),
 )  # fmt: skip
 """Columns of the estimates that a Future fills."""
-
-to_fixed_tuple: Any = unsafe.to_fixed_tuple  # an intrinsic; its annotations are those of its typing function
 
 
 def estimate_columns(

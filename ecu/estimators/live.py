@@ -11,12 +11,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ecu.estimators.columns import ESTIMATES, INPUTS, to_fixed_tuple
 from ecu.estimators.compiled import compiled
 from ecu.estimators.estimate import corrected
 from ecu.estimators.parameters import Parameters
 from ecu.estimators.printed.estimate import printed
 from ecu.estimators.printed.state import PRINTED_INITIAL, PrintedState
+from ecu.estimators.rows import ESTIMATES, INPUTS, to_fixed_tuple
 from ecu.estimators.signals import Estimates, Inputs
 from ecu.estimators.state import INITIAL, State
 

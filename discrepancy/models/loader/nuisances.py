@@ -42,7 +42,7 @@ INITIAL_STATES = (
 
 # The torques of a segment are those of the pedals with an offset and a factor from the torque sensors. Their noise leaves both uncertain, by
 # the same amount in the whole segment: without this, a resistance that differs a little from one segment to the next was taken for certain.
-TORQUE_ERRORS: Final = ("initial.torque_offset", "initial.torque_factor")
+TORQUE_ERRORS = (_initial("torque_offset", "1", 1.0), _initial("torque_factor", "1", 1.0))
 """Errors of a segment's torques in standard deviations (`replay_inputs.torque_errors`). No initial states, but as uncertain as these in every segment."""
 
 # The height of the front frame's centre, and inertias, are no nuisances of a diagnosis: they are effects of its library, or no drive shows
@@ -100,5 +100,5 @@ NUISANCES = (
         if channel.scale > 0.0
     ),
     *INITIAL_STATES,
-    *(_initial(name.removeprefix("initial."), "1", 1.0) for name in TORQUE_ERRORS),
+    *TORQUE_ERRORS,
 )

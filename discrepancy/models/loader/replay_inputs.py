@@ -69,8 +69,7 @@ class ReplayInputs:
     demanded: Demanded  # by joint of plant.replay.JOINTS: whether its rate is the demanded one, else it is the measured one
     payload: float  # [kg]
     step_s: float  # between rows
-    # (n, 2): by how much the torque of every wheel may be off [N m], one standard deviation each: `torque_errors`; None: not at all
-    torque_sd: Array | None = None
+    torque_sd: Array  # (n, 2): by how much the torque of every wheel may be off [N m], one standard deviation each: `torque_errors`
 
 
 def replay_inputs(
@@ -159,8 +158,8 @@ def without_sensor_errors(inputs: ReplayInputs, values: Mapping[str, float]) -> 
     values: of the model's parameters by name; a missing one counts as 0.
     """
     rows = inputs.measured.copy()
-    errors = [values.get(name, 0.0) for name in TORQUE_ERRORS]
-    if inputs.torque_sd is not None and any(errors):
+    errors = [values.get(p.name, 0.0) for p in TORQUE_ERRORS]
+    if any(errors):
         rows[:, M_TORQUE : M_TORQUE + 4] += (inputs.torque_sd @ errors)[:, None]
     rows[:, M_TORQUE : M_TORQUE + 4] /= 1.0 + values.get("torque_scale", 0.0)
     rows[:, M_ARTICULATION] -= values.get("articulation_zero", 0.0)

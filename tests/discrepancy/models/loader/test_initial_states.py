@@ -178,7 +178,9 @@ L60 = load_machine("l60")
 
 def a_start() -> tuple[np.ndarray, np.ndarray, ReplayInputs]:
     state = Plant(L60, speed=2.0, articulation_angle=0.2).inside()[0]
-    inputs = ReplayInputs(np.zeros((6, MEASURED)), {}, np.array([0, 2, 6]), (False, False, False), 0.0, 0.01)
+    inputs = ReplayInputs(
+        np.zeros((6, MEASURED)), {}, np.array([0, 2, 6]), (False, False, False), 0.0, 0.01, np.zeros((6, 2))
+    )
     return np.stack([state, state]), np.zeros((2, REST)), inputs
 
 

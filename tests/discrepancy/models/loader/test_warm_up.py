@@ -24,7 +24,15 @@ def circling(seconds: float) -> ReplayInputs:
     measured[:, M_SPEED] = TURNING
     measured[:, M_TURNING : M_TURNING + 4] = TURNING
     measured[:, M_ARTICULATION] = ANGLE
-    return ReplayInputs(measured, {}, np.array([0, len(measured)]), (False, False, False), 0.0, STEP_S)
+    return ReplayInputs(
+        measured,
+        {},
+        np.array([0, len(measured)]),
+        (False, False, False),
+        0.0,
+        STEP_S,
+        np.zeros((len(measured), 2)),
+    )
 
 
 def heading(state: np.ndarray) -> float:
