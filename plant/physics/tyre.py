@@ -163,7 +163,7 @@ def curvatures(w: Array, load: float, kappa: float) -> tuple[float, float]:
 def combined_forces(
     w: Array, load: float, curve: tuple[float, float, float, float], kappa: float, tan_alpha: float
 ) -> tuple[float, float, float]:
-    """Longitudinal and lateral force [N] and aligning moment [N m] in steady slip.
+    """Longitudinal and lateral force [N] and aligning moment [N m] in steady slip, rolling forwards.
 
     curve: stiffnesses and peaks at this load; kappa positive driving; tan_alpha positive when the
     lateral force is (against ISO's slip angle).
@@ -182,6 +182,19 @@ def combined_forces(
     trail = load * w[W_RADIUS] / nominal * (w[W_QDZ1] + w[W_QDZ2] * (load / nominal - 1.0))
     trail *= max(plain_weight(equivalent, w[W_QBZ1], w[W_QCZ1]), 0.0)  # none left in full sliding
     return along, across, -trail * across
+
+
+@uncounted
+def sense_of_travel(w: Array, speed: float) -> float:
+    """1 rolling forwards, -1 backwards: the lateral force acts behind the middle of the contact, seen in the direction of travel.
+
+    speed: V_x [m/s]. Source: Pacejka, Tire and Vehicle Dynamics, brush model of chapter 3: the tread's deflection grows from the leading
+    edge. Below walking speed the sign fades out by a quarter of a sine, so that the moment has no kink.
+    """
+    whole = w[W_CARCASS_DAMPING_SPEED]
+    if abs(speed) < whole:
+        return math.sin(0.5 * math.pi * speed / whole)
+    return math.copysign(1.0, speed)
 
 
 @uncounted
@@ -292,6 +305,8 @@ def wheel_contact(
     # the spring acts in the wheel plane; the component across it is carried by the lateral stiffness of the carcass
     load = radial_force(w, deflection, (rise - rising) / upright) / upright
     tyre_forces(w, friction, load, abs(speed), sliding_x, sliding_y, kappa, tan_alpha, ahead, out)
+
+    out[T_ALIGNING] *= sense_of_travel(w, speed)
 
     along, across, aligning = out[T_LONGITUDINAL], out[T_LATERAL], out[T_ALIGNING]
     fx = load * nx + along * hx + across * sx

@@ -110,6 +110,28 @@ def test_left_and_right_are_mirror_images(kappa, tan_alpha, load):
     assert steady(kappa, -tan_alpha, load) == (along, -across, -aligning)
 
 
+@given(st.floats(-6.0, 6.0), sides, sides, st.floats(-2.0, 2.0))
+def test_a_tyre_has_no_front(speed, kappa, tan_alpha, drift):
+    """The same wheel with its axle named the other way round: travel and slips change their signs, and the wrench on the machine stays.
+
+    A side force that drags in forward travel would lead in reverse if its trail did not turn with the travel.
+    """
+    moving = {"velocity": (speed, drift, 0.0), "turning": (0.0, 0.0, 0.1)}
+    one = contact(0.7, spin=speed / 0.7, kappa=kappa, tan_alpha=tan_alpha, **moving)
+    other = contact(0.7, axle=-LEFT, spin=-speed / 0.7, kappa=-kappa, tan_alpha=-tan_alpha, **moving)
+    wrench = slice(s.T_WRENCH, s.T_WRENCH + 6)
+    np.testing.assert_allclose(other[wrench], one[wrench], rtol=1e-9, atol=1e-6)
+
+
+def test_the_side_force_drags_whichever_way_the_tyre_rolls():
+    """A force to the left that acts behind the middle of the contact turns the wheel to the right, in the direction of travel."""
+    forwards, backwards = (
+        contact(0.7, velocity=(v, 0.0, 0.0), spin=v / 0.7, tan_alpha=0.05) for v in (3.0, -3.0)
+    )
+    assert forwards[s.T_LATERAL] == backwards[s.T_LATERAL] > 0.0
+    assert forwards[s.T_ALIGNING] == -backwards[s.T_ALIGNING] < 0.0
+
+
 @given(slips, sides, loads)
 def test_forces_stay_inside_the_friction_ellipse(kappa, tan_alpha, load):
     """Never outside, whatever the two slips; 1e-9 for rounding at the very peak."""
