@@ -17,7 +17,7 @@ import numpy as np
 
 from ecu.calibration import load_calibration
 from ecu.cycle import EcuCycle
-from ecu.estimators.columns import estimate_columns
+from ecu.estimators.columns import BLOCK, estimate_columns
 from ecu.estimators.estimate import corrected
 from ecu.estimators.signals import Inputs
 from ecu.estimators.state import INITIAL
@@ -93,8 +93,9 @@ def main() -> int:
     some = inputs(frames)
     # the drive repeated: estimators with states see real transitions, not constants
     rows = np.tile(some, (ROWS // len(some) + 1, 1))[:ROWS]
+    # as many rows as need the code of large tables, so that no repeat compiles or loads it
     for prediction in (True, False):
-        estimate_columns(rows[:10], parameters, prediction=prediction)
+        estimate_columns(rows[: 2 * BLOCK], parameters, prediction=prediction)
     columns, now, plain = [], [], []
     for _ in range(REPEATS):
         start = time.perf_counter()

@@ -1,5 +1,7 @@
 """The page of speeds: figures are read as benchmarks print them, and a loaded machine publishes nothing."""
 
+import subprocess
+
 import pytest
 
 from bench import speed
@@ -99,3 +101,32 @@ def test_a_loaded_machine_measures_and_publishes_nothing(loaded_machine, tmp_pat
     assert speed.main(["--out", str(out)]) == speed.INCONCLUSIVE
     assert not out.exists()
     assert "before the first: others used 1.00 processors" in capsys.readouterr().err
+
+
+def after(*stolen: float) -> list[Host]:
+    """What Host.now gives before and after runs of 10 s each, of which the host took these shares of two processors' time."""
+    moments = []
+    for k, share in enumerate(stolen):
+        moments += [host(10.0 * k, 0.0, 0.0), host(10.0 * (k + 1), 0.0, 0.0, stolen=20.0 * share)]
+    return moments
+
+
+@pytest.mark.parametrize(
+    ("stolen", "kept", "disturbed", "refused"),
+    [((0.0,), "run 1", 0, False), ((0.2, 0.3, 0.0), "run 3", 2, False), ((0.2, 0.3, 0.4), "run 3", 2, True)],
+)
+def test_a_disturbed_benchmark_runs_again_until_one_run_is_quiet(
+    monkeypatch, stolen, kept, disturbed, refused
+):
+    """The load decides, not the figures: the first quiet run counts, and none after the last try."""
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    moments, runs = iter(after(*stolen)), iter(range(1, 9))
+    monkeypatch.setattr(Host, "now", lambda: next(moments))
+    monkeypatch.setattr(
+        "subprocess.run",
+        lambda command, **options: subprocess.CompletedProcess(command, 0, stdout=f"run {next(runs)}"),
+    )
+    session = speed.Session()
+    assert bool(session.run("floors", tries=3)) == refused
+    assert session.outputs["floors"] == kept
+    assert session.loads[-1].disturbed == disturbed
