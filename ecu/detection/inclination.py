@@ -30,11 +30,11 @@ from ecu.detection.layout import (
 )
 from ecu.detection.machine import OBSERVED
 from ecu.detection.motion import Motion
-from ecu.detection.wheels import Wheels
+from ecu.detection.wheels import Wheels, drift
 from ecu.detection_rules import Tolerances
 from ecu.estimators.inclination import Slope, apparent, lean_at_start, leaned, without
 from ecu.estimators.parameters import GRAVITY, Parameters
-from ecu.watched import FORCE, PITCH, ROLL, ROLL_RATE, YAW_RATE
+from ecu.watched import ANGLE, FORCE, PITCH, ROLL, ROLL_RATE, YAW_RATE
 
 Floats = NDArray[np.float64]
 
@@ -78,6 +78,7 @@ def corrected(
     # a speed that is wrong by so much, or slides aside by so much, leans the filter by that over its time
     pace = (time + dt) * GRAVITY
     slipping = abs(v) * (t.radius + (w.used + q.grip) / (p.wheel.slip_stiffness * (1.0 - t.stiffness)))
+    slipping += drift(m[ANGLE], v, q)
     rolling = p.sensors.imu_z * abs(m[ROLL_RATE])  # its acceleration, over the filter's time
     found = Lean(
         LEAN_WRONG * abs(lean.pitch) + slipping / pace,

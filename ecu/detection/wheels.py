@@ -101,6 +101,12 @@ def speed_bound(used: float, speed: float, q: Motion, p: Parameters, t: Toleranc
 
 
 @compiled
+def drift(angle: float, speed: float, q: Motion) -> float:
+    """Sideways speed of the axles, at most, that the wheels of the other, turned unit take for speed ahead [m/s]; angle: of the joint [rad]."""
+    return abs(speed) * q.sideslip * abs(math.tan(angle))
+
+
+@compiled
 def speed_pairs(
     m: Floats, w: Wheels, q: Motion, p: Parameters, t: Tolerances, r: Floats, bound: Floats
 ) -> None:
@@ -114,16 +120,15 @@ def speed_pairs(
     turned = g.rear_track / 2.0 * (t.gain * yaw + t.time * q.yaw) + SCRUB * yaw
     rear += turned
     front += turned + g.front_track / 2.0 * (t.gain * rate + t.time * q.joint) + SCRUB * rate
-    # between the axles: sideways speed of the rear axle, which a turned front axle takes for speed
-    drift = abs(w.middle) * q.sideslip * tangent
-    drift += g.rear_length * tangent * (t.gain * yaw + t.time * q.yaw)
-    drift += abs(w.middle) * tangent * t.time * rate
+    between = drift(m[ANGLE], w.middle, q)
+    between += g.rear_length * tangent * (t.gain * yaw + t.time * q.yaw)
+    between += abs(w.middle) * tangent * t.time * rate
     r[SPEEDS], r[SPEEDS + 1], r[SPEEDS + 2] = w.v1 - w.v2, w.v1 - w.v3, w.v1 - w.v4
     r[SPEEDS + 3], r[SPEEDS + 4], r[SPEEDS + 5] = w.v2 - w.v3, w.v2 - w.v4, w.v3 - w.v4
     bound[SPEEDS] += 2.0 * front
     bound[SPEEDS + 5] += 2.0 * rear
     for k in range(SPEEDS + 1, SPEEDS + 5):
-        bound[k] += front + rear + drift
+        bound[k] += front + rear + between
 
 
 @compiled
