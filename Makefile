@@ -100,7 +100,7 @@ next-experiment: $(BIN)/.bench ## three groups that one drive cannot distinguish
 	$(BIN)/python -m bench.next_experiment --out docs/results/next-experiment.md
 
 resampling: $(BIN)/.bench ## whether verdicts depend on how often was sampled, into docs/results/resampling.md (half an hour)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.resampling --seeds 301 --out docs/results/resampling.md
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.resampling --seeds 301,302 --out docs/results/resampling.md
 
 identification: $(BIN)/.test ## coverage of the identification on 200 seeded cases into docs/results/identification.md (an hour; run again to take up)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.identify_coverage --cases 200 --out docs/results/identification.md
