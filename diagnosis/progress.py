@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 EVERY_S: Final = 5.0  # after which a reader wonders whether anything happens
 STILL: Final = " (still)"
+SHORT: Final = (
+    60  # characters of a step that is shown again: whoever follows a log has read the whole line before
+)
 
 
 @contextmanager
@@ -46,6 +49,11 @@ def shown_progress(console: "Console", every_s: float = EVERY_S) -> "Iterator[Pr
         yield progress
 
 
+def shorten(text: str) -> str:
+    """The beginning of a long text."""
+    return text if len(text) <= SHORT else f"{text[: SHORT - 1].rstrip()}…"
+
+
 @contextmanager
 def repeated(show: Callable[[str], None], every_s: float) -> "Iterator[Progress]":
     """A progress function that shows each step at once, and the last one again whenever `every_s` seconds passed without another."""
@@ -61,7 +69,7 @@ def repeated(show: Callable[[str], None], every_s: float) -> "Iterator[Progress]
             if news.wait(every_s):
                 news.clear()
             else:
-                show(f"{current[0]}{STILL}")
+                show(f"{shorten(current[0])}{STILL}")
 
     # a simulation of the user's may take minutes and knows nothing of progress: hence a thread beside it
     thread = threading.Thread(target=repeat, name="progress", daemon=True)

@@ -16,7 +16,7 @@ from discrepancy.selection.active_intervals import active_interval_of, sse_thres
 from discrepancy.selection.candidate_fits import project_out, size_of
 from discrepancy.selection.screen import Score, collinearity, time_blocks_of
 from discrepancy.selection.starts import Starts
-from discrepancy.selection.state import Settings, State, free_names, switched_off
+from discrepancy.selection.state import Progress, Settings, State, free_names, switched_off
 from discrepancy.signals import findings as f
 from discrepancy.signals.recording import Array
 
@@ -46,6 +46,7 @@ def alternatives(
     scores: Sequence[Score],
     starts: Starts,
     settings: Settings,
+    progress: Progress = lambda _: None,
 ) -> list[Alternative]:
     """Effects that explain the recordings as well as `effect` does in its place, best first; the best one may be another than `effect`.
 
@@ -58,12 +59,14 @@ def alternatives(
     own = _direction(problem, state.fit, effect)
     found = [Alternative(effect, 0.0, 1.0, state.fit)]
     interval = active_interval_of(problem.model.effect(effect), state.fit.values)
-    for score in scores:
-        if score.effect in state.accepted or not _worth_fitting(problem, effect, score, whole, settings):
-            continue
+    rivals = [s for s in scores if s.effect not in state.accepted]
+    rivals = [s for s in rivals if _worth_fitting(problem, effect, s, whole, settings)]
+    for number, score in enumerate(rivals, 1):
         candidate = problem.model.effect(score.effect)
         if candidate.is_profile and not problem.model.effect(effect).is_profile:
             continue  # a curve contains such laws as special cases, and stands back behind them (ADR 76)
+        if problem.costs.costly:  # else there are many, and each takes no time worth a line
+            progress(f"trying {candidate.name} in place of {effect}, {number} of {len(rivals)}")
         names = free_names(problem, (*others, candidate.name))
         points = [start.values for start in starts.of(score, interval)]
         fits = [fit(problem, state.noise, names, point, effort=RIVAL) for point in points]

@@ -153,8 +153,9 @@ def _compared(
     left = explore(problem, state, settings) if settings.open_ended else OpenEnded()
     on_the_way = {frozenset(h.accepted): h.fit.values for h in history}
     tests = drop_one_tests(problem, state, on_the_way, left, settings)
-    progress("locating, grouping")
-    return _Compared(state, left, tests, [alternatives_of(problem, state, test, settings) for test in tests])
+    return _Compared(
+        state, left, tests, [alternatives_of(problem, state, test, settings, progress) for test in tests]
+    )
 
 
 def nothing_usable(model: str, recordings: Sequence[str], error: Unusable) -> f.Findings:
@@ -169,13 +170,17 @@ def nothing_usable(model: str, recordings: Sequence[str], error: Unusable) -> f.
 
 
 def alternatives_of(
-    problem: Problem, state: State, test: DropOneTest, settings: Settings
+    problem: Problem,
+    state: State,
+    test: DropOneTest,
+    settings: Settings,
+    progress: Progress = lambda _: None,
 ) -> list[Alternative]:
     """What explains the recordings as well as an accepted effect in its place, best first."""
     others = tuple(n for n in state.accepted if n != test.effect)
     active = active_interval_of(problem.model.effect(test.effect), state.fit.values)
     scores, starts = _rivals(problem, state, others, test.without, active, settings)
-    return alternatives(problem, state, test.effect, test.without, scores, starts, settings)
+    return alternatives(problem, state, test.effect, test.without, scores, starts, settings, progress)
 
 
 def _finding(

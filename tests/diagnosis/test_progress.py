@@ -56,3 +56,21 @@ def test_on_a_terminal_results_stay_and_steps_do_not() -> None:
     kept = [line for line in re.split(r"[\r\n]", plain) if re.match(r" *\d+\.\d s  ", line)]
     assert len(kept) == 1
     assert kept[0].rstrip().endswith("leak [x]: evidence 37 (threshold 18)")
+
+
+def test_a_long_result_is_shown_whole_once_and_by_its_beginning_while_the_next_step_lasts():
+    result = "without any effect: 4 of 16 channels beyond their error budgets; wheel_speed_rear_right is simulated to 0.25 rad/s"
+    shown: list[str] = []
+    third = threading.Event()
+
+    def show(text: str) -> None:
+        shown.append(text)
+        if len(shown) == 3:
+            third.set()
+
+    with repeated(show, 0.01) as progress:
+        progress(result)
+        assert third.wait(30.0)
+    assert shown[0] == result
+    for again in set(shown[1:]):
+        assert again == "without any effect: 4 of 16 channels beyond their error bud… (still)"
