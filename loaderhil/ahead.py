@@ -1,24 +1,32 @@
 """`loaderhil compile`: the machine code of plant and ECU made ahead, so that no run, test or process start waits for it.
 
-Both take a minute at their first use. Here they are compiled at the same time, each by a process of its own.
+Each part takes up to a minute and a half at its first use. Here parts are compiled at the same time, each by a process of its own.
 """
 
 import multiprocessing
+import os
 import signal
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Annotated, Final
 
+import numpy as np
 import typer
 
 from dbc import loader_database
 from dbc.columns import ColumnDecoder
 from dbc.offline.decoding import decode_log
 from dbc.recordings.reading import read_frames
+from ecu.calibration import load_calibration
+from ecu.detection.live import Detection
+from ecu.estimators.columns import BLOCK, estimate_columns
+from ecu.estimators.rows import INPUTS
 from hil.compose import Choice
 from hil.ecu_side import ecu_cycle
 from hil.ending import Ending
@@ -29,6 +37,8 @@ from hil.rundir import BUS
 from hil.runs import run_lockstep
 from loaderhil.console import console
 
+AT_LEAST: Final = 2
+"""Parts compiled at a time, also on one processor, where it costs nothing."""
 SHORT_S: Final = 0.1  # of a run that needs code only
 RECORDED_S: Final = 20.0  # of a run that can be diagnosed
 SCENARIO: Final = "standstill"
@@ -46,7 +56,7 @@ def compile_ahead(
         bool,
         typer.Option(
             "--all",
-            help="Also the plant with effects, the diagnosis of the loader, the printed equations and the test of sensors.",
+            help="Also the plant with effects, the diagnosis of the loader, the estimates of whole recordings and the printed equations.",
         ),
     ] = False,
 ) -> None:
@@ -56,35 +66,27 @@ def compile_ahead(
     """
     begin = time.monotonic()
     spawn = multiprocessing.get_context("spawn")
-    steps = [
-        spawn.Process(target=_ecu, args=(everything,), name="ECU"),
-        spawn.Process(target=_plant, args=(everything,), name="plant"),
-    ]
-    _start(steps)
+    chosen = [part for part in PARTS if everything or not part.rarely]
+    steps = [spawn.Process(target=part.compile, name=part.name) for part in chosen]
     try:
-        with console.status("compiling ECU and plant"):
-            _wait_for(steps, begin)
+        with console.status(f"compiling {', '.join(part.name for part in chosen)}"):
+            _run(steps, begin)
         with console.status("compiling what reads and writes recordings"):
             _rest(everything)
     finally:
         for step in steps:
-            step.kill()  # only after Ctrl-C or an error is one still running; what it has compiled by then is kept
+            if step.pid is not None:
+                step.kill()  # only after Ctrl-C or an error is one still running; what it has compiled by then is kept
     _report("recordings and diagnosis" if everything else "recordings", begin)
 
 
-def _start(steps: Sequence[BaseProcess]) -> None:
-    """Start processes that leave Ctrl-C to this one; else each would print a traceback."""
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # a process keeps what is ignored at its start
-    try:
-        for step in steps:
-            step.start()
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def _wait_for(steps: Sequence[BaseProcess], begin: float) -> None:
-    running = list(steps)
-    while running:
+def _run(steps: Sequence[BaseProcess], begin: float) -> None:
+    """All steps, as many at a time as there are processors."""
+    waiting, running = list(steps), list[BaseProcess]()
+    while waiting or running:
+        while waiting and len(running) < max(AT_LEAST, len(os.sched_getaffinity(0))):
+            running.append(waiting.pop(0))
+            _start(running[-1])
         wait([step.sentinel for step in running])
         for step in [step for step in running if not step.is_alive()]:
             running.remove(step)
@@ -95,21 +97,64 @@ def _wait_for(steps: Sequence[BaseProcess], begin: float) -> None:
             _report(step.name, begin)
 
 
+def _start(step: BaseProcess) -> None:
+    """Start a process that leaves Ctrl-C to this one; else it would print a traceback."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # a process keeps what is ignored at its start
+    try:
+        step.start()
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def _report(name: str, begin: float) -> None:
     console.print(f"{name}: compiled after {time.monotonic() - begin:.0f} s")
 
 
-def _ecu(everything: bool) -> None:
+def _ecu() -> None:
     ecu_cycle(form="corrected", limits=True).warm_up()
-    if everything:
-        ecu_cycle(form="corrected", limits=True, detect_faults=True).warm_up()
-        ecu_cycle(form="printed", limits=True).warm_up()
 
 
-def _plant(everything: bool) -> None:
+def _printed() -> None:
+    ecu_cycle(form="printed", limits=True).warm_up()
+
+
+def _tables() -> None:
+    """The estimators over whole recordings: as many rows as need the code of large tables."""
+    rows = np.zeros((2 * BLOCK, INPUTS))
+    with suppress(ArithmeticError, ValueError):  # the numbers mean nothing
+        estimate_columns(rows, load_calibration().parameters)
+
+
+def _test_of_sensors() -> None:
+    Detection(load_calibration(), loader_database()).warm_up()
+
+
+def _plant() -> None:
     compile_plant(Choice(scenario=SCENARIO).load())
-    if everything:
-        compile_plant(Choice(scenario=SCENARIO, changes=(f"machine.effects.{EFFECT}={{}}",)).load())
+
+
+def _plant_with_effects() -> None:
+    compile_plant(Choice(scenario=SCENARIO, changes=(f"machine.effects.{EFFECT}={{}}",)).load())
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Something that a process of its own compiles."""
+
+    name: str
+    compile: Callable[[], None]
+    rarely: bool = False  # a run does not need it
+
+
+# the longest first, so that the processors end at the same time
+PARTS: Final = (
+    Part("ECU", _ecu),
+    Part("plant", _plant),
+    Part("plant with effects", _plant_with_effects, rarely=True),
+    Part("test of sensors", _test_of_sensors),
+    Part("estimates of whole recordings", _tables, rarely=True),
+    Part("printed equations", _printed, rarely=True),
+)
 
 
 def _rest(everything: bool) -> None:

@@ -5,6 +5,7 @@ that explain it; one pressure by what the other one means. Estimates from them s
 """
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import Final
 
@@ -90,8 +91,16 @@ class Detection:
         self._rules, self._height = rules_of(calibration, self._database)
         self._running = self._start()
 
+    def warm_up(self) -> None:
+        """Compile what a cycle computes, so that the first one is as fast as the others. Before the first cycle only."""
+        # samples before the first frames are zeros, whose residuals need not exist; what has raised is compiled whole all the same
+        with suppress(ArithmeticError, ValueError):
+            next(self._running)
+        self.reset()
+        self._running = self._start()
+
     def reset(self) -> None:
-        """Forget all cycles; compiles at the first call."""
+        """Forget all cycles."""
         self._state[:] = 0.0
         self._known = _NONE
 

@@ -46,7 +46,7 @@ def workers(process: subprocess.Popen[str]) -> list[int]:
 
 def test_ctrl_c_ends_it_with_its_processes(compiling):
     ours = workers(compiling)
-    assert len(ours) == 2
+    assert len(ours) >= 2  # one per processor
     os.killpg(compiling.pid, signal.SIGINT)
     said, _ = compiling.communicate(timeout=START_S)
     assert compiling.returncode == Ending.INTERRUPTED
