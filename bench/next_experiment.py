@@ -2,7 +2,7 @@
 
     python -m bench.next_experiment --out docs/results/next-experiment.md
 
-Each case hides one effect in the bench, drives it with the sensors of a machine in service, and leaves everything else to `loaderhil experiment --sealed`.
+Each case hides one effect in the bench, drives it with the sensors of a machine in service, and leaves everything else to `loaderhil experiment --sealed FILE`.
 The expected evidence is the choice's own prediction; what the diagnosis of both drives then finds is measured.
 """
 
