@@ -96,11 +96,11 @@ wild-loader: $(BIN)/.bench ## the same of the whole loader, into docs/results/wi
 switched: $(BIN)/.bench ## faults that come and go, two in a drive, into docs/results/switched.md (half an hour)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.switched --out docs/results/switched.md
 
-next-experiment: $(BIN)/.bench ## three groups that one drive cannot distinguish, and the manoeuvre that does, into docs/results/next-experiment.md (a quarter of an hour)
+next-experiment: $(BIN)/.bench ## drives that may leave several names, and the manoeuvre that leaves one, into docs/results/next-experiment.md (a quarter of an hour)
 	$(BIN)/python -m bench.next_experiment --out docs/results/next-experiment.md
 
 resampling: $(BIN)/.bench ## whether verdicts depend on how often was sampled, into docs/results/resampling.md (half an hour)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.resampling --seeds 301,302 --out docs/results/resampling.md
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.resampling --out docs/results/resampling.md
 
 identification: $(BIN)/.test ## coverage of the identification on 200 seeded cases into docs/results/identification.md (an hour; run again to take up)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.identify_coverage --cases 200 --out docs/results/identification.md

@@ -1,4 +1,4 @@
-"""The next experiment on three groups that one drive cannot distinguish: which manoeuvre is chosen, and what the diagnosis of both drives says.
+"""The next experiment on three drives that may leave several names: which manoeuvre is chosen, and what the diagnosis of both drives says.
 
     python -m bench.next_experiment --out docs/results/next-experiment.md
 

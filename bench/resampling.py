@@ -153,7 +153,7 @@ def page(arms: Mapping[str, Sequence[Resampled]], command: str, commit: str) -> 
         f"`{command}`, commit {commit}.",
         "",
         "Each small body hides one effect of its typical size. It is recorded fast (the straight drive at 200 Hz, the ball at 480 pictures a second, the car's commands at 100 Hz),",
-        "and every 2nd, 4th and 8th sample of the same recording is diagnosed anew; what a body is told to do is thinned with what is measured. A verdict is unchanged if the same",
+        "and every 2nd, 4th and 8th sample of the same recording is diagnosed anew; the commands are thinned as the measured channels are. A verdict is unchanged if the same",
         "effects are named, or the same groups of effects that the recording cannot distinguish (*or*), and the intervals of the hidden one have values in common.",
         f"Arms count where the hidden effect still has a lambda of {VISIBLE:.0f} in the thinnest recording. Shares have Wilson's 95 % interval.",
         "",

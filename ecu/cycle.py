@@ -153,7 +153,8 @@ class EcuCycle:
         self._estimator.estimate(estimator_inputs(self._receiver.gather(0), TICK_NS * 1e-9, 1.0))
         self._estimator.reset()
         if self._detection is not None:
-            self._detection.warm_up()
+            self._detection.look(self._receiver.gather(0), TICK_NS * 1e-9, 0)
+            self._detection.reset()
 
     def receive(self, frame: Frame, now_ns: int) -> list[Finding]:
         """Take one frame from the bus."""

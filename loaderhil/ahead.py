@@ -9,7 +9,6 @@ import signal
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
@@ -26,7 +25,8 @@ from dbc.recordings.reading import read_frames
 from ecu.calibration import load_calibration
 from ecu.detection.live import Detection
 from ecu.estimators.columns import BLOCK, estimate_columns
-from ecu.estimators.rows import INPUTS
+from ecu.inputs import CycleInputs, InputReceiver, estimator_inputs
+from ecu.outputs import TICK_NS
 from hil.compose import Choice
 from hil.ecu_side import ecu_cycle
 from hil.ending import Ending
@@ -120,13 +120,16 @@ def _printed() -> None:
 
 def _tables() -> None:
     """The estimators over whole recordings: as many rows as need the code of large tables."""
-    rows = np.zeros((2 * BLOCK, INPUTS))
-    with suppress(ArithmeticError, ValueError):  # the numbers mean nothing
-        estimate_columns(rows, load_calibration().parameters)
+    row = estimator_inputs(_before_any_frame(), TICK_NS * 1e-9, 1.0)
+    estimate_columns(np.tile(row, (2 * BLOCK, 1)), load_calibration().parameters)
 
 
 def _test_of_sensors() -> None:
-    Detection(load_calibration(), loader_database()).warm_up()
+    Detection(load_calibration(), loader_database()).look(_before_any_frame(), TICK_NS * 1e-9, 0)
+
+
+def _before_any_frame() -> CycleInputs:
+    return InputReceiver(load_calibration(), loader_database()).gather(0)
 
 
 def _plant() -> None:

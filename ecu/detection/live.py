@@ -5,7 +5,6 @@ that explain it; one pressure by what the other one means. Estimates from them s
 """
 
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from dataclasses import replace
 from typing import Final
 
@@ -91,16 +90,8 @@ class Detection:
         self._rules, self._height = rules_of(calibration, self._database)
         self._running = self._start()
 
-    def warm_up(self) -> None:
-        """Compile what a cycle computes, so that the first one is as fast as the others. Before the first cycle only."""
-        # samples before the first frames are zeros, whose residuals need not exist; what has raised is compiled whole all the same
-        with suppress(ArithmeticError, ValueError):
-            next(self._running)
-        self.reset()
-        self._running = self._start()
-
     def reset(self) -> None:
-        """Forget all cycles."""
+        """Forget all cycles; compiles at the first call."""
         self._state[:] = 0.0
         self._known = _NONE
 

@@ -9,7 +9,8 @@ from rich.console import Console
 from diagnosis.progress import repeated, shown_progress
 
 
-def test_a_long_step_is_shown_again_until_it_ends() -> None:
+def shown_while(step: str) -> list[str]:
+    """What is shown while one step lasts, three times or more."""
     shown: list[str] = []
     third = threading.Event()
 
@@ -19,13 +20,18 @@ def test_a_long_step_is_shown_again_until_it_ends() -> None:
             third.set()
 
     with repeated(show, 0.01) as progress:
-        progress("fitting")
+        progress(step)
         assert third.wait(30.0)
     count = len(shown)
-    assert shown[0] == "fitting"
-    assert set(shown[1:]) == {"fitting (still)"}
     assert threading.active_count() == len([t for t in threading.enumerate() if t.name != "progress"])
     assert len(shown) == count
+    return shown
+
+
+def test_a_long_step_is_shown_again_until_it_ends() -> None:
+    first, *again = shown_while("fitting")
+    assert first == "fitting"
+    assert set(again) == {"fitting (still)"}
 
 
 def test_steps_that_follow_quickly_are_shown_once_each() -> None:
@@ -58,19 +64,8 @@ def test_on_a_terminal_results_stay_and_steps_do_not() -> None:
     assert kept[0].rstrip().endswith("leak [x]: evidence 37 (threshold 18)")
 
 
-def test_a_long_result_is_shown_whole_once_and_by_its_beginning_while_the_next_step_lasts():
+def test_a_long_text_is_shown_whole_once_and_then_by_its_beginning() -> None:
     result = "without any effect: 4 of 16 channels beyond their error budgets; wheel_speed_rear_right is simulated to 0.25 rad/s"
-    shown: list[str] = []
-    third = threading.Event()
-
-    def show(text: str) -> None:
-        shown.append(text)
-        if len(shown) == 3:
-            third.set()
-
-    with repeated(show, 0.01) as progress:
-        progress(result)
-        assert third.wait(30.0)
-    assert shown[0] == result
-    for again in set(shown[1:]):
-        assert again == "without any effect: 4 of 16 channels beyond their error bud… (still)"
+    first, *again = shown_while(result)
+    assert first == result
+    assert set(again) == {"without any effect: 4 of 16 channels beyond their error bud… (still)"}

@@ -62,7 +62,10 @@ def test_the_corrected_joint_torque_follows_the_plants(runs, case):
 
 
 def test_the_corrected_joint_torque_follows_the_plants_in_reverse():
-    """A zigzag backwards: the tyres' trail lies behind the contact as it rolls, for the plant as for the estimator."""
+    """A zigzag backwards: the tyres' trail lies behind the contact as it rolls, for the plant as for the estimator.
+
+    With a trail that does not turn with the travel the torque is 0.81 times the plant's and 0.64 s late.
+    """
     swing = Profile(((0.0, 0.0),), Sine(amplitude=math.radians(25.0), frequency_hz=1 / 16, start_s=1.0))
     script = Script(speed=line((0.0, -1.5), (40.0, -3.0)), articulation_angle=swing)
     truth = driven(drive_case(41.0, start=Start(speed=-1.5), script=script), SHEET)
