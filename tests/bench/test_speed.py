@@ -84,8 +84,8 @@ def test_own_work_is_no_load_and_that_of_others_is(monkeypatch):
     assert own.reasons == []
     others = Load.between("x", host(0.0, 0.0, 0.0), host(10.0, 12.0, 10.0))
     assert others.reasons == ["x: others used 0.20 processors (at most 0.10)"]
-    stolen = Load.between("x", host(0.0, 0.0, 0.0), host(10.0, 0.0, 0.0, stolen=0.4))
-    assert stolen.reasons == ["x: the host took 2.0% of the time away (at most 1%)"]
+    stolen = Load.between("x", host(0.0, 0.0, 0.0), host(10.0, 0.0, 0.0, stolen=1.0))
+    assert stolen.reasons == ["x: the host took 5.0% of the time away (at most 3%)"]
 
 
 @pytest.fixture
