@@ -9,32 +9,34 @@ from plant.physics.state import BUCKET
 from plant.physics.workspace import Workspace
 
 STIFFNESS = 2.0e6  # of the packed pile [N/m]
-DAMPING = 1.0e5  # of the elastic part of the pile [N s/m]
-LOOSE = 1e3  # force that even the toe of the pile bears [N]
+LOSS = 1.0  # of the packed pile: by how much more it resists per speed at which it is pressed together [s/m]
+LOOSE = 8e3  # within so much of what it bears the pile gives way gradually [N]; less is too stiff for steps of 5 ms
 
 
 @uncounted
 def bodies(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     """Resistance at the bucket's edge, up to what the depth dug so far bears; what was dug weighs on the bucket.
 
-    Dug ground does not push back. The nearer the force is to that, the larger a share of the motion digs (Dahl's law).
+    Dug ground does not push back. The nearer the force is to what the pile bears, the larger a share of the motion digs (Dahl's law); beyond
+    that the pile gives way faster than the bucket comes. Nothing jumps at the first touch (Hunt and Crossley's damping): a jump there
+    would give the machine a push that depends on the step of the integration.
     """
     pin, axes = work.places.points[3], work.places.axes[4]
     px, py, pz = pin[0], pin[1], pin[2]
     px += q[4] * axes[0, 0] + q[5] * axes[0, 2]
     py += q[4] * axes[1, 0] + q[5] * axes[1, 2]
     pz += q[4] * axes[2, 0] + q[5] * axes[2, 2]
-    ahead, _, _ = in_world(state, work, px, py, pz)
-    pressed = ahead - q[0] - state[x]
+    edge, _, _ = in_world(state, work, px, py, pz)
+    pressed = edge - q[0] - state[x]
     grown, r = q[1] * (1.0 - math.exp(-state[x] / q[2])), work.places.world
     force = 0.0
     m = work.tree.motion[BUCKET]
     speed = r[0, 0] * (m[3] + m[1] * pz - m[2] * py)
     speed += r[0, 1] * (m[4] + m[2] * px - m[0] * pz) + r[0, 2] * (m[5] + m[0] * py - m[1] * px)
     if pressed > 0.0:
-        digging = max(speed, 0.0) * min(STIFFNESS * pressed / (grown + LOOSE), 1.0)
-        work.rate[x] = digging
-        force = max(STIFFNESS * pressed + DAMPING * (speed - digging), 0.0)
+        ahead = max(speed, 0.0)
+        work.rate[x] = ahead * (STIFFNESS * pressed + LOOSE) / (grown + LOOSE)
+        force = STIFFNESS * pressed * max(1.0 + LOSS * (speed - min(work.rate[x], ahead)), 0.0)
     along, down = -force, -q[3] * grown
     push(
         work,

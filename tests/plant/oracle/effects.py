@@ -38,7 +38,7 @@ INCLUDED = {
 
 FRICTION_RATE = 0.005  # [rad/s]
 DRAG_RATE = 0.05  # [rad/s]
-PILE_STIFFNESS, PILE_DAMPING, PILE_LOOSE = 2e6, 1e5, 1e3  # [N/m], [N s/m], [N]
+PILE_STIFFNESS, PILE_LOSS, PILE_LOOSE = 2e6, 1.0, 8e3  # [N/m], [s/m], [N]
 
 Effects = dict[str, dict[str, float]]
 
@@ -221,8 +221,9 @@ class MujocoWithEffects(MujocoLoader):
         pressed = float(point[0]) - pile["distance_m"] - self.dug
         push = 0.0
         if pressed > 0.0:
-            self.digging = max(speed, 0.0) * min(PILE_STIFFNESS * pressed / (borne + PILE_LOOSE), 1.0)
-            push = max(PILE_STIFFNESS * pressed + PILE_DAMPING * (speed - self.digging), 0.0)
+            elastic = PILE_STIFFNESS * pressed
+            self.digging = (elastic + PILE_LOOSE) / (borne + PILE_LOOSE) * max(speed, 0.0)
+            push = elastic * max(1.0 + PILE_LOSS * (speed - np.clip(self.digging, 0.0, max(speed, 0.0))), 0.0)
         force = np.array((-push, 0.0, -pile["weight_share"] * borne))
         self._force("bucket", force, np.zeros(3), point, total)
 
