@@ -31,7 +31,7 @@ def test_units_of_the_keys_become_si():
     assert c.parameters.contact.damping == pytest.approx(6000)
     assert c.parameters.prediction.step == pytest.approx(0.04)
     assert c.limits.safe_speed == pytest.approx(8 / 3.6)
-    assert c.limits.rate_rise == pytest.approx(math.radians(60))
+    assert c.limits.rate_rise == pytest.approx(math.radians(15))
     assert c.inputs.pressure == pytest.approx(38e6)
     area = 2 * math.pi / 4 * 0.110**2
     assert c.parameters.cylinders.head_area == pytest.approx(area)
