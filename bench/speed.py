@@ -4,8 +4,9 @@
 
 Each figure stands beside its peer, measured in the same run, and beside a physical floor. The page is written only if the figures mean
 something: the sources are committed, the host took no processor time away, and nothing else computed. A benchmark that was disturbed
-is run again, at most --tries times in all: the load decides which run counts, never its figures. If none was quiet, the reasons and
-the figures are printed, no file is written, and the exit code is 5 (inconclusive).
+is run again after the others, at most --tries times in all: a guest of the same host that is busy now may be gone in some minutes. The load
+decides which run counts, never its figures. If none was quiet, the reasons and the figures are printed, no file is written, and the exit
+code is 5 (inconclusive).
 """
 
 import argparse
@@ -300,20 +301,28 @@ class Session:
     def readings(self) -> dict[tuple[str, str], Reading]:
         return {key: r for name, output in self.outputs.items() for key, r in readings(name, output).items()}
 
-    def run(self, name: str, tries: int) -> list[str]:
-        """Run one benchmark until a run was quiet, and keep what the last run prints. Returns why that run does not count; nothing
-        if it does. Raises CalledProcessError."""
+    def measure(self, names: Sequence[str], tries: int) -> list[str]:
+        """Run benchmarks, those that were disturbed again after the others. Returns why the last run of any does not count; nothing if all
+        do. Raises CalledProcessError."""
+        last: dict[str, Load] = {}
         for disturbed in range(tries):
-            before = Host.now()
-            command = [sys.executable, "-m", f"bench.{name}"]
-            done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
-            self.outputs[name] = done.stdout
-            load = replace(Load.between(name, before, Host.now()), disturbed=disturbed)
-            if not load.reasons:
-                break
-            print(f"  disturbed: {load.reasons[0]}", file=sys.stderr, flush=True)
-        self.loads.append(load)
-        return load.reasons
+            for name in names:
+                if name not in last or last[name].reasons:
+                    last[name] = replace(self._run(name), disturbed=disturbed)
+        self.loads += [last[name] for name in names]
+        return [reason for name in names for reason in last[name].reasons]
+
+    def _run(self, name: str) -> Load:
+        """Run one benchmark and keep what it prints."""
+        print(f"{name} ...", file=sys.stderr, flush=True)
+        before = Host.now()
+        command = [sys.executable, "-m", f"bench.{name}"]
+        done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
+        self.outputs[name] = done.stdout
+        load = Load.between(name, before, Host.now())
+        for reason in load.reasons:
+            print(f"  disturbed: {reason}", file=sys.stderr, flush=True)
+        return load
 
 
 def line(figure: Figure, found: Readings) -> str:
@@ -418,7 +427,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--only", nargs="+", choices=benches, metavar="NAME", help="only these benchmarks; nothing is written"
     )
     parser.add_argument(
-        "--tries", type=int, default=3, metavar="N", help="runs of a benchmark that is disturbed (default: 3)"
+        "--tries", type=int, default=5, metavar="N", help="runs of a benchmark that is disturbed (default: 5)"
     )
     options = parser.parse_args(argv)
     if options.tries < 1:
@@ -436,9 +445,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.out is not None and reasons:  # some ten minutes of figures that could not be published
         print("not measured, since nothing could be published:\n" + "\n".join(reasons), file=sys.stderr)
         return INCONCLUSIVE
-    for name in chosen:
-        print(f"{name} ...", file=sys.stderr, flush=True)
-        reasons += session.run(name, options.tries)
+    reasons += session.measure(chosen, options.tries)
     have = session.readings
     figures = [f for f in FIGURES if not options.only or _complete(f, have)]
     text = page(session, figures)

@@ -127,6 +127,23 @@ def test_a_disturbed_benchmark_runs_again_until_one_run_is_quiet(
         lambda command, **options: subprocess.CompletedProcess(command, 0, stdout=f"run {next(runs)}"),
     )
     session = speed.Session()
-    assert bool(session.run("floors", tries=3)) == refused
+    assert bool(session.measure(["floors"], tries=3)) == refused
     assert session.outputs["floors"] == kept
     assert session.loads[-1].disturbed == disturbed
+
+
+def test_a_disturbed_benchmark_runs_again_after_the_others(monkeypatch):
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    moments, ran = iter(after(0.0, 0.2, 0.0, 0.0)), []
+
+    def run(command, **options):
+        ran.append(command[-1])
+        return subprocess.CompletedProcess(command, 0, stdout=f"run {len(ran)}")
+
+    monkeypatch.setattr(Host, "now", lambda: next(moments))
+    monkeypatch.setattr("subprocess.run", run)
+    session = speed.Session()
+    assert session.measure(["floors", "bench_plant", "bench_hub"], tries=3) == []
+    assert ran == ["bench.floors", "bench.bench_plant", "bench.bench_hub", "bench.bench_plant"]
+    assert [load.name for load in session.loads] == ["floors", "bench_plant", "bench_hub"]
+    assert session.outputs["bench_plant"] == "run 4"
