@@ -60,7 +60,7 @@ def test_a_full_lever_at_speed_lifts_no_wheel_while_the_limits_act(tmp_path):
     time = np.array([truth.time_s for truth in recording.truth])
     force = np.array([truth.normal_force for truth in recording.truth])
     assert (force / force[0]).min() > 0.2
-    assert recording.truth[-1].lift_arm_angle < recording.truth[0].lift_arm_angle - 0.2, "it comes down"
+    assert recording.truth[-1].lift_arm_angle < recording.truth[0].lift_arm_angle - 0.15, "it comes down"
     series = estimates_of(recording)
     moves = series.time_s > 3.9
     assert series.valid[moves].all()

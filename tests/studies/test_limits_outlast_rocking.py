@@ -1,0 +1,52 @@
+"""A limit that comes back within half a period of the machine's rocking lets the driver push on in every good half.
+
+Drives in which a wheel lifted because of that (ADR 83).
+"""
+
+import dataclasses
+import math
+
+import pytest
+
+from ecu.calibration import load_calibration
+from studies.campaigns.manoeuvres import Manoeuvre, straight
+from studies.campaigns.prevention import UNEXPLAINED, beside, lift_offs
+
+SLOWEST_HZ = 1.3  # of a loaded machine that rocks on its tyres
+
+
+@pytest.mark.parametrize("name", ["l60", "compact"])
+def test_a_limit_takes_two_periods_of_rocking_to_come_back(name):
+    calibration = load_calibration(name)
+    rules, drive = calibration.limits, calibration.parameters.linkage_drive
+    joint = math.radians(27.0)  # as fast as a driver turns
+    for full, rise in ((joint, rules.rate_rise), (drive.lift_down, rules.linkage_rise)):
+        assert full / rise >= 2.0 / SLOWEST_HZ
+
+
+LEVERS = Manoeuvre(
+    "levers", 8.5, 3204, -28.6, 24.1, 16.1, 5,
+    lift_percent=-100.0, tilt_percent=-100.0, held_s=0.99, friction=0.75,
+)  # fmt: skip
+RELEASED = [
+    LEVERS,
+    dataclasses.replace(
+        LEVERS, speed_kmh=7.4, arm_deg=37.1, angle_deg=-14.6, rate_deg_s=26.8, ramp_s=0.2, held_s=1.51
+    ),
+    dataclasses.replace(
+        LEVERS, speed_kmh=13.8, arm_deg=3.0, angle_deg=-35.5, rate_deg_s=21.3, tilt_percent=0.0, held_s=0.83
+    ),
+]
+
+
+@pytest.mark.parametrize("manoeuvre", RELEASED)
+def test_a_full_bucket_lowered_in_a_turn_and_let_go_keeps_every_wheel_down(manoeuvre):
+    assert lift_offs(manoeuvre) == []
+
+
+def test_a_turn_after_a_kerb_lifts_no_wheel_that_the_kerb_does_not():
+    """The rear rocks for two seconds after 17 cm at 14 km/h, and lifts by itself in the first half second."""
+    kerb = Manoeuvre("kerb", 14.0, 2911, 16.2, -32.4, 24.1, 892397983, left_m=0.172, friction=0.75)
+    by_ground = lift_offs(straight(kerb), least_s=0.0)
+    assert by_ground
+    assert [lifted for lifted in lift_offs(kerb) if not beside(lifted, by_ground)] == [], UNEXPLAINED
