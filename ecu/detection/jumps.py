@@ -75,6 +75,8 @@ REACH = 16.0
 """How many times more onsets than the others a signal may show: a wheel on a kerb turns before the frame has moved."""
 EXPLAINED = 0.05
 """How long a jump waits for others that explain it [s]: gyros and pressures follow a wheel's jump within it."""
+POSE = 2.0
+"""How many times more a pressure may show of a moment than the frame does: lever arms change 1.4 (lift) and 1.6 times (tilt) over the arm's way, and the load's reach with them."""
 HELD_STILL = 3.0
 """A jump after so many equal samples is the end of a standstill, not an offset."""
 
@@ -224,9 +226,9 @@ def suspected(k: int, message: Integers, rules: Floats, state: Floats, dt: float
     """A jump that waits for the rest of the machine to explain it; 1 if its time is over and it turned into a fault."""
     explained = state[THRESHOLD, k]
     if k in (LIFT, TILT):
-        # in proportion and no REACH: what both feel has had its time
+        # in proportion, by pose, and no REACH: what both feel has had its time
         moment = pitched(state[JUMPED, k] > 0.0, rules, state)
-        explained = max(explained, rules[JUMP, k] + moment * rules[ONSET, k])
+        explained = max(explained, rules[JUMP, k] + POSE * moment * rules[ONSET, k])
     if state[LARGEST, k] <= explained or state[FAULTY, k] != 0.0:
         state[SUSPECTED, k] = state[LARGEST, k] = 0.0
         if state[FAULTY, k] == 0.0:
