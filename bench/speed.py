@@ -3,7 +3,7 @@
     python -m bench.speed [--out docs/results/speed.md] [--only NAME...]
 
 Each figure stands beside its peer, measured in the same run, and beside a physical floor. The page is written only if the figures mean
-something: the sources are committed, the host took no processor time away, and nothing else computed. A benchmark that was disturbed
+something: the sources are committed, the host took hardly any processor time away, and nothing else computed. A benchmark that was disturbed
 is run again after the others, at most --tries times in all: a guest of the same host that is busy now may be gone in some minutes. The load
 decides which run counts, never its figures. If none was quiet, the reasons and the figures are printed, no file is written, and the exit
 code is 5 (inconclusive).
@@ -25,8 +25,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 # The exit code of the command line for what could not be judged (hil.ending).
 INCONCLUSIVE = 5
-# Of the processors' time. A median of repeats moves by less than so small a share, and by less than its printed range. The timing
-# verdicts of the bench allow 1 % (docs/howto/keep-time.md): there a single moment without a processor is a late cycle.
+# Of the processors' time, by which a time by the wall clock may be too long. The ranges that are printed beside the medians are as wide. The
+# timing verdicts of the bench allow 1 % (docs/howto/keep-time.md): there a single moment without a processor is a late cycle.
 MOST_STOLEN = 0.03
 MOST_FOREIGN = 0.10  # processors that others may use: a twentieth of a machine with two
 IDLE_S = 5.0  # watched before the first benchmark

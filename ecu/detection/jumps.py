@@ -76,7 +76,7 @@ REACH = 16.0
 EXPLAINED = 0.05
 """How long a jump waits for others that explain it [s]: gyros and pressures follow a wheel's jump within it."""
 POSE = 2.0
-"""How many times more a pressure may show of a moment than the frame does: lever arms change 1.4 (lift) and 1.6 times (tilt) over the arm's way, and the load's reach with them."""
+"""How many times more a pressure may show of a moment than the frame does: by the linkage 0.6 to 1.6 times of the middle over the arm's way."""
 HELD_STILL = 3.0
 """A jump after so many equal samples is the end of a standstill, not an offset."""
 

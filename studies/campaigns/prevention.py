@@ -34,7 +34,8 @@ Array = NDArray[np.float64]
 COMMAND: Final = "loaderhil campaign prevention"
 FILE: Final = "prevention.md"
 CACHE: Final = Path("out/campaign/prevention")
-RUNS, SEED = 1000, 1
+# Seeds 1 and 2 were looked at when the limits' rise was chosen (ADR 83): their page would flatter the limits.
+RUNS, SEED = 1000, 3
 SAME_S: Final = 0.2
 """Lift-offs so close to each other have the same cause [s]."""
 # No factor of the number of kinds (6), which come in turn: every fourth drive would only be of three kinds.

@@ -1,5 +1,7 @@
 """Loads while a raised, loaded arm is lowered or raised in a turn: the whole chain from the plant to the frame."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -60,7 +62,9 @@ def test_a_full_lever_at_speed_lifts_no_wheel_while_the_limits_act(tmp_path):
     time = np.array([truth.time_s for truth in recording.truth])
     force = np.array([truth.normal_force for truth in recording.truth])
     assert (force / force[0]).min() > 0.2
-    assert recording.truth[-1].lift_arm_angle < recording.truth[0].lift_arm_angle - 0.15, "it comes down"
+    travel = math.radians(92.0)
+    lowered = recording.truth[0].lift_arm_angle - recording.truth[-1].lift_arm_angle
+    assert lowered > travel / 10.0, "it comes down: a tenth of its way in 2.5 s"
     series = estimates_of(recording)
     moves = series.time_s > 3.9
     assert series.valid[moves].all()

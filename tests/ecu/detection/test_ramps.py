@@ -5,10 +5,12 @@ import math
 import numpy as np
 import pytest
 
+from ecu.calibration import load_calibration
 from ecu.codes import Mode
 from ecu.detection.detector import initial
-from ecu.detection.jumps import EXPLAINED, FOLLOW, ramp
+from ecu.detection.jumps import EXPLAINED, FOLLOW, POSE, ramp
 from ecu.detection.layout import FAULTY, RAMP, STIRRED
+from ecu.estimators.loads.linkage import levers
 from ecu.watched import PITCH_RATE
 from tests.ecu.detection.test_detection import faults, jump_of, started
 from tests.ecu.machine import play
@@ -108,3 +110,18 @@ def test_a_ramp_is_what_the_rate_has_gained_within_the_wait():
     kept = sum(((1.0 - FOLLOW) ** k) * math.exp(-(ticks - 1 - k) * 0.01 / EXPLAINED) for k in range(ticks))
     assert gained == pytest.approx(TURNING * 0.01 * kept, rel=1e-9)
     assert 0.3 * TURNING * EXPLAINED < gained < TURNING * EXPLAINED
+
+
+@pytest.mark.parametrize("name", ["l60", "compact"])
+def test_poses_differ_by_what_a_ramp_may_explain_more(name):
+    """What lift and tilt pressure show of a load on the pin, over its moment about the front axle: within POSE of the middle, and no less than half of it."""
+    p = load_calibration(name).parameters
+    shown = []
+    for angle in np.radians(np.linspace(-35.0, 45.0, 17)):
+        lift, tilt, _ = levers(angle, 0.7, p.arm, p.bucket, p.cylinders, p.tilt_linkage)
+        reach = p.arm.length * math.cos(angle)
+        moment = p.arm.pivot_x + reach - p.geometry.front_length
+        shown.append((reach / lift / moment, p.bucket.forward / tilt / moment))
+    spread = np.ptp(np.log(shown), axis=0) / 2.0
+    assert np.all(spread < math.log(POSE))
+    assert spread.max() > math.log(POSE) / 2.0

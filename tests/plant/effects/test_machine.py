@@ -259,7 +259,7 @@ def test_a_pile_stops_the_machine_and_loads_the_cylinders():
 
 
 def test_where_a_pile_is_touched_within_a_step_does_not_matter():
-    """A pile a hair further away stops the machine a hair later: the speed after the touch is a smooth function of the distance.
+    """A pile a hair further away stops the machine a hair later: the speed afterwards is a smooth function of the distance.
 
     A force that jumped at the first touch would push for a whole step of the integration, wherever in it the touch was.
     """
@@ -268,9 +268,9 @@ def test_where_a_pile_is_touched_within_a_step_does_not_matter():
     for more in further:
         given = machine("pile_entry", distance_m=4.0 + more, most_N=60e3, depth_m=0.5, weight_share=0.5)
         left.append(run(Plant(given, speed=1.4), 1.0).speed[-1])
-    assert left[0] < 1.1
+    assert left[0] < 0.0, "it was stopped"
     line = np.polynomial.Polynomial.fit(further, left, 2)
-    assert np.abs(left - line(further)).max() < 1e-4
+    assert np.abs(left - line(further)).max() < 0.01 * np.ptp(left)
 
 
 def test_a_shaft_makes_the_axles_turn_together():

@@ -252,12 +252,25 @@ def test_the_pile_resists_from_where_its_edge_meets_it(ahead, above, distance):
     seen = run(Plant(given, speed=2.0), (distance - edge) / 2.0 + 0.5)
     slower = 0.02
     slowed = np.flatnonzero(seen.speed < seen.speed[0] - slower)
-    most, depth = (
-        find_effect("pile_entry").typical().named["most_N"],
-        find_effect("pile_entry").typical().named["depth_m"],
-    )
-    into = math.sqrt(2.0 * depth / most * rolling_mass() * 2.0 * slower)
+    pile = find_effect("pile_entry").typical().named
+    into = math.sqrt(2.0 * pile["depth_m"] / pile["most_N"] * rolling_mass() * 2.0 * slower)
     assert seen.position[slowed[0], 0] + edge == pytest.approx(distance + into, abs=0.04)
+
+
+@pytest.mark.parametrize(("speed", "most", "depth"), [(1.4, 60e3, 0.5), (2.5, 60e3, 0.5), (1.4, 30e3, 0.3)])
+def test_a_pile_takes_the_work_of_the_resistance_that_grows_with_the_depth(speed, most, depth):
+    """The integral of F_max (1 - exp(-s/s0)) over the depth dug is what the machine brought, less what tyres and the packed pile take: 5 %.
+
+    A force beyond that resistance would leave a shallower hole.
+    """
+    given = machine("pile_entry", distance_m=4.0, most_N=most, depth_m=depth, weight_share=0.0)
+    plant, x = Plant(given, speed=speed), first("pile_entry")
+    while plant.truth().speed > 0.0:
+        run(plant, 0.01)
+    dug = plant._state[x]
+    work = most * (dug - depth * (1.0 - math.exp(-dug / depth)))
+    brought = rolling_mass() * speed**2 / 2.0
+    assert 0.95 * brought < work < brought
 
 
 @pytest.mark.parametrize("above", [0.3, 0.9])
