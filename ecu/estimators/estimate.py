@@ -257,12 +257,11 @@ def present(i: Inputs, s: State, p: Parameters) -> tuple[Present, State]:
         s.drift, m.rate.z, steering, front_load, rear_load, i.dt, front, machine.rear_unit, w, g
     )
     ground = steady.leaned(rest, Tilt(-tilt.tilt.roll, -tilt.tilt.pitch))
-    over = rollover.support_of(n, d, g)
+    left_rate, right_rate = contact.load_rates(n, tilt.rate, joint, w, g)
     demand = i.articulation_rate_demand if i.demand_usable != 0.0 else i.articulation_rate
     start = PredictionState(
         d, i.articulation_rate, demand, v, acceleration, rest.x, rest.y, rest.z, ground, slide.drift,
-        m.rate.z, front_load, rear_load, over.y, contact.support_rate(n, tilt.rate, joint, i.articulation_rate, w, g),
-        contact.front_load_rate(n, tilt.rate, joint, w, g), lever_demands(i, arm, bucket, p),
+        m.rate.z, n.front_left, n.front_right, rear_load, left_rate, right_rate, lever_demands(i, arm, bucket, p),
     )  # fmt: skip
 
     slips = wheel_slips(i, m.rate.z, v, slide.drift - g.rear_length * m.rate.z, n, w, g)

@@ -38,7 +38,7 @@ class Case(NamedTuple):
     rate_limit: float  # of the articulation [rad/s]
 
 
-CASES = 40
+CASES = 39
 """Numbers of a Case in a row of columns."""
 
 
@@ -49,11 +49,11 @@ def put_case(row: Rows, c: Case) -> None:
     front, standing = by.front, by.standing
     numbers = (
         s.articulation_angle, s.articulation_rate, s.demanded_rate, s.speed, s.acceleration, s.gravity_x, s.gravity_y,
-        s.gravity_z, s.ground.x, s.ground.y, s.ground.z, s.drift, s.yaw_rate, s.front_load, s.rear_load, s.support,
-        s.support_rate, s.front_load_rate, levers.lift_angle, levers.lift_rate, levers.lift_demand, levers.tilt_angle,
+        s.gravity_z, s.ground.x, s.ground.y, s.ground.z, s.drift, s.yaw_rate, s.front_left, s.front_right, s.rear_load,
+        s.left_rate, s.right_rate, levers.lift_angle, levers.lift_rate, levers.lift_demand, levers.tilt_angle,
         levers.tilt_rate, levers.tilt_demand, front.mass, front.x, front.z, front.roll_inertia, front.pitch_inertia,
         front.yaw_inertia, standing.front_left, standing.front_right, standing.pivot, standing.rear_left,
-        standing.rear_right, by.roll_frequency, by.pitch_frequency, by.payload, c.motion, c.rate_limit,
+        standing.rear_right, by.pitch_frequency, by.payload, c.motion, c.rate_limit,
     )  # fmt: skip
     for k in range(CASES):
         row[k] = numbers[k]
@@ -69,9 +69,8 @@ def case_in(r: Rows) -> Case:
         ),
         Loading(
             Body(r[24], r[25], r[26], r[27], r[28], r[29]), NormalForces(r[30], r[31], r[32], r[33], r[34]), r[35], r[36],
-            r[37],
         ),
-        r[38], r[39],
+        r[37], r[38],
     )  # fmt: skip
 
 

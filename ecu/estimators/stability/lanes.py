@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ecu.estimators.compiled import compiled, inlined, side_by_side
-from ecu.estimators.joint import Joint
+from ecu.estimators.joint import Joint, joint_at
 from ecu.estimators.motion.arm import Turning
 from ecu.estimators.parameters import Body
 from ecu.estimators.quantities import NormalForces, Vector
@@ -20,9 +20,9 @@ from ecu.estimators.signals import NEVER
 from ecu.estimators.stability.levers import Levers, moved
 from ecu.estimators.stability.loading import Loading, divides, reloaded
 from ecu.estimators.stability.prediction import OVERTURNED, Prediction, predict, predicted, steps_of
+from ecu.estimators.stability.rocking import Pull, Rocking, pull_of
 from ecu.estimators.stability.rollover import LoadedMachine
 from ecu.estimators.stability.step import (
-    Bounce,
     Course,
     PredictionState,
     Rates,
@@ -33,9 +33,9 @@ from ecu.estimators.stability.step import (
 )
 
 LANES = 32
-"""Machines in one loop: enough to hide the divisions, few enough for the nearest cache (16 kB)."""
-FIELDS = 62
-"""Numbers of a lane: course 0 to 32, result 33 to 41, what does not change 42 to 61. Field f of lane j is at f * LANES + j."""
+"""Machines in one loop: enough to hide the divisions, few enough for the nearest cache (18 kB)."""
+FIELDS = 72
+"""Numbers of a lane: course 0 to 32, result 33 to 41, what does not change 42 to 71. Field f of lane j is at f * LANES + j."""
 
 Lanes = Any  # NDArray[np.float64], shape (FIELDS * LANES,)
 
@@ -69,17 +69,21 @@ def put_part(v: Lanes, field: int, j: int, part: Turning) -> None:
 
 
 @inlined
+def rocking_in(v: Lanes, j: int) -> Rocking:
+    """How the machine of a lane rocks."""
+    return Rocking(
+        v[12 * LANES + j], v[13 * LANES + j], v[14 * LANES + j], v[15 * LANES + j], v[16 * LANES + j],
+        v[17 * LANES + j], v[18 * LANES + j], v[19 * LANES + j], v[20 * LANES + j],
+    )  # fmt: skip
+
+
+@inlined
 def course_in(v: Lanes, j: int, standing: NormalForces) -> Course:
     """The machine of a lane; the least margin so far, and forces that no step reads."""
     return Course(
         joint_in(v, 0, j), v[3 * LANES + j], v[4 * LANES + j], v[5 * LANES + j], v[6 * LANES + j], v[7 * LANES + j],
-        v[8 * LANES + j], v[9 * LANES + j], v[10 * LANES + j], v[11 * LANES + j], v[12 * LANES + j],
-        v[13 * LANES + j], v[14 * LANES + j], part_in(v, 15, j), part_in(v, 18, j), joint_in(v, 21, j),
-        joint_in(v, 24, j),
-        Bounce(
-            v[27 * LANES + j], v[28 * LANES + j], v[29 * LANES + j], v[30 * LANES + j], v[31 * LANES + j],
-            v[32 * LANES + j],
-        ),
+        v[8 * LANES + j], v[9 * LANES + j], v[10 * LANES + j], v[11 * LANES + j], rocking_in(v, j),
+        part_in(v, 21, j), part_in(v, 24, j), joint_in(v, 27, j), joint_in(v, 30, j),
         standing, v[38 * LANES + j], v[39 * LANES + j],
     )  # fmt: skip
 
@@ -97,20 +101,13 @@ def put_course(v: Lanes, j: int, c: Course, arm_moves: bool) -> None:
     v[9 * LANES + j] = c.rear_load
     v[10 * LANES + j] = c.gravity_x
     v[11 * LANES + j] = c.gravity_y
-    v[12 * LANES + j] = c.offset
-    v[13 * LANES + j] = c.support_rate
-    v[14 * LANES + j] = c.before
+    for k in range(len(c.rocking)):
+        v[(12 + k) * LANES + j] = c.rocking[k]
     if arm_moves:
-        put_part(v, 15, j, c.lift)
-        put_part(v, 18, j, c.tilt)
-        put_joint(v, 21, j, c.pivot)
-        put_joint(v, 24, j, c.pin)
-        v[27 * LANES + j] = c.bounce.front
-        v[28 * LANES + j] = c.bounce.front_rate
-        v[29 * LANES + j] = c.bounce.rear
-        v[30 * LANES + j] = c.bounce.rear_rate
-        v[31 * LANES + j] = c.bounce.front_load
-        v[32 * LANES + j] = c.bounce.rear_load
+        put_part(v, 21, j, c.lift)
+        put_part(v, 24, j, c.tilt)
+        put_joint(v, 27, j, c.pivot)
+        put_joint(v, 30, j, c.pin)
 
 
 @inlined
@@ -133,24 +130,33 @@ def put_result(v: Lanes, j: int, c: Course, now: float, end: float) -> None:
 def start_in(v: Lanes, j: int) -> PredictionState:
     """What every step needs of where a prediction starts; the rest is 0."""
     return PredictionState(
-        0.0, 0.0, v[42 * LANES + j], 0.0, 0.0, 0.0, 0.0, v[43 * LANES + j], Vector(0.0, 0.0, 0.0), 0.0, 0.0, 0.0,
-        0.0, v[44 * LANES + j], 0.0, v[45 * LANES + j],
-        Levers(0.0, 0.0, v[46 * LANES + j], 0.0, 0.0, v[47 * LANES + j]),
+        0.0, 0.0, v[42 * LANES + j], 0.0, 0.0, 0.0, 0.0, v[43 * LANES + j], Vector(0.0, 0.0, 0.0), 0.0, 0.0,
+        v[44 * LANES + j], v[45 * LANES + j], v[46 * LANES + j], v[47 * LANES + j], v[48 * LANES + j],
+        Levers(0.0, 0.0, v[49 * LANES + j], 0.0, 0.0, v[50 * LANES + j]),
     )  # fmt: skip
 
 
 @inlined
 def loading_in(v: Lanes, j: int) -> Loading:
-    """How the machine of a lane is loaded."""
+    """How the machine of a lane is loaded. No step asks for its pitch frequency."""
     return Loading(
         Body(
-            v[48 * LANES + j], v[49 * LANES + j], v[50 * LANES + j], v[51 * LANES + j], v[52 * LANES + j],
-            v[53 * LANES + j],
+            v[51 * LANES + j], v[52 * LANES + j], v[53 * LANES + j], v[54 * LANES + j], v[55 * LANES + j],
+            v[56 * LANES + j],
         ),
         NormalForces(
-            v[54 * LANES + j], v[55 * LANES + j], v[56 * LANES + j], v[57 * LANES + j], v[58 * LANES + j]
+            v[57 * LANES + j], v[58 * LANES + j], 0.0, v[59 * LANES + j], v[60 * LANES + j]
         ),
-        v[59 * LANES + j], v[60 * LANES + j], v[61 * LANES + j],
+        0.0, v[61 * LANES + j],
+    )  # fmt: skip
+
+
+@inlined
+def pull_in(v: Lanes, j: int) -> Pull:
+    """The pull of the tyres of a lane's machine."""
+    return Pull(
+        v[62 * LANES + j], v[63 * LANES + j], v[64 * LANES + j], v[65 * LANES + j], v[66 * LANES + j],
+        v[67 * LANES + j], v[68 * LANES + j], v[69 * LANES + j], v[70 * LANES + j], v[71 * LANES + j],
     )  # fmt: skip
 
 
@@ -163,13 +169,16 @@ def put_given(v: Lanes, j: int, s: PredictionState, by: Loading, m: LoadedMachin
     v[40 * LANES + j] = NEVER
     v[41 * LANES + j] = 0.0
     given = (
-        s.demanded_rate, s.gravity_z, s.support, s.front_load_rate, s.levers.lift_demand, s.levers.tilt_demand,
-        by.front.mass, by.front.x, by.front.z, by.front.roll_inertia, by.front.pitch_inertia, by.front.yaw_inertia,
-        by.standing.front_left, by.standing.front_right, by.standing.pivot, by.standing.rear_left, by.standing.rear_right,
-        by.roll_frequency, by.pitch_frequency, by.payload,
+        s.demanded_rate, s.gravity_z, s.front_left, s.front_right, s.rear_load, s.left_rate, s.right_rate,
+        s.levers.lift_demand, s.levers.tilt_demand, by.front.mass, by.front.x, by.front.z, by.front.roll_inertia,
+        by.front.pitch_inertia, by.front.yaw_inertia, by.standing.front_left, by.standing.front_right,
+        by.standing.rear_left, by.standing.rear_right, by.payload,
     )  # fmt: skip
     for k in range(len(given)):
         v[(42 + k) * LANES + j] = given[k]
+    pull = pull_of(joint_at(s.articulation_angle), reloaded(m, by))
+    for k in range(len(pull)):
+        v[(62 + k) * LANES + j] = pull[k]
 
 
 @inlined
@@ -187,7 +196,16 @@ def step_lanes(
     """One step of n lanes."""
     for j in range(n):
         machine = reloaded(m, loading_in(v, j))
-        c = loaded(course_in(v, j, machine.standing), first, held, arm_moves, start_in(v, j), r, machine)
+        c = loaded(
+            course_in(v, j, machine.standing),
+            first,
+            held,
+            arm_moves,
+            start_in(v, j),
+            pull_in(v, j),
+            r,
+            machine,
+        )
         put_result(v, j, c, now, end)
         put_course(v, j, moved_on(c, r, m.geometry.articulation_stop), arm_moves)
 
@@ -211,7 +229,7 @@ def run_moving(v: Lanes, n: int, steps: int, hold: float, end: float, m: LoadedM
 
 @compiled
 def is_finite(v: Lanes, j: int) -> bool:
-    """Whether no division by zero has come into a lane: what it gives stays in drift, yaw, offset and loads."""
+    """Whether no division by zero has come into a lane: what it gives stays in drift, yaw and loads."""
     total = 0.0
     for f in range(FIELDS):
         total += v[f * LANES + j] * 0.0

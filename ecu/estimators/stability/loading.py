@@ -13,7 +13,6 @@ class Loading(NamedTuple):
 
     front: Body
     standing: NormalForces
-    roll_frequency: float
     pitch_frequency: float
     payload: float
 
@@ -21,15 +20,15 @@ class Loading(NamedTuple):
 @inlined
 def loading_of(m: LoadedMachine) -> Loading:
     """The loading of a machine."""
-    return Loading(m.front, m.standing, m.roll_frequency, m.pitch_frequency, m.payload)
+    return Loading(m.front, m.standing, m.pitch_frequency, m.payload)
 
 
 @inlined
 def reloaded(m: LoadedMachine, by: Loading) -> LoadedMachine:
     """The machine with another loading."""
     return LoadedMachine(
-        by.front, m.rear, m.rear_unit, m.axle, m.wheel, m.geometry, m.prediction, by.standing, by.roll_frequency,
-        by.pitch_frequency, m.frame, m.arm, m.bucket, by.payload, m.drive,
+        by.front, m.rear, m.rear_unit, m.axle, m.wheel, m.geometry, m.prediction, by.standing, by.pitch_frequency,
+        m.frame, m.arm, m.bucket, by.payload, m.drive,
     )  # fmt: skip
 
 

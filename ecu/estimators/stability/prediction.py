@@ -10,6 +10,7 @@ from typing import NamedTuple
 from ecu.estimators.compiled import compiled
 from ecu.estimators.signals import NEVER
 from ecu.estimators.stability.levers import Levers, moved
+from ecu.estimators.stability.rocking import pull_of
 from ecu.estimators.stability.rollover import LoadedMachine, load_transfer_ratio
 from ecu.estimators.stability.start import within
 from ecu.estimators.stability.step import Course, PredictionState, course_from, loaded, moved_on, rates_of
@@ -41,18 +42,16 @@ def predict(start: PredictionState, hold: float, floor: float, machine: LoadedMa
     It looks no further than the moment when the margin falls to `floor`, or to OVERTURNED; 0 is lift-off.
 
     The articulation rate follows the demand as the steering can and fades before the stop; so do lift arm and bucket. The
-    longitudinal acceleration fades; the tyres slip sideways and give what their grip allows; the support
-    point follows the quasi-static one as a lightly damped roll mode does, overshoot included. The ground
+    longitudinal acceleration fades; the tyres slip sideways and give what their grip allows; the loads follow
+    the quasi-static ones as a machine that rocks on its tyres does (`rocking`), overshoot included. The ground
     keeps its slope while the machine turns on it.
     """
-    rates, arm_moves, c = (
-        rates_of(machine.prediction, machine.drive),
-        moved(start.levers),
-        course_from(start, machine.standing, machine.bucket.carried),
-    )
+    rates, arm_moves = rates_of(machine.prediction, machine.drive), moved(start.levers)
+    c = course_from(start, machine.standing, machine.bucket.carried)
+    pull = pull_of(c.joint, machine)
     lift_off, end = NEVER, max(floor, OVERTURNED)
     for k in range(steps_of(machine)):
-        c = loaded(c, k == 0, k * rates.step < hold, arm_moves, start, rates, machine)
+        c = loaded(c, k == 0, k * rates.step < hold, arm_moves, start, pull, rates, machine)
         if c.worst <= end:
             if c.worst <= 0.0:
                 lift_off = k * rates.step
@@ -74,7 +73,7 @@ def with_demand(start: PredictionState, rate: float) -> PredictionState:
     return PredictionState(
         start.articulation_angle, start.articulation_rate, rate, start.speed, start.acceleration,
         start.gravity_x, start.gravity_y, start.gravity_z, start.ground, start.drift, start.yaw_rate,
-        start.front_load, start.rear_load, start.support, start.support_rate, start.front_load_rate, start.levers,
+        start.front_left, start.front_right, start.rear_load, start.left_rate, start.right_rate, start.levers,
     )  # fmt: skip
 
 
@@ -84,5 +83,5 @@ def with_levers(start: PredictionState, levers: Levers) -> PredictionState:
     return PredictionState(
         start.articulation_angle, start.articulation_rate, start.demanded_rate, start.speed, start.acceleration,
         start.gravity_x, start.gravity_y, start.gravity_z, start.ground, start.drift, start.yaw_rate,
-        start.front_load, start.rear_load, start.support, start.support_rate, start.front_load_rate, levers,
+        start.front_left, start.front_right, start.rear_load, start.left_rate, start.right_rate, levers,
     )  # fmt: skip

@@ -57,8 +57,7 @@ class LoadedMachine(NamedTuple):
     geometry: Geometry
     prediction: PredictionRules
     standing: NormalForces  # of the straight machine at rest on level ground
-    roll_frequency: float  # on the front tyres [rad/s]
-    pitch_frequency: float  # about the rear axle, likewise
+    pitch_frequency: float  # on the front tyres, about the rear axle [rad/s]
     frame: Body  # the front frame without arm, bucket and payload
     arm: Arm
     bucket: Bucket
@@ -103,18 +102,6 @@ def margin(forces: NormalForces, standing: NormalForces) -> Margin:
     if other < ratio:
         ratio, wheel = other, 4.0
     return Margin(ratio, wheel)
-
-
-@compiled
-def support_of(forces: NormalForces, articulation_angle: float, geometry: Geometry) -> Support:
-    """Where the load on front wheels and pivot meets the ground."""
-    c, s = math.cos(articulation_angle), math.sin(articulation_angle)
-    lf, half = geometry.front_length, geometry.front_track / 2.0
-    n1, n2 = forces.front_left, forces.front_right
-    load = n1 + n2 + forces.pivot
-    x = n1 * (lf * c - half * s) + n2 * (lf * c + half * s) - forces.pivot * geometry.rear_length
-    y = n1 * (lf * s + half * c) + n2 * (lf * s - half * c)
-    return Support(load, x / load, y / load)
 
 
 @inlined
@@ -221,22 +208,6 @@ def standing_forces(front: Body, rear: Body, axle: Axle, geometry: Geometry) -> 
 
 
 @compiled
-def roll_frequency(front: Body, rear: Body, prediction: PredictionRules, geometry: Geometry) -> float:
-    """Natural frequency of the roll on the front tyres [rad/s].
-
-    The machine turns about the line from the front axle's ground contact to the oscillation pivot.
-    """
-    slope = geometry.pivot_height / (geometry.front_length + geometry.rear_length)
-    above_front = front.z - slope * (geometry.front_length - front.x)
-    above_rear = rear.z - slope * (geometry.front_length - rear.x)
-    inertia = front.roll_inertia + rear.roll_inertia
-    inertia += front.mass * above_front * above_front + rear.mass * above_rear * above_rear
-    weight = GRAVITY * (front.mass * above_front + rear.mass * above_rear)
-    half = geometry.front_track / 2.0
-    return math.sqrt((2.0 * prediction.tyre_stiffness * half * half - weight) / inertia)
-
-
-@compiled
 def pitch_frequency(front: Body, rear: Body, axle: Axle, prediction: PredictionRules, g: Geometry) -> float:
     """Natural frequency of the pitch on the front tyres [rad/s]: the machine turns about the rear axle's ground contact."""
     behind = g.rear_length
@@ -254,7 +225,6 @@ def loaded_machine(front: Body, payload: float, p: Parameters) -> LoadedMachine:
     return LoadedMachine(
         front, p.rear, with_axle(p.rear, p.axle, g), p.axle, p.wheel, g, p.prediction,
         standing_forces(front, p.rear, p.axle, g),
-        roll_frequency(front, p.rear, p.prediction, g),
         pitch_frequency(front, p.rear, p.axle, p.prediction, g),
         p.front, p.arm, p.bucket, payload, p.linkage_drive,
     )  # fmt: skip
@@ -265,8 +235,8 @@ def posed(m: LoadedMachine, lift_arm_angle: float, tilt_angle: float) -> LoadedM
     """The same machine with its arm in another pose; its margins stay shares of what its wheels carry now."""
     front = front_unit(lift_arm_angle, tilt_angle, m.payload, m.frame, m.arm, m.bucket)
     return LoadedMachine(
-        front, m.rear, m.rear_unit, m.axle, m.wheel, m.geometry, m.prediction, m.standing, m.roll_frequency,
-        m.pitch_frequency, m.frame, m.arm, m.bucket, m.payload, m.drive,
+        front, m.rear, m.rear_unit, m.axle, m.wheel, m.geometry, m.prediction, m.standing, m.pitch_frequency,
+        m.frame, m.arm, m.bucket, m.payload, m.drive,
     )  # fmt: skip
 
 

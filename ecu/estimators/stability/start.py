@@ -14,9 +14,9 @@ from ecu.estimators.quantities import Vector
 MOST = 2.0 * GRAVITY
 """Largest specific force, and largest acceleration, that a prediction starts from [m/s2]. Weight and tyres at their grip give 1.3 g
 together; the rest is for a bump."""
-ASIDE, ASIDE_RATE = 10.0, 100.0
-"""How far aside of the joint the support point may be [m], and how fast it may move [m/s]. On four wheels it is within the track; where
-they carry next to nothing together it is anywhere."""
+WEIGHTS, WEIGHTS_RATE = 2.0, 20.0
+"""How far the load of a wheel or of the rear axle may be from the quasi-static one, and how fast that may change, in weights of the
+machine [-, 1/s]. Over a kerb of 20 cm, or dropped to the ground, a point is half a weight away and changes by six in a second."""
 
 
 @compiled

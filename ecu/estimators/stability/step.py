@@ -10,14 +10,14 @@ from ecu.estimators.compiled import compiled, inlined
 from ecu.estimators.joint import Joint, joint_at, slight, turned
 from ecu.estimators.loads.arm_forces import NO_ARM_FORCES, arm_forces
 from ecu.estimators.loads.cog import front_unit_in, pose_of
-from ecu.estimators.loads.normal_force import Support, normal_forces
+from ecu.estimators.loads.normal_force import normal_forces
 from ecu.estimators.motion.arm import Turning
 from ecu.estimators.motion.planar import Steering, lateral_step
-from ecu.estimators.parameters import Geometry, LinkageDrive, PredictionRules
+from ecu.estimators.parameters import GRAVITY, Geometry, LinkageDrive, PredictionRules
 from ecu.estimators.quantities import NormalForces, Vector
 from ecu.estimators.stability.levers import Levers, driven, share_followed
+from ecu.estimators.stability.rocking import STILL, Pull, Rocking, rocked, rocking_from, with_rocking
 from ecu.estimators.stability.rollover import LoadedMachine, loads_of, margin
-from ecu.estimators.stability.start import ASIDE, ASIDE_RATE, within
 
 
 class PredictionState(NamedTuple):
@@ -34,61 +34,12 @@ class PredictionState(NamedTuple):
     ground: Vector  # the same in axes of the ground, on which the machine leans [m/s2]
     drift: float  # velocity of the joint to the left [m/s]
     yaw_rate: float  # of the rear frame [rad/s]
-    front_load: float  # normal force of the front wheels together [N]
-    rear_load: float
-    support: float  # present support point along y [m]
-    support_rate: float  # [m/s]
-    front_load_rate: float  # of both front wheels by the pitch on the tyres; the rear ones lose it [N/s]
+    front_left: float  # normal force of this wheel [N]
+    front_right: float
+    rear_load: float  # ... of both rear wheels together
+    left_rate: float  # of the front left wheel's load by the tilt on the tyres [N/s]
+    right_rate: float  # ... of the right one's; the rear wheels lose what both gain
     levers: Levers  # lift arm and bucket, and what is demanded of them
-
-
-class Bounce(NamedTuple):
-    """How far the loads of the axles are from the quasi-static ones, and how fast that changes."""
-
-    front: float  # [N]
-    front_rate: float  # [N/s]
-    rear: float
-    rear_rate: float
-    front_load: float  # the quasi-static ones of the step before [N]
-    rear_load: float
-
-
-STILL = Bounce(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-"""The tyres carry what rests on them."""
-
-
-@inlined
-def bouncing(forces: NormalForces, front: float, rear: float, front_rate: float) -> Bounce:
-    """How the axles swing now; front, rear: their loads [N], beside the quasi-static `forces`; front_rate: of the front ones [N/s].
-
-    Without the rate an arm that has just started looks as if the swing that it began were over.
-    """
-    ahead, behind = forces.front_left + forces.front_right, forces.rear_left + forces.rear_right
-    return Bounce(front - ahead, front_rate, rear - behind, -front_rate, ahead, behind)
-
-
-@inlined
-def bounced(b: Bounce, forces: NormalForces, dt: float, m: LoadedMachine) -> Bounce:
-    """The axles' loads `dt` [s] later, on tyres that give way: they follow the quasi-static `forces` as the pitch mode does.
-
-    An arm that starts in a tenth of a second is faster than the tyres: they see part of the push, and swing after it.
-    """
-    ahead, behind = forces.front_left + forces.front_right, forces.rear_left + forces.rear_right
-    square = m.pitch_frequency * m.pitch_frequency
-    damping = 2.0 * m.prediction.roll_damping * m.pitch_frequency
-    f, r = b.front - (ahead - b.front_load), b.rear - (behind - b.rear_load)
-    front_rate = b.front_rate - (square * f + damping * b.front_rate) * dt
-    rear_rate = b.rear_rate - (square * r + damping * b.rear_rate) * dt
-    return Bounce(f + front_rate * dt, front_rate, r + rear_rate * dt, rear_rate, ahead, behind)
-
-
-@inlined
-def with_bounce(n: NormalForces, b: Bounce) -> NormalForces:
-    """Both wheels of an axle swing alike."""
-    front, rear = b.front / 2.0, b.rear / 2.0
-    return NormalForces(
-        n.front_left + front, n.front_right + front, n.pivot + b.rear, n.rear_left + rear, n.rear_right + rear
-    )
 
 
 @inlined
@@ -147,14 +98,11 @@ class Course(NamedTuple):
     rear_load: float
     gravity_x: float  # [m/s2]
     gravity_y: float
-    offset: float  # of the support point from the quasi-static one [m]
-    support_rate: float  # [m/s]
-    before: float  # the quasi-static support point of the step before [m]
+    rocking: Rocking
     lift: Turning
     tilt: Turning
     pivot: Joint  # of the lift arm
     pin: Joint  # of the bucket
-    bounce: Bounce
     forces: NormalForces
     worst: float  # smallest margin so far
     lifting: float  # the wheel of that margin
@@ -166,12 +114,11 @@ def course_from(start: PredictionState, standing: NormalForces, carried: float) 
     levers = start.levers
     return Course(
         joint_at(start.articulation_angle), start.articulation_rate, start.speed, start.acceleration, start.drift,
-        start.yaw_rate, start.front_load, start.rear_load, start.gravity_x, start.gravity_y,
-        0.0, within(start.support_rate, ASIDE_RATE), 0.0,
+        start.yaw_rate, start.front_left + start.front_right, start.rear_load, start.gravity_x, start.gravity_y, STILL,
         Turning(levers.lift_angle, levers.lift_rate, 0.0, levers.lift_angle),
         Turning(levers.tilt_angle, levers.tilt_rate, 0.0, levers.tilt_angle),
         joint_at(levers.lift_angle), joint_at(levers.tilt_angle - carried),
-        STILL, standing, 1e9, 0.0,
+        standing, 1e9, 0.0,
     )  # fmt: skip
 
 
@@ -182,23 +129,23 @@ def loaded(
     held: bool,
     arm_moves: bool,
     start: PredictionState,
+    pull: Pull,
     rates: Rates,
     machine: LoadedMachine,
 ) -> Course:
     """The machine with the loads of this step.
 
-    first: whether nothing has been driven or steered yet; held: whether the demands still last; arm_moves: whether arm or bucket
+    pull: of the tyres at the start; first: whether nothing has been driven or steered yet; held: whether the demands still last; arm_moves: whether arm or bucket
     moves or is to move.
     """
     geometry, prediction, dt, joint = machine.geometry, machine.prediction, rates.step, c.joint
-    damping = 2.0 * prediction.roll_damping * machine.roll_frequency
     change, rate = 0.0, c.rate
     if not first:
         target = start.demanded_rate if held else 0.0
         rate = steered(c.rate, target, joint.angle, rates.steering_share, dt, geometry, prediction)
         change = (rate - c.rate) / dt
     front, arm = machine.front, NO_ARM_FORCES
-    lift, tilt, pivot, pin, bounce = c.lift, c.tilt, c.pivot, c.pin, c.bounce
+    lift, tilt, pivot, pin = c.lift, c.tilt, c.pivot, c.pin
     if arm_moves:
         if not first:
             lift, tilt = driven(lift, tilt, start.levers, held, dt, rates.drive_share, machine.drive)
@@ -218,30 +165,21 @@ def loaded(
         c.acceleration - c.yaw * c.drift, slide.drift_change + c.yaw * c.speed, c.yaw, slide.yaw_change, joint, rate,
         change, Vector(c.gravity_x, c.gravity_y, start.gravity_z), front, machine.rear, machine.axle, geometry, arm,
     )  # fmt: skip
-    # the roll mode answers to changes of the quasi-static support point
-    offset, support_rate = c.offset, c.support_rate
+    resting = normal_forces(loads.support, joint, loads.axle_load, loads.axle_moment, geometry)
     if first:
-        offset = within(start.support, ASIDE) - loads.support.y
+        rocking = rocking_from(
+            start.front_left, start.front_right, start.rear_load, start.left_rate, start.right_rate, resting,
+            GRAVITY * (front.mass + machine.rear_unit.mass),
+        )  # fmt: skip
     else:
-        offset -= loads.support.y - c.before
-        support_rate += (
-            -machine.roll_frequency * machine.roll_frequency * offset - damping * support_rate
-        ) * dt
-        offset += support_rate * dt
-    support = Support(loads.support.load, loads.support.x, loads.support.y + offset)
-    forces = normal_forces(support, joint, loads.axle_load, loads.axle_moment, geometry)
-    if arm_moves:
-        if first:
-            bounce = bouncing(forces, c.front_load, c.rear_load, start.front_load_rate)
-        else:
-            bounce = bounced(bounce, forces, dt, machine)
-        forces = with_bounce(forces, bounce)
+        rocking = rocked(c.rocking, resting, dt, pull)
+    forces = with_rocking(resting, rocking)
     now = margin(forces, machine.standing)
     less = now.ratio < c.worst
     return Course(
         joint, rate, c.speed, c.acceleration, slide.drift, slide.yaw_rate,
         forces.front_left + forces.front_right, forces.rear_left + forces.rear_right, c.gravity_x, c.gravity_y,
-        offset, support_rate, loads.support.y, lift, tilt, pivot, pin, bounce, forces,
+        rocking, lift, tilt, pivot, pin, forces,
         now.ratio if less else c.worst, now.wheel if less else c.lifting,
     )  # fmt: skip
 
@@ -256,5 +194,5 @@ def moved_on(c: Course, rates: Rates, stop: float) -> Course:
         turned(c.joint, min(max(c.joint.angle + c.rate * dt, -stop), stop)), c.rate,
         faster if faster * c.speed > 0.0 else 0.0, c.acceleration * rates.fade, c.drift, c.yaw,
         c.front_load, c.rear_load, c.gravity_x * cosine + c.gravity_y * sine, c.gravity_y * cosine - c.gravity_x * sine,
-        c.offset, c.support_rate, c.before, c.lift, c.tilt, c.pivot, c.pin, c.bounce, c.forces, c.worst, c.lifting,
+        c.rocking, c.lift, c.tilt, c.pivot, c.pin, c.forces, c.worst, c.lifting,
     )  # fmt: skip

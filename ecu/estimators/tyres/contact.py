@@ -185,28 +185,9 @@ def carried(
 
 
 @compiled
-def front_load_rate(
+def load_rates(
     forces: NormalForces, rate: Tilt, joint: Joint, wheel: Wheel, geometry: Geometry
-) -> float:
-    """How fast the machine's tilting loads the front wheels together [N/s]; the rear ones lose as much."""
+) -> tuple[float, float]:
+    """How fast the machine's tilting loads the front left and the front right wheel [N/s]; the rear ones lose what both gain."""
     then = shifted(forces, rate, joint, springs(forces, wheel), geometry)
-    return then.front_left + then.front_right - forces.front_left - forces.front_right
-
-
-@compiled
-def support_rate(
-    forces: NormalForces,
-    rate: Tilt,
-    joint: Joint,
-    articulation_rate: float,
-    wheel: Wheel,
-    geometry: Geometry,
-) -> float:
-    """How fast the support point moves to the left [m/s] as the machine tilts and bends."""
-    c, s = joint.cosine, joint.sine
-    lf, half = geometry.front_length, geometry.front_track / 2.0
-    n1, n2 = forces.front_left, forces.front_right
-    then = shifted(forces, rate, joint, springs(forces, wheel), geometry)
-    moved = (then.front_left - n1) * (lf * s + half * c) + (then.front_right - n2) * (lf * s - half * c)
-    bent = articulation_rate * (n1 * (lf * c - half * s) + n2 * (lf * c + half * s))
-    return (moved + bent) / (n1 + n2 + forces.pivot)
+    return then.front_left - forces.front_left, then.front_right - forces.front_right

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from ecu.calibration import load_calibration
 from ecu.estimators.joint import joint_at
 from ecu.estimators.quantities import NormalForces
-from ecu.estimators.stability.rollover import support_of
 from ecu.estimators.tyres import tyre
 from ecu.estimators.tyres.contact import (
     CONTRADICTION,
@@ -18,10 +17,10 @@ from ecu.estimators.tyres.contact import (
     carried,
     contradicts,
     followed,
+    load_rates,
     shifted,
     springs,
     stands,
-    support_rate,
     tilt_of,
 )
 
@@ -176,19 +175,15 @@ def test_a_rolling_machine_is_seen_ahead_by_latency_and_damping():
 
 
 @unhurried
-@given(four, angles, st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(-0.5, 0.5))
-def test_the_rate_of_the_support_point_is_its_difference(n, angle, roll, pitch, bend):
-    step = 1e-6
-    stiffness = springs(n, WHEEL)
-
-    def at(time):
-        turned = Tilt(roll * time, pitch * time)
-        return support_of(
-            shifted(n, turned, joint_at(angle), stiffness, GEOMETRY), angle + bend * time, GEOMETRY
-        ).y
-
-    found = support_rate(n, Tilt(roll, pitch), joint_at(angle), bend, WHEEL, GEOMETRY)
-    assert found == pytest.approx((at(step) - at(-step)) / (2 * step), abs=1e-4)
+@given(four, angles, st.floats(-0.1, 0.1), st.floats(-0.1, 0.1))
+def test_the_rates_of_the_front_loads_are_their_differences(n, angle, roll, pitch):
+    step, joint, stiffness = 1e-6, joint_at(angle), springs(n, WHEEL)
+    before, after = (
+        shifted(n, Tilt(roll * time, pitch * time), joint, stiffness, GEOMETRY) for time in (-step, step)
+    )
+    left, right = load_rates(n, Tilt(roll, pitch), joint, WHEEL, GEOMETRY)
+    assert left == pytest.approx((after.front_left - before.front_left) / (2 * step), abs=1.0)
+    assert right == pytest.approx((after.front_right - before.front_right) / (2 * step), abs=1.0)
 
 
 def test_a_lifted_wheel_is_seen():

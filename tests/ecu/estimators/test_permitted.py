@@ -24,7 +24,7 @@ from ecu.estimators.stability.permitted import (
     permitted_speed,
 )
 from ecu.estimators.stability.prediction import predict, with_demand
-from ecu.estimators.stability.rollover import loaded_machine, steady_rate, support_of
+from ecu.estimators.stability.rollover import loaded_machine, steady_rate
 from ecu.estimators.stability.steady import least_margin, steady_forces, steady_turns, turned_gravity
 from ecu.estimators.stability.step import PredictionState
 
@@ -109,10 +109,9 @@ def start(speed, angle, demanded, ground, m=MACHINE):
     """A steady turn on this ground in which another articulation rate is demanded."""
     turn = steady_rate(speed, angle, m.wheel.lateral_peak, m.geometry)
     forces = steady_forces(speed, turn, steady_turns(angle, ground.z, m), ground, m)
-    front, rear = forces.front_left + forces.front_right, forces.rear_left + forces.rear_right
-    support = support_of(forces, angle, m.geometry).y
+    rear = forces.rear_left + forces.rear_right
     return PredictionState(
-        angle, 0.0, demanded, speed, 0.0, *ground, ground, 0.0, turn, front, rear, support, 0.0, 0.0,
+        angle, 0.0, demanded, speed, 0.0, *ground, ground, 0.0, turn, forces.front_left, forces.front_right, rear, 0.0, 0.0,
         Levers(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     )  # fmt: skip
 
@@ -307,10 +306,16 @@ def test_at_the_stop_there_is_no_way_on():
     assert not leads_out(now, 1.0, margin_after(NONE, now, 0.0, m), m)
 
 
+def rolling(now, rate, m):
+    """The same machine while it tips over to the right, so that its support point moves there by `rate` [m/s]."""
+    gained = rate * (now.front_left + now.front_right + now.rear_load) / m.geometry.front_track
+    return now._replace(left_rate=-gained, right_rate=gained)
+
+
 def rocking(rate, demand):
     """A slow left turn on the level in which the machine tips over to the right: the next second is bad, the turn is not."""
     m = raised(0.0)
-    now = start(3.3, 0.25, demand, LEVEL, m)._replace(support_rate=-rate)
+    now = rolling(start(3.3, 0.25, demand, LEVEL, m), rate, m)
     held = predict(with_demand(now, 0.0), P.prediction.limit_hold, NONE, m).margin
     return m, now, held
 
@@ -329,14 +334,14 @@ def test_a_machine_that_rocks_in_a_sound_turn_may_turn_back():
 
 def test_slow_rates_are_offered_where_quick_ones_cost_too_much():
     m, now = on_valley()
-    found = {permitted_rate(now._replace(support_rate=rate), m) for rate in np.arange(0.0, 1.5, 0.05)}
+    found = {permitted_rate(rolling(now, -rate, m), m) for rate in np.arange(0.0, 1.5, 0.05)}
     assert any(0.0 < rate < P.prediction.largest_rate / 8.0 for rate in found)
 
 
 def test_a_machine_that_rocks_in_a_sound_turn_may_steer_past_straight_ahead():
     """The turn that follows is a little worse than the present one, and far above its floor."""
     m = raised(1600.0)
-    now = start(3.3, 0.05, -0.5, LEVEL, m)._replace(support_rate=-4.0)
+    now = rolling(start(3.3, 0.05, -0.5, LEVEL, m), 4.0, m)
     here = margin_after(NONE, now, 0.0, m)
     assert predict(with_demand(now, 0.0), P.prediction.limit_hold, NONE, m).margin < P.prediction.margin_floor
     rate = permitted_rate(now, m)
