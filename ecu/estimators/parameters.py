@@ -201,7 +201,7 @@ class PredictionRules(NamedTuple):
     braking: float  # deceleration that a falling speed limit is relied on to bring on level ground [m/s2]
     braking_slack: float  # how far above its limit the machine has to be, per deceleration [s]
     tyre_stiffness: float  # k_z of a front tyre [N/m]
-    roll_damping: float  # damping ratio of the roll mode
+    roll_damping: float  # damping ratio of the tyres at the pitch frequency
     margin_floor: float  # the articulation rate is limited so that the predicted margin stays above
     speed_floor: float  # the speed is limited so that the standing turn keeps this margin
     largest_rate: float  # articulation rate of the unlimited machine [rad/s]
