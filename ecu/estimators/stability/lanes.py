@@ -20,7 +20,7 @@ from ecu.estimators.signals import NEVER
 from ecu.estimators.stability.levers import Levers, moved
 from ecu.estimators.stability.loading import Loading, divides, reloaded
 from ecu.estimators.stability.prediction import OVERTURNED, Prediction, predict, predicted, steps_of
-from ecu.estimators.stability.rocking import Pull, Rocking, pull_of
+from ecu.estimators.stability.rocking import RestoringMatrix, Rocking, restoring_matrix
 from ecu.estimators.stability.rollover import LoadedMachine
 from ecu.estimators.stability.step import (
     Course,
@@ -152,9 +152,9 @@ def loading_in(v: Lanes, j: int) -> Loading:
 
 
 @inlined
-def pull_in(v: Lanes, j: int) -> Pull:
-    """The pull of the tyres of a lane's machine."""
-    return Pull(
+def restoring_in(v: Lanes, j: int) -> RestoringMatrix:
+    """The restoring of the tyres of a lane's machine."""
+    return RestoringMatrix(
         v[62 * LANES + j], v[63 * LANES + j], v[64 * LANES + j], v[65 * LANES + j], v[66 * LANES + j],
         v[67 * LANES + j], v[68 * LANES + j], v[69 * LANES + j], v[70 * LANES + j], v[71 * LANES + j],
     )  # fmt: skip
@@ -176,9 +176,9 @@ def put_given(v: Lanes, j: int, s: PredictionState, by: Loading, m: LoadedMachin
     )  # fmt: skip
     for k in range(len(given)):
         v[(42 + k) * LANES + j] = given[k]
-    pull = pull_of(joint_at(s.articulation_angle), reloaded(m, by))
-    for k in range(len(pull)):
-        v[(62 + k) * LANES + j] = pull[k]
+    restoring = restoring_matrix(joint_at(s.articulation_angle), reloaded(m, by))
+    for k in range(len(restoring)):
+        v[(62 + k) * LANES + j] = restoring[k]
 
 
 @inlined
@@ -202,7 +202,7 @@ def step_lanes(
             held,
             arm_moves,
             start_in(v, j),
-            pull_in(v, j),
+            restoring_in(v, j),
             r,
             machine,
         )

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from ecu.estimators.compiled import compiled
 from ecu.estimators.signals import NEVER
 from ecu.estimators.stability.levers import Levers, moved
-from ecu.estimators.stability.rocking import pull_of
+from ecu.estimators.stability.rocking import restoring_matrix
 from ecu.estimators.stability.rollover import LoadedMachine, load_transfer_ratio
 from ecu.estimators.stability.start import within
 from ecu.estimators.stability.step import Course, PredictionState, course_from, loaded, moved_on, rates_of
@@ -48,10 +48,10 @@ def predict(start: PredictionState, hold: float, floor: float, machine: LoadedMa
     """
     rates, arm_moves = rates_of(machine.prediction, machine.drive), moved(start.levers)
     c = course_from(start, machine.standing, machine.bucket.carried)
-    pull = pull_of(c.joint, machine)
+    restoring = restoring_matrix(c.joint, machine)
     lift_off, end = NEVER, max(floor, OVERTURNED)
     for k in range(steps_of(machine)):
-        c = loaded(c, k == 0, k * rates.step < hold, arm_moves, start, pull, rates, machine)
+        c = loaded(c, k == 0, k * rates.step < hold, arm_moves, start, restoring, rates, machine)
         if c.worst <= end:
             if c.worst <= 0.0:
                 lift_off = k * rates.step

@@ -1,9 +1,9 @@
-"""How the machine rocks on its tyres: heave, pitch and roll together, told by the loads of its three points.
+"""Rocking of the machine on its tyres: heave, pitch and roll together.
 
-Front wheels and the rear axle's pivot carry the machine, each on its tyres. Their loads are not those that weight and inertia forces ask
-for (`loads_of`): they follow them as a rigid body on three springs does. In a bent machine every one of its three motions turns into the
-others. The tyres keep the machine from sliding meanwhile: the rear axle's line stays where it is along the machine, the pivot and the
-front axle's middle stay where they are across it. ISO 8855, joint origin, rear frame axes.
+The machine is a rigid body on three springs: the front left tyre, the front right one, and the rear pair below the oscillation pivot. Its
+motion is told by the loads of these springs, as deviations from the quasi-static loads (`rollover.loads_of`). In a bent machine the three
+motions are coupled. No tyre slides meanwhile: the rear axle does not move along the machine, and neither the pivot nor the middle of the
+front axle moves across it. ISO 8855, joint origin, rear frame axes.
 """
 
 from typing import NamedTuple
@@ -34,8 +34,8 @@ STILL = Rocking(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """The tyres carry what rests on them."""
 
 
-class Pull(NamedTuple):
-    """How fast deviations are pulled back: the rate's change of each of the three [N/s2] per deviation of each [N], hence [1/s2]."""
+class RestoringMatrix(NamedTuple):
+    """Stiffness times inverse inertia: what restores the loads, [N/s2] of the first spring per [N] of deviation of the second, hence [1/s2]."""
 
     left_left: float
     left_right: float
@@ -118,8 +118,8 @@ def inertia_of(joint: Joint, m: LoadedMachine) -> Inertia:
     )
 
 
-class Answer(NamedTuple):
-    """Acceleration of heave, pitch and roll to a load of 1 N."""
+class Accelerance(NamedTuple):
+    """Accelerations of heave [1/kg], pitch and roll [1/(kg m)] per newton of a load."""
 
     heave: float
     pitch: float
@@ -127,8 +127,8 @@ class Answer(NamedTuple):
 
 
 @inlined
-def answer(i: Inertia, pitch: float, roll: float) -> Answer:
-    """The answer to a load with these moments [m] in pitch and roll."""
+def accelerance(i: Inertia, pitch: float, roll: float) -> Accelerance:
+    """The accelerance of a load with these lever arms [m] in pitch and roll: a row of the inverse of the inertia, by cofactors."""
     p, q = (
         i.pitch * i.roll - i.pitch_roll * i.pitch_roll,
         i.heave_roll * i.pitch_roll - i.heave_pitch * i.roll,
@@ -136,7 +136,7 @@ def answer(i: Inertia, pitch: float, roll: float) -> Answer:
     r = i.heave_pitch * i.pitch_roll - i.heave_roll * i.pitch
     t = i.heave_pitch * i.heave_roll - i.heave * i.pitch_roll
     size = i.heave * p + i.heave_pitch * q + i.heave_roll * r
-    return Answer(
+    return Accelerance(
         (p + q * pitch + r * roll) / size,
         (q + (i.heave * i.roll - i.heave_roll * i.heave_roll) * pitch + t * roll) / size,
         (r + t * pitch + (i.heave * i.pitch - i.heave_pitch * i.heave_pitch) * roll) / size,
@@ -144,19 +144,19 @@ def answer(i: Inertia, pitch: float, roll: float) -> Answer:
 
 
 @compiled
-def pull_of(joint: Joint, m: LoadedMachine) -> Pull:
-    """The pull of the tyres on a machine that is bent like this."""
+def restoring_matrix(joint: Joint, m: LoadedMachine) -> RestoringMatrix:
+    """The restoring matrix of a machine that is bent like this."""
     g, c, s = m.geometry, joint.cosine, joint.sine
     lf, lr, half = g.front_length, g.rear_length, g.front_track / 2.0
     x1, y1, x2, y2 = lf * c - half * s, lf * s + half * c, lf * c + half * s, lf * s - half * c
     k = m.prediction.tyre_stiffness
     i = inertia_of(joint, m)
-    # a machine that rolls leans: its weight takes back part of what the springs give; of each point per metre of its deflection
+    # The weight of a machine that rolls tips it further. lean: that moment per deflection and stiffness of a front tyre.
     lean = i.tipping / (g.front_track * (lf + lr * c) * k)
-    a1 = answer(i, -x1, y1 - lean * (half * s + lf * c + lr))
-    a2 = answer(i, -x2, y2 - lean * (half * s - lf * c - lr))
-    a3 = answer(i, lr, lean * half * s)  # -2 half s, on two tyres
-    return Pull(
+    a1 = accelerance(i, -x1, y1 - lean * (half * s + lf * c + lr))
+    a2 = accelerance(i, -x2, y2 - lean * (half * s - lf * c - lr))
+    a3 = accelerance(i, lr, lean * half * s)  # -2 half s, on two tyres
+    return RestoringMatrix(
         k * (a1.heave - x1 * a1.pitch + y1 * a1.roll),
         k * (a2.heave - x1 * a2.pitch + y1 * a2.roll),
         k * (a3.heave - x1 * a3.pitch + y1 * a3.roll),
@@ -194,7 +194,7 @@ def rocking_from(
 
 
 @inlined
-def rocked(b: Rocking, forces: NormalForces, dt: float, p: Pull) -> Rocking:
+def rocked(b: Rocking, forces: NormalForces, dt: float, w: RestoringMatrix) -> Rocking:
     """The machine `dt` [s] later on tyres that give way, while the quasi-static loads come to `forces`.
 
     An arm that starts in a tenth of a second is faster than the tyres: they see part of the push, and swing after it.
@@ -202,13 +202,13 @@ def rocked(b: Rocking, forces: NormalForces, dt: float, p: Pull) -> Rocking:
     left = b.left - (forces.front_left - b.left_load)
     right = b.right - (forces.front_right - b.right_load)
     rear = b.rear - (forces.pivot - b.pivot_load)
-    at_left, at_right = left + p.damping * b.left_rate, right + p.damping * b.right_rate
-    at_rear = rear + p.damping * b.rear_rate
-    left_rate = b.left_rate - (p.left_left * at_left + p.left_right * at_right + p.left_rear * at_rear) * dt
+    at_left, at_right = left + w.damping * b.left_rate, right + w.damping * b.right_rate
+    at_rear = rear + w.damping * b.rear_rate
+    left_rate = b.left_rate - (w.left_left * at_left + w.left_right * at_right + w.left_rear * at_rear) * dt
     right_rate = (
-        b.right_rate - (p.right_left * at_left + p.right_right * at_right + p.right_rear * at_rear) * dt
+        b.right_rate - (w.right_left * at_left + w.right_right * at_right + w.right_rear * at_rear) * dt
     )
-    rear_rate = b.rear_rate - (p.rear_left * at_left + p.rear_right * at_right + p.rear_rear * at_rear) * dt
+    rear_rate = b.rear_rate - (w.rear_left * at_left + w.rear_right * at_right + w.rear_rear * at_rear) * dt
     return Rocking(
         left + left_rate * dt, right + right_rate * dt, rear + rear_rate * dt, left_rate, right_rate, rear_rate,
         forces.front_left, forces.front_right, forces.pivot,

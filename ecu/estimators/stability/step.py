@@ -16,7 +16,14 @@ from ecu.estimators.motion.planar import Steering, lateral_step
 from ecu.estimators.parameters import GRAVITY, Geometry, LinkageDrive, PredictionRules
 from ecu.estimators.quantities import NormalForces, Vector
 from ecu.estimators.stability.levers import Levers, driven, share_followed
-from ecu.estimators.stability.rocking import STILL, Pull, Rocking, rocked, rocking_from, with_rocking
+from ecu.estimators.stability.rocking import (
+    STILL,
+    RestoringMatrix,
+    Rocking,
+    rocked,
+    rocking_from,
+    with_rocking,
+)
 from ecu.estimators.stability.rollover import LoadedMachine, loads_of, margin
 
 
@@ -129,13 +136,13 @@ def loaded(
     held: bool,
     arm_moves: bool,
     start: PredictionState,
-    pull: Pull,
+    restoring: RestoringMatrix,
     rates: Rates,
     machine: LoadedMachine,
 ) -> Course:
     """The machine with the loads of this step.
 
-    pull: of the tyres at the start; first: whether nothing has been driven or steered yet; held: whether the demands still last; arm_moves: whether arm or bucket
+    restoring: of the tyres at the start; first: whether nothing has been driven or steered yet; held: whether the demands still last; arm_moves: whether arm or bucket
     moves or is to move.
     """
     geometry, prediction, dt, joint = machine.geometry, machine.prediction, rates.step, c.joint
@@ -172,7 +179,7 @@ def loaded(
             GRAVITY * (front.mass + machine.rear_unit.mass),
         )  # fmt: skip
     else:
-        rocking = rocked(c.rocking, resting, dt, pull)
+        rocking = rocked(c.rocking, resting, dt, restoring)
     forces = with_rocking(resting, rocking)
     now = margin(forces, machine.standing)
     less = now.ratio < c.worst
