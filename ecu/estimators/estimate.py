@@ -42,7 +42,7 @@ from ecu.estimators.next_state import next_state
 from ecu.estimators.parameters import GRAVITY, Body, Parameters
 from ecu.estimators.quantities import NormalForces, Vector, WheelForces
 from ecu.estimators.signals import Estimates, Inputs
-from ecu.estimators.stability import permitted, permitted_levers, prediction, rollover, steady, turning
+from ecu.estimators.stability import permitted, permitted_braking, permitted_levers, prediction, rollover, steady, turning
 from ecu.estimators.stability.levers import MOTIONS, Levers, demanded
 from ecu.estimators.stability.prediction import Prediction
 from ecu.estimators.stability.rollover import LoadedMachine, Margin
@@ -314,7 +314,7 @@ def predict_and_permit(
         ahead,
         permitted.permitted_rate(start, machine),
         asked_direction(start),
-        speed_limit(start, machine),
+        speed_limit(asked, machine),
         permitted_levers.permitted_lever(asked, motion, ahead.margin, machine),
         float(motion),
     )
@@ -334,10 +334,11 @@ def asked_direction(start: PredictionState) -> float:
 
 @compiled
 def speed_limit(start: PredictionState, machine: LoadedMachine) -> float:
-    """Limit of the speed [m/s] for the turn that the present articulation rate leads to."""
+    """Limit of the speed [m/s] for the turn that the present articulation rate leads to; start: with the rate that is demanded and permitted."""
     direction = travel(start)
     speed = permitted.permitted_speed(turn_ahead(start, machine), start.ground, direction, machine)
-    return permitted.limit_for(speed, start.ground, direction, machine)
+    limit = permitted.limit_for(speed, start.ground, direction, machine)
+    return permitted_braking.gentle(limit, start, machine)
 
 
 @compiled

@@ -10,7 +10,7 @@ from ecu.estimators.compiled import compiled, inlined
 from ecu.estimators.estimate import Future, asked_direction, asked_of, travel, turn_ahead
 from ecu.estimators.parameters import Body
 from ecu.estimators.quantities import NormalForces, Vector
-from ecu.estimators.stability import permitted
+from ecu.estimators.stability import permitted, permitted_braking
 from ecu.estimators.stability.lanes import predict_chosen
 from ecu.estimators.stability.levers import Levers, largest, with_motion
 from ecu.estimators.stability.loading import Loading, reloaded
@@ -83,7 +83,7 @@ def futures(cases: Rows, m: LoadedMachine) -> Rows:
     ahead = [NOTHING for _ in cases]
     predict_chosen([True for _ in cases], asked, loadings, rules.demand_hold, 0.0, m, ahead)
     rates = permitted_rates(starts, loadings, m)
-    speeds = speed_limits(starts, loadings, m)
+    speeds = speed_limits(asked, loadings, m)
     levers = permitted_lever_rates(asked, [int(c.motion) for c in cases], ahead, loadings, m)
     return [
         Future(ahead[k], rates[k], asked_direction(starts[k]), speeds[k], levers[k], cases[k].motion)
@@ -181,4 +181,5 @@ def speed_limits(starts: Rows, loadings: Rows, m: LoadedMachine) -> Rows:
         full if at_full[k] - floor >= 0.0 else searches[k].low if standing[k] - floor >= 0.0 else 0.0
         for k in range(n)
     ]
-    return [permitted.limit_for(permitted_speeds[k], grounds[k], directions[k], m) for k in range(n)]
+    limits = [permitted.limit_for(permitted_speeds[k], grounds[k], directions[k], m) for k in range(n)]
+    return [permitted_braking.gentle(limits[k], starts[k], reloaded(m, loadings[k])) for k in range(n)]

@@ -1,0 +1,66 @@
+"""How hard a speed limit may brake: so that the machine keeps its margins while it brakes.
+
+A limit that is far below the speed takes the drive torque away, then brakes. Uphill the loss of torque alone slows the machine down.
+Deceleration loads the front axle, which carries the whole roll-over moment: in a bend on a slope it lifts the wheel that the limit is
+to keep down. ISO 8855, rear frame axes.
+"""
+
+from ecu.estimators.compiled import compiled
+from ecu.estimators.stability.permitted import NONE
+from ecu.estimators.stability.prediction import predict
+from ecu.estimators.stability.rollover import LoadedMachine
+from ecu.estimators.stability.step import PredictionState
+
+HARDEST = 3.0
+"""A limit brakes no harder than so many times `braking`, the deceleration that is relied on."""
+BRAKING_TRIALS = 4
+"""Decelerations tried: what the limit asks for, a half of it and so on to an eighth; less is none."""
+
+
+@compiled
+def with_acceleration(start: PredictionState, acceleration: float) -> PredictionState:
+    """The same state with another acceleration along the rear frame [m/s2]; a prediction lets it fade."""
+    return PredictionState(
+        start.articulation_angle, start.articulation_rate, start.demanded_rate, start.speed, acceleration,
+        start.gravity_x, start.gravity_y, start.gravity_z, start.ground, start.drift, start.yaw_rate,
+        start.front_left, start.front_right, start.rear_load, start.left_rate, start.right_rate, start.levers,
+    )  # fmt: skip
+
+
+@compiled
+def permitted_deceleration(start: PredictionState, asked: float, machine: LoadedMachine) -> float:
+    """Largest of the tried decelerations [m/s2] that keeps `margin_floor`, no larger than `asked`.
+
+    Where none keeps it, the one that leaves most, no deceleration among them: the machine is then saved by turning back, or by slowing
+    down, whichever costs less.
+    """
+    rules = machine.prediction
+    forward = 1.0 if start.speed >= 0.0 else -1.0
+    best, most = asked, NONE
+    for k in range(BRAKING_TRIALS + 1):
+        trial = asked / 2.0**k if k < BRAKING_TRIALS else 0.0
+        # a prediction ends where it is worse than the best one
+        ahead = predict(with_acceleration(start, -forward * trial), rules.limit_hold, most, machine).margin
+        if ahead > rules.margin_floor:
+            return trial
+        if ahead > most:
+            best, most = trial, ahead
+    return best
+
+
+@compiled
+def gentle(limit: float, start: PredictionState, machine: LoadedMachine) -> float:
+    """The speed limit [m/s], raised so far that it brakes no harder than permitted.
+
+    A machine that is above its limit brakes in proportion; uphill, one that is at its limit slows down by its weight.
+    """
+    rules = machine.prediction
+    speed, forward = abs(start.speed), 1.0 if start.speed >= 0.0 else -1.0
+    uphill = forward * start.ground.x
+    asked = min((speed - limit) / rules.braking_slack + uphill, HARDEST * rules.braking)
+    if asked <= 0.0:
+        return limit
+    permitted = permitted_deceleration(start, asked, machine)
+    if permitted >= asked:
+        return limit
+    return max(limit, min(speed - rules.braking_slack * (permitted - uphill), rules.largest_speed))
