@@ -42,7 +42,15 @@ from ecu.estimators.next_state import next_state
 from ecu.estimators.parameters import GRAVITY, Body, Parameters
 from ecu.estimators.quantities import NormalForces, Vector, WheelForces
 from ecu.estimators.signals import Estimates, Inputs
-from ecu.estimators.stability import permitted, permitted_braking, permitted_levers, prediction, rollover, steady, turning
+from ecu.estimators.stability import (
+    permitted,
+    permitted_braking,
+    permitted_levers,
+    prediction,
+    rollover,
+    steady,
+    turning,
+)
 from ecu.estimators.stability.levers import MOTIONS, Levers, demanded
 from ecu.estimators.stability.prediction import Prediction
 from ecu.estimators.stability.rollover import LoadedMachine, Margin
