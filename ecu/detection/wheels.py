@@ -85,6 +85,29 @@ def standing_loads(payload: float, p: Parameters) -> tuple[float, float]:
 
 
 @compiled
+def turning_shares(payload: float, p: Parameters) -> tuple[float, float]:
+    """Lateral force over load of the front and of the rear axle, per yaw acceleration of the straight machine [1/(rad/s2)].
+
+    Two axles turn the machine as a couple; the lighter of them uses more of its grip for it. payload: [kg].
+    """
+    arm, bucket, rear, g = p.arm, p.bucket, p.rear, p.geometry
+    reach, load = arm.pivot_x + 0.8 * arm.length, max(payload, 0.0)
+    boom = arm.pivot_x + 0.8 * arm.along
+    mass = machine_mass(p) + load
+    tips = bucket.mass + load
+    first = p.front.mass * p.front.x + arm.mass * boom + tips * (reach + bucket.forward)
+    first += rear.mass * rear.x - p.axle.mass * g.rear_length
+    second = p.front.mass * p.front.x**2 + arm.mass * boom**2 + tips * (reach + bucket.forward) ** 2
+    second += rear.mass * rear.x**2 + p.axle.mass * g.rear_length**2
+    own = p.front.yaw_inertia + arm.yaw_inertia + bucket.yaw_inertia + rear.yaw_inertia
+    own += p.axle.roll_inertia  # that of a slender axle about z
+    about = own + load * bucket.payload_yaw_gyration**2 + second - first * first / mass
+    couple = about / (g.front_length + g.rear_length)
+    front, behind = standing_loads(payload, p)
+    return couple / (2.0 * front), couple / (2.0 * behind)
+
+
+@compiled
 def speed_bound(used: float, speed: float, q: Motion, p: Parameters, t: Tolerances) -> float:
     """How wrong the speed by one wheel may be [m/s], beside turning: radius, slip, time."""
     w = p.wheel
@@ -138,11 +161,14 @@ def yaw_by_steering(
     """Yaw rate by speed and articulation, for axles that do not slip sideways, against the gyro's."""
     g = p.geometry
     long = g.front_length + g.rear_length * math.cos(m[ANGLE])
+    stiffness = p.wheel.cornering_stiffness * (1.0 - t.stiffness)
+    front, rear = turning_shares(payload_of(m, p), p)
+    slipping = slip_of(q.side + front * q.yaw, stiffness) + slip_of(q.side + rear * q.yaw, stiffness)
     expected = (w.middle * math.sin(m[ANGLE]) - g.front_length * m[RATE]) / long
     unsure = max(speed_bound(w.front, w.middle, q, p, t), speed_bound(w.rear, w.middle, q, p, t))
     r[YAW_STEERING] = expected - m[YAW_RATE]
-    bound[YAW_STEERING] += (abs(math.sin(m[ANGLE])) * unsure + 2.0 * abs(w.middle) * q.sideslip) / long
+    bound[YAW_STEERING] += (abs(math.sin(m[ANGLE])) * unsure + abs(w.middle) * slipping) / long
     bound[YAW_STEERING] += t.gain * (abs(m[YAW_RATE]) + abs(m[RATE])) + t.time * (q.yaw + q.joint)
     bound[YAW_STEERING] += abs(w.middle) * t.time * abs(m[RATE]) / long
     # the unit turns as its tyres' give lets it
-    bound[YAW_STEERING] += COMPLIANCE * (q.joint * g.front_length / long + q.yaw) * 0.5
+    bound[YAW_STEERING] += COMPLIANCE * q.joint * g.front_length / long * 0.5
