@@ -82,7 +82,7 @@ def corrected(
     rolling = p.sensors.imu_z * abs(m[ROLL_RATE])  # its acceleration, over the filter's time
     found = Lean(
         LEAN_WRONG * abs(lean.pitch) + slipping / pace,
-        LEAN_WRONG * abs(lean.roll) + (abs(v) * q.sideslip + rolling) / pace,
+        LEAN_WRONG * abs(lean.roll) + (abs(v) * q.rear_slip + rolling) / pace,
     )
     return found, rolled
 

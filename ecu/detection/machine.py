@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ecu.detection.compiled import compiled
 from ecu.detection.layout import FILTERS
-from ecu.estimators.parameters import Parameters
+from ecu.estimators.parameters import GRAVITY, Parameters
 
 Floats = NDArray[np.float64]
 
@@ -58,6 +58,43 @@ def sunk(p: Parameters) -> float:
 def machine_mass(p: Parameters) -> float:
     """Mass of the empty machine [kg]."""
     return p.front.mass + p.arm.mass + p.bucket.mass + p.rear.mass + p.axle.mass
+
+
+@compiled
+def standing_loads(payload: float, p: Parameters) -> tuple[float, float]:
+    """Load of a front and of a rear wheel of the standing machine with so much payload [kg], in [N]."""
+    base = p.geometry.front_length + p.geometry.rear_length
+    reach = p.arm.pivot_x + 0.8 * p.arm.length + p.geometry.rear_length
+    ahead = p.front.mass * (p.front.x + p.geometry.rear_length)
+    ahead += p.arm.mass * (p.arm.pivot_x + 0.8 * p.arm.along + p.geometry.rear_length)
+    ahead += p.rear.mass * (p.rear.x + p.geometry.rear_length)
+    ahead += (p.bucket.mass + max(payload, 0.0)) * (reach + p.bucket.forward)
+    front = ahead / base
+    rear = max(machine_mass(p) + max(payload, 0.0) - front, 0.15 * machine_mass(p))
+    return front * GRAVITY / 2.0, rear * GRAVITY / 2.0
+
+
+@compiled
+def turning_shares(payload: float, p: Parameters) -> tuple[float, float]:
+    """Lateral force over load of the front and of the rear axle, per yaw acceleration of the straight machine [1/(rad/s2)].
+
+    Two axles turn the machine as a couple; the lighter of them uses more of its grip for it. payload: [kg].
+    """
+    arm, bucket, rear, g = p.arm, p.bucket, p.rear, p.geometry
+    reach, load = arm.pivot_x + 0.8 * arm.length, max(payload, 0.0)
+    boom = arm.pivot_x + 0.8 * arm.along
+    mass = machine_mass(p) + load
+    tips = bucket.mass + load
+    first = p.front.mass * p.front.x + arm.mass * boom + tips * (reach + bucket.forward)
+    first += rear.mass * rear.x - p.axle.mass * g.rear_length
+    second = p.front.mass * p.front.x**2 + arm.mass * boom**2 + tips * (reach + bucket.forward) ** 2
+    second += rear.mass * rear.x**2 + p.axle.mass * g.rear_length**2
+    own = p.front.yaw_inertia + arm.yaw_inertia + bucket.yaw_inertia + rear.yaw_inertia
+    own += p.axle.roll_inertia  # that of a slender axle about z
+    about = own + load * bucket.payload_yaw_gyration**2 + second - first * first / mass
+    couple = about / (g.front_length + g.rear_length)
+    front, behind = standing_loads(payload, p)
+    return couple / (2.0 * front), couple / (2.0 * behind)
 
 
 @compiled

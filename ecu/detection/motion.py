@@ -29,6 +29,7 @@ from ecu.detection.layout import (
     UPRIGHT,
     YAWING,
 )
+from ecu.detection.machine import turning_shares
 from ecu.detection_rules import Tolerances
 from ecu.estimators.parameters import GRAVITY, Parameters
 from ecu.watched import (
@@ -72,7 +73,9 @@ class Motion(NamedTuple):
     lines: float
     side: float  # lateral force over load
     moved: float  # share of a wheel's standing load that may have moved to others
-    sideslip: float  # of an axle, at most [rad]
+    sideslip: float  # of an axle that turns the machine no faster, at most [rad]
+    front_slip: float  # sideslip of the front axle, at most, what turns the machine faster included [rad]
+    rear_slip: float  # ... of the rear axle
     known: bool  # whether every tyre is far from its limit
 
 
@@ -103,13 +106,14 @@ def motion(
     m: Floats,
     speed: float,
     used: float,
+    payload: float,
     p: Parameters,
     t: Tolerances,
     state: Floats,
     dt: float,
     started: bool,
 ) -> Motion:
-    """How the machine moves in this cycle. used: largest traction of a wheel over its standing load."""
+    """How the machine moves in this cycle. used: largest traction of a wheel over its standing load; payload: [kg]."""
     changes(m, speed, used, state, dt, started)
     peak, g = state[PEAKS], p.geometry
     # the units push each other sideways when the joint or the machine turns faster
@@ -119,11 +123,13 @@ def motion(
     height, track = p.rear.z, min(g.front_track, g.rear_track)
     moved = min(2.0 * side * height / track + ahead * height / (g.front_length + g.rear_length), 0.8)
     all_used = math.hypot(used / (1.0 - moved), side)
+    stiffness, yaw = p.wheel.cornering_stiffness * (1.0 - t.stiffness), peak[YAWING] / CHANGING
+    front_share, rear_share = turning_shares(payload, p)
     return Motion(
         peak[JOINT] / CHANGING,
         peak[ROLLING_RATE] / CHANGING,
         peak[PITCHING] / CHANGING,
-        peak[YAWING] / CHANGING,
+        yaw,
         peak[SPEED] / CHANGING,
         peak[GRIPPING],
         peak[AHEAD],
@@ -134,7 +140,9 @@ def motion(
         peak[LINES],
         side,
         moved,
-        slip_of(side, p.wheel.cornering_stiffness * (1.0 - t.stiffness)),
+        slip_of(side, stiffness),
+        slip_of(side + front_share * yaw, stiffness),
+        slip_of(side + rear_share * yaw, stiffness),
         all_used < LIMIT * SLIPPERY,
     )
 

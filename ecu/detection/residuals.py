@@ -112,7 +112,7 @@ def residuals(
     for j in range(RESIDUALS):
         bound[j] = rules[TOLERANCE, j]
     w = wheel_speeds(m, p)
-    q = motion(m, w.middle, w.used, p, t, state, dt, started)
+    q = motion(m, w.middle, w.used, payload_of(m, p), p, t, state, dt, started)
     freed = m.copy()  # of what accelerations add to the slope sensor's reading
     lean, rolled = corrected(freed, w, q, p, t, state, dt, started)
     felt = True
@@ -265,7 +265,7 @@ def accelerations(
     r[ALONG] = follow(state, F_ALONG, along, share) - change
     r[ACROSS] = follow(state, F_ACROSS, across, share) - behind * yawing + s.imu_z * rolling
     r[UPWARDS] = follow(state, F_UP, upwards, share)  # without the bounce on the tyres
-    give = v * q.sideslip
+    give = v * q.rear_slip
     grip = q.grip / (p.wheel.slip_stiffness * (1.0 - t.stiffness))
     bound[ALONG] += abs(change) * (t.radius + w.used / p.wheel.slip_stiffness + t.gain) + abs(yaw) * give
     # slip, pitching and samples of another time while traction changes; the speed passes one filter more

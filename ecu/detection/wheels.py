@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from ecu.detection.bucket import payload_of
 from ecu.detection.compiled import compiled
 from ecu.detection.layout import SPEEDS, YAW_STEERING
-from ecu.detection.machine import STANDING, effective_radius, machine_mass, sunk
+from ecu.detection.machine import STANDING, effective_radius, standing_loads, sunk
 from ecu.detection.motion import Motion, slip_of
 from ecu.detection_rules import Tolerances
-from ecu.estimators.parameters import GRAVITY, Parameters
+from ecu.estimators.parameters import Parameters
 from ecu.watched import ANGLE, RATE, TORQUE, WHEEL, YAW_RATE
 
 Floats = NDArray[np.float64]
@@ -71,43 +71,6 @@ def rolled(used: float, stiffness: float) -> float:
 
 
 @compiled
-def standing_loads(payload: float, p: Parameters) -> tuple[float, float]:
-    """Load of a front and of a rear wheel of the standing machine with so much payload [kg], in [N]."""
-    base = p.geometry.front_length + p.geometry.rear_length
-    reach = p.arm.pivot_x + 0.8 * p.arm.length + p.geometry.rear_length
-    ahead = p.front.mass * (p.front.x + p.geometry.rear_length)
-    ahead += p.arm.mass * (p.arm.pivot_x + 0.8 * p.arm.along + p.geometry.rear_length)
-    ahead += p.rear.mass * (p.rear.x + p.geometry.rear_length)
-    ahead += (p.bucket.mass + max(payload, 0.0)) * (reach + p.bucket.forward)
-    front = ahead / base
-    rear = max(machine_mass(p) + max(payload, 0.0) - front, 0.15 * machine_mass(p))
-    return front * GRAVITY / 2.0, rear * GRAVITY / 2.0
-
-
-@compiled
-def turning_shares(payload: float, p: Parameters) -> tuple[float, float]:
-    """Lateral force over load of the front and of the rear axle, per yaw acceleration of the straight machine [1/(rad/s2)].
-
-    Two axles turn the machine as a couple; the lighter of them uses more of its grip for it. payload: [kg].
-    """
-    arm, bucket, rear, g = p.arm, p.bucket, p.rear, p.geometry
-    reach, load = arm.pivot_x + 0.8 * arm.length, max(payload, 0.0)
-    boom = arm.pivot_x + 0.8 * arm.along
-    mass = machine_mass(p) + load
-    tips = bucket.mass + load
-    first = p.front.mass * p.front.x + arm.mass * boom + tips * (reach + bucket.forward)
-    first += rear.mass * rear.x - p.axle.mass * g.rear_length
-    second = p.front.mass * p.front.x**2 + arm.mass * boom**2 + tips * (reach + bucket.forward) ** 2
-    second += rear.mass * rear.x**2 + p.axle.mass * g.rear_length**2
-    own = p.front.yaw_inertia + arm.yaw_inertia + bucket.yaw_inertia + rear.yaw_inertia
-    own += p.axle.roll_inertia  # that of a slender axle about z
-    about = own + load * bucket.payload_yaw_gyration**2 + second - first * first / mass
-    couple = about / (g.front_length + g.rear_length)
-    front, behind = standing_loads(payload, p)
-    return couple / (2.0 * front), couple / (2.0 * behind)
-
-
-@compiled
 def speed_bound(used: float, speed: float, q: Motion, p: Parameters, t: Tolerances) -> float:
     """How wrong the speed by one wheel may be [m/s], beside turning: radius, slip, time."""
     w = p.wheel
@@ -125,8 +88,8 @@ def speed_bound(used: float, speed: float, q: Motion, p: Parameters, t: Toleranc
 
 @compiled
 def drift(angle: float, speed: float, q: Motion) -> float:
-    """Sideways speed of the axles, at most, that the wheels of the other, turned unit take for speed ahead [m/s]; angle: of the joint [rad]."""
-    return abs(speed) * q.sideslip * abs(math.tan(angle))
+    """Sideways speed of the rear axle, at most, that the wheels of the turned front unit take for speed ahead [m/s]; angle: of the joint [rad]."""
+    return abs(speed) * q.rear_slip * abs(math.tan(angle))
 
 
 @compiled
@@ -161,13 +124,12 @@ def yaw_by_steering(
     """Yaw rate by speed and articulation, for axles that do not slip sideways, against the gyro's."""
     g = p.geometry
     long = g.front_length + g.rear_length * math.cos(m[ANGLE])
-    stiffness = p.wheel.cornering_stiffness * (1.0 - t.stiffness)
-    front, rear = turning_shares(payload_of(m, p), p)
-    slipping = slip_of(q.side + front * q.yaw, stiffness) + slip_of(q.side + rear * q.yaw, stiffness)
     expected = (w.middle * math.sin(m[ANGLE]) - g.front_length * m[RATE]) / long
     unsure = max(speed_bound(w.front, w.middle, q, p, t), speed_bound(w.rear, w.middle, q, p, t))
     r[YAW_STEERING] = expected - m[YAW_RATE]
-    bound[YAW_STEERING] += (abs(math.sin(m[ANGLE])) * unsure + abs(w.middle) * slipping) / long
+    bound[YAW_STEERING] += (
+        abs(math.sin(m[ANGLE])) * unsure + abs(w.middle) * (q.front_slip + q.rear_slip)
+    ) / long
     bound[YAW_STEERING] += t.gain * (abs(m[YAW_RATE]) + abs(m[RATE])) + t.time * (q.yaw + q.joint)
     bound[YAW_STEERING] += abs(w.middle) * t.time * abs(m[RATE]) / long
     # the unit turns as its tyres' give lets it

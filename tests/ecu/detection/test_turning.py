@@ -5,7 +5,7 @@ import math
 import pytest
 
 from ecu.calibration import load_calibration
-from ecu.detection.wheels import turning_shares
+from ecu.detection.machine import turning_shares
 from ecu.estimators.loads.cog import front_unit, machine_centre
 from ecu.estimators.stability.rollover import loaded_machine
 from studies.campaigns.manoeuvres import Manoeuvre
