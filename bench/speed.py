@@ -13,7 +13,6 @@ import argparse
 import os
 import platform
 import re
-import resource
 import subprocess
 import sys
 import time
@@ -22,13 +21,12 @@ from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 
+from bench.speed_kept import keep, kept
+from bench.speed_load import MOST_FOREIGN, MOST_STOLEN, Host, Load
+
 ROOT = Path(__file__).resolve().parent.parent
 # The exit code of the command line for what could not be judged (hil.ending).
 INCONCLUSIVE = 5
-# Of the processors' time, by which a time by the wall clock may be too long. The ranges that are printed beside the medians are as wide. The
-# timing verdicts of the bench allow 1 % (docs/howto/keep-time.md): there a single moment without a processor is a late cycle.
-MOST_STOLEN = 0.03
-MOST_FOREIGN = 0.10  # processors that others may use: a twentieth of a machine with two
 IDLE_S = 5.0  # watched before the first benchmark
 FRAME_BYTES = 45 + 64  # read of a candump line, and written of its decoded signals (some eight of 8 bytes)
 NUMBER = r"[-+]?[\d.,]+(?:e[-+]?\d+)?"
@@ -237,79 +235,36 @@ def readings(bench: str, output: str) -> dict[tuple[str, str], Reading]:
     return found
 
 
-@dataclass(frozen=True, slots=True)
-class Host:
-    """Processor time since boot [s], of all processors together."""
-
-    at_s: float
-    busy_s: float
-    stolen_s: float
-    own_s: float  # of this process and of its children that have ended
-
-    @classmethod
-    def now(cls) -> "Host":
-        ticks = [int(word) for word in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]]
-        user, nice, system, _, _, irq, softirq, steal = (t / os.sysconf("SC_CLK_TCK") for t in ticks)
-        # benchmarks run as children: their time counts as our own once they have ended
-        used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-        own = sum(u.ru_utime + u.ru_stime for u in used)
-        return cls(time.monotonic(), user + nice + system + irq + softirq, steal, own)
-
-
-@dataclass(frozen=True, slots=True)
-class Load:
-    """What the host did during one benchmark."""
-
-    name: str
-    seconds: float
-    foreign: float  # processors used by others, mean
-    stolen: float  # share of the processors' time that the host took away
-    disturbed: int = 0  # runs before this one that did not count
-
-    @classmethod
-    def between(cls, name: str, one: Host, two: Host) -> "Load":
-        seconds = max(two.at_s - one.at_s, 1e-9)
-        # what is left is work of others, whoever they are
-        foreign = (two.busy_s - one.busy_s) - (two.own_s - one.own_s)
-        # steal is counted per processor; the share is of all of them
-        stolen = (two.stolen_s - one.stolen_s) / seconds / (os.cpu_count() or 1)
-        return cls(name, seconds, max(foreign, 0.0) / seconds, stolen)
-
-    @property
-    def reasons(self) -> list[str]:
-        """Why figures measured under this load are not published; none if they are."""
-        found = []
-        if self.foreign > MOST_FOREIGN:
-            found.append(
-                f"{self.name}: others used {self.foreign:.2f} processors (at most {MOST_FOREIGN:.2f})"
-            )
-        if self.stolen > MOST_STOLEN:
-            found.append(
-                f"{self.name}: the host took {self.stolen:.1%} of the time away (at most {MOST_STOLEN:.0%})"
-            )
-        return found
-
-
 @dataclass(slots=True)
 class Session:
     """Outputs and loads of all benchmarks that ran."""
 
+    folder: Path | None = None  # of runs that counted, of this commit
     outputs: dict[str, str] = field(default_factory=dict)
     loads: list[Load] = field(default_factory=list)
+    disturbed: dict[str, str] = field(default_factory=dict)  # why a benchmark has no figures
 
     @property
     def readings(self) -> dict[tuple[str, str], Reading]:
-        return {key: r for name, output in self.outputs.items() for key, r in readings(name, output).items()}
+        """The figures of all runs that count."""
+        quiet = {name: text for name, text in self.outputs.items() if name not in self.disturbed}
+        return {key: r for name, output in quiet.items() for key, r in readings(name, output).items()}
 
     def measure(self, names: Sequence[str], tries: int) -> list[str]:
         """Run benchmarks, those that were disturbed again after the others. Returns why the last run of any does not count; nothing if all
         do. Raises CalledProcessError."""
         last: dict[str, Load] = {}
+        for name in names:
+            if self.folder is not None and (before := kept(self.folder, name)) is not None:
+                self.outputs[name], last[name] = before
         for disturbed in range(tries):
             for name in names:
                 if name not in last or last[name].reasons:
                     last[name] = replace(self._run(name), disturbed=disturbed)
+                    if self.folder is not None and not last[name].reasons:
+                        keep(self.folder, name, self.outputs[name], last[name])
         self.loads += [last[name] for name in names]
+        self.disturbed = {name: "; ".join(last[name].reasons) for name in names if last[name].reasons}
         return [reason for name in names for reason in last[name].reasons]
 
     def _run(self, name: str) -> Load:
@@ -323,6 +278,19 @@ class Session:
         for reason in load.reasons:
             print(f"  disturbed: {reason}", file=sys.stderr, flush=True)
         return load
+
+
+def line_or_reason(figure: Figure, found: Readings, disturbed: Mapping[str, str]) -> str:
+    """One row of the page's table; of a benchmark that was disturbed, the reason. KeyError as of `line`."""
+    if figure.bench in disturbed:
+        return f"| {figure.what} | not measured: {disturbed[figure.bench]} | – | – | – | – | – | – |"
+    try:
+        return line(figure, found)
+    except KeyError:
+        if figure.floor is None or not disturbed:
+            raise
+        # the floor may come from another benchmark, which was disturbed
+        return line(replace(figure, floor=None), found)
 
 
 def line(figure: Figure, found: Readings) -> str:
@@ -386,7 +354,11 @@ def page(session: Session, figures: Sequence[Figure]) -> str:
         f"| {load.name} | {load.seconds:.0f} | {load.foreign:.2f} | {load.stolen:.1%} | {load.disturbed} |"
         for load in session.loads
     ]
-    printed = [f"### {name}\n\n```text\n{output.strip()}\n```\n" for name, output in session.outputs.items()]
+    printed = [
+        f"### {name}\n\n```text\n{output.strip()}\n```\n"
+        for name, output in session.outputs.items()
+        if name not in session.disturbed
+    ]
     return "\n".join(
         [
             "# Speed",
@@ -398,11 +370,11 @@ def page(session: Session, figures: Sequence[Figure]) -> str:
             "",
             head,
             "|---|---:|---:|---:|---|---:|---|---:|",
-            *(line(figure, found) for figure in figures),
+            *(line_or_reason(figure, found, session.disturbed) for figure in figures),
             "",
             "## Load while measuring",
             "",
-            f"A run does not count beyond {MOST_FOREIGN:.2f} processors used by others or {MOST_STOLEN:.0%} stolen time. It is then made again; its figures are not looked at.",
+            f"A run does not count beyond {MOST_FOREIGN:.2f} processors used by others or {MOST_STOLEN:.0%} stolen time. It is then made again; its figures are not looked at. Runs that count are kept, so that they may be of several calls at the same commit.",
             "",
             *loads,
             "",
@@ -433,14 +405,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.tries < 1:
         parser.error(f"--tries {options.tries}: at least 1")
     chosen = options.only or benches
-    session = Session()
+    sources, committed = commit()
+    session = Session(ROOT / "out" / "speed" / sources if committed else None)
     before = Host.now()
     # nothing of ours runs meanwhile: what is busy now would be busy later
     time.sleep(IDLE_S)
     session.loads.append(Load.between("before the first", before, Host.now()))
     reasons = list(session.loads[0].reasons)
     # figures of sources that nobody can check out cannot be repeated
-    if not commit()[1]:
+    if not committed:
         reasons.append("the sources differ from the commit: commit first")
     if options.out is not None and reasons:  # some ten minutes of figures that could not be published
         print("not measured, since nothing could be published:\n" + "\n".join(reasons), file=sys.stderr)
@@ -449,14 +422,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     have = session.readings
     figures = [f for f in FIGURES if not options.only or _complete(f, have)]
     text = page(session, figures)
-    if options.out is None or options.only or reasons:
+    if options.out is None or options.only or 2 * len(session.disturbed) > len(chosen):
         print(text)
-        if reasons:
-            print("not published:\n" + "\n".join(reasons), file=sys.stderr)
-            return INCONCLUSIVE
-        return 0
-    options.out.write_text(text, encoding="utf-8")
-    print(options.out)
+        if options.out is not None and not options.only:
+            print("not published: most benchmarks were disturbed", file=sys.stderr)
+    else:
+        options.out.write_text(text, encoding="utf-8")
+        print(options.out)
+    if reasons:
+        print("disturbed:\n" + "\n".join(reasons), file=sys.stderr)
+        return INCONCLUSIVE
     return 0
 
 

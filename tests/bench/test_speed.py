@@ -5,7 +5,8 @@ import subprocess
 import pytest
 
 from bench import speed
-from bench.speed import FIGURES, Figure, Host, Load, line, readings
+from bench.speed import FIGURES, Figure, Host, Load, line, line_or_reason, readings
+from bench.speed_kept import keep, kept
 
 PRINTED = {
     "row": ("| plant, semi-implicit | 3.40 | 3.31..3.90 | 294 | 1.00 |", "plant, semi-implicit", (3.40, 3.31, 3.90)),
@@ -63,6 +64,22 @@ def test_of_rates_the_larger_is_faster():
 
 def test_a_time_for_so_many_becomes_a_rate_whose_range_turns_round():
     assert cells(per=8.0, more_is_better=True)[1:5] == ["4 us", "2 to 8", "–", "P 1.33"]
+
+
+def test_a_disturbed_benchmark_gives_the_reason_and_no_figure():
+    figure = Figure(what="w", unit="us", bench="b", label="own")
+    assert line_or_reason(figure, FOUND, {"b": "the host took 16% of the time away"}).startswith(
+        "| w | not measured: the host took 16% of the time away | – |"
+    )
+
+
+def test_a_floor_from_a_disturbed_benchmark_is_left_out():
+    figure = Figure(
+        what="w", unit="us", bench="b", label="own", floor=lambda r: r["c", "bare"][0], floor_name="F"
+    )
+    assert line_or_reason(figure, FOUND, {"c": "others"}).split("|")[2:4] == [" 2 us ", " 1 to 4 "]
+    with pytest.raises(KeyError):
+        line_or_reason(figure, FOUND, {})
 
 
 def test_a_figure_that_was_not_printed_is_an_error():
@@ -147,3 +164,33 @@ def test_a_disturbed_benchmark_runs_again_after_the_others(monkeypatch):
     assert ran == ["bench.floors", "bench.bench_plant", "bench.bench_hub", "bench.bench_plant"]
     assert [load.name for load in session.loads] == ["floors", "bench_plant", "bench_hub"]
     assert session.outputs["bench_plant"] == "run 4"
+
+
+def test_runs_that_count_are_taken_up_and_the_others_made_again(monkeypatch, tmp_path):
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    ran = []
+
+    def run(command, **options):
+        ran.append(command[-1])
+        return subprocess.CompletedProcess(command, 0, stdout=f"run {len(ran)}")
+
+    monkeypatch.setattr("subprocess.run", run)
+    moments = iter(after(0.0, 0.2))
+    monkeypatch.setattr(Host, "now", lambda: next(moments))
+    first = speed.Session(tmp_path)
+    assert first.measure(["floors", "bench_hub"], tries=1) != []
+    assert set(first.disturbed) == {"bench_hub"}
+    moments = iter(after(0.0))
+    second = speed.Session(tmp_path)
+    assert second.measure(["floors", "bench_hub"], tries=1) == []
+    assert ran == ["bench.floors", "bench.bench_hub", "bench.bench_hub"]
+    assert second.outputs == {"floors": "run 1", "bench_hub": "run 3"}
+    assert [load.name for load in second.loads] == ["floors", "bench_hub"]
+
+
+def test_a_damaged_file_of_a_kept_run_is_no_run(tmp_path):
+    keep(tmp_path, "floors", "printed", Load("floors", 1.0, 0.0, 0.0))
+    assert kept(tmp_path, "floors") == ("printed", Load("floors", 1.0, 0.0, 0.0))
+    (tmp_path / "floors.json").write_text("{", encoding="utf-8")
+    assert kept(tmp_path, "floors") is None
+    assert kept(tmp_path, "bench_hub") is None
