@@ -87,11 +87,14 @@ def turning_shares(payload: float, p: Parameters) -> tuple[float, float]:
     tips = bucket.mass + load
     first = p.front.mass * p.front.x + arm.mass * boom + tips * (reach + bucket.forward)
     first += rear.mass * rear.x - p.axle.mass * g.rear_length
-    second = p.front.mass * p.front.x**2 + arm.mass * boom**2 + tips * (reach + bucket.forward) ** 2
-    second += rear.mass * rear.x**2 + p.axle.mass * g.rear_length**2
+    second = p.front.mass * p.front.x * p.front.x + arm.mass * boom * boom
+    second += tips * (reach + bucket.forward) * (reach + bucket.forward)
+    second += rear.mass * rear.x * rear.x + p.axle.mass * g.rear_length * g.rear_length
     own = p.front.yaw_inertia + arm.yaw_inertia + bucket.yaw_inertia + rear.yaw_inertia
     own += p.axle.roll_inertia  # that of a slender axle about z
-    about = own + load * bucket.payload_yaw_gyration**2 + second - first * first / mass
+    about = (
+        own + load * bucket.payload_yaw_gyration * bucket.payload_yaw_gyration + second - first * first / mass
+    )
     couple = about / (g.front_length + g.rear_length)
     front, behind = standing_loads(payload, p)
     return couple / (2.0 * front), couple / (2.0 * behind)
