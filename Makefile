@@ -3,6 +3,9 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
+# set in many containers: every process would compile our sources, and every pytest rewrite the tests, anew
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help demo test compiled check fast slow-tests socketcan fuzz kills safe-state debian-root bench shape wheel speed scaling proof wild wild-loader switched next-experiment resampling identification microcontroller results pages clean lock
 
@@ -56,16 +59,19 @@ check: $(BIN)/.test ## format, lint, types, import contracts
 compiled: $(BIN)/.test # two workers of pytest would compile the same functions, each for itself
 	$(BIN)/loaderhil compile --all
 
+# the files with these marks: to collect all of them takes half a minute
+marked = $$(grep -rlE 'mark\.($(1))' tests --include='test_*.py')
+
 fast: compiled ## tests that need no real time, browser or CAN in the kernel
 	$(BIN)/pytest -n 2 --dist loadfile --timeout-method=thread -m 'not processes and not browser and not socketcan and not slow'
 
 slow-tests: $(BIN)/.test ## tests that compute for long, then those with processes in real time and in a real browser
-	$(BIN)/pytest -n 2 --dist loadfile --timeout-method=thread -m 'slow and not processes and not browser'
-	$(BIN)/pytest -m 'processes or browser'
+	$(BIN)/pytest -n 2 --dist loadfile --timeout-method=thread -m 'slow and not processes and not browser' $(call marked,slow)
+	$(BIN)/pytest -m 'processes or browser' $(call marked,processes|browser)
 
 # a user-mode kernel lacks the mappings to compile
 socketcan: compiled ## SocketCAN tests: natively where the kernel has CAN, else under user-mode Linux
-	UML_TIMEOUT_S=1800 scripts/with-vcan $(BIN)/pytest -m socketcan $$(grep -rlE 'mark\.socketcan' tests --include='test_*.py')
+	UML_TIMEOUT_S=1800 scripts/with-vcan $(BIN)/pytest -m socketcan $(call marked,socketcan)
 
 wheel: $(BIN)/.test ## a wheel in out/wheel that holds the machine code: what is installed from it compiles nothing (three minutes)
 	rm -rf out/wheel

@@ -111,7 +111,15 @@ def campaign_prevention(
     out: ResultsOption = Path("docs/results"),
     jobs: JobsOption = None,
     runs: Annotated[int, typer.Option("--runs", min=1, help="Number of drives.")] = 1000,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Draws the drives and their calibrations.")] = 1,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            "--seed",
+            min=0,
+            help="Draws the drives and their calibrations. Default: that of the published page.",
+            show_default=False,
+        ),
+    ] = None,
     ecu_core: EcuCoreOption = "python",
     as_json: JsonOption = False,
     junit: JunitOption = None,
@@ -120,10 +128,10 @@ def campaign_prevention(
 
     The exit code is 1 when a wheel lifts that a limit could have kept down. An interrupted campaign goes on where it stopped.
     """
-    from studies.campaigns.prevention import run_campaign
+    from studies.campaigns.prevention import SEED, run_campaign
 
     # its arms are stored one by one, so that Ctrl-C loses only those that were running
-    file, suite = run_campaign(out, runs=runs, seed=seed, jobs=jobs, core=checked_core(ecu_core))
+    file, suite = run_campaign(out, runs=runs, seed=SEED if seed is None else seed, jobs=jobs, core=checked_core(ecu_core))
     _give("prevention", file, [suite], as_json, junit)
 
 

@@ -40,6 +40,21 @@ def pytest_runtest_makereport(
     return report
 
 
+CHOSEN_BY_TEXT = frozenset({"slow", "processes", "browser", "socketcan"})
+"""Marks by which the Makefile chooses files: it looks for `mark.NAME` in them, because to import all of them takes half a minute."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """A mark that the file does not show would keep its tests from running in `make test`."""
+    texts: dict[Path, str] = {}
+    for item in items:
+        for name in CHOSEN_BY_TEXT.intersection(mark.name for mark in item.iter_markers()):
+            if item.path not in texts:
+                texts[item.path] = item.path.read_text(encoding="utf-8")
+            if f"mark.{name}" not in texts[item.path]:
+                raise pytest.UsageError(f"{item.path}: write pytest.mark.{name} in the file itself")
+
+
 @pytest.fixture(scope="session")
 def recordings() -> Path:
     """Folder with the public recordings: $LOADERHIL_DATA, or ../shared/data beside the checkout."""
