@@ -131,7 +131,9 @@ def campaign_prevention(
     from studies.campaigns.prevention import SEED, run_campaign
 
     # its arms are stored one by one, so that Ctrl-C loses only those that were running
-    file, suite = run_campaign(out, runs=runs, seed=SEED if seed is None else seed, jobs=jobs, core=checked_core(ecu_core))
+    file, suite = run_campaign(
+        out, runs=runs, seed=SEED if seed is None else seed, jobs=jobs, core=checked_core(ecu_core)
+    )
     _give("prevention", file, [suite], as_json, junit)
 
 

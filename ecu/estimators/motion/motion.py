@@ -159,10 +159,10 @@ def fused_speed(
     i3, i4 = speed.influence(e3, scatter), speed.influence(e4, scatter)
     if i.torque_usable != 0.0:
         aside = axle.y / GRAVITY
-        c1 = i.wheel_1_usable * speed.certainty(s.force_1, aside, s.normal_1)
-        c2 = i.wheel_2_usable * speed.certainty(s.force_2, aside, s.normal_2)
-        c3 = i.wheel_3_usable * speed.certainty(s.force_3, aside, s.normal_3)
-        c4 = i.wheel_4_usable * speed.certainty(s.force_4, aside, s.normal_4)
+        c1 = i.wheel_1_usable * speed.certainty(v1, s.force_1, aside, s.normal_1)
+        c2 = i.wheel_2_usable * speed.certainty(v2, s.force_2, aside, s.normal_2)
+        c3 = i.wheel_3_usable * speed.certainty(v3, s.force_3, aside, s.normal_3)
+        c4 = i.wheel_4_usable * speed.certainty(v4, s.force_4, aside, s.normal_4)
         if speed.agreeing(v1, v2, v3, v4, c1, c2, c3, c4, scatter):
             i1, i2, i3, i4 = max(i1, c1), max(i2, c2), max(i3, c3), max(i4, c4)
     correction = i.wheel_1_usable * e1 * max(i1, least)

@@ -88,9 +88,12 @@ def doubt_of_wheels(before: float, change: float, most: float, dt: float) -> flo
 
 
 @compiled
-def certainty(force: float, aside: float, normal: float) -> float:
-    """How surely a wheel rolls, 0 to 1, by the force along it [N] and its load [N]; aside: lateral force over load."""
-    if normal <= 0.0:
+def certainty(reading: float, force: float, aside: float, normal: float) -> float:
+    """How surely a wheel rolls, 0 to 1, by the force along it [N] and its load [N]; aside: lateral force over load.
+
+    reading: the speed that it gives [m/s]. A wheel that stands may be held by its brake, on ice with little force.
+    """
+    if normal <= 0.0 or abs(reading) < ROLLING:
         return 0.0
     used = math.hypot(force / normal, aside)
     return min(max((SLIDES - used) / (SLIDES - ROLLS), 0.0), 1.0)

@@ -57,21 +57,26 @@ def test_braking_within_grip_is_no_doubt():
 
 
 def test_a_wheel_that_uses_little_of_its_grip_surely_rolls_and_one_near_its_limit_does_not():
-    assert certainty(0.1 * 25e3, 0.0, 25e3) == 1.0
-    assert certainty(-0.1 * 25e3, 0.0, 25e3) == 1.0
-    assert certainty(0.0, 0.31, 25e3) == certainty(0.31 * 25e3, 0.0, 25e3) == 0.0
+    assert certainty(5.0, 0.1 * 25e3, 0.0, 25e3) == 1.0
+    assert certainty(5.0, -0.1 * 25e3, 0.0, 25e3) == 1.0
+    assert certainty(5.0, 0.0, 0.31, 25e3) == certainty(5.0, 0.31 * 25e3, 0.0, 25e3) == 0.0
     # both at once: on a friction circle, 0.2 and 0.22 make 0.3
-    assert certainty(0.22 * 25e3, 0.22, 25e3) == 0.0
+    assert certainty(5.0, 0.22 * 25e3, 0.22, 25e3) == 0.0
+
+
+def test_a_wheel_that_stands_may_be_held_on_ice():
+    assert certainty(0.0, 0.05 * 25e3, 0.0, 25e3) == certainty(-0.4, 0.05 * 25e3, 0.0, 25e3) == 0.0
+    assert certainty(-2.0, 0.05 * 25e3, 0.0, 25e3) == 1.0  # in reverse
 
 
 def test_a_wheel_in_the_air_rolls_by_no_means():
-    assert certainty(0.0, 0.0, 0.0) == certainty(0.0, 0.0, -500.0) == 0.0
+    assert certainty(5.0, 0.0, 0.0, 0.0) == certainty(5.0, 0.0, 0.0, -500.0) == 0.0
 
 
 @given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(0.0, 0.5))
 def test_more_force_never_makes_a_wheel_roll_more_surely(used, aside, more):
     further = abs(used) + more
-    assert certainty(further * 25e3, aside, 25e3) <= certainty(used * 25e3, aside, 25e3)
+    assert certainty(5.0, further * 25e3, aside, 25e3) <= certainty(5.0, used * 25e3, aside, 25e3)
 
 
 def test_two_wheels_that_agree_are_believed_and_one_alone_is_not():
