@@ -13,7 +13,7 @@ from ecu.estimators.compiled import compiled
 from ecu.estimators.loads.cog import rotated
 from ecu.estimators.loads.linkage import levers, pushes
 from ecu.estimators.motion.arm import Turning, accelerating
-from ecu.estimators.parameters import Parameters
+from ecu.estimators.parameters import GRAVITY, Parameters
 from ecu.estimators.quantities import Vector
 from ecu.estimators.signals import Inputs
 from ecu.estimators.state import State
@@ -22,6 +22,10 @@ LEAST_BASE = 0.05
 """Lever over the arm's length below which the force on the edge cannot be determined."""
 EMPTY = 5e4
 """Pressure of a head side that carries nothing [Pa]."""
+WEIGHED = 0.5
+"""Share of its moment at rest that a load has to exert to be weighed: a machine that falls, or is thrown up, weighs nothing."""
+LIGHTEST = -0.5
+"""No bucket carries less than nothing: bound of the payload in masses of the empty bucket, with room for a calibration that is wrong."""
 CALM = 1.0
 """How far back the payload is looked for when a pile begins: time constant [s]."""
 
@@ -68,11 +72,19 @@ def residual(i: Inputs, fx: float, fz: float, p: Parameters) -> Residual:
 
 
 @compiled
+def weighs(i: Inputs, fx: float, fz: float, p: Parameters) -> bool:
+    """Whether a load in the bucket exerts enough moment about the arm's pivot to be weighed."""
+    px, pz = rotated(p.arm.length, 0.0, i.lift_arm_angle)
+    return px * fz - pz * fx >= WEIGHED * px * GRAVITY
+
+
+@compiled
 def loaded(i: Inputs, r: Residual, fx: float, fz: float, p: Parameters) -> tuple[float, float]:
-    """Payload [kg] and couple [N m] of a bucket that touches nothing."""
+    """Payload [kg] and couple [N m] of a bucket that touches nothing and whose load `weighs`."""
     px, pz = rotated(p.arm.length, 0.0, i.lift_arm_angle)
     lx, lz = rotated(p.bucket.payload_forward, p.bucket.payload_above, i.tilt_angle - p.bucket.carried)
-    payload = r.weight / (px * fz - pz * fx)
+    lever = max(px * fz - pz * fx, WEIGHED * px * GRAVITY)
+    payload = max(r.weight / lever, LIGHTEST * p.bucket.mass)
     return payload, r.place - payload * (lx * fz - lz * fx)
 
 
@@ -126,6 +138,8 @@ def followed_load(
             s.payload, s.couple, s.calm_payload, s.calm_couple, s.digging, s.push_x, s.push_z, s.traction
         )
     fresh, couple = loaded(i, r, along.x, along.z, p)
+    if not weighs(i, along.x, along.z, p):
+        fresh, couple = s.payload, s.couple
     if s.cycles == 0.0:
         return BucketLoad(fresh, couple, fresh, couple, 0.0, 0.0, 0.0, 0.0)
     d, dug = p.digging, s.digging != 0.0
