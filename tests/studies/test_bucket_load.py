@@ -7,7 +7,7 @@ import pytest
 
 from ecu.calibration import load_calibration
 from ecu.estimators.loads.linkage import levers
-from ecu.estimators.loads.payload import followed_load, loaded, pushed, residual
+from ecu.estimators.loads.payload import followed_load, loaded, pushed, residual, weighs
 from ecu.estimators.motion.arm import Turning
 from ecu.estimators.quantities import Vector
 from ecu.estimators.signals import Inputs
@@ -118,6 +118,39 @@ def follow(machine, given, state, *, cycles, traction):
             calm_couple=load.calm_couple, digging=load.digging, push_x=load.x, push_z=load.z, traction=load.traction,
         )  # fmt: skip
     return state
+
+
+FALLING = Vector(0.0, 0.0, 0.1 * G)
+THROWN_BACK = Vector(
+    0.9 * G, 0.0, 0.3 * G
+)  # with the arm high, a push ahead has nearly the weight's moment the other way
+
+
+@MACHINES
+@pytest.mark.parametrize("along", [FALLING, THROWN_BACK])
+@pytest.mark.parametrize("digging", [0.0, 1.0])  # what was dug is taken over at once
+def test_a_load_that_hardly_weighs_keeps_its_mass(name, along, digging):
+    machine = load_machine(name)
+    p, mass = load_calibration(machine.family).parameters, machine.payload.reference_mass
+    given = inputs(machine, 0.7, 0.0, payload=mass)
+    state = INITIAL._replace(
+        cycles=100.0, payload=mass, couple=300.0, calm_payload=mass, calm_couple=300.0, digging=digging
+    )
+    load = followed_load(given, state, residual(given, along.x, along.z, p), along, 0.0, 0.5, STILL, p)
+    assert (load.payload, load.couple) == (mass, 300.0)
+    assert not weighs(given, along.x, along.z, p)
+    assert weighs(given, 0.0, G, p)
+
+
+@MACHINES
+@pytest.mark.parametrize(("arm", "tilt"), POSES)
+def test_no_bucket_carries_less_than_nothing(name, arm, tilt):
+    """Without any pressure the balance asks for a load that pulls up."""
+    machine = load_machine(name)
+    p = load_calibration(machine.family).parameters
+    given = inputs(machine, arm, tilt, payload=0.0)._replace(lift_pressure=0.0, tilt_pressure=0.0)
+    payload, _ = loaded(given, residual(given, 0.0, G, p), 0.0, G, p)
+    assert payload == -0.5 * p.bucket.mass
 
 
 @MACHINES
