@@ -81,7 +81,7 @@ def run(ecu, machine, fuzz, ticks):
 
 
 def test_a_sensor_that_comes_back_with_zeros_does_not_end_the_process():
-    """No specific force at all divides by zero where the plausibility of its size is not asked for."""
+    """No specific force at all weighs nothing, and would divide by zero, where the plausibility of its size is not asked for."""
     rules = dataclasses.replace(CALIBRATION.inputs, least_specific_force=0.0)
     ecu, machine = EcuCycle(dataclasses.replace(CALIBRATION, inputs=rules)), FakeMachine()
     play(ecu, machine, 30)
@@ -89,9 +89,10 @@ def test_a_sensor_that_comes_back_with_zeros_does_not_end_the_process():
     play(ecu, machine, 20)
     machine.silent = set()
     machine.values["specific_force_z"] = 0.0
-    _, findings = play(ecu, machine, 1)
-    # Either the detection takes the sample for a fault of the sensor, or an estimator fails and is contained.
-    assert any(isinstance(f, EstimatorFailed | FaultFound) for f in findings)
+    (result,), findings = play(ecu, machine, 1)
+    # The detection takes the sample for a fault of the sensor, an estimator fails and is contained, or the estimates stay numbers.
+    contained = any(isinstance(f, EstimatorFailed | FaultFound) for f in findings)
+    assert contained or all(map(math.isfinite, result.estimates))
 
 
 @pytest.mark.parametrize("form", ["corrected", "printed"])

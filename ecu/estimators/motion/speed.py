@@ -24,9 +24,9 @@ LEANING = 0.8
 speed that nothing proves, and confirms it. It is 0.4 to 0.85 while all wheels are locked, on level ground and downhill."""
 SLIDING = 1.0
 """A machine whose wheels slide comes to their speed at least so fast [m/s2]: a tenth of its weight as friction."""
-ROLLS, SLIDES = 0.2, 0.3
-"""Force over load up to which a tyre surely rolls, and from which on it may slide: friction is 0.35 on slippery ground, and the load is an
-estimate."""
+ROLLS, SLIDES = 0.06, 0.12
+"""Force over load up to which a tyre surely rolls, and from which on it may slide: friction is 0.15 on the
+most slippery ground that a valid speed is asked for on."""
 TWO = 1.5
 """Sum of that certainty from which on wheels may be compared: no wheel is believed alone."""
 DOUBT_MOST = 20.0
