@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 COMMAND: Final = "loaderhil campaign prevention"
 FILE: Final = "prevention.md"
 CACHE: Final = Path("out/campaign/prevention")
-# Seeds 1 to 3 were looked at when the limits' rise and the prediction's rocking were chosen (ADR 83, 84): their page would flatter the limits.
+# Drives of seeds 1 to 7 were looked at when decisions 83 to 88 were made: their page would flatter the limits.
 RUNS, SEED = 1000, 8
 SAME_S: Final = 0.2
 """Lift-offs so close to each other have the same cause [s]."""

@@ -7,11 +7,6 @@ from studies.campaigns.manoeuvres import Manoeuvre
 from studies.campaigns.memory import columns_of
 from studies.campaigns.prevention import driven
 
-pytestmark = pytest.mark.xfail(
-    reason="with bounds narrow enough for long slides at a friction of 0.15 the wheels are outvoted again (ADR 86)",
-    strict=True,
-)
-
 STRAIGHT_DOWN = Manoeuvre(
     kind="slope",
     speed_kmh=17.3,

@@ -141,6 +141,9 @@ def fused_speed(
     if s.cycles == 0.0:
         return Fused(total / count, 0.0)
     trusted = i.acceleration_usable * i.slope_usable
+    if s.cycles * i.dt < p.sensors.slope_levelling:
+        # Which acceleration the inclination sensor took for a slope before the start is not known.
+        trusted = 0.0
     predicted = s.speed
     if trusted != 0.0:
         rest = gravity_reaction(slope.pitch, slope.roll, GRAVITY)
@@ -157,14 +160,6 @@ def fused_speed(
         return Fused(predicted + change, speed.doubt_of_wheels(s.speed_doubt, change, grip, i.dt))
     i1, i2 = speed.influence(e1, scatter), speed.influence(e2, scatter)
     i3, i4 = speed.influence(e3, scatter), speed.influence(e4, scatter)
-    if i.torque_usable != 0.0:
-        aside = axle.y / GRAVITY
-        c1 = i.wheel_1_usable * speed.certainty(v1, s.force_1, aside, s.normal_1)
-        c2 = i.wheel_2_usable * speed.certainty(v2, s.force_2, aside, s.normal_2)
-        c3 = i.wheel_3_usable * speed.certainty(v3, s.force_3, aside, s.normal_3)
-        c4 = i.wheel_4_usable * speed.certainty(v4, s.force_4, aside, s.normal_4)
-        if speed.agreeing(v1, v2, v3, v4, c1, c2, c3, c4, scatter):
-            i1, i2, i3, i4 = max(i1, c1), max(i2, c2), max(i3, c3), max(i4, c4)
     correction = i.wheel_1_usable * e1 * max(i1, least)
     correction += i.wheel_2_usable * e2 * max(i2, least)
     correction += i.wheel_3_usable * e3 * max(i3, least)

@@ -2,9 +2,8 @@
 
 Each wheel gives a reading of the axle's speed after its own kinematics and the slip that its force
 needs. The inertial sensor carries the speed from sample to sample; a wheel far from it (locked,
-spinning) loses its influence, and regains it when it agrees again. Wheels that use little of their grip cannot be far from it: where
-they agree with one another they keep their influence, and it is the inertial sensor that is wrong. While no wheel has influence the
-speed may drift away: the *doubt* says how far.
+spinning) loses its influence, and regains it when it agrees again. While no wheel has influence the speed may drift away:
+the *doubt* says how far.
 """
 
 import math
@@ -24,11 +23,6 @@ LEANING = 0.8
 speed that nothing proves, and confirms it. It is 0.4 to 0.85 while all wheels are locked, on level ground and downhill."""
 SLIDING = 1.0
 """A machine whose wheels slide comes to their speed at least so fast [m/s2]: a tenth of its weight as friction."""
-ROLLS, SLIDES = 0.06, 0.12
-"""Force over load up to which a tyre surely rolls, and from which on it may slide: friction is 0.15 on the
-most slippery ground that a valid speed is asked for on."""
-TWO = 1.5
-"""Sum of that certainty from which on wheels may be compared: no wheel is believed alone."""
 DOUBT_MOST = 20.0
 """The doubt grows no further [m/s]: more than the machine's largest speed."""
 
@@ -85,31 +79,6 @@ def doubt_of_wheels(before: float, change: float, most: float, dt: float) -> flo
     change: of the speed in this cycle [m/s]; most: what the tyres' grip can change it by [m/s]. Wheels whose speed changes faster slide.
     """
     return min(max(before + max(abs(change) - most, 0.0) - SLIDING * dt, 0.0), DOUBT_MOST)
-
-
-@compiled
-def certainty(reading: float, force: float, aside: float, normal: float) -> float:
-    """How surely a wheel rolls, 0 to 1, by the force along it [N] and its load [N]; aside: lateral force over load.
-
-    reading: the speed that it gives [m/s]. A wheel that stands may be held by its brake, on ice with little force.
-    """
-    if normal <= 0.0 or abs(reading) < ROLLING:
-        return 0.0
-    used = math.hypot(force / normal, aside)
-    return min(max((SLIDES - used) / (SLIDES - ROLLS), 0.0), 1.0)
-
-
-@compiled
-def agreeing(
-    v1: float, v2: float, v3: float, v4: float, c1: float, c2: float, c3: float, c4: float, scatter: float
-) -> bool:
-    """Whether the wheels that surely roll give one speed; c1..c4: their certainty, scatter: of a reading [m/s]."""
-    total = c1 + c2 + c3 + c4
-    if total < TWO:
-        return False
-    mean = (c1 * v1 + c2 * v2 + c3 * v3 + c4 * v4) / total
-    left, right = max(c1 * abs(v1 - mean), c2 * abs(v2 - mean)), max(c3 * abs(v3 - mean), c4 * abs(v4 - mean))
-    return max(left, right) < scatter
 
 
 @compiled

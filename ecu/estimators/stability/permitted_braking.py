@@ -7,7 +7,7 @@ to keep down. ISO 8855, rear frame axes.
 
 from ecu.estimators.compiled import compiled
 from ecu.estimators.stability.permitted import NONE
-from ecu.estimators.stability.prediction import predict
+from ecu.estimators.stability.prediction import predict, with_acceleration
 from ecu.estimators.stability.rollover import LoadedMachine
 from ecu.estimators.stability.step import PredictionState
 
@@ -15,16 +15,6 @@ HARDEST = 3.0
 """A limit brakes no harder than so many times `braking`, the deceleration that is relied on."""
 GENTLE = 0.25
 """Share of the deceleration that is asked for which is tried in its place. One other trial: each costs a controller half a millisecond."""
-
-
-@compiled
-def with_acceleration(start: PredictionState, acceleration: float) -> PredictionState:
-    """The same state with another acceleration along the rear frame [m/s2]; a prediction lets it fade."""
-    return PredictionState(
-        start.articulation_angle, start.articulation_rate, start.demanded_rate, start.speed, acceleration,
-        start.gravity_x, start.gravity_y, start.gravity_z, start.ground, start.drift, start.yaw_rate,
-        start.front_left, start.front_right, start.rear_load, start.left_rate, start.right_rate, start.levers,
-    )  # fmt: skip
 
 
 @compiled

@@ -78,6 +78,16 @@ def with_demand(start: PredictionState, rate: float) -> PredictionState:
 
 
 @compiled
+def with_acceleration(start: PredictionState, acceleration: float) -> PredictionState:
+    """The same state with another acceleration along the rear frame [m/s2]; a prediction lets it fade."""
+    return PredictionState(
+        start.articulation_angle, start.articulation_rate, start.demanded_rate, start.speed, acceleration,
+        start.gravity_x, start.gravity_y, start.gravity_z, start.ground, start.drift, start.yaw_rate,
+        start.front_left, start.front_right, start.rear_load, start.left_rate, start.right_rate, start.levers,
+    )  # fmt: skip
+
+
+@compiled
 def with_levers(start: PredictionState, levers: Levers) -> PredictionState:
     """The same state with other demands on lift arm and bucket."""
     return PredictionState(

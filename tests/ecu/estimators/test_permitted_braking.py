@@ -14,9 +14,8 @@ from ecu.estimators.stability.permitted_braking import (
     GENTLE,
     gentle,
     permitted_deceleration,
-    with_acceleration,
 )
-from ecu.estimators.stability.prediction import predict
+from ecu.estimators.stability.prediction import predict, with_acceleration
 from ecu.estimators.stability.rollover import loaded_machine, steady_rate
 from ecu.estimators.stability.steady import steady_forces, steady_turns
 from ecu.estimators.stability.step import PredictionState

@@ -4,15 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ecu.estimators.motion.speed import (
-    DRIFT,
-    LEANING,
-    SLIDING,
-    agreeing,
-    certainty,
-    doubt_carried,
-    doubt_of_wheels,
-)
+from ecu.estimators.motion.speed import DRIFT, LEANING, SLIDING, doubt_carried, doubt_of_wheels
 
 DT = 0.01
 GAIN = 5.0 * DT
@@ -54,39 +46,3 @@ def test_wheels_that_lock_leave_what_grip_could_not_have_braked():
 
 def test_braking_within_grip_is_no_doubt():
     assert after(1.0, 0.0, lambda d: doubt_of_wheels(d, -0.07, 0.08, DT)) == 0.0
-
-
-def test_a_wheel_that_uses_little_of_its_grip_surely_rolls_and_one_near_its_limit_does_not():
-    assert certainty(5.0, 0.05 * 25e3, 0.0, 25e3) == 1.0
-    assert certainty(5.0, -0.05 * 25e3, 0.0, 25e3) == 1.0
-    assert certainty(5.0, 0.0, 0.13, 25e3) == certainty(5.0, 0.13 * 25e3, 0.0, 25e3) == 0.0
-    # both at once: on a friction circle, 0.09 and 0.09 make 0.127
-    assert certainty(5.0, 0.09 * 25e3, 0.09, 25e3) == 0.0
-
-
-def test_a_wheel_that_stands_may_be_held_on_ice():
-    assert certainty(0.0, 0.05 * 25e3, 0.0, 25e3) == certainty(-0.4, 0.05 * 25e3, 0.0, 25e3) == 0.0
-    assert certainty(-2.0, 0.05 * 25e3, 0.0, 25e3) == 1.0  # in reverse
-
-
-def test_a_wheel_in_the_air_rolls_by_no_means():
-    assert certainty(5.0, 0.0, 0.0, 0.0) == certainty(5.0, 0.0, 0.0, -500.0) == 0.0
-
-
-@given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(0.0, 0.5))
-def test_more_force_never_makes_a_wheel_roll_more_surely(used, aside, more):
-    further = abs(used) + more
-    assert certainty(5.0, further * 25e3, aside, 25e3) <= certainty(5.0, used * 25e3, aside, 25e3)
-
-
-def test_two_wheels_that_agree_are_believed_and_one_alone_is_not():
-    assert agreeing(5.0, 5.1, 9.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.25)  # two others slide
-    assert not agreeing(5.0, 5.1, 9.0, 0.0, 1.0, 0.4, 0.0, 0.0, 0.25)
-    assert not agreeing(5.0, 6.0, 5.5, 5.5, 1.0, 1.0, 1.0, 1.0, 0.25)
-
-
-@given(st.permutations([(5.0, 1.0), (5.1, 0.9), (9.0, 0.1), (4.9, 0.5)]))
-def test_agreement_does_not_depend_on_the_places_of_the_wheels(wheels):
-    speeds, sure = zip(*wheels, strict=True)
-    assert not agreeing(*speeds, *sure, 0.25)
-    assert agreeing(*speeds, *sure, 0.4)
