@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ecu.consistency import DOUBTFUL
 from studies.campaigns.manoeuvres import Manoeuvre
 from studies.campaigns.memory import columns_of
 from studies.campaigns.prevention import driven
@@ -32,21 +33,19 @@ TURNING = Manoeuvre(
 
 
 def error_of(recording):
-    """Estimated less true speed of the rear axle [m/s], and its times [s]; the first frame is of the ECU's start."""
+    """Estimated less true speed of the rear axle [m/s]; the first frame is of the ECU's start."""
     motion = columns_of(recording.bus)["BodyMotion"]
     assert motion.signals["SpeedValid"][1:].all()
     time = motion.time_s[1:]
     true = np.interp(time, [r.time_s for r in recording.truth], [r.velocity[0] for r in recording.truth])
-    return motion.signals["Speed"][1:] - true, time
+    return motion.signals["Speed"][1:] - true
 
 
 @pytest.mark.parametrize("drive", [STRAIGHT_DOWN, TURNING])
-def test_the_wheels_that_roll_outvote_an_inclination_that_is_wrong(drive):
-    """The error was 0.65 m/s and more, for as long as the drive went."""
+def test_an_inclination_that_starts_wrong_does_not_take_the_speed_with_it(drive):
+    """In the turn the error was 1.9 m/s. A valid speed is right to what its validity allows."""
     _, recording = driven(drive, limits=True)
-    error, time = error_of(recording)
-    assert np.abs(error).max() < 0.45
-    assert np.abs(error[time > 2.0]).max() < 0.2
+    assert np.abs(error_of(recording)).max() < DOUBTFUL
 
 
 def test_a_machine_that_is_not_held_too_slow_keeps_its_wheels_down():
