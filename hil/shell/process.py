@@ -71,6 +71,10 @@ def run_until_signal(work: Coroutine[Any, Any, None], sleeps: Sleeps | None = No
             await task
         except asyncio.CancelledError:
             return True
+        finally:
+            # a loop that closes forgets its end of this pipe first and the signals after it: one in between would be
+            # reported as a write that failed
+            signal.set_wakeup_fd(-1)
         return False
 
     with asyncio.Runner(loop_factory=lambda: asyncio.SelectorEventLoop(sleeps)) as runner:
