@@ -47,9 +47,21 @@ def test_a_full_bucket_lowered_in_a_turn_and_let_go_keeps_every_wheel_down(manoe
     assert lift_offs(manoeuvre) == []
 
 
-def test_a_turn_after_a_kerb_lifts_no_wheel_that_the_kerb_does_not():
-    """The rear rocks for two seconds after 17 cm at 14 km/h, and lifts by itself in the first half second."""
-    kerb = Manoeuvre("kerb", 14.0, 2911, 16.2, -32.4, 24.1, 892397983, left_m=0.172, friction=0.75)
+THROWN = {
+    "17 cm at 14 km/h": Manoeuvre("kerb", 14.0, 2911, 16.2, -32.4, 24.1, 892397983, left_m=0.172),
+    "18 cm at 12 km/h": Manoeuvre("kerb", 11.9, 3204, 43.9, -21.4, 19.7, 1400968303, left_m=0.182, friction=0.69),
+    "14 cm, empty": Manoeuvre("kerb", 14.0, 0, 31.3, -16.4, 21.0, 1443680023, left_m=0.142, friction=0.71),
+    "19 cm, arm low": Manoeuvre("kerb", 8.8, 2700, -35.8, 19.5, 15.5, 2137079804, left_m=0.186, friction=0.67),
+    "18 cm to the left": Manoeuvre("kerb", 14.0, 2777, 30.8, 22.2, 15.3, 708767040, right_m=0.179),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kerb", THROWN.values(), ids=list(THROWN))
+def test_a_turn_after_a_kerb_lifts_no_wheel_that_the_kerb_does_not(kerb):
+    """The rear rocks for two seconds after a kerb, and lifts by itself in the first; the turn begins meanwhile.
+
+    The first needs the slow rise of a limit (ADR 83), the others that the turn is not taken for what rocks the machine (ADR 89).
+    """
     by_ground = lift_offs(straight(kerb), least_s=0.0)
     assert by_ground
     assert [lifted for lifted in lift_offs(kerb) if not beside(lifted, by_ground)] == []

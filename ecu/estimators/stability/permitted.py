@@ -63,12 +63,17 @@ def keeps_margins(start: PredictionState, rate: float, machine: LoadedMachine) -
 
 @compiled
 def leads_out(start: PredictionState, direction: float, after_hold: float, machine: LoadedMachine) -> bool:
-    """Whether turning to this side leads to a better turn, or to straight ahead, and to none on its way that is worse by TRANSIENT.
+    """Whether turning to this side leads to a better turn, and to none on its way that is worse by TRANSIENT.
 
     after_hold: margin of the present turn. Not the next moment decides: on a bank the margin over the angle has a shallow
     valley, and a machine that may never get worse stays on the wrong side of it.
+
+    A turn that violates its floor may always be left for straight ahead. One that keeps it is not what takes the margin:
+    the machine rocks. Turning back from it may cost TRANSIENT, so it has to gain more.
     """
     stop, least = machine.geometry.articulation_stop, after_hold - TRANSIENT
+    tips = after_hold < machine.prediction.turn_floor
+    better = after_hold + (BETTER if tips else TRANSIENT)
     angle = start.articulation_angle
     for _ in range(int(2.0 * stop / WAY_STEP) + 2):
         further = min(max(angle + direction * WAY_STEP, -stop), stop)
@@ -80,8 +85,10 @@ def leads_out(start: PredictionState, direction: float, after_hold: float, machi
         left = least_margin(least, start.speed, turns, start.ground, machine)
         if left < least:
             return False
-        if left > after_hold + BETTER or further == 0.0:
+        if left > better:
             return True
+        if further == 0.0:
+            return tips
         angle = further
     return False
 

@@ -332,6 +332,31 @@ def test_a_machine_that_rocks_in_a_sound_turn_may_turn_back():
     assert margin_after(NONE, now, -rate, m) >= P.prediction.turn_floor - TRANSIENT
 
 
+@pytest.mark.parametrize("angle", [0.02, 0.25])
+def test_a_turn_that_keeps_its_floor_is_no_way_out_of_a_bounce_where_it_takes_little(angle):
+    """At walking speed straight ahead is hardly better than the turn: what takes the margin is not the turn."""
+    m = raised(0.0)
+    slow = start(1.0, angle, -0.5, LEVEL, m)
+    here = margin_after(NONE, slow, 0.0, m)
+    assert (
+        P.prediction.turn_floor
+        < here
+        < margin_after(NONE, start(1.0, 0.0, 0.0, LEVEL, m), 0.0, m)
+        < here + TRANSIENT
+    )
+    assert not leads_out(slow, -1.0, here, m)
+    thrown = slow._replace(rear_load=0.0)
+    assert permitted_rate(thrown, m) < P.prediction.largest_rate / 8.0
+
+
+def test_a_turn_that_keeps_its_floor_is_left_where_straight_ahead_gains_more_than_the_way_may_cost():
+    m = raised(1600.0)
+    quick = start(4.0, 0.3, -0.5, LEVEL, m)
+    here = margin_after(NONE, quick, 0.0, m)
+    assert P.prediction.turn_floor < here
+    assert leads_out(quick, -1.0, here, m)
+
+
 def test_slow_rates_are_offered_where_quick_ones_cost_too_much():
     m, now = on_valley()
     found = {permitted_rate(rolling(now, -rate, m), m) for rate in np.arange(0.0, 1.5, 0.05)}
