@@ -17,7 +17,7 @@ from bench.proof.difference import Difference, chosen, drawn
 from bench.proof.difference import names as difference_names
 from diagnosis.fleet.store import Row
 from discrepancy.estimation.problem import Problem
-from discrepancy.model.description import Effect, Model
+from discrepancy.model.description import Effect, Model, Simulate
 from discrepancy.signals.recording import Array
 
 STRENGTHS = (50.0, 250.0, 2500.0)
@@ -174,12 +174,33 @@ def twinned(model: Model, effect: Effect) -> Model:
         parameters=tuple(replace(p, name=renamed[p.name]) for p in effect.parameters),
         confusable={},
     )
-    alone, start = model.simulate, {p.name: p.value for p in effect.parameters}
-
-    def simulate(window, values: Mapping[str, float], extra: Mapping[str, Array]) -> Mapping[str, Array]:
-        both = {
-            name: values.get(name, off) + values.get(renamed[name], off) - off for name, off in start.items()
-        }
-        return alone(window, {**values, **both}, extra)
-
+    simulate = Twinned(model.simulate, {p.name: p.value for p in effect.parameters}, renamed)
     return replace(model, effects=(*model.effects, twin), simulate=simulate)
+
+
+class Twinned:
+    """The simulation of a model in which the parameters of an effect act twice.
+
+    off: values of the effect's parameters at which it does nothing; renamed: their names in the twin.
+    """
+
+    def __init__(self, alone: Simulate, off: Mapping[str, float], renamed: Mapping[str, str]) -> None:
+        self._alone, self._off, self._renamed = alone, off, renamed
+        if hasattr(
+            alone, "together"
+        ):  # many windows side by side: one by one, a loader's arm does not end within the hour
+            self.together = self._side_by_side
+
+    def __call__(
+        self, window, values: Mapping[str, float], extra: Mapping[str, Array]
+    ) -> Mapping[str, Array]:
+        """As of the model alone."""
+        return self._alone(window, self._summed(values), extra)
+
+    def _side_by_side(self, windows, values: Mapping[str, float]) -> list[dict[str, Array]]:
+        return self._alone.together(windows, self._summed(values))
+
+    def _summed(self, values: Mapping[str, float]) -> dict[str, float]:
+        off, other = self._off, self._renamed
+        both = {name: values.get(name, v) + values.get(other[name], v) - v for name, v in off.items()}
+        return {**values, **both}

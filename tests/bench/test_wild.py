@@ -108,6 +108,24 @@ def test_a_twin_does_what_the_effect_does(name: str) -> None:
     assert np.max(np.abs(one - none)) > 0.0
 
 
+class Lanes:
+    """A simulation that takes many windows at once; each result is the sum of the values."""
+
+    def __call__(self, window, values, extra):
+        return {"sum": sum(values.values())}
+
+    def together(self, windows, values):
+        return [self(window, values, {}) for window in windows]
+
+
+def test_a_twin_simulates_many_windows_at_once_where_the_effect_does() -> None:
+    both = wild.Twinned(Lanes(), {"grade": 1.0}, {"grade": "grade_twin"})
+    values = {"grade": 3.0, "grade_twin": 5.0}
+    assert both.together([None, None], values) == [both(None, values, {})] * 2 == [{"sum": 7.0 + 5.0}] * 2
+    alone = wild.Twinned(lambda *_: {}, {"grade": 1.0}, {"grade": "grade_twin"})
+    assert not hasattr(alone, "together")
+
+
 def test_what_counts_as_a_false_name() -> None:
     """late brake has no fair name; a resistance of another power may be called quadratic drag."""
     assert page.false_names(done("null", "late brake", named("brake fade"))) == ["brake fade"]
