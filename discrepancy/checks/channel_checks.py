@@ -42,6 +42,13 @@ class _Part:
     rows: NDArray[np.bool_]
 
 
+@dataclass(frozen=True, slots=True)
+class AnotherClock(Complaint):
+    """A channel whose stamps may be of another clock."""
+
+    left: float = 1.0  # share of its variance that the prediction leaves at the best shift
+
+
 def failing_channels(problem: Problem) -> list[Complaint]:
     """One complaint per channel with a wrong scale, sign or clock. Raises Unusable if the model diverges."""
     start = problem.start()
@@ -196,7 +203,7 @@ def _synchrony(problem: Problem, part: _Part, base: Array, local: Array) -> Comp
         f"fits the inputs {abs(late):.2f} s {'later' if late > 0 else 'earlier'} than its stamps say (correlation {alike:.2f} against "
         f"{inner:.2f}): recorded with another clock? Left out; try again with --shift {part.channel}={-late:.2f}"
     )
-    return Complaint(part.recording, part.channel, text, fatal=True)
+    return AnotherClock(part.recording, part.channel, text, fatal=True, left=1.0 - alike**2)
 
 
 def _longest_delay(problem: Problem, channel: str) -> float:

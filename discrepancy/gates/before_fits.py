@@ -57,7 +57,7 @@ OTHER_CLOCK: Final = _gate(
     statistic="misfit at the best shift over the misfit at the shifts that a sensor's delay may explain",
     threshold=0.5,
     source="a shift always helps a little; a wrong clock explains most of the misfit",
-    otherwise="lower, with a correlation of 0.8 or more: the channel is left out and the shift is named",
+    otherwise="lower, with a correlation of 0.8 or more, where no effect of the library leaves less of the channel: it is left out and the shift is named",
     module="checks.channel_checks",
 )
 FILES_OVERLAP: Final = _gate(

@@ -1,0 +1,85 @@
+"""A strong effect is not taken for another clock, and another clock not for an effect."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from discrepancy.checks.channel_checks import failing_channels
+from discrepancy.estimation.problem import Problem, Unusable
+from discrepancy.examine import usable
+from discrepancy.model.description import Effect, Model, Parameter
+from discrepancy.model.sensors import sensor_effects
+from discrepancy.signals.recording import Recording, signal
+
+TIME_S = 0.1 * np.arange(2_000)
+SLOW, QUICK = 2.0 * np.pi / 24.0, 2.0 * np.pi / 15.0
+ACROSS = Effect(
+    name="across",
+    sentence="what lags the input by a quarter of its period",
+    equation="",
+    parameters=(Parameter(name="across", unit="1", lower=-10.0, upper=10.0, typical=0.5),),
+    kind="physics",
+    place="plate",
+    excited_by="turning",
+)
+
+
+def along(time_s):
+    return np.sin(SLOW * time_s) + np.sin(QUICK * time_s)
+
+
+def across(time_s):
+    return np.cos(SLOW * time_s) + QUICK / SLOW * np.cos(QUICK * time_s)
+
+
+def plate(*effects: Effect) -> Model:
+    """Reads its input, and with the effect a multiple of the input's rate of change."""
+    return Model(
+        name="plate",
+        sentence="a plate that turns",
+        inputs={"turned": "rad"},
+        outputs={"tilt": "rad"},
+        nuisances=(Parameter(name="zero", unit="rad", typical=0.1, prior_sd=0.01),),
+        effects=(*effects, *sensor_effects("tilt", "rad", bias=0.1)),
+        simulate=lambda window, values, extra: {
+            "tilt": window["turned"] + values["zero"] + values.get("across", 0.0) * across(window.time_s)
+        },
+        step_s=0.1,
+    )
+
+
+def recorded(size: float, late_s: float = 0.0) -> Recording:
+    read = along(TIME_S - late_s) + size * across(TIME_S - late_s)
+    read = read + 0.02 * np.random.default_rng(4).normal(size=TIME_S.size)
+    turned = along(TIME_S)
+    return Recording("drive", {"turned": signal(TIME_S, turned, "rad"), "tilt": signal(TIME_S, read, "rad")})
+
+
+def blamed(model: Model, drive: Recording) -> list[str]:
+    return [c.signal for c in usable(model, [drive])[1]]
+
+
+@pytest.mark.parametrize("size", [1.5, 3.0, -3.0])
+def test_a_strong_effect_of_the_library_is_no_other_clock(size: float) -> None:
+    drive = recorded(size)
+    assert [c.signal for c in failing_channels(Problem(plate(ACROSS), [drive]))] == ["tilt"]
+    assert blamed(plate(ACROSS), drive) == []
+
+
+def test_without_the_effect_in_the_library_the_clock_is_asked_about() -> None:
+    with pytest.raises(Unusable, match="another clock"):
+        usable(plate(), [recorded(3.0)])
+
+
+def test_an_effect_beyond_its_bounds_explains_nothing() -> None:
+    (amplitude,) = ACROSS.parameters
+    small = replace(ACROSS, parameters=(replace(amplitude, lower=-1.0, upper=1.0),))
+    with pytest.raises(Unusable, match="another clock"):
+        usable(plate(small), [recorded(3.0)])
+
+
+@pytest.mark.parametrize("late_s", [4.0, 8.0])
+def test_another_clock_is_no_effect(late_s: float) -> None:
+    with pytest.raises(Unusable, match="another clock"):
+        usable(plate(ACROSS), [recorded(0.0, late_s)])
