@@ -61,7 +61,7 @@ FAULTS = {
     ),
     "halves on the wrong sides": ("x_m = -1.175", "x_m = 1.175", ["rear.x_m = 1.175 m", "front.x_m"]),
     "thresholds in the wrong order": (
-        "warning_margin = 0.22",
+        "warning_margin = 0.18",
         "warning_margin = 0.6",
         ["warnings.warning_margin = 0.6", "warnings.attention_margin = 0.45"],
     ),
