@@ -1,13 +1,14 @@
 # Two commands do all the set-up: `make demo` and `make test`. Others: `make help`.
 PYTHON ?= python3
 VENV   := .venv
+WORKERS ?= 2
 BIN    := $(VENV)/bin
 
 # set in many containers: every process would compile our sources, and every pytest rewrite the tests, anew
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test compiled check fast slow-tests socketcan fuzz kills safe-state debian-root bench shape wheel speed scaling proof wild wild-loader switched next-experiment resampling identification microcontroller results pages clean lock
+.PHONY: help demo test compiled check fast slow-tests real-time socketcan fuzz kills safe-state debian-root bench shape wheel speed scaling proof wild wild-loader switched next-experiment resampling identification microcontroller results pages clean lock
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
@@ -31,7 +32,11 @@ demo: $(BIN)/.run ## roll-over with the ECU's limits off and on; writes out/demo
 	$(BIN)/loaderhil compile
 	$(BIN)/loaderhil demo --out out/demo
 
-test: check fast slow-tests socketcan ## every test, linter and import contract
+# User-mode Linux has one processor: beside it the long computations have the other. Tests in real time run alone.
+test: check fast ## every test, linter and import contract
+	@echo "== long tests and SocketCAN beside each other; each prints when it is through, in some twenty minutes"
+	$(MAKE) --no-print-directory --jobs=2 --output-sync=target WORKERS=1 slow-tests socketcan
+	$(MAKE) --no-print-directory real-time
 
 fuzz: $(BIN)/.test ## 10^5 mutated files through every reader, 10^7 frames through ECU, gateway and hub, into docs/results/fuzz.md (hours; run again to take up)
 	$(BIN)/python -m tests.fuzz --report docs/results/fuzz.md $(FUZZ)
@@ -63,10 +68,12 @@ compiled: $(BIN)/.test # two workers of pytest would compile the same functions,
 marked = $$(grep -rlE 'mark\.($(1))' tests --include='test_*.py')
 
 fast: compiled ## tests that need no real time, browser or CAN in the kernel
-	$(BIN)/pytest -n 2 --dist loadfile --timeout-method=thread -m 'not processes and not browser and not socketcan and not slow'
+	$(BIN)/pytest -n $(WORKERS) --dist loadfile --timeout-method=thread -m 'not processes and not browser and not socketcan and not slow'
 
-slow-tests: $(BIN)/.test ## tests that compute for long, then those with processes in real time and in a real browser
-	$(BIN)/pytest -n 2 --dist loadfile --timeout-method=thread -m 'slow and not processes and not browser' $(call marked,slow)
+slow-tests: compiled ## tests that compute for long
+	$(BIN)/pytest -n $(WORKERS) --dist loadfile --timeout-method=thread -m 'slow and not processes and not browser' $(call marked,slow)
+
+real-time: compiled ## tests with processes in real time, and in a real browser
 	$(BIN)/pytest -m 'processes or browser' $(call marked,processes|browser)
 
 # a user-mode kernel lacks the mappings to compile
