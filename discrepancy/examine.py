@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from discrepancy.checks.channel_checks import AnotherClock, failing_channels
+from discrepancy.checks.channel_checks import failing_channels
 from discrepancy.checks.model_check import check_model
 from discrepancy.decision.judge import judge, nothing_usable
 from discrepancy.decision.judgement import Judgement
@@ -11,7 +11,7 @@ from discrepancy.estimation.problem import Problem, Unusable
 from discrepancy.model.description import Model
 from discrepancy.model.windows import OUTPUTS
 from discrepancy.selection.bandwidth import at_bandwidth
-from discrepancy.selection.clock_or_effect import an_effect_explains_more
+from discrepancy.selection.clock_or_effect import still_blamed
 from discrepancy.selection.state import Progress, Settings
 from discrepancy.signals.findings import Findings
 from discrepancy.signals.recording import Complaint, Recording
@@ -50,11 +50,7 @@ def usable(model: Model, recordings: Sequence[Recording]) -> tuple[Problem, list
     """The problem without channels that fail their checks, and the complaints on those. Raises Unusable if nothing is left, BadModel."""
     problem = Problem(model, recordings)
     check_model(problem)
-    failed = [
-        c
-        for c in failing_channels(problem)
-        if not (isinstance(c, AnotherClock) and an_effect_explains_more(problem, c))
-    ]
+    failed = still_blamed(problem, failing_channels(problem))
     if not failed:
         return problem, []
     gone = {(c.recording, c.signal) for c in failed}

@@ -186,9 +186,8 @@ class Twinned:
 
     def __init__(self, alone: Simulate, off: Mapping[str, float], renamed: Mapping[str, str]) -> None:
         self._alone, self._off, self._renamed = alone, off, renamed
-        if hasattr(
-            alone, "together"
-        ):  # many windows side by side: one by one, a loader's arm does not end within the hour
+        # one window after the other, an arm of the loader takes more than half an hour
+        if hasattr(alone, "together"):
             self.together = self._side_by_side
 
     def __call__(

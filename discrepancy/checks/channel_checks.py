@@ -42,11 +42,11 @@ class _Part:
     rows: NDArray[np.bool_]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AnotherClock(Complaint):
     """A channel whose stamps may be of another clock."""
 
-    left: float = 1.0  # share of its variance that the prediction leaves at the best shift
+    left: float  # share of its variance that the prediction leaves at the best shift
 
 
 def failing_channels(problem: Problem) -> list[Complaint]:

@@ -72,8 +72,8 @@ def run_until_signal(work: Coroutine[Any, Any, None], sleeps: Sleeps | None = No
         except asyncio.CancelledError:
             return True
         finally:
-            # a loop that closes forgets its end of this pipe first and the signals after it: one in between would be
-            # reported as a write that failed
+            # A loop that closes ends this pipe before it removes the handlers: a signal in between would be reported as a
+            # write that failed.
             signal.set_wakeup_fd(-1)
         return False
 

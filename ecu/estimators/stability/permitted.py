@@ -72,8 +72,8 @@ def leads_out(start: PredictionState, direction: float, after_hold: float, machi
     the machine rocks. Turning back from it may cost TRANSIENT, so it has to gain more.
     """
     stop, least = machine.geometry.articulation_stop, after_hold - TRANSIENT
-    tips = after_hold < machine.prediction.turn_floor
-    better = after_hold + (BETTER if tips else TRANSIENT)
+    violated = after_hold < machine.prediction.turn_floor
+    better = after_hold + (BETTER if violated else TRANSIENT)
     angle = start.articulation_angle
     for _ in range(int(2.0 * stop / WAY_STEP) + 2):
         further = min(max(angle + direction * WAY_STEP, -stop), stop)
@@ -88,7 +88,7 @@ def leads_out(start: PredictionState, direction: float, after_hold: float, machi
         if left > better:
             return True
         if further == 0.0:
-            return tips
+            return violated
         angle = further
     return False
 
