@@ -59,7 +59,11 @@ class Core(Protocol):
 
     @property
     def name(self) -> str:
-        """As run.json and the command line have it."""
+        """As the command line has it."""
+        ...
+
+    def computing(self, calibration: Calibration, form: Form) -> str:
+        """As run.json has it: the name of what computes such an ECU, for a core that chooses between others."""
         ...
 
     def ecu(
@@ -82,6 +86,10 @@ class PythonCore:
     """`ecu.cycle.EcuCycle` with compiled estimators."""
 
     name: str = "python"
+
+    def computing(self, calibration: Calibration, form: Form) -> str:
+        """As `Core.computing`."""
+        return self.name
 
     def ecu(
         self,

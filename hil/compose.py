@@ -118,6 +118,7 @@ class Choice:
     def record(self, scenario: Scenario, mode: Mode) -> RunRecord:
         """The record of a run that starts now. scenario: as loaded, perhaps changed since."""
         found = versions()
+        calibration = calibration_of(scenario, self.calibration)
         if self.fmu is not None:
             from fmi.motion import fingerprint  # late: only a run with an FMU needs what reads one
 
@@ -129,8 +130,8 @@ class Choice:
             form=self.form,
             limits=self.limits,
             detect_faults=self.detect_faults,
-            ecu_core=self.core.name,
-            calibration=calibration_of(scenario, self.calibration),
+            ecu_core=self.core.computing(load_calibration(calibration), self.form),
+            calibration=calibration,
             seed=scenario.seed,
             payload_kg=float(scenario.payload_mass),
             changes=scenario.changes.words,

@@ -9,6 +9,7 @@ import signal
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
@@ -22,7 +23,8 @@ from dbc import loader_database
 from dbc.columns import ColumnDecoder
 from dbc.offline.decoding import decode_log
 from dbc.recordings.reading import read_frames
-from ecu.calibration import load_calibration
+from deploy.c.library import NoCompilerError, library
+from ecu.calibration import CALIBRATIONS, load_calibration
 from ecu.detection.live import Detection
 from ecu.estimators.columns import BLOCK, estimate_columns
 from ecu.inputs import CycleInputs, InputReceiver, estimator_inputs
@@ -114,6 +116,13 @@ def _ecu() -> None:
     ecu_cycle(form="corrected", limits=True).warm_up()
 
 
+def _ecu_in_c() -> None:
+    """The libraries that a run in lockstep takes where they are there; without a compiler it takes the Python core."""
+    with suppress(NoCompilerError):
+        for calibration in sorted(CALIBRATIONS.glob("*.toml")):
+            library(load_calibration(calibration))
+
+
 def _printed() -> None:
     ecu_cycle(form="printed", limits=True).warm_up()
 
@@ -155,6 +164,7 @@ PARTS: Final = (
     Part("plant", _plant),
     Part("plant with effects", _plant_with_effects, rarely=True),
     Part("test of sensors", _test_of_sensors),
+    Part("ECU in C", _ecu_in_c),
     Part("estimates of whole recordings", _tables, rarely=True),
     Part("printed equations", _printed, rarely=True),
 )

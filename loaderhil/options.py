@@ -91,7 +91,7 @@ EcuCoreOption = Annotated[
     typer.Option(
         "--ecu-core",
         metavar="CORE",
-        help="What computes the virtual ECU: `python`; `c`, the exported C built with this computer's compiler, which sends the same frames. `run` in lockstep also takes `both`, compared at every cycle.",
+        help="What computes the virtual ECU: `python`; `c`, the exported C built with this computer's compiler, which sends the same frames in a third of the time; `auto`, in lockstep `c` where `loaderhil compile` has built it, else `python`. `run` in lockstep also takes `both`, compared at every cycle.",
     ),
 ]
 
@@ -115,17 +115,19 @@ def checked_form(form: str) -> "Form":
     raise FormError(f"{form!r} is not one of {', '.join(FORMS)}", param_hint="--form")
 
 
-def checked_core(name: str, option: str = "--ecu-core", *, both: bool = False) -> "Core":
-    """The ECU's core of that name. Raises CoreError. both: whether two that are compared will do."""
-    if name == "python":
+def checked_core(
+    name: str, option: str = "--ecu-core", *, both: bool = False, lockstep: bool = True
+) -> "Core":
+    """The ECU's core of that name. Raises CoreError. both: whether two that are compared will do; lockstep: whether it is for a run in lockstep."""
+    if name == "python" or (name == "auto" and not lockstep):
         from ecu.core import PYTHON
 
         return PYTHON
     # the translation to C is loaded for those who ask for it
     from deploy.c.both import BOTH
-    from deploy.c.core import BY_NAME
+    from deploy.c.core import AUTO, BY_NAME
 
-    known: dict[str, Core] = {**BY_NAME, **({BOTH.name: BOTH} if both else {})}
+    known: dict[str, Core] = {**BY_NAME, AUTO.name: AUTO, **({BOTH.name: BOTH} if both else {})}
     if name not in known:
         raise CoreError(f"{name!r} is not one of {', '.join(known)}", param_hint=option)
     return known[name]

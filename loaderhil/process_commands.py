@@ -137,7 +137,7 @@ def ecu(
     from hil.shell.process import ending_of
 
     # before the process is started: a wrong name is an error of the command line
-    checked, computing = checked_form(form), checked_core(core, "--core")
+    checked, computing = checked_form(form), checked_core(core, "--core", lockstep=False)
     realtime = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
     services = ServiceOptions(xcp=xcp, uds=uds, j1939=j1939, access_key=access_key)
     raise typer.Exit(

@@ -91,7 +91,7 @@ def campaign_roll_over(
             "--extended", help="Drive on grades, banks and slippery ground instead of level ground."
         ),
     ] = False,
-    ecu_core: EcuCoreOption = "python",
+    ecu_core: EcuCoreOption = "auto",
     as_json: JsonOption = False,
     junit: JunitOption = None,
 ) -> None:
@@ -120,7 +120,7 @@ def campaign_prevention(
             show_default=False,
         ),
     ] = None,
-    ecu_core: EcuCoreOption = "python",
+    ecu_core: EcuCoreOption = "auto",
     as_json: JsonOption = False,
     junit: JunitOption = None,
 ) -> None:

@@ -75,7 +75,7 @@ def run(
     limits: LimitsOption = True,
     detect_faults: DetectOption = True,
     form: FormOption = "corrected",
-    ecu_core: EcuCoreOption = "python",
+    ecu_core: EcuCoreOption = "auto",
     payload_kg: PayloadOption = None,
     seed: SeedOption = None,
     changes: SetOption = None,
@@ -152,8 +152,21 @@ def run(
         from hil.gateway.buses import Buses
         from loaderhil.single import Output, report_run
 
-    core = checked_core(ecu_core, both=True)
     fmu = Path(foreign_plant) if foreign_plant is not None and foreign_plant.endswith(".fmu") else None
+    # checked as a whole there: which addresses go together depends on --gateway and on what is external
+    buses = Buses(
+        gateway=gateway,
+        plant=plant_bus,
+        ecu=ecu_bus,
+        routes=routes,
+        control=control,
+        foreign_ecu=foreign_ecu,
+        foreign_plant=foreign_plant if fmu is None else None,
+        wait_s=wait_s,
+    )
+    # lockstep has neither a gateway nor a bus on which an external node could be
+    realtime = realtime or gateway or bool(buses.foreign)
+    core = checked_core(ecu_core, both=True, lockstep=not realtime)
     choices = [
         Choice(
             scenario=scenario,
@@ -173,19 +186,6 @@ def run(
     if machine is not None:
         # equipment and calibration that belong to the machine are taken with it
         choices = [choice.on(machine) for choice in choices]
-    # checked as a whole there: which addresses go together depends on --gateway and on what is external
-    buses = Buses(
-        gateway=gateway,
-        plant=plant_bus,
-        ecu=ecu_bus,
-        routes=routes,
-        control=control,
-        foreign_ecu=foreign_ecu,
-        foreign_plant=foreign_plant if fmu is None else None,
-        wait_s=wait_s,
-    )
-    # lockstep has neither a gateway nor a bus on which an external node could be
-    realtime = realtime or gateway or bool(buses.foreign)
     options = RealtimeOptions(fifo=fifo, lock_memory=lock_memory, cpu=cpu, gc_freeze=gc_freeze)
     if realtime and core.name == "both":
         raise typer.BadParameter(

@@ -100,6 +100,10 @@ class BothCores:
 
     name: str = "both"
 
+    def computing(self, calibration: Calibration, form: Form) -> str:
+        """As `ecu.core.Core`."""
+        return self.name
+
     def ecu(
         self,
         calibration: Calibration,

@@ -17,13 +17,13 @@ from configuration import CheckedTable
 from dbc import loader_database
 from dbc.protection import Finding as Check
 from deploy.c.detection_tables import machine_detection
-from deploy.c.library import library
+from deploy.c.library import built, library
 from deploy.c.offered import OfferedInC
 from deploy.c.rules_tables import CHECKS, EVENTS, machine_rules
 from deploy.c.tables import Received, inputs_of
 from ecu.calibration import Calibration
 from ecu.codes import Mode
-from ecu.core import PYTHON, Core, Form
+from ecu.core import PYTHON, Core, Ecu, Form
 from ecu.findings import (
     EstimatorFailed,
     FaultFound,
@@ -214,6 +214,10 @@ class CCore:
 
     name: str = "c"
 
+    def computing(self, calibration: Calibration, form: Form) -> str:
+        """As `ecu.core.Core`."""
+        return self.name
+
     def ecu(
         self,
         calibration: Calibration,
@@ -229,6 +233,36 @@ class CCore:
 
 
 C: Final = CCore()
+
+
+@dataclass(frozen=True, slots=True)
+class Quickest:
+    """The C core where its library was built before and has what is asked for, else the Python one. The frames are the same (ADR 92)."""
+
+    name: str = "auto"
+
+    def computing(self, calibration: Calibration, form: Form) -> str:
+        """As `ecu.core.Core`."""
+        return _quickest(calibration, form).name
+
+    def ecu(
+        self,
+        calibration: Calibration,
+        *,
+        form: Form = "corrected",
+        limits: bool = True,
+        detect_faults: bool = False,
+    ) -> Ecu:
+        """As `ecu.core.Core`. Never waits for a compiler, and needs none."""
+        core = _quickest(calibration, form)
+        return core.ecu(calibration, form=form, limits=limits, detect_faults=detect_faults)
+
+
+def _quickest(calibration: Calibration, form: Form) -> Core:
+    return C if form == "corrected" and built(calibration) is not None else PYTHON
+
+
+AUTO: Final = Quickest()
 BY_NAME: Final[Mapping[str, Core]] = {core.name: core for core in (PYTHON, C)}
 
 

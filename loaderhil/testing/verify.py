@@ -38,7 +38,7 @@ def verify(
         ),
     ] = None,
     at_s: Annotated[float, typer.Option("--at-s", min=0.0, help="When faults begin [s].")] = 2.0,
-    ecu_core: EcuCoreOption = "python",
+    ecu_core: EcuCoreOption = "auto",
     permit: Annotated[
         int, typer.Option("--permit", min=0, help="Number of mutants that nobody may notice before it fails.")
     ] = 0,

@@ -9,14 +9,16 @@ from pathlib import Path
 
 import pytest
 
+from bus.cache_folder import NoCacheFolderError
 from bus.frame import Frame
 from dbc import loader_database
 from dbc.protection import Finding as Check
 from dbc.protection import Protector
 from deploy.c import library
-from deploy.c.core import C, NotInCError
+from deploy.c.core import AUTO, C, CEcu, NotInCError
 from deploy.c.library import NoCompilerError
 from ecu.core import PYTHON
+from ecu.cycle import EcuCycle
 from ecu.findings import EstimatorFailed, Implausible, ProtectionFailed, Stale, StateChanged
 from ecu.states import State
 from hil import rundir
@@ -200,6 +202,35 @@ def test_what_was_built_is_not_built_again(monkeypatch):
     first = library.library(CALIBRATION)
     monkeypatch.setattr(library, "_build", lambda *_: pytest.fail("built again"))
     assert library.library(CALIBRATION) == first
+
+
+def test_auto_takes_c_where_it_was_built_and_never_builds_it(monkeypatch, tmp_path):
+    monkeypatch.setattr(library, "code_folder", lambda *_: tmp_path)
+    assert AUTO.computing(CALIBRATION, "corrected") == "python"
+    assert isinstance(AUTO.ecu(CALIBRATION), EcuCycle)
+    assert list(tmp_path.iterdir()) == []
+    library.library(CALIBRATION)
+    assert AUTO.computing(CALIBRATION, "corrected") == "c"
+    assert isinstance(AUTO.ecu(CALIBRATION), CEcu)
+    # the C does not have the printed equations
+    assert AUTO.computing(CALIBRATION, "printed") == "python"
+    assert isinstance(AUTO.ecu(CALIBRATION, form="printed"), EcuCycle)
+
+
+def test_auto_needs_no_place_for_compiled_code(monkeypatch):
+    def nowhere(*_):
+        raise NoCacheFolderError("no folder can be written to")
+
+    monkeypatch.setattr(library, "code_folder", nowhere)
+    assert AUTO.computing(CALIBRATION, "corrected") == "python"
+
+
+def test_the_record_of_a_run_says_what_computed(monkeypatch, tmp_path):
+    library.library(CALIBRATION)
+    choice = Choice(scenario="standstill", changes=("duration_s=0.1",), core=AUTO)
+    assert choice.record(choice.load(), "lockstep").ecu_core == "c"
+    monkeypatch.setattr(library, "code_folder", lambda *_: tmp_path)
+    assert choice.record(choice.load(), "lockstep").ecu_core == "python"
 
 
 def test_another_number_of_the_calibration_is_another_library():
