@@ -61,6 +61,7 @@ def measured(done: Sequence[Done]) -> dict[str, Cell]:
     strong = [d for d in of["effect"] if d.lam >= STRONG]
     visible = [d for d in strong if (d.truth.beside or 0.0) >= STRONG]
     covered = [inside for d in strong for _, inside in parameters(d)]
+    named = [inside for d in strong for _, inside in parameters(d, named=True)]
     beside = [len(false_names(d)) for d in strong]
     pairs = [d for d in of["pair"] if d.reached]
     return {
@@ -77,6 +78,7 @@ def measured(done: Sequence[Done]) -> dict[str, Cell]:
             share(visible, lambda d: d.findings.status == "nothing missing"), most=0.03
         ),
         "its 95 % interval holds": _share(Share(sum(covered), len(covered)), 0.9, 0.98),
+        "of these, where it is named and no proxy": _share(Share(sum(named), len(named))),
         "false names beside it, per recording": (
             f"{np.mean(beside):.2f}" if beside else "none run",
             float(np.mean(beside)) <= 0.1 if beside else None,

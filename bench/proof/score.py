@@ -221,10 +221,10 @@ def _sizes(strong: Sequence[Done], exact: Sequence[Done]) -> Iterator[Line]:
         yield Line("coverage of 95 % intervals", "92-98 %", str(held), 0.92 <= held.hits / held.of <= 0.98)
 
 
-def parameters(run: Done) -> Iterator[tuple[float, bool]]:
-    """Relative error and coverage of every parameter of the hidden effects that were found under their own name."""
+def parameters(run: Done, *, named: bool = False) -> Iterator[tuple[float, bool]]:
+    """Relative error and coverage of every parameter of the hidden effects that were found under their own name; named: not as a proxy."""
     for f in run.findings.findings:
-        if f.effect not in run.arm.effects:
+        if f.effect not in run.arm.effects or (named and not f.named):
             continue
         for e in f.parameters:
             true = run.truth.values.get(e.name)

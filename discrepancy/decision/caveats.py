@@ -5,7 +5,7 @@ import numpy as np
 from discrepancy import gates
 from discrepancy.decision.drop_one import DropOneTest
 from discrepancy.decision.groups import in_between
-from discrepancy.decision.summary import estimate, estimated
+from discrepancy.decision.summary import beyond_prior, estimate, estimated
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
 from discrepancy.estimation.normal_equations import inverse
@@ -43,7 +43,7 @@ def caveats_of(
     found += _at_bounds(effect, kept)
     found += _at_baseline(kept, fitted, effect)
     found += _cancelled(problem, state, test)
-    found += prior_conflicts(problem, fitted)
+    found += prior_conflicts(problem, fitted, state.noise)
     found += _superseded(problem, state, test, equation)
     if active_interval_of(problem.model.effect(test.effect), state.fit.values) is not None:
         found += _changing_baseline(problem, state, test, settings)
@@ -145,13 +145,13 @@ def _in_between(problem: Problem, state: State, fitted: Fit) -> list[str]:
     return found
 
 
-def prior_conflicts(problem: Problem, fitted: Fit) -> list[str]:
-    """Prior conflicts as sentences: nuisances that the fit moved further than their priors allow."""
+def prior_conflicts(problem: Problem, fitted: Fit, noise: Noise) -> list[str]:
+    """Prior conflicts as sentences: nuisances that the fit moved further than their priors allow, with all of their intervals."""
     found = []
     for p in [p for p in problem.model.nuisances if p.prior_sd is not None and p.name in fitted.names]:
-        value = fitted.values.shared[p.name]
+        e, value = estimate(p, fitted, noise), fitted.values.shared[p.name]
         distance = abs(value - p.value) / (p.prior_sd or 1.0)
-        if distance > gates.PRIOR_CONFLICT.threshold or estimate(p, fitted).at_bound is not None:
+        if (distance > gates.PRIOR_CONFLICT.threshold and beyond_prior(p, e)) or e.at_bound is not None:
             pushed = quantity(value, p.unit, 4)
             found.append(
                 f"the fit moved the nuisance {p.name} to {pushed}, {distance:.1f} standard deviations from its prior"

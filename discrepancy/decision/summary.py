@@ -294,18 +294,22 @@ def baseline_values(problem: Problem, state: State, *, adequate: bool) -> list[f
         e, sd = estimate(p, state.fit, state.noise), p.prior_sd or 1.0
         away = abs(e.value - p.value) / sd
         if away > most or e.at_bound is not None:
-            low, high = (-np.inf if e.low is None else e.low), (np.inf if e.high is None else e.high)
-            # the whole interval lies beyond two standard deviations of the prior: chance and scatter are both ruled out
-            beyond = low > p.value + 1.96 * sd or high < p.value - 1.96 * sd
             found.append(
                 f.BaselineValue(
                     estimate=e,
                     prior_sd=sd,
                     away=away,
-                    sure=adequate and beyond and away > most and e.at_bound is None,
+                    sure=adequate and beyond_prior(p, e) and away > most and e.at_bound is None,
                 )
             )
     return sorted(found, key=lambda b: -b.away)
+
+
+def beyond_prior(nuisance: Parameter, e: f.Estimate) -> bool:
+    """Whether the whole interval of a nuisance lies beyond two standard deviations of its prior: chance and scatter are both ruled out."""
+    reach = 1.96 * (nuisance.prior_sd or 0.0)
+    low, high = (-np.inf if e.low is None else e.low), (np.inf if e.high is None else e.high)
+    return bool(low > nuisance.value + reach or high < nuisance.value - reach)
 
 
 def channel_noise(problem: Problem, state: State) -> list[f.ChannelNoise]:

@@ -158,7 +158,7 @@ PRIOR_CONFLICT: Final = _gate(
     threshold=3.0,
     passes="below",
     source="one in 370",
-    otherwise="effects are screened from the prior too; a name beside it is the best proxy, cause unknown",
+    otherwise="effects are screened from the prior too; a name beside it is the best proxy, cause unknown, unless the interval of the nuisance comes within two of them",
     module="selection.assess, decision.caveats",
 )
 LEFT_BESIDE_EQUATION: Final = _gate(

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from discrepancy.decision.caveats import caveats_of
+from discrepancy.decision.caveats import caveats_of, prior_conflicts
 from discrepancy.decision.drop_one import drop_one_tests
 from discrepancy.estimation.problem import Problem
 from discrepancy.examine import examine
@@ -51,6 +51,32 @@ def test_evidence_that_is_not_there_on_held_out_data_is_a_caveat() -> None:
     assert sure == []
     assert len(doubted) == 1
     assert "held-out" in doubted[0]
+
+
+def moved_area(share: Array) -> tuple[float, list[str]]:
+    """Of readings of this share of the level: how far the tank's area is from its prior, in standard deviations, and the caveats on it."""
+    recording = record(3)
+    level = recording.signals["level"]
+    read = replace(
+        recording, signals={**recording.signals, "level": replace(level, value=share * level.value)}
+    )
+    problem = Problem(replace(tank(), effects=()), [read])
+    state, _ = search(problem, STRICT)
+    area = problem.model.nuisances[0]
+    assert area.prior_sd is not None
+    away = (state.fit.values.shared["area"] - area.value) / area.prior_sd
+    return away, prior_conflicts(problem, state.fit, state.noise)
+
+
+def test_a_nuisance_conflicts_with_its_prior_where_its_interval_does() -> None:
+    """Readings of 85 % are another area. Readings of 75 % in every other quarter move it as well, but blocks of time disagree on where."""
+    rows = record(3).signals["level"].value.size
+    away, (caveat,) = moved_area(np.full(rows, 0.85))
+    assert away > 3.0
+    assert "the nuisance area" in caveat
+    away, caveats = moved_area(np.where(4 * np.arange(rows) // rows % 2 == 0, 0.75, 1.0))
+    assert away > 3.0
+    assert caveats == []
 
 
 SIDES = ("left", "right")
