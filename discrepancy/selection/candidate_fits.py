@@ -81,34 +81,27 @@ def _fits(
 def _confirmed(
     problem: Problem, state: State, trials: Sequence[CandidateFit], settings: Settings
 ) -> list[CandidateFit]:
-    """The fits; those that pass and are close to the best get their held-out reduction, which costs as much as the fit itself."""
-    sure = [t.passes and t.size >= problem.model.negligible for t in trials]
-    best = max(
-        (t.margin for t, fine in zip(trials, sure, strict=True) if fine and not t.reference), default=0.0
-    )
-    tested = [
-        fine and (t.reference is not None or t.margin > best - 3.0 * settings.same)
-        for t, fine in zip(trials, sure, strict=True)
-    ]
-    reductions = [
-        t.sse_reduction for t, test in zip(trials, tested, strict=True) if test and t.reference is None
-    ]
-    before = (
-        held_out_residual(
-            problem,
-            state.noise,
-            state.accepted,
-            state.fit.values,
-            settings,
-            least_reduction=problem.costs.least_reduction(min(reductions)),
+    """The fits; those that pass get their held-out reduction, the best ones first and only until one is confirmed: it costs as much as a fit."""
+    fine = [i for i, t in enumerate(trials) if t.passes and t.size >= problem.model.negligible]
+    # judged under a noise of their own, so that their margins do not compare
+    tested = list(trials)
+    for i in [i for i in fine if trials[i].reference]:
+        tested[i] = confirm(problem, trials[i].reference or state, trials[i], settings)
+    left = [i for i in fine if not trials[i].reference]
+    while left:
+        # The best by reduction may be one that held-out data contradict. Those behind it then get their turn.
+        best = max(trials[i].margin for i in left)
+        near = [i for i in left if trials[i].margin > best - 3.0 * settings.same]
+        least = problem.costs.least_reduction(min(trials[i].sse_reduction for i in near))
+        before = held_out_residual(
+            problem, state.noise, state.accepted, state.fit.values, settings, least_reduction=least
         )
-        if reductions
-        else None
-    )
-    return [
-        confirm(problem, t.reference or state, t, settings, None if t.reference else before) if test else t
-        for t, test in zip(trials, tested, strict=True)
-    ]
+        for i in near:
+            tested[i] = confirm(problem, state, trials[i], settings, before)
+        if any(tested[i].accepted(settings) and not tested[i].negligible(problem) for i in near):
+            break
+        left = [i for i in left if i not in near]
+    return tested
 
 
 def shortlisted(model_effects: Sequence[Effect], scores: Sequence[Score], settings: Settings) -> list[Score]:

@@ -161,3 +161,22 @@ def test_what_scores_enough_is_tried_even_if_it_is_not_among_the_first() -> None
     ignored = replace(masked, statistic=1.0)
     tried = trials.try_shortlist(problem, replace(state, scores=(*loud, ignored)), narrow)
     assert first.effect not in [t.effect for t in tried]
+
+
+def test_where_held_out_data_contradict_the_best_the_next_one_is_asked(monkeypatch) -> None:
+    """A bias promises a thousand times what the leak does, and does not keep it."""
+    problem, state = assessed("leak", "level bias", leak=0.05)
+    found = trials.try_shortlist(problem, state, Settings())
+    leak, bias = (
+        replace(next(t for t in found if t.effect == name), held_out_sse_reduction=None)
+        for name in ("leak", "level bias")
+    )
+    more = 1e3 * leak.raw_sse_reduction
+    loud = replace(bias, raw_sse_reduction=more, sse_reduction=more, size=1.0)
+    monkeypatch.setattr(
+        trials, "finished", lambda _, __, score, *rest: loud if score.effect == bias.effect else leak
+    )
+    tried = {t.effect: t for t in trials.try_shortlist(problem, state, Settings())}
+    assert tried[bias.effect].held_out_sse_reduction is not None
+    assert not tried[bias.effect].accepted(Settings())
+    assert tried[leak.effect].accepted(Settings())
