@@ -28,6 +28,7 @@ EXPLAINED: Final = 0.5  # share of the squared errors of an interval that candid
 MANY: Final = (
     0.4  # share of rows with a large residual of their own, from which rows in a row are one interval
 )
+BESIDE: Final = 0.02  # of a wrong reading's size: what is smaller is no part of it
 STAYED: Final = 0.5  # of a jump, from which on it has moved something
 NORMAL: Final = 1.4826  # standard deviations in a median absolute deviation
 
@@ -149,6 +150,54 @@ def too_early(residuals: Sequence[Array], order: int) -> list[Mask]:
     return found
 
 
+def lone_readings(blocks: Sequence[Block], residuals: Sequence[Array]) -> list[tuple[int, int, OddInterval]]:
+    """Wrong readings of one channel, with the numbers of their block and row; of a residual (n, c) for each block.
+
+    The channel goes there and back, and no other is conspicuous at that time: a blow to the machine is felt by more than one sensor.
+    """
+    scale, sizes = _scales(blocks, residuals), list[Array]()
+    for block, residual in zip(blocks, residuals, strict=True):
+        sizes.append(np.abs(_there(residual)) / scale.get(block.group, np.inf))
+    found = []
+    for i, (block, residual, own) in enumerate(zip(blocks, residuals, sizes, strict=True)):
+        for row in (1 + np.flatnonzero(np.any(own > OUTLIER, axis=1))).tolist():
+            channel = int(np.argmax(own[row - 1]))
+            size, at_s = float(own[row - 1, channel]), float(block.time_s[row])
+            most, wide = max(ODD_INTERVAL, BESIDE * size), scale[block.group]
+            near = range(max(row - 1, 1), min(row + 2, len(residual) - 1))
+            if not _goes_back(residual, row, wide) or _more(residual, row, near, wide, most, channel):
+                continue
+            others = [
+                size[_about(other.time_s, at_s)]
+                for other, size in zip(blocks, sizes, strict=True)
+                if other.window == block.window and other.group != block.group and len(size)
+            ]
+            if not any(np.any(size > most) for size in others):
+                found.append(
+                    (i, row, OddInterval(block.window, (block.channels[channel],), at_s, at_s, 1, size))
+                )
+    return found
+
+
+def _scales(blocks: Sequence[Block], residuals: Sequence[Array]) -> dict[int, Array]:
+    """By group of blocks: standard deviation (c,) of what `_there` gives of readings that are not wrong."""
+    found = {}
+    for group in {block.group for block in blocks}:
+        own = [_there(r) for block, r in zip(blocks, residuals, strict=True) if block.group == group]
+        there = np.concatenate(own)
+        if not there.size:  # blocks of two rows: nothing has two neighbours
+            continue
+        # Some channels jump by themselves (pressures when a valve opens): a wrong reading is five times as far as all but a twentieth. Not less
+        # than a twentieth: each wrong reading makes three rows.
+        found[group] = np.maximum(_scale(there), 5.0 / OUTLIER * np.quantile(np.abs(there), 0.95, axis=0))
+    return found
+
+
+def _about(time_s: Array, at_s: float) -> Mask:
+    """Which rows but the first and the last are within two rows of a time."""
+    return np.asarray(np.abs(time_s[1:-1] - at_s) <= 2.0 * float(np.median(np.diff(time_s))), bool)
+
+
 def _there(residual: Array) -> Array:
     """How far each row but the first and the last (n - 2, c) is from the middle of its neighbours."""
     return np.asarray(residual[1:-1] - 0.5 * (residual[:-2] + residual[2:]), float)
@@ -160,12 +209,19 @@ def _goes_back(residual: Array, at: int, scale: Array) -> bool:
     return bool(np.any((np.abs(there) > OUTLIER * scale) & (np.abs(stayed) < STAYED * np.abs(there))))
 
 
-def _more(residual: Array, at: int, rows: range, scale: Array) -> bool:
-    """Whether other rows are conspicuous too when one is replaced by the middle of its neighbours."""
-    mended = residual.copy()
-    mended[at] = 0.5 * (residual[at - 1] + residual[at + 1])
+def _more(
+    residual: Array,
+    at: int,
+    rows: range,
+    scale: Array,
+    most: float = ODD_INTERVAL,
+    channel: int | None = None,
+) -> bool:
+    """Whether something else is conspicuous too when one row, or of it one channel, is replaced by the middle of its neighbours."""
+    mended, which = residual.copy(), slice(None) if channel is None else channel
+    mended[at, which] = 0.5 * (residual[at - 1, which] + residual[at + 1, which])
     there = np.max(np.abs(_there(mended)) / scale, axis=1)
-    return any(there[row - 1] > ODD_INTERVAL for row in rows)
+    return any(there[row - 1] > most for row in rows)
 
 
 def _spans(rows: Mask) -> list[tuple[int, int]]:

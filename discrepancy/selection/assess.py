@@ -11,6 +11,7 @@ from discrepancy.estimation.problem import Problem, Values, Windows
 from discrepancy.estimation.set_aside import NOTHING, SetAside
 from discrepancy.model.description import Effect
 from discrepancy.selection.active_intervals import temporary_effects, window_ranges
+from discrepancy.selection.riddles import wrong_readings
 from discrepancy.selection.screen import (
     Columns,
     Projector,
@@ -36,8 +37,8 @@ def assess(
 ) -> State:
     """Noise with all candidates projected out, the fit under it, and the screen of what is not accepted.
 
-    aside: what nothing explains; the same in all of a search, because likelihoods of different rows cannot be compared. look: gets the first
-    fit, under white noise, before any candidate is simulated.
+    aside: what nothing explains; the same in all of a search, because likelihoods of different rows cannot be compared. Of an expensive model the
+    baseline's state says it. look: gets the first fit, under white noise, before any candidate is simulated.
     """
     names = free_names(problem, accepted)
     candidates = [e for e in problem.model.effects if e.name not in accepted]
@@ -52,6 +53,16 @@ def assess(
     fitted = fit(problem, noise, names, values, effort=replace(CACHED, least_reduction=least))
     if look is not None:
         look(noise, fitted)
+    if not accepted and problem.costs.costly and not aside.rows and settings.set_aside != "nothing":
+        aside = wrong_readings(problem, fitted)
+        if aside.rows:
+            noise = white_noise(
+                problem,
+                problem.measured - problem.predict(fitted.values),
+                noise.initial_uncertainty,
+                aside.rows,
+            )
+            fitted = fit(problem, noise, names, fitted.values, effort=replace(CACHED, least_reduction=least))
     at = values if problem.costs.costly else fitted.values
     # Noise and fit depend on each other. Two passes: the first under white noise, roughly, the second under the noise that it leaves.
     for last in (False, True):

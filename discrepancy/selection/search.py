@@ -65,6 +65,7 @@ def _search(
             progress(f"{len(state.scores)} effects screened, {problem.simulations} simulations")
             state = replace(state, trials=tuple(try_shortlist(problem, state, settings)))
         history.append(state)
+        aside = state.aside
         if over_budget(problem, settings):
             return state, history
         found = best_confirmed(problem, state, settings) or confirmed_pair(problem, state, settings)
