@@ -13,6 +13,7 @@ from discrepancy.decision import summary
 from discrepancy.decision.adequacy import adequacy, first_look
 from discrepancy.decision.beside import Beside, beside_equation
 from discrepancy.decision.caveats import caveats_of
+from discrepancy.decision.contradicted import taken_over
 from discrepancy.decision.drop_one import DropOneTest, backward, drop_one_tests
 from discrepancy.decision.groups import Alternative, alternatives, separation
 from discrepancy.decision.judgement import Judgement
@@ -92,6 +93,8 @@ def _judged(
             problem, state, test, problem.model.effect(rivals[0].effect), rivals[0].fit, left, settings
         )
         caveats += beside.caveats(problem, state, test, equation) if beside else []
+        if not caveats:  # costs two fits for each candidate that was contradicted
+            caveats += taken_over(problem, state, history[-1].trials, test)
         found.append(_finding(problem, state, history[0], test, rivals, caveats))
     # the order of acceptance is not that of the evidence
     found.sort(key=lambda finding: -finding.sse_reduction)

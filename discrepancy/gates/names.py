@@ -170,6 +170,15 @@ LEFT_BESIDE_EQUATION: Final = _gate(
     otherwise="best proxy, cause unknown",
     module="decision.caveats",
 )
+LEFT_BESIDE_CONTRADICTED: Final = _gate(
+    name="evidence left beside a contradicted effect",
+    of="name",
+    statistic="share of its evidence that an effect keeps beside an unaccepted one that reduces the SSE more",
+    threshold=0.5,
+    source="half: what another law would mostly do is not determined, although held-out data contradict that law",
+    otherwise="best proxy, cause unknown",
+    module="decision.contradicted",
+)
 NUISANCE_IN_TIME: Final = _gate(
     name="no nuisance that changes in time",
     of="name",
