@@ -97,14 +97,19 @@ def _errors(
 def one_step_errors(problem: Problem, noise: Noise, rows: Array) -> Array:
     """Errors (n,) of the prediction of each raw row (N,) from those before it, in the channels' units.
 
-    The first rows of a block, which have no past to be predicted from, get the root mean square of the block's others.
+    The first rows of a block, which have no past to be predicted from, get the root mean square of the block's others that are kept.
     """
     found = []
+    kept = np.zeros(problem.measured.size, bool)
+    kept[noise.keep] = True
     for block in problem.blocks:
         whitener, (n, c) = noise.whiteners[block.group], block.shape
         white = whitener.apply(rows[block.start : block.stop].reshape(n, c, 1))[..., 0]
         errors = white @ np.linalg.inv(whitener.inverse_factor).T
-        first = np.tile(np.sqrt(np.mean(errors**2, axis=0)), (n - len(errors), 1))
+        sound = errors[kept[block.start : block.stop].reshape(n, c)[n - len(errors) :, 0]]
+        first = np.tile(
+            np.sqrt(np.mean(sound**2, axis=0) if len(sound) else np.zeros(c)), (n - len(errors), 1)
+        )
         found.append(np.concatenate([first, errors]).ravel())
     return noise.kept(np.concatenate(found))
 

@@ -196,3 +196,17 @@ def test_an_error_of_a_part_alone_is_given_with_its_size() -> None:
     )  # fmt: skip
     short = replace(level, simulated=0.05, simulated_budget=0.1, regimes=[part], adequate=False)
     assert left(short) == "level is simulated to 0.3 m, 3 times its budget of 0.1 m where inflow above 1 m/s"
+
+
+def test_a_reading_that_is_set_aside_is_no_error_of_the_model() -> None:
+    """Not of the first rows of its block either, which have no past and get the error of the others."""
+    recording = record(16, memory=0.8)
+    level = recording.signals["level"]
+    value = level.value.copy()
+    value[300] += 100.0
+    spoilt = replace(recording, signals={**recording.signals, "level": replace(level, value=value)})
+    whole, without = (examine(tank("leak"), [r], QUICK) for r in (recording, spoilt))
+    assert len(without.complaints) == 1
+    (right,), (mended,) = whole.adequacy, without.adequacy
+    assert mended.one_step == pytest.approx(right.one_step, rel=0.02)
+    assert mended.simulated == pytest.approx(right.simulated, rel=0.02)
