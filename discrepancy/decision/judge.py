@@ -13,13 +13,13 @@ from discrepancy.decision import summary
 from discrepancy.decision.adequacy import adequacy, first_look
 from discrepancy.decision.beside import Beside, beside_equation
 from discrepancy.decision.caveats import caveats_of
-from discrepancy.decision.contradicted import taken_over
 from discrepancy.decision.drop_one import DropOneTest, backward, drop_one_tests
 from discrepancy.decision.groups import Alternative, alternatives, separation
 from discrepancy.decision.judgement import Judgement
 from discrepancy.decision.location import locate
 from discrepancy.decision.missing_channels import missing_channels
 from discrepancy.decision.namesakes import without_namesakes
+from discrepancy.decision.not_accepted import taken_over
 from discrepancy.decision.not_understood import complaints_of, intervals_not_understood
 from discrepancy.decision.verdict import verdict
 from discrepancy.estimation.fit import Fit
@@ -93,7 +93,7 @@ def _judged(
             problem, state, test, problem.model.effect(rivals[0].effect), rivals[0].fit, left, settings
         )
         caveats += beside.caveats(problem, state, test, equation) if beside else []
-        if not caveats:  # costs two fits for each candidate that was contradicted
+        if not caveats:  # costs two fits for each candidate that was not accepted
             caveats += taken_over(problem, state, history[-1].trials, test)
         found.append(_finding(problem, state, history[0], test, rivals, caveats))
     # the order of acceptance is not that of the evidence

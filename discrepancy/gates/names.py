@@ -170,14 +170,14 @@ LEFT_BESIDE_EQUATION: Final = _gate(
     otherwise="best proxy, cause unknown",
     module="decision.caveats",
 )
-LEFT_BESIDE_CONTRADICTED: Final = _gate(
-    name="evidence left beside a contradicted effect",
+LEFT_BESIDE_UNACCEPTED: Final = _gate(
+    name="evidence left beside an effect that was not accepted",
     of="name",
-    statistic="share of its evidence that an effect keeps beside an unaccepted one that reduces the SSE more",
+    statistic="share of its evidence that an effect keeps beside one that was not accepted and reduces the SSE more",
     threshold=0.5,
-    source="half: what another law would mostly do is not determined, although held-out data contradict that law",
+    source="half: what another law would mostly do is not determined, although held-out data contradict that law or the search ended before it",
     otherwise="best proxy, cause unknown",
-    module="decision.contradicted",
+    module="decision.not_accepted",
 )
 NUISANCE_IN_TIME: Final = _gate(
     name="no nuisance that changes in time",

@@ -1,7 +1,7 @@
-"""A finding beside a candidate that promises more than it, and that held-out data contradict.
+"""A finding beside a candidate that promises more than it and was not accepted.
 
-The search then goes on with the next best candidate (ADR 93). If that one does what the contradicted one would do, its name is borrowed: a law of the
-right kind with the wrong shape fits the recording and no other, and something else takes over a part of its work.
+Where held-out data contradict the best candidate, the search goes on with the next best (ADR 93). If that one does what the other would do, its name is
+borrowed: a law of the right kind with the wrong shape fits the recording and no other, and something else takes over a part of its work.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from discrepancy.selection.state import CandidateFit, State, free_names, switche
 def taken_over(
     problem: Problem, state: State, trials: Sequence[CandidateFit], test: DropOneTest
 ) -> list[str]:
-    """A caveat if a contradicted candidate with more evidence than the finding leaves less than half of the finding's. trials: of the last search."""
+    """A caveat if a candidate with more evidence than the finding, not accepted, leaves less than half of the finding's. trials: of the last search."""
     rest = tuple(name for name in state.accepted if name != test.effect)
     off = switched_off(problem.model.effect(test.effect))
     for trial in trials:
@@ -29,8 +29,8 @@ def taken_over(
         with_it = fit(problem, state.noise, free_names(problem, both), values, effort=BRIEF)
         without = fit(problem, state.noise, free_names(problem, alone), values.with_shared(off), effort=BRIEF)
         left = (without.sse - with_it.sse) / test.sse_reduction
-        if left < gates.LEFT_BESIDE_CONTRADICTED.threshold:
+        if left < gates.LEFT_BESIDE_UNACCEPTED.threshold:
             return [
-                f"beside {trial.effect}, which explains more and which held-out data contradict, {max(left, 0.0):.0%} of its evidence is left"
+                f"beside {trial.effect}, which explains more and was not accepted, {max(left, 0.0):.0%} of its evidence is left"
             ]
     return []

@@ -2,7 +2,7 @@
 
 import pytest
 
-from discrepancy.decision.contradicted import taken_over
+from discrepancy.decision.not_accepted import taken_over
 from discrepancy.decision.drop_one import drop_one_tests
 from discrepancy.estimation.problem import Problem
 from discrepancy.selection.assess import assess
