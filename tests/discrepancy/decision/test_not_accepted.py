@@ -2,8 +2,8 @@
 
 import pytest
 
-from discrepancy.decision.not_accepted import taken_over
 from discrepancy.decision.drop_one import drop_one_tests
+from discrepancy.decision.not_accepted import taken_over
 from discrepancy.estimation.problem import Problem
 from discrepancy.selection.assess import assess
 from discrepancy.selection.candidate_fits import try_shortlist
