@@ -1,6 +1,6 @@
 """Drop-one tests: loss of fit and of held-out prediction when one accepted effect is removed and the rest is refitted."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from discrepancy.estimation.fit import Fit, fit
 from discrepancy.estimation.problem import Problem, Values
 from discrepancy.selection.active_intervals import sse_threshold
 from discrepancy.selection.assess import assess
-from discrepancy.selection.candidate_fits import held_out_residual, size_of
+from discrepancy.selection.candidate_fits import curves, held_out_residual, size_of
 from discrepancy.selection.open_ended import OpenEnded
 from discrepancy.selection.state import Settings, State, free_names, switched_off
 from discrepancy.signals.recording import Array
@@ -82,8 +82,15 @@ def drop_one_tests(
     """One test per accepted effect; known: values of the search by accepted effects."""
     if not state.accepted:
         return []
-    after = held_out_residual(problem, state.noise, state.accepted, state.fit.values, settings)
-    return [_drop_one(problem, state, name, after, known, equation, settings) for name in state.accepted]
+    found, after = [], dict[tuple[str, ...], Array]()
+    for name in state.accepted:
+        held = curves(problem, [other for other in state.accepted if other != name])
+        if held not in after:
+            after[held] = held_out_residual(
+                problem, state.noise, state.accepted, state.fit.values, settings, held=held
+            )
+        found.append(_drop_one(problem, state, name, after[held], held, known, equation, settings))
+    return found
 
 
 def _drop_one(
@@ -91,15 +98,18 @@ def _drop_one(
     state: State,
     name: str,
     after: Array,
+    held: Sequence[str],
     known: Mapping[frozenset[str], Values],
     equation: OpenEnded,
     settings: Settings,
 ) -> DropOneTest:
-    """The test of one effect; after: held-out residual with all accepted effects."""
+    """The test of one effect; after: held-out residual with all accepted effects; held: those that keep their parameters in it."""
     others = tuple(n for n in state.accepted if n != name)
     without = _without(problem, state, others, known)
     least = problem.costs.least_reduction(without.sse - state.fit.sse)
-    before = held_out_residual(problem, state.noise, others, without.values, settings, least_reduction=least)
+    before = held_out_residual(
+        problem, state.noise, others, without.values, settings, least_reduction=least, held=held
+    )
     rows = {c: state.noise.row_channel == i for i, c in enumerate(problem.channels)}
     reductions = {c: float(np.sum(before[r] ** 2) - np.sum(after[r] ** 2)) for c, r in rows.items()}
     reduction = sum(reductions.values())

@@ -94,7 +94,13 @@ def _confirmed(
         near = [i for i in left if trials[i].margin > best - 3.0 * settings.same]
         least = problem.costs.least_reduction(min(trials[i].sse_reduction for i in near))
         before = held_out_residual(
-            problem, state.noise, state.accepted, state.fit.values, settings, least_reduction=least
+            problem,
+            state.noise,
+            state.accepted,
+            state.fit.values,
+            settings,
+            least_reduction=least,
+            held=curves(problem, state.accepted),
         )
         for i in near:
             tested[i] = confirm(problem, state, trials[i], settings, before)
@@ -273,13 +279,15 @@ def confirm(
 
     without: the held-out residual of the state itself, where it is known.
     """
-    noise, count = state.noise, len(problem.channels)
+    noise, count, held = state.noise, len(problem.channels), curves(problem, state.accepted)
     if without is None:
         least = problem.costs.least_reduction(trial.sse_reduction)
         without = held_out_residual(
-            problem, noise, state.accepted, state.fit.values, settings, least_reduction=least
+            problem, noise, state.accepted, state.fit.values, settings, least_reduction=least, held=held
         )
-    with_it = held_out_residual(problem, noise, (*state.accepted, trial.effect), trial.fit.values, settings)
+    with_it = held_out_residual(
+        problem, noise, (*state.accepted, trial.effect), trial.fit.values, settings, held=held
+    )
     gained, whole = without**2 - with_it**2, np.bincount(noise.row_channel, without**2, count)
     taken = np.bincount(noise.row_channel, gained, count) / np.maximum(whole, 1e-300)
     return replace(trial, held_out_sse_reduction=float(np.sum(gained)), explained=float(np.max(taken)))
@@ -293,10 +301,13 @@ def held_out_residual(
     settings: Settings,
     *,
     least_reduction: float = 0.0,
+    held: Sequence[str] = (),
 ) -> Array:
-    """Whitened residual (n,): every row from shared parameters that were fitted without it; least_reduction: of Effort."""
+    """Whitened residual (n,): every row from shared parameters that were fitted without it; further arguments as of `cross_validated`."""
     residual = np.empty(noise.keep.size)
-    folds_of = cross_validated(problem, noise, effects, start, settings, least_reduction=least_reduction)
+    folds_of = cross_validated(
+        problem, noise, effects, start, settings, least_reduction=least_reduction, held=held
+    )
     for test, judged in folds_of:
         residual[test] = judged.residual[test]
     return residual
@@ -310,12 +321,26 @@ def cross_validated(
     settings: Settings,
     *,
     least_reduction: float = 0.0,
+    held: Sequence[str] = (),
 ) -> Iterator[tuple[Mask, Fit]]:
-    """Held-out rows of each fold, with the fit whose shared parameters come from the other rows; least_reduction: of Effort."""
-    names, effort = free_names(problem, effects), replace(TRAINING, least_reduction=least_reduction)
+    """Held-out rows of each fold, with the fit whose shared parameters come from the other rows.
+
+    least_reduction: of Effort; held: those of `effects` that keep the parameters of `start`.
+    """
+    fixed = {name for effect in held for name in problem.model.effect(effect).names}
+    names = tuple(name for name in free_names(problem, effects) if name not in fixed)
+    effort = replace(TRAINING, least_reduction=least_reduction)
     for test in folds(problem, noise, settings.folds):
         trained = fit(problem, noise, names, start, rows=~test, effort=effort)
         yield test, held_out(problem, noise, trained.values, test)
+
+
+def curves(problem: Problem, accepted: Sequence[str]) -> tuple[str, ...]:
+    """Accepted effects that are curves: they are held while another effect is tested on held-out data.
+
+    Where a fold lacks a speed, it does not know the curve there. What it makes of it would decide on every other effect.
+    """
+    return tuple(name for name in accepted if problem.model.effect(name).is_profile)
 
 
 def folds(problem: Problem, noise: Noise, count: int) -> list[Mask]:
