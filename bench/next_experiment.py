@@ -1,4 +1,4 @@
-"""The next experiment on three drives that may leave several names: which manoeuvre is chosen, and what the diagnosis of both drives says.
+"""The next experiment on four drives that leave several names: which manoeuvre is chosen, and what the diagnosis of both drives says.
 
     python -m bench.next_experiment --out docs/results/next-experiment.md
 
@@ -78,10 +78,16 @@ CASES = (
         "the same group, and the other of the two is true",
     ),
     Case(
-        "yaw_rate lag",
-        {"yaw_rate.lag": 0.03},
+        "pitch_angle delay",
+        {"pitch_angle.delay": 0.05},
+        STRAIGHT,
+        "while the machine hardly pitches, an inclination sensor that is late and one that lags read the same",
+    ),
+    Case(
+        "roll_angle lag",
+        {"roll_angle.lag": 0.1},
         WINDING,
-        "in slow turns, a gyro that lags and one that is late read the same",
+        "in slow turns on level ground the machine rolls too slowly to tell an inclination sensor that lags from one that is late",
     ),
 )
 
