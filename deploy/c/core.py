@@ -53,6 +53,10 @@ class NotInCError(UserError, ValueError):
     """The C core does not have what was asked for."""
 
 
+class NotLoadedError(UserError, OSError):
+    """The library is there and cannot be loaded."""
+
+
 @dataclass(frozen=True, slots=True)
 class Answer:
     """As `ecu.core.Answer`."""
@@ -255,7 +259,10 @@ class Quickest:
     ) -> Ecu:
         """As `ecu.core.Core`. Never waits for a compiler, and needs none."""
         core = _quickest(calibration, form)
-        return core.ecu(calibration, form=form, limits=limits, detect_faults=detect_faults)
+        try:
+            return core.ecu(calibration, form=form, limits=limits, detect_faults=detect_faults)
+        except NotLoadedError:  # a full disk, or a library of another computer: nobody asked for C
+            return PYTHON.ecu(calibration, form=form, limits=limits, detect_faults=detect_faults)
 
 
 def _quickest(calibration: Calibration, form: Form) -> Core:
@@ -267,13 +274,18 @@ BY_NAME: Final[Mapping[str, Core]] = {core.name: core for core in (PYTHON, C)}
 
 
 def _own_copy(file: Path) -> ctypes.CDLL:
-    """The library, loaded with memory of its own."""
+    """The library, loaded with memory of its own. NotLoadedError."""
     # the loader knows a file that it has loaded, and would give the same memory to a second ECU
-    with tempfile.NamedTemporaryFile(dir=file.parent, prefix="loaded-", suffix=".so") as copy:
-        with file.open("rb") as original:
-            shutil.copyfileobj(original, copy)
-        copy.flush()
-        return ctypes.CDLL(copy.name)
+    try:
+        with tempfile.NamedTemporaryFile(dir=file.parent, prefix="loaded-", suffix=".so") as copy:
+            with file.open("rb") as original:
+                shutil.copyfileobj(original, copy)
+            copy.flush()
+            return ctypes.CDLL(copy.name)
+    except OSError as error:
+        raise NotLoadedError(
+            f"{file.parent}: the ECU in C cannot be loaded: {error.strerror or error}; make room, `loaderhil compile`, or take the Python core"
+        ) from error
 
 
 def _set_machine(c: ctypes.CDLL, calibration: Calibration) -> None:

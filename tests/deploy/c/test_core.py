@@ -1,5 +1,6 @@
 """The exported C as the core of the bench: the same runs as with Python, and what it refuses."""
 
+import errno
 import json
 import os
 import subprocess
@@ -14,8 +15,8 @@ from bus.frame import Frame
 from dbc import loader_database
 from dbc.protection import Finding as Check
 from dbc.protection import Protector
-from deploy.c import library
-from deploy.c.core import AUTO, C, CEcu, NotInCError
+from deploy.c import core, library
+from deploy.c.core import AUTO, C, CEcu, NotInCError, NotLoadedError
 from deploy.c.library import NoCompilerError
 from ecu.core import PYTHON
 from ecu.cycle import EcuCycle
@@ -223,6 +224,19 @@ def test_auto_needs_no_place_for_compiled_code(monkeypatch):
 
     monkeypatch.setattr(library, "code_folder", nowhere)
     assert AUTO.computing(CALIBRATION, "corrected") == "python"
+
+
+def test_on_a_full_disk_auto_goes_on_with_python_and_c_says_why(monkeypatch):
+    library.library(CALIBRATION)
+
+    def full(**_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(core.tempfile, "NamedTemporaryFile", full)
+    assert isinstance(AUTO.ecu(CALIBRATION), EcuCycle)
+    with pytest.raises(NotLoadedError, match="cannot be loaded: No space left") as error:
+        C.ecu(CALIBRATION)
+    assert "\n" not in str(error.value)
 
 
 def test_the_record_of_a_run_says_what_computed(monkeypatch, tmp_path):
