@@ -63,8 +63,8 @@ class Core(Protocol):
         ...
 
     def computing(self, calibration: Calibration, form: Form) -> str:
-        """As run.json has it: the name of what computes such an ECU, for a core that chooses between others."""
-        ...
+        """As run.json has it: the name of what computes such an ECU. Another than `name` for a core that chooses between others."""
+        return self.name
 
     def ecu(
         self,
@@ -82,14 +82,10 @@ class Core(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class PythonCore:
+class PythonCore(Core):
     """`ecu.cycle.EcuCycle` with compiled estimators."""
 
     name: str = "python"
-
-    def computing(self, calibration: Calibration, form: Form) -> str:
-        """As `Core.computing`."""
-        return self.name
 
     def ecu(
         self,

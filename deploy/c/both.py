@@ -8,7 +8,7 @@ from bus.frame import Frame
 from dbc import loader_database
 from deploy.c.core import C
 from ecu.calibration import Calibration
-from ecu.core import PYTHON, Answer, Ecu, Form
+from ecu.core import PYTHON, Answer, Core, Ecu, Form
 from ecu.findings import EstimatorFailed, Finding
 from hil.lockstep import CutOffError
 
@@ -95,14 +95,10 @@ def _signals(ours: Frame, theirs: Frame) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class BothCores:
+class BothCores(Core):
     """As `ecu.core.Core`."""
 
     name: str = "both"
-
-    def computing(self, calibration: Calibration, form: Form) -> str:
-        """As `ecu.core.Core`."""
-        return self.name
 
     def ecu(
         self,

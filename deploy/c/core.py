@@ -213,14 +213,10 @@ class CEcu:
 
 
 @dataclass(frozen=True, slots=True)
-class CCore:
+class CCore(Core):
     """As `ecu.core.Core`."""
 
     name: str = "c"
-
-    def computing(self, calibration: Calibration, form: Form) -> str:
-        """As `ecu.core.Core`."""
-        return self.name
 
     def ecu(
         self,
@@ -240,7 +236,7 @@ C: Final = CCore()
 
 
 @dataclass(frozen=True, slots=True)
-class Quickest:
+class Quickest(Core):
     """The C core where its library was built before and has what is asked for, else the Python one. The frames are the same (ADR 92)."""
 
     name: str = "auto"

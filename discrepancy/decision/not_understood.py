@@ -23,8 +23,8 @@ def complaints_of(problem: Problem, state: State) -> list[Complaint]:
         times = ", ".join(f"{reading.start_s:.4g}" for reading in readings[:SHOWN])
         more = " s and others" if len(readings) > SHOWN else " s"
         count = sum(reading.rows for reading in readings)
-        readings_s = "single reading" if count == 1 else "single readings"
-        text = f"has {count} {readings_s} far off what anything explains, at {times}{more}; set aside"
+        what = "single reading" if count == 1 else "single readings"
+        text = f"has {count} {what} far off what anything explains, at {times}{more}; set aside"
         found.append(Complaint(*where, text))
     return found
 

@@ -29,6 +29,8 @@ MANY: Final = (
     0.4  # share of rows with a large residual of their own, from which rows in a row are one interval
 )
 BESIDE: Final = 0.02  # of a wrong reading's size: what is smaller is no part of it
+USUAL: Final = 0.95  # share of a channel's rows that are as it usually is; not more, because each wrong reading makes three rows
+FAR: Final = 5.0  # times as far as the farthest usual row, from which on a reading is wrong; some ten standard deviations if errors are normal
 STAYED: Final = 0.5  # of a jump, from which on it has moved something
 NORMAL: Final = 1.4826  # standard deviations in a median absolute deviation
 
@@ -153,43 +155,48 @@ def too_early(residuals: Sequence[Array], order: int) -> list[Mask]:
 def lone_readings(blocks: Sequence[Block], residuals: Sequence[Array]) -> list[tuple[int, int, OddInterval]]:
     """Wrong readings of one channel, with the numbers of their block and row; of a residual (n, c) for each block.
 
-    The channel goes there and back, and no other is conspicuous at that time: a blow to the machine is felt by more than one sensor.
+    The channel goes there and back, and no other is conspicuous at that time: a blow to the machine is felt by more than one sensor. So rare by
+    construction: a channel of which a sixtieth is wrong has, by `_scales`, none.
     """
-    scale, sizes = _scales(blocks, residuals), list[Array]()
-    for block, residual in zip(blocks, residuals, strict=True):
-        sizes.append(np.abs(_there(residual)) / scale.get(block.group, np.inf))
+    scales = _scales(blocks, residuals)
+    sizes = [np.abs(_there(r)) / scales.get(b.group, np.inf) for b, r in zip(blocks, residuals, strict=True)]
     found = []
-    for i, (block, residual, own) in enumerate(zip(blocks, residuals, sizes, strict=True)):
-        for row in (1 + np.flatnonzero(np.any(own > OUTLIER, axis=1))).tolist():
-            channel = int(np.argmax(own[row - 1]))
-            size, at_s = float(own[row - 1, channel]), float(block.time_s[row])
-            most, wide = max(ODD_INTERVAL, BESIDE * size), scale[block.group]
+    for i, (block, residual) in enumerate(zip(blocks, residuals, strict=True)):
+        for row in (1 + np.flatnonzero(np.any(sizes[i] > OUTLIER, axis=1))).tolist():
+            channel, scale = int(np.argmax(sizes[i][row - 1])), scales[block.group]
+            size, at_s = float(sizes[i][row - 1, channel]), float(block.time_s[row])
+            most = max(ODD_INTERVAL, BESIDE * size)
             near = range(max(row - 1, 1), min(row + 2, len(residual) - 1))
-            if not _goes_back(residual, row, wide) or _more(residual, row, near, wide, most, channel):
-                continue
-            others = [
-                size[_about(other.time_s, at_s)]
-                for other, size in zip(blocks, sizes, strict=True)
-                if other.window == block.window and other.group != block.group and len(size)
-            ]
-            if not any(np.any(size > most) for size in others):
-                found.append(
-                    (i, row, OddInterval(block.window, (block.channels[channel],), at_s, at_s, 1, size))
-                )
+            if (
+                _goes_back(residual[:, [channel]], row, scale[[channel]])
+                and not _more(residual, row, near, scale, most, channel)
+                and _largest_elsewhere(blocks, sizes, block, at_s) <= most
+            ):
+                reading = OddInterval(block.window, (block.channels[channel],), at_s, at_s, 1, size)
+                found.append((i, row, reading))
     return found
 
 
+def _largest_elsewhere(blocks: Sequence[Block], sizes: Sequence[Array], block: Block, at_s: float) -> float:
+    """The largest size in the other blocks of a window about a time."""
+    others = [
+        size[_about(other.time_s, at_s)]
+        for other, size in zip(blocks, sizes, strict=True)
+        if other.window == block.window and other.group != block.group and len(size)
+    ]
+    return max((float(np.max(size, initial=0.0)) for size in others), default=0.0)
+
+
 def _scales(blocks: Sequence[Block], residuals: Sequence[Array]) -> dict[int, Array]:
-    """By group of blocks: standard deviation (c,) of what `_there` gives of readings that are not wrong."""
+    """By group of blocks: standard deviation (c,) of what `_there` gives of readings that are not wrong; none where no row has two neighbours."""
     found = {}
     for group in {block.group for block in blocks}:
         own = [_there(r) for block, r in zip(blocks, residuals, strict=True) if block.group == group]
         there = np.concatenate(own)
-        if not there.size:  # blocks of two rows: nothing has two neighbours
-            continue
-        # Some channels jump by themselves (pressures when a valve opens): a wrong reading is five times as far as all but a twentieth. Not less
-        # than a twentieth: each wrong reading makes three rows.
-        found[group] = np.maximum(_scale(there), 5.0 / OUTLIER * np.quantile(np.abs(there), 0.95, axis=0))
+        if there.size:
+            # some channels jump by themselves: pressures, when a valve opens
+            usual = np.quantile(np.abs(there), USUAL, axis=0)
+            found[group] = np.maximum(_scale(there), FAR / OUTLIER * usual)
     return found
 
 

@@ -38,7 +38,7 @@ def assess(
     """Noise with all candidates projected out, the fit under it, and the screen of what is not accepted.
 
     aside: what nothing explains; the same in all of a search, because likelihoods of different rows cannot be compared. Of an expensive model the
-    baseline's state says it. look: gets the first fit, under white noise, before any candidate is simulated.
+    baseline's state says it. look: gets the first fit without that, under white noise, before any candidate is simulated.
     """
     names = free_names(problem, accepted)
     candidates = [e for e in problem.model.effects if e.name not in accepted]
@@ -51,8 +51,6 @@ def assess(
     )
     least = problem.costs.rough_reduction(noise.keep.size)
     fitted = fit(problem, noise, names, values, effort=replace(CACHED, least_reduction=least))
-    if look is not None:
-        look(noise, fitted)
     if not accepted and problem.costs.costly and not aside.rows and settings.set_aside != "nothing":
         aside = wrong_readings(problem, fitted)
         if aside.rows:
@@ -63,6 +61,8 @@ def assess(
                 aside.rows,
             )
             fitted = fit(problem, noise, names, fitted.values, effort=replace(CACHED, least_reduction=least))
+    if look is not None:
+        look(noise, fitted)
     at = values if problem.costs.costly else fitted.values
     # Noise and fit depend on each other. Two passes: the first under white noise, roughly, the second under the noise that it leaves.
     for last in (False, True):

@@ -9,13 +9,7 @@ from discrepancy.estimation.effort import AS_IT_IS, BRIEF
 from discrepancy.estimation.fit import Fit, fit
 from discrepancy.estimation.noise import Noise, estimate_noise, restored, setting_aside, what_is_aside
 from discrepancy.estimation.problem import Problem
-from discrepancy.estimation.set_aside import (
-    MOST_SHARE,
-    NOTHING,
-    SetAside,
-    lone_readings,
-    same_rows,
-)
+from discrepancy.estimation.set_aside import NOTHING, SetAside, lone_readings, same_rows
 from discrepancy.selection.state import State
 from discrepancy.selection.unexplained import unexplained, unexplained_by_window
 from discrepancy.signals.recording import Array
@@ -68,8 +62,7 @@ def wrong_readings(problem: Problem, fitted: Fit) -> SetAside:
     for number, row, reading in lone_readings(problem.blocks, residuals):
         rows[number][row] = True
         found.append(reading)
-    # so many are how the sensor is
-    if not found or len(found) > MOST_SHARE * sum(own.size for own in rows):
+    if not found:
         return NOTHING
     return SetAside(tuple(rows), tuple(sorted(found, key=lambda s: (s.window, s.start_s))))
 

@@ -25,6 +25,7 @@ from ecu.states import State
 from hil import rundir
 from hil.compose import Choice, lockstep
 from hil.runs import run_lockstep
+from loaderhil.options import checked_core
 from plant.unit.scenario import FOLDER
 from tests.deploy.c.building import STRICT, build, compiler
 from tests.deploy.c.conftest import CALIBRATION
@@ -216,6 +217,12 @@ def test_auto_takes_c_where_it_was_built_and_never_builds_it(monkeypatch, tmp_pa
     # the C does not have the printed equations
     assert AUTO.computing(CALIBRATION, "printed") == "python"
     assert isinstance(AUTO.ecu(CALIBRATION, form="printed"), EcuCycle)
+
+
+def test_auto_is_python_in_real_time():
+    assert checked_core("auto") is AUTO
+    assert checked_core("auto", lockstep=False) is PYTHON
+    assert checked_core("c", lockstep=False) is C
 
 
 def test_auto_needs_no_place_for_compiled_code(monkeypatch):

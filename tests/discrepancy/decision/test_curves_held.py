@@ -11,7 +11,7 @@ from discrepancy.decision.drop_one import DropOneTest, drop_one_tests
 from discrepancy.estimation.problem import Problem
 from discrepancy.model.description import Effect, Model, Parameter, Window
 from discrepancy.selection.assess import assess
-from discrepancy.selection.candidate_fits import held_out_residual
+from discrepancy.selection.candidate_fits import held_out_residual, try_shortlist
 from discrepancy.selection.open_ended import OpenEnded
 from discrepancy.selection.state import Settings, State
 from discrepancy.signals.recording import Array, Recording, signal
@@ -50,8 +50,8 @@ def model() -> Model:
     return replace(plain, effects=(own, *plain.effects), simulate=curved, ports=())
 
 
-def assessed(seed: int) -> tuple[Problem, State]:
-    """With a curve and a delay accepted, both true. The largest inflow comes in one window; elsewhere it hardly exceeds the last knot but one."""
+def assessed(seed: int, accepted: tuple[str, ...] = ("curve", "level delay")) -> tuple[Problem, State]:
+    """With effects accepted of a curve and a delay, both true. The largest inflow comes in one window; elsewhere it hardly exceeds the last knot but one."""
     rng, rows = np.random.default_rng(seed), 1200
     inflow = np.repeat(rng.uniform(0.0, 1.55, rows // 25), 25)
     inflow[450:500] = 4.0
@@ -67,9 +67,10 @@ def assessed(seed: int) -> tuple[Problem, State]:
         "tank", {"inflow": signal(time_s, inflow, "m/s", held=True), "level": signal(time_s, seen, "m")}
     )
     problem = Problem(model(), [recording])
-    both = ("curve", "level delay")
-    start = problem.start().with_shared({**true, "level.delay": DELAY_S})
-    return problem, assess(problem, both, start, SETTINGS)
+    start = problem.start().with_shared(
+        {**true, "level.delay": DELAY_S if "level delay" in accepted else 0.0}
+    )
+    return problem, assess(problem, accepted, start, SETTINGS)
 
 
 def drop_one_of(seed: int) -> dict[str, DropOneTest]:
@@ -81,6 +82,13 @@ def drop_one_of(seed: int) -> dict[str, DropOneTest]:
 def test_a_curve_that_a_fold_does_not_know_decides_about_no_other_effect(seed: int) -> None:
     delay = drop_one_of(seed)["level delay"]
     assert delay.held_out_sse_reduction == pytest.approx(delay.data_sse_reduction, rel=0.2)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_nor_does_it_in_the_search(seed: int) -> None:
+    problem, state = assessed(seed, accepted=("curve",))
+    (delay,) = [t for t in try_shortlist(problem, state, SETTINGS) if t.effect == "level delay"]
+    assert delay.held_out_sse_reduction == pytest.approx(delay.raw_sse_reduction, rel=0.2)
 
 
 def test_the_test_of_a_curve_itself_does_not_hold_it(monkeypatch) -> None:

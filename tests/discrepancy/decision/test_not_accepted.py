@@ -2,9 +2,11 @@
 
 import pytest
 
+from discrepancy.decision import judge
 from discrepancy.decision.drop_one import drop_one_tests
 from discrepancy.decision.not_accepted import taken_over
 from discrepancy.estimation.problem import Problem
+from discrepancy.examine import examine
 from discrepancy.selection.assess import assess
 from discrepancy.selection.candidate_fits import try_shortlist
 from discrepancy.selection.open_ended import OpenEnded
@@ -35,3 +37,10 @@ def test_what_another_effect_would_do_is_a_borrowed_name(seed: int) -> None:
 @pytest.mark.parametrize("seed", [1, 2])
 def test_what_is_there_beside_it_keeps_its_name(seed: int) -> None:
     assert caveats(seed, leak=0.1, delay_s=0.1) == []
+
+
+def test_a_borrowed_name_is_no_name(monkeypatch) -> None:
+    monkeypatch.setattr(judge, "taken_over", lambda *_: ["beside another one nothing is left"])
+    found = examine(tank("leak"), [record(1, leak=0.05)], SETTINGS)
+    assert found.named == []
+    assert found.finding("leak").caveats == ["beside another one nothing is left"]
