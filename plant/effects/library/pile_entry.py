@@ -8,18 +8,17 @@ from plant.effects.ports import in_world, push
 from plant.physics.state import BUCKET
 from plant.physics.workspace import Workspace
 
-STIFFNESS = 2.0e6  # of the packed pile [N/m]
-LOSS = 1.0  # of the packed pile: by how much more it resists per speed at which it is pressed together [s/m]
-LOOSE = 8e3  # within so much of what it bears the pile gives way gradually [N]; less is too stiff for steps of 5 ms
+STIFFNESS = 2.0e6  # of the packed pile, where the edge comes back from its deepest place [N/m]
+LOSS = 1.0  # of the packed pile: by how much less it pushes back per speed at which the edge leaves it [s/m]
+FOLLOWS = 10e-3  # time within which the remembered depth follows the edge [s]: two of the longest steps
 
 
 @uncounted
 def bodies(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
-    """Resistance at the bucket's edge, up to what the depth dug so far bears; what was dug weighs on the bucket.
+    """Resistance at the bucket's edge: what the depth bears while it digs, the packed pile's spring where it comes back; what was dug weighs.
 
-    Dug ground does not push back. The nearer the force is to what the pile bears, the larger a share of the motion digs (Dahl's law); beyond
-    that the pile gives way faster than the bucket comes. Nothing jumps at the first touch (Hunt and Crossley's damping): a jump there
-    would give the machine a push that depends on the step of the integration.
+    The force is a continuous function of the edge's place and of the deepest one so far (state[x]), so it does not depend on where
+    within a step of the integration the edge meets the pile. A depth that had to be driven ahead by a stiff force would.
     """
     pin, axes = work.places.points[3], work.places.axes[4]
     px, py, pz = pin[0], pin[1], pin[2]
@@ -27,17 +26,16 @@ def bodies(q: Array, x: int, state: Array, p: Array, work: Workspace) -> None:
     py += q[4] * axes[1, 0] + q[5] * axes[1, 2]
     pz += q[4] * axes[2, 0] + q[5] * axes[2, 2]
     edge, _, _ = in_world(state, work, px, py, pz)
-    pressed = edge - q[0] - state[x]
-    grown, r = q[1] * (1.0 - math.exp(-state[x] / q[2])), work.places.world
-    force = 0.0
+    depth = edge - q[0]
+    deepest, r = max(state[x], depth, 0.0), work.places.world
+    borne = q[1] * (1.0 - math.exp(-deepest / q[2]))
+    work.rate[x] = (deepest - state[x]) / FOLLOWS
     m = work.tree.motion[BUCKET]
     speed = r[0, 0] * (m[3] + m[1] * pz - m[2] * py)
     speed += r[0, 1] * (m[4] + m[2] * px - m[0] * pz) + r[0, 2] * (m[5] + m[0] * py - m[1] * px)
-    if pressed > 0.0:
-        ahead = max(speed, 0.0)
-        work.rate[x] = ahead * (STIFFNESS * pressed + LOOSE) / (grown + LOOSE)
-        force = STIFFNESS * pressed * max(1.0 + LOSS * (speed - min(work.rate[x], ahead)), 0.0)
-    along, down = -force, -q[3] * grown
+    elastic = max(borne - STIFFNESS * (deepest - depth), 0.0)
+    force = min(elastic * max(1.0 + LOSS * speed, 0.0), borne)
+    along, down = -force, -q[3] * borne
     push(
         work,
         BUCKET,

@@ -273,6 +273,16 @@ def test_where_a_pile_is_touched_within_a_step_does_not_matter():
     assert np.abs(left - line(further)).max() < 0.01 * np.ptp(left)
 
 
+@pytest.mark.parametrize("further", [0.0, 2e-3, 5e-3])  # of the 7 mm that the machine goes in a long step
+def test_a_pile_is_touched_alike_in_long_and_in_short_steps(further):
+    """Replays take steps of 5 ms. A depth that follows in jerks makes single readings of the pressures that are far off, and jumps in what is fitted."""
+    given = machine("pile_entry", distance_m=4.0 + further, most_N=60e3, depth_m=0.5, weight_share=0.5)
+    short, long = (
+        run(Plant(given, speed=1.4, step_s=step), 0.6).lift_pressure.ravel() for step in (1e-3, 5e-3)
+    )
+    assert np.abs(long - short).max() < 2e-3 * np.ptp(short)
+
+
 def test_a_shaft_makes_the_axles_turn_together():
     """Worn front tyres want to turn faster; the shaft winds up until the speeds agree."""
     from dataclasses import replace

@@ -273,6 +273,33 @@ def test_a_pile_takes_the_work_of_the_resistance_that_grows_with_the_depth(speed
     assert 0.95 * brought < work < brought
 
 
+@pytest.mark.parametrize(
+    ("depth", "deepest", "expected"),
+    [
+        (-0.01, 0.0, 0.0),  # not reached yet
+        (
+            0.2,
+            0.0,
+            60e3 * (1.0 - math.exp(-0.4)),
+        ),  # digs: what the depth bears, however far the memory is behind
+        (0.2, 0.2, 60e3 * (1.0 - math.exp(-0.4))),
+        (0.195, 0.2, 60e3 * (1.0 - math.exp(-0.4)) - 5e-3 * 2e6),  # 5 mm back: the packed pile's spring
+        (0.18, 0.2, 0.0),  # and gone after 1 cm
+    ],
+)
+def test_a_pile_bears_what_its_depth_does_and_springs_back_from_its_deepest(depth, deepest, expected):
+    x = first("pile_entry")
+    given, far = (
+        machine("pile_entry", distance_m=distance, most_N=60e3, depth_m=0.5, weight_share=0.0)
+        for distance in (10.0, 1e3)
+    )
+    pile, places = find_effect("pile_entry").typical().named, at(given, {}).places
+    edge = places.world[0] @ (places.points[3] + places.axes[4] @ (pile["edge_x_m"], 0.0, pile["edge_z_m"]))
+    into = {s.POSITION: 10.0 + depth - edge, s.VELOCITY: 0.0}
+    pushed, free = (at(g, into | {x: deepest}).tree.bias[s.BUCKET, 3:].copy() for g in (given, far))
+    assert np.linalg.norm(pushed - free) == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
 @pytest.mark.parametrize("above", [0.3, 0.9])
 def test_the_pile_pushes_at_the_place_of_the_edge(above):
     """The moment about the joint is that of the force at the edge."""

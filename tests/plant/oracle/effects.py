@@ -38,7 +38,7 @@ INCLUDED = {
 
 FRICTION_RATE = 0.005  # [rad/s]
 DRAG_RATE = 0.05  # [rad/s]
-PILE_STIFFNESS, PILE_LOSS, PILE_LOOSE = 2e6, 1.0, 8e3  # [N/m], [s/m], [N]
+PILE_STIFFNESS, PILE_LOSS, PILE_FOLLOWS = 2e6, 1.0, 10e-3  # [N/m], [s/m], [s]
 
 Effects = dict[str, dict[str, float]]
 
@@ -217,13 +217,12 @@ class MujocoWithEffects(MujocoLoader):
         point = bucket.xpos + turned @ np.array((pile["edge_x_m"], 0.0, pile["edge_z_m"]))
         omega, velocity = self.velocity("bucket")
         speed = float((velocity + np.cross(omega, point - bucket.xpos))[0])
-        borne = pile["most_N"] * (1.0 - math.exp(-self.dug / pile["depth_m"]))
-        pressed = float(point[0]) - pile["distance_m"] - self.dug
-        push = 0.0
-        if pressed > 0.0:
-            elastic = PILE_STIFFNESS * pressed
-            self.digging = (elastic + PILE_LOOSE) / (borne + PILE_LOOSE) * max(speed, 0.0)
-            push = elastic * max(1.0 + PILE_LOSS * (speed - np.clip(self.digging, 0.0, max(speed, 0.0))), 0.0)
+        depth = float(point[0]) - pile["distance_m"]
+        deepest = max(self.dug, depth, 0.0)
+        self.digging = (deepest - self.dug) / PILE_FOLLOWS
+        borne = pile["most_N"] * (1.0 - math.exp(-deepest / pile["depth_m"]))
+        back = borne - PILE_STIFFNESS * (deepest - depth)
+        push = float(np.clip(back * (1.0 + PILE_LOSS * speed), 0.0, borne)) if back > 0.0 else 0.0
         force = np.array((-push, 0.0, -pile["weight_share"] * borne))
         self._force("bucket", force, np.zeros(3), point, total)
 
