@@ -103,7 +103,7 @@ def beside_equation(
     first: Judgement, judged: Callable[[Problem, Beside], Judgement], progress: Progress
 ) -> Judgement:
     """The first verdict, or that of a search beside its equation where this one holds more names. judged: one search and its verdict."""
-    problem = first.problem
+    problem = first.sheet  # beside the equation, the recordings may no longer contradict it
     places = {port.name for port in problem.model.ports}
     # an error of a reading pulls no effect of the machine towards it
     terms = tuple(t for t in first.left.terms if t.reported.place in places)

@@ -5,7 +5,7 @@ between the model without it and the best prediction of held-out rows, by the li
 the best proxy and the cause is unknown. All thresholds are in discrepancy.gates.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -29,10 +29,11 @@ from discrepancy.selection.active_intervals import active_interval_of, restricte
 from discrepancy.selection.assess import screen
 from discrepancy.selection.open_ended import OpenEnded, explore
 from discrepancy.selection.screen import Score, sensitivities
-from discrepancy.selection.search import best_confirmed, search
+from discrepancy.selection.search import best_confirmed, search, searched_on
 from discrepancy.selection.starts import Starts
 from discrepancy.selection.state import Progress, Settings, State
 from discrepancy.signals import findings as f
+from discrepancy.signals.adequacy import ChannelAdequacy
 from discrepancy.signals.recording import Complaint
 
 # what a status becomes where some interval of time is not understood
@@ -41,6 +42,7 @@ LESS_SURE: Final[Mapping[f.Status, f.Status]] = {
     "explained": "explained in part",
 }
 
+WIDER: Final = 10.0  # how many times less the sheet is trusted on a value that the recordings contradict
 MOST_SWAPS: Final = 2  # of a verdict; each one costs all its tests again
 
 
@@ -74,7 +76,9 @@ def _judged(
         if problem.costs.costly:  # elsewhere the verdict itself comes within seconds
             progress(first_look(problem, noise, fitted))
 
-    state, history = search(problem, settings, progress, look)
+    sheet = problem
+    problem, state, history = _searched(sheet, settings, progress, look, beside)
+    baseline = beside.before() if beside else history[0]
     complaints += complaints_of(problem, history[0])
     left_over = best_confirmed(problem, state, settings)
     compared = _compared(problem, backward(problem, state, settings), history, settings, progress)
@@ -100,9 +104,8 @@ def _judged(
     found.sort(key=lambda finding: -finding.sse_reduction)
     candidates = summary.candidates(problem, state, history[0], found, settings)
     progress("comparing errors with their budgets")
-    baseline = beside.before() if beside else history[0]
     channels = adequacy(problem, baseline, state)
-    values = summary.baseline_values(problem, state, adequate=all(c.adequate for c in channels))
+    values = summary.baseline_values(sheet, state, adequate=all(c.adequate for c in channels))
     status, reasons = verdict(
         problem,
         state,
@@ -128,14 +131,45 @@ def _judged(
         open_ended=summary.open_equation(equation),
         candidates=candidates,
         baseline_values=values,
-        nuisances=summary.nuisances(beside.plain if beside else problem, state),
+        nuisances=summary.nuisances(beside.plain if beside else sheet, state),
         noise=summary.channel_noise(problem, state),
         missing_channels=missing_channels(problem, state, candidates, found, complaints),
         complaints=complaints,
         simulations=problem.simulations,
         samples=problem.samples,
     )
-    return Judgement(findings, problem, baseline, state, left, {r[0].effect: r for r in compared.rivals})
+    return Judgement(
+        findings, problem, sheet, baseline, state, left, {r[0].effect: r for r in compared.rivals}
+    )
+
+
+def _searched(
+    sheet: Problem,
+    settings: Settings,
+    progress: Progress,
+    look: Callable[[Noise, Fit], None],
+    beside: Beside | None,
+) -> tuple[Problem, State, list[State]]:
+    """The problem of the last state, that state, and those on the way; where a value of the sheet is wrong, the problem trusts it less."""
+    state, history = search(sheet, settings, progress, look)
+    # without a finding there is no name that the sheet's value could make a proxy
+    wrong = summary.contradicted(sheet, state) if state.accepted else []
+    if not wrong:
+        return sheet, state, history
+    progress(f"the recordings contradict the baseline's {', '.join(wrong)}; searching on without the prior")
+    trusting = sheet.trusting_less(wrong, WIDER)
+    other, more = searched_on(trusting, state, settings, progress)
+    channels = adequacy(trusting, beside.before() if beside else history[0], other)
+    # in a model that is still wrong, a value without a prior goes wherever it can stand in for what is missing
+    if not set(wrong) <= _sure_values(sheet, channels, other):
+        return sheet, state, history
+    return trusting, other, [*history, *more]
+
+
+def _sure_values(sheet: Problem, channels: Sequence[ChannelAdequacy], state: State) -> set[str]:
+    """Baseline values that the recordings contradict for certain; channels: errors of the state beside their budgets."""
+    values = summary.baseline_values(sheet, state, adequate=all(c.adequate for c in channels))
+    return {b.estimate.name for b in values if b.sure}
 
 
 @dataclass(frozen=True, slots=True)

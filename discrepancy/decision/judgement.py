@@ -16,6 +16,7 @@ class Judgement:
 
     findings: f.Findings
     problem: Problem
+    sheet: Problem  # the same with the priors of the model, where `problem` trusts some of them less
     baseline: State  # without effects, and without an equation
     state: State  # with all accepted effects
     left: OpenEnded  # an equation for what the model of `problem` with the accepted effects does not explain

@@ -305,6 +305,18 @@ def baseline_values(problem: Problem, state: State, *, adequate: bool) -> list[f
     return sorted(found, key=lambda b: -b.away)
 
 
+def contradicted(problem: Problem, state: State) -> list[str]:
+    """Nuisances of which the sheet's value is wrong for certain: far from their priors, with all of their intervals, and at no bound."""
+    found = []
+    for p in [p for p in problem.model.nuisances if p.scope == "all" and p.prior_sd is not None]:
+        away = abs(state.fit.values.shared[p.name] - p.value) / (p.prior_sd or 1.0)
+        if away > gates.PRIOR_CONFLICT.threshold:  # the interval of the jackknife costs more
+            e = estimate(p, state.fit, state.noise)
+            if beyond_prior(p, e) and e.at_bound is None:
+                found.append(p.name)
+    return found
+
+
 def beyond_prior(nuisance: Parameter, e: f.Estimate) -> bool:
     """Whether the whole interval of a nuisance lies beyond two standard deviations of its prior: chance and scatter are both ruled out."""
     reach = 1.96 * (nuisance.prior_sd or 0.0)

@@ -6,7 +6,7 @@ rows of a window are therefore contiguous, and its initial states can be project
 
 import os
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -201,6 +201,18 @@ class Problem:
         """A copy whose measured rows are the model's prediction at these values, without noise; it shares the cached Jacobian columns."""
         other = copy(self)
         other.measured = self.predict(values)
+        return other
+
+    def trusting_less(self, names: Collection[str], factor: float) -> "Problem":
+        """A copy in which the priors of these nuisances are wider by a factor; it shares the cached Jacobian columns."""
+        other = copy(self)
+        other.model = replace(
+            self.model,
+            nuisances=tuple(
+                replace(p, prior_sd=factor * p.prior_sd) if p.name in names and p.prior_sd is not None else p
+                for p in self.model.nuisances
+            ),
+        )
         return other
 
     def _labels(self) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:

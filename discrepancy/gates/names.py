@@ -158,8 +158,8 @@ PRIOR_CONFLICT: Final = _gate(
     threshold=3.0,
     passes="below",
     source="one in 370",
-    otherwise="effects are screened from the prior too; a name beside it is the best proxy, cause unknown, unless the interval of the nuisance comes within two of them",
-    module="selection.assess, decision.caveats",
+    otherwise="effects are screened from the prior too; where the interval of the nuisance is beyond two of them, the search goes on with a prior ten times wider if the model is then adequate, else a name beside it is the best proxy, cause unknown",
+    module="selection.assess, decision.caveats, decision.summary",
 )
 LEFT_BESIDE_EQUATION: Final = _gate(
     name="size left beside the equation",

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from discrepancy import gates
 from discrepancy.estimation.fit import Fit, fit
 from discrepancy.estimation.noise import Noise, estimate_noise
-from discrepancy.estimation.problem import Problem
+from discrepancy.estimation.problem import Problem, Values
 from discrepancy.estimation.set_aside import NOTHING, SetAside
 from discrepancy.selection.assess import assess
 from discrepancy.selection.candidate_fits import candidate_fit, confirm, project_out, try_shortlist
@@ -48,17 +48,24 @@ def search(
     return again, steps
 
 
+def searched_on(
+    problem: Problem, state: State, settings: Settings, progress: Progress
+) -> tuple[State, list[State]]:
+    """The same from a state of another search on: with its effects, and with what it has set aside."""
+    return _search(problem, settings, progress, state.aside, begin=(state.accepted, state.fit.values))
+
+
 def _search(
     problem: Problem,
     settings: Settings,
     progress: Progress,
     aside: SetAside,
     look: Callable[[Noise, Fit], None] | None = None,
+    begin: tuple[tuple[str, ...], Values] | None = None,
 ) -> tuple[State, list[State]]:
-    """One search; aside, look: of `assess`, the latter for the baseline."""
+    """One search; aside, look: of `assess`, the latter for the baseline; begin: effects and values at the start, else the baseline's."""
     history: list[State] = []
-    accepted: tuple[str, ...] = ()
-    values = problem.start()
+    accepted, values = begin or ((), problem.start())
     while True:
         state = assess(problem, accepted, values, settings, aside, None if accepted else look)
         if len(accepted) < settings.most_effects:

@@ -163,6 +163,36 @@ def test_in_an_inadequate_model_a_value_that_moved_is_not_sure() -> None:
     assert not any(b.sure for b in result.baseline_values)
 
 
+@pytest.mark.parametrize("seed", [20, 21, 22])
+@pytest.mark.parametrize("prior_sd", [0.026, 0.05])
+def test_a_wrong_value_of_the_sheet_costs_no_name(seed: int, prior_sd: float) -> None:
+    """The sheet's area is 20 % too large, and the tank leaks. The recording says both; the sheet's pull is in neither."""
+    model = tank("leak", "level scale")
+    area, level = model.nuisances
+    wrong = replace(model, nuisances=(replace(area, value=1.2, prior_sd=prior_sd), level))
+    result = examine(wrong, [record(seed, leak=0.05)], QUICK)
+    assert (result.status, result.named) == ("explained", ["leak"])
+    leak = result.finding("leak").parameters[0]
+    assert leak.low is not None
+    assert leak.high is not None
+    assert leak.low < 0.05 < leak.high
+    (found,) = result.baseline_values
+    assert (found.sure, found.prior_sd, found.estimate.baseline) == (True, prior_sd, 1.2)
+    assert found.estimate.value == pytest.approx(1.0, abs=0.005)
+    assert result.nuisances[0].prior_sd == prior_sd, "as the sheet says it"
+
+
+def test_in_a_model_that_is_still_wrong_the_sheet_keeps_its_say() -> None:
+    """A pump that acts late is not in the library. Without its prior the area would go to 1.69, and the level's bias would be named beside it."""
+    model = tank("leak", "level scale", "level bias")
+    area, level = model.nuisances
+    wrong = replace(model, nuisances=(replace(area, value=1.2, prior_sd=0.026), level))
+    result = examine(wrong, [record(21, pump_lag_s=0.6)], QUICK)
+    assert result.named == []
+    assert not any(b.sure for b in result.baseline_values)
+    assert all(b.estimate.value < 1.4 for b in result.baseline_values)
+
+
 def test_stated_disturbances_also_count_one_step_ahead() -> None:
     """Beside a sheet of 10 mm, 50 mm of waves are stated: 20 mm of noise are then no error of the model."""
     rough = replace(tank("leak"), sensor_noise={"level": 0.01}, disturbances={"level": 0.05})
