@@ -49,11 +49,15 @@ def verdict(
             "the model misses something that no effect of the library and no known signal explains",
             *reasons,
         ]
+    said = [*map(contradicted, values)]
+    if status == "nothing missing" and any(b.sure for b in values):
+        # what was missing is known: it is no effect but a value
+        status, reasons, said = "explained", [*said, *reasons], []
     cut_short = accepted >= settings.most_effects
     unnamed = named_share(found, equation) < gates.NAMED_SHARE.threshold
     if status == "explained" and (wrong or left_over or cut_short or unnamed):
         status = "explained in part"
-    reasons += [*map(contradicted, values), *wrong]
+    reasons += [*said, *wrong]
     if cut_short:
         reasons.append(f"the search ended at its limit of {settings.most_effects} effects; there may be more")
     reasons += disagreements(problem, state, [x.effect for x in found if x.named])
