@@ -71,6 +71,24 @@ def test_the_page_says_how_much_is_left_and_where() -> None:
     Checker().feed(text)
 
 
+def test_a_wrong_value_of_the_baseline_heads_the_page() -> None:
+    model = tank("leak")
+    area, level = model.nuisances
+    judged = investigate(
+        replace(model, nuisances=(replace(area, value=1.2, prior_sd=0.026), level)),
+        [record(20)],
+        Settings(open_ended=False),
+    )
+    assert isinstance(judged, Judgement)
+    head, _, _ = page(judged.findings, None, [], {}).partition('id="adequacy"')
+    for words in (
+        "Explained",
+        "A value of the baseline is wrong: area is 1, not 1.2",
+        "1 value of the baseline is wrong",
+    ):
+        assert words in head
+
+
 def test_the_page_is_well_formed_and_fetches_nothing(leaking: tuple[Judgement, Evidence]) -> None:
     judged, shown = leaking
     text = page(judged.findings, shown, ["Type `a <b>`."], {"command": "loaderhil diagnose <x>"})
