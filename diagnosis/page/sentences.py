@@ -62,7 +62,9 @@ def summary(result: Findings) -> str:
     named, proxies = len(result.named), len(result.findings) - len(result.named)
     parts = [f"{describe.counted(named, 'effect')} named"] if named else []
     if wrong := len(describe.wrong_values(result)):
-        parts.append(f"{describe.counted(wrong, 'value')} of the baseline {'is' if wrong == 1 else 'are'} wrong")
+        parts.append(
+            f"{describe.counted(wrong, 'value')} of the baseline {'is' if wrong == 1 else 'are'} wrong"
+        )
     more = f"{proxies} more" if named else describe.counted(proxies, "effect")
     parts += (
         [f"{more} {'improves' if proxies == 1 else 'improve'} the prediction without being the cause"]

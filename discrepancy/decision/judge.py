@@ -77,7 +77,7 @@ def _judged(
             progress(first_look(problem, noise, fitted))
 
     sheet = problem
-    problem, state, history = _searched(sheet, settings, progress, look, beside)
+    problem, state, history = _searched(sheet, settings, progress, look, beside is None)
     baseline = beside.before() if beside else history[0]
     complaints += complaints_of(problem, history[0])
     left_over = best_confirmed(problem, state, settings)
@@ -148,18 +148,18 @@ def _searched(
     settings: Settings,
     progress: Progress,
     look: Callable[[Noise, Fit], None],
-    beside: Beside | None,
+    doubting: bool,
 ) -> tuple[Problem, State, list[State]]:
-    """The problem of the last state, that state, and those on the way; where a value of the sheet is wrong, the problem trusts it less."""
+    """The problem of the last state, that state, and those on the way; doubting: where a value of the sheet is wrong, the problem trusts it less."""
     state, history = search(sheet, settings, progress, look)
     # without a finding there is no name that the sheet's value could make a proxy
-    wrong = summary.contradicted(sheet, state) if state.accepted else []
+    wrong = summary.contradicted(sheet, state) if doubting and state.accepted else []
     if not wrong:
         return sheet, state, history
     progress(f"the recordings contradict the baseline's {', '.join(wrong)}; searching on without the prior")
     trusting = sheet.trusting_less(wrong, WIDER)
     other, more = searched_on(trusting, state, settings, progress)
-    channels = adequacy(trusting, beside.before() if beside else history[0], other)
+    channels = adequacy(trusting, history[0], other)
     # in a model that is still wrong, a value without a prior goes wherever it can stand in for what is missing
     if not set(wrong) <= _sure_values(sheet, channels, other):
         return sheet, state, history
