@@ -286,7 +286,7 @@ def test_a_search_that_costs_too_much_ends_and_says_so() -> None:
     assert any("search ended" in reason and "leak" in reason for reason in ended.reasons)
 
 
-def test_where_nothing_is_missing_a_wrong_baseline_is_reported() -> None:
+def test_where_no_effect_is_missing_a_wrong_value_of_the_baseline_explains() -> None:
     """Readings of 85 % are an area of 118 %, nine standard deviations from what is known of it."""
     recording = record(3)
     level = recording.signals["level"]
@@ -295,7 +295,7 @@ def test_where_nothing_is_missing_a_wrong_baseline_is_reported() -> None:
     )
     bare = replace(tank(), effects=())
     right, wrong = (examine(bare, [r], STRICT) for r in (recording, less))
-    assert (right.status, wrong.status) == ("nothing missing", "nothing missing")
+    assert (right.status, wrong.status) == ("nothing missing", "explained")
     assert not any("of its prior" in reason for reason in right.reasons)
     (message,) = [reason for reason in wrong.reasons if "of its prior" in reason]
     assert message.startswith("the baseline's area is 1.1")
