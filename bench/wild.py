@@ -7,6 +7,7 @@ Some 200 arms a small body, 60 of the loader. Rules of the engine are changed by
 """
 
 import argparse
+import os
 import shlex
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from bench.proof import report, wild
+from bench.proof import report, wild, wild_loader
 from bench.proof.arm import STRONG, Done, read
 from bench.proof.plan import sampled
 from bench.proof.score import Share, found, parameters, share
@@ -116,8 +117,9 @@ def page(done: Sequence[Done], broken: dict[str, str], planned: int, command: st
     """The page of Markdown."""
     bodies = [name for name in wild.DIFFERENCES_OF if any(d.arm.body == name for d in done)]
     cells = {name: measured([d for d in done if d.arm.body == name]) for name in bodies}
+    whom = " of the whole loader" if bodies == [wild_loader.BODY] else ""
     lines = [
-        "# Diagnosis where the truth differs from the model in structure",
+        f"# Diagnosis{whom} where the truth differs from the model in structure",
         "",
         f"`{command}`, commit {commit}; {len(done)} of {planned} arms, {sum(d.seconds for d in done) / 3600.0:.1f} h of diagnosis.",
         "",
@@ -228,11 +230,13 @@ def main() -> None:
         for name in ("seeds", "bodies", "share")
         if (value := getattr(args, name)) != parser.get_default(name)
     ]
+    # the loader's differences are effects of the plant
+    effects = [f"LOADERHIL_EFFECTS={folder}"] if (folder := os.environ.get("LOADERHIL_EFFECTS")) else []
     text = page(
         [read(row) for row in store.rows(chosen)],
         broken,
         len(chosen),
-        shlex.join(["python", "-m", "bench.wild", *options]),
+        shlex.join([*effects, "python", "-m", "bench.wild", *options]),
         commit,
     )
     report.publish(text, args.out)

@@ -24,7 +24,7 @@ def headline(result: Findings) -> str:
         return f"The model leaves out {'; '.join(map(_left_out, named))}.{_error_falls(named)}{rest}"
     if result.status.startswith("explained"):
         wrong = "; ".join(describe.wrong_values(result))
-        return f"A value of the baseline is wrong: {wrong}. With it, no effect and no function of the known signals improves the prediction of held-out data."
+        return f"A value of the baseline is wrong: {wrong}. Apart from that, no effect and no function of the known signals improves the prediction of held-out data."
     if result.status == "unknown":
         signals = result.open_ended.depends_on if result.open_ended else []
         depends = f" The difference depends on {', '.join(signals)}." if signals else ""

@@ -33,7 +33,6 @@ from discrepancy.selection.search import best_confirmed, search, searched_on
 from discrepancy.selection.starts import Starts
 from discrepancy.selection.state import Progress, Settings, State
 from discrepancy.signals import findings as f
-from discrepancy.signals.adequacy import ChannelAdequacy
 from discrepancy.signals.recording import Complaint
 
 # what a status becomes where some interval of time is not understood
@@ -153,23 +152,17 @@ def _searched(
     """The problem of the last state, that state, and those on the way; doubting: where a value of the sheet is wrong, the problem trusts it less."""
     state, history = search(sheet, settings, progress, look)
     # without a finding there is no name that the sheet's value could make a proxy
-    wrong = summary.contradicted(sheet, state) if doubting and state.accepted else []
+    wrong = summary.sure_values(sheet, state, adequate=True) if doubting and state.accepted else []
     if not wrong:
         return sheet, state, history
     progress(f"the recordings contradict the baseline's {', '.join(wrong)}; searching on without the prior")
     trusting = sheet.trusting_less(wrong, WIDER)
     other, more = searched_on(trusting, state, settings, progress)
-    channels = adequacy(trusting, history[0], other)
+    adequate = all(c.adequate for c in adequacy(trusting, history[0], other))
     # in a model that is still wrong, a value without a prior goes wherever it can stand in for what is missing
-    if not set(wrong) <= _sure_values(sheet, channels, other):
+    if not set(wrong) <= set(summary.sure_values(sheet, other, adequate=adequate)):
         return sheet, state, history
     return trusting, other, [*history, *more]
-
-
-def _sure_values(sheet: Problem, channels: Sequence[ChannelAdequacy], state: State) -> set[str]:
-    """Baseline values that the recordings contradict for certain; channels: errors of the state beside their budgets."""
-    values = summary.baseline_values(sheet, state, adequate=all(c.adequate for c in channels))
-    return {b.estimate.name for b in values if b.sure}
 
 
 @dataclass(frozen=True, slots=True)

@@ -291,9 +291,10 @@ def baseline_values(problem: Problem, state: State, *, adequate: bool) -> list[f
     found = []
     most = gates.PRIOR_CONFLICT.threshold
     for p in [p for p in problem.model.nuisances if p.scope == "all" and p.prior_sd is not None]:
-        e, sd = estimate(p, state.fit, state.noise), p.prior_sd or 1.0
+        e, sd = estimate(p, state.fit), p.prior_sd or 1.0
         away = abs(e.value - p.value) / sd
         if away > most or e.at_bound is not None:
+            e = estimate(p, state.fit, state.noise)  # the interval of the jackknife costs more
             found.append(
                 f.BaselineValue(
                     estimate=e,
@@ -305,16 +306,9 @@ def baseline_values(problem: Problem, state: State, *, adequate: bool) -> list[f
     return sorted(found, key=lambda b: -b.away)
 
 
-def contradicted(problem: Problem, state: State) -> list[str]:
-    """Nuisances of which the sheet's value is wrong for certain: far from their priors, with all of their intervals, and at no bound."""
-    found = []
-    for p in [p for p in problem.model.nuisances if p.scope == "all" and p.prior_sd is not None]:
-        away = abs(state.fit.values.shared[p.name] - p.value) / (p.prior_sd or 1.0)
-        if away > gates.PRIOR_CONFLICT.threshold:  # the interval of the jackknife costs more
-            e = estimate(p, state.fit, state.noise)
-            if beyond_prior(p, e) and e.at_bound is None:
-                found.append(p.name)
-    return found
+def sure_values(problem: Problem, state: State, *, adequate: bool) -> list[str]:
+    """Nuisances of which the sheet's value is wrong for certain; adequate: as of `baseline_values`."""
+    return [b.estimate.name for b in baseline_values(problem, state, adequate=adequate) if b.sure]
 
 
 def beyond_prior(nuisance: Parameter, e: f.Estimate) -> bool:

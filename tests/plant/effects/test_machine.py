@@ -280,7 +280,7 @@ def test_a_pile_is_touched_alike_in_long_and_in_short_steps(further):
     short, long = (
         run(Plant(given, speed=1.4, step_s=step), 0.6).lift_pressure.ravel() for step in (1e-3, 5e-3)
     )
-    assert np.abs(long - short).max() < 2e-3 * np.ptp(short)
+    assert np.abs(long - short).max() < 2e-3 * np.ptp(short)  # 0.0004; with jerks 0.04 to 0.22
 
 
 def test_a_shaft_makes_the_axles_turn_together():
