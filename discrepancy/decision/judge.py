@@ -21,6 +21,7 @@ from discrepancy.decision.missing_channels import missing_channels
 from discrepancy.decision.namesakes import without_namesakes
 from discrepancy.decision.not_accepted import taken_over
 from discrepancy.decision.not_understood import complaints_of, intervals_not_understood
+from discrepancy.decision.stand_ins import with_stand_ins
 from discrepancy.decision.verdict import verdict
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
@@ -104,7 +105,10 @@ def _judged(
     candidates = summary.candidates(problem, state, history[0], found, settings)
     progress("comparing errors with their budgets")
     channels = adequacy(problem, baseline, state)
-    values = summary.baseline_values(sheet, state, adequate=all(c.adequate for c in channels))
+    # an equation stands for physics that the library has not: with it the model is known to be wrong
+    adequate = all(c.adequate for c in channels) and not equation.terms
+    values = summary.baseline_values(sheet, state, adequate=adequate)
+    values = with_stand_ins(sheet, state, values, settings)
     status, reasons = verdict(
         problem,
         state,

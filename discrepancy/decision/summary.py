@@ -11,8 +11,8 @@ from scipy.stats import chi2, ncx2
 from scipy.stats import t as student
 
 from discrepancy import gates
-from discrepancy.decision import flat
-from discrepancy.decision.detectability import in_a_valley, left_by_refit
+from discrepancy.decision.sizes import flat
+from discrepancy.decision.sizes.detectability import in_a_valley, left_by_refit
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
 from discrepancy.estimation.normal_equations import inverse
@@ -33,6 +33,7 @@ from discrepancy.signals.quantities import quantity
 from discrepancy.signals.recording import Array
 
 POWER: Final = gates.POWER.threshold
+SHEET_ALLOWS: Final = 1.96  # standard deviations of a prior to either side: its 95 %
 WHITE_LAGS = 20  # lags of the test for whiteness
 # An effect may act in a single block (a kerb). Without that block there is no estimate, so the jackknife removes at most this share of
 # the information on a parameter.
@@ -313,7 +314,7 @@ def sure_values(problem: Problem, state: State, *, adequate: bool) -> list[str]:
 
 def beyond_prior(nuisance: Parameter, e: f.Estimate) -> bool:
     """Whether the whole interval of a nuisance lies beyond two standard deviations of its prior: chance and scatter are both ruled out."""
-    reach = 1.96 * (nuisance.prior_sd or 0.0)
+    reach = SHEET_ALLOWS * (nuisance.prior_sd or 0.0)
     low, high = (-np.inf if e.low is None else e.low), (np.inf if e.high is None else e.high)
     return bool(low > nuisance.value + reach or high < nuisance.value - reach)
 

@@ -50,7 +50,9 @@ def verdict(
             *reasons,
         ]
     said = [*map(contradicted, values)]
-    if status == "nothing missing" and any(b.sure for b in values):
+    if status == "nothing missing" and any(b.or_effects for b in values):
+        status, reasons, said = "inconclusive", [*said, *reasons], []
+    elif status == "nothing missing" and any(b.sure for b in values):
         # what was missing is known: it is no effect but a value
         status, reasons, said = "explained", [*said, *reasons], []
     cut_short = accepted >= settings.most_effects
@@ -77,6 +79,9 @@ def contradicted(b: f.BaselineValue) -> str:
     away = f"{figures(b.away, 2)} standard deviations of its prior"
     if b.sure:
         return f"the baseline's {e.name} is {size}, not {assumed}: {away}"
+    if b.or_effects:
+        effects = ", ".join(b.or_effects[:SHOWN])
+        return f"either the baseline's {e.name} is {size}, not {assumed} ({away}), or an effect acts that these recordings cannot distinguish from it: {effects}"
     return f"the baseline's {e.name} was pushed from {assumed} to {size}, {away}: it may stand in for something else"
 
 

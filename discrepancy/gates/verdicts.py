@@ -87,7 +87,7 @@ CONFOUNDED: Final = _gate(
     passes="below",
     source="from half on, the linear share promises more than a refit leaves",
     otherwise="its power is that of a refit without it",
-    module="decision.detectability",
+    module="decision.sizes.detectability",
 )
 COLLINEAR_NUISANCE: Final = _gate(
     name="collinear with nuisances",

@@ -184,7 +184,8 @@ class BaselineValue:
     estimate: Estimate  # its baseline is the assumed value
     prior_sd: float  # of the assumed value
     away: float  # of the estimate from the assumed value, in standard deviations of the prior
-    sure: bool  # all channels are adequate, and the interval does not hold what the prior allows
+    sure: bool  # all channels are adequate, the interval does not hold what the prior allows, and nothing else may act in its place
+    or_effects: list[str] = field(default_factory=list)  # that the recordings cannot distinguish from it
     kind: Literal["parameter"] = "parameter"
 
 

@@ -52,6 +52,17 @@ def test_heavy_balls_have_no_finding(recordings: Path, name: str) -> None:
     assert result.status in ("nothing missing", "inconclusive")
 
 
+def test_a_scale_that_hides_drag_is_no_explanation(recordings: Path) -> None:
+    """All balls were filmed from one bridge with one camera, and for the others the scale is right to 4 %. Basketballs feel the air."""
+    result = drops(recordings, "Green Basketball")
+    [scale] = result.baseline_values
+    assert (scale.estimate.name, scale.sure, scale.or_effects) == ("pixel_scale", False, ["quadratic drag"])
+    # here even an equation is left over, and beside it no value is certain
+    result = drops(recordings, "Blue Basketball")
+    assert result.status == "unknown"
+    assert not any(value.sure for value in result.baseline_values)
+
+
 def test_drag_taken_from_the_library_gets_no_other_name(recordings: Path) -> None:
     result = drops(recordings, "Yellow Whiffle Ball", without=("quadratic drag",))
     assert result.named == []

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from discrepancy.decision.detectability import in_a_valley, left_by_refit
+from discrepancy.decision.sizes.detectability import in_a_valley, left_by_refit
 from discrepancy.estimation.problem import Problem
 from discrepancy.examine import examine
 from discrepancy.model.description import Effect, Model, Parameter, Window
