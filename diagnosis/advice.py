@@ -53,10 +53,16 @@ def _mended(result: Findings) -> Iterator[str]:
 
 
 def _checked(result: Findings) -> Iterator[str]:
-    """Sensors to check, and best proxies that must not be taken as causes."""
+    """Sensors to check, values to measure, and best proxies that must not be taken as causes."""
+    unexplained = bool(inadequate(result.adequacy)) or result.open_ended is not None
+    doubt = " If it is right, the effect stands in for what is still missing." if unexplained else ""
+    for b in [b for b in result.baseline_values if b.or_effects]:
+        yield (
+            f"Measure the baseline's {b.estimate.name} by itself: if it is what was assumed, look for {_some(b.or_effects)}."
+        )
     for f in [f for f in result.findings if f.named and f.kind == "sensor"]:
         rivals = f" (or instead: {_some([m.effect for m in f.group])})" if f.group else ""
-        yield f"Check the {f.place}: {f.sentence}{_size(f)}{rivals}."
+        yield f"Check the {f.place}: {f.sentence}{_size(f)}{rivals}.{doubt}"
     for f in [f for f in result.findings if not f.named]:
         yield (
             f"Do not take {f.effect} as the cause: it is only the most similar effect of the library. "

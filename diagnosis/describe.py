@@ -3,8 +3,17 @@
 import math
 from collections.abc import Mapping
 
+from discrepancy import gates
 from discrepancy.signals.adequacy import STILL_WRONG, ChannelAdequacy, inadequate, left
-from discrepancy.signals.findings import Candidate, Estimate, Finding, Findings, MissingChannel, Separation
+from discrepancy.signals.findings import (
+    Candidate,
+    Estimate,
+    Finding,
+    Findings,
+    GroupMember,
+    MissingChannel,
+    Separation,
+)
 from discrepancy.signals.quantities import figures, quantity, readable
 from discrepancy.signals.units import shown
 
@@ -49,6 +58,14 @@ def evidence(sse_reduction: float) -> str:
     if sse_reduction < 0.0:
         return "none"
     return f"over {SURE}" if sse_reduction >= SURE else f"{sse_reduction:.0f}"
+
+
+def between(member: GroupMember) -> str:
+    """'evidence between the two only 2.3', or why a larger one does not decide."""
+    difference = member.likelihood_difference
+    if difference <= gates.SAME_LIKELIHOOD.threshold:
+        return f"evidence between the two only {difference:.1f}"
+    return f"evidence between the two {difference:.0f}, but it is better at some times and worse at others"
 
 
 def expected_evidence(separation: Separation) -> str:
@@ -100,7 +117,8 @@ def remaining(result: Findings) -> list[str]:
     if not inadequate(result.adequacy):
         nearest = max(result.adequacy, key=lambda c: c.over)
         others = f"; {counted(rest, 'more channel')} further within" if rest else ""
-        return [f"within the error budgets: {left(nearest, several=several)}{others}"]
+        at = "within" if nearest.over <= 1.0 else f"within {gates.SIMULATED_OVER.threshold:.3g} times"
+        return [f"{at} the error budgets: {left(nearest, several=several)}{others}"]
     if any(reason.startswith(STILL_WRONG) for reason in result.reasons):
         return []
     return [f"{STILL_WRONG}{left(c, several=several)}" for c in inadequate(result.adequacy)]

@@ -10,6 +10,7 @@ from rich.table import Table
 from diagnosis.describe import (
     UNCHANGED,
     alternatives,
+    between,
     budget,
     by_reason,
     error_ratio,
@@ -97,7 +98,7 @@ def _finding(number: int, f: Finding, result: Findings) -> Iterator[str]:
     yield f"   evidence: {evidence(f.sse_reduction)} (threshold {f.threshold:.0f}), from {_where(f, several=len(result.recordings) > 1)}"
     for member in f.group:
         values = ", ".join(estimate(e) for e in member.parameters[:2])
-        yield f"   or {member.effect}: {values}; evidence between the two only {member.likelihood_difference:.1f}"
+        yield f"   or {member.effect}: {values}; {between(member)}"
     for s in f.separate_by:
         yield f"   to distinguish it from {s.effect}, record: {s.manoeuvre}{expected_evidence(s)}"
 

@@ -146,7 +146,7 @@ def _finding(number: int, f: Finding) -> str:
         f"the baseline's parameters can imitate {percent(f.confounded_share)} of the effect",
         "not the cause because": "; ".join(f.caveats),
         "or instead": "; ".join(
-            f"{m.effect} ({', '.join(describe.estimate(e) for e in m.parameters[:2])}; evidence between the two only {m.likelihood_difference:.1f})"
+            f"{m.effect} ({', '.join(describe.estimate(e) for e in m.parameters[:2])}; {describe.between(m)})"
             for m in f.group
         ),
         "to distinguish them": "; ".join(

@@ -33,13 +33,18 @@ class DropOneTest:
     error_ratio: dict[str, float]  # held-out error with the effect over that without, by channel
 
 
-def backward(problem: Problem, state: State, settings: Settings) -> State:
-    """The state without accepted effects that the others have made unnecessary, removed one by one, weakest first."""
+def backward(
+    problem: Problem,
+    state: State,
+    settings: Settings,
+    known: Mapping[frozenset[str], Values] = NOTHING_KNOWN,
+) -> State:
+    """The state without accepted effects that the others have made unnecessary, removed one by one, weakest first; known: as in `drop_one_tests`."""
     while len(state.accepted) > 1:
         reductions = {}
         for name in state.accepted:
             others = tuple(n for n in state.accepted if n != name)
-            reductions[name] = _without(problem, state, others).sse - state.fit.sse
+            reductions[name] = _without(problem, state, others, known).sse - state.fit.sse
         weakest = min(reductions, key=lambda n: reductions[n])
         effect = problem.model.effect(weakest)
         least = sse_threshold(problem, effect, state.fit.values, settings.alpha)
@@ -47,7 +52,7 @@ def backward(problem: Problem, state: State, settings: Settings) -> State:
             break
         kept = tuple(n for n in state.accepted if n != weakest)
         state = replace(
-            assess(problem, kept, _without(problem, state, kept).values, settings, state.aside),
+            assess(problem, kept, _without(problem, state, kept, known).values, settings, state.aside),
             trials=state.trials,
         )
     return state
@@ -63,12 +68,18 @@ def _without(
     dropped = [problem.model.effect(name) for name in state.accepted if name not in others]
     off = {name: value for effect in dropped for name, value in switched_off(effect).items()}
     names = free_names(problem, others)
-    start = known.get(frozenset(others), state.fit.values.with_shared(off)).warmed_up_as(state.fit.values)
-    least = 0.0
-    if problem.costs.costly:
-        # how much worse is the model without them, at the same values? That sets the accuracy that the refit needs
-        unfitted = fit(problem, state.noise, names, start, effort=replace(AS_IT_IS, cached=True))
-        least = problem.costs.least_reduction(unfitted.sse - state.fit.sse)
+    here = state.fit.values.with_shared(off)
+    start = known.get(frozenset(others), here).warmed_up_as(state.fit.values)
+    if not problem.costs.costly:
+        # whichever of them ends lower: an effect that the search ended beside is not needed if the fit before it was better
+        ends = [
+            fit(problem, state.noise, names, point)
+            for point in ([here, start] if start is not here else [here])
+        ]
+        return min(ends, key=lambda end: end.sse)
+    # how much worse is the model without them, at the same values? That sets the accuracy that the refit needs
+    unfitted = fit(problem, state.noise, names, start, effort=replace(AS_IT_IS, cached=True))
+    least = problem.costs.least_reduction(unfitted.sse - state.fit.sse)
     return fit(problem, state.noise, names, start, effort=replace(CACHED, least_reduction=least))
 
 

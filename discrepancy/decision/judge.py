@@ -25,7 +25,7 @@ from discrepancy.decision.stand_ins import with_stand_ins
 from discrepancy.decision.verdict import verdict
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
-from discrepancy.estimation.problem import Problem, Unusable, Windows
+from discrepancy.estimation.problem import Problem, Unusable, Values, Windows
 from discrepancy.selection.active_intervals import active_interval_of, restricted_to
 from discrepancy.selection.assess import screen
 from discrepancy.selection.open_ended import OpenEnded, explore
@@ -81,7 +81,9 @@ def _judged(
     baseline = beside.before() if beside else history[0]
     complaints += complaints_of(problem, history[0])
     left_over = best_confirmed(problem, state, settings)
-    compared = _compared(problem, backward(problem, state, settings), history, settings, progress)
+    compared = _compared(
+        problem, backward(problem, state, settings, _on_the_way(history)), history, settings, progress
+    )
     for _ in range(MOST_SWAPS):
         swapped = without_namesakes(problem, compared.state, compared.rivals, settings)
         if swapped is None:
@@ -185,11 +187,15 @@ def _compared(
     progress("looking for what the library does not explain")
     # before the drop-one tests: the equation sets the best prediction against which the gap is measured
     left = explore(problem, state, settings) if settings.open_ended else OpenEnded()
-    on_the_way = {frozenset(h.accepted): h.fit.values for h in history}
-    tests = drop_one_tests(problem, state, on_the_way, left, settings)
+    tests = drop_one_tests(problem, state, _on_the_way(history), left, settings)
     return _Compared(
         state, left, tests, [alternatives_of(problem, state, test, settings, progress) for test in tests]
     )
+
+
+def _on_the_way(history: Sequence[State]) -> dict[frozenset[str], Values]:
+    """Values of the search by accepted effects."""
+    return {frozenset(h.accepted): h.fit.values for h in history}
 
 
 def nothing_usable(model: str, recordings: Sequence[str], error: Unusable) -> f.Findings:

@@ -57,7 +57,8 @@ def verdict(
         status, reasons, said = "explained", [*said, *reasons], []
     cut_short = accepted >= settings.most_effects
     unnamed = named_share(found, equation) < gates.NAMED_SHARE.threshold
-    if status == "explained" and (wrong or left_over or cut_short or unnamed):
+    open_question = any(b.or_effects for b in values)
+    if status == "explained" and (wrong or left_over or cut_short or unnamed or open_question):
         status = "explained in part"
     reasons += [*said, *wrong]
     if cut_short:

@@ -23,7 +23,7 @@ Mask = NDArray[np.bool_]
 STEP = 1e-3
 FORECAST = 0.02  # error of the linear forecast, as a share of a step's reduction, up to which the step counts as linear
 KEPT_PROMISE = 0.5  # share of the forecast reduction above which cached columns are good enough
-BEND = 3.0  # increase of a window's SSE above which the step of its own initial states is shortened
+BEND = 3.0  # increase of a window's SSE above which the step of its own initial states is shortened; and what their guess has to be better by
 SHRINKS = (
     1.0,
     0.4,
@@ -168,6 +168,9 @@ def fit(
     prior = np.array([p.typical / p.prior_sd if p.prior_sd else 0.0 for p in parameters])
     borrowed = cached = effort.cached and problem.model.costly
     chord = effort.chord and borrowed
+    if effort.iterations and problem.local_names:
+        e = noise.whiten(problem.measured - problem.predict(start))
+        start, _ = _guessed_where_better(problem, noise, start, e, rows)
     point = _Point.at(problem, noise, parameters, start, rows, cached)
     turned = not any(_steps_by_grid(problem, name) for name in names)
     for later in reversed(range(effort.iterations)):
@@ -236,11 +239,33 @@ def _with_local_steps(
         e = noise.whiten(problem.measured - problem.predict(values))
         now = _per_window(e, noise, rows, count)
         if not problem.local_names or np.all(now <= old + BEND):
-            return values, _sse(e, point.parameters, values, rows)
+            break
         better = now < least
         best[better], least[better] = part * local_step[better], now[better]
-    values = _moved(problem, point.values, point.parameters, step, best)
-    return values, _misfit(problem, noise, point.parameters, values, rows)
+    else:
+        values = _moved(problem, point.values, point.parameters, step, best)
+        e = noise.whiten(problem.measured - problem.predict(values))
+    values, e = _guessed_where_better(problem, noise, values, e, rows)
+    return values, _sse(e, point.parameters, values, rows)
+
+
+def _guessed_where_better(
+    problem: Problem, noise: Noise, values: Values, e: Array, rows: Mask
+) -> tuple[Values, Array]:
+    """The values with the guessed initial states in every window that these fit clearly better, and their whitened residual; e: that of the values."""
+    # Initial states that stood in for a force which was not yet in the model may lie in a minimum of their own once it is: a start with
+    # speed, say, that dry friction then stops. No step of least squares leads out of it.
+    if not problem.local_names:
+        return values, e
+    guessed = values.starting_as(problem.guesses)
+    other = noise.whiten(problem.measured - problem.predict(guessed))
+    count = len(problem.windows)
+    better = _per_window(other, noise, rows, count) < _per_window(e, noise, rows, count) - BEND
+    if not better.any():
+        return values, e
+    mixed = {name: np.where(better, guessed.local[name], states) for name, states in values.local.items()}
+    # no window depends on another
+    return values.starting_as(mixed), np.where(better[noise.row_window], other, e)
 
 
 def _per_window(e: Array, noise: Noise, rows: Mask, count: int) -> Array:
@@ -299,12 +324,6 @@ class _Point:
 def _sse(e: Array, parameters: Sequence[Parameter], values: Values, rows: Mask) -> float:
     prior = sum(((values.shared[p.name] - p.value) / p.prior_sd) ** 2 for p in parameters if p.prior_sd)
     return float(np.sum(e[rows] ** 2)) + prior
-
-
-def _misfit(
-    problem: Problem, noise: Noise, parameters: Sequence[Parameter], values: Values, rows: Mask
-) -> float:
-    return _sse(noise.whiten(problem.measured - problem.predict(values)), parameters, values, rows)
 
 
 def held_out(problem: Problem, noise: Noise, values: Values, rows: Mask) -> Fit:

@@ -74,6 +74,10 @@ class Values:
         """A copy with the warm-up values of another."""
         return replace(self, warm_up=other.warm_up)
 
+    def starting_as(self, states: Mapping[str, Array]) -> "Values":
+        """A copy with these initial states (windows,) by name."""
+        return replace(self, local={**self.local, **states})
+
     def same(self, other: "Values") -> bool:
         """Whether every model predicts the same for both."""
         mine = (self.shared, self.active_intervals, self.off, self.warm_up)
@@ -180,6 +184,7 @@ class Problem:
             [p for p in model.parameters if p.scope != "window"], model.jacobian_reach
         )
         self._count = _Count()
+        self._guesses: dict[str, Array] | None = None
         self._recent: deque[tuple[Values, Array]] = deque(maxlen=RECENT)
         self._places = [Place.on(self.windows[block.window].time_s, block.sample_s) for block in self.blocks]
 
@@ -232,15 +237,21 @@ class Problem:
         sizes = np.array([np.max(np.abs(values)) for values in of])
         return np.asarray(FAR * np.where(sizes > 0.0, sizes, 1.0)[self.row_channel], float)
 
+    @property
+    def guesses(self) -> dict[str, Array]:
+        """Initial states of every window (windows,) as the model guesses them from the recording."""
+        if self._guesses is None:
+            self._guesses = {
+                p.name: np.array([p.guess(w) if p.guess else p.value for w in self.windows])
+                for p in self.model.nuisances
+                if p.scope == "window"
+            }
+        return self._guesses
+
     def start(self) -> Values:
         """The baseline: every effect off, initial states at their guess."""
         shared = {p.name: p.value for p in self.model.parameters if p.scope != "window"}
-        local = {
-            p.name: np.array([p.guess(w) if p.guess else p.value for w in self.windows])
-            for p in self.model.nuisances
-            if p.scope == "window"
-        }
-        return Values(shared, local)
+        return Values(shared, {name: states.copy() for name, states in self.guesses.items()})
 
     def warmed_up(self, values: Values, by: Values) -> Values:
         """The values, with warm-up runs at the shared values of `by`, temporary effects off; unchanged for models without warm-up runs."""

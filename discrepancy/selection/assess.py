@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Final
 
 from discrepancy import gates
 from discrepancy.estimation.effort import AS_IT_IS, CACHED, FULL, Effort
@@ -25,6 +26,8 @@ from discrepancy.selection.screen import (
 )
 from discrepancy.selection.state import Settings, State, free_names
 from discrepancy.selection.unexplained import unexplained, unexplained_by_window
+
+CLEARLY: Final = 1.0  # difference in SSE from which on another end of a fit is a better one, and not rounding
 
 
 def assess(
@@ -71,6 +74,8 @@ def assess(
         at = at.warmed_up_as(fitted.values)
         if home is not None and accepted:
             fitted = from_prior(problem, noise, fitted, home.warmed_up_as(fitted.values))
+        if accepted:
+            fitted = from_guesses(problem, noise, fitted)
         # The noise is estimated from what no candidate explains. Otherwise a missing effect would count as noise, and hide itself.
         base = problem.predict(fitted.values)
         columns = sensitivities(problem, at, problem.predict(at), candidates)
@@ -79,6 +84,8 @@ def assess(
         noise = estimate_noise(problem, *left, known)
         effort = FULL if last else Effort(least_reduction=least)
         fitted = fit(problem, noise, names, fitted.values, effort=effort)
+        if last and accepted:
+            fitted = from_guesses(problem, noise, fitted)
         at = fitted.values
     scores = screen(problem, noise, fitted, columns, settings)
     temporary, basis = _temporary_effects(problem, noise, fitted, columns, settings)
@@ -118,6 +125,14 @@ def from_prior(problem: Problem, noise: Noise, fitted: Fit, at_prior: Values) ->
     here = fit(problem, noise, fitted.names, fitted.values, effort=replace(AS_IT_IS, cached=True))
     other = fit(problem, noise, fitted.names, at_prior)
     return min(here, other, key=lambda f: f.sse)
+
+
+def from_guesses(problem: Problem, noise: Noise, fitted: Fit) -> Fit:
+    """The fit, or a better one that begins with all initial states as the model guesses them: they imitated the effect before it was accepted."""
+    if not problem.local_names:
+        return fitted
+    other = fit(problem, noise, fitted.names, fitted.values.starting_as(problem.guesses))
+    return other if other.sse < fitted.sse - CLEARLY else fitted
 
 
 def _at_prior(problem: Problem, fitted: Fit) -> Values | None:

@@ -11,7 +11,8 @@ from discrepancy.estimation.effort import Effort
 from discrepancy.estimation.fit import WindowStates, differences, fit
 from discrepancy.estimation.noise import estimate_noise, white_noise
 from discrepancy.estimation.problem import Problem
-from discrepancy.model.description import Model, Parameter, Window
+from discrepancy.model.description import Effect, Model, Parameter, Window
+from discrepancy.selection.assess import assess
 from discrepancy.selection.candidate_fits import held_out_residual
 from discrepancy.selection.search import search
 from discrepancy.selection.state import Settings, free_names
@@ -119,3 +120,93 @@ def test_projection_leaves_nothing_of_the_initial_states() -> None:
         assert np.abs(local[window == w].T @ left[window == w]).max() < 1e-9
     change = states.solve(local @ np.array([1.5, -0.5]), 3, window)
     np.testing.assert_allclose(change, [[1.5, -0.5]] * 3, atol=1e-9)
+
+
+def sledge() -> Model:
+    """A mass of 1 kg that a force pushes over a dry floor: dv/dt = F - c sign(v), seen by its place."""
+
+    def simulate(window: Window, values: Mapping[str, float], _: Mapping[str, Array]) -> dict[str, Array]:
+        place, speed, h, places = values["start"], values["start_speed"], window.step_s, []
+        for force in window["force"]:
+            places.append(place)
+            before, free = speed, speed + h * force
+            # friction takes away speed, and never turns it
+            speed = np.sign(free) * max(abs(free) - h * values.get("dry", 0.0), 0.0)
+            place += 0.5 * h * (before + speed)
+        return {"place": np.array(places)}
+
+    return Model(
+        name="sledge",
+        sentence="",
+        inputs={"force": "N"},
+        held=("force",),
+        outputs={"place": "m"},
+        nuisances=(
+            Parameter(
+                name="start", unit="m", typical=0.01, scope="window", guess=lambda w: w.at_start("place")
+            ),
+            Parameter(name="start_speed", unit="m/s", typical=0.05, scope="window"),
+        ),
+        effects=(
+            Effect(
+                name="dry friction",
+                sentence="",
+                equation="",
+                parameters=(Parameter(name="dry", unit="N", lower=0.0, upper=20.0, typical=0.5),),
+                kind="physics",
+                place="",
+            ),
+        ),
+        simulate=simulate,
+        step_s=0.01,
+        window_s=2.0,
+    )
+
+
+def pushed(seed: int) -> Recording:
+    """Pushes of half a second to either side, each from rest, against 4 N: the place in closed form."""
+    rng, since = np.random.default_rng(seed), 0.01 * np.arange(100)
+    place, force = [], []
+    begin, dry = 0.0, 4.0
+    for number in range(12):
+        push = (-1.0) ** number * rng.uniform(6.0, 10.0)
+        fast = abs(push) - dry
+        slowing = np.clip(since - 0.5, 0.0, 0.5 * fast / dry)
+        gone = np.where(
+            since < 0.5, 0.5 * fast * since**2, 0.125 * fast + 0.5 * fast * slowing - 0.5 * dry * slowing**2
+        )
+        place.append(begin + np.sign(push) * gone)
+        force.append(np.where(since < 0.5, push, 0.0))
+        begin = float(place[-1][-1])
+    time_s = 0.01 * np.arange(1200)
+    seen = np.concatenate(place) + rng.normal(0.0, 1e-3, 1200)
+    return Recording(
+        "pushes",
+        {
+            "force": signal(time_s, np.concatenate(force), "N", held=True),
+            "place": signal(time_s, seen, "m"),
+        },
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_initial_states_that_stood_in_for_a_missing_force_let_go(seed: int) -> None:
+    """Without friction, windows begin with speeds that make up for it. With friction each of them is a minimum of its own."""
+    problem = Problem(sledge(), [pushed(seed)])
+    noise = white_noise(problem, np.resize([1e-3, -1e-3], problem.measured.size))
+    imitated = fit(problem, noise, (), problem.start()).values
+    assert np.max(np.abs(imitated.local["start_speed"])) > 1.0
+    fresh = fit(problem, noise, ("dry",), problem.start().having(dry=4.2))
+    found = fit(problem, noise, ("dry",), imitated.having(dry=4.2))
+    # held there, friction ends at 3.4 to 3.6 N
+    assert found.values.shared["dry"] == pytest.approx(4.0, abs=0.1)
+    assert found.sse < 1.05 * fresh.sse
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_accepted_effect_begins_without_what_imitated_it(seed: int) -> None:
+    """The same where friction is found too small at first, so that no window alone is better with its guess."""
+    problem = Problem(sledge(), [pushed(seed)])
+    imitated = fit(problem, assess(problem, (), problem.start(), STRICT).noise, (), problem.start()).values
+    found = assess(problem, ("dry friction",), imitated.having(dry=3.0), STRICT).fit.values
+    assert found.shared["dry"] == pytest.approx(4.0, abs=0.05)
