@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 
 from discrepancy import gates
-from discrepancy.signals.adequacy import STILL_WRONG, ChannelAdequacy, inadequate, left
+from discrepancy.signals.adequacy import OVER_SHOWN, STILL_WRONG, ChannelAdequacy, inadequate, left
 from discrepancy.signals.findings import (
     Candidate,
     Estimate,
@@ -117,7 +117,8 @@ def remaining(result: Findings) -> list[str]:
     if not inadequate(result.adequacy):
         nearest = max(result.adequacy, key=lambda c: c.over)
         others = f"; {counted(rest, 'more channel')} further within" if rest else ""
-        at = "within" if nearest.over <= 1.0 else f"within {gates.SIMULATED_OVER.threshold:.3g} times"
+        # a share above 1 may be chance, by how many independent samples there are
+        at = "within" if nearest.over <= OVER_SHOWN else "not clearly beyond"
         return [f"{at} the error budgets: {left(nearest, several=several)}{others}"]
     if any(reason.startswith(STILL_WRONG) for reason in result.reasons):
         return []

@@ -13,6 +13,7 @@ from discrepancy.signals.quantities import figures, quantity, readable
 
 STILL_WRONG: Final = "still wrong: "
 """How every sentence begins on an error that is beyond its budget."""
+OVER_SHOWN: Final = 1.05  # of an error over its budget, from which on the sentence gives it
 Source = Literal["sensor sheet", "resolution", "standstill", "differences"]
 
 
@@ -96,7 +97,7 @@ def _error(c: ChannelAdequacy, one_step: float, simulated: float) -> str:
     how = "is predicted one step ahead to" if ahead else "is simulated to"
     factor, unit = readable(c.unit, max(error, budget))
     sizes = [f"{quantity(value / factor, '', 2)} {unit}".rstrip() for value in (error, budget)]
-    far = f"{figures(error / budget, 2)} times its" if error > 1.05 * budget else "within its"
+    far = f"{figures(error / budget, 2)} times its" if error > OVER_SHOWN * budget else "within its"
     return f"{c.channel} {how} {sizes[0]}, {far} budget of {sizes[1]}"
 
 

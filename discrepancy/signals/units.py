@@ -21,6 +21,7 @@ DERIVED = {
     "Hz": {"s": -1},
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
 }
+FORCES = ("N", "W", "Pa", "V")  # by which an engineer reads a unit; no J, because a torque is none
 # units in headings of recordings: name -> SI unit, and its size in that unit
 FOREIGN = {
     "km": ("m", 1e3), "cm": ("m", 1e-2), "mm": ("m", 1e-3), "um": ("m", 1e-6), "µm": ("m", 1e-6), "l": ("m^3", 1e-3),
@@ -65,18 +66,26 @@ class Unit:
         return Unit(tuple(a * power for a in self.exponents))
 
     def __str__(self) -> str:
+        powers = self._with_fewest_factors()
+
         def write(sign: int) -> list[str]:
-            return [
-                name if abs(e) == 1 else f"{name}^{abs(e)}"
-                for name, e in zip(BASE, self.exponents, strict=True)
-                if e * sign > 0
-            ]
+            return [name if abs(e) == 1 else f"{name}^{abs(e)}" for name, e in powers.items() if e * sign > 0]
 
         above, below = write(1), write(-1)
         if not below:
             return ".".join(above) or "1"
         bottom = below[0] if len(below) == 1 else f"({'.'.join(below)})"
         return f"{'.'.join(above) or '1'}/{bottom}"
+
+    def _with_fewest_factors(self) -> dict[str, Fraction]:
+        """Exponents by base unit, or beside one derived unit where that is shorter: 'N.m' instead of 'kg.m^2/s^2'."""
+        ways = [dict(zip(BASE, self.exponents, strict=True))]
+        for name in FORCES if self.exponents[BASE.index("kg")] else ():
+            for power in (Fraction(1), Fraction(-1)):
+                rest = (self / _si(name) ** power).exponents
+                ways.append({name: power, **dict(zip(BASE, rest, strict=True))})
+        # the first of equally short ones: base units before derived ones
+        return min(ways, key=lambda powers: sum(abs(e) for e in powers.values()))
 
     def same_quantity(self, other: "Unit") -> bool:
         """Whether two units are equal apart from radians, which are ratios of lengths."""

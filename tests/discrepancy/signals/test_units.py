@@ -28,6 +28,24 @@ def test_a_force_per_speed_squared_is_mass_per_length() -> None:
     assert str(parse_unit("N") / parse_unit("m/s") ** 2) == "kg/m"
 
 
+@pytest.mark.parametrize(
+    ("made", "text"),
+    [
+        ("kg.m^2/s^3", "W"),
+        ("kg.m^2/s^2", "N.m"),
+        ("kg/s^2", "N/m"),
+        ("s^2.rad/(kg.m^2)", "rad/(N.m)"),
+        ("s^3.A/(kg.m^2)", "1/V"),
+        ("kg/s", "kg/s"),
+        ("kg.m^2", "kg.m^2"),
+        ("m/s^2", "m/s^2"),
+    ],
+)
+def test_a_unit_is_written_with_few_factors(made: str, text: str) -> None:
+    assert str(parse_unit(made)) == text
+    assert parse_unit(text) == parse_unit(made)
+
+
 @pytest.mark.parametrize("text", ["m/s/s", "10", "s^", "m^x", "2"])
 def test_what_is_no_unit_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="cannot read"):
