@@ -21,6 +21,7 @@ from discrepancy.decision.missing_channels import missing_channels
 from discrepancy.decision.namesakes import without_namesakes
 from discrepancy.decision.not_accepted import taken_over
 from discrepancy.decision.not_understood import complaints_of, intervals_not_understood
+from discrepancy.decision.rates import at_both_rates, at_models_rate
 from discrepancy.decision.stand_ins import with_stand_ins
 from discrepancy.decision.verdict import verdict
 from discrepancy.estimation.fit import Fit
@@ -102,6 +103,7 @@ def _judged(
         if not caveats:  # costs two fits for each candidate that was not accepted
             caveats += taken_over(problem, state, history[-1].trials, test)
         found.append(_finding(problem, state, history[0], test, rivals, caveats))
+    found, at_rates = at_both_rates(problem, state, found, at_models_rate(problem, state, settings))
     # the order of acceptance is not that of the evidence
     found.sort(key=lambda finding: -finding.sse_reduction)
     candidates = summary.candidates(problem, state, history[0], found, settings)
@@ -124,6 +126,7 @@ def _judged(
         settings,
         len(history[-1].accepted),
     )
+    reasons += at_rates
     if unclear := intervals_not_understood(problem, history[0]):
         status, reasons = LESS_SURE.get(status, status), [*unclear, *reasons]
     findings = f.Findings(

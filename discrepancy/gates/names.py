@@ -159,7 +159,17 @@ PRIOR_CONFLICT: Final = _gate(
     passes="below",
     source="one in 370",
     otherwise="effects are screened from the prior too; where the interval of the nuisance is beyond two of them, the search goes on with a prior ten times wider if the model is then adequate, else a name beside it is the best proxy, cause unknown",
-    module="selection.assess, decision.caveats, decision.summary",
+    module="selection.assess, decision.caveats, decision.summary, decision.stand_ins",
+)
+RATES_AGREE: Final = _gate(
+    name="sizes at both rates agree",
+    of="effect",
+    statistic="difference of a size by single samples and by rows at the model's bandwidth, over the root of the difference of their variances (Hausman 1978); only where eight samples or more make a row",
+    threshold=2.0,
+    passes="below",
+    source="95 %; an interval that is widened in vain costs little",
+    otherwise="the interval holds both, and a sentence says so",
+    module="decision.rates",
 )
 LEFT_BESIDE_EQUATION: Final = _gate(
     name="size left beside the equation",

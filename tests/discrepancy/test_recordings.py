@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.exhibits import EXHIBITS, model_and_recordings
 from discrepancy.examine import examine
 from discrepancy.models import ball, car, road
 from discrepancy.selection.state import Settings
@@ -155,3 +156,18 @@ def test_the_accelerometer_of_the_can_bus_is_reversed(hills: tuple[Recording, Fi
 def test_the_rest_of_the_road_vehicle_is_in_order(hills: tuple[Recording, Findings]) -> None:
     """No sensor that is early, nor a lag that a negative delay takes back: wheels swing, bodies do not."""
     assert sorted(hills[1].named) == ["accel_x sign", "road grade"]
+
+
+def test_a_linear_drive_at_its_full_rate_has_intervals_with_the_published_friction(recordings: Path) -> None:
+    """203.5 N s/m and 20.4 N (Janot, Gautier and Brunot 2019), at 500 Hz, some 16 times what the model needs."""
+    present(recordings, "emps")
+    [exhibit] = [e for e in EXHIBITS if e.name == "emps"]
+    result = examine(*model_and_recordings(exhibit, recordings), Settings())
+    assert {"viscous friction", "dry friction"} <= set(result.named)
+    for name, published in (("viscous friction", 203.5), ("dry friction", 20.4)):
+        [size] = result.finding(name).parameters
+        assert size.low is not None
+        assert size.high is not None
+        assert size.low < published < size.high
+        assert size.high - size.low < 0.5 * published
+    assert sum("not right at every frequency" in reason for reason in result.reasons) == 2

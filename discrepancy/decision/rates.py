@@ -1,0 +1,94 @@
+"""Sizes at the rate of the recording, and at that of the model: an interval that holds at one rate only is none.
+
+One-step errors weigh every frequency by its noise (ADR 27). If the model is right at all of them, rows at its own bandwidth give the same sizes with
+a little more scatter. If not, the two differ by more than that, and the data do not say which of them is the machine's (Hausman 1978).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from discrepancy import gates
+from discrepancy.decision.summary import estimate
+from discrepancy.estimation.fit import Fit
+from discrepancy.estimation.noise import Noise
+from discrepancy.estimation.problem import Problem
+from discrepancy.selection.assess import assess
+from discrepancy.selection.bandwidth import OVERSAMPLED, at_bandwidth
+from discrepancy.selection.state import Settings, State
+from discrepancy.signals.findings import Estimate, Finding
+from discrepancy.signals.quantities import quantity
+
+LEAST_APART: Final = (
+    0.5  # scatter of the difference over that at the model's rate: both variances are known to a half only
+)
+
+
+@dataclass(frozen=True, slots=True)
+class AtModelsRate:
+    """The accepted effects fitted to rows that come no faster than the model moves."""
+
+    samples: int  # to a row, at most
+    fit: Fit
+    noise: Noise
+
+
+def at_models_rate(problem: Problem, state: State, settings: Settings) -> AtModelsRate | None:
+    """That fit; None if nothing was accepted, or no channel is sampled far faster than the model moves."""
+    if not state.accepted or problem.row_period_s:
+        return None
+    slow, _ = at_bandwidth(problem)
+    samples = max((block.averaged for block in slow.blocks), default=1)
+    if samples < OVERSAMPLED:
+        return None
+    found = assess(slow, state.accepted, state.fit.values, settings)
+    return AtModelsRate(samples, found.fit, found.noise)
+
+
+def at_both_rates(
+    problem: Problem, state: State, found: Sequence[Finding], slow: AtModelsRate | None
+) -> tuple[list[Finding], list[str]]:
+    """The findings with intervals that hold the sizes at both rates where these contradict each other, and a sentence on each."""
+    if slow is None:
+        return [*found], []
+    widened, said = [], []
+    for finding in found:
+        own = {e.name: e for e in finding.parameters}
+        for name, other in _contradictions(problem, state, finding, slow):
+            own[name] = _both(own[name], other)
+            said.append(
+                f"{name} is {quantity(own[name].value, own[name].unit)} by single samples and {quantity(other.value, other.unit)} by means of {slow.samples}: "
+                "the model is not right at every frequency of the recording, and the interval holds both"
+            )
+        widened.append(replace(finding, parameters=list(own.values())))
+    return widened, said
+
+
+def _contradictions(
+    problem: Problem, state: State, finding: Finding, slow: AtModelsRate
+) -> Iterator[tuple[str, Estimate]]:
+    """Parameters of a finding whose two estimates are further apart than their scatter, and the one at the model's rate."""
+    for here in finding.parameters:
+        # a rival in the place of an accepted effect was not fitted at the other rate
+        if here.name not in slow.fit.names or here.name not in state.fit.names:
+            continue
+        there = estimate(problem.model.parameter(here.name), slow.fit, slow.noise)
+        # both are of the same data: of an efficient and a less efficient estimate, the variance of the difference is the difference of the variances
+        scatter = np.sqrt(max(_sd(there) ** 2 - _sd(here) ** 2, (LEAST_APART * _sd(there)) ** 2))
+        if abs(here.value - there.value) > gates.RATES_AGREE.threshold * scatter:
+            yield here.name, there
+
+
+def _sd(e: Estimate) -> float:
+    """Half of a one-sided 95 % interval as a standard deviation; infinite where there is none."""
+    return np.inf if e.low is None or e.high is None else (e.high - e.low) / (2.0 * 1.96)
+
+
+def _both(one: Estimate, other: Estimate) -> Estimate:
+    assert one.low is not None
+    assert one.high is not None
+    assert other.low is not None
+    assert other.high is not None
+    return replace(one, low=min(one.low, other.low), high=max(one.high, other.high))

@@ -1,0 +1,71 @@
+"""Sizes at the rate of the recording and at that of the model."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from discrepancy.decision.judgement import Judgement
+from discrepancy.decision.rates import at_both_rates, at_models_rate
+from discrepancy.examine import investigate
+from discrepancy.selection.bandwidth import OVERSAMPLED
+from discrepancy.selection.state import Settings
+from discrepancy.signals.recording import Recording, signal
+from tests.discrepancy.toys import record, tank
+
+STRICT = Settings()
+RATES = "not right at every frequency"
+
+
+def fast(seed: int) -> Recording:
+    """A leaking tank read every 10 ms."""
+    slow = record(seed, noise=0.0, leak=0.05)
+    time_s = np.arange(0.0, 119.0, 0.01)
+    level = np.interp(time_s, slow.signals["level"].time_s, slow.signals["level"].value)
+    seen = level + np.random.default_rng(seed).normal(0.0, 0.02, time_s.size)
+    return Recording("fast", {**slow.signals, "level": signal(time_s, seen, "m")})
+
+
+def judged(recording: Recording, settings: Settings) -> Judgement:
+    found = investigate(tank("leak"), [recording], settings)
+    assert isinstance(found, Judgement)
+    return found
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_sizes_of_a_right_model_agree(seed: int) -> None:
+    found = judged(fast(seed), STRICT)
+    slow = at_models_rate(found.problem, found.state, STRICT)
+    assert slow is not None
+    assert slow.samples >= OVERSAMPLED
+    assert not any(RATES in reason for reason in found.findings.reasons)
+
+
+@pytest.mark.parametrize(("apart", "told"), [(1.0, False), (5.0, True), (-5.0, True)])
+def test_sizes_that_contradict_each_other_are_both_in_the_interval(apart: float, told: bool) -> None:
+    """The size at the model's rate is moved by so many of its standard deviations."""
+    found = judged(fast(1), STRICT)
+    slow = at_models_rate(found.problem, found.state, STRICT)
+    assert slow is not None
+    here = found.findings.finding("leak").parameters[0]
+    there = here.value + apart * slow.fit.sd("leak")
+    moved = replace(slow, fit=replace(slow.fit, values=slow.fit.values.having(leak=there)))
+    [leak], said = at_both_rates(found.problem, found.state, found.findings.findings, moved)
+    [size] = leak.parameters
+    assert size.value == here.value
+    assert size.low is not None
+    assert size.high is not None
+    if told:
+        assert size.low < there < size.high
+        assert size.low <= (here.low or 0.0)
+        assert size.high >= (here.high or 0.0)
+        assert RATES in said[0]
+    else:
+        assert (size, said) == (here, [])
+
+
+def test_a_recording_at_the_models_rate_is_fitted_once() -> None:
+    found = judged(record(1, leak=0.05), STRICT)
+    assert at_models_rate(found.problem, found.state, STRICT) is None
+    averaged = judged(fast(1), replace(STRICT, average=True))
+    assert at_models_rate(averaged.problem, averaged.state, STRICT) is None
