@@ -4,7 +4,7 @@ A mismatch outside the library pulls effects of the library towards it, and they
 well enough to be a part of the baseline; effects that pass all gates there are named beside it. Only where simulations are cheap.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -49,7 +49,7 @@ class Beside:
         after = held_out_residual(problem, noise, state.accepted, values, settings)
         gained = np.bincount(noise.row_channel, before**2 - after**2, len(problem.channels))
         return OpenEnded(
-            (*refitted(self.terms, state.fit), *left.terms),
+            merged((*refitted(self.terms, state.fit), *left.terms)),
             without.sse - state.fit.sse + left.sse_reduction,
             left.threshold,
             {
@@ -97,6 +97,26 @@ class Beside:
         X, A = (part - N @ np.linalg.lstsq(N, part, rcond=None)[0] if N.size else part for part in (X, A))
         done = A @ np.linalg.lstsq(A, X, rcond=None)[0]
         return float(np.sum(done**2) / max(np.sum(X**2), 1e-300))
+
+
+def merged(terms: Sequence[FittedTerm]) -> tuple[FittedTerm, ...]:
+    """The terms, those of one function at one place as one: what is left may correct a term that is there already."""
+    found: dict[tuple[str, str], FittedTerm] = {}
+    for term in terms:
+        place = term.reported.place, term.reported.function
+        before = found.get(place)
+        found[place] = (
+            term if before is None else replace(term, reported=_sum(before.reported, term.reported))
+        )
+    return tuple(found.values())
+
+
+def _sum(one: f.OpenTerm, other: f.OpenTerm) -> f.OpenTerm:
+    size = one.coefficient + other.coefficient
+    if one.low is None or one.high is None or other.low is None or other.high is None:
+        return replace(one, coefficient=size, low=None, high=None)
+    reach = float(np.hypot(one.high - one.low, other.high - other.low)) / 2.0
+    return replace(one, coefficient=size, low=size - reach, high=size + reach)
 
 
 def beside_equation(

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from discrepancy.decision.beside import Beside
+from discrepancy.decision.beside import Beside, merged
 from discrepancy.decision.drop_one import drop_one_tests
 from discrepancy.decision.judge import judge
 from discrepancy.estimation.problem import Problem
@@ -121,3 +121,23 @@ def test_an_equation_of_a_reading_starts_no_second_search() -> None:
     assert found.open_ended is not None
     searched = any("searching beside" in line for line in said)
     assert searched == any(t.place == "inflow" for t in found.open_ended.terms)
+
+
+def test_a_function_stands_once_at_its_place() -> None:
+    """What is left beside an equation may correct one of its own terms."""
+    level = next(f for f in functions({"level": "m"}, {"level": 1.0}) if f.text == "level")
+
+    def term(place: str, coefficient: float, reach: float) -> FittedTerm:
+        low, high = coefficient - reach, coefficient + reach
+        reported = OpenTerm(
+            place=place, function="level", coefficient=coefficient, low=low, high=high, unit="1/s", equally_good=[]
+        )  # fmt: skip
+        return FittedTerm(reported, level)
+
+    found = [
+        t.reported
+        for t in merged([term("inflow", 0.1, 0.03), term("outflow", 1.0, 0.1), term("inflow", -0.3, 0.04)])
+    ]
+    assert [t.place for t in found] == ["inflow", "outflow"]
+    assert (found[0].coefficient, found[0].low, found[0].high) == pytest.approx((-0.2, -0.25, -0.15))
+    assert (found[1].coefficient, found[1].low, found[1].high) == pytest.approx((1.0, 0.9, 1.1))
