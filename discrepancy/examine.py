@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from discrepancy.checks.channel_checks import failing_channels
 from discrepancy.checks.model_check import check_model
+from discrepancy.checks.spikes import spikes
 from discrepancy.decision.judge import judge, nothing_usable
 from discrepancy.decision.judgement import Judgement
 from discrepancy.estimation.problem import Problem, Unusable
@@ -43,7 +44,8 @@ def investigate(
     except Unusable as error:
         names = list(dict.fromkeys([*(r.name for r in recordings), *(c.recording for c in complaints)]))
         return nothing_usable(model.name, names, Unusable([*complaints, *error.complaints]))
-    return judge(problem, settings, progress, [*complaints, *failed, *fast])
+    jumps = [c for recording in recordings for c in spikes(model, recording)]
+    return judge(problem, settings, progress, [*complaints, *failed, *fast, *jumps])
 
 
 def usable(model: Model, recordings: Sequence[Recording]) -> tuple[Problem, list[Complaint]]:
