@@ -79,15 +79,15 @@ EXHIBITS = (
         "Two arms driven at both joints, 500 Hz. The model: rigid arms on frictionless joints, with the masses known to a tenth.",
         "Identified by its makers: dry friction of 0.093 N m at the shoulder and 0.078 N m at the elbow, viscous friction of 0.001 N m s/rad "
         "at both; another of their models has 0.186 N m at the elbow.",
-        "Right in its names. The shoulder's interval holds the published size. At the elbow a part of the dry friction is found as viscous: at "
-        "2 rad/s both together resist with 0.114 N m, the published ones with 0.124 N m.",
+        "Dry friction is right in both joints: the two intervals hold the published sizes. Beside it the shoulder has a viscous friction of 0.035 N m s/rad that "
+        "nothing published confirms, and its moment of mass is pushed by three standard deviations, which the verdict says.",
     ),
     Exhibit(
         "qube_pendulum",
         ("run.csv.gz",),
         "The arm of a rotary pendulum that a controller keeps upright, 250 Hz. The model: a motor with linear damping and the pendulum's pull.",
         "Nearly nothing: a linear model explains all but 8.7 % of the arm's acceleration, and dry friction takes that to 8.4 %.",
-        "Honest: no cause is named. What is left is small and depends on the voltage; dead zone and delay are only the most similar effects. "
+        "Honest: no cause is named. What is left is small and depends on the voltage; a delay is only the most similar effect. "
         "A first version of the model left out that the pendulum's inertia moves the arm; the tool answered with that equation, a part of the "
         "pendulum's angle in the arm's.",
     ),
