@@ -159,7 +159,7 @@ PRIOR_CONFLICT: Final = _gate(
     passes="below",
     source="one in 370",
     otherwise="effects are screened from the prior too; where the interval of the nuisance is beyond two of them, the search goes on with a prior ten times wider if the model is then adequate, else a name beside it is the best proxy, cause unknown",
-    module="selection.assess, decision.caveats, decision.summary, decision.stand_ins",
+    module="selection.assess, decision.caveats, decision.summary",
 )
 RATES_AGREE: Final = _gate(
     name="sizes at both rates agree",
