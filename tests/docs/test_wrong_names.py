@@ -11,15 +11,16 @@ NULLS, CLEAR = "false findings on nulls", "a further, false name beside the trut
 
 
 def counted(row: str) -> tuple[int, int]:
-    """Wrong names and recordings in all tables of the page."""
-    page = (ROOT / "docs" / "results" / "proof.md").read_text(encoding="utf-8")
+    """Wrong names and recordings in all tables of both pages."""
+    pages = (ROOT / "docs" / "results" / name for name in ("proof.md", "proof-loader.md"))
+    page = "\n".join(file.read_text(encoding="utf-8") for file in pages)
     found = re.findall(rf"^\| {re.escape(row)} \|.*?\| (\d+) of (\d+) ", page, re.MULTILINE)
     assert len(found) == 5  # straight, ball, car, loader, loader by MuJoCo
     return sum(int(wrong) for wrong, _ in found), sum(int(count) for _, count in found)
 
 
 @pytest.mark.parametrize(("row", "said"), [(NULLS, "with nothing hidden"), (CLEAR, "with a clear effect")])
-def test_the_readme_says_what_the_page_counts(row, said):
+def test_the_readme_says_what_the_pages_count(row, said):
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     wrong, count = counted(row)
     bound = beta.ppf(0.95, wrong + 1, count - wrong)  # Clopper and Pearson, one-sided

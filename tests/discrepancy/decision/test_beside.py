@@ -85,18 +85,30 @@ def test_an_effect_that_the_equation_can_do_has_to_be_large_beside_it() -> None:
         OpenEnded(sse_reduction=share * test.sse_reduction, held_out_sse_reductions={})
         for share in (50.0, 5.0)
     )
-    assert beside.caveats(grown, state, test, small) == []
-    (caveat,) = beside.caveats(grown, state, test, large)
+    known = replace(beside, first=state)
+    assert known.caveats(grown, state, test, small) == []
+    (caveat,) = known.caveats(grown, state, test, large)
     assert "may be what the equation leaves" in caveat
     assert "do 9" in caveat or "do 100%" in caveat
 
 
-def test_an_effect_that_the_equation_halves_is_not_determined() -> None:
+@pytest.mark.parametrize(("share", "count"), [(5.0, 0), (12.0, 1)])
+def test_an_effect_that_shows_only_beside_an_equation_has_to_be_large(share: float, count: int) -> None:
+    """What an equation leaves of its own mismatch has any shape, so what the equation can do does not matter."""
+    _, _, grown, state, beside = with_a_drain()
+    (test,) = drop_one_tests(grown, state, {}, OpenEnded(), SETTINGS)
+    equation = OpenEnded(sse_reduction=share * test.sse_reduction, held_out_sse_reductions={})
+    caveats = beside.caveats(grown, state, test, equation)
+    assert len(caveats) == count
+    assert all("shows only beside an equation" in caveat for caveat in caveats)
+
+
+def test_a_size_that_the_equation_changes_by_half_is_not_determined() -> None:
     """As in the first search: there the equation's omitted-variable bias is asked, here the two sizes are known."""
     _, _, grown, state, beside = with_a_drain()
     (test,) = drop_one_tests(grown, state, {}, OpenEnded(), SETTINGS)
     found = state.fit.values.shared["leak"]
-    for factor, count in ((1.5, 0), (3.0, 1), (-1.0, 1)):
+    for factor, count in ((1.5, 0), (3.0, 1), (-1.0, 1), (0.75, 0), (0.6, 1)):
         values = state.fit.values.having(leak=factor * found)
         first = replace(state, fit=replace(state.fit, values=values))
         caveats = replace(beside, first=first).caveats(grown, state, test, OpenEnded())
