@@ -133,6 +133,15 @@ def wrong_values(result: Findings) -> list[str]:
     ]
 
 
+def value_or_effect(result: Findings) -> str:
+    """'Either the baseline's weight is wrong, or torque constant acts'; empty where there is no such question."""
+    return "; ".join(
+        f"Either the baseline's {b.estimate.name} is wrong, or {' or '.join(b.or_effects)} acts: these recordings cannot distinguish them"
+        for b in result.baseline_values
+        if b.or_effects
+    )
+
+
 def budget(c: ChannelAdequacy) -> str:
     """'0.0103 m (differences)': what the sensor may be off by, and where that figure comes from."""
     factor, unit = readable(c.unit, c.budget)

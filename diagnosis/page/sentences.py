@@ -20,7 +20,9 @@ def headline(result: Findings) -> str:
     """The first paragraph of the page: the result in one or two sentences."""
     named = [f for f in result.findings if f.named]
     if named:
+        either = describe.value_or_effect(result)
         rest = " That does not explain all of the difference." if result.status == "explained in part" else ""
+        rest = f" {either}." if either else rest
         return f"The model leaves out {'; '.join(map(_left_out, named))}.{_error_falls(named)}{rest}"
     if result.status.startswith("explained"):
         wrong = "; ".join(describe.wrong_values(result))

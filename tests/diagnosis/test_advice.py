@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from diagnosis.advice import advice
-from discrepancy.signals.findings import Candidate, Findings, Separation
+from diagnosis.page.sentences import headline
+from discrepancy.signals.findings import BaselineValue, Candidate, Estimate, Findings, Separation
 from discrepancy.signals.recording import Complaint
 from loaderhil import cli
 from tests.diagnosis.cases import Call, columns, finding, loaderhil, model_file, write_csv
@@ -88,3 +89,22 @@ def test_the_command_that_is_advised_for_an_equation_works_as_printed(
     assert again.result is not None
     assert again.result.named == ["drain"]
     assert again.code == 0
+
+
+def test_a_value_or_an_effect_is_asked_on_the_first_screen_and_in_the_next_steps() -> None:
+    size = Estimate(name="area", value=1.0, low=0.99, high=1.01, unit="m^2", baseline=1.3)
+    value = BaselineValue(estimate=size, prior_sd=0.026, away=11.5, sure=False, or_effects=["level scale"])
+    result = replace(
+        NOTHING,
+        status="explained in part",
+        findings=[finding("leak", "physics", {"leak": 0.05})],
+        baseline_values=[value],
+    )
+    assert (
+        "Measure the baseline's area by itself: if it is what was assumed, look for level scale."
+        in advice(result, "tank", None)
+    )
+    assert headline(result).endswith(
+        "Either the baseline's area is wrong, or level scale acts: these recordings cannot distinguish them."
+    )
+    assert "Either" not in headline(replace(result, baseline_values=[]))
