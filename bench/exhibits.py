@@ -51,7 +51,7 @@ EXHIBITS = (
         ("estimation.csv.gz",),
         "A linear drive with a ball screw, 500 Hz. The model: a mass that a motor's force pushes.",
         "Published: viscous friction 203.5 N s/m, dry friction 20.4 N, offset of the force -3.2 N, mass 95.1 kg.",
-        "Right: viscous and dry friction are named, and as is the offset, and all three intervals hold the published sizes; friction is also right at 250 Hz and on the second recording of the drive. "
+        "Right: viscous and dry friction are named, as is the offset, and all three intervals hold the published sizes; friction is also right at 250 Hz and on the second recording of the drive. "
         "The reading comes 1.4 ms early, which nothing known confirms; a force that is held over the 2 ms of its samples looks alike. Without `--average` viscous friction is 253 N s/m by single samples, and its interval of 190 to 273 holds the 220 by means of 16 as well: the drive moves far slower than it is sampled.",
         average=True,
     ),

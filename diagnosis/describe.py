@@ -136,7 +136,7 @@ def wrong_values(result: Findings) -> list[str]:
 def value_or_effect(result: Findings) -> str:
     """'Either the baseline's weight is wrong, or torque constant acts'; empty where there is no such question."""
     return "; ".join(
-        f"Either the baseline's {b.estimate.name} is wrong, or {' or '.join(b.or_effects)} acts: these recordings cannot distinguish them"
+        f"Either the baseline's {b.estimate.name} is wrong, or {' or '.join(b.or_effects[:MOST_EFFECTS])} acts: these recordings cannot distinguish them"
         for b in result.baseline_values
         if b.or_effects
     )

@@ -61,7 +61,7 @@ MEANING: Mapping[str, str] = {
     "Estimate.at_bound": "lower or upper, where the estimate lies at the bound of what is physically possible",
     "Estimate.baseline": "the value in the baseline, `--with` included; null for a parameter that describes the form of an effect, not its size",
     "GroupMember.effect": "its name",
-    "GroupMember.likelihood_difference": "difference of the SSE to the finding; below 9.2, or where blocks of time contradict one another on it, the two cannot be distinguished",
+    "GroupMember.likelihood_difference": f"difference of the SSE to the finding; below {gates.SAME_LIKELIHOOD.threshold:g}, or where blocks of time contradict one another on it, the two cannot be distinguished",
     "GroupMember.collinearity": "cosine between the sensitivities of the two effects, with the baseline's parameters projected out; 1: indistinguishable",
     "GroupMember.parameters": "fitted values with this effect in the finding's place",
     "Separation.effect": "the member of the group",

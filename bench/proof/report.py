@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.proof import real, score
-from bench.proof.arm import Done
+from bench.proof.arm import LOADERS, Done
 
 HEAD = ("| metric | target | measured | met |", "|---|---|---|---|")
 BODIES = {
@@ -55,7 +55,7 @@ def report(
 ) -> str:
     """The whole page. broken: arms that did not finish, with the reason; planned: number of arms; about: commit and note of the run."""
     lines = [
-        "# Proof of the discrepancy engine",
+        f"# Proof of the discrepancy engine{_of_what({d.arm.body for d in done})}",
         "",
         f"`{command}`, commit {about['commit']}, Python {platform.python_version()}, numpy {np.__version__}; {len(done)} of {planned} arms,"
         f" {sum(d.seconds for d in done) / 3600.0:.1f} h of diagnosis. {about['note']}",
@@ -74,6 +74,15 @@ def report(
     if broken:
         lines += ["", "Not finished:", "", *(f"- {key}: {why}" for key, why in broken.items())]
     return "\n".join(lines) + "\n"
+
+
+def _of_what(bodies: set[str]) -> str:
+    """What a page of some bodies is of, after its title."""
+    if not bodies:
+        return ""
+    if bodies <= {"real", "thesis"}:
+        return ": real recordings and the thesis' estimators"
+    return ": the whole loader" if bodies <= set(LOADERS) else ""
 
 
 def _body(done: Sequence[Done]) -> Iterator[str]:

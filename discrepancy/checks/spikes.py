@@ -17,7 +17,9 @@ from discrepancy.signals.recording import Complaint, Recording, Signal, cleaned
 
 NEIGHBOURS: Final = 5  # samples whose median a reading is compared with
 BEYOND: Final = 10.0  # times the distance that all but one in a hundred keep
-MOST: Final = 0.01  # share of the samples up to which such readings are glitches, and not how the signal is
+MOST: Final = (
+    0.01  # share of the samples of which nearly all are usual; more readings of a kind are how the signal is
+)
 FEWEST: Final = 100  # samples, below which one in a hundred is none
 SHOWN: Final = 4  # times of them in the complaint
 
@@ -30,10 +32,12 @@ def spikes(model: Model, recording: Recording) -> Iterator[Complaint]:
         if (at := _jumping(signal)).size:
             times = ", ".join(f"{signal.time_s[i]:.6g}" for i in at[:SHOWN])
             more = f" and {at.size - SHOWN} more" if at.size > SHOWN else ""
-            farthest = signal.value[at[np.argmax(np.abs(signal.value[at]))]]
+            others = np.delete(signal.value, at)
+            low, high, first = (
+                quantity(float(x), signal.unit) for x in (others.min(), others.max(), signal.value[at[0]])
+            )
             text = (
-                f"jumps for a single reading at {times} s{more}, to {quantity(float(farthest), signal.unit)}; all other readings "
-                f"keep from {quantity(float(np.quantile(signal.value, MOST)), signal.unit)} to {quantity(float(np.quantile(signal.value, 1.0 - MOST)), signal.unit)}. "
+                f"jumps for a single reading at {times} s{more}, first to {first}; all other readings keep from {low} to {high}. "
                 "An input is used as it was recorded: correct these readings, or what follows them is judged wrongly"
             )
             yield Complaint(recording.name, name, text, fatal=False)
@@ -46,6 +50,6 @@ def _jumping(signal: Signal) -> NDArray[np.intp]:
         return np.zeros(0, np.intp)
     away = np.abs(x - median_filter(x, NEIGHBOURS, mode="nearest"))
     low, high = np.quantile(x, [MOST, 1.0 - MOST])
-    # beyond what the signal does at its most lively, and further than its whole range is wide
-    at = np.flatnonzero(away > max(BEYOND * float(np.quantile(away, 1.0 - MOST)), float(high - low)))
-    return at if high > low and at.size <= MOST * x.size else np.zeros(0, np.intp)
+    # beyond what the signal does at its most lively, and further than its whole range is wide; a signal that stands still has no range
+    far = max(BEYOND * float(np.quantile(away, 1.0 - MOST)), float(high - low))
+    return np.flatnonzero(away > far) if high > low else np.zeros(0, np.intp)

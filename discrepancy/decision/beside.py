@@ -60,13 +60,23 @@ class Beside:
         )
 
     def caveats(self, problem: Problem, state: State, test: DropOneTest, equation: OpenEnded) -> list[str]:
-        """Caveats if the effect may be what the equation leaves of its own mismatch: alike and small beside it, or less than half of what it was without."""
+        """Caveats if the effect may be what the equation leaves of its own mismatch: small beside it, or another size than without."""
+        if test.effect not in self.first.accepted:
+            return self._only_beside(test, equation)
         return [*self._small(problem, state, test, equation), *self._changed(problem, state, test)]
+
+    def _only_beside(self, test: DropOneTest, equation: OpenEnded) -> list[str]:
+        """What an equation leaves of its own mismatch has any shape, so that it does not count what the equation can do (ADR 100)."""
+        if test.sse_reduction >= gates.EQUATION_ERROR.threshold * equation.sse_reduction:
+            return []
+        return [
+            f"shows only beside an equation, with evidence {test.sse_reduction:.0f} where the equation has {equation.sse_reduction:.0f}: it may be what the equation leaves"
+        ]
 
     def _changed(self, problem: Problem, state: State, test: DropOneTest) -> list[str]:
         """A size that another cause changes by half of itself is not determined, whether or not the rest is significant (ADR 50)."""
         effect = problem.model.effect(test.effect)
-        if test.effect not in self.first.accepted or effect.size != 1:
+        if effect.size != 1:
             return []
         p = effect.parameters[0]
         before, after = (s.fit.values.shared[p.name] for s in (self.first, state))
@@ -78,16 +88,10 @@ class Beside:
         ]
 
     def _small(self, problem: Problem, state: State, test: DropOneTest, equation: OpenEnded) -> list[str]:
-        # What an equation leaves of its own mismatch has any shape. An effect that the first search had too was there without it.
-        before = test.effect in self.first.accepted
         alike = self._alike(problem, state.fit, test.effect)
-        least = gates.EQUATION_ERROR.threshold * (alike if before else 1.0) * equation.sse_reduction
+        least = gates.EQUATION_ERROR.threshold * alike * equation.sse_reduction
         if test.sse_reduction >= least:
             return []
-        if not before:
-            return [
-                f"shows only beside an equation, with evidence {test.sse_reduction:.0f} where the equation has {equation.sse_reduction:.0f}: it may be what the equation leaves"
-            ]
         return [
             f"has evidence {test.sse_reduction:.0f} beside an equation with {equation.sse_reduction:.0f} that can do {alike:.0%} of it: it may be what the equation leaves"
         ]

@@ -41,18 +41,21 @@ def backward(
 ) -> State:
     """The state without accepted effects that the others have made unnecessary, removed one by one, weakest first; known: as in `drop_one_tests`."""
     while len(state.accepted) > 1:
-        reductions = {}
+        fits = {}
         for name in state.accepted:
             others = tuple(n for n in state.accepted if n != name)
-            reductions[name] = _without(problem, state, others, known).sse - state.fit.sse
-        weakest = min(reductions, key=lambda n: reductions[n])
+            fits[name] = _without(problem, state, others, known)
+        weakest = min(fits, key=lambda n: fits[n].sse)
         effect = problem.model.effect(weakest)
         least = sse_threshold(problem, effect, state.fit.values, settings.alpha)
-        if reductions[weakest] > least and size_of(effect, state.fit) >= problem.model.negligible:
+        if (
+            fits[weakest].sse - state.fit.sse > least
+            and size_of(effect, state.fit) >= problem.model.negligible
+        ):
             break
         kept = tuple(n for n in state.accepted if n != weakest)
         state = replace(
-            assess(problem, kept, _without(problem, state, kept, known).values, settings, state.aside),
+            assess(problem, kept, fits[weakest].values, settings, state.aside),
             trials=state.trials,
         )
     return state
@@ -68,15 +71,12 @@ def _without(
     dropped = [problem.model.effect(name) for name in state.accepted if name not in others]
     off = {name: value for effect in dropped for name, value in switched_off(effect).items()}
     names = free_names(problem, others)
-    here = state.fit.values.with_shared(off)
-    start = known.get(frozenset(others), here).warmed_up_as(state.fit.values)
+    here, before = state.fit.values.with_shared(off), known.get(frozenset(others))
+    starts = [here] if before is None else [before.warmed_up_as(here), here]
     if not problem.costs.costly:
         # whichever of them ends lower: an effect that the search ended beside is not needed if the fit before it was better
-        ends = [
-            fit(problem, state.noise, names, point)
-            for point in ([here, start] if start is not here else [here])
-        ]
-        return min(ends, key=lambda end: end.sse)
+        return min((fit(problem, state.noise, names, start) for start in starts), key=lambda end: end.sse)
+    start = starts[0]
     # how much worse is the model without them, at the same values? That sets the accuracy that the refit needs
     unfitted = fit(problem, state.noise, names, start, effort=replace(AS_IT_IS, cached=True))
     least = problem.costs.least_reduction(unfitted.sse - state.fit.sse)

@@ -15,6 +15,7 @@ from discrepancy.decision.summary import estimate
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
 from discrepancy.estimation.problem import Problem
+from discrepancy.estimation.set_aside import SetAside
 from discrepancy.selection.assess import assess
 from discrepancy.selection.bandwidth import OVERSAMPLED, at_bandwidth
 from discrepancy.selection.state import Settings, State
@@ -43,8 +44,19 @@ def at_models_rate(problem: Problem, state: State, settings: Settings) -> AtMode
     samples = max((block.averaged for block in slow.blocks), default=1)
     if samples < OVERSAMPLED:
         return None
-    found = assess(slow, state.accepted, state.fit.values, settings)
+    found = assess(slow, state.accepted, state.fit.values, settings, _of_rows(state.aside, slow))
     return AtModelsRate(samples, found.fit, found.noise)
+
+
+def _of_rows(aside: SetAside, slow: Problem) -> SetAside:
+    """What was set aside, for rows of several samples: a row that holds such a reading is out too."""
+    if not aside.rows:
+        return aside
+    rows = [
+        out[: out.size - out.size % block.averaged].reshape(-1, block.averaged).max(axis=1)
+        for out, block in zip(aside.rows, slow.blocks, strict=True)
+    ]
+    return SetAside(tuple(rows), aside.intervals)
 
 
 def at_both_rates(
@@ -72,7 +84,7 @@ def _contradictions(
     """Parameters of a finding whose two estimates are further apart than their scatter, and the one at the model's rate."""
     for here in finding.parameters:
         # a rival in the place of an accepted effect was not fitted at the other rate
-        if here.name not in slow.fit.names or here.name not in state.fit.names:
+        if here.low is None or here.name not in slow.fit.names or here.name not in state.fit.names:
             continue
         there = estimate(problem.model.parameter(here.name), slow.fit, slow.noise)
         # both are of the same data: of an efficient and a less efficient estimate, the variance of the difference is the difference of the variances
@@ -81,14 +93,16 @@ def _contradictions(
             yield here.name, there
 
 
+def _ends(e: Estimate) -> tuple[float, float]:
+    return (-np.inf if e.low is None else e.low), (np.inf if e.high is None else e.high)
+
+
 def _sd(e: Estimate) -> float:
-    """Half of a one-sided 95 % interval as a standard deviation; infinite where there is none."""
-    return np.inf if e.low is None or e.high is None else (e.high - e.low) / (2.0 * 1.96)
+    """The standard deviation of which the 95 % interval has 1.96 to the side that no bound cuts."""
+    low, high = _ends(e)
+    return max(e.value - low, high - e.value) / 1.96
 
 
 def _both(one: Estimate, other: Estimate) -> Estimate:
-    assert one.low is not None
-    assert one.high is not None
-    assert other.low is not None
-    assert other.high is not None
-    return replace(one, low=min(one.low, other.low), high=max(one.high, other.high))
+    (low, high), (also_low, also_high) = _ends(one), _ends(other)
+    return replace(one, low=min(low, also_low), high=max(high, also_high))

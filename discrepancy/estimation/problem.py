@@ -10,6 +10,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -184,7 +185,6 @@ class Problem:
             [p for p in model.parameters if p.scope != "window"], model.jacobian_reach
         )
         self._count = _Count()
-        self._guesses: dict[str, Array] | None = None
         self._recent: deque[tuple[Values, Array]] = deque(maxlen=RECENT)
         self._places = [Place.on(self.windows[block.window].time_s, block.sample_s) for block in self.blocks]
 
@@ -237,16 +237,14 @@ class Problem:
         sizes = np.array([np.max(np.abs(values)) for values in of])
         return np.asarray(FAR * np.where(sizes > 0.0, sizes, 1.0)[self.row_channel], float)
 
-    @property
+    @cached_property
     def guesses(self) -> dict[str, Array]:
         """Initial states of every window (windows,) as the model guesses them from the recording."""
-        if self._guesses is None:
-            self._guesses = {
-                p.name: np.array([p.guess(w) if p.guess else p.value for w in self.windows])
-                for p in self.model.nuisances
-                if p.scope == "window"
-            }
-        return self._guesses
+        return {
+            p.name: np.array([p.guess(w) if p.guess else p.value for w in self.windows])
+            for p in self.model.nuisances
+            if p.scope == "window"
+        }
 
     def start(self) -> Values:
         """The baseline: every effect off, initial states at their guess."""

@@ -169,5 +169,5 @@ def test_a_linear_drive_at_its_full_rate_has_intervals_with_the_published_fricti
         assert size.low is not None
         assert size.high is not None
         assert size.low < published < size.high
-        assert size.high - size.low < 0.5 * published
+        assert size.high - size.low < 0.5 * published  # 41 and 29 %: else it would say nothing
     assert sum("not right at every frequency" in reason for reason in result.reasons) == 2

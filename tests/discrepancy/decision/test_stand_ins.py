@@ -25,7 +25,7 @@ def verdict(model: Model, seed: int) -> tuple[Findings, BaselineValue]:
 
 @pytest.mark.parametrize("seed", [20, 21, 22])
 def test_a_level_that_reads_low_fills_as_a_wider_tank_does(seed: int) -> None:
-    """dx/dt = u / area - leak x holds for s x with s u / area: no recording of inflow and level tells the scale from the area."""
+    """A level that reads s times too much obeys the law of a tank with the area over s. Inflow and level cannot distinguish the two."""
     result, area = verdict(with_wrong_area(tank("leak", "level bias", "level scale")), seed)
     assert (area.sure, area.or_effects) == (False, ["level scale"])
     assert (result.status, result.named) == ("inconclusive", [])
