@@ -30,10 +30,11 @@ from discrepancy.estimation.problem import Problem, Unusable, Values, Windows
 from discrepancy.selection.active_intervals import active_interval_of, restricted_to
 from discrepancy.selection.assess import screen
 from discrepancy.selection.open_ended import OpenEnded, explore
+from discrepancy.selection.own_noise import under_own_noise
 from discrepancy.selection.screen import Score, sensitivities
-from discrepancy.selection.search import best_confirmed, search, searched_on
+from discrepancy.selection.search import best_confirmed, over_budget, search, searched_on
 from discrepancy.selection.starts import Starts
-from discrepancy.selection.state import Progress, Settings, State
+from discrepancy.selection.state import CandidateFit, Progress, Settings, State
 from discrepancy.signals import findings as f
 from discrepancy.signals.recording import Complaint
 
@@ -74,8 +75,7 @@ def _judged(
     complaints = [*complaints, *problem.complaints]
 
     def look(noise: Noise, fitted: Fit) -> None:
-        if problem.costs.costly:  # elsewhere the verdict itself comes within seconds
-            progress(first_look(problem, noise, fitted))
+        progress(first_look(problem, noise, fitted))
 
     sheet = problem
     problem, state, history = _searched(sheet, settings, progress, look, beside is None)
@@ -160,6 +160,9 @@ def _searched(
 ) -> tuple[Problem, State, list[State]]:
     """The problem of the last state, that state, and those on the way; doubting: where a value of the sheet is wrong, the problem trusts it less."""
     state, history = search(sheet, settings, progress, look)
+    while found := _hidden_by_noise(sheet, state, history, settings, progress):
+        state, more = searched_on(sheet, state, settings, progress, found)
+        history += more
     # without a finding there is no name that the sheet's value could make a proxy
     wrong = summary.sure_values(sheet, state, adequate=True) if doubting and state.accepted else []
     if not wrong:
@@ -172,6 +175,18 @@ def _searched(
     if not set(wrong) <= set(summary.sure_values(sheet, other, adequate=adequate)):
         return sheet, state, history
     return trusting, other, [*history, *more]
+
+
+def _hidden_by_noise(
+    problem: Problem, state: State, history: Sequence[State], settings: Settings, progress: Progress
+) -> list[CandidateFit]:
+    """An effect that the noise of the search hides, where the search ended with errors over budget and could go on."""
+    if len(state.accepted) >= settings.most_effects or over_budget(problem, settings):
+        return []
+    if all(c.adequate for c in adequacy(problem, history[0], state)):
+        return []
+    progress("errors are over their budgets: trying effects under the noise that each of them leaves")
+    return under_own_noise(problem, state, settings)
 
 
 @dataclass(frozen=True, slots=True)

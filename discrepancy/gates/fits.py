@@ -62,6 +62,15 @@ BLOCKS_AGREE: Final = _gate(
     otherwise="the pair is not accepted",
     module="selection.search",
 )
+STRONG: Final = _gate(
+    name="strong enough to be hidden",
+    of="effect",
+    statistic="share of the squared error of a simulation that the effect removes",
+    threshold=0.5,
+    source="half: beside a late pump, which is in no library, other effects remove a tenth and would pass the next tests",
+    otherwise="it is not tried under the noise that it leaves itself",
+    module="selection.own_noise",
+)
 
 
 # 4 temporary effects

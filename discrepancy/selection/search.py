@@ -3,7 +3,7 @@
 The search does not name causes. Gates that need the open-ended equation and the groups follow in discrepancy.decision.judge.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -49,10 +49,16 @@ def search(
 
 
 def searched_on(
-    problem: Problem, state: State, settings: Settings, progress: Progress
+    problem: Problem,
+    state: State,
+    settings: Settings,
+    progress: Progress,
+    found: Sequence[CandidateFit] = (),
 ) -> tuple[State, list[State]]:
-    """The same from a state of another search on: with its effects, and with what it has set aside."""
-    return _search(problem, settings, progress, state.aside, begin=(state.accepted, state.fit.values))
+    """The same from a state of another search on: with its effects and those found since, and with what it has set aside."""
+    values = found[-1].fit.values if found else state.fit.values
+    begin = (*state.accepted, *(t.effect for t in found)), values
+    return _search(problem, settings, progress, state.aside, begin=begin)
 
 
 def _search(
