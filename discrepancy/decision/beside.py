@@ -139,7 +139,9 @@ def beside_equation(
     terms = tuple(t for t in first.left.terms if t.reported.place in places)
     if problem.costs.costly or not terms or first.findings.status in ENOUGH:
         return first
-    progress(f"searching beside {first.left.equation()}")
+    names = "; ".join(x.effect for x in first.findings.findings if x.named)
+    so_far = first.findings.status + (f": {names}" if names else "")
+    progress(f"so far {so_far}; searching beside {first.left.equation()}")
     grown = problem.of(built_in(problem, first.state, terms))
     second = judged(grown, Beside(problem, first.baseline, first.state, terms))
     if not _says_more(first.findings, second.findings):

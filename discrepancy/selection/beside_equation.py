@@ -7,18 +7,22 @@ simulation more.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Final
 
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.problem import Problem
 from discrepancy.model.description import Model, Parameter, Window
-from discrepancy.model.equations import Signals, driven
+from discrepancy.model.equations import driven
+from discrepancy.selection.functions import Function
 from discrepancy.selection.open_ended import FittedTerm
 from discrepancy.selection.state import State
 from discrepancy.signals.recording import Array
 
 WIDEST: Final = 8.0  # times the width that a term was found with, up and down: how far a refit may move it
 NEAR: Final = 0.3  # of a size or a width: a change that matters
+
+KEPT: Final = 8  # values of each term's width for which its function of a window is kept
 
 Key = tuple[str, float, int]
 
@@ -29,26 +33,37 @@ def built_in(problem: Problem, state: State, terms: Sequence[FittedTerm]) -> Mod
     known = driven(model, problem.windows, lambda blind: problem.motions(blind, state.fit.values))
     settled = {_key(window): signals for window, signals in zip(problem.windows, known, strict=True)}
 
-    def signals_of(window: Window, values: Mapping[str, float]) -> Signals:
-        found = settled.get(_key(window))
-        if found is not None:
-            return found
+    @lru_cache(KEPT * len(terms) * len(problem.windows))
+    def again(number: int, width: float, key: Key, step_s: float) -> Array:
+        # most simulations move neither the signals nor a width
+        return _function(terms[number], width).of(settled[key], step_s)
+
+    def added(number: int, width: float, window: Window, values: Mapping[str, float]) -> Array:
+        key = _key(window)
+        if key in settled:
+            return again(number, width, key, window.step_s)
         # another manoeuvre: to first order, the signals without the equation
-        return driven(model, [window], lambda blind: [inner(w, values, {}) for w in blind])[0]
+        signals = driven(model, [window], lambda blind: [inner(w, values, {}) for w in blind])[0]
+        return _function(terms[number], width).of(signals, window.step_s)
 
     def simulate(
         window: Window, values: Mapping[str, float], extra: Mapping[str, Array]
     ) -> Mapping[str, Array]:
-        signals, pushed = signals_of(window, values), dict(extra)
+        pushed = dict(extra)
         for number, term in enumerate(terms):
-            place, wide = term.reported.place, term.function.wide
-            function = term.function if wide is None else wide.having(values[width_name(number)])
-            added = values[size_name(number)] * function.of(signals, window.step_s)
-            pushed[place] = pushed.get(place, 0.0) + added
+            place, width = term.reported.place, values.get(width_name(number), 0.0)
+            push = values[size_name(number)] * added(number, width, window, values)
+            pushed[place] = pushed.get(place, 0.0) + push
         return inner(window, values, pushed)
 
     parameters = [p for number, term in enumerate(terms) for p in _parameters(number, term)]
     return replace(model, nuisances=(*model.nuisances, *parameters), simulate=simulate)
+
+
+def _function(term: FittedTerm, width: float) -> Function:
+    """The term's function of known signals, of this width if it has one."""
+    wide = term.function.wide
+    return term.function if wide is None else wide.having(width)
 
 
 def size_name(number: int) -> str:

@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 
 BASE = ("kg", "m", "s", "A", "K", "rad")
 DERIVED = {
@@ -101,6 +102,7 @@ class Scaled:
     offset: float = 0.0  # not 0 only for temperatures, whose scales have other zeros
 
 
+@lru_cache(512)
 def parse_unit(text: str) -> Unit:
     """Read 'm/s^2', 'N.m', 'rad/s', 'kg/(m.s)', '1'. Raises ValueError naming the part it cannot read."""
     total = Unit((Fraction(0),) * len(BASE))
