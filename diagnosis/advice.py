@@ -7,6 +7,7 @@ from shlex import quote
 from diagnosis.describe import estimate
 from discrepancy.signals.adequacy import inadequate
 from discrepancy.signals.findings import Finding, Findings
+from discrepancy.signals.quantities import quantity
 
 SHOWN = 4  # members of a list in one sentence
 # The reason of a candidate reads "REASON; needs MANOEUVRE" (discrepancy.decision); where only an additional channel helps, the
@@ -17,7 +18,7 @@ OTHER_CHANNEL = "another channel"
 
 def advice(result: Findings, model: str, out: Path | None, *, applied: bool = False) -> list[str]:
     """Steps, with commands between backticks. model, out: as on the command line; applied: whether the findings are already in a file."""
-    steps = [*_mended(result), *_checked(result), *_separated(result), *_named(result, model, out)]
+    steps = [*_mended(result), *_checked(result), *_widened(result, model), *_separated(result), *_named(result, model, out)]
     if any(f.named for f in result.findings) and not applied:
         steps.append(
             "Keep the findings: the same command with `--apply FILE.toml` writes the model extended by them; "
@@ -68,6 +69,19 @@ def _checked(result: Findings) -> Iterator[str]:
             f"Do not take {f.effect} as the cause: it is only the most similar effect of the library. "
             f"Look for the cause where the difference shows: {_where(f)}."
         )
+
+
+def _widened(result: Findings, model: str) -> Iterator[str]:
+    """Shapes at an end of their range, in a model of the reader's own."""
+    if not Path(model).suffix:
+        return
+    for f in [f for f in result.findings if f.named]:
+        # a shape has no value at which the effect is off; the bounds of other parameters are physics
+        for p in [p for p in f.parameters if p.baseline is None and p.at_bound]:
+            yield (
+                f"Widen the range of {p.name} in the model (`{p.at_bound}`) if it only says where to look: the fit of {f.effect} stopped at its end, "
+                f"{quantity(p.value, p.unit)}, and the interval ends there for that reason alone."
+            )
 
 
 def _separated(result: Findings) -> Iterator[str]:

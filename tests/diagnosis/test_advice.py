@@ -108,3 +108,18 @@ def test_a_value_or_an_effect_is_asked_on_the_first_screen_and_in_the_next_steps
         "Either the baseline's area is wrong, or level scale acts: these recordings cannot distinguish them."
     )
     assert "Either" not in headline(replace(result, baseline_values=[]))
+
+
+@pytest.mark.parametrize(
+    ("baseline", "at_bound", "count"), [(None, "lower", 1), (None, None, 0), (0.0, "upper", 0)]
+)
+def test_a_shape_at_the_end_of_its_range_asks_for_a_wider_one(
+    baseline: float | None, at_bound: str | None, count: int
+) -> None:
+    """The bound of a size is physics: a share is at most 1. That of a shape may only say where to look."""
+    slow = finding("slow voltage", "physics", {"tau": 150.0})
+    end = replace(slow.parameters[0], unit="s", baseline=baseline, at_bound=at_bound)
+    result = replace(NOTHING, status="explained", findings=[replace(slow, parameters=[end])])
+    steps = [step for step in advice(result, "cell.py", None) if "Widen the range of tau" in step]
+    assert len(steps) == count
+    assert all("(`lower`)" in step and "150 s" in step for step in steps)
