@@ -176,6 +176,7 @@ class Problem:
         self.missing = tuple(name for name in model.outputs if name not in self.channels)
         self.row_window, self.row_channel, self.row_time = self._labels()
         self._reach = self._reaches()
+        self._devices = {e.parameters[0].name: e.readings for e in model.effects if e.readings}
         self.local_names = tuple(p.name for p in model.nuisances if p.scope == "window")
         self.initial_uncertainty_names = tuple(
             p.name for p in model.nuisances if p.scope == "initial_uncertainty"
@@ -271,6 +272,9 @@ class Problem:
             for name in clock.channels:
                 late = parameters.get(f"{name}.delay", 0.0) + parameters[clock.parameter]
                 parameters[f"{name}.delay"] = late
+        for device, readings in self._devices.items():
+            for name in readings if parameters[device] else ():
+                parameters[f"{name}.delay"] = parameters.get(f"{name}.delay", 0.0) + parameters[device]
         since_s, lags = self.windows[0].start_s, self.model.lags
         return through_sensors(true, parameters, window.time_s, window.step_s, since_s, lags)
 

@@ -17,7 +17,7 @@ from discrepancy.model.description import (
 )
 from discrepancy.model.equations import Signals, Term, with_effect
 from discrepancy.model.operators import play
-from discrepancy.model.sensors import delayed, lagged, misalignment, sensor_effects
+from discrepancy.model.sensors import delayed, device_delay, lagged, misalignment, sensor_effects
 from discrepancy.signals.recording import Array, Recording, Signal, changes_only, signal
 
 __all__ = [
@@ -36,6 +36,7 @@ __all__ = [
     "Window",
     "changes_only",
     "delayed",
+    "device_delay",
     "lagged",
     "misalignment",
     "play",

@@ -5,6 +5,7 @@ outputs on the model's grid, so delays need not be multiples of the sample time.
 """
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy.signal import lfilter
@@ -51,6 +52,19 @@ def sensor_effects(
         )
         for kind, (sentence, equation, p, excited) in library.items()
         if kind in kinds
+    )
+
+
+def device_delay(device: str, outputs: Iterable[str], *, delay_s: float = 0.05) -> Effect:
+    """The effect of a device whose readings are all late by the same time: a tracker, a camera, a logger. delay_s: a delay that matters [s]."""
+    readings = tuple(outputs)
+    *_, delay = sensor_effects(device, "1", bias=1.0, kinds=("delay",), delay_s=delay_s)
+    return replace(
+        delay,
+        place=f"clock of {device}: {', '.join(readings)}",
+        reading="",
+        readings=readings,
+        confusable={f"{name} delay": f"fast changes of everything that {device} reads" for name in readings},
     )
 
 
