@@ -18,7 +18,13 @@ OTHER_CHANNEL = "another channel"
 
 def advice(result: Findings, model: str, out: Path | None, *, applied: bool = False) -> list[str]:
     """Steps, with commands between backticks. model, out: as on the command line; applied: whether the findings are already in a file."""
-    steps = [*_mended(result), *_checked(result), *_widened(result, model), *_separated(result), *_named(result, model, out)]
+    steps = [
+        *_mended(result),
+        *_checked(result),
+        *_widened(result, model),
+        *_separated(result),
+        *_named(result, model, out),
+    ]
     if any(f.named for f in result.findings) and not applied:
         steps.append(
             "Keep the findings: the same command with `--apply FILE.toml` writes the model extended by them; "

@@ -10,6 +10,7 @@ import shlex
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -135,6 +136,14 @@ def diagnose(
             help="Leave out intervals of time that nothing explains, at most a tenth of a channel, and search again; they are listed. Single wrong readings are left out in any case.",
         ),
     ] = False,
+    window: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--window",
+            metavar="SECONDS",
+            help="Diagnose again with windows of this length; what depends on the length is said. May be repeated; each takes as long as one diagnosis.",
+        ),
+    ] = None,
     workers: Annotated[
         int | None,
         typer.Option(
@@ -170,17 +179,25 @@ def diagnose(
         if out is not None:
             write("--out", out, {})
         if each:
-            if average or set_aside:
-                raise Misuse("--average and --set-aside: apply to one diagnosis, not with --each")
+            if average or set_aside or window:
+                raise Misuse("--average, --set-aside and --window: apply to one diagnosis, not with --each")
             raise typer.Exit(_each(question, out, apply, scheduler, workers))
         if scheduler is not None or workers is not None:
             raise Misuse("--scheduler and --workers: apply to many diagnoses; add --each")
+        if short := [length for length in window or [] if not length > 0.0]:
+            raise Misuse(f"--window {short[0]:g}: a window is longer than 0 s")
         settings = Settings(average=average, set_aside="intervals" if set_aside else "outliers")
-        raise typer.Exit(_one(question, out, apply, settings, everything=everything))
+        raise typer.Exit(_one(question, out, apply, settings, window or [], everything=everything))
 
 
 def _one(
-    question: "Question", out: Path | None, apply: Path | None, settings: "Settings", *, everything: bool
+    question: "Question",
+    out: Path | None,
+    apply: Path | None,
+    settings: "Settings",
+    lengths: Sequence[float],
+    *,
+    everything: bool,
 ) -> int:
     """All recordings together: the verdict on the terminal, in DIR and in the files of --apply; the exit code."""
     from rich.console import Console
@@ -191,8 +208,9 @@ def _one(
     from diagnosis.progress import shown_progress
     from diagnosis.question import answer
     from diagnosis.terminal import render
+    from diagnosis.window_lengths import across_lengths
     from discrepancy.decision.evidence import evidence
-    from discrepancy.signals.findings import to_json
+    from discrepancy.signals.findings import Findings, to_json
 
     if apply is not None:
         check_applicable(apply)
@@ -200,7 +218,11 @@ def _one(
     start = time.monotonic()
     with shown_progress(Console(stderr=True)) as progress:
         found = answer(question, settings, progress)
-        result, shown = found.findings, None
+        others = dict[float, Findings]()
+        for length in lengths:
+            progress(f"so far {found.findings.status}; again with windows of {length:g} s")
+            others[length] = answer(replace(question, window_s=length), settings, progress).findings
+        result, shown = across_lengths(found.findings, others), None
         # predictions for the page cost as much as a fit, so only where a page is written
         if out is not None and found.judged is not None:
             progress("predicting held-out segments for the report")

@@ -25,6 +25,7 @@ class Question:
     options: ReadOptions  # the recordings, and how to read them
     companion: Path | None = None  # file of --fmu-config
     sheet: Sheet = Sheet.DATASHEET  # how well the baseline's parameters are known
+    window_s: float | None = None  # length of a window in place of the model's
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +47,8 @@ def answer(question: Question, settings: Settings, progress: Progress) -> Answer
     read = read_all(choice, question.options, progress)
     base = base_of(choice, question.given, read.machines)
     model = with_sheet(baseline(choice, base.given, read.recordings), question.sheet)
+    if question.window_s is not None:
+        model = replace(model, window_s=question.window_s)
     progress(f"simulating {model.name} and each of its {len(model.effects)} effects")
     found = investigate(with_clocks(model, read.clocks), read.recordings, settings, progress, read.complaints)
     judged = found if isinstance(found, Judgement) else None
