@@ -43,7 +43,10 @@ def _doubts(result: Findings, length_s: float, other: Findings) -> Iterator[tupl
     for f in _named(result):
         same = _same(f, other)
         if same is None and not _unseen(f, other):
-            yield f.effect, f"{f.effect} depends on the length of the windows: {there} it is not named"
+            yield (
+                f.effect,
+                f"{f.effect} depends on the length of the windows: {there} it is {_refused(f, other)}",
+            )
         elif same is not None and same.effect == f.effect and not _meet(f.parameters[0], same.parameters[0]):
             size = estimate(same.parameters[0])
             yield f.effect, f"the size of {f.effect} depends on the length of the windows: {there} {size}"
@@ -60,6 +63,12 @@ def _named(result: Findings) -> list[Finding]:
 def _same(finding: Finding, result: Findings) -> Finding | None:
     """The named finding of a result that can be the same cause."""
     return next((g for g in _named(result) if _group(finding) & _group(g)), None)
+
+
+def _refused(finding: Finding, result: Findings) -> str:
+    """'not named', and the reason where the effect is a best proxy there."""
+    proxy = next((g for g in result.findings if _group(finding) & _group(g)), None)
+    return f"not named: {proxy.caveats[0]}" if proxy and proxy.caveats else "not named"
 
 
 def _unseen(finding: Finding, result: Findings) -> bool:
