@@ -127,12 +127,11 @@ def _card(kind: str, over: str, outcome: str, story: str) -> str:
 
 
 def _findings(result: Findings) -> Iterator[str]:
+    yield f"<ul>{''.join(f'<li>{escape(reason)}</li>' for reason in result.reasons)}</ul>"
     for number, finding in enumerate(result.findings, start=1):
         yield _finding(number, finding)
     if result.open_ended is not None:
         yield from open_cards(result.open_ended)
-    if not result.findings and result.open_ended is None:
-        yield f"<ul>{''.join(f'<li>{escape(reason)}</li>' for reason in result.reasons)}</ul>"
 
 
 def _finding(number: int, f: Finding) -> str:

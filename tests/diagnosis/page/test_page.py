@@ -170,6 +170,14 @@ def test_a_page_without_a_verdict_says_why_once() -> None:
     assert text.count("b.csv: is empty") == 1
 
 
+def test_the_reasons_of_a_verdict_stand_before_its_findings(leaking: tuple[Judgement, Evidence]) -> None:
+    judged, _ = leaking
+    doubted = replace(judged.findings, reasons=["leak depends on the length of the windows"])
+    _, _, found = page(doubted, None, [], {}).partition('id="found"')
+    before, _, _ = found.partition("1. leak")
+    assert "leak depends on the length of the windows" in before
+
+
 def test_words_of_the_page() -> None:
     texts = [percent(share).replace("\N{NO-BREAK SPACE}", " ") for share in (0.0, 0.003, 0.18, 0.998, 1.0)]
     assert texts == ["0 %", "under 1 %", "18 %", "over 99 %", "100 %"]
