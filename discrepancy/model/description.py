@@ -79,7 +79,9 @@ class Effect:
     kind: Literal["physics", "sensor"]
     place: str  # part of the machine on which it acts
     reading: str = ""  # of a sensor's fault: the output whose reading it changes first
-    readings: tuple[str, ...] = ()  # of a delay that a device has: the outputs that all come late by its parameter
+    readings: tuple[
+        str, ...
+    ] = ()  # of a delay that a device has: the outputs that all come late by its parameter
     reverse: str = ""  # the sentence for a first parameter below its baseline: early instead of late
     excited_by: str = ""  # what a recording must contain to show it
     confusable: Mapping[str, str] = field(
