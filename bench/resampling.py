@@ -107,7 +107,7 @@ class Resampled:
 
 def groups_of(found: Findings) -> list[list[str]]:
     """Of each named finding the effects that the recording cannot distinguish. Which one leads is chance, so they are sorted."""
-    return [sorted([f.effect, *(member.effect for member in f.group)]) for f in found.findings if f.named]
+    return [sorted(f.members) for f in found.findings if f.named]
 
 
 def estimates(found: Findings, effect: str) -> list[Estimate]:

@@ -91,15 +91,13 @@ def carried_out(seed: int) -> Case:
     found = examine(model(), [recording], Settings())
     faults = []
     for name in names:
-        mine = [f for f in found.findings if f.named and name in (f.effect, *(m.effect for m in f.group))]
+        mine = [f for f in found.findings if f.named and name in f.members]
         where = [(i.start_s, i.end_s) for f in mine for i in f.where.intervals]
         if mine and mine[0].where.throughout:
             where = [(0.0, DURATION_S)]
         faults.append(Fault(name, times[library[name].names[0]], bool(mine), where))
     right = set(names)
-    false = [
-        f.effect for f in found.findings if f.named and not right & {f.effect, *(m.effect for m in f.group)}
-    ]
+    false = [f.effect for f in found.findings if f.named and not right & {*f.members}]
     return Case(seed, faults, false, found.status)
 
 

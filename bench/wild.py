@@ -36,17 +36,13 @@ def false_names(run: Done) -> list[str]:
     """Named findings of which no member of the group is hidden, or a fair name."""
     right = wild.fair(run.arm)
     twins = {f"{name} twin" for name in run.arm.effects} if run.arm.kind == "twin" else set()
-    return [
-        f.effect
-        for f in run.findings.findings
-        if f.named and not (right | twins) & {f.effect, *(m.effect for m in f.group)}
-    ]
+    return [f.effect for f in run.findings.findings if f.named and not (right | twins) & {*f.members}]
 
 
 def grouped_twins(run: Done) -> bool:
     """Whether the effect and its twin are reported as one group."""
     both = {run.arm.effects[0], f"{run.arm.effects[0]} twin"}
-    return any(both <= {f.effect, *(m.effect for m in f.group)} for f in run.findings.findings)
+    return any(both <= {*f.members} for f in run.findings.findings)
 
 
 Cell = tuple[str, bool | None]

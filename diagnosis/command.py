@@ -10,7 +10,6 @@ import shlex
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -184,8 +183,6 @@ def diagnose(
             raise typer.Exit(_each(question, out, apply, scheduler, workers))
         if scheduler is not None or workers is not None:
             raise Misuse("--scheduler and --workers: apply to many diagnoses; add --each")
-        if short := [length for length in window or [] if not length > 0.0]:
-            raise Misuse(f"--window {short[0]:g}: a window is longer than 0 s")
         settings = Settings(average=average, set_aside="intervals" if set_aside else "outliers")
         raise typer.Exit(_one(question, out, apply, settings, window or [], everything=everything))
 
@@ -206,9 +203,9 @@ def _one(
     from diagnosis.apply.applying import application
     from diagnosis.page import page
     from diagnosis.progress import shown_progress
-    from diagnosis.question import answer
+    from diagnosis.question import diagnosed, prepared
     from diagnosis.terminal import render
-    from diagnosis.window_lengths import across_lengths
+    from diagnosis.window_lengths import across_lengths, checked_lengths
     from discrepancy.decision.evidence import evidence
     from discrepancy.signals.findings import Findings, to_json
 
@@ -217,11 +214,13 @@ def _one(
         write("--apply", apply.parent, {})
     start = time.monotonic()
     with shown_progress(Console(stderr=True)) as progress:
-        found = answer(question, settings, progress)
+        ready = prepared(question, progress)
+        checked_lengths(lengths, ready.model)
+        found = diagnosed(ready, settings, progress)
         others = dict[float, Findings]()
         for length in lengths:
             progress(f"so far {found.findings.status}; again with windows of {length:g} s")
-            others[length] = answer(replace(question, window_s=length), settings, progress).findings
+            others[length] = diagnosed(ready, settings, progress, length).findings
         result, shown = across_lengths(found.findings, others), None
         # predictions for the page cost as much as a fit, so only where a page is written
         if out is not None and found.judged is not None:

@@ -77,7 +77,7 @@ def expected_evidence(separation: Separation) -> str:
 
 def alternatives(f: Finding) -> str:
     """'leak, or drift, or scale': the finding and the effects that these recordings cannot distinguish from it."""
-    return ", or ".join([f.effect, *(member.effect for member in f.group)])
+    return ", or ".join(f.members)
 
 
 def error_ratio(ratio: float) -> str:

@@ -90,9 +90,7 @@ class Done:
 
     def group_has(self, effect: str) -> bool:
         """Whether a named finding is the effect or has it in its group."""
-        return any(
-            effect in (f.effect, *(m.effect for m in f.group)) for f in self.findings.findings if f.named
-        )
+        return any(effect in f.members for f in self.findings.findings if f.named)
 
     @property
     def reached(self) -> bool:

@@ -95,9 +95,7 @@ def unjudged(run: Done) -> bool:
 def falsely(run: Done) -> bool:
     """Whether something is named that is neither hidden nor in a group with what is."""
     hidden = set(run.arm.effects)
-    return any(
-        f.named and not hidden & {f.effect, *(m.effect for m in f.group)} for f in run.findings.findings
-    )
+    return any(f.named and not hidden & {*f.members} for f in run.findings.findings)
 
 
 def over_budget(run: Done) -> bool:
@@ -272,7 +270,7 @@ def channel_right(run: Done) -> bool | None:
 def overlap(run: Done) -> float:
     """Intersection over union of the reported active interval with the true one; 0 where the effect was not found."""
     f = next(
-        (f for f in run.findings.findings if run.arm.effects[0] in (f.effect, *(m.effect for m in f.group))),
+        (f for f in run.findings.findings if run.arm.effects[0] in f.members),
         None,
     )
     start, end = run.arm.start_s, run.arm.end_s

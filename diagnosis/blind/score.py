@@ -71,11 +71,7 @@ def compared(result: "Findings", truth: "Truth") -> Score:
     """Every hidden effect with its place in the findings."""
     rows = [_row(result, effect, dict(parameters)) for effect, parameters in truth.effects.items()]
     # A named group counts as one name: it is false only if no member of it was hidden.
-    false = [
-        f.effect
-        for f in result.findings
-        if f.named and not {f.effect, *(m.effect for m in f.group)} & set(truth.effects)
-    ]
+    false = [f.effect for f in result.findings if f.named and not {*f.members} & set(truth.effects)]
     return Score(rows=rows, false_names=false)
 
 

@@ -19,7 +19,7 @@ VERSION: Final = 1
 
 def verdict(findings: Findings) -> str:
     """'explained: lateral_relaxation, or yaw_inertia'."""
-    named = [" or ".join([f.effect, *(m.effect for m in f.group)]) for f in findings.findings if f.named]
+    named = [" or ".join(f.members) for f in findings.findings if f.named]
     return f"{findings.status}{': ' if named else ''}{'; '.join(named)}"
 
 

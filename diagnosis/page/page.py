@@ -127,7 +127,8 @@ def _card(kind: str, over: str, outcome: str, story: str) -> str:
 
 
 def _findings(result: Findings) -> Iterator[str]:
-    yield f"<ul>{''.join(f'<li>{escape(reason)}</li>' for reason in result.reasons)}</ul>"
+    if result.reasons:
+        yield f"<ul>{''.join(f'<li>{escape(reason)}</li>' for reason in result.reasons)}</ul>"
     for number, finding in enumerate(result.findings, start=1):
         yield _finding(number, finding)
     if result.open_ended is not None:

@@ -139,7 +139,7 @@ def beside_equation(
     terms = tuple(t for t in first.left.terms if t.reported.place in places)
     if problem.costs.costly or not terms or first.findings.status in ENOUGH:
         return first
-    names = "; ".join(x.effect for x in first.findings.findings if x.named)
+    names = "; ".join(first.findings.named)
     so_far = first.findings.status + (f": {names}" if names else "")
     progress(f"so far {so_far}; searching beside {first.left.equation()}")
     grown = problem.of(built_in(problem, first.state, terms))
@@ -163,16 +163,5 @@ def _says_more(first: f.Findings, second: f.Findings) -> bool:
 def _agree(one: f.Finding, other: f.Finding) -> bool:
     """Whether two findings can be the same cause: the same effect with intervals of its amplitude that meet, or another one of the group."""
     if one.effect != other.effect:
-        return bool(_group(one) & _group(other))
-    a, b = one.parameters[0], other.parameters[0]
-    return max(_bound(a, -1), _bound(b, -1)) <= min(_bound(a, 1), _bound(b, 1))
-
-
-def _bound(e: f.Estimate, side: int) -> float:
-    """The lower (-1) or upper (1) end of an interval; without one, beyond everything."""
-    end = e.low if side < 0 else e.high
-    return side * np.inf if end is None else end
-
-
-def _group(found: f.Finding) -> set[str]:
-    return {found.effect, *(member.effect for member in found.group)}
+        return bool({*one.members} & {*other.members})
+    return one.parameters[0].overlaps(other.parameters[0])

@@ -5,7 +5,7 @@ between the model without it and the best prediction of held-out rows, by the li
 the best proxy and the cause is unknown. All thresholds are in discrepancy.gates.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -38,12 +38,6 @@ from discrepancy.selection.state import CandidateFit, Progress, Settings, State
 from discrepancy.signals import findings as f
 from discrepancy.signals.recording import Complaint
 
-# what a status becomes where some interval of time is not understood
-LESS_SURE: Final[Mapping[f.Status, f.Status]] = {
-    "nothing missing": "unknown",
-    "explained": "explained in part",
-}
-
 WIDER: Final = 10.0  # how many times less the sheet is trusted on a value that the recordings contradict
 MOST_SWAPS: Final = 2  # of a verdict; each one costs all its tests again
 
@@ -75,7 +69,8 @@ def _judged(
     complaints = [*complaints, *problem.complaints]
 
     def look(noise: Noise, fitted: Fit) -> None:
-        progress(first_look(problem, noise, fitted))
+        if beside is None:  # an equation is no baseline
+            progress(first_look(problem, noise, fitted))
 
     sheet = problem
     problem, state, history = _searched(sheet, settings, progress, look, beside is None)
@@ -128,7 +123,7 @@ def _judged(
     )
     reasons += at_rates
     if unclear := intervals_not_understood(problem, history[0]):
-        status, reasons = LESS_SURE.get(status, status), [*unclear, *reasons]
+        status, reasons = f.LESS_SURE.get(status, status), [*unclear, *reasons]
     findings = f.Findings(
         model=problem.model.name,
         recordings=list(dict.fromkeys(w.recording for w in problem.windows)),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from discrepancy.estimation.effort import FULL, Effort
-from discrepancy.estimation.noise import Noise
+from discrepancy.estimation.noise import Noise, estimate_noise
 from discrepancy.estimation.normal_equations import inverse
 from discrepancy.estimation.problem import Problem, Values
 from discrepancy.model.description import Parameter
@@ -329,6 +329,13 @@ def _sse(e: Array, parameters: Sequence[Parameter], values: Values, rows: Mask) 
 def held_out(problem: Problem, noise: Noise, values: Values, rows: Mask) -> Fit:
     """The fit of the initial states alone to `rows`, with shared parameters as given: the error of rows that they were not fitted to."""
     return fit(problem, noise, (), values, rows=rows, effort=STATES_ONLY)
+
+
+def log_likelihood(problem: Problem, noise: Noise, fitted: Fit) -> float:
+    """Twice the log-likelihood of a fit under the noise that it leaves, up to a constant; noise: under which it was fitted."""
+    raw = problem.measured - problem.predict(fitted.values)
+    left = estimate_noise(problem, raw, len(fitted.names), noise)
+    return 2.0 * left.log_density() - float(np.sum(left.whiten(raw) ** 2))
 
 
 def _bounded(A: Array, b: Array, parameters: Sequence[Parameter], values: Values) -> Array:

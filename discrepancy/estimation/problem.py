@@ -176,7 +176,11 @@ class Problem:
         self.missing = tuple(name for name in model.outputs if name not in self.channels)
         self.row_window, self.row_channel, self.row_time = self._labels()
         self._reach = self._reaches()
-        self._devices = {e.parameters[0].name: e.readings for e in model.effects if e.readings}
+        # parameter, the readings that it delays together, and the recording in which it does; None: all
+        self._common_delays = [
+            *((c.parameter, c.channels, c.recording) for c in model.clocks),
+            *((e.parameters[0].name, e.readings, None) for e in model.effects if e.readings),
+        ]
         self.local_names = tuple(p.name for p in model.nuisances if p.scope == "window")
         self.initial_uncertainty_names = tuple(
             p.name for p in model.nuisances if p.scope == "initial_uncertainty"
@@ -268,13 +272,11 @@ class Problem:
         self, index: int, true: Mapping[str, Array], parameters: dict[str, float]
     ) -> dict[str, Array]:
         window = self.windows[index]
-        for clock in [c for c in self.model.clocks if c.recording == window.recording]:
-            for name in clock.channels:
-                late = parameters.get(f"{name}.delay", 0.0) + parameters[clock.parameter]
-                parameters[f"{name}.delay"] = late
-        for device, readings in self._devices.items():
-            for name in readings if parameters[device] else ():
-                parameters[f"{name}.delay"] = parameters.get(f"{name}.delay", 0.0) + parameters[device]
+        for delay, channels, recording in self._common_delays:
+            if parameters[delay] and recording in (None, window.recording):
+                for name in channels:
+                    late = parameters.get(f"{name}.delay", 0.0) + parameters[delay]
+                    parameters[f"{name}.delay"] = late
         since_s, lags = self.windows[0].start_s, self.model.lags
         return through_sensors(true, parameters, window.time_s, window.step_s, since_s, lags)
 

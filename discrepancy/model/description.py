@@ -263,6 +263,11 @@ class Model:
                 parse_unit(unit)
             except ValueError as error:
                 raise ValueError(f"model {self.name}, {name}: {error}; units of a model are SI") from error
+        for effect in self.effects:
+            if strange := sorted({*effect.readings} - {*self.outputs}):
+                raise ValueError(
+                    f"model {self.name}, {effect.name}: {', '.join(strange)} is no output; it has {', '.join(self.outputs)}"
+                )
         for manoeuvre in self.manoeuvres:
             for name, given in manoeuvre.inputs.items():
                 if given.held != (name in self.held):

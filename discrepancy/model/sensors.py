@@ -58,7 +58,7 @@ def sensor_effects(
 def device_delay(device: str, outputs: Iterable[str], *, delay_s: float = 0.05) -> Effect:
     """The effect of a device whose readings are all late by the same time: a tracker, a camera, a logger. delay_s: a delay that matters [s]."""
     readings = tuple(outputs)
-    *_, delay = sensor_effects(device, "1", bias=1.0, kinds=("delay",), delay_s=delay_s)
+    (delay,) = sensor_effects(device, "1", bias=1.0, kinds=("delay",), delay_s=delay_s)
     return replace(
         delay,
         place=f"clock of {device}: {', '.join(readings)}",

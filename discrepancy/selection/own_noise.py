@@ -8,11 +8,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Final
 
-import numpy as np
-
 from discrepancy import gates
 from discrepancy.estimation.effort import CACHED
-from discrepancy.estimation.fit import Fit, fit
+from discrepancy.estimation.fit import Fit, fit, log_likelihood
 from discrepancy.estimation.noise import Noise, estimate_noise, white_noise
 from discrepancy.estimation.problem import Problem, Values
 from discrepancy.model.description import Effect
@@ -34,7 +32,7 @@ def under_own_noise(problem: Problem, state: State, settings: Settings) -> list[
     candidates = [e for e in problem.model.effects if e.name not in state.accepted]
     columns = sensitivities(problem, base.values, problem.predict(base.values), candidates)
     scores = screen(problem, white, base, columns, settings)
-    seen = replace(state, noise=white, fit=base, scores=tuple(scores), columns=tuple(columns))
+    seen = replace(state, noise=white, fit=base)
     points = Starts(problem, white, base, columns, state.at_prior)
     trials = [
         finished(problem, seen, s, first_steps(problem, seen, s, points.of(s, None)), settings, 0.0)
@@ -47,14 +45,14 @@ def under_own_noise(problem: Problem, state: State, settings: Settings) -> list[
         return []
     # the model without an effect gets the same chance, or a better fit of its own would count as the effect's
     settled = _settled(problem, white, base)
-    known = max(_likelihood(problem, state.noise, state.fit), _likelihood(problem, *settled))
+    known = max(log_likelihood(problem, state.noise, state.fit), log_likelihood(problem, *settled))
     starts = state.fit.values, settled[1].values
     good = list[tuple[float, CandidateFit]]()
     for trial in trials:
         effect, (noise, found) = problem.model.effect(trial.effect), _settled(problem, white, trial.fit)
         reference = replace(state, noise=noise, fit=_without(problem, state, effect, noise, found, starts))
         own = replace(candidate_fit(problem, reference, effect, found, settings), reference=reference)
-        gained = _likelihood(problem, noise, found) - known
+        gained = log_likelihood(problem, noise, found) - known
         if own.passes and gained > own.threshold:
             own = confirm(problem, reference, own, settings)
             if own.accepted(settings) and not own.negligible(problem):
@@ -78,10 +76,3 @@ def _without(
     off = found.values.with_shared(switched_off(effect))
     fits = [fit(problem, noise, state.fit.names, at, effort=CACHED) for at in (*starts, off)]
     return min(fits, key=lambda f: f.sse)
-
-
-def _likelihood(problem: Problem, noise: Noise, fitted: Fit) -> float:
-    """Twice the log-likelihood of a fit under the noise that it leaves, up to a constant."""
-    raw = problem.measured - problem.predict(fitted.values)
-    own = estimate_noise(problem, raw, len(fitted.names), noise)
-    return 2.0 * own.log_density() - float(np.sum(own.whiten(raw) ** 2))

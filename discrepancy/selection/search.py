@@ -10,8 +10,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from discrepancy import gates
-from discrepancy.estimation.fit import Fit, fit
-from discrepancy.estimation.noise import Noise, estimate_noise
+from discrepancy.estimation.fit import Fit, fit, log_likelihood
+from discrepancy.estimation.noise import Noise
 from discrepancy.estimation.problem import Problem, Values
 from discrepancy.estimation.set_aside import NOTHING, SetAside
 from discrepancy.selection.assess import assess
@@ -165,11 +165,4 @@ def _best(problem: Problem, noise: Noise, good: list[CandidateFit]) -> Candidate
     """The best candidate: by margin, or by likelihood where some were judged under another noise, since their SSE are not comparable."""
     if not any(t.reference for t in good):
         return max(good, key=lambda t: t.margin)
-    return max(good, key=lambda t: _log_likelihood(problem, noise, t) - t.threshold)
-
-
-def _log_likelihood(problem: Problem, noise: Noise, trial: CandidateFit) -> float:
-    """Twice the log-likelihood of a candidate under the noise that it leaves, up to a constant; noise: that of the search."""
-    raw = problem.measured - problem.predict(trial.fit.values)
-    noise = estimate_noise(problem, raw, len(trial.fit.names), noise)
-    return 2.0 * noise.log_density() - float(np.sum(noise.whiten(raw) ** 2))
+    return max(good, key=lambda t: log_likelihood(problem, noise, t.fit) - t.threshold)

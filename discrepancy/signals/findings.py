@@ -33,6 +33,8 @@ RENAMED: Final[Mapping[int, Mapping[str, str]]] = {
 BY_CHANNEL: Final = ("channels", "held_out_error")  # mappings whose keys are no fields
 
 Status = Literal["explained", "explained in part", "unknown", "nothing missing", "inconclusive"]
+LESS_SURE: Final[Mapping[Status, Status]] = {"explained": "explained in part", "nothing missing": "unknown"}
+"""What a status becomes where something is not understood; the others stay."""
 Verdict = Literal[
     "found", "confusable with a finding", "ruled out", "negligible", "not needed", "could not be judged"
 ]
@@ -49,6 +51,14 @@ class Estimate:
     unit: str
     at_bound: str | None = None  # lower or upper: the physical bound at which it stopped
     baseline: float | None = None  # its value in the model as it was given
+
+    def overlaps(self, other: "Estimate") -> bool:
+        """Whether the intervals have a value in common; an end that is not known is beyond everything."""
+        return _reaches(self.low, other.high) and _reaches(other.low, self.high)
+
+
+def _reaches(low: float | None, high: float | None) -> bool:
+    return low is None or high is None or low <= high
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,6 +130,11 @@ class Finding:
     group: list[GroupMember]
     separate_by: list[Separation]
     where: Where
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        """All effects that these recordings cannot distinguish, the finding's own first."""
+        return (self.effect, *(member.effect for member in self.group))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -245,7 +260,7 @@ class Findings:
     def finding(self, effect: str) -> Finding:
         """The finding that names `effect` or has it in its group."""
         for found in self.findings:
-            if effect in (found.effect, *(m.effect for m in found.group)):
+            if effect in found.members:
                 return found
         raise KeyError(
             f"no finding on {effect!r}; found: {', '.join(f.effect for f in self.findings) or 'nothing'}"

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from discrepancy.signals.findings import Estimate, Finding, Findings, GroupMember, Where, from_json
+from discrepancy.signals.findings import Candidate, Estimate, Finding, Findings, GroupMember, Where, from_json
 from discrepancy.signals.recording import Recording
 from loaderhil import cli
 
@@ -70,6 +70,21 @@ def write_csv(path: Path, table: Mapping[str, np.ndarray], separator: str = ",",
         for row in zip(*(c.tolist() for c in table.values()), strict=True):
             out.writerow(["" if np.isnan(v) else repr(float(v)).replace(".", decimal) for v in row])
     return path
+
+
+def unseen(effect: str, reason: str = "") -> Candidate:
+    """An effect that could not be judged."""
+    return Candidate(
+        effect=effect,
+        kind="physics",
+        verdict="could not be judged",
+        statistic=0.0,
+        p_value=1.0,
+        expected=[],
+        power=0.0,
+        confounded_share=0.0,
+        reason=reason,
+    )
 
 
 def finding(

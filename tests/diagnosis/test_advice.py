@@ -10,25 +10,15 @@ import pytest
 
 from diagnosis.advice import advice
 from diagnosis.page.sentences import headline
-from discrepancy.signals.findings import BaselineValue, Candidate, Estimate, Findings, Separation
+from discrepancy.signals.findings import BaselineValue, Estimate, Findings, Separation
 from discrepancy.signals.recording import Complaint
 from loaderhil import cli
-from tests.diagnosis.cases import Call, columns, finding, loaderhil, model_file, write_csv
+from tests.diagnosis.cases import Call, columns, finding, loaderhil, model_file, unseen, write_csv
 from tests.discrepancy.toys import record
 
 __all__ = ["loaderhil"]
 NOTHING = Findings(model="tank", recordings=["a.csv"], status="nothing missing", reasons=[])
-BLIND = Candidate(
-    effect="leak",
-    kind="physics",
-    verdict="could not be judged",
-    statistic=0.0,
-    p_value=1.0,
-    expected=[],
-    power=0.0,
-    confounded_share=0.0,
-    reason="a typical one would hardly be noticed here; needs a high level",
-)
+BLIND = unseen("leak", "a typical one would hardly be noticed here; needs a high level")
 
 
 def test_nothing_is_advised_where_nothing_is_left_to_do() -> None:

@@ -6,33 +6,22 @@ from pathlib import Path
 import pytest
 
 from diagnosis.window_lengths import across_lengths
-from discrepancy.signals.findings import Candidate, Finding, Findings, Status
-from tests.diagnosis.cases import Call, columns, finding, loaderhil, model_file, write_csv
+from discrepancy.signals.findings import Finding, Findings, Status
+from tests.diagnosis.cases import Call, columns, finding, loaderhil, model_file, unseen, write_csv
 from tests.discrepancy.toys import record
 
 __all__ = ["loaderhil"]
 LEAK = finding("leak", "physics", {"leak": 0.05}, group=["seepage"], interval=(0.04, 0.06))
 
 
-def result(*findings: Finding, status: Status = "explained", unseen: str = "") -> Findings:
-    blind = Candidate(
-        effect=unseen,
-        kind="physics",
-        verdict="could not be judged",
-        statistic=0.0,
-        p_value=1.0,
-        expected=[],
-        power=0.0,
-        confounded_share=0.0,
-        reason="",
-    )
+def result(*findings: Finding, status: Status = "explained", blind: str = "") -> Findings:
     return Findings(
         model="tank",
         recordings=["a.csv"],
         status=status,
         reasons=["as before"],
         findings=list(findings),
-        candidates=[blind] if unseen else [],
+        candidates=[unseen(blind)] if blind else [],
     )
 
 
@@ -60,7 +49,7 @@ def result(*findings: Finding, status: Status = "explained", unseen: str = "") -
         ),
         (
             result(LEAK),
-            result(status="nothing missing", unseen="leak"),
+            result(status="nothing missing", blind="leak"),
             "explained",
             "as before",
         ),
@@ -76,7 +65,7 @@ def result(*findings: Finding, status: Status = "explained", unseen: str = "") -
             "unknown",
             "leak depends on the length of the windows: with windows of 5 s it is named, leak = 0.050 (95 %: 0.040 to 0.060)",
         ),
-        (result(status="nothing missing", unseen="leak"), result(LEAK), "nothing missing", "as before"),
+        (result(status="nothing missing", blind="leak"), result(LEAK), "nothing missing", "as before"),
         (
             result(LEAK),
             result(status="inconclusive"),
@@ -103,8 +92,12 @@ def test_a_leak_is_found_at_every_length(loaderhil: Call, tmp_path: Path) -> Non
     assert "so far explained; again with windows of 10 s" in ended.err
 
 
-def test_a_window_without_length_is_refused(loaderhil: Call, tmp_path: Path) -> None:
+@pytest.mark.parametrize("length", ["0", "-1", "0.79", "nan"])
+def test_a_window_of_too_few_steps_is_refused_before_anything_is_computed(
+    length: str, loaderhil: Call, tmp_path: Path
+) -> None:
     recording = write_csv(tmp_path / "a.csv", columns(record(1)))
-    ended = loaderhil("diagnose", recording, "--model", model_file(tmp_path, "leak"), "--window", 0)
+    ended = loaderhil("diagnose", recording, "--model", model_file(tmp_path, "leak"), "--window", length)
     assert ended.code == 2
-    assert "--window 0: a window is longer than 0 s" in ended.err
+    assert f"--window {length}: tank needs at least 0.8 s, 8 of its steps of 0.1 s" in ended.err
+    assert "screened" not in ended.err

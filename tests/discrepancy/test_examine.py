@@ -135,7 +135,7 @@ def test_a_wrong_scale_is_no_sign_that_is_a_little_wrong() -> None:
 def test_exact_twins_are_reported_as_one_group_with_the_same_value() -> None:
     result = verdict(record(4, bias=0.3))
     found = result.finding("level bias")
-    names = {found.effect, *(m.effect for m in found.group)}
+    names = {*found.members}
     assert {"offset", "level bias"} <= names
     twin = next(m for m in found.group if m.effect in ("offset", "level bias"))
     assert twin.collinearity == pytest.approx(1.0, abs=1e-3)

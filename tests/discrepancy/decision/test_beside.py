@@ -135,6 +135,15 @@ def test_an_equation_of_a_reading_starts_no_second_search() -> None:
     assert searched == any(t.place == "inflow" for t in found.open_ended.terms)
 
 
+def test_how_good_the_baseline_is_is_said_once() -> None:
+    """The second search has an equation in its baseline, which is no longer the user's."""
+    said: list[str] = []
+    recording = record(1, leak=0.05, pump_lag_s=PUMP_LAG_S, noise=0.005)
+    judge(Problem(tank("leak", "level scale"), [recording]), SETTINGS, said.append)
+    assert any("searching beside" in line for line in said)
+    assert sum("without any effect" in line for line in said) == 1
+
+
 def test_a_function_stands_once_at_its_place() -> None:
     """What is left beside an equation may correct one of its own terms."""
     level = next(f for f in functions({"level": "m"}, {"level": 1.0}) if f.text == "level")

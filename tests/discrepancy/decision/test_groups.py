@@ -66,7 +66,7 @@ def turning(seed: int, factor: float, noise: float = 0.05) -> Recording:
 def test_track_radius_and_gyro_scale_are_one_group_by_yaw_rate_alone(seed: int) -> None:
     """The track is a nuisance known to 1 % as well, which does nearly the same as each of them."""
     (found,) = examine(robot(), [turning(seed, 0.7)], SETTINGS).findings
-    assert {found.effect, *(m.effect for m in found.group)} == {"track", "radius", "yaw_rate scale"}
+    assert {*found.members} == {"track", "radius", "yaw_rate scale"}
 
 
 KNOTS = (0.0, 0.1, 0.25, 0.4)  # [m/s]
@@ -117,7 +117,7 @@ def test_exact_twins_are_a_group_beside_a_nuisance_that_does_the_same() -> None:
 
     beside = replace(model, nuisances=(*model.nuisances, datum), simulate=simulate)
     (found,) = examine(beside, [record(4, bias=0.5)], SETTINGS).findings
-    assert {found.effect, *(m.effect for m in found.group)} == {"offset", "level bias"}
+    assert {*found.members} == {"offset", "level bias"}
     assert found.group[0].likelihood_difference == pytest.approx(0.0, abs=0.1)
 
 

@@ -43,6 +43,11 @@ def gauge(seed: int, late_s: Mapping[str, float]) -> Recording:
     return Recording("gauge", {"inflow": recording.signals["inflow"], **found})
 
 
+def test_a_device_reads_outputs_of_the_model() -> None:
+    with pytest.raises(ValueError, match="gauge delay: inflow, levl is no output; it has level"):
+        replace(tank(), effects=(device_delay("gauge", ("level", "levl", "inflow")),))
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize(
     ("level_s", "outflow_s", "names"),
@@ -54,5 +59,9 @@ def test_a_late_device_is_one_finding(seed: int, level_s: float, outflow_s: floa
     assert result.named == names
     for finding in result.findings:
         (late,) = finding.parameters
-        assert late.value == pytest.approx(0.2, abs=0.01)
+        assert late.low is not None
+        assert late.high is not None
+        half = 0.5 * (late.high - late.low)
+        assert half < 0.01
+        assert late.value == pytest.approx(0.2, abs=1.5 * half), "three standard deviations"
         assert finding.group == []

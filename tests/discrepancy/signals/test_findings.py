@@ -12,12 +12,15 @@ from discrepancy.signals.findings import (
     RENAMED,
     SCHEMA,
     SCHEMA_VERSION,
+    Estimate,
     Findings,
     from_json,
     schema_text,
     to_json,
 )
 from tests.discrepancy.toys import record, tank
+
+Ends = tuple[float | None, float | None]
 
 
 def test_the_schema_in_the_repository_is_that_of_the_classes() -> None:
@@ -84,3 +87,19 @@ def test_files_of_version_2_are_read_and_know_no_adequacy() -> None:
     raw = json.loads(to_json(whole)) | {"schema_version": 2}
     del raw["adequacy"]
     assert from_json(json.dumps(raw)) == whole
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "common"),
+    [
+        ((1.0, 2.0), (2.0, 3.0), True),
+        ((1.0, 2.0), (2.1, 3.0), False),
+        ((1.0, 4.0), (2.0, 3.0), True),
+        ((None, 2.0), (-9.0, 1.0), True),
+        ((1.0, None), (9.0, 10.0), True),
+        ((None, 2.0), (2.1, None), False),
+    ],
+)
+def test_intervals_overlap_from_either_side(one: Ends, other: Ends, common: bool) -> None:
+    a, b = (Estimate(name="k", value=0.0, low=low, high=high, unit="1") for low, high in (one, other))
+    assert a.overlaps(b) is b.overlaps(a) is common
