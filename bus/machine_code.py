@@ -19,6 +19,7 @@ import llvmlite.binding as llvm
 import numba
 from numba.core import caching
 from numba.core.options import DefaultOptions
+from numba.extending import register_jitable
 
 from bus.cache_folder import ROOT, cache_folder
 
@@ -163,6 +164,20 @@ def uncounting(folder: Path, **options: Any) -> Callable[[Callable[P, R]], Calla
         return make(function)
 
     return uncounted
+
+
+def translatable(**options: Any) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """A decorator for what stays Python where Python calls it, and is compiled into the compiled functions that call it.
+
+    So a rule that is short and called once in a while has one text, is tried with any numbers at no cost of compiling, and takes
+    no call of its own within compiled code.
+    """
+
+    def marked(function: Callable[P, R]) -> Callable[P, R]:
+        made: Callable[P, R] = register_jitable(**options)(function)
+        return made
+
+    return marked
 
 
 def direct(function: Callable[P, R], *arguments: Any) -> Callable[P, R]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bus.frame import Frame
+from bus.machine_code import direct
 from dbc import codegen
 from dbc.binding import Binding, resting
 from dbc.compiled import packing as compiled
@@ -69,6 +70,9 @@ class Packer:
         self._counters = np.zeros(len(messages), np.int64)
         # scratch rows that every call overwrites; `tobytes` below copies them out
         self._frames = np.zeros_like(self._resting)
+        due, vector = np.zeros(1, np.int64), np.zeros(len(self.sources))
+        tables = self._messages, self._places, self._numbers, self._resting, self._counters
+        self._pack = direct(pack_frames, due, vector, *tables, self._frames)
 
     def plan(self, due: Sequence[int]) -> "Plan":
         """What `pack` needs to make the messages of the given numbers, in their order."""
@@ -77,7 +81,7 @@ class Packer:
 
     def pack(self, plan: "Plan", values: NDArray[np.float64], at_ns: int = 0) -> list[Frame]:
         """The frames of a plan; values: SI, in the order of `sources`. EncodeError names a value that cannot be sent."""
-        failed = pack_frames(
+        failed = self._pack(
             plan.due,
             values,
             self._messages,

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from bus.cache_folder import digest_of
-from bus.machine_code import COUNTED, code_folder, compiler, uncounting
+from bus.machine_code import COUNTED, UNCOUNTED, code_folder, compiler, translatable, uncounting
 from plant.effects.files import effect_files
 
 FOLDER = Path(__file__).resolve().parent
@@ -21,6 +21,9 @@ uncounted = uncounting(CODE, error_model="numpy")
 
 inlined = uncounting(CODE, error_model="numpy", forceinline=True)
 """As `uncounted`, and copied into its caller: for what has one caller, because a call hands around two dozen arrays."""
+
+ruled = translatable(error_model="numpy", **UNCOUNTED)
+"""For the rules of driver, limits and actuators: Python where Python calls them, and compiled within `plant.unit.control`."""
 
 released = compiler(CODE, error_model="numpy", nogil=True, **COUNTED)
 """For long work that may run beside other threads: it lets go of the interpreter while it runs."""

@@ -65,8 +65,20 @@ class Commands:
         return *self.wheel_torque, *self.brake_torque, *rates
 
     def vector(self) -> NDArray[np.float64]:
-        """The command vector of the compiled dynamics."""
+        """The command vector of the compiled dynamics: torques of four wheels and of their brakes, rates."""
         return np.array(self._numbers())
+
+    @classmethod
+    def of(cls, vector: NDArray[np.float64]) -> Self:
+        """The commands of such a vector."""
+        a, b, c, d, i, j, k, m, articulation, lift, tilt = vector.tolist()
+        return cls(
+            wheel_torque=(a, b, c, d),
+            brake_torque=(i, j, k, m),
+            articulation_rate=articulation,
+            lift_rate=lift,
+            tilt_rate=tilt,
+        )
 
 
 class DivergedError(RuntimeError):
@@ -134,11 +146,15 @@ class Plant:
 
     def advance(self, commands: Commands, duration_s: float) -> Truth:
         """Move on by `duration_s`, a whole number of steps, with constant commands; returns everything that is true then."""
+        return self.advance_by(commands.vector(), duration_s)
+
+    def advance_by(self, command: Array, duration_s: float) -> Truth:
+        """The same for finite commands in the order of `Commands.vector`, which are not looked at again."""
         count = round(duration_s / self.step_s)
         # the relative part: a duration that is the difference of two long times carries their rounding
         if count < 0 or abs(count * self.step_s - duration_s) > 1e-6 * self.step_s + 1e-12 * abs(duration_s):
             raise ValueError(f"duration_s={duration_s} s is not a whole number of steps of {self.step_s} s")
-        self._command = commands.vector()
+        self._command[:] = command
         row = np.empty(Truth.size)
         finite = self._advance_and_observe(*self._arguments(count, row))
         self._steps += count

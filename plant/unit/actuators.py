@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from configuration import CheckedTable
-from plant.plant import Commands
+from plant.compiled import ruled
 from plant.sheets.machine import Machine
 from plant.unit.driver import Demand
 
@@ -32,8 +32,7 @@ class ActuatorParameters:
     service_brake: Four  # friction torque of full service braking [N m]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Abilities:
+class Abilities(NamedTuple):
     """What full demand means, SI."""
 
     drive_torque: Four  # peak at each wheel [N m]
@@ -69,18 +68,8 @@ class Request(NamedTuple):
     lift_rate: float = 0.0  # raising positive [rad/s]
     tilt_rate: float = 0.0  # rolling back positive [rad/s]
 
-    def commands(self) -> Commands:
-        """The same for the plant."""
-        wheel, brake, articulation, lift, tilt = self
-        return Commands(
-            wheel_torque=wheel,
-            brake_torque=brake,
-            articulation_rate=articulation,
-            lift_rate=lift,
-            tilt_rate=tilt,
-        )
 
-
+@ruled
 def request_of(demand: Demand, abilities: Abilities) -> Request:
     """The driver's demand as torques and rates, before any limit."""
     a = abilities
@@ -94,22 +83,24 @@ def request_of(demand: Demand, abilities: Abilities) -> Request:
     )
 
 
+@ruled
 def within_power(request: Request, wheel_speed: Four, power: float) -> Request:
     """The request with drive torques cut to |torque speed| <= power [W], wheel by wheel."""
-    torque = request.wheel_torque
-    # written out, as in _times
-    (a, b, c, d), (i, j, k, m) = torque, wheel_speed
-    if not (abs(a * i) > power or abs(b * j) > power or abs(c * k) > power or abs(d * m) > power):
-        return request
-    cut = four(
-        math.copysign(power / speed, t) if abs(t) * speed > power else t
-        for t, speed in zip(torque, map(abs, wheel_speed), strict=True)
+    (a, b, c, d), (i, j, k, m) = request.wheel_torque, wheel_speed
+    torque = _cut(a, i, power), _cut(b, j, power), _cut(c, k, power), _cut(d, m, power)
+    # by place, as everywhere where a request is made: compiled code knows no _replace
+    return Request(
+        torque, request.brake_torque, request.articulation_rate, request.lift_rate, request.tilt_rate
     )
-    return request._replace(wheel_torque=cut)
 
 
+@ruled
+def _cut(torque: float, speed: float, power: float) -> float:
+    return math.copysign(power / abs(speed), torque) if abs(torque) * abs(speed) > power else torque
+
+
+@ruled
 def _times(share: float, of: Four) -> Four:
-    # written out: at 100 Hz a generator costs more than the arithmetic
     return share * of[0], share * of[1], share * of[2], share * of[3]
 
 

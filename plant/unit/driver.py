@@ -8,15 +8,15 @@ Pedals and joystick move at bounded rates. While limits of the machine act again
 Pure: state in, state out.
 """
 
-from dataclasses import dataclass
+import math
 from typing import NamedTuple
 
 from configuration import CheckedTable
+from plant.compiled import ruled
 from plant.unit.script import DEGREE, Wish
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DriverParameters:
+class DriverParameters(NamedTuple):
     """SI; demands are shares of full demand."""
 
     speed_gain: float  # torque share per m/s of error
@@ -48,11 +48,11 @@ class DriverState(NamedTuple):
     integral: float = 0.0  # torque share
 
 
+@ruled
 def drive(
     state: DriverState,
     parameters: DriverParameters,
     wish: Wish,
-    *,
     speed: float,
     articulation_angle: float,
     dt: float,
@@ -75,14 +75,15 @@ def drive(
     return DriverState(demand, integral)
 
 
+@ruled
 def _pedals(
     state: DriverState, p: DriverParameters, wish: Wish, speed: float, dt: float, held_back: bool
 ) -> tuple[float, float, float]:
     """Accelerator share, brake share and the new integral."""
     if wish.brake > 0:
         return 0.0, 0.0, 0.0  # the integral starts anew: it belonged to the speed before the brake
-    if wish.speed is None:
-        return wish.torque or 0.0, 0.0, 0.0
+    if math.isnan(wish.speed):
+        return wish.torque, 0.0, 0.0
     if wish.speed == 0 and abs(speed) < p.standstill_speed:
         # a torque law would hunt about zero speed, and on a slope it would have to push for ever
         return 0.0, p.holding_brake, 0.0
@@ -97,19 +98,22 @@ def _pedals(
     return _within(wanted, p.retardation), min(max(abs(wanted) - p.retardation, 0.0), 1.0), integral
 
 
+@ruled
 def _joystick(p: DriverParameters, wish: Wish, angle: float) -> float:
     """Wanted articulation rate [rad/s]."""
-    if wish.articulation_angle is None:
-        return _within(wish.articulation_rate or 0.0, p.articulation_rate)
+    if math.isnan(wish.articulation_angle):
+        return _within(wish.articulation_rate, p.articulation_rate)
     # the slope of the script leads, so that a constant rate is followed without a lasting error of angle
     correction = p.articulation_gain * (wish.articulation_angle - angle)
     return _within(wish.articulation_angle_rate + correction, p.articulation_rate)
 
 
+@ruled
 def _within(value: float, bound: float) -> float:
     return min(max(value, -bound), bound)
 
 
+@ruled
 def _towards(value: float, target: float, step: float) -> float:
     # _within, written out: three times per tick
     return value + min(max(target - value, -step), step)

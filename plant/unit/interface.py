@@ -1,13 +1,15 @@
 """Vectors of what is sent at one tick, in the order of the rows of `plant.unit.signals`, for the machine as a unit on the bus."""
 
 from collections.abc import Sequence
-from operator import attrgetter
 
 import numpy as np
+from numpy.typing import NDArray
 
+from bus.machine_code import direct
+from plant.compiled import uncounted
 from plant.truth import Truth
 from plant.unit.sensors import Floats, Readings
-from plant.unit.signals import CHANNELS, COMPUTED, INDEX, INTERNALS, REFERENCES, STATES, Moment
+from plant.unit.signals import CHANNELS, COMPUTED, INTERNALS, OWN, REFERENCES, SENSORS, STATES
 
 MACHINE_SOURCES = (*CHANNELS, *STATES, *(row.name for row in INTERNALS))
 """Names of the machine's values: readings, states, and what it knows without a sensor."""
@@ -15,23 +17,49 @@ MACHINE_SOURCES = (*CHANNELS, *STATES, *(row.name for row in INTERNALS))
 REFERENCE_SOURCES = tuple(row.name for row in (*REFERENCES, *COMPUTED))
 """Names of the test instrumentation's values."""
 
-_STATES = slice(len(CHANNELS), len(CHANNELS) + len(STATES))
-_STATE_CHANNELS = tuple([INDEX[name] for name in names] for names in STATES.values())
-_INTERNAL_VALUES = attrgetter(*(row.value for row in INTERNALS))
+_STATE_PLACES = np.array(
+    [MACHINE_SOURCES.index(channel.state) if channel.state else -1 for channel in SENSORS], np.int64
+)
+_OWN_PLACES = np.array([row.place for row in INTERNALS], np.int64)
 _REFERENCE_PLACES = np.array([row.part.at + row.component for row in REFERENCES])
 _COMPUTED_PLACES = [np.array([part.at + component for part, component in row.parts]) for row in COMPUTED]
 
 
-def machine_values(readings: Readings, moment: Moment) -> Floats:
-    """Everything the machine sends, SI, in the order of MACHINE_SOURCES."""
-    values = np.zeros(len(MACHINE_SOURCES))
-    values[: _STATES.start] = readings.values
-    # Sensors are healthy in nearly every tick, and zero is the state of a healthy one.
-    # counted, because `any` takes five times as long for so few numbers
-    if np.count_nonzero(readings.health):
-        values[_STATES] = [readings.health[channels].max() for channels in _STATE_CHANNELS]
-    values[_STATES.stop :] = _INTERNAL_VALUES(moment)
-    return values
+class MachineValues:
+    """Everything the machine sends, SI, in the order of MACHINE_SOURCES: a vector that is filled anew at every tick."""
+
+    def __init__(self) -> None:
+        self._vector = np.zeros(len(MACHINE_SOURCES))
+        places = (_STATE_PLACES, _OWN_PLACES)
+        health = np.zeros(len(CHANNELS), np.int64)
+        self._fill = direct(
+            fill_values, self._vector, np.zeros(len(CHANNELS)), health, np.zeros(OWN), *places
+        )
+
+    def of(self, readings: Readings, own: Floats) -> Floats:
+        """At one tick; own: by the places of `signals`."""
+        self._fill(self._vector, readings.values, readings.health, own, _STATE_PLACES, _OWN_PLACES)
+        return self._vector
+
+
+@uncounted
+def fill_values(
+    values: Floats,
+    readings: Floats,
+    health: NDArray[np.int64],
+    own: Floats,
+    state_places: NDArray[np.int64],
+    own_places: NDArray[np.int64],
+) -> None:
+    """Readings, then the states of the sensors, then what the machine knows of itself; a state of several channels is the worst of them."""
+    channels, first = readings.size, values.size - own_places.size
+    values[channels:first] = 0.0
+    for k in range(channels):
+        values[k] = readings[k]
+        if state_places[k] >= 0:
+            values[state_places[k]] = max(values[state_places[k]], health[k])
+    for k in range(own_places.size):
+        values[first + k] = own[own_places[k]]
 
 
 def reference_values(truths: Sequence[Truth]) -> Floats:

@@ -7,11 +7,11 @@ an ECU that dies cannot leave the machine unlimited.
 """
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from configuration import CheckedTable
-from plant.unit.actuators import Abilities, Four, Request, four
+from plant.compiled import ruled
+from plant.unit.actuators import Abilities, Four, Request
 from plant.unit.script import DEGREE, KMH
 
 
@@ -39,8 +39,7 @@ class Limits(NamedTuple):
 UNLIMITED = Limits(wheel_torque=(math.inf,) * 4, speed=math.inf, articulation_rate=math.inf)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Obedience:
+class Obedience(NamedTuple):
     """The machine's own rules."""
 
     safe: Limits  # in force while the Limits frame is stale
@@ -53,47 +52,39 @@ class Obedience:
     brake_share: float
 
 
-def in_force(last: Limits | None, *, age: float, obedience: Obedience) -> Limits:
+@ruled
+def in_force(last: Limits, age: float, linkage_age: float, obedience: Obedience) -> Limits:
     """The limits that hold: the last ones received, or the safe values when they are older than allowed.
 
-    last: None before the first frame, which leaves the machine without limits until the start is
-    `stale_after` ago. A value that the frame marks as not available (NaN) is replaced by its safe value.
+    last: before the first frame UNLIMITED, with the age of the start, for a start is not a fault: an ECU has `stale_after` to come
+    up. An ECU that never sends limits of the linkage does not limit it: they are then FREE, and of age 0.
+    A value that the frame marks as not available (NaN) is replaced by its safe value.
     """
-    safe = obedience.safe
+    safe, (torque, speed, rate, linkage) = obedience.safe, last
+    linkage = safe.linkage if linkage_age > obedience.stale_after else _each_rate_or(linkage, safe.linkage)
     if age > obedience.stale_after:
-        return safe
-    if last is None:
-        return UNLIMITED  # a start is not a fault: an ECU has `stale_after` to come up
-    torque, speed, rate, _ = last
-    # one look at the sum: only a value that is not available makes it NaN, as no limit is negative
-    if math.isnan(sum(torque) + speed + rate):
-        torque, speed = _each_or(torque, safe.wheel_torque), _or(speed, safe.speed)
-        rate = _or(rate, safe.articulation_rate)
-    return Limits(torque, speed, rate)
-
-
-def linkage_in_force(last: LinkageLimits | None, *, age: float, obedience: Obedience) -> LinkageLimits:
-    """The limits of the linkage that hold: the last ones received, or the safe values when they are older than allowed.
-
-    last: None before the first frame; an ECU that never sends one does not limit the linkage. NaN: as in `in_force`.
-    """
-    safe = obedience.safe.linkage
-    if last is None:
-        return FREE
-    if age > obedience.stale_after:
-        return safe
-    if not math.isnan(sum(last)):
-        return last
-    return LinkageLimits(
-        lift_up=_or(last.lift_up, safe.lift_up),
-        lift_down=_or(last.lift_down, safe.lift_down),
-        tilt_back=_or(last.tilt_back, safe.tilt_back),
-        tilt_forward=_or(last.tilt_forward, safe.tilt_forward),
+        return Limits(safe.wheel_torque, safe.speed, safe.articulation_rate, linkage)
+    return Limits(
+        _each_or(torque, safe.wheel_torque),
+        _or(speed, safe.speed),
+        _or(rate, safe.articulation_rate),
+        linkage,
     )
 
 
+@ruled
+def _each_rate_or(last: LinkageLimits, safe: LinkageLimits) -> LinkageLimits:
+    return LinkageLimits(
+        _or(last.lift_up, safe.lift_up),
+        _or(last.lift_down, safe.lift_down),
+        _or(last.tilt_back, safe.tilt_back),
+        _or(last.tilt_forward, safe.tilt_forward),
+    )
+
+
+@ruled
 def obey(
-    request: Request, limits: Limits, obedience: Obedience, abilities: Abilities, *, speed: float
+    request: Request, limits: Limits, obedience: Obedience, abilities: Abilities, speed: float
 ) -> Request:
     """The request as far as the limits permit.
 
@@ -101,7 +92,6 @@ def obey(
     """
     wheel, largest_speed, rate, (up, down, back, forward) = limits
     torque, brake, articulation, lift, tilt = _govern(request, largest_speed, obedience, abilities, speed)
-    # not by _replace, which takes longer than all limits, and not by names, which take as long as the comparisons
     return Request(
         _each_within(torque, wheel),
         brake,
@@ -111,6 +101,7 @@ def obey(
     )
 
 
+@ruled
 def holds_back(demanded: Request, done: Request) -> bool:
     """Whether limits reduce the demanded drive torque of a wheel, or brake against it."""
     (a, b, c, d), (i, j, k, m) = demanded.wheel_torque, done.wheel_torque
@@ -120,6 +111,7 @@ def holds_back(demanded: Request, done: Request) -> bool:
     return i > a or j > b or k > c or m > d
 
 
+@ruled
 def _govern(
     request: Request, limit: float, obedience: Obedience, abilities: Abilities, speed: float
 ) -> Request:
@@ -132,32 +124,39 @@ def _govern(
     driving = min(max(-over / obedience.fade, 0.0), 1.0)
     retarding = obedience.retard_share * min(max(over / obedience.retard, 0.0), 1.0)
     braking = obedience.brake_share * min(max((over - obedience.retard) / obedience.brake, 0.0), 1.0)
-
-    def permitted(torque: float, peak: float) -> float:
-        forward = torque * direction
-        # only torque that drives on is faded; a driver who retards harder than the governor keeps his torque
-        return direction * min(forward * driving if forward > 0 else forward, -retarding * peak)
-
-    def braked(torque: float, full: float) -> float:
-        return max(torque, braking * full)
-
-    return request._replace(
-        wheel_torque=four(map(permitted, request.wheel_torque, abilities.drive_torque)),
-        brake_torque=four(map(braked, request.brake_torque, abilities.brake_torque)),
+    (a, b, c, d), (i, j, k, m) = request.wheel_torque, abilities.drive_torque
+    torque = (
+        _permitted(a, direction, driving, retarding * i),
+        _permitted(b, direction, driving, retarding * j),
+        _permitted(c, direction, driving, retarding * k),
+        _permitted(d, direction, driving, retarding * m),
     )
+    (a, b, c, d), (i, j, k, m) = request.brake_torque, abilities.brake_torque
+    brake = max(a, braking * i), max(b, braking * j), max(c, braking * k), max(d, braking * m)
+    return Request(torque, brake, request.articulation_rate, request.lift_rate, request.tilt_rate)
 
 
+@ruled
+def _permitted(torque: float, direction: float, driving: float, retarding: float) -> float:
+    """Of one wheel; retarding: the torque that the governor takes for it."""
+    forward = torque * direction
+    # only torque that drives on is faded; a driver who retards harder than the governor keeps his torque
+    return direction * min(forward * driving if forward > 0 else forward, -retarding)
+
+
+@ruled
 def _each_within(value: Four, bound: Four) -> Four:
-    # written out, as in _each_or: at 100 Hz a generator costs more than the comparisons
     (a, b, c, d), (i, j, k, m) = value, bound
     return min(max(a, -i), i), min(max(b, -j), j), min(max(c, -k), k), min(max(d, -m), m)
 
 
+@ruled
 def _each_or(value: Four, safe: Four) -> Four:
     (a, b, c, d), (i, j, k, m) = value, safe
     return _or(a, i), _or(b, j), _or(c, k), _or(d, m)
 
 
+@ruled
 def _or(value: float, safe: float) -> float:
     return safe if math.isnan(value) else value
 

@@ -12,7 +12,7 @@ from dbc.binding import Binding
 from dbc.database import Database
 from dbc.protection import Checker
 from dbc.protection import Finding as Check
-from plant.unit.limits import Limits, LinkageLimits
+from plant.unit.limits import UNLIMITED, Limits, LinkageLimits
 
 _LIMITS: Final = {
     "FrontLeftTorque": "N.m",
@@ -39,10 +39,9 @@ class Reception:
     """The frames of the ECU that the machine looks at; it obeys the limits, of the status it only checks whether it is sound."""
 
     def __init__(self, database: Database) -> None:
-        self.limits: Limits | None = None  # the last good ones
+        self.limits = UNLIMITED  # the last good ones; those of the linkage come in a frame of their own
         self.limits_ns = 0  # when they came
-        self.linkage: LinkageLimits | None = None  # the last good ones
-        self.linkage_ns = 0  # when they came
+        self.linkage_ns: int | None = None  # when those of the linkage came
         limits, linkage = database.by_name["Limits"], database.by_name["LinkageLimits"]
         self._binding, self._linkage_binding = Binding(limits, _LIMITS), Binding(linkage, _LINKAGE)
         self._limits_id, self._linkage_id = limits.can_id, linkage.can_id
@@ -57,10 +56,11 @@ class Reception:
         check = checker.check(frame.data, now_ns)
         if check.usable and frame.can_id == self._limits_id:
             a, b, c, d, speed, rate = self._binding.decode(frame.data)
-            self.limits = Limits((a, b, c, d), speed, rate)
+            self.limits = Limits((a, b, c, d), speed, rate, self.limits.linkage)
             self.limits_ns = now_ns
         elif check.usable and frame.can_id == self._linkage_id:
             up, down, back, forward = self._linkage_binding.decode(frame.data)
-            self.linkage = LinkageLimits(lift_up=up, lift_down=down, tilt_back=back, tilt_forward=forward)
+            torque, speed, rate, _ = self.limits
+            self.limits = Limits(torque, speed, rate, LinkageLimits(up, down, back, forward))
             self.linkage_ns = now_ns
         return [] if check in _QUIET else [Finding(self._codecs[frame.can_id].name, check, now_ns)]

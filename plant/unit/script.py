@@ -6,29 +6,56 @@ an angle or holds the joystick.
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 from configuration import CheckedTable
-from plant.unit.profile import Profile
+from plant.compiled import ruled
+from plant.unit.profile import Curves, Profile, curves_of, value_at
 
 KMH = 1 / 3.6
 DEGREE = math.pi / 180
 
 
 class Wish(NamedTuple):
-    """The driver's intention at one time. SI; shares of full demand are -1..1. None: this quantity is not controlled."""
+    """The driver's intention at one time. SI; shares of full demand are -1..1."""
 
-    speed: float | None = None
-    torque: float | None = None
+    speed: float = math.nan  # NaN: not held, the pedal is at `torque`
+    torque: float = 0.0
     brake: float = 0.0  # 0..1
-    articulation_angle: float | None = None
+    articulation_angle: float = math.nan  # NaN: not steered to, the joystick is at `articulation_rate`
     articulation_angle_rate: float = 0.0  # slope of the wanted angle
-    articulation_rate: float | None = None
+    articulation_rate: float = 0.0
     lift: float = 0.0
     tilt: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+SPEED, TORQUE, BRAKE, ANGLE, RATE, LIFT, TILT = range(7)
+"""Profiles of a script, in the order of `Script.curves`."""
+
+
+@ruled
+def wish_at(curves: Curves, time: float, step: float) -> Wish:
+    """The wishes of a script at `time` [s]; slopes are taken over the next `step` [s]."""
+    starts = curves.starts
+    speed = value_at(curves, SPEED, time) if starts[SPEED] < starts[SPEED + 1] else math.nan
+    angle, slope = math.nan, 0.0
+    if starts[ANGLE] < starts[ANGLE + 1]:
+        angle = value_at(curves, ANGLE, time)
+        slope = (value_at(curves, ANGLE, time + step) - angle) / step
+    return Wish(
+        speed,
+        value_at(curves, TORQUE, time),
+        value_at(curves, BRAKE, time),
+        angle,
+        slope,
+        value_at(curves, RATE, time),
+        value_at(curves, LIFT, time),
+        value_at(curves, TILT, time),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class Script:
     """Profiles of the wishes; those that are None are not driven."""
 
@@ -42,19 +69,13 @@ class Script:
 
     def at(self, time: float, *, step: float) -> Wish:
         """The wishes at `time` [s]; slopes are taken over the next `step` [s]."""
-        angle = self.articulation_angle
-        wanted = angle.at(time) if angle else None
-        slope = (angle.at(time + step) - wanted) / step if angle and wanted is not None else 0.0
-        return Wish(
-            self.speed.at(time) if self.speed else None,
-            self.torque.at(time) if self.torque else None,
-            self.brake.at(time) if self.brake else 0.0,
-            wanted,
-            slope,
-            self.articulation_rate.at(time) if self.articulation_rate else None,
-            self.lift.at(time) if self.lift else 0.0,
-            self.tilt.at(time) if self.tilt else 0.0,
-        )
+        return wish_at(self.curves, time, step)
+
+    @cached_property
+    def curves(self) -> Curves:
+        """The same profiles as numbers."""
+        driven = (self.speed, self.torque, self.brake, self.articulation_angle, self.articulation_rate)
+        return curves_of((*driven, self.lift, self.tilt))
 
 
 def read_script(table: CheckedTable) -> Script:

@@ -18,12 +18,13 @@ the noise of the others as it was.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bus.machine_code import direct
 from plant.compiled import uncounted
 from plant.effects.effect import ActiveEffect
 from plant.effects.registry import python_hook
@@ -68,8 +69,7 @@ def felt_values(truth: Truth) -> Floats:
     return truth.row[_FELT]
 
 
-@dataclass(frozen=True, slots=True)
-class Readings:
+class Readings(NamedTuple):
     """One sample of every channel, in the order of CHANNELS."""
 
     values: Floats  # SI
@@ -120,6 +120,10 @@ class SensorBank:
         self._leaning = np.exp(-step / np.maximum(levelling, step / 700)) * (levelling > 0)
         self._lean: Floats = np.zeros(_LEVELLED.size)  # by which accelerations have led a sensor astray
         self._normal, self._uniform = np.empty(len(channels)), np.empty(len(channels))
+        row, health = np.empty(len(channels)), np.empty(len(channels), np.int64)
+        draws = self._normal, self._uniform
+        self._read = direct(read_channels, row, self._parameters, self._history, 0, *draws, row, row, health)
+        self._level = direct(level_channels, row, self._lean, _LEVELLED, self._leaning, True, self._lean)
 
     def sample(self, truth: Floats | list[float], felt: Floats | None = None) -> Readings:
         """The readings one step later, for the true values `truth` held since the last call.
@@ -141,7 +145,7 @@ class SensorBank:
         self._generator.standard_normal(out=self._normal)
         self._generator.random(out=self._uniform)
         values, health = np.empty(len(CHANNELS)), np.empty(len(CHANNELS), np.int64)
-        read_channels(
+        self._read(
             true,
             self._parameters,
             self._history,
@@ -158,7 +162,7 @@ class SensorBank:
     def _levelled(self, true: Floats, felt: Floats) -> Floats:
         """The true values as gyro and accelerometers of a levelled sensor give them together."""
         true = true.copy()
-        level_channels(true, felt, _LEVELLED, self._leaning, self._newest < 0, self._lean)
+        self._level(true, felt, _LEVELLED, self._leaning, self._newest < 0, self._lean)
         return true
 
 

@@ -8,13 +8,12 @@ DBC carries it. Order of the channels, sections of the equipment file, indexes a
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 from dbc import loader_database, reference_database
 from dbc.database import Database
 from dbc.packing import Signals
 from plant.truth import Part, Truth
-from plant.unit.driver import Demand
 
 MACHINE: Final = "Machine"
 """Sender of the machine's messages in the DBC."""
@@ -52,12 +51,18 @@ class Channel:
     felt: tuple[Part, int] | None = None
 
 
-class Moment(NamedTuple):
-    """What the machine knows of itself, beside its sensors, when it sends."""
-
-    demand: Demand
-    sequence: int  # number of the sample
-    speed: float  # from the wheels, without a sign [m/s]
+# Places in the vector of what the machine knows of itself, beside its sensors. The driver's demand, in the order of `driver.Demand`:
+TORQUE_DEMAND, BRAKE_DEMAND, ARTICULATION_RATE_DEMAND, LIFT_DEMAND, TILT_DEMAND = range(5)
+SEQUENCE: Final = 5
+"""Number of the sample."""
+GROUND_SPEED: Final = 6
+"""From the wheels, without a sign [m/s]."""
+INTEGRAL: Final = 7
+"""Of the driver's speed law, torque share."""
+HELD_BACK: Final = 8
+"""Whether limits kept the driver from driving on at the last tick, 0 or 1."""
+OWN: Final = 9
+"""How many there are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +71,7 @@ class Internal:
 
     name: str
     unit: str  # SI, as in dbc.units
-    value: str  # attribute of the Moment, a path such as "demand.torque": read in one call for all rows, at 100 Hz
+    place: int  # in the vector of what the machine knows of itself
     signal: str  # "Message.Signal" of the DBC
 
 
@@ -133,13 +138,13 @@ SENSORS: Final = (
 )
 
 INTERNALS: Final = (
-    Internal("sample sequence", "1", "sequence", "Articulation.SampleSequence"),
-    Internal("torque demand", "1", "demand.torque", "DriverDemand.TorqueDemand"),
-    Internal("brake demand", "1", "demand.brake", "DriverDemand.BrakeDemand"),
-    Internal("articulation rate demand", "rad/s", "demand.articulation_rate", "DriverDemand.ArticulationRateDemand"),
-    Internal("lift demand", "1", "demand.lift", "DriverDemand.LiftDemand"),
-    Internal("tilt demand", "1", "demand.tilt", "DriverDemand.TiltDemand"),
-    Internal("ground speed", "m/s", "speed", "VehicleSpeed.WheelBasedVehicleSpeed"),
+    Internal("sample sequence", "1", SEQUENCE, "Articulation.SampleSequence"),
+    Internal("torque demand", "1", TORQUE_DEMAND, "DriverDemand.TorqueDemand"),
+    Internal("brake demand", "1", BRAKE_DEMAND, "DriverDemand.BrakeDemand"),
+    Internal("articulation rate demand", "rad/s", ARTICULATION_RATE_DEMAND, "DriverDemand.ArticulationRateDemand"),
+    Internal("lift demand", "1", LIFT_DEMAND, "DriverDemand.LiftDemand"),
+    Internal("tilt demand", "1", TILT_DEMAND, "DriverDemand.TiltDemand"),
+    Internal("ground speed", "m/s", GROUND_SPEED, "VehicleSpeed.WheelBasedVehicleSpeed"),
 )
 
 REFERENCES: Final = (

@@ -12,31 +12,35 @@ Equal machine, scenario, seed and received frames give equal bytes.
 
 import math
 from collections.abc import Sequence
-from typing import Final, Protocol
+from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
 
 from bus.frame import Frame
+from bus.machine_code import direct
 from dbc import loader_database, reference_database
 from dbc.schedule import FrameSchedule
+from plant.physics.state import COMMANDS
 from plant.plant import Commands, Plant
 from plant.sheets.machine import Machine
 from plant.truth import Truth
 from plant.unit import interface
-from plant.unit.actuators import Four, abilities_of, four, request_of, within_power
-from plant.unit.driver import Demand, DriverState, drive
-from plant.unit.limits import UNLIMITED, Limits, holds_back, in_force, linkage_in_force, obey
+from plant.unit.actuators import abilities_of
+from plant.unit.control import DEMAND, Fitted, control, ground_speed
+from plant.unit.driver import Demand
+from plant.unit.limits import UNLIMITED, Limits, in_force
 from plant.unit.reception import Finding, Reception
 from plant.unit.scenario import Scenario
-from plant.unit.sensors import Readings, SensorBank, faulty, felt_values, measured_values
+from plant.unit.sensors import Floats, Readings, SensorBank, faulty, felt_values, measured_values
 from plant.unit.signals import (
+    CHANNELS,
+    GROUND_SPEED,
     MACHINE,
     MACHINE_MESSAGES,
+    OWN,
     REFERENCE_MESSAGES,
+    SEQUENCE,
     TEST_RIG,
-    WHEEL_SPEED,
-    Moment,
-    family_slice,
 )
 
 TICK_NS: Final = 10_000_000
@@ -44,8 +48,6 @@ TICK_S: Final = TICK_NS * 1e-9
 SEQUENCES: Final = 1 << 16
 ROLLED_OVER: Final = math.radians(60.0)
 """Roll beyond any recovery; the frames would touch the ground, and that contact is not modelled."""
-
-_WHEEL_SPEEDS: Final = family_slice(WHEEL_SPEED)
 
 
 class Motion(Protocol):
@@ -56,6 +58,15 @@ class Motion(Protocol):
         ...
 
     def truth(self) -> Truth: ...
+
+
+@runtime_checkable
+class MotionByVector(Protocol):
+    """Dynamics that take their commands as a vector, which costs less than an object for each tick."""
+
+    def advance_by(self, command: Floats, duration_s: float) -> Truth:
+        """The same as `Motion.advance`; command: finite, in the order of `Commands.vector`."""
+        ...
 
 
 class PlantUnit:
@@ -88,16 +99,26 @@ class PlantUnit:
             tilt_angle=start.tilt_angle,
             heading=start.heading,
         )
+        self._advance_by = self._plant.advance_by if isinstance(self._plant, MotionByVector) else None
         self._truth = self._plant.truth()
-        self._abilities = abilities_of(machine, equipment.actuators)
+        self._fitted = Fitted(
+            scenario.script.curves,
+            equipment.driver,
+            abilities_of(machine, equipment.actuators),
+            equipment.obedience,
+            equipment.rolling_radius,
+        )
         self._sensors = SensorBank(
             faulty(equipment.sensors, machine.effects), step=TICK_S, generator=np.random.default_rng(seed)
         )
         self._readings: Readings | None = None
-        self._wheel_speed: Four = (0.0, 0.0, 0.0, 0.0)  # as read
-        self._ground_speed = 0.0  # as the machine measures it, from the mean of its wheels [m/s]
-        self._driver = DriverState()
-        self._held_back = False  # whether limits kept the driver from driving on at the last tick
+        self._own, self._command = np.zeros(OWN), np.zeros(COMMANDS)
+        self._values = interface.MachineValues()
+        readings = np.zeros(len(CHANNELS))
+        self._ground_speed = direct(ground_speed, readings, equipment.rolling_radius)
+        self._control = direct(
+            control, 0.0, TICK_S, readings, UNLIMITED, 0.0, 0.0, self._fitted, self._own, self._command
+        )
         self._reception = Reception(loader_database())
         self._schedule = FrameSchedule(
             loader_database(),
@@ -129,7 +150,7 @@ class PlantUnit:
     @property
     def demand(self) -> Demand:
         """The driver's present demand."""
-        return self._driver.demand
+        return Demand(*self._own[:DEMAND].tolist())
 
     @property
     def sequence(self) -> int:
@@ -157,14 +178,16 @@ class PlantUnit:
 
     def limits_in_force(self, now_ns: int) -> Limits:
         """The limits the machine obeys at `now_ns`."""
+        return in_force(*self._received(now_ns), self._equipment.obedience)
+
+    def _received(self, now_ns: int) -> tuple[Limits, float, float]:
+        """The last limits, their age and that of those of the linkage [s], as `in_force` takes them."""
         if not self._obey_limits:
-            return UNLIMITED
-        since_ns = max(self._reception.limits_ns, self._started_ns)
-        obedience, reception = self._equipment.obedience, self._reception
-        limits = in_force(reception.limits, age=(now_ns - since_ns) * 1e-9, obedience=obedience)
-        age = (now_ns - reception.linkage_ns) * 1e-9
-        linkage = linkage_in_force(reception.linkage, age=age, obedience=obedience)
-        return Limits(limits.wheel_torque, limits.speed, limits.articulation_rate, linkage)
+            return UNLIMITED, 0.0, 0.0
+        reception = self._reception
+        since_ns = max(reception.limits_ns, self._started_ns)
+        linkage_ns = now_ns if reception.linkage_ns is None else reception.linkage_ns
+        return reception.limits, (now_ns - since_ns) * 1e-9, (now_ns - linkage_ns) * 1e-9
 
     def tick(self, now_ns: int) -> list[Frame]:
         """Advance 10 ms and return the sensor frames that are due. The first tick samples the start."""
@@ -174,12 +197,11 @@ class PlantUnit:
         else:
             self._advance(self._readings, now_ns)
         self._readings = self._sensors.sample(measured_values(self._truth), felt_values(self._truth))
-        self._wheel_speed = four(self._readings.values[_WHEEL_SPEEDS].tolist())
-        self._ground_speed = sum(self._wheel_speed) / 4 * self._equipment.rolling_radius
         self._ticks += 1
-        moment = Moment(self.demand, self.sequence, abs(self._ground_speed))
-        values = interface.machine_values(self._readings, moment)
-        return self._schedule.pack(self._ticks - 1, values)
+        own = self._own
+        own[SEQUENCE] = self.sequence
+        own[GROUND_SPEED] = abs(self._ground_speed(self._readings.values, self._equipment.rolling_radius))
+        return self._schedule.pack(self._ticks - 1, self._values.of(self._readings, own))
 
     def reference_frames(self) -> list[Frame]:
         """The test instrumentation's frames that are due at the last tick, with its stamp."""
@@ -201,25 +223,19 @@ class PlantUnit:
 
     def _advance(self, readings: Readings, now_ns: int) -> None:
         """Driver, limits and dynamics, from the last sample to now."""
-        equipment = self._equipment
-        speed = self._ground_speed
-        self._driver = drive(
-            self._driver,
-            equipment.driver,
-            self.scenario.script.at((self._ticks - 1) * TICK_S, step=TICK_S),
-            speed=speed,
-            articulation_angle=readings.value("articulation_angle"),
-            dt=TICK_S,
-            held_back=self._held_back,
+        limits, age, linkage_age = self._received(now_ns)
+        finite = self._control(
+            (self._ticks - 1) * TICK_S,
+            TICK_S,
+            readings.values,
+            limits,
+            age,
+            linkage_age,
+            self._fitted,
+            self._own,
+            self._command,
         )
-        demanded = request_of(self.demand, self._abilities)
-        request = obey(
-            demanded,
-            self.limits_in_force(now_ns),
-            equipment.obedience,
-            self._abilities,
-            speed=speed,
-        )
-        self._held_back = holds_back(demanded, request)
-        request = within_power(request, self._wheel_speed, self._abilities.drive_power)
-        self._truth = self._plant.advance(request.commands(), TICK_S)
+        if finite and self._advance_by is not None:
+            self._truth = self._advance_by(self._command, TICK_S)
+        else:
+            self._truth = self._plant.advance(Commands.of(self._command), TICK_S)

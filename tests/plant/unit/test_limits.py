@@ -1,7 +1,6 @@
 """Laws of obedience: no limit is exceeded, no limit is invented, and silence means safe values."""
 
 import math
-from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -16,7 +15,6 @@ from plant.unit.limits import (
     Obedience,
     holds_back,
     in_force,
-    linkage_in_force,
     obey,
 )
 
@@ -121,18 +119,18 @@ def test_far_above_the_speed_limit_the_motors_retard_and_the_service_brake_helps
 
 def test_fresh_limits_hold_and_stale_ones_give_way_to_safe_values():
     last = Limits(wheel_torque=(1e3, 2e3, 3e3, 4e3), speed=9.0, articulation_rate=0.4)
-    assert in_force(last, age=0.05, obedience=OBEDIENCE) == last
-    assert in_force(last, age=0.0501, obedience=OBEDIENCE) == OBEDIENCE.safe
+    assert in_force(last, 0.05, 0.0, OBEDIENCE) == last
+    assert in_force(last, 0.0501, 0.0, OBEDIENCE) == OBEDIENCE.safe
 
 
 def test_before_the_first_limits_there_is_a_grace_of_the_same_length():
-    assert in_force(None, age=0.05, obedience=OBEDIENCE) == UNLIMITED
-    assert in_force(None, age=0.0501, obedience=OBEDIENCE) == OBEDIENCE.safe
+    assert in_force(UNLIMITED, 0.05, 0.0, OBEDIENCE) == UNLIMITED
+    assert in_force(UNLIMITED, 0.0501, 0.0, OBEDIENCE) == OBEDIENCE.safe
 
 
 def test_a_limit_that_is_not_available_is_replaced_by_its_own_safe_value_only():
     last = Limits(wheel_torque=(1e3, math.nan, 3e3, 4e3), speed=math.nan, articulation_rate=0.4)
-    assert in_force(last, age=0.0, obedience=OBEDIENCE) == Limits(
+    assert in_force(last, 0.0, 0.0, OBEDIENCE) == Limits(
         wheel_torque=(1e3, 8e3, 3e3, 4e3), speed=2.0, articulation_rate=0.4
     )
 
@@ -152,7 +150,7 @@ def test_motor_power_is_bounded_and_torque_is_otherwise_untouched(torque, wheel_
 
 
 SAFE_LINKAGE = LinkageLimits(lift_up=0.1, lift_down=0.1, tilt_back=0.2, tilt_forward=0.2)
-CAREFUL = replace(OBEDIENCE, safe=OBEDIENCE.safe._replace(linkage=SAFE_LINKAGE))
+CAREFUL = OBEDIENCE._replace(safe=OBEDIENCE.safe._replace(linkage=SAFE_LINKAGE))
 rates = st.floats(0, 1)
 linkages = st.builds(LinkageLimits, lift_up=rates, lift_down=rates, tilt_back=rates, tilt_forward=rates)
 
@@ -168,17 +166,21 @@ def test_a_limit_in_one_direction_leaves_the_other(asked, linkage):
 
 @given(linkages)
 def test_linkage_limits_hold_until_they_are_stale(linkage):
-    assert linkage_in_force(linkage, age=CAREFUL.stale_after, obedience=CAREFUL) == linkage
-    assert linkage_in_force(linkage, age=1.01 * CAREFUL.stale_after, obedience=CAREFUL) == SAFE_LINKAGE
+    last = UNLIMITED._replace(linkage=linkage)
+    assert in_force(last, 0.0, CAREFUL.stale_after, CAREFUL) == last
+    assert in_force(last, 0.0, 1.01 * CAREFUL.stale_after, CAREFUL) == UNLIMITED._replace(
+        linkage=SAFE_LINKAGE
+    )
 
 
 def test_an_ecu_that_sends_no_linkage_limits_leaves_the_linkage_free():
-    assert linkage_in_force(None, age=10.0, obedience=CAREFUL) == FREE
+    assert in_force(UNLIMITED, 10.0, 0.0, CAREFUL) == CAREFUL.safe._replace(linkage=FREE)
 
 
 def test_a_linkage_rate_that_is_not_available_is_replaced_by_its_safe_value():
     last = LinkageLimits(lift_up=0.5, lift_down=math.nan, tilt_back=0.5, tilt_forward=0.5)
-    assert linkage_in_force(last, age=0.0, obedience=CAREFUL) == last._replace(lift_down=0.1)
+    found = in_force(UNLIMITED._replace(linkage=last), 0.0, 0.0, CAREFUL).linkage
+    assert found == last._replace(lift_down=0.1)
 
 
 @given(requests, limits, speeds)

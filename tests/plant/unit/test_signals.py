@@ -7,9 +7,8 @@ from dbc import loader_database, reference_database
 from dbc.units import factor_to
 from plant.truth import Truth
 from plant.unit import interface
-from plant.unit.driver import Demand
 from plant.unit.sensors import Readings
-from plant.unit.signals import COMPUTED, INTERNALS, REFERENCES, SENSORS, STATES, Moment, family_slice
+from plant.unit.signals import COMPUTED, INTERNALS, OWN, REFERENCES, SENSORS, STATES, family_slice
 
 
 def test_rows_name_existing_parts_of_the_truth():
@@ -34,14 +33,14 @@ def test_channels_of_a_family_stand_together():
 
 
 def test_a_shared_state_is_the_worst_of_its_channels():
-    moment = Moment(Demand(), 0, 0.0)
+    sent = interface.MachineValues()
     for state, channels in STATES.items():
         for worst in channels:
             health = np.zeros(len(SENSORS), np.int64)
             health[[row.name == worst for row in SENSORS]] = 2
-            values = interface.machine_values(Readings(np.zeros(len(SENSORS)), health), moment)
-            sent = dict(zip(interface.MACHINE_SOURCES, values.tolist(), strict=True))
-            assert {name: value for name, value in sent.items() if value} == {state: 2.0}
+            values = sent.of(Readings(np.zeros(len(SENSORS)), health), np.zeros(OWN)).tolist()
+            named = dict(zip(interface.MACHINE_SOURCES, values, strict=True))
+            assert {name: value for name, value in named.items() if value} == {state: 2.0}
 
 
 def test_the_satellite_receiver_sees_speed_and_course_over_ground():
