@@ -91,7 +91,9 @@ def _frame(data: Any, at: Any, kind: Any, begin: Any, header: Any, size: Any) ->
         if room < 84:
             return -2, 0, 0, 0, 0, 0, 0, 0
         remote, bits = data[at + 2] & _REMOTE_FLAG, np.int64(data[at + 13])
-        flags = (FD | (BRS if bits & 2 else 0) | (ESI if bits & 4 else 0)) if bits & 1 else 0
+        # CAN FD has no remote frames (ISO 11898-1): one that claims to be both is read as a remote frame
+        fd = bits & 1 and not remote
+        flags = (FD | (BRS if bits & 2 else 0) | (ESI if bits & 4 else 0)) if fd else 0
         announced = _FD_LENGTHS[min(data[at + 3], 15)]
         length = min(np.int64(data[at + 14]), 64)
         channel = _u16(data, at) - 1
@@ -99,11 +101,12 @@ def _frame(data: Any, at: Any, kind: Any, begin: Any, header: Any, size: Any) ->
     if room < 40:
         return -2, 0, 0, 0, 0, 0, 0, 0
     bits, beyond = _u32(data, at + 12), np.int64(data[at + 35])
-    flags = (FD | (BRS if bits & 0x2000 else 0) | (ESI if bits & 0x4000 else 0)) if bits & 0x1000 else 0
+    remote = bits & _REMOTE_FLAG_64
+    fd = bits & 0x1000 and not remote  # as above
+    flags = (FD | (BRS if bits & 0x2000 else 0) | (ESI if bits & 0x4000 else 0)) if fd else 0
     announced, length = _FD_LENGTHS[min(data[at + 1], 15)], np.int64(data[at + 2])
     # more bytes may be announced than there are: the others are 0, as CANoe has it
     there = min(length, (beyond if beyond else size) - header - 40, room - 40)
-    remote = bits & _REMOTE_FLAG_64
     return (
         np.int64(data[at]) - 1, _u32(data, at + 4), REMOTE if remote else 0, flags, announced, length, at + 40, max(there, 0)
     )  # fmt: skip

@@ -133,13 +133,15 @@ class _Rows:
         if number > 255:
             raise LogError("more than 256 different channels")
         extended = EXTENDED if message.is_extended_id and not error else 0
-        fd = FD | BRS * message.bitrate_switch | ESI * message.error_state_indicator if message.is_fd else 0
+        # CAN FD has no remote frames: one that claims to be both is read as a remote frame
+        fd = message.is_fd and not remote
+        flags = FD | BRS * message.bitrate_switch | ESI * message.error_state_indicator if fd else 0
         # python-can gives float seconds, which near today's date resolve 0.24 µs: rounded to the microsecond
         self._time_ns.append(round(message.timestamp * 1e6) * _MICROSECOND)
         self._can_id.append(message.arbitration_id | extended | REMOTE * remote | ERROR * error)
         # a remote frame has no data, but a length
         self._length.append(message.dlc if remote else len(data))
-        self._flags.append(fd)
+        self._flags.append(flags)
         self._channel.append(number)
         self._data.append(data)
 

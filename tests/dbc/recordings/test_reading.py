@@ -276,6 +276,21 @@ def test_before_the_first_damage_a_blf_is_what_python_can_reads(tmp_path_factory
     assert [plain(f) for f in read[: len(reference)]] == [plain(f) for f in reference]
 
 
+def test_a_remote_frame_of_can_fd_is_a_remote_frame(tmp_path):
+    """There is none (ISO 11898-1), but a damaged file or a careless logger can claim one."""
+    file = tmp_path / "claimed.blf"
+    with can.BLFWriter(file, compression_level=0) as writer:
+        writer.on_message_received(
+            can.Message(timestamp=1.5e9, arbitration_id=5, is_extended_id=False, is_fd=True)
+        )
+    content = bytearray(file.read_bytes())
+    at = content.index(b"LOBJ", content.index(b"LOBJ") + 4)  # the message, within the container
+    content[at + 32 + 2] |= 0x80  # its flag of a remote frame, behind its header
+    file.write_bytes(content)
+    (frame,) = read_frames(file).frames()
+    assert (frame.can_id, frame.flags) == (5 | REMOTE, 0)
+
+
 @pytest.mark.parametrize("kept", [0.1, 0.5, 0.9, 0.999])
 def test_an_mf4_without_its_structure_is_one_clear_error(files, tmp_path, kept):
     """asammdf writes the structure behind the data: a cut takes it away."""
