@@ -91,8 +91,6 @@ class Observer:
     def finished(self, row: Array, time_s: float) -> Truth:
         """The record of a row that `observe` has filled; the row is not to be changed any more."""
         row[TIME], row[PAYLOAD] = time_s, self._payload_mass
-        slip_angle = row[SLIP_ANGLE : SLIP_ANGLE + 4]
-        np.arctan(slip_angle, out=slip_angle)
         row.flags.writeable = False
         return Truth(row)
 
@@ -130,7 +128,7 @@ def observe(
     active: Array | None,
     measures: Array,
 ) -> None:
-    """Evaluate the state and fill the row, but for time and payload; slip angles as their tangents."""
+    """Evaluate the state and fill the row, but for time and payload."""
     derivative(state, command, p, 0.0, work, active)
     _observe_frame(row, state, p, work, measures)
     _observe_joints(row, state, p, work)
@@ -209,7 +207,8 @@ def _observe_tyres(row: Array, work: Workspace) -> None:
         row[LATERAL + wheel] = tyre[s.T_LATERAL]
         row[ALIGNING + wheel] = tyre[s.T_ALIGNING]
         row[SLIP + wheel] = tyre[s.T_SLIP]
-        row[SLIP_ANGLE + wheel] = tyre[s.T_SIDE_SLIP]
+        # not numpy's, whose last bit is another on processors with wider vectors
+        row[SLIP_ANGLE + wheel] = math.atan(tyre[s.T_SIDE_SLIP])
         row[DEFLECTION + wheel] = tyre[s.T_DEFLECTION]
         mz += tyre[s.T_WRENCH + 2]
         fx, fy, fz = fx + tyre[s.T_WRENCH + 3], fy + tyre[s.T_WRENCH + 4], fz + tyre[s.T_WRENCH + 5]

@@ -217,7 +217,5 @@ def follow(
 
 
 def finish(rows: Array, payload_mass: float) -> None:
-    """What the compiled record leaves out: payload, and slip angles from their tangents."""
+    """What the compiled record leaves out: the payload."""
     rows[:, PAYLOAD] = payload_mass
-    slip_angle = Truth.slip_angle.column(rows)
-    np.arctan(slip_angle, out=slip_angle)
