@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from bus.frame import Frame
 from bus.machine_code import direct
+from bus.rows import Rows
 from dbc import codegen
 from dbc.binding import Binding, resting
 from dbc.compiled import packing as compiled
@@ -76,11 +77,17 @@ class Packer:
 
     def plan(self, due: Sequence[int]) -> "Plan":
         """What `pack` needs to make the messages of the given numbers, in their order."""
-        width = self._resting.shape[1]
-        return Plan(due, [self._codecs[number] for number in due], width)
+        return Plan(due, [self._codecs[number] for number in due], self._frames)
 
     def pack(self, plan: "Plan", values: NDArray[np.float64], at_ns: int = 0) -> list[Frame]:
         """The frames of a plan; values: SI, in the order of `sources`. EncodeError names a value that cannot be sent."""
+        self.fill(plan, values)
+        data = self._frames.tobytes()
+        # not by Frame(...): half of the time of making one is the call
+        return [_made(Frame, (can_id, data[start:stop], at_ns, 0)) for can_id, start, stop in plan.cuts]
+
+    def fill(self, plan: "Plan", values: NDArray[np.float64]) -> Rows:
+        """The same as rows, one for each message of the plan, which the next call overwrites."""
         failed = self._pack(
             plan.due,
             values,
@@ -93,9 +100,7 @@ class Packer:
         )
         if failed >= 0:
             self._refuse(failed, values)
-        data = self._frames.tobytes()
-        # not by Frame(...): half of the time of making one is the call
-        return [_made(Frame, (can_id, data[start:stop], at_ns, 0)) for can_id, start, stop in plan.cuts]
+        return plan.rows
 
     def pack_many(
         self, plans: Sequence["Plan"], values: NDArray[np.float64], stamps_ns: Sequence[int]
@@ -137,8 +142,14 @@ class Packer:
 class Plan:
     """Which messages are made together, and where each lies among the bytes."""
 
-    def __init__(self, due: Sequence[int], codecs: Sequence[MessageCodec], width: int) -> None:
+    def __init__(self, due: Sequence[int], codecs: Sequence[MessageCodec], frames: NDArray[np.uint8]) -> None:
+        width = frames.shape[1]
         self.due = np.array(due, np.int64)
+        self.rows = Rows(
+            np.array([codec.can_id for codec in codecs], np.uint32),
+            np.array([codec.length for codec in codecs], np.uint8),
+            frames,
+        )
         self.cuts = [
             (codec.can_id, row * width, row * width + codec.length) for row, codec in enumerate(codecs)
         ]
@@ -166,8 +177,8 @@ def _data_id(codec: MessageCodec) -> int:
 
 
 def _resting_frames(messages: Sequence[tuple[MessageCodec, Signals]]) -> NDArray[np.uint8]:
-    """One row per message: the bits of the signals that are not sent."""
-    rows = np.zeros((len(messages), max(codec.length for codec, _ in messages)), np.uint8)
+    """One row per message, of a classic frame at least: the bits of the signals that are not sent."""
+    rows = np.zeros((len(messages), max(8, *(codec.length for codec, _ in messages))), np.uint8)
     for row, (codec, signals) in zip(rows, messages, strict=True):
         for signal in codec.layout:
             if signal.name not in signals:

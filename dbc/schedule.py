@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bus.frame import Frame
+from bus.rows import Rows
 from dbc.database import Database, MessageCodec
 from dbc.packing import Packer, Signals
 
@@ -45,6 +46,11 @@ class FrameSchedule:
     def pack(self, tick: int, values: NDArray[np.float64], at_ns: int = 0) -> list[Frame]:
         """The same from the values as a vector in the order of `sources`, stamped `at_ns`."""
         return self._packer.pack(self._plans[tick % len(self._plans)], values, at_ns)
+
+    def fill(self, tick: int, values: NDArray[np.float64]) -> tuple[Rows, int]:
+        """The same as rows, and how many: those of one tick, which the next call overwrites."""
+        plan = self._plans[tick % len(self._plans)]
+        return self._packer.fill(plan, values), plan.due.size
 
     def pack_many(
         self, ticks: Sequence[int], values: NDArray[np.float64], stamps_ns: Sequence[int]

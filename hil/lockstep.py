@@ -7,6 +7,8 @@ codec and a modelled wire. One tick of 10 ms:
     t + 5    the ECU has received them, ticks, its answers go onto the wire
     t + 10   the plant has received the answers, and the next tick begins
 
+Where both sides can, frames go between them as rows of numbers, and become objects a hundred ticks at a time.
+
 Nothing here reads a clock or draws a random number: equal arguments give equal bytes.
 """
 
@@ -14,7 +16,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bus.frame import Frame
+from bus.row_wire import ECU, PLANT, RowWire
+from bus.rows import Rows, frames_of
 from bus.wire import Carrier, Wire
 from hil.shell.collector import uncollected
 
@@ -24,8 +31,8 @@ PERIOD_NS = 10 * MS
 ECU_PHASE_NS = 5 * MS
 
 
-REFERENCE_TICKS = 100
-"""Ticks whose reference frames are made together: one by one each of them costs a tenth of its tick."""
+TOGETHER_TICKS = 100
+"""Ticks whose recorded frames are made together: one by one those of the reference cost a tenth of their tick."""
 
 
 class CutOffError(Exception):
@@ -77,6 +84,29 @@ class CyclingEcu(Protocol):
         ...
 
 
+@runtime_checkable
+class RowPlant(Protocol):
+    """A plant that gives its frames as rows, which costs less than an object for each."""
+
+    @property
+    def heard(self) -> frozenset[int]:
+        """Identifiers of the frames that `receive` looks at."""
+        ...
+
+    def tick_rows(self, now_ns: int) -> tuple[Rows, int]:
+        """The same as `tick`: rows that hold until the next tick, and how many of them are frames."""
+        ...
+
+
+@runtime_checkable
+class RowEcu(Protocol):
+    """An ECU that takes and gives frames as rows."""
+
+    def cycle_rows(self, received: NDArray[np.void], now_ns: int) -> tuple[Rows, int, Sequence[object]]:
+        """The same as `CyclingEcu.cycle` of a table of bus.rows.LAYOUT: rows, how many of them are frames, and findings."""
+        ...
+
+
 @dataclass(slots=True)
 class Recording:
     """The result of a lockstep run."""
@@ -101,6 +131,9 @@ class Lockstep:
         self._cycle = ecu.cycle if isinstance(ecu, CyclingEcu) else None
         self._waiting: list[Frame] = []  # for the next cycle
         self._wire = wire or Wire()
+        # a wire that was given may change, lose or add frames, and does so one by one
+        by_rows = wire is None and isinstance(plant, RowPlant) and isinstance(ecu, RowEcu)
+        self._rows = RowWire(plant.heard) if by_rows and isinstance(plant, RowPlant) else None
         self._now_ns = 0
         self._recording = Recording()
         self._forgotten = 0  # ticks that `take` has given away
@@ -109,7 +142,7 @@ class Lockstep:
     @property
     def recording(self) -> Recording:
         """What has been recorded so far."""
-        self._make_reference()
+        self._catch_up()
         return self._recording
 
     def take(self) -> Recording:
@@ -125,24 +158,43 @@ class Lockstep:
 
     def step(self) -> None:
         """One period: plant, wire, ECU, wire."""
+        if self._forgotten + len(self._recording.truth) - self._instrumented >= TOGETHER_TICKS:
+            self._catch_up()
+        if self._rows is None:
+            self._step_by_frames(self._now_ns)
+        else:
+            self._step_by_rows(self._rows, self._plant, self._ecu, self._now_ns)
+        self._now_ns += PERIOD_NS
+
+    def _step_by_rows(self, wire: RowWire, plant: Any, ecu: Any, now_ns: int) -> None:
+        """plant: also a RowPlant; ecu: also a RowEcu."""
+        recording, ecu_ns = self._recording, now_ns + ECU_PHASE_NS
+        rows, count = plant.tick_rows(now_ns)
+        recording.truth.append(plant.truth)
+        wire.carry(rows, count, PLANT, now_ns, ecu_ns)
+        rows, count, findings = ecu.cycle_rows(wire.take_to_ecu(), ecu_ns)
+        recording.ecu_findings += findings
+        wire.carry(rows, count, ECU, ecu_ns, now_ns + PERIOD_NS)
+        for frame in wire.take_to_plant():
+            if found := plant.receive(frame, frame[2]):
+                recording.plant_findings += found
+
+    def _step_by_frames(self, now_ns: int) -> None:
         plant, wire, recording = self._plant, self._wire, self._recording
-        now_ns = self._now_ns
         wire.put(plant.tick(now_ns), now_ns, "plant")
         recording.truth.append(plant.truth)
-        if self._forgotten + len(recording.truth) - self._instrumented >= REFERENCE_TICKS:
-            self._make_reference()
 
         ecu_ns = now_ns + ECU_PHASE_NS
         self._deliver(ecu_ns)
         answer = self._ecu_tick(ecu_ns)
         recording.ecu_findings += answer.findings
         wire.put(answer.frames, ecu_ns, "ecu")
+        self._deliver(now_ns + PERIOD_NS)
 
-        self._now_ns = now_ns + PERIOD_NS
-        self._deliver(self._now_ns)
-
-    def _make_reference(self) -> None:
-        """Make the reference frames of the ticks that have none yet: nobody reads them during the run."""
+    def _catch_up(self) -> None:
+        """Make the frames of the recording that are not made yet: nobody reads them during the run."""
+        if self._rows is not None:
+            self._recording.bus += self._rows.take_bus()
         truths = self._recording.truth[self._instrumented - self._forgotten :]
         if self._reference and truths:
             first = self._instrumented
@@ -188,6 +240,8 @@ class Lockstep:
 
     def _receive_the_rest(self) -> None:
         """Hand over the frames that came after the last cycle: they may have findings too."""
+        if self._rows is not None:
+            self._waiting = frames_of(self._rows.take_to_ecu())
         for frame in self._waiting:
             self._recording.ecu_findings += self._ecu.receive(frame, frame.at_ns)
         self._waiting = []

@@ -48,6 +48,11 @@ class Reception:
         self._codecs = {codec.can_id: codec for codec in (limits, linkage, database.by_name["EcuStatus"])}
         self._checkers = {can_id: Checker(codec) for can_id, codec in self._codecs.items()}
 
+    @property
+    def heard(self) -> frozenset[int]:
+        """Identifiers of the frames that the machine uses."""
+        return frozenset(self._codecs)
+
     def receive(self, frame: Frame, now_ns: int) -> list[Finding]:
         """Use one frame, if it is one the machine uses and it is sound."""
         checker = self._checkers.get(frame.can_id)

@@ -18,6 +18,7 @@ import numpy as np
 
 from bus.frame import Frame
 from bus.machine_code import direct
+from bus.rows import Rows
 from dbc import loader_database, reference_database
 from dbc.schedule import FrameSchedule
 from plant.physics.state import COMMANDS
@@ -172,6 +173,11 @@ class PlantUnit:
         """What came from the ECU."""
         return self._reception
 
+    @property
+    def heard(self) -> frozenset[int]:
+        """Identifiers of the frames that `receive` looks at."""
+        return self._reception.heard
+
     def receive(self, frame: Frame, now_ns: int) -> list[Finding]:
         """Take one frame from the bus; findings if its protection (CRC, counter) fails."""
         return self._reception.receive(frame, now_ns)
@@ -191,6 +197,16 @@ class PlantUnit:
 
     def tick(self, now_ns: int) -> list[Frame]:
         """Advance 10 ms and return the sensor frames that are due. The first tick samples the start."""
+        values = self._sampled(now_ns)
+        return self._schedule.pack(self._ticks - 1, values)
+
+    def tick_rows(self, now_ns: int) -> tuple[Rows, int]:
+        """The same; the frames as rows, and how many."""
+        values = self._sampled(now_ns)
+        return self._schedule.fill(self._ticks - 1, values)
+
+    def _sampled(self, now_ns: int) -> Floats:
+        """Advance 10 ms and return everything the machine sends."""
         self._now_ns = now_ns
         if self._readings is None:
             self._started_ns = now_ns
@@ -201,7 +217,7 @@ class PlantUnit:
         own = self._own
         own[SEQUENCE] = self.sequence
         own[GROUND_SPEED] = abs(self._ground_speed(self._readings.values, self._equipment.rolling_radius))
-        return self._schedule.pack(self._ticks - 1, self._values.of(self._readings, own))
+        return self._values.of(self._readings, own)
 
     def reference_frames(self) -> list[Frame]:
         """The test instrumentation's frames that are due at the last tick, with its stamp."""

@@ -56,7 +56,7 @@ def test_truth_and_reference_are_recorded_once_per_tick():
 
 @pytest.mark.parametrize(("together", "ticks"), [(1, 20), (7, 20), (20, 20), (100, 20)])
 def test_reference_frames_made_together_are_complete_and_in_order(together, ticks, monkeypatch):
-    monkeypatch.setattr(lockstep, "REFERENCE_TICKS", together)
+    monkeypatch.setattr(lockstep, "TOGETHER_TICKS", together)
     recording = run(ticks)[2]
     assert [int.from_bytes(f.data, "little") for f in recording.reference] == list(range(ticks))
     assert [f.at_ns for f in recording.reference] == [n * PERIOD_NS for n in range(ticks)]

@@ -5,15 +5,15 @@ import gc
 import pytest
 
 from hil.compose import Choice, lockstep
-from hil.lockstep import REFERENCE_TICKS, Lockstep
+from hil.lockstep import TOGETHER_TICKS, Lockstep
 from tests.hil.fakes import FakeEcu, FakePlant
 
 
 def test_a_tick_leaves_no_reference_cycles():
     """What the collector would find must not grow with the run."""
     found = []
-    # the first run is long enough to load all compiled code: reference frames are made REFERENCE_TICKS at a time
-    for ticks in (REFERENCE_TICKS + 20, 20, 3 * REFERENCE_TICKS + 20):
+    # the first run is long enough to load all compiled code: reference frames are made TOGETHER_TICKS at a time
+    for ticks in (TOGETHER_TICKS + 20, 20, 3 * TOGETHER_TICKS + 20):
         bench = lockstep(Choice(scenario="loaded").load())
         gc.collect()
         gc.disable()

@@ -12,6 +12,7 @@ import pytest
 
 from bus.cache_folder import NoCacheFolderError
 from bus.frame import Frame
+from bus.wire import Wire
 from dbc import loader_database
 from dbc.protection import Finding as Check
 from dbc.protection import Protector
@@ -23,7 +24,9 @@ from ecu.cycle import EcuCycle
 from ecu.findings import EstimatorFailed, Implausible, ProtectionFailed, Stale, StateChanged
 from ecu.states import State
 from hil import rundir
-from hil.compose import Choice, lockstep
+from hil.compose import Choice, lockstep, plant_unit
+from hil.ecu_side import ecu_cycle
+from hil.lockstep import Lockstep
 from hil.runs import run_lockstep
 from loaderhil.options import checked_core
 from plant.unit.scenario import FOLDER
@@ -82,6 +85,28 @@ def test_a_run_with_faults_leaves_the_same_files(tmp_path):
         "statistics"
     ].keys()
     assert files == expected
+
+
+@pytest.mark.parametrize("limits", [True, False])
+def test_frames_as_rows_leave_the_same_run(limits):
+    """Without a wire of its own a run hands on rows; without limits this one rolls over, and the ECU has findings."""
+    recordings = []
+    for wire in (None, Wire()):
+        scenario = Choice(scenario="abrupt_articulation", changes=("duration_s=8.0",)).load()
+        ecu = ecu_cycle(form="corrected", limits=limits, core=C)
+        bench = Lockstep(plant_unit(scenario), ecu, wire=wire)
+        parts = [bench.take() for _ in range(150) if bench.step() is None]  # taken in parts at first
+        bench.run()
+        parts.append(bench.take())
+        recordings.append(
+            [
+                [str(one) for part in parts for one in getattr(part, kind)]
+                for kind in ("bus", "reference", "plant_findings", "ecu_findings")
+            ]
+        )
+        recordings[-1].append([one.row.tolist() for part in parts for one in part.truth])
+    assert recordings[0][0]
+    assert recordings[0] == recordings[1]
 
 
 @pytest.mark.slow
