@@ -1,8 +1,8 @@
 """The modelled bus of `bus.wire` for frames as rows: the same order and stamps, in one compiled call for each side's turn."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,33 @@ PLANT, ECU = range(2)
 """Who sent a frame."""
 # Places in the numbers that are carried from call to call: rows of each table, and when the wire is free [ns].
 PENDING, BUS, TO_ECU, TO_PLANT, FREE = range(5)
+
+
+@runtime_checkable
+class RowPlant(Protocol):
+    """A plant that gives its frames as rows, which costs less than an object for each."""
+
+    @property
+    def heard(self) -> frozenset[int]:
+        """Identifiers of the frames that its `receive` looks at."""
+        ...
+
+    def tick_rows(self, now_ns: int) -> tuple[Rows, int]:
+        """One tick: rows that hold until the next one, and how many of them are frames."""
+        ...
+
+    def reference_rows(self, truths: Sequence[Any], first: int, at_ns: int) -> NDArray[np.void]:
+        """A table of LAYOUT: frames of the test instrumentation at ticks at which this was true; number and stamp of the first of them."""
+        ...
+
+
+@runtime_checkable
+class RowEcu(Protocol):
+    """An ECU that takes and gives frames as rows."""
+
+    def cycle_rows(self, received: NDArray[np.void], now_ns: int) -> tuple[Rows, int, Sequence[Any]]:
+        """Receive the frames of a table of LAYOUT, each at its stamp, then one cycle: rows, how many of them are frames, and findings."""
+        ...
 
 
 class Stamped(NamedTuple):
@@ -76,22 +103,20 @@ class RowWire:
         while not self._carry[sender](*arguments, self._tables):
             self._grow()
 
-    def take_bus(self) -> list[Frame]:
-        """Every frame that has arrived since the last call, in order."""
-        return self._taken(self._bus, BUS)
+    def take_bus(self) -> NDArray[np.void]:
+        """Every frame that has arrived since the last call, in order: a table of LAYOUT of its own."""
+        count, self._counts[BUS] = self._counts[BUS], 0
+        return self._bus[:count].copy()
 
     def take_to_plant(self) -> list[Frame]:
         """Those that the plant looks at."""
-        return self._taken(self._to_plant, TO_PLANT)
+        count, self._counts[TO_PLANT] = self._counts[TO_PLANT], 0
+        return frames_of(self._to_plant[:count]) if count else []
 
     def take_to_ecu(self) -> NDArray[np.void]:
         """Those for the ECU, as a table of LAYOUT that the next `carry` fills anew."""
         count, self._counts[TO_ECU] = self._counts[TO_ECU], 0
         return self._to_ecu[:count]
-
-    def _taken(self, table: NDArray[np.void], place: int) -> list[Frame]:
-        count, self._counts[place] = self._counts[place], 0
-        return frames_of(table[:count]) if count else []
 
     def _grow(self) -> None:
         """Give every table twice its room."""

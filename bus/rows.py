@@ -4,8 +4,8 @@ A row has the layout of `LibraryFrame` (deploy/c/runtime/library/library.h), so 
 """
 
 import struct
-from collections.abc import Iterable
-from typing import Any, Final, NamedTuple
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, Final, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,3 +52,56 @@ def frames_of(table: NDArray[np.void]) -> list[Frame]:
     rows: Iterable[tuple[Any, ...]] = _ROW.iter_unpack(table.tobytes())
     # not by Frame(...): half of the time of making one is the call
     return [_made(Frame, (can_id, data[:length], at_ns, 0)) for at_ns, can_id, length, data in rows]
+
+
+class Frames(Sequence[Frame]):
+    """Frames in their order. Those that come as rows become objects when somebody looks at one, and not before."""
+
+    def __init__(self) -> None:
+        self._made: list[Frame] = []
+        self._rows: list[NDArray[np.void]] = []  # behind those that are made
+
+    def extend(self, frames: Iterable[Frame]) -> None:
+        """Add frames."""
+        self._look().extend(frames)
+
+    def append(self, frame: Frame) -> None:
+        """Add one frame."""
+        self._look().append(frame)
+
+    def add(self, table: NDArray[np.void]) -> None:
+        """Add the frames of a table of LAYOUT, which is not to be changed any more."""
+        self._rows.append(table)
+
+    def parts(self) -> tuple[Sequence[Frame], Sequence[NDArray[np.void]]]:
+        """All frames as they are kept: objects first, then tables of rows."""
+        return self._made, self._rows
+
+    def _look(self) -> list[Frame]:
+        for table in self._rows:
+            self._made += frames_of(table)
+        self._rows.clear()
+        return self._made
+
+    def __len__(self) -> int:
+        return len(self._made) + sum(map(len, self._rows))
+
+    @overload
+    def __getitem__(self, place: int) -> Frame: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> list[Frame]: ...
+
+    def __getitem__(self, place: int | slice) -> Frame | list[Frame]:
+        return self._look()[place]
+
+    def __iter__(self) -> Iterator[Frame]:
+        return iter(self._look())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sequence) and self._look() == list(other)
+
+    __hash__ = None  # type: ignore[assignment]  # it grows
+
+    def __repr__(self) -> str:
+        return f"Frames({self._look()!r})"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bus.frame import Frame
 from bus.machine_code import direct
-from bus.rows import Rows
+from bus.rows import LAYOUT, Rows
 from dbc import codegen
 from dbc.binding import Binding, resting
 from dbc.compiled import packing as compiled
@@ -104,8 +104,8 @@ class Packer:
 
     def pack_many(
         self, plans: Sequence["Plan"], values: NDArray[np.float64], stamps_ns: Sequence[int]
-    ) -> list[Frame]:
-        """The same as `pack` for each plan with its row of values and its stamp."""
+    ) -> NDArray[np.void]:
+        """The frames of each plan with its row of values and its stamp, as a table of bus.rows.LAYOUT; of messages of at most 8 bytes."""
         counts = [plan.due.size for plan in plans]
         starts = np.array([0, *accumulate(counts)], np.int64)
         width = self._resting.shape[1]
@@ -124,14 +124,11 @@ class Packer:
         )
         if failed >= 0:
             self._refuse(failed, values[tick])
-        data = frames.tobytes()
-        made = []
-        for plan, at_ns, first in zip(plans, stamps_ns, (starts[:-1] * width).tolist(), strict=True):
-            made += [
-                _made(Frame, (can_id, data[first + start : first + stop], at_ns, 0))
-                for can_id, start, stop in plan.cuts
-            ]
-        return made
+        table = np.zeros(len(frames), LAYOUT)
+        for name in ("can_id", "length") if plans else ():
+            table[name] = np.concatenate([getattr(plan.rows, name)[: plan.due.size] for plan in plans])
+        table["data"], table["at_ns"] = frames[:, :8], np.repeat(np.array(stamps_ns, np.int64), counts)
+        return table
 
     def _refuse(self, failed: int, values: NDArray[np.float64]) -> None:
         """Name the signal whose value cannot be sent."""

@@ -54,8 +54,8 @@ class FrameSchedule:
 
     def pack_many(
         self, ticks: Sequence[int], values: NDArray[np.float64], stamps_ns: Sequence[int]
-    ) -> list[Frame]:
-        """The same as `pack` for each tick with its row of values and its stamp, in one call of compiled code."""
+    ) -> NDArray[np.void]:
+        """The same as `pack` for each tick with its row of values and its stamp, in one call of compiled code: a table of bus.rows.LAYOUT."""
         plans = [self._plans[tick % len(self._plans)] for tick in ticks]
         return self._packer.pack_many(plans, values, stamps_ns)
 

@@ -14,14 +14,11 @@ Nothing here reads a clock or draws a random number: equal arguments give equal 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any, Protocol
 
 from bus.frame import Frame
-from bus.row_wire import ECU, PLANT, RowWire
-from bus.rows import Rows, frames_of
+from bus.row_wire import ECU, PLANT, RowEcu, RowPlant, RowWire
+from bus.rows import Frames, frames_of
 from bus.wire import Carrier, Wire
 from hil.shell.collector import uncollected
 
@@ -75,44 +72,12 @@ class EcuSide(Protocol):
     def tick(self, now_ns: int) -> EcuTick: ...
 
 
-@runtime_checkable
-class CyclingEcu(Protocol):
-    """An ECU that takes all frames since its last cycle in one call, which costs less than a call for each."""
-
-    def cycle(self, frames: Sequence[Frame], now_ns: int) -> EcuTick:
-        """The same as `receive` for each frame at its stamp, then `tick`; findings of the frames come first."""
-        ...
-
-
-@runtime_checkable
-class RowPlant(Protocol):
-    """A plant that gives its frames as rows, which costs less than an object for each."""
-
-    @property
-    def heard(self) -> frozenset[int]:
-        """Identifiers of the frames that `receive` looks at."""
-        ...
-
-    def tick_rows(self, now_ns: int) -> tuple[Rows, int]:
-        """The same as `tick`: rows that hold until the next tick, and how many of them are frames."""
-        ...
-
-
-@runtime_checkable
-class RowEcu(Protocol):
-    """An ECU that takes and gives frames as rows."""
-
-    def cycle_rows(self, received: NDArray[np.void], now_ns: int) -> tuple[Rows, int, Sequence[object]]:
-        """The same as `CyclingEcu.cycle` of a table of bus.rows.LAYOUT: rows, how many of them are frames, and findings."""
-        ...
-
-
 @dataclass(slots=True)
 class Recording:
     """The result of a lockstep run."""
 
-    bus: list[Frame] = field(default_factory=list)  # in the order of their stamps
-    reference: list[Frame] = field(default_factory=list)  # of the test instrumentation
+    bus: Frames = field(default_factory=Frames)  # in the order of their stamps
+    reference: Frames = field(default_factory=Frames)  # of the test instrumentation
     truth: list[Any] = field(default_factory=list)  # one per tick
     plant_findings: list[object] = field(default_factory=list)
     ecu_findings: list[object] = field(default_factory=list)
@@ -125,15 +90,12 @@ class Lockstep:
         self, plant: PlantSide, ecu: EcuSide, *, wire: Carrier | None = None, reference: bool = True
     ) -> None:
         """reference: whether to record the test instrumentation's frames, which the ECU never sees."""
-        self._plant = plant
+        self._plant, self._ecu, self._wire = plant, ecu, wire or Wire()
         self._reference = reference
-        self._ecu = ecu
-        self._cycle = ecu.cycle if isinstance(ecu, CyclingEcu) else None
-        self._waiting: list[Frame] = []  # for the next cycle
-        self._wire = wire or Wire()
+        self._rows: RowWire | None = None
         # a wire that was given may change, lose or add frames, and does so one by one
-        by_rows = wire is None and isinstance(plant, RowPlant) and isinstance(ecu, RowEcu)
-        self._rows = RowWire(plant.heard) if by_rows and isinstance(plant, RowPlant) else None
+        if wire is None and isinstance(plant, RowPlant) and isinstance(ecu, RowEcu):
+            self._rows = RowWire(plant.heard)
         self._now_ns = 0
         self._recording = Recording()
         self._forgotten = 0  # ticks that `take` has given away
@@ -180,46 +142,38 @@ class Lockstep:
                 recording.plant_findings += found
 
     def _step_by_frames(self, now_ns: int) -> None:
-        plant, wire, recording = self._plant, self._wire, self._recording
-        wire.put(plant.tick(now_ns), now_ns, "plant")
-        recording.truth.append(plant.truth)
-
-        ecu_ns = now_ns + ECU_PHASE_NS
+        recording, ecu_ns = self._recording, now_ns + ECU_PHASE_NS
+        self._wire.put(self._plant.tick(now_ns), now_ns, "plant")
+        recording.truth.append(self._plant.truth)
         self._deliver(ecu_ns)
-        answer = self._ecu_tick(ecu_ns)
+        answer = self._ecu.tick(ecu_ns)
         recording.ecu_findings += answer.findings
-        wire.put(answer.frames, ecu_ns, "ecu")
+        self._wire.put(answer.frames, ecu_ns, "ecu")
         self._deliver(now_ns + PERIOD_NS)
 
     def _catch_up(self) -> None:
-        """Make the frames of the recording that are not made yet: nobody reads them during the run."""
+        """Bring the recording up to the last tick: nobody reads it during the run."""
         if self._rows is not None:
-            self._recording.bus += self._rows.take_bus()
+            self._recording.bus.add(self._rows.take_bus())
         truths = self._recording.truth[self._instrumented - self._forgotten :]
         if self._reference and truths:
-            first = self._instrumented
-            self._recording.reference += self._plant.reference_of(truths, first, first * PERIOD_NS)
+            first, plant = self._instrumented, self._plant
+            if isinstance(plant, RowPlant):
+                self._recording.reference.add(plant.reference_rows(truths, first, first * PERIOD_NS))
+            else:
+                self._recording.reference.extend(plant.reference_of(truths, first, first * PERIOD_NS))
         self._instrumented += len(truths)
-
-    def _ecu_tick(self, now_ns: int) -> EcuTick:
-        if self._cycle is None:
-            return self._ecu.tick(now_ns)
-        waiting, self._waiting = self._waiting, []
-        return self._cycle(waiting, now_ns)
 
     def _deliver(self, until_ns: int) -> None:
         """Hand every frame that has arrived to the other side."""
-        recording, to_plant = self._recording, self._plant.receive
-        record, wait = recording.bus.append, self._waiting.append
-        to_ecu = self._ecu.receive if self._cycle is None else None
-        for sender, frame in self._wire.take(until_ns):
-            record(frame)
+        recording, to_plant, to_ecu = self._recording, self._plant.receive, self._ecu.receive
+        arrived = self._wire.take(until_ns)
+        recording.bus.extend([frame for _, frame in arrived])
+        for sender, frame in arrived:
             if sender != "plant":
                 # nearly no frame has a finding
                 if found := to_plant(frame, frame[2]):
                     recording.plant_findings += found
-            elif to_ecu is None:
-                wait(frame)
             elif found := to_ecu(frame, frame[2]):
                 recording.ecu_findings += found
 
@@ -240,8 +194,5 @@ class Lockstep:
 
     def _receive_the_rest(self) -> None:
         """Hand over the frames that came after the last cycle: they may have findings too."""
-        if self._rows is not None:
-            self._waiting = frames_of(self._rows.take_to_ecu())
-        for frame in self._waiting:
+        for frame in frames_of(self._rows.take_to_ecu()) if self._rows is not None else ():
             self._recording.ecu_findings += self._ecu.receive(frame, frame.at_ns)
-        self._waiting = []

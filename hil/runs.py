@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bus.frame import Frame
+from bus.rows import Frames
 from dbc.recordings.writer import CandumpWriter
 from hil import rundir
 from hil.compose import Choice, lockstep, truth_columns
@@ -90,10 +90,9 @@ def write_recording(out: Path, recording: Recording, faults: Sequence[Injected] 
     return lost
 
 
-def _write_log(file: Path, frames: Sequence[Frame], channel: str) -> None:
+def _write_log(file: Path, frames: Frames, channel: str) -> None:
     with rundir.writing(file), CandumpWriter(file) as writer:
-        for frame in frames:
-            writer.write(frame, channel)
+        writer.write_all(frames, channel)
 
 
 def _statistics(recording: Recording) -> dict[str, float | int | str]:

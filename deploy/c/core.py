@@ -45,8 +45,6 @@ _FRAME: Final = struct.Struct("=IB8s3x")
 """EcuFrame of ecu.h, with the bytes that fill it up to its alignment."""
 _FINDING: Final = struct.Struct("=4B4x2d")
 """EcuFinding of ecu.h: kind, subject, detail, other, value, value before."""
-_RECEIVED: Final = struct.Struct("=qIB8s3x")
-"""LibraryFrame of library.h: time, identifier, length, data, and the bytes that fill it up to its alignment."""
 _PROTECTION_FAILED, _IMPLAUSIBLE, _STALE, _STATE_CHANGED, _ESTIMATOR_FAILED, _FAULT_FOUND = range(6)
 """EcuFindingKind of ecu.h."""
 _BY_SENSOR, _BY_MESSAGE = 1, 2
@@ -140,23 +138,14 @@ class CEcu:
         count = self._tick(now_ns, self._frames)
         return Answer(self._made(count), self._found(now_ns) if self._count.value else [])
 
-    def cycle(self, frames: Sequence[Frame], now_ns: int) -> Answer:
-        """Receive frames, each at its stamp, then tick: the same as one call after the other, in one call of the library."""
-        findings: list[Finding] = []
-        most = self._most_received
-        while len(frames) > most:
-            findings += self._cycled(frames[:most], now_ns, None)[1]
-            frames = frames[most:]
-        count, found = self._cycled(frames, now_ns, self._frames)
-        return Answer(self._made(count), [*findings, *found])
-
     def cycle_rows(self, received: NDArray[np.void], now_ns: int) -> tuple[Rows, int, Sequence[Finding]]:
-        """The same for frames as rows (bus.rows.LAYOUT): rows of answers, which the next call overwrites, their number, and findings."""
+        """Receive frames as rows (the first of a table of bus.rows.LAYOUT), each at its stamp, then tick, in one call of the library.
+
+        Returns rows of answers, which the next call overwrites, how many they are, and findings.
+        """
         if received.base is not self._table:
-            self._table, self._address = (
-                received.base,
-                received.ctypes.data,
-            )  # asked for once: it takes a microsecond
+            # asked for once per table: it takes a microsecond
+            self._table, self._address = received.base, received.ctypes.data
         most, first, left = self._most_received, 0, len(received)
         findings: list[Finding] = []
         while left > most:
@@ -168,19 +157,6 @@ class CEcu:
         if self._count.value:
             findings += self._found_in(frames_of(received[first:]), now_ns)
         return self._made_rows, count, findings
-
-    def _cycled(
-        self, frames: Sequence[Frame], now_ns: int, made: "ctypes.Array[ctypes.c_char] | None"
-    ) -> tuple[int, list[Finding]]:
-        """How many frames are to be sent, and findings; made: None receives only."""
-        pack = _RECEIVED.pack
-        # a piece for each frame takes a quarter of one layout for all of their numbers
-        received = [
-            pack(at_ns, can_id, len(data) if len(data) < 256 else 255, data)
-            for can_id, data, at_ns, _ in frames
-        ]
-        count = self._cycle(b"".join(received), len(frames), now_ns, made)
-        return count, self._found_in(frames, now_ns) if self._count.value else []
 
     def _made(self, count: int) -> list[Frame]:
         made = _FRAME.iter_unpack(memoryview(self._frames)[: count * _FRAME.size])

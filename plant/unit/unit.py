@@ -15,10 +15,11 @@ from collections.abc import Sequence
 from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bus.frame import Frame
 from bus.machine_code import direct
-from bus.rows import Rows
+from bus.rows import Rows, frames_of
 from dbc import loader_database, reference_database
 from dbc.schedule import FrameSchedule
 from plant.physics.state import COMMANDS
@@ -227,7 +228,11 @@ class PlantUnit:
         return self._reference.pack(self._ticks - 1, values, self._now_ns)
 
     def reference_of(self, truths: Sequence[Truth], first: int, at_ns: int) -> list[Frame]:
-        """The test instrumentation's frames of ticks that follow one another; number and stamp of the first of them.
+        """The test instrumentation's frames of ticks that follow one another; number and stamp of the first of them."""
+        return frames_of(self.reference_rows(truths, first, at_ns))
+
+    def reference_rows(self, truths: Sequence[Truth], first: int, at_ns: int) -> NDArray[np.void]:
+        """The same as a table of bus.rows.LAYOUT.
 
         Many ticks together cost a quarter of one after the other. A motion that lacks a value has no frames at that tick.
         """

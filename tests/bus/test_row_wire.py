@@ -8,6 +8,7 @@ from bus.frame import ERROR, EXTENDED, REMOTE, Frame
 from bus.row_wire import ECU, PLANT, ROOM, RowWire
 from bus.rows import LAYOUT, SENT, columns_of, frames_of
 from bus.wire import Wire
+from tests.bus.rows import table_of
 
 HALF_NS = 5_000_000
 HEARD = frozenset({0x10, 0x20, 0x18FF0000 | EXTENDED})
@@ -22,11 +23,7 @@ frames = st.builds(lambda can_id, data: Frame(can_id, data), identifiers, st.bin
 
 def rows_of(sent, layout):
     """Frames as columns, and how many."""
-    table = np.zeros(200, layout)
-    for row, frame in zip(table, sent, strict=False):
-        row["can_id"], row["length"] = frame.can_id, len(frame.data)
-        row["data"][: len(frame.data)] = list(frame.data)
-    return columns_of(table), len(sent)
+    return columns_of(table_of(sent, np.zeros(200, layout))), len(sent)
 
 
 def both(turns, bit_rate=500_000):
@@ -45,9 +42,9 @@ def both(turns, bit_rate=500_000):
         rows.carry(*rows_of(sent, (LAYOUT, SENT)[side]), side, now_ns, now_ns + HALF_NS)
         by_rows[1].extend(frames_of(rows.take_to_ecu()))
         if k % 3 == 2:  # what is not taken stays
-            by_rows[0].extend(rows.take_bus())
+            by_rows[0].extend(frames_of(rows.take_bus()))
             by_rows[2].extend(rows.take_to_plant())
-    by_rows[0].extend(rows.take_bus())
+    by_rows[0].extend(frames_of(rows.take_bus()))
     by_rows[2].extend(rows.take_to_plant())
     return by_frames, by_rows
 

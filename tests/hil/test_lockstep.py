@@ -1,13 +1,17 @@
 """Order, latency and completeness of the lockstep loop, with cores small enough to predict."""
 
 import itertools
-from types import SimpleNamespace
+from functools import partial
 
+import numpy as np
 import pytest
 
+from bus.row_wire import RowWire
+from bus.rows import SENT, columns_of, frames_of
 from bus.wire import Wire
 from hil import lockstep
 from hil.lockstep import ECU_PHASE_NS, PERIOD_NS, Lockstep
+from tests.bus.rows import table_of
 from tests.hil.fakes import ANSWER, SENSOR, SPEEDS, FakeEcu, FakePlant
 
 
@@ -110,36 +114,64 @@ def test_progress_hears_simulated_time():
     assert heard == pytest.approx([0.05, 0.10, 0.15, 0.20])
 
 
-class CyclingEcu(FakeEcu):
-    """Takes the frames of a cycle in one call."""
+class RowPlant(FakePlant):
+    """The same frames as rows."""
 
-    def __init__(self):
-        super().__init__()
-        self.calls = 0
+    heard_ids = frozenset({ANSWER})
 
-    def cycle(self, frames, now_ns):
-        self.calls += 1
-        found = [finding for frame in frames for finding in self.receive(frame, frame.at_ns)]
+    @property
+    def heard(self):
+        return self.heard_ids
+
+    @heard.setter
+    def heard(self, frames):
+        self.frames = frames
+
+    def receive(self, frame, now_ns):
+        self.frames.append((frame, now_ns))
+        return []
+
+    def tick_rows(self, now_ns):
+        frames = self.tick(now_ns)
+        return columns_of(table_of(frames)), len(frames)
+
+    def reference_rows(self, truths, first, at_ns):
+        return table_of(self.reference_of(truths, first, at_ns))
+
+
+class RowEcu(FakeEcu):
+    """Takes the frames of a cycle in one call, as rows."""
+
+    def cycle_rows(self, received, now_ns):
+        found = [finding for frame in frames_of(received) for finding in self.receive(frame, frame.at_ns)]
         tick = self.tick(now_ns)
-        return SimpleNamespace(frames=tick.frames, findings=[*found, *tick.findings])
+        table = table_of(tick.frames, np.zeros(9, SENT))
+        return columns_of(table), len(tick.frames), [*found, *tick.findings]
 
 
-def test_an_ecu_that_takes_all_frames_in_one_call_gives_the_same_run():
-    ecu = CyclingEcu()
-    _, plain, expected = run()
-    assert Lockstep(FakePlant(20), ecu).run() == expected
-    assert (ecu.calls, ecu.heard, ecu.ticked) == (20, plain.heard, plain.ticked)
+def test_sides_that_give_and_take_rows_leave_the_same_run():
+    plant, ecu = RowPlant(20), RowEcu()
+    one, other, expected = run()
+    assert Lockstep(plant, ecu).run() == expected
+    assert (plant.frames, plant.ticked, ecu.heard, ecu.ticked) == (
+        one.heard,
+        one.ticked,
+        other.heard,
+        other.ticked,
+    )
 
 
-def test_frames_after_the_last_cycle_have_their_findings_also_when_a_run_is_interrupted():
+def test_frames_after_the_last_cycle_have_their_findings_also_when_a_run_is_interrupted(monkeypatch):
     def interrupt(_):
         raise KeyboardInterrupt
 
+    slow = 45_000  # the second frame of a tick comes after the cycle
+    monkeypatch.setattr(lockstep, "RowWire", partial(RowWire, bit_rate=slow))
     recordings = []
-    for ecu in (FakeEcu(), CyclingEcu()):
-        bench = Lockstep(
-            FakePlant(20), ecu, wire=Wire(bit_rate=45_000)
-        )  # the second frame of a tick comes after the cycle
+    for bench in (
+        Lockstep(FakePlant(20), FakeEcu(), wire=Wire(bit_rate=slow)),
+        Lockstep(RowPlant(20), RowEcu()),
+    ):
         with pytest.raises(KeyboardInterrupt):
             bench.run(interrupt, every=7)
         recordings.append(bench.recording)
