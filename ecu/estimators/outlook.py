@@ -14,8 +14,14 @@ from ecu.estimators.stability import permitted, permitted_braking
 from ecu.estimators.stability.lanes import predict_chosen
 from ecu.estimators.stability.levers import Levers, largest, with_motion
 from ecu.estimators.stability.loading import Loading, reloaded
-from ecu.estimators.stability.permitted import DEEP, SPEED_STEP, SPEED_TRIALS
-from ecu.estimators.stability.permitted_levers import SOON, leaves_ample, searched_lever, turns_after
+from ecu.estimators.stability.permitted import DEEP, NONE, SPEED_STEP, SPEED_TRIALS
+from ecu.estimators.stability.permitted_levers import (
+    LEVER_TRIALS,
+    SOON,
+    helping_lever,
+    leaves_ample,
+    turns_after,
+)
 from ecu.estimators.stability.prediction import Prediction, with_demand, with_levers
 from ecu.estimators.stability.rollover import LoadedMachine
 from ecu.estimators.stability.search import goes_on, narrowed, next_trial, over
@@ -115,22 +121,63 @@ def permitted_rates(starts: Rows, loadings: Rows, m: LoadedMachine) -> Rows:
 @compiled
 def permitted_lever_rates(starts: Rows, motions: Rows, ahead: Rows, loadings: Rows, m: LoadedMachine) -> Rows:
     """`permitted_levers.permitted_lever` of each row; ahead: predictions without the motion."""
-    n, rules, drive = len(starts), m.prediction, m.drive
+    n = len(starts)
     ample = [leaves_ample(starts[k], motions[k], ahead[k].margin, reloaded(m, loadings[k])) for k in range(n)]
-    moved = [
-        with_levers(starts[k], with_motion(starts[k].levers, motions[k], largest(motions[k], drive)))
+    rates = [largest(motion, m.drive) for motion in motions]
+    kept = keep_lever([not a for a in ample], starts, motions, rates, loadings, m)
+    rows = [k for k in range(n) if not ample[k] and not kept[k]]
+    if len(rows) > 0:
+        found = searched_lever_rates(
+            [starts[k] for k in rows], [motions[k] for k in rows], [loadings[k] for k in rows], m
+        )
+        for k in range(len(rows)):
+            rates[rows[k]] = found[k]
+    return rates
+
+
+@compiled
+def searched_lever_rates(starts: Rows, motions: Rows, loadings: Rows, m: LoadedMachine) -> Rows:
+    """`permitted_levers.searched_lever` of each row: the trials of all searches side by side."""
+    n, rules = len(starts), m.prediction
+    every, after_rest, rested = [True for _ in starts], [0.0 for _ in starts], [NOTHING for _ in starts]
+    resting = [with_levers(starts[k], with_motion(starts[k].levers, motions[k], 0.0)) for k in range(n)]
+    turns = [turns_after(starts[k], resting[k].levers, reloaded(m, loadings[k])) for k in range(n)]
+    least_margins(
+        every, NONE, [s.speed for s in starts], turns, [s.ground for s in starts], loadings, m, after_rest
+    )
+    predict_chosen(every, resting, loadings, rules.limit_hold, NONE, m, rested)
+    searching = [
+        after_rest[k] >= rules.turn_floor and rested[k].margin > rules.margin_floor for k in range(n)
+    ]
+    low, high = [0.0 for _ in starts], [largest(motion, m.drive) for motion in motions]
+    for _ in range(LEVER_TRIALS):
+        trials = [(low[k] + high[k]) / 2.0 for k in range(n)]
+        kept = keep_lever(searching, starts, motions, trials, loadings, m)
+        for k in range(n):
+            if kept[k]:
+                low[k] = trials[k]
+            else:
+                high[k] = trials[k]
+    return [
+        low[k]
+        if searching[k]
+        else helping_lever(starts[k], motions[k], rested[k].margin, after_rest[k], reloaded(m, loadings[k]))
         for k in range(n)
     ]
+
+
+@compiled
+def keep_lever(
+    chosen: Rows, starts: Rows, motions: Rows, rates: Rows, loadings: Rows, m: LoadedMachine
+) -> Rows:
+    """`permitted_levers.keeps_with_lever` of the chosen rows, each with its rate; False for the others."""
+    n, rules = len(starts), m.prediction
+    moved = [with_levers(starts[k], with_motion(starts[k].levers, motions[k], rates[k])) for k in range(n)]
     turns = [turns_after(starts[k], moved[k].levers, reloaded(m, loadings[k])) for k in range(n)]
-    kept = keep_turn([not a for a in ample], starts, turns, loadings, m)
+    kept = keep_turn(chosen, starts, turns, loadings, m)
     keep_margin(kept, moved, loadings, rules.limit_hold, m)
     keep_margin(kept, moved, loadings, SOON, m)
-    return [
-        largest(motions[k], drive)
-        if ample[k] or kept[k]
-        else searched_lever(starts[k], motions[k], reloaded(m, loadings[k]))
-        for k in range(n)
-    ]
+    return kept
 
 
 @compiled

@@ -101,8 +101,15 @@ def put_course(v: Lanes, j: int, c: Course, arm_moves: bool) -> None:
     v[9 * LANES + j] = c.rear_load
     v[10 * LANES + j] = c.gravity_x
     v[11 * LANES + j] = c.gravity_y
-    for k in range(len(c.rocking)):
-        v[(12 + k) * LANES + j] = c.rocking[k]
+    v[12 * LANES + j] = c.rocking.left
+    v[13 * LANES + j] = c.rocking.right
+    v[14 * LANES + j] = c.rocking.rear
+    v[15 * LANES + j] = c.rocking.left_rate
+    v[16 * LANES + j] = c.rocking.right_rate
+    v[17 * LANES + j] = c.rocking.rear_rate
+    v[18 * LANES + j] = c.rocking.left_load
+    v[19 * LANES + j] = c.rocking.right_load
+    v[20 * LANES + j] = c.rocking.pivot_load
     if arm_moves:
         put_part(v, 21, j, c.lift)
         put_part(v, 24, j, c.tilt)

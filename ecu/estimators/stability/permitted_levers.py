@@ -164,6 +164,15 @@ def gentlest_stop(start: PredictionState, motion: int, rested: float, m: LoadedM
 
 
 @compiled
+def helping_lever(
+    start: PredictionState, motion: int, rested: float, after_rest: float, m: LoadedMachine
+) -> float:
+    """The rate [rad/s] of this motion that helps where even the arm's rest violates a floor; arguments as of `recovery_lever`."""
+    helps = recovery_lever(start, motion, rested, after_rest, m)
+    return max(helps, gentlest_stop(start, motion, rested, m))
+
+
+@compiled
 def permitted_lever(start: PredictionState, motion: int, margin: float, m: LoadedMachine) -> float:
     """Largest rate [rad/s] of this motion that keeps the margins; the full one, without a prediction, where its cost leaves AMPLE.
 
@@ -192,8 +201,7 @@ def searched_lever(start: PredictionState, motion: int, m: LoadedMachine) -> flo
     after_rest = margin_after(NONE, start, rest, m)
     rested = predict(with_levers(start, rest), rules.limit_hold, NONE, m).margin
     if after_rest < rules.turn_floor or rested <= rules.margin_floor:
-        helps = recovery_lever(start, motion, rested, after_rest, m)
-        return max(helps, gentlest_stop(start, motion, rested, m))
+        return helping_lever(start, motion, rested, after_rest, m)
     for _ in range(LEVER_TRIALS):
         trial = (low + high) / 2.0
         if keeps_with_lever(start, motion, trial, m):

@@ -1,13 +1,23 @@
 """Predictions and turns side by side in vectors: the same numbers as one after the other, whatever the machine does."""
 
+import platform
+import re
+
+import numba
 import numpy as np
 import pytest
 
+from bus.machine_code import UNCOUNTED
 from ecu.calibration import load_calibration
 from ecu.estimators import columns
-from ecu.estimators.columns import estimate_columns
+from ecu.estimators.columns import estimate_columns, present_from
 from ecu.estimators.live import LiveEstimator
+from ecu.estimators.outlook import CASES, case_in
+from ecu.estimators.rows import ESTIMATES
 from ecu.estimators.signals import NEVER, Estimates, Inputs
+from ecu.estimators.stability import lanes, rollover, turn_lanes
+from ecu.estimators.stability.step import rates_of
+from ecu.estimators.state import INITIAL
 from tests.ecu.estimators.test_estimators import drive
 
 P = load_calibration().parameters
@@ -76,3 +86,31 @@ def test_a_division_by_zero_in_a_lane_is_raised(monkeypatch):
     for rows in (table[:4], table):  # one by one, and side by side
         with pytest.raises(ZeroDivisionError):
             estimate_columns(rows, stiff, cores=1)
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="counts instructions of x86-64")
+def test_lanes_are_computed_in_vectors():
+    """A loop over a lane's numbers within the loop over lanes is enough to keep LLVM from it, and nothing but the time shows it."""
+    state, cases = np.array(INITIAL), np.empty((1, CASES))
+    present_from(drive(1, 3), P, state, cases, np.empty((1, ESTIMATES)))
+    machine = loaded_machine_of(cases, P)
+    rates = rates_of(machine.prediction, machine.drive)
+    room = np.zeros(max(lanes.FIELDS * lanes.LANES, turn_lanes.FIELDS * turn_lanes.LANES))
+    for function, arguments in (
+        (lanes.run_resting, (room, lanes.LANES, 31, 0.5, 0.0, machine, rates)),
+        (lanes.run_moving, (room, lanes.LANES, 31, 0.5, 0.0, machine, rates)),
+        (turn_lanes.judge, (room, turn_lanes.LANES, machine)),
+    ):
+        fresh = numba.njit(error_model="numpy", **UNCOUNTED)(function.py_func)
+        fresh.compile(tuple(map(numba.typeof, arguments)))
+        (code,) = fresh.inspect_asm().values()
+        together, alone = (len(re.findall(rf"\bv?{name}\b", code)) for name in ("divpd", "divsd"))
+        # what is left of the lanes is computed one by one, by as many instructions again
+        assert together >= 0.8 * alone > 0, function.py_func.__name__
+
+
+@numba.njit
+def loaded_machine_of(cases, p):
+    """The machine of a case; Python would leave its numbers of several types."""
+    by = case_in(cases[0]).loading
+    return rollover.loaded_machine(by.front, by.payload, p)
