@@ -125,6 +125,7 @@ class MujocoMotion:
         in_lift, in_tilt = pressures(linkage, lift, tilt, float(efforts[1]), float(efforts[2]))
         articulation = oracle.joint(s.FRONT_FRAME)[0]
         steering = steering_pressures(cylinders_of(machine.steering), articulation, float(efforts[0]))
+        ahead, aside, up = d.sensordata[:3]
         values = {
             "time_s": self._steps * STEP_S,
             "position": d.qpos[:3],
@@ -141,6 +142,9 @@ class MujocoMotion:
             "lift_arm_rate": lift_rate,
             "wheel_speed": self._spins(),
             "wheel_torque": self._torque(),
+            # brakes are smoothed here, and none holds a wheel: what motors and brakes are known to give is what acts
+            "known_torque": self._torque(),
+            "inclination": (math.atan2(-ahead, math.hypot(aside, up)), math.atan2(aside, up)),
             "normal_force": oracle.tyres[:, s.T_NORMAL],
             "longitudinal_force": oracle.tyres[:, s.T_LONGITUDINAL],
             "lateral_force": oracle.tyres[:, s.T_LATERAL],
@@ -158,7 +162,7 @@ class MujocoMotion:
             ("tilt", s.BUCKET),
         ):
             values[f"{name}_angle"], values[f"{name}_rate"] = oracle.joint(body)
-        row = np.zeros(Truth.size)
+        row = np.full(Truth.size, np.nan)  # what MuJoCo is not asked for is not 0
         for name, value in values.items():
             field = Truth.fields[name]
             row[field.at : field.at + field.size] = value

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from bench.proof import report
 from bench.proof.arm import LOADERS, read
-from bench.proof.plan import GROUPS, carried_out, plan, sampled
+from bench.proof.plan import GROUPS, PARTS, carried_out, plan, sampled
 from diagnosis.fleet.cluster import carry_out
 from diagnosis.fleet.fleet import bar
 from diagnosis.fleet.store import Store
@@ -16,7 +16,11 @@ from diagnosis.fleet.store import Store
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m bench.proof", description=__doc__)
-    parser.add_argument("--arms", default=",".join(GROUPS), help=f"of {', '.join(GROUPS)}")
+    parser.add_argument(
+        "--arms",
+        default=",".join(GROUPS),
+        help=f"of {', '.join(GROUPS)}; {', '.join(PARTS)}: of the loader's",
+    )
     parser.add_argument("--seeds", type=int, default=3, help="repetitions of the whole plan")
     parser.add_argument("--share", type=float, default=1.0, help="of the arms, evenly from each kind")
     parser.add_argument(
@@ -33,8 +37,8 @@ def main() -> None:
     parser.add_argument("--report-only", action="store_true", help="of the arms that are there")
     args = parser.parse_args()
     groups = args.arms.split(",")
-    if strange := [group for group in groups if group not in GROUPS]:
-        parser.error(f"--arms {strange[0]}: there are {', '.join(GROUPS)}")
+    if strange := [group for group in groups if group not in GROUPS + PARTS]:
+        parser.error(f"--arms {strange[0]}: there are {', '.join(GROUPS + PARTS)}")
     planned = list(plan(groups, args.seeds))
     # a whole machine takes minutes per arm, a small body seconds
     quick, slow = [a for a in planned if a.body not in LOADERS], [a for a in planned if a.body in LOADERS]

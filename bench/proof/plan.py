@@ -12,6 +12,8 @@ from diagnosis.fleet.store import Row
 
 BODIES: dict[str, Body] = {body.name: body for body in (STRAIGHT, BALL, CAR)}
 GROUPS = (*BODIES, "loader", "real", "thesis")
+PARTS = ("mujoco",)
+"""Parts of a group that can be carried out alone: the loader moved by MuJoCo."""
 FEWEST_NULLS = 6
 
 
@@ -22,6 +24,8 @@ def plan(groups: Iterable[str], seeds: int) -> Iterator[Arm]:
             yield from BODIES[group].arms(seeds)
         elif group == "loader":
             yield from loader.arms(seeds)
+        elif group in PARTS:
+            yield from (arm for arm in loader.arms(seeds) if arm.body == group)
         elif group == "real":
             yield from real.arms()
         elif group == "thesis":

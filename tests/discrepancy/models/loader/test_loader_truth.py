@@ -13,6 +13,8 @@ from discrepancy.models.loader import recorded_run
 from plant.effects import find_effect
 from plant.plant import Commands, Plant
 from plant.sheets.machine import load_machine
+from plant.unit.interface import reference_values
+from plant.unit.sensors import felt_values, measured_values
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +97,10 @@ def test_mujoco_moves_as_the_plant_does():
     np.testing.assert_allclose(theirs.truth().lift_pressure, ours.truth().lift_pressure, rtol=1e-4)
     np.testing.assert_allclose(theirs.truth().steering_pressure, ours.truth().steering_pressure, rtol=1e-2)
     np.testing.assert_allclose(theirs.truth().imu_specific_force, ours.truth().imu_specific_force, atol=0.01)
+    # every sensor of the machine reads the same: one that MuJoCo's motion left out would read 0
+    for read in (measured_values, felt_values):
+        np.testing.assert_allclose(read(theirs.truth()), read(ours.truth()), rtol=1e-2, atol=0.01)
+    assert np.isfinite(reference_values([theirs.truth()])).all()
 
 
 def test_mujoco_refuses_an_effect_it_cannot_have():
