@@ -72,7 +72,7 @@ class Tables(NamedTuple):
     bus: Stamped  # everything that has arrived
     to_ecu: Stamped
     to_plant: Stamped  # what the plant looks at
-    counts: NDArray[np.int64]
+    counts: NDArray[np.int64]  # by the places above
     duration: NDArray[np.int64]  # (2, 9) of a frame with 11 and 29 bits of identifier, by its length [ns]
     wanted: NDArray[np.uint32]  # identifiers that the plant looks at
 
