@@ -190,7 +190,7 @@ def _simulated(
     values = Values({**start.shared, **truth.nuisances, **on}, local)
     # A window also offers measured outputs, as a guess of initial states or an input of one-step predictors. Here those are
     # placeholders or another machine's outputs: they must not drive the simulation that replaces them.
-    inputs = {**model.inputs, **model.optional}
+    inputs = model.driving
     problem.windows = [
         replace(w, known={n: v for n, v in w.known.items() if n in inputs}) for w in problem.windows
     ]

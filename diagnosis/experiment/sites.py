@@ -70,8 +70,7 @@ class BenchSite:
                 shutil.rmtree(run, ignore_errors=True)
                 run_with_effects(self._run(manoeuvre.name), {}, run)
             recording = loader.load_run(run)
-        inputs = {*problem.model.inputs, *problem.model.optional}
-        wanted = {*problem.channels, *inputs}
+        wanted = {*problem.channels, *problem.model.driving}
         recording = replace(recording, signals={n: s for n, s in recording.signals.items() if n in wanted})
         model = with_sheet(baseline(self._choice, self._base.given, [recording]), self._sheet)
         return Prospect(problem, judged.state.noise, recording, model=model)

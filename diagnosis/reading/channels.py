@@ -31,7 +31,7 @@ def to_recording(
     names = [c.name for c in table.columns]
     by_name = {c.name: c for c in table.columns}
     signals: dict[str, Signal] = {}
-    for channel, unit in {**model.inputs, **model.optional, **model.outputs}.items():
+    for channel, unit in {**model.driving, **model.outputs}.items():
         wanted = renamed.get(channel, model.columns.get(channel, channel)).split(",")
         columns = [by_name[w.strip()] for w in wanted if w.strip() in by_name]
         if len(columns) < len(wanted):

@@ -172,7 +172,7 @@ def _table(path: Path, choice: Choice, options: ReadOptions, through: ColumnDeco
 
 
 def _check_names(model: Model, options: ReadOptions) -> None:
-    known = {**model.inputs, **model.optional, **model.outputs}
+    known = {**model.driving, **model.outputs}
     for option, names in (("--channel", options.renamed), ("--shift", options.shifts)):
         if unknown := [name for name in names if name not in known]:
             raise Misuse(

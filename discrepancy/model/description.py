@@ -214,6 +214,8 @@ class Model:
         None  # parts held out in turn; None: whole windows. Shorter where an effect is a profile along the recording
     )
     optional: Mapping[str, str] = field(default_factory=dict)  # inputs that may be missing
+    # inputs that may be missing and only bound what others demand: `simulate` knows them, no equation is made of them
+    limits: Mapping[str, str] = field(default_factory=dict)
     constants: Mapping[str, str] = field(default_factory=dict)  # what a recording must say beside its signals
     held: tuple[str, ...] = ()  # channels whose values stand until the next one (commands)
     columns: Mapping[str, str] = field(
@@ -257,7 +259,7 @@ class Model:
             raise ValueError(
                 f"model {self.name}: parameter names must be unique, repeated: {', '.join(repeated)}"
             )
-        channels = {**self.inputs, **self.optional, **self.outputs, **self.constants}
+        channels = {**self.driving, **self.outputs, **self.constants}
         for name, unit in (*channels.items(), *((port.name, port.unit) for port in self.ports)):
             try:
                 parse_unit(unit)
@@ -275,6 +277,11 @@ class Model:
                         f"model {self.name}, manoeuvre {manoeuvre.name}: {name} is{'' if given.held else ' not'} held there, "
                         f"in the model's `held` it is{'' if name in self.held else ' not'}"
                     )
+
+    @property
+    def driving(self) -> Mapping[str, str]:
+        """All inputs with their units, those that may be missing and limits included."""
+        return {**self.inputs, **self.optional, **self.limits}
 
     @property
     def costly(self) -> bool:

@@ -82,7 +82,7 @@ def usable(
         complaints.append(Complaint(recording.name, name, text, fatal))
 
     fine = True
-    wanted = {**model.inputs, **model.optional, **model.outputs}
+    wanted = {**model.driving, **model.outputs}
     for name in [name for name in wanted if name in recording.signals]:
         found, expected = recording.signals[name].unit, wanted[name]
         if not parse_unit(found).same_quantity(parse_unit(expected)):
@@ -153,7 +153,7 @@ def odd_stamps(model: Model, of: Signal) -> str:
 def cut(model: Model, recording: Recording, interval: tuple[float, float]) -> Iterable[Window]:
     """Windows of equal length near model.window_s, each with its lead-in as far as the recording has one."""
     start = interval[0]
-    names = {**model.inputs, **model.optional, **model.outputs}
+    names = {**model.driving, **model.outputs}
     for low, high in _spans(model, recording, interval):
         lead = max(low - model.step_s * round(model.lead_s / model.step_s), start)
         count = int(np.ceil((high - lead) / model.step_s - 1e-9)) + 1

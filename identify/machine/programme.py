@@ -91,7 +91,7 @@ def drives(found: Identified, machine_file: Path, progress: Progress) -> tuple[l
 def information(found: Identified, recording: Recording) -> Array:
     """Of the fitted parameters (k, k) from one more recording at the identified values, without priors. Raises Unusable."""
     # a drive with instruments that the user does not have would promise too much
-    known = {*found.problem.channels, *found.model.inputs, *found.model.optional}
+    known = {*found.problem.channels, *found.model.driving}
     kept = replace(recording, signals={name: s for name, s in recording.signals.items() if name in known})
     problem = Problem(found.coordinates.model(found.build([kept])), [kept])
     values = problem.start().with_shared({n: found.fit.values.shared[n] for n in found.fit.names})

@@ -23,6 +23,17 @@ OPTIONAL: Mapping[str, str] = {
     "lift_demand": "1",
     "tilt_demand": "1",
 }
+LIMITS: Mapping[str, str] = dict.fromkeys(
+    (
+        "articulation_rate_limit",
+        "lift_up_limit",
+        "lift_down_limit",
+        "tilt_back_limit",
+        "tilt_forward_limit",
+    ),
+    "rad/s",
+)
+"""Largest rates that the machine obeys, as positive numbers: an ECU that keeps it on its wheels takes them off what the driver demands."""
 
 
 @dataclass(frozen=True, slots=True)

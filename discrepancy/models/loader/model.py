@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Final
 
 from discrepancy.model.description import Effect, Model
-from discrepancy.models.loader.channels import CHANNELS, INPUTS, OPTIONAL, SPEEDS
+from discrepancy.models.loader.channels import CHANNELS, INPUTS, LIMITS, OPTIONAL, SPEEDS
 from discrepancy.models.loader.library import library
 from discrepancy.models.loader.nuisances import NUISANCES
 from discrepancy.models.loader.recorded_run import DamagedRecord, load_run
@@ -53,6 +53,8 @@ def model(
         sentence="an articulated wheel loader, driven by its measured torques and joint angles",
         inputs=INPUTS,
         optional=OPTIONAL,
+        limits=LIMITS,
+        held=tuple(LIMITS),
         outputs={name: channel.unit for name, channel in CHANNELS.items()},
         nuisances=NUISANCES,
         effects=tuple(_started(e, simulate) for e in library() if e.name not in without),

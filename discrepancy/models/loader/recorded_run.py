@@ -16,13 +16,25 @@ from dbc.errors import LogError
 from dbc.packing import Signals
 from dbc.recordings.reading import read_frames
 from dbc.units import factor_to
-from discrepancy.models.loader.channels import CHANNELS, INPUTS, OPTIONAL
+from discrepancy.models.loader.channels import CHANNELS, INPUTS, LIMITS, OPTIONAL
 from discrepancy.signals.recording import Array, Recording, Signal, signal
 from plant.unit.signals import MACHINE_MESSAGES, REFERENCE_MESSAGES
 
 TICK_S: Final = 0.01  # of the bus: frames leave within the tick of their sample
 THINNED_S: Final = 0.04  # between samples of outputs; the machine's own motions are below 5 Hz, and every row costs time in the fit
 HEAVIEST_KG: Final = 20_000.0  # payload, as in a scenario
+
+
+LIMIT_MESSAGES: Final[Mapping[str, Signals]] = {
+    "Limits": {"ArticulationRate": ("rad/s", "articulation_rate_limit")},
+    "LinkageLimits": {
+        "LiftUpRate": ("rad/s", "lift_up_limit"),
+        "LiftDownRate": ("rad/s", "lift_down_limit"),
+        "TiltBackRate": ("rad/s", "tilt_back_limit"),
+        "TiltForwardRate": ("rad/s", "tilt_forward_limit"),
+    },
+}
+"""The ECU's messages that the model uses: of which unit and name each signal is."""
 
 
 class DamagedRecord(UserError, ValueError):
@@ -35,7 +47,7 @@ def load_run(folder: Path) -> Recording:
     A reference.log without a usable frame counts as none. The payload is that of run.json, 0 where there is none; raises DamagedRecord
     where that file cannot be used, dbc's LogError where bus.log cannot.
     """
-    signals = _logged(folder / "bus.log", loader_database(), MACHINE_MESSAGES)
+    signals = _logged(folder / "bus.log", loader_database(), {**MACHINE_MESSAGES, **LIMIT_MESSAGES})
     if (folder / "reference.log").is_file():
         with suppress(LogError):
             signals = _logged(folder / "reference.log", reference_database(), REFERENCE_MESSAGES) | signals
@@ -81,6 +93,13 @@ def _signals(found: Columns, wanted: Signals, first: float) -> dict[str, Signal]
             )
             kept = thinned(time_s, values) if name in CHANNELS else (time_s, values)
             signals[name] = signal(*kept, unit.replace("s2", "s^2"))
+        elif name in LIMITS:
+            values = np.asarray(found.signals[label], float) * factor_to(
+                unit, found.codec.by_signal[label].unit
+            )
+            there = np.isfinite(values)  # a limit that is not available is no limit here
+            # obeyed from the machine's next tick on, and until the next limit comes
+            signals[name] = signal(time_s[there] + 0.5 * TICK_S, values[there], unit, held=True)
     return signals
 
 

@@ -141,12 +141,13 @@ def measured_rows(
     )
     lift, tilt = machine.lift, machine.tilt
     servos: tuple[Lift | Tilt, ...] = (lift, tilt)
-    demands = (
-        _lever_rate(window, DEMANDS[1], lift.lower_rate_limit, lift.raise_rate_limit)
-        if demanded[1]
-        else None,
-        _lever_rate(window, DEMANDS[2], tilt.rate_limit, tilt.rate_limit) if demanded[2] else None,
-    )
+    demands: list[Array | None] = [None, None]
+    if demanded[1]:
+        rate = _lever_rate(window, DEMANDS[1], lift.lower_rate_limit, lift.raise_rate_limit)
+        demands[0] = _permitted(window, rate, "lift_down_limit", "lift_up_limit")
+    if demanded[2]:
+        rate = _lever_rate(window, DEMANDS[2], tilt.rate_limit, tilt.rate_limit)
+        demands[1] = _permitted(window, rate, "tilt_forward_limit", "tilt_back_limit")
     for (column, name, _), servo, demand in zip(LINKAGE, servos, demands, strict=True):
         rows[:, column : column + 2] = np.stack(_servo(read(name), servo, demand, window.step_s), axis=1)
     return rows
@@ -187,6 +188,12 @@ def _lever_rate(window: Window, lever: str, falling: float, rising: float) -> Ar
     return np.asarray(share * np.where(share > 0.0, rising, falling), float)
 
 
+def _permitted(window: Window, rate: Array, falling: str, rising: str) -> Array:
+    """A demanded rate [rad/s] as far as the limits permit that were in force; a limit that was not recorded does not bound it."""
+    low = -window[falling] if window.has(falling) else -math.inf
+    return np.asarray(np.clip(rate, low, window[rising] if window.has(rising) else math.inf), float)
+
+
 class _Cylinder(NamedTuple):
     """The limits and lags between a demanded and an achieved rate."""
 
@@ -202,7 +209,8 @@ def _steering(
     """Articulation angle [rad] and rate [rad/s]: from the driver's demand where that was recorded, else smoothed."""
     if not demanded:
         return _smooth(angle), _smooth(rate)
-    demand, steering = window[DEMANDS[0]], machine.steering
+    limit, steering = "articulation_rate_limit", machine.steering
+    demand = _permitted(window, window[DEMANDS[0]], limit, limit)
     cylinder = _Cylinder(
         -steering.limit, steering.limit, steering.time_constant, steering.cushion_time_constant
     )

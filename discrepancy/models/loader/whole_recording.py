@@ -8,7 +8,7 @@ import numpy as np
 
 from discrepancy.model.description import Window
 from discrepancy.model.windows import resampled
-from discrepancy.models.loader.channels import CHANNELS, INPUTS, OPTIONAL, SPEEDS
+from discrepancy.models.loader.channels import CHANNELS, INPUTS, LIMITS, OPTIONAL, SPEEDS
 from discrepancy.models.loader.contact_detection import contact_position
 from discrepancy.models.loader.replay_inputs import ReplayInputs, replay_inputs
 from discrepancy.models.loader.warm_up import STANDING
@@ -49,7 +49,7 @@ def whole_recording(
     used = [recording.signals[name] for name in INPUTS]
     start, end = max(x.time_s[0] for x in used), min(x.time_s[-1] for x in used)
     grid = start + like.step_s * np.arange(int((end - start) / like.step_s) + 1, dtype=np.float64)
-    names = [n for n in (*INPUTS, *OPTIONAL, *SPEEDS) if like.has(n) and n in recording.signals]
+    names = [n for n in (*INPUTS, *OPTIONAL, *LIMITS, *SPEEDS) if like.has(n) and n in recording.signals]
     known = {n: resampled(recording.signals[n], grid) for n in names}
     window = replace(like, start_s=float(start), end_s=float(end), time_s=grid, known=known)
     yaw_rate = recording.signals.get("yaw_rate")

@@ -8,7 +8,7 @@ import pytest
 from bench.loader_truth import Arm, record
 from discrepancy.model.description import Window
 from discrepancy.model.windows import resampled
-from discrepancy.models.loader.channels import INPUTS, OPTIONAL, SPEEDS, TORQUES
+from discrepancy.models.loader.channels import INPUTS, LIMITS, OPTIONAL, SPEEDS, TORQUES
 from discrepancy.models.loader.recorded_run import load_run
 from discrepancy.models.loader.replay_inputs import (
     DEMANDS,
@@ -21,7 +21,9 @@ from discrepancy.models.loader.replay_inputs import (
     wheel_speeds,
     without_sensor_errors,
 )
+from hil.compose import Choice
 from hil.rundir import RunDirectory
+from hil.runs import run_lockstep
 from plant.replay import M_ARTICULATION, M_LIFT, M_SPEED, M_TORQUE
 from plant.sheets.machine import load_machine
 from plant.unit.actuators import abilities_of
@@ -204,6 +206,65 @@ def test_a_lever_keeps_the_sharp_start_of_an_arm(joint, demand, rate):
     assert np.max(np.abs(known)) < 0.05 * np.max(np.abs(unknown))
 
 
+SERVOS = {"lift": L60.lift, "tilt": L60.tilt}
+LIMITED = [
+    ("lift", 1.0, L60.lift.raise_rate_limit, "lift_up_limit"),
+    ("lift", -1.0, L60.lift.lower_rate_limit, "lift_down_limit"),
+    ("tilt", 1.0, L60.tilt.rate_limit, "tilt_back_limit"),
+    ("tilt", -1.0, L60.tilt.rate_limit, "tilt_forward_limit"),
+]
+
+
+@pytest.mark.parametrize(("part", "sign", "fastest", "limit"), LIMITED)
+def test_a_lever_that_a_limit_stops_stops_the_arm(part, sign, fastest, limit):
+    """The lever stays where it is while an ECU takes the rate off: what is left is executed, sharp start and stop included."""
+    joint = ("lift", "tilt").index(part)
+    at, name, _ = LINKAGE[joint]
+    lever = np.where((TIME_S > 2.0) & (TIME_S < 2.6), 0.5 * sign, 0.0)
+    permitted = np.where(TIME_S > 2.3, 0.1 * fastest, 2.0 * fastest)
+    servo = SERVOS[part]
+    rate = np.clip(fastest * lever, -permitted, permitted)
+    turning = first_order_lag(rate[:, None], servo.time_constant, np.inf, STEP_S)[:, 0]
+    middle = 0.5 * (servo.lower_limit + servo.upper_limit)
+    angle = middle + STEP_S * (np.cumsum(turning) - 0.5 * turning)
+    silent = replace(EQUIPMENT.sensors.of(name), lag=0.0, delay=0.0)
+    sensors = replace(EQUIPMENT.sensors, channels={**EQUIPMENT.sensors.channels, name: silent})
+    seen = {name: angle, f"{part}_demand": lever}
+    known, unknown = (
+        measured_rows(w, wheel_speeds(w, sensors), sensors, L60, ABILITIES, demanded=demanded_joints(w))[
+            INNER
+        ]
+        for w in (window(**seen, **{limit: permitted}), window(**seen))
+    )
+    np.testing.assert_allclose(known[:, at + 1], rate[INNER], atol=1e-12)
+    assert np.max(np.abs(unknown[:, at + 1] - rate[INNER])) == pytest.approx(0.4 * fastest)
+    errors = [np.max(np.abs(rows[:, at] - angle[INNER])) for rows in (known, unknown)]
+    assert errors[0] < 0.2 * errors[1]
+
+
+def test_what_the_machine_obeys_is_read_from_its_bus(tmp_path):
+    """In an abrupt turn the ECU takes most of the demanded rate: with its limits the joint turns as recorded, without them three times as fast."""
+    run_lockstep(Choice(scenario="abrupt_articulation"), tmp_path / "run")
+    seen, true = load_run(tmp_path / "run").signals, RunDirectory.read(tmp_path / "run").truth
+    time_s = true["time_s"]
+    demand = resampled(seen["articulation_rate_demand"], time_s)
+    limit = resampled(seen["articulation_rate_limit"], time_s)
+    permitted = np.clip(demand, -limit, limit)
+    assert np.max(np.abs(demand - permitted)) > 0.1, "nothing is limited"
+    lag_s, turning = L60.steering.time_constant, true["articulation_rate"]
+    far_from_the_stop = np.abs(true["articulation_angle"]) < 0.8 * L60.steering.limit
+    errors = [
+        np.max(
+            np.abs(first_order_lag(rate[:, None], lag_s, np.inf, STEP_S)[:, 0] - turning)[far_from_the_stop]
+        )
+        for rate in (permitted, demand)
+    ]
+    assert errors[0] < 0.1 * errors[1]
+    # a limit is in force from the tick after it came until the next one
+    assert {seen[name].held for name in LIMITS} == {True}
+    assert set(LIMITS) <= set(seen)
+
+
 FAULT = SPEEDS[0]
 FAULTS = {
     "scale": lambda true: 1.03 * true,
@@ -240,7 +301,11 @@ def driven(tmp_path_factory):
     record(Arm(seed=2, duration_s=30.0), folder)
     seen, true = load_run(folder).signals, RunDirectory.read(folder).truth
     time_s = STEP_S * np.arange(3000)
-    known = {name: resampled(s, time_s) for name, s in seen.items() if name in (*INPUTS, *OPTIONAL, *SPEEDS)}
+    known = {
+        name: resampled(s, time_s)
+        for name, s in seen.items()
+        if name in (*INPUTS, *OPTIONAL, *LIMITS, *SPEEDS)
+    }
     whole = replace(window(), time_s=time_s, end_s=float(time_s[-1]), known=known)
     return rows_of(whole)[INNER], {
         name: np.asarray(values)[: len(time_s)][INNER] for name, values in true.items()
