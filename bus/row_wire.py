@@ -33,7 +33,7 @@ class RowPlant(Protocol):
     """A plant that gives its frames as rows, which costs less than an object for each."""
 
     @property
-    def heard(self) -> frozenset[int]:
+    def wanted(self) -> frozenset[int]:
         """Identifiers of the frames that its `receive` looks at."""
         ...
 

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from bus.frame import Frame
 
+CLASSIC: Final = 8
+"""Data bytes of a classic frame."""
 LAYOUT: Final = np.dtype(
     {
         "names": ["at_ns", "can_id", "length", "data"],
-        "formats": ["<i8", "<u4", "u1", ("u1", 8)],
+        "formats": ["<i8", "<u4", "u1", ("u1", CLASSIC)],
         "offsets": [0, 8, 12, 13],
         "itemsize": 24,
     }
@@ -24,7 +26,7 @@ LAYOUT: Final = np.dtype(
 SENT: Final = np.dtype(
     {
         "names": ["can_id", "length", "data"],
-        "formats": ["<u4", "u1", ("u1", 8)],
+        "formats": ["<u4", "u1", ("u1", CLASSIC)],
         "offsets": [0, 4, 5],
         "itemsize": 16,
     }
@@ -52,6 +54,12 @@ def frames_of(table: NDArray[np.void]) -> list[Frame]:
     rows: Iterable[tuple[Any, ...]] = _ROW.iter_unpack(table.tobytes())
     # not by Frame(...): half of the time of making one is the call
     return [_made(Frame, (can_id, data[:length], at_ns, 0)) for at_ns, can_id, length, data in rows]
+
+
+def rows_of(frames: Iterable[Frame]) -> NDArray[np.void]:
+    """A table of LAYOUT of classic frames."""
+    packed = [_ROW.pack(at_ns, can_id, len(data), data) for can_id, data, at_ns, _ in frames]
+    return np.frombuffer(b"".join(packed), LAYOUT)
 
 
 class Frames(Sequence[Frame]):

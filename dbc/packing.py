@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bus.frame import Frame
 from bus.machine_code import direct
-from bus.rows import LAYOUT, Rows
+from bus.rows import CLASSIC, LAYOUT, Rows
 from dbc import codegen
 from dbc.binding import Binding, resting
 from dbc.compiled import packing as compiled
@@ -105,11 +105,10 @@ class Packer:
     def pack_many(
         self, plans: Sequence["Plan"], values: NDArray[np.float64], stamps_ns: Sequence[int]
     ) -> NDArray[np.void]:
-        """The frames of each plan with its row of values and its stamp, as a table of bus.rows.LAYOUT; of messages of at most 8 bytes."""
+        """The frames of each plan with its row of values and its stamp, as a table of bus.rows.LAYOUT; of messages of at most CLASSIC bytes."""
         counts = [plan.due.size for plan in plans]
         starts = np.array([0, *accumulate(counts)], np.int64)
-        width = self._resting.shape[1]
-        frames = np.empty((starts[-1], width), np.uint8)
+        frames = np.empty((starts[-1], self._resting.shape[1]), np.uint8)
         due = np.concatenate([plan.due for plan in plans]) if plans else np.empty(0, np.int64)
         tick, failed = pack_rows(
             starts,
@@ -127,7 +126,7 @@ class Packer:
         table = np.zeros(len(frames), LAYOUT)
         for name in ("can_id", "length") if plans else ():
             table[name] = np.concatenate([getattr(plan.rows, name)[: plan.due.size] for plan in plans])
-        table["data"], table["at_ns"] = frames[:, :8], np.repeat(np.array(stamps_ns, np.int64), counts)
+        table["data"], table["at_ns"] = frames, np.repeat(np.array(stamps_ns, np.int64), counts)
         return table
 
     def _refuse(self, failed: int, values: NDArray[np.float64]) -> None:
@@ -175,7 +174,7 @@ def _data_id(codec: MessageCodec) -> int:
 
 def _resting_frames(messages: Sequence[tuple[MessageCodec, Signals]]) -> NDArray[np.uint8]:
     """One row per message, of a classic frame at least: the bits of the signals that are not sent."""
-    rows = np.zeros((len(messages), max(8, *(codec.length for codec, _ in messages))), np.uint8)
+    rows = np.zeros((len(messages), max(CLASSIC, *(codec.length for codec, _ in messages))), np.uint8)
     for row, (codec, signals) in zip(rows, messages, strict=True):
         for signal in codec.layout:
             if signal.name not in signals:

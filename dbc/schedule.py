@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bus.frame import Frame
-from bus.rows import Rows
+from bus.rows import CLASSIC, Rows
 from dbc.database import Database, MessageCodec
 from dbc.packing import Packer, Signals
 
@@ -32,6 +32,10 @@ class FrameSchedule:
         _check_complete(database, sender, messages)
         # fast messages first: they load every tick, and slow ones can still be placed between them
         codecs = sorted((database.by_name[name] for name in messages), key=lambda codec: codec.cycle_ns)
+        if longer := next((codec for codec in codecs if codec.length > CLASSIC), None):
+            raise ValueError(
+                f"{longer.name} has {longer.length} bytes; frames are made as rows, which hold {CLASSIC} at most"
+            )
         cycles = [_ticks(codec, tick_ns) for codec in codecs]
         self._packer = Packer([(codec, messages[codec.name]) for codec in codecs], sources)
         self._plans = [self._packer.plan(due) for due in due_messages(cycles, phases(cycles))]

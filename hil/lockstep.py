@@ -95,7 +95,7 @@ class Lockstep:
         self._rows: RowWire | None = None
         # a wire that was given may change, lose or add frames, and does so one by one
         if wire is None and isinstance(plant, RowPlant) and isinstance(ecu, RowEcu):
-            self._rows = RowWire(plant.heard)
+            self._rows = RowWire(plant.wanted)
         self._now_ns = 0
         self._recording = Recording()
         self._forgotten = 0  # ticks that `take` has given away

@@ -212,10 +212,5 @@ def follow(
         rows,
         states,
     )
-    finish(rows, plant.payload_mass)
+    rows[:, PAYLOAD] = plant.payload_mass  # the compiled record leaves it out
     return rows, states
-
-
-def finish(rows: Array, payload_mass: float) -> None:
-    """What the compiled record leaves out: the payload."""
-    rows[:, PAYLOAD] = payload_mass

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -66,7 +65,7 @@ def _line(times: Floats, values: Floats, first: int, last: int, time: float) -> 
     return v0 + (v1 - v0) * (time - t0) / (t1 - t0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Profile:
     """Straight lines between (time [s], value) points, the first and last held beyond them, plus a sine.
 
@@ -75,14 +74,6 @@ class Profile:
 
     points: tuple[tuple[float, float], ...]
     sine: Sine | None = None
-
-    def at(self, time: float) -> float:
-        """Value at `time` [s]."""
-        return float(value_at(self._curves, 0, time))
-
-    @cached_property
-    def _curves(self) -> Curves:
-        return curves_of([self])
 
     @classmethod
     def read(cls, table: CheckedTable, *, unit: str, si: float, low: float, high: float) -> Self:

@@ -49,7 +49,7 @@ class Reception:
         self._checkers = {can_id: Checker(codec) for can_id, codec in self._codecs.items()}
 
     @property
-    def heard(self) -> frozenset[int]:
+    def wanted(self) -> frozenset[int]:
         """Identifiers of the frames that the machine uses."""
         return frozenset(self._codecs)
 

@@ -6,7 +6,6 @@ an angle or holds the joystick.
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 from configuration import CheckedTable
@@ -55,7 +54,7 @@ def wish_at(curves: Curves, time: float, step: float) -> Wish:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Script:
     """Profiles of the wishes; those that are None are not driven."""
 
@@ -67,11 +66,6 @@ class Script:
     lift: Profile | None = None
     tilt: Profile | None = None
 
-    def at(self, time: float, *, step: float) -> Wish:
-        """The wishes at `time` [s]; slopes are taken over the next `step` [s]."""
-        return wish_at(self.curves, time, step)
-
-    @cached_property
     def curves(self) -> Curves:
         """The same profiles as numbers."""
         driven = (self.speed, self.torque, self.brake, self.articulation_angle, self.articulation_rate)

@@ -104,7 +104,7 @@ class PlantUnit:
         self._advance_by = self._plant.advance_by if isinstance(self._plant, MotionByVector) else None
         self._truth = self._plant.truth()
         self._fitted = Fitted(
-            scenario.script.curves,
+            scenario.script.curves(),
             equipment.driver,
             abilities_of(machine, equipment.actuators),
             equipment.obedience,
@@ -175,9 +175,9 @@ class PlantUnit:
         return self._reception
 
     @property
-    def heard(self) -> frozenset[int]:
+    def wanted(self) -> frozenset[int]:
         """Identifiers of the frames that `receive` looks at."""
-        return self._reception.heard
+        return self._reception.wanted
 
     def receive(self, frame: Frame, now_ns: int) -> list[Finding]:
         """Take one frame from the bus; findings if its protection (CRC, counter) fails."""

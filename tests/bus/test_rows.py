@@ -1,9 +1,10 @@
 """A list of frames that came as rows is a list of frames."""
 
+import numpy as np
 import pytest
 
 from bus.frame import EXTENDED, Frame
-from bus.rows import Frames, frames_of
+from bus.rows import Frames, frames_of, rows_of
 from tests.bus.rows import table_of
 
 SENT = [Frame(0x100 + k | EXTENDED * (k % 2), bytes(range(k)), 10**18 + k) for k in range(9)]
@@ -11,6 +12,8 @@ SENT = [Frame(0x100 + k | EXTENDED * (k % 2), bytes(range(k)), 10**18 + k) for k
 
 def test_rows_are_frames():
     assert frames_of(table_of(SENT)) == SENT
+    np.testing.assert_array_equal(rows_of(SENT), table_of(SENT))
+    assert len(rows_of([])) == 0
 
 
 def made(*, look):

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from bus.rows import frames_of
 from dbc import loader_database, reference_database
+from dbc.database import Database
 from dbc.errors import EncodeError
 from dbc.schedule import FrameSchedule, phases
 from plant.unit import signals
@@ -100,3 +101,12 @@ def test_a_message_the_plant_does_not_make_or_the_dbc_does_not_have_is_refused()
 def test_a_cycle_time_that_is_no_multiple_of_the_tick_is_refused():
     with pytest.raises(ValueError, match="no multiple of the tick"):
         FrameSchedule(loader_database(), signals.MACHINE, signals.MACHINE_MESSAGES, tick_ns=3_000_000)
+
+
+def test_a_message_longer_than_a_classic_frame_is_refused(tmp_path):
+    """Rows would cut it off."""
+    file = tmp_path / "long.dbc"
+    file.write_text('VERSION ""\nBS_:\nBU_: Us\nBO_ 258 Long: 64 Us\n SG_ X : 0|8@1+ (1,0) [0|255] "" Us\n')
+    database = Database.from_file(file, strict=False)
+    with pytest.raises(ValueError, match="Long has 64 bytes"):
+        FrameSchedule(database, "Us", {"Long": {"X": ("1", "x")}}, tick_ns=TICK_NS)

@@ -87,19 +87,18 @@ def _signals(found: Columns, wanted: Signals, first: float) -> dict[str, Signal]
     signals = {}
     for label, (unit, source) in wanted.items():
         name = source.replace(" ", "_")
-        if name in CHANNELS or name in INPUTS or name in OPTIONAL:
-            values = np.asarray(found.signals[label], float) * factor_to(
-                unit, found.codec.by_signal[label].unit
-            )
-            kept = thinned(time_s, values) if name in CHANNELS else (time_s, values)
-            signals[name] = signal(*kept, unit.replace("s2", "s^2"))
-        elif name in LIMITS:
-            values = np.asarray(found.signals[label], float) * factor_to(
-                unit, found.codec.by_signal[label].unit
-            )
-            there = np.isfinite(values)  # a limit that is not available is no limit here
+        if not any(name in known for known in (CHANNELS, INPUTS, OPTIONAL, LIMITS)):
+            continue
+        factor = factor_to(unit, found.codec.by_signal[label].unit)
+        values = np.asarray(found.signals[label], float) * factor
+        if name in LIMITS:
+            # where one is not available the machine has a value of its own, which nobody recorded: the last one stands in for it
+            there = np.isfinite(values)
             # obeyed from the machine's next tick on, and until the next limit comes
             signals[name] = signal(time_s[there] + 0.5 * TICK_S, values[there], unit, held=True)
+        else:
+            kept = thinned(time_s, values) if name in CHANNELS else (time_s, values)
+            signals[name] = signal(*kept, unit.replace("s2", "s^2"))
     return signals
 
 

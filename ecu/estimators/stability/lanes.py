@@ -101,6 +101,7 @@ def put_course(v: Lanes, j: int, c: Course, arm_moves: bool) -> None:
     v[9 * LANES + j] = c.rear_load
     v[10 * LANES + j] = c.gravity_x
     v[11 * LANES + j] = c.gravity_y
+    # written out: a loop over them within the loop over lanes keeps LLVM from making vectors
     v[12 * LANES + j] = c.rocking.left
     v[13 * LANES + j] = c.rocking.right
     v[14 * LANES + j] = c.rocking.rear

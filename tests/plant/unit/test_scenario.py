@@ -8,6 +8,7 @@ import pytest
 
 from configuration import ConfigurationError
 from plant.unit.scenario import FOLDER, list_scenarios, load_scenario
+from plant.unit.script import wish_at
 
 MINIMAL = """
 name = "case"
@@ -56,7 +57,7 @@ def test_a_minimal_file_stands_still_on_level_asphalt(write):
         0,
     )
     assert scenario.surface.friction == 0.75  # thesis table 5, asphalt
-    wish = scenario.script.at(1.0, step=0.01)
+    wish = wish_at(scenario.script.curves(), 1.0, 0.01)
     assert math.isnan(wish.speed)
     assert math.isnan(wish.articulation_angle)
     assert (wish.torque, wish.articulation_rate) == (0.0, 0.0)
@@ -91,7 +92,7 @@ bias_deg_s = 9
     assert scenario.start.speed == pytest.approx(10.0)
     assert scenario.start.articulation_angle == pytest.approx(-math.pi / 6)
     assert scenario.start.lift_arm_angle == pytest.approx(math.pi / 4)
-    wish = scenario.script.at(0.5, step=0.01)
+    wish = wish_at(scenario.script.curves(), 0.5, 0.01)
     assert wish.speed == pytest.approx(5.0)
     assert wish.articulation_angle == pytest.approx(math.pi / 12)
     assert wish.articulation_angle_rate == pytest.approx(math.pi / 6)
@@ -110,7 +111,7 @@ articulation_rate_deg_s = { points = [[0, -18]] }
 """
         )
     )
-    wish = scenario.script.at(0.5, step=0.01)
+    wish = wish_at(scenario.script.curves(), 0.5, 0.01)
     assert wish.torque == pytest.approx(0.5)  # a quarter of a period: the sine is at its amplitude
     assert wish.articulation_rate == pytest.approx(-math.pi / 10)
 
