@@ -6,18 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.unit.profile import Profile, Sine, curves_of, value_at
+from plant.unit.profile import Profile, Sine
+from tests.plant.unit.profiles import value
 
 times = st.floats(0, 100)
 levels = st.floats(-50, 50)
 points = st.lists(st.tuples(times, levels), min_size=1, max_size=6).map(
     lambda pairs: tuple(sorted(pairs, key=lambda p: p[0]))
 )
-
-
-def value(profile, time):
-    """Of a profile at a time; another stands before it."""
-    return value_at(curves_of([Profile(((0.0, 99.0), (1.0, 98.0))), None, profile]), 2, time)
 
 
 @given(points, st.floats(-10, 200))

@@ -23,6 +23,7 @@ from studies.campaigns.normal_force import Case, Series, ablation_table, errors_
 from studies.campaigns.roll_over_document import counts, document, failures, spread, summary
 from studies.campaigns.roll_over_picture import draw
 from tests.deploy.c.building import compiler
+from tests.plant.unit.profiles import value
 
 TIME = np.arange(0, 3, 0.01)
 STANDING = np.array([10e3, 20e3, 30e3, 40e3])
@@ -221,9 +222,9 @@ def test_a_case_becomes_its_scenario(to_deg):
     assert scenario.start.speed == pytest.approx(5.0)
     assert scenario.payload_mass == 1000.0
     angle = scenario.script.articulation_angle
-    slope = (angle.at(2.5) - angle.at(2.0)) / 0.5
+    slope = (value(angle, 2.5) - value(angle, 2.0)) / 0.5
     assert np.degrees(slope) == pytest.approx(np.copysign(13.0, to_deg))
-    assert np.degrees(angle.at(scenario.duration_s)) == pytest.approx(to_deg)
+    assert np.degrees(value(angle, scenario.duration_s)) == pytest.approx(to_deg)
 
 
 def test_the_summary_counts_what_the_results_hold():

@@ -22,6 +22,7 @@ from studies.campaigns import prevention
 from studies.campaigns.manoeuvres import DRY, KINDS, drawn, manoeuvre, scenario_of, straight
 from studies.campaigns.prevention import Driven, LiftOff
 from studies.campaigns.wrong_calibration import MASS, PLACE, RADIUS, STIFFNESS, wrong_calibration
+from tests.plant.unit.profiles import value
 
 RIGHT = load_calibration("l60")
 KEPT = {
@@ -61,7 +62,7 @@ def test_the_ground_alone_has_neither_steering_nor_levers():
     script = scenario_of(straight(manoeuvre("levers", random.Random(1)))).script
     assert script.lift is None
     assert script.tilt is None
-    assert {script.articulation_angle.at(t / 10) for t in range(80)} == {0.0}
+    assert {value(script.articulation_angle, t / 10) for t in range(80)} == {0.0}
 
 
 @pytest.mark.parametrize("seed", range(20))
