@@ -26,11 +26,13 @@ Array = NDArray[np.float64]
 
 ARGUMENTS = {
     "joints": "state, p, work",
-    "before_tyre": "state, p, wheel, work",
-    "after_tyre": "state, p, wheel, work",
+    "before_tyre": "state, p, work",
+    "after_tyre": "state, p, work",
     "bodies": "state, p, work",
     "states": "state, p, work",
 }
+OF_WHEELS: Final = ("before_tyre", "after_tyre")
+"""Hooks of an effect that are called for each wheel."""
 
 
 JOINTS: Final = HOOKS.index("joints")
@@ -72,10 +74,14 @@ def source(found: dict[str, ModuleType]) -> str:
             if hasattr(module, hook):
                 begin = _parameters_at(i, len(found))
                 q = f"active[{begin} : {begin + MOST_PARAMETERS}]"
-                lines += [
-                    f"    if active[{len(HOOKS) + i}] != 0.0:",
-                    f"        effect_{i}.{hook}({q}, {first[name]}, {ARGUMENTS[hook]})",
-                ]
+                lines.append(f"    if active[{len(HOOKS) + i}] != 0.0:")
+                if hook in OF_WHEELS:  # one look at the switch for all wheels
+                    lines += [
+                        "        for wheel in range(4):",
+                        f"            effect_{i}.{hook}({q}, {first[name]}, state, p, wheel, work)",
+                    ]
+                else:
+                    lines.append(f"        effect_{i}.{hook}({q}, {first[name]}, {ARGUMENTS[hook]})")
     return "\n".join(lines) + "\n"
 
 
@@ -100,6 +106,11 @@ def _generated() -> ModuleType:
     spec.loader.exec_module(module)
     return module
 
+
+SWITCHES: Final = len(HOOKS) + len(modules())
+"""How many numbers at the head of `active` say what has to be called."""
+PARAMETERS: Final = MOST_PARAMETERS * len(modules())
+"""How many numbers behind them are parameters."""
 
 _module = _generated()
 joints = _module.joints

@@ -38,7 +38,7 @@ from plant.physics.parameters import (
     W_PEAK_TORQUE,
     WHEEL_SIZE,
 )
-from plant.physics.relief import give_way, overloaded
+from plant.physics.relief import give_way, overloaded, surely_within
 from plant.physics.state import (
     ANGULAR,
     ATTITUDE,
@@ -202,15 +202,17 @@ def apply_tyres(state: Array, p: Array, ahead: float, work: Workspace, active: A
         normal[i] = 0.0
         for j in range(3):
             normal[i] += world[j, i] * p[P_NORMAL + j]
+    if active is not None:
+        for wheel in range(4):
+            prepare_wheel(p[P_WHEELS + wheel * WHEEL_SIZE : P_WHEELS + (wheel + 1) * WHEEL_SIZE], wheel, work)
+        if active[effects.BEFORE_TYRE] != 0.0:
+            effects.before_tyre(active, state, p, work)
     for wheel in range(4):
         centre, out, bias = work.places.centres[wheel], work.tyres[wheel], work.tree.bias[WHEEL + wheel]
         above = height + normal[0] * centre[0] + normal[1] * centre[1] + normal[2] * centre[2]
         block = p[P_WHEELS + wheel * WHEEL_SIZE : P_WHEELS + (wheel + 1) * WHEEL_SIZE]
         friction, rise = p[P_FRICTION], 0.0
         if active is not None:
-            prepare_wheel(block, wheel, work)
-            if active[effects.BEFORE_TYRE] != 0.0:
-                effects.before_tyre(active, state, p, wheel, work)
             block = work.local[wheel]
             friction *= work.ground[wheel, G_FRICTION]
             above -= work.ground[wheel, G_HEIGHT]
@@ -235,11 +237,12 @@ def apply_tyres(state: Array, p: Array, ahead: float, work: Workspace, active: A
             bias[i] -= out[T_WRENCH + i]
         work.rate[KAPPA + wheel] = out[T_KAPPA_RATE]
         work.rate[TAN_ALPHA + wheel] = out[T_TAN_ALPHA_RATE]
-        if active is not None:
-            if active[effects.BEFORE_TYRE] != 0.0:  # nothing else raises the ground
+    if active is not None:
+        if active[effects.BEFORE_TYRE] != 0.0:  # nothing else raises the ground
+            for wheel in range(4):
                 climb(work, wheel)
-            if active[effects.AFTER_TYRE] != 0.0:
-                effects.after_tyre(active, state, p, wheel, work)
+        if active[effects.AFTER_TYRE] != 0.0:
+            effects.after_tyre(active, state, p, work)
 
 
 @uncounted
@@ -276,6 +279,17 @@ def set_up(
 
 
 @uncounted
+def open_valves(
+    state: Array, command: Array, p: Array, ahead: float, work: Workspace, active: Array | None
+) -> None:
+    """Solve the tree again with open relief valves, if a cylinder is overloaded; arguments as of `derivative`."""
+    if overloaded(state, p, work.tree):
+        # again, because the solver has overwritten inertias and biases
+        set_up(state, command, p, ahead, work, active)
+        give_way(state, p, work.tree)
+
+
+@uncounted
 def derivative(
     state: Array, command: Array, p: Array, ahead: float, work: Workspace, active: Array | None
 ) -> None:
@@ -288,11 +302,8 @@ def derivative(
     tree, world, rate = work.tree, work.places.world, work.rate
     set_up(state, command, p, ahead, work, active)
     solve_tree(tree)
-    if overloaded(state, p, tree):
-        set_up(
-            state, command, p, ahead, work, active
-        )  # again, because the solver has overwritten inertias and biases
-        give_way(state, p, tree)
+    if not surely_within(state, p, tree):
+        open_valves(state, command, p, ahead, work, active)
 
     # The solver works relative to free fall and in the rear frame's moving axes, so add the transport term (omega x v), turn the result
     # to world axes, and add gravity.

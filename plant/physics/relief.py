@@ -115,9 +115,7 @@ def surely_within(state: Array, p: Array, tree: Tree) -> bool:
 
 @uncounted
 def overloaded(state: Array, p: Array, tree: Tree) -> bool:
-    """Whether any cylinder would need a force beyond its bounds; after the tree is solved."""
-    if surely_within(state, p, tree):
-        return False
+    """Whether any cylinder would need a force beyond its bounds; after the tree is solved, where it is not `surely_within`."""
     steering, lift, tilt = forces(state, p, tree)
     low, high = lift_bounds(state, p)
     if lift < low or lift > high:
