@@ -2,13 +2,14 @@
 
 from pathlib import Path
 
-from bus.cache_folder import digest_of
+from bus.cache_folder import ROOT, digest_of
 from bus.machine_code import COUNTED, UNCOUNTED, code_folder, compiler, translatable, uncounting
 from plant.effects.files import effect_files
 
 FOLDER = Path(__file__).resolve().parent
 # what is generated beside the machine code follows from these sources; counted in, every process would compile anew
 SOURCES = {file for file in FOLDER.rglob("*.py") if "__pycache__" not in file.parts}
+SOURCES |= set((ROOT / "bus" / "lanes").glob("*.py"))  # it makes machine code from the texts of the plant
 DIGEST = digest_of(sorted({*SOURCES, *effect_files()}))
 """Of every source that machine code is made from, the effects of the user included."""
 

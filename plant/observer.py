@@ -67,6 +67,7 @@ INCLINATION: Final = Truth.inclination.at
 O_IMU_X: Final = 0
 O_IMU_Z: Final = 1
 O_AXLE_Z: Final = 2
+MEASURES: Final = 3
 
 
 class Observer:

@@ -67,7 +67,7 @@ GAIN: Final = 0.5  # rate at which the error of the speed decays [1/s]
 
 
 @compiled
-def _command(
+def command_of(
     command: Array,
     state: Array,
     m: Array,
@@ -103,17 +103,34 @@ def _command(
 
 
 @compiled
-def draw(state: Array, work: Workspace, m: Array, radius: float, share: float) -> None:
+def draw(state: Array, m: Array, radius: float, share: float) -> None:
     """Correct the machine's speed towards the measured one by a share of the difference, body and rolling wheels alike."""
+    w, x, y, z = (
+        state[s.ATTITUDE],
+        state[s.ATTITUDE + 1],
+        state[s.ATTITUDE + 2],
+        state[s.ATTITUDE + 3],
+    )
+    ahead = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)
     turning = 0.0
     for wheel in range(4):
         turning += 0.25 * state[s.JOINT_RATE + s.WHEEL + wheel]
     change = share * (m[M_SPEED] - turning)
     for i in range(3):
-        state[s.VELOCITY + i] += change * radius * work.places.world[i, 0]
+        state[s.VELOCITY + i] += change * radius * ahead[i]
     for wheel in range(4):
         if state[s.STICK + wheel] != 0.0:
             state[s.JOINT_RATE + s.WHEEL + wheel] += change
+
+
+@compiled
+def exact_servos(p: Array, step: float) -> Array:
+    """Parameters with which explicit steps end where the cylinders do."""
+    exact = p.copy()
+    for joint in range(3):
+        lag = JOINTS[joint][3] + SERVO_LAG
+        exact[lag] = step / (1.0 - math.exp(-step / p[lag]))
+    return exact
 
 
 @released
@@ -140,12 +157,7 @@ def replay(
     command = np.zeros(s.COMMANDS)
     radius = p[P_WHEELS + W_RADIUS]
     interval = count * step
-    exact = p.copy()
-    for joint in range(3):
-        lag = JOINTS[joint][3] + SERVO_LAG
-        exact[lag] = step / (
-            1.0 - math.exp(-step / p[lag])
-        )  # explicit steps then end where the cylinder does
+    exact = exact_servos(p, step)
     for segment in range(edges.size - 1):
         begin, end = edges[segment], edges[segment + 1]
         state = starts[segment].copy()
@@ -153,16 +165,16 @@ def replay(
         command[:] = 0.0
         if rests.shape[0] > 0:
             moved_to_rest(state, rests[segment], p, work, active)
-            draw(state, work, measured[begin], radius, 1.0)
+            draw(state, measured[begin], radius, 1.0)
         for k in range(begin, end):
             if states.shape[0] > 0:
                 states[k] = state
             observe(rows[k], state, command, p, work, active, measures)
             after = measured[min(k + 1, end - 1)]
-            _command(command, state, measured[k], after, interval, step, p, demanded)
+            command_of(command, state, measured[k], after, interval, step, p, demanded)
             rows[k, TIME] = (k - begin) * interval
             advance(state, command, exact, step, count, False, work, active)
-            draw(state, work, after, radius, GAIN * interval)
+            draw(state, after, radius, GAIN * interval)
             if not math.isfinite(state[s.POSITION]):
                 break
 

@@ -12,6 +12,7 @@ from discrepancy.models.loader.replay_inputs import ReplayInputs, without_sensor
 from discrepancy.signals.recording import Array
 from plant import replay as plant_replay
 from plant.effects import dispatch
+from plant.lanes.replay import replay_in_lanes
 from plant.observer import Observer
 from plant.physics import state as s
 from plant.physics.parameters import parameter_vector
@@ -56,7 +57,9 @@ def replay_segments(
     def replay(first: int, last: int) -> None:
         edges = inputs.edges[first : last + 1]
         own = slice(edges[0], edges[-1])
-        plant_replay.replay(
+        # a segment alone would take three lanes for nothing
+        advance = replay_in_lanes if last - first > 1 else plant_replay.replay
+        advance(
             starts[first:last],
             rests[first:last],
             measured[own],

@@ -1,0 +1,1 @@
+"""Several machines at once, side by side in the lanes of vectors."""
