@@ -451,10 +451,7 @@ class Reader:
         if function is markers.power_of_two:
             return o.power_of_two(*arguments)
         if function in OWN:
-            before, o.contracting = o.contracting, True
-            found = self.call(OWN[function], arguments)
-            o.contracting = before
-            return found
+            return self.call(OWN[function], arguments)
         return self.call(function, arguments)
 
 

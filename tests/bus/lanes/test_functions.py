@@ -2,10 +2,13 @@
 
 import math
 
+import numba
 import numpy as np
 import pytest
 
 from bus.lanes import functions
+from bus.lanes.kernel import Lanes, kernel
+from bus.lanes.operations import LANES
 
 RNG = np.random.default_rng(2026)
 
@@ -52,3 +55,26 @@ def test_symmetry(name):
     for x in RNG.uniform(-20, 20, 1000).tolist():
         mirrored = {"sin": -f(-x), "cos": f(-x), "atan": -f(-x), "exp": f(x)}[name]
         assert f(x) == mirrored
+
+
+def of_vectors(a, out):
+    """What a kernel makes of the four."""
+    out[0] = math.sin(a[0])
+    out[1] = math.cos(a[1])
+    out[2] = math.atan(a[2])
+    out[3] = math.exp(a[3])
+
+
+def test_the_same_in_a_kernel():
+    """There a product and a sum are one instruction."""
+    made = kernel("of_vectors", of_vectors, (Lanes(4), Lanes(4, written=True)))
+
+    @numba.njit
+    def run(a, out):
+        return made((a, out))
+
+    given, found = RNG.uniform(-6, 6, (2000, 4, LANES)), np.zeros((2000, 4, LANES))
+    for a, out in zip(given, found, strict=True):
+        run(a, out)
+    for i, f in enumerate((np.sin, np.cos, np.arctan, np.exp)):
+        assert ulps(found[:, i], f(given[:, i].astype(np.longdouble))) < 2.0

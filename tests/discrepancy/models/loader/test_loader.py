@@ -21,8 +21,8 @@ from discrepancy.models.loader.warm_up import _warm_up_runs
 from discrepancy.signals.recording import Recording, signal
 from plant.effects import effects, find_effect
 from plant.effects.registry import python_hook
+from plant.lanes.replay import replay_in_lanes
 from plant.plant import Commands, Plant
-from plant.replay import replay
 from plant.sheets.machine import load_machine
 from plant.unit.equipment import load_equipment
 from plant.unit.sensor_parameters import ChannelParameters, SensorParameters
@@ -194,9 +194,9 @@ def test_a_segment_without_solution_leaves_the_others(plain, monkeypatch):
     def failing(starts, rests, measured, *rest):
         if len(starts) > 1 or measured[0, 0] == broken:
             raise np.linalg.LinAlgError
-        replay(starts, rests, measured, *rest)
+        replay_in_lanes(starts, rests, measured, *rest)
 
-    monkeypatch.setattr("discrepancy.models.loader.parallel.plant_replay.replay", failing)
+    monkeypatch.setattr("discrepancy.models.loader.parallel.replay_in_lanes", failing)
     found = problem.predict(problem.start().having(rear_mass=1e-9))
     first = problem.row_window == 0
     assert not np.allclose(found[first], whole[first])
