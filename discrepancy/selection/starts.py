@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from discrepancy import gates
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
 from discrepancy.estimation.problem import Problem, Values, Windows
@@ -16,7 +17,8 @@ from discrepancy.model.description import Effect
 from discrepancy.selection.screen import Columns, Projector, Score
 
 CLOSER: Final = 0.3  # share of its size that a start keeps in one step back
-BACK: Final = 4  # steps, to a hundredth
+BACK: Final = 4  # steps, to a hundredth, and as many on
+CLEAR: Final = gates.CLEAR.threshold
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,14 +105,37 @@ def starts(at: Values, effect: Effect, found: Score) -> list[Values]:
     return points
 
 
+def moved_on(effect: Effect, start: Start, sse_reduction: Callable[[Values], float]) -> Start:
+    """The start, or one of a larger effect as long as that explains more.
+
+    Where a strong effect has stopped the recorded machine, and the baseline drives on, the linear score expects a size that may be ten times too small.
+    """
+    for _ in range(BACK):
+        farther = start.values.with_shared(
+            {
+                p.name: float(
+                    np.clip(p.value + (start.values.shared[p.name] - p.value) / CLOSER, p.lower, p.upper)
+                )
+                for p in effect.amplitude_parameters
+            }
+        )
+        reduction = sse_reduction(farther)
+        if reduction <= start.sse_reduction:
+            break
+        start = Start(farther, reduction)
+    return start
+
+
 def moved_back(effect: Effect, point: Values, sse_reduction: Callable[[Values], float]) -> Start:
     """The point itself if it explains anything, else the first one on the way back to the baseline that does; the point if none does.
 
     A score is linear. Where an effect is strong, the size that it expects can be ten times too large, and no fit returns from there.
     """
     whole = Start(point, sse_reduction(point))
-    if whole.sse_reduction > 0.0 or any(p.discrete for p in effect.amplitude_parameters):
+    if any(p.discrete for p in effect.amplitude_parameters):
         return whole  # half a wrong sign is no start for a wrong sign
+    if whole.sse_reduction > 0.0:
+        return moved_on(effect, whole, sse_reduction) if whole.sse_reduction > CLEAR else whole
     near = point
     for _ in range(BACK):
         near = near.with_shared(

@@ -1,5 +1,6 @@
 """Where candidate fits begin, and fits with cached Jacobian columns."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -144,6 +145,25 @@ def test_a_start_that_is_too_large_moves_back(good_below: float, expected: float
     near = moved_back(leak, point, lambda at: 1.0 if at.shared["leak"] < good_below else -1.0).values
     assert near.shared["leak"] == pytest.approx(expected)
     assert near.shared["area"] == point.shared["area"]
+
+
+@pytest.mark.parametrize(
+    ("best", "expected"), [(1.0, 1.0), (5.0, 1.0 / 0.3), (20.0, 1.0 / 0.09), (1e9, 50.0)]
+)
+def test_a_start_that_is_too_small_moves_on(best: float, expected: float) -> None:
+    """By the inverse of three tenths, again and again, while it explains more; to the bound at most."""
+    problem, state = assessed("leak", leak=0.05)
+    [leak] = problem.model.effects
+    [parameter] = leak.parameters
+    leak = replace(leak, parameters=(replace(parameter, upper=50.0),))
+    point = state.fit.values.with_shared({"leak": 1.0})
+
+    def reduction(at):
+        return 1e4 - 100.0 * abs(math.log(at.shared["leak"] / best))
+
+    assert moved_back(leak, point, reduction).values.shared["leak"] == pytest.approx(expected)
+    # what is not beyond doubt is as its score says
+    assert moved_back(leak, point, lambda at: reduction(at) / 1e3).values.shared["leak"] == 1.0
 
 
 def test_what_scores_enough_is_tried_even_if_it_is_not_among_the_first() -> None:
