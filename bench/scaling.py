@@ -34,6 +34,9 @@ from ecu.estimators.columns import estimate_columns
 from hil.compose import Choice, lockstep
 from hil.recording.formats import open_writer
 from hil.recording.ring import records_of
+from plant.lanes.ensemble import Ensemble
+from plant.plant import Commands, Plant
+from plant.sheets.machine import load_machine
 from studies.campaigns.ablation import inputs_of
 
 SCENARIO = "loaded"
@@ -42,6 +45,8 @@ FRAMES = (50_000, 200_000, 800_000)  # of a recording
 ROWS = (10_000, 40_000, 160_000)  # of the estimators
 MACHINES = (1, 2, 4, 8)  # in one process, one after the other
 MACHINE_TICKS = 200
+ENSEMBLES = (1, 4, 8, 32, 128)  # machines without ECU
+ENSEMBLE_STEPS = 500
 RECORDINGS = (4, 8, 16)  # of the workers
 RECORDING_ROWS = 20_000
 EMPTY = (20, 220)  # tasks that do nothing: their difference is the cost of a task without the workers' start
@@ -199,6 +204,13 @@ def measured(folder: Path) -> tuple[list[str], Costs]:
     )
     text += part
 
+    part, _ = grown(
+        f"Machines without ECU side by side in vectors, {ENSEMBLE_STEPS} steps of 1 ms each (per step and machine)",
+        "steps of all",
+        {n * ENSEMBLE_STEPS: ensemble_of(n) for n in ENSEMBLES},
+    )
+    text += part
+
     np.save(folder / "rows.npy", rows[:RECORDING_ROWS])
     task, efficiency, part = workers_table(str(folder / "rows.npy"))
     text += part
@@ -224,6 +236,15 @@ def stepped(count: int) -> None:
         bench = lockstep(Choice(scenario=SCENARIO, seed=seed).load())
         for _ in range(MACHINE_TICKS):
             bench.step()
+
+
+def ensemble_of(count: int) -> Callable[[], object]:
+    """The motion of so many machines, on all processors."""
+    machine = load_machine("l60")
+    ensemble = Ensemble([Plant(machine, payload_mass=10.0 * i, speed=3.0) for i in range(count)])
+    command = Commands(wheel_torque=(500.0,) * 4).vector()
+    ensemble.advance(command, 0.0)  # compile
+    return lambda: ensemble.advance(command, ENSEMBLE_STEPS * 1e-3)
 
 
 def workers_table(file: str) -> tuple[float, float, list[str]]:

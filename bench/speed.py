@@ -79,6 +79,22 @@ FIGURES = (
         floor_name="the plain plant",
     ),
     Figure(
+        what="eight machines side by side, one step of one of them",
+        unit="us",
+        bench="bench_lanes",
+        label="8 machines side by side, no effects",
+        peer="8 machines one by one, no effects",
+        peer_name="one by one",
+    ),
+    Figure(
+        what="the same with one compiled effect",
+        unit="us",
+        bench="bench_lanes",
+        label="8 machines side by side, an effect, rolling_resistance",
+        peer="8 machines one by one, an effect, rolling_resistance",
+        peer_name="one by one",
+    ),
+    Figure(
         what="lockstep, by processor time",
         unit="x real time",
         bench="bench_lockstep",

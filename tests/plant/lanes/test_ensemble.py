@@ -1,6 +1,7 @@
 """Machines of an ensemble move as each does alone, to rounding."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from plant.physics.surface import Surface
 from plant.plant import Commands, Plant
 from plant.sheets.machine import load_machine
 from plant.truth import Truth
+from tests.docs.pages import ROOT, fences
 
 pytestmark = pytest.mark.timeout(600)  # the first of them compiles
 
@@ -114,3 +116,13 @@ def test_time_and_payload_are_in_the_rows():
     rows = Ensemble([Plant(L60, payload_mass=m) for m in (0.0, 500.0)]).advance(Commands().vector(), 0.25)
     assert rows[:, Truth.time_s.at].tolist() == [0.25, 0.25]
     assert rows[:, Truth.payload_mass.at].tolist() == [0.0, 500.0]
+
+
+def test_the_example_of_the_how_to_runs(capsys):
+    [block] = [
+        f
+        for f in fences((ROOT / "docs" / "howto" / "many-machines.md").read_text())
+        if f.language == "python"
+    ]
+    exec(block.text.replace("range(200)", "range(5)").replace("range(60)", "range(2)"), {})
+    assert re.fullmatch(r"\[[\d. ]+\] m\n", capsys.readouterr().out)
