@@ -195,15 +195,12 @@ class Reader:
     def _join(self, ends: Sequence["End"], behind: Any) -> None:
         """Go on behind both branches. What only one of them has named is its own, and forgotten."""
         one, other = ends
-        pairs = list(zip(one.values, other.values, strict=True))
-        places = [
-            (frame, name)
-            for frame, ones, others in zip(self._frames, one.names, other.names, strict=True)
-            for name in ones
-            if name in others
+        in_both = [
+            (ones, others, [name for name in ones if name in others])
+            for ones, others in zip(one.names, other.names, strict=True)
         ]
-        for ones, others in zip(one.names, other.names, strict=True):
-            pairs += [(ones[name], others[name]) for name in ones if name in others]
+        pairs = list(zip(one.values, other.values, strict=True))
+        pairs += [(ones[name], others[name]) for ones, others, shared in in_both for name in shared]
         differing = [(i, self._kind_of(x, y), x, y) for i, (x, y) in enumerate(pairs) if x is not y]
         b, o = self.operations.builder, self.operations
         incoming = []
@@ -220,11 +217,8 @@ class Reader:
             phi.add_incoming(x, one.block)
             phi.add_incoming(y, other.block)
             values[i] = Value(phi, kind)
-        names: list[dict[str, Any]] = [{} for _ in self._frames]
-        at = len(one.values)
-        for (frame, name), value in zip(places, values[at:], strict=True):
-            names[next(i for i, f in enumerate(self._frames) if f is frame)][name] = value
-        self._put_back(values[:at], names)
+        cells, named = values[: len(one.values)], iter(values[len(one.values) :])
+        self._put_back(cells, [{name: next(named) for name in shared} for _, _, shared in in_both])
 
     def _kind_of(self, x: Any, y: Any) -> Kind:
         """The kind that both values of a cell can be given."""
@@ -317,7 +311,8 @@ class Reader:
                 condition = self._truth(self._value(test))
                 if not isinstance(condition, Value):
                     return self._value(body if condition else orelse)
-                return self._choose(condition, self._value(body), self._value(orelse))
+                one = self._value_where(condition, body)
+                return self._choose(condition, one, self._value_where(o.opposite(condition), orelse))
             case ast.Tuple(elts=parts):
                 return tuple(map(self._value, parts))
             case ast.Attribute(value=owner, attr=name):
@@ -327,6 +322,14 @@ class Reader:
             case ast.Call(func=function, args=arguments, keywords=[]):
                 return self._called(self._value(function), [self._value(argument) for argument in arguments])
         raise self._refused(f"an expression {type(node).__name__} cannot be done for each lane")
+
+    def _value_where(self, condition: Operand, node: ast.expr) -> Any:
+        """The value of an expression; what it calls may write only in the lanes in which the condition holds."""
+        before = self._live
+        self._live = self.operations.both(before, condition)
+        found = self._value(node)
+        self._live = before
+        return found
 
     def _named(self, name: str) -> Any:
         frame = self._frames[-1]
@@ -359,7 +362,8 @@ class Reader:
         for part in parts:
             if found is not of_all and not isinstance(found, Value):
                 return found  # the rest is not evaluated
-            found = join(found, self._truth(self._value(part)))
+            asked = found if of_all else self.operations.opposite(found)
+            found = join(found, self._truth(self._value_where(asked, part)))
         return found
 
     def _comparison(self, left: ast.expr, signs: Sequence[ast.cmpop], others: Sequence[ast.expr]) -> Operand:

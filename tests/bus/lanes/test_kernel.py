@@ -103,6 +103,25 @@ def branches(a, out):
     out[5] = 1.0 if both == (a[1] > 0.0) else 2.0
 
 
+def counted(out, at, value):
+    """A function that leaves a trace."""
+    out[at] += 1.0
+    return value
+
+
+def asked(a, out):
+    value = counted(out, 0, 2.0) if a[0] > 0.0 else counted(out, 1, 3.0)
+    if a[1] > 0.0 and counted(out, 2, a[2]) > 0.0:
+        value += 10.0
+    if a[1] > 0.0 or counted(out, 3, a[3]) > 0.0:
+        value += 100.0
+    out[4] = value
+
+
+def test_what_is_not_evaluated_leaves_no_trace():
+    check(asked)
+
+
 def test_each_lane_takes_its_own_branches():
     check(branches)
 
