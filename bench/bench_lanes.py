@@ -30,9 +30,7 @@ EFFECT = "rolling_resistance"
 
 def alike(machine: Machine, count: int) -> list[Plant]:
     """So many plants of a machine."""
-    return [Plant(machine, payload_mass=400.0 * i, speed=2.5 + 0.1 * i) for i in range(min(count, 8))] + [
-        Plant(machine, payload_mass=50.0 * i, speed=2.0 + 0.05 * i) for i in range(8, count)
-    ]
+    return [Plant(machine, payload_mass=100.0 * i, speed=2.5 + 0.05 * i) for i in range(count)]
 
 
 def one_by_one(plants: list[Plant], seconds: float) -> Callable[[], None]:

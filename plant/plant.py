@@ -85,6 +85,15 @@ class DivergedError(RuntimeError):
     """The motion left the range of numbers: a parameter or a step is impossible."""
 
 
+def steps_in(duration_s: float, step_s: float) -> int:
+    """How many steps a duration has. Errors: ValueError where that is no whole number."""
+    count = round(duration_s / step_s)
+    # the relative part: a duration that is the difference of two long times carries their rounding
+    if count < 0 or abs(count * step_s - duration_s) > 1e-6 * step_s + 1e-12 * abs(duration_s):
+        raise ValueError(f"duration_s={duration_s} s is not a whole number of steps of {step_s} s")
+    return count
+
+
 class Plant:
     """A loader in motion.
 
@@ -150,10 +159,7 @@ class Plant:
 
     def advance_by(self, command: Array, duration_s: float) -> Truth:
         """The same for finite commands in the order of `Commands.vector`, which are not looked at again."""
-        count = round(duration_s / self.step_s)
-        # the relative part: a duration that is the difference of two long times carries their rounding
-        if count < 0 or abs(count * self.step_s - duration_s) > 1e-6 * self.step_s + 1e-12 * abs(duration_s):
-            raise ValueError(f"duration_s={duration_s} s is not a whole number of steps of {self.step_s} s")
+        count = steps_in(duration_s, self.step_s)
         self._command[:] = command
         row = np.empty(Truth.size)
         finite = self._advance_and_observe(*self._arguments(count, row))

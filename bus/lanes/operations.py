@@ -14,7 +14,7 @@ from llvmlite import ir
 
 LANES: Final = 4
 """Machines side by side: the doubles of one vector of the processors that code is made for (bus.machine_code). Eight of them, two vectors
-for each value, took a fifth longer per machine: there are not enough registers."""
+for each value, took 11 to 30 % longer per machine: there are not enough registers."""
 
 DOUBLE: Final = ir.DoubleType()
 TRUTH: Final = ir.IntType(1)

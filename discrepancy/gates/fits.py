@@ -51,7 +51,7 @@ CLEAR: Final = _gate(
     threshold=100.0,
     source="ten standard deviations; a wrong noise model is not wrong by that much",
     otherwise="above, with blocks that disagree: the effect is tried together with a second one; if that does not help, it is not called ruled out, and the verdict is unknown, or explained in part beside findings",
-    module="selection.search, decision.verdict, decision.summary",
+    module="selection.starts, selection.candidate_fits, selection.search, decision.verdict, decision.summary",
 )
 BLOCKS_AGREE: Final = _gate(
     name="blocks of time agree",

@@ -17,7 +17,7 @@ from discrepancy.model.description import Effect
 from discrepancy.selection.screen import Columns, Projector, Score
 
 CLOSER: Final = 0.3  # share of its size that a start keeps in one step back
-BACK: Final = 4  # steps, to a hundredth, and as many on
+STEPS: Final = 4  # at most: back to a hundredth, on to a hundred times
 CLEAR: Final = gates.CLEAR.threshold
 
 
@@ -53,7 +53,7 @@ class Starts:
 
         def start_at(point: Values) -> Start:
             acting = point if windows is None else point.active_in(effect.amplitude_parameters, windows)
-            return moved_back(effect, acting, self._sse_reduction)
+            return sized(effect, acting, self._sse_reduction)
 
         points = []
         for point in starts(self._fit.values, effect, found):
@@ -105,20 +105,24 @@ def starts(at: Values, effect: Effect, found: Score) -> list[Values]:
     return points
 
 
-def moved_on(effect: Effect, start: Start, sse_reduction: Callable[[Values], float]) -> Start:
-    """The start, or one of a larger effect as long as that explains more.
+def sized(effect: Effect, point: Values, sse_reduction: Callable[[Values], float]) -> Start:
+    """A start at the point, at a larger effect that explains clearly more, or at a smaller one that explains anything.
 
-    Where a strong effect has stopped the recorded machine, and the baseline drives on, the linear score expects a size that may be ten times too small.
+    The size of the point comes from a score, which is linear. Where an effect is strong it can be ten times too large or too small, and no fit
+    returns from there.
     """
-    for _ in range(BACK):
-        farther = start.values.with_shared(
-            {
-                p.name: float(
-                    np.clip(p.value + (start.values.shared[p.name] - p.value) / CLOSER, p.lower, p.upper)
-                )
-                for p in effect.amplitude_parameters
-            }
-        )
+    start = Start(point, sse_reduction(point))
+    if any(p.discrete for p in effect.amplitude_parameters):
+        return start  # half a wrong sign is no start for a wrong sign
+    if start.sse_reduction > CLEAR:
+        return moved_on(effect, start, sse_reduction)
+    return start if start.sse_reduction > 0.0 else moved_back(effect, start, sse_reduction)
+
+
+def moved_on(effect: Effect, start: Start, sse_reduction: Callable[[Values], float]) -> Start:
+    """The start, or one of a larger effect as long as that explains more."""
+    for _ in range(STEPS):
+        farther = _scaled(effect, start.values, 1.0 / CLOSER)
         reduction = sse_reduction(farther)
         if reduction <= start.sse_reduction:
             break
@@ -126,22 +130,22 @@ def moved_on(effect: Effect, start: Start, sse_reduction: Callable[[Values], flo
     return start
 
 
-def moved_back(effect: Effect, point: Values, sse_reduction: Callable[[Values], float]) -> Start:
-    """The point itself if it explains anything, else the first one on the way back to the baseline that does; the point if none does.
-
-    A score is linear. Where an effect is strong, the size that it expects can be ten times too large, and no fit returns from there.
-    """
-    whole = Start(point, sse_reduction(point))
-    if any(p.discrete for p in effect.amplitude_parameters):
-        return whole  # half a wrong sign is no start for a wrong sign
-    if whole.sse_reduction > 0.0:
-        return moved_on(effect, whole, sse_reduction) if whole.sse_reduction > CLEAR else whole
-    near = point
-    for _ in range(BACK):
-        near = near.with_shared(
-            {p.name: p.value + CLOSER * (near.shared[p.name] - p.value) for p in effect.amplitude_parameters}
-        )
+def moved_back(effect: Effect, start: Start, sse_reduction: Callable[[Values], float]) -> Start:
+    """The first start on the way back to the baseline that explains anything; the given one if none does."""
+    near = start.values
+    for _ in range(STEPS):
+        near = _scaled(effect, near, CLOSER)
         reduction = sse_reduction(near)
         if reduction > 0.0:
             return Start(near, reduction)
-    return whole
+    return start
+
+
+def _scaled(effect: Effect, point: Values, factor: float) -> Values:
+    """The point with an effect of so many times the size, within bounds."""
+    return point.with_shared(
+        {
+            p.name: float(np.clip(p.value + factor * (point.shared[p.name] - p.value), p.lower, p.upper))
+            for p in effect.amplitude_parameters
+        }
+    )

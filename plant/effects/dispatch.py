@@ -107,7 +107,7 @@ def _generated() -> ModuleType:
     return module
 
 
-SWITCHES: Final = len(HOOKS) + len(modules())
+SWITCHES: Final = _parameters_at(0, len(modules()))
 """How many numbers at the head of `active` say what has to be called."""
 PARAMETERS: Final = MOST_PARAMETERS * len(modules())
 """How many numbers behind them are parameters."""

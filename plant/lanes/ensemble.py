@@ -21,7 +21,7 @@ from plant.observer import PAYLOAD, TIME, observe
 from plant.physics import state as s
 from plant.physics.dynamics import advance
 from plant.physics.workspace import Workspace, new_workspace
-from plant.plant import Plant
+from plant.plant import Plant, steps_in
 from plant.truth import Truth
 
 Array = NDArray[np.float64]
@@ -127,9 +127,7 @@ class Ensemble:
         commands: in the order of `Commands.vector`, (n, COMMANDS), or (COMMANDS,) for all alike. A machine that diverges has rows of NaN.
         Errors: ValueError where the duration is not a whole number of steps, or the commands are not finite or of another shape.
         """
-        count = round(duration_s / self.step_s)
-        if count < 0 or abs(count * self.step_s - duration_s) > 1e-6 * self.step_s + 1e-12 * abs(duration_s):
-            raise ValueError(f"duration_s={duration_s} s is not a whole number of steps of {self.step_s} s")
+        count = steps_in(duration_s, self.step_s)
         given = np.asarray(commands, np.float64)
         if given.shape not in ((s.COMMANDS,), (len(self), s.COMMANDS)):
             raise ValueError(

@@ -68,23 +68,23 @@ def replay_in_lanes(
         switches, values = active[:SWITCHES].copy(), repeated(active[SWITCHES:])
     alone, ordered = np.empty(s.STATES), np.empty(s.COMMANDS)
     segment, at = np.full(LANES, -1), np.zeros(LANES, np.intp)
-    begun = 0
+    waiting = 0  # the first segment that no lane has taken yet
     while True:
         first = -1
         for lane in range(LANES):
             ended = segment[lane] >= 0 and (
                 at[lane] == edges[segment[lane] + 1] or not math.isfinite(state[s.POSITION, lane])
             )
-            if (segment[lane] < 0 or ended) and begun < segments:
-                segment[lane], at[lane] = begun, edges[begun]
-                alone[:] = starts[begun]
+            if (segment[lane] < 0 or ended) and waiting < segments:
+                segment[lane], at[lane] = waiting, edges[waiting]
+                alone[:] = starts[waiting]
                 if rests.shape[0] > 0:
-                    moved_to_rest(alone, rests[begun], p, work, active)
+                    moved_to_rest(alone, rests[waiting], p, work, active)
                     draw(alone, measured[at[lane]], radius, 1.0)
                 set_lane(state, lane, alone)
                 # the last command of another segment would act on the accelerations of the first row
                 command[:, lane] = 0.0
-                begun += 1
+                waiting += 1
             elif ended:
                 segment[lane] = -1
             if segment[lane] >= 0 and first < 0:
@@ -92,17 +92,13 @@ def replay_in_lanes(
         if first < 0:
             break
         for lane in range(LANES):
-            if segment[lane] < 0:
-                state[:, lane], command[:, lane] = state[:, first], command[:, first]
-                now[:, lane], after[:, lane] = (
-                    measured[at[first]],
-                    measured[min(at[first] + 1, edges[segment[first] + 1] - 1)],
-                )
-                continue
-            k, end = at[lane], edges[segment[lane] + 1]
+            like = lane if segment[lane] >= 0 else first
+            k, end = at[like], edges[segment[like] + 1]
             set_lane(now, lane, measured[k])
             set_lane(after, lane, measured[min(k + 1, end - 1)])
-            if states.shape[0] > 0:
+            if like != lane:
+                state[:, lane], command[:, lane] = state[:, like], command[:, like]
+            elif states.shape[0] > 0:
                 get_lane(state, lane, states[k])
         if active is None:
             left_out = row_plain((row, state, command, p_lanes, measures_lanes))
@@ -125,7 +121,7 @@ def replay_in_lanes(
             else:
                 left_out = step_effects((state, command, exact_lanes, settings, switches, values))
             for lane in range(LANES):
-                if left_out >> lane & 1:
+                if left_out >> lane & 1 and segment[lane] >= 0:
                     get_lane(state, lane, alone)
                     get_lane(command, lane, ordered)
                     advance(alone, ordered, exact, step, 1, False, work, active)

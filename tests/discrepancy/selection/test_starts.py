@@ -12,7 +12,7 @@ from discrepancy.estimation.noise import white_noise
 from discrepancy.estimation.problem import Problem
 from discrepancy.selection import candidate_fits as trials
 from discrepancy.selection.assess import assess
-from discrepancy.selection.starts import Starts, moved_back
+from discrepancy.selection.starts import Starts, sized
 from discrepancy.selection.state import Settings
 from tests.discrepancy.toys import record, tank
 
@@ -142,7 +142,7 @@ def test_a_start_that_is_too_large_moves_back(good_below: float, expected: float
     problem, state = assessed("leak", leak=0.05)
     [leak] = problem.model.effects
     point = state.fit.values.with_shared({"leak": 1.0})
-    near = moved_back(leak, point, lambda at: 1.0 if at.shared["leak"] < good_below else -1.0).values
+    near = sized(leak, point, lambda at: 1.0 if at.shared["leak"] < good_below else -1.0).values
     assert near.shared["leak"] == pytest.approx(expected)
     assert near.shared["area"] == point.shared["area"]
 
@@ -161,9 +161,9 @@ def test_a_start_that_is_too_small_moves_on(best: float, expected: float) -> Non
     def reduction(at):
         return 1e4 - 100.0 * abs(math.log(at.shared["leak"] / best))
 
-    assert moved_back(leak, point, reduction).values.shared["leak"] == pytest.approx(expected)
+    assert sized(leak, point, reduction).values.shared["leak"] == pytest.approx(expected)
     # what is not beyond doubt is as its score says
-    assert moved_back(leak, point, lambda at: reduction(at) / 1e3).values.shared["leak"] == 1.0
+    assert sized(leak, point, lambda at: reduction(at) / 1e3).values.shared["leak"] == 1.0
 
 
 def test_what_scores_enough_is_tried_even_if_it_is_not_among_the_first() -> None:
