@@ -67,10 +67,10 @@ def test_each_machine_moves_as_alone(count):
         rows = ensemble.advance(commands, duration)
         alone = np.array([p.advance_by(c, duration).row for p, c in zip(plants, commands, strict=True)])
         size = np.abs(alone).max(axis=0) + 1e-6
-        assert (np.abs(rows - alone) / size).max() < 1e-9
+        assert (np.abs(rows - alone) / size).max() < 1e-11
         commands = commands[::-1].copy()
     states = np.array([plant.inside()[0] for plant in plants])
-    np.testing.assert_allclose(ensemble.states, states, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(ensemble.states, states, rtol=1e-9, atol=1e-11)
 
 
 def test_the_plants_it_is_made_of_stay_where_they_are():
