@@ -29,6 +29,7 @@ SHRINKS = (
     0.4,
     0.1,
 )  # shares of a step that are tried in turn; with cached columns only the first: if it fails, new columns help more
+NOTHING = 1e-8  # of the longest column of an initial state, or of the largest singular value: what is below it is rounding
 CONVERGED = 1e-2  # of the SSE; thresholds are 6 and more
 STATES_ONLY = Effort(
     iterations=2
@@ -67,14 +68,22 @@ class WindowStates:
             return
         chosen = np.flatnonzero(rows)
         edges = np.flatnonzero(np.diff(row_window[chosen])) + 1
-        for part in np.split(chosen, edges):
-            if part.size:
-                # SVD instead of normal equations: two states may act alike in a short window (position and bias), and the direction
-                # without influence must be left out rather than divided by nearly zero
-                U, s, Vt = np.linalg.svd(local[part], full_matrices=False)
-                sound = s > 1e-8 * max(float(s[0]), 1e-300)
-                self._parts.append((part, U[:, sound], (Vt[sound].T / s[sound])))
-                self.used += int(np.count_nonzero(sound))
+        parts = [part for part in np.split(chosen, edges) if part.size]
+        # pascals beside metres are eight powers of ten apart: only columns of one length can be compared
+        lengths = [np.linalg.norm(local[part], axis=0) for part in parts]
+        longest = np.max(lengths, axis=0, initial=0.0)
+        for part, length in zip(parts, lengths, strict=True):
+            acting = np.flatnonzero(length > NOTHING * longest)
+            if not acting.size:
+                continue
+            # SVD instead of normal equations: two states may act alike in a short window (position and bias), and the direction
+            # without influence must be left out rather than divided by nearly zero
+            U, s, Vt = np.linalg.svd(local[np.ix_(part, acting)] / length[acting], full_matrices=False)
+            sound = s > NOTHING * s[0]
+            back = np.zeros((local.shape[1], int(np.count_nonzero(sound))))
+            back[acting] = Vt[sound].T / s[sound] / length[acting, None]
+            self._parts.append((part, U[:, sound], back))
+            self.used += back.shape[1]
 
     def off(self, rows: Array) -> Array:
         """The rows minus the part that initial states can produce; rows outside the mask are unchanged."""

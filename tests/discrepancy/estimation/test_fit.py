@@ -122,6 +122,20 @@ def test_projection_leaves_nothing_of_the_initial_states() -> None:
     np.testing.assert_allclose(change, [[1.5, -0.5]] * 3, atol=1e-9)
 
 
+def test_projection_does_not_depend_on_units_of_initial_states() -> None:
+    rng = np.random.default_rng(1)
+    window = np.repeat([0, 1, 2], 40)
+    local, rows, seen = rng.normal(size=(120, 3)), np.ones(120, bool), rng.normal(size=120)
+    local[window == 1, 2] = 0.0  # a state that does nothing in one window
+    units = np.array([1.0, 1e-11, 1e9])
+    plain, other = WindowStates(local, window, rows), WindowStates(local * units, window, rows)
+    assert plain.used == other.used == 8
+    np.testing.assert_allclose(other.off(seen), plain.off(seen), atol=1e-12)
+    np.testing.assert_allclose(
+        other.solve(seen, 3, window) * units, plain.solve(seen, 3, window), rtol=1e-9, atol=1e-12
+    )
+
+
 def sledge() -> Model:
     """A mass of 1 kg that a force pushes over a dry floor: dv/dt = F - c sign(v), seen by its place."""
 
