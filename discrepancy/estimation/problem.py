@@ -19,7 +19,7 @@ from discrepancy.estimation.effort import Costs
 from discrepancy.estimation.jacobian_cache import JacobianCache
 from discrepancy.model.description import Model, Parameter, Window
 from discrepancy.model.failure import BadModel
-from discrepancy.model.sensors import through_sensors
+from discrepancy.model.sensors import Shown, shown, through_sensors
 from discrepancy.model.windows import (
     FEWEST_SAMPLES,
     OUTPUTS,
@@ -134,6 +134,7 @@ class Problem:
         self.blocks: list[Block] = []
         complaints: list[Complaint] = []
         self._groups: dict[tuple[str, ...], int] = {}
+        self._shown: dict[str, Shown] = {}
         measured: list[Array] = []
         rows = 0
         for recording in recordings:
@@ -143,6 +144,7 @@ class Problem:
             if found is None:
                 continue
             outputs, interval = found
+            self._shown[clean.name] = shown(clean.signals, outputs)
             before = len(self.windows)
             scored: list[tuple[float, float]] = []
             for window in cut(model, clean, interval):
@@ -260,17 +262,10 @@ class Problem:
         """The values, with warm-up runs at the shared values of `by`, temporary effects off; unchanged for models without warm-up runs."""
         return replace(values, warm_up={**by.shared, **by.off}) if self.model.warms_up else values
 
-    def outputs(
-        self, index: int, values: Values, extra: Mapping[str, Array] | None = None
-    ) -> dict[str, Array]:
-        """Sensor outputs on the grid of one window."""
-        parameters = values.in_window(index)
-        window = _warmed(self.windows[index], values)
-        return self._sensed(index, self._simulated(window, parameters, extra or {}), parameters)
-
     def _sensed(
         self, index: int, true: Mapping[str, Array], parameters: dict[str, float]
     ) -> dict[str, Array]:
+        """Readings of one window."""
         window = self.windows[index]
         for delay, channels, recording in self._common_delays:
             if parameters[delay] and recording in (None, window.recording):
@@ -278,7 +273,8 @@ class Problem:
                     late = parameters.get(f"{name}.delay", 0.0) + parameters[delay]
                     parameters[f"{name}.delay"] = late
         since_s, lags = self.windows[0].start_s, self.model.lags
-        return through_sensors(true, parameters, window.time_s, window.step_s, since_s, lags)
+        readings = self._shown[window.recording]
+        return through_sensors(true, parameters, window.time_s, window.step_s, since_s, lags, readings)
 
     def predict(self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None) -> Array:
         """Predicted rows (N,), read-only because they are kept; extra: by window, signals that are added at the model's ports."""
@@ -360,8 +356,12 @@ class Problem:
     ) -> list[dict[str, Array]]:
         """Sensor outputs on the grid of every window, recorded or not; extra: as of `predict`."""
         if extra:
-            return [self.outputs(i, values, extra[i]) for i in range(len(self.windows))]
-        motions = self.motions(self.windows, values)
+            windows = [_warmed(window, values) for window in self.windows]
+            motions: Sequence[Mapping[str, Array]] = [
+                self._simulated(window, values.in_window(i), extra[i]) for i, window in enumerate(windows)
+            ]
+        else:
+            motions = self.motions(self.windows, values)
         return [self._sensed(i, true, values.in_window(i)) for i, true in enumerate(motions)]
 
 

@@ -6,16 +6,19 @@ outputs on the model's grid, so delays need not be multiples of the sample time.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
+from scipy.ndimage import median_filter
 from scipy.signal import lfilter
 
 from discrepancy.model.description import Effect, Parameter
-from discrepancy.signals.recording import Array
+from discrepancy.signals.recording import Array, Signal
 from discrepancy.signals.units import parse_unit
 
 KINDS = ("bias", "scale", "delay", "lag", "sign", "drift")
 LINEAR = ("bias", "scale", "sign", "drift")  # linear in their size, so one trial step is enough
+LAGS_KEPT = 5.0  # time constants before the window from which a lag starts: less than 1 % is left of what was before
 LONGEST_DELAY_S = 0.5  # of a sensor; a larger shift is another clock (checks.clocks)
 SLOWEST_LAG_S = 2.0
 
@@ -190,6 +193,29 @@ def delayed(values: Array, delay_s: float, time_s: Array) -> Array:
     return values if delay_s == 0.0 else np.interp(time_s - delay_s, time_s, values)
 
 
+Shown = Mapping[str, tuple[Array, Array]]
+"""By output: the stamps of a recording's readings, and the readings without their fast noise."""
+NEIGHBOURS = 7  # readings of which the middle one counts, so that neither noise nor a wrong reading does
+
+
+def shown(signals: Mapping[str, Signal], outputs: Iterable[str]) -> Shown:
+    """How the outputs of a recording move, as far as their sensors show it."""
+    there = {name: signals[name] for name in outputs if name in signals}
+    return {
+        name: (s.time_s, np.asarray(median_filter(s.value, NEIGHBOURS, mode="nearest"), float))
+        for name, s in there.items()
+    }
+
+
+def _as_shown(
+    readings: tuple[Array, Array] | None, edge: float, at_s: float, time_s: Array
+) -> Array:
+    """An output beside a window (n,): it moves as the readings do, and is `edge` at the time `at_s`, where the window begins or ends."""
+    if readings is None:
+        return np.full(time_s.size, edge)
+    return np.asarray(np.interp(time_s, *readings) - np.interp(at_s, *readings) + edge, float)
+
+
 def through_sensors(
     outputs: Mapping[str, Array],
     values: Mapping[str, float],
@@ -197,8 +223,13 @@ def through_sensors(
     step_s: float,
     since_s: float,
     lags: Mapping[str, float],
+    readings: Shown = MappingProxyType({}),
 ) -> dict[str, Array]:
-    """Readings of the sensors by output; since_s: time at which a drift starts; lags: time constants that the outputs contain already [s]."""
+    """Readings of the sensors by output; since_s: time at which a drift starts; lags: time constants that the outputs contain already [s].
+
+    readings: what the sensors showed before the grid and behind it. A late, slow or early reading of this grid is of then. Where there are none, the
+    output is constant there: the machine's own motion there would have to be simulated, from a state that nobody knows.
+    """
     seen = dict(outputs)
     for name, angle in values.items():
         if ".turn." in name and angle != 0.0:
@@ -211,9 +242,15 @@ def through_sensors(
     for name, true in seen.items():
         if name not in faulty:
             continue
-        lag = values.get(f"{name}.lag", 0.0)
-        y = lagged_more(true, lag, lags[name], step_s) if name in lags else lagged(true, lag, step_s)
-        y = delayed(y, values.get(f"{name}.delay", 0.0), time_s)
+        lag, delay = values.get(f"{name}.lag", 0.0), values.get(f"{name}.delay", 0.0)
+        memory = LAGS_KEPT * (lag + lags.get(name, 0.0)) if lag > 0.0 else 0.0
+        before, behind = (int(np.ceil(max(d, 0.0) / step_s)) for d in (delay + memory, -delay))
+        there = time_s[0] + step_s * np.arange(-before, true.size + behind)
+        first = _as_shown(readings.get(name), true[0], time_s[0], there[:before])
+        last = _as_shown(readings.get(name), true[-1], time_s[-1], there[before + true.size :])
+        y = np.concatenate([first, true, last])
+        y = lagged_more(y, lag, lags[name], step_s) if name in lags else lagged(y, lag, step_s)
+        y = delayed(y, delay, there)[before : before + true.size]
         y = y * (1.0 + values.get(f"{name}.scale", 0.0)) * (1.0 - 2.0 * values.get(f"{name}.sign", 0.0))
         seen[name] = (
             y + values.get(f"{name}.bias", 0.0) + values.get(f"{name}.drift", 0.0) * (time_s - since_s)

@@ -1,8 +1,14 @@
-"""Functions of known signals with units, for the open-ended search: powers, products, signs, derivatives, low-passes, plays (hysteresis), and commands that act late."""
+"""Functions of known signals with units, for the open-ended search: powers, products, signs, derivatives, low-passes, plays (hysteresis), commands that act late, and differences.
+
+Heat, flow and friction go with the difference of two temperatures, pressures or speeds. A power of each alone does not span a power of their difference, and what
+is left would be taken for an error of a reading's zero, which shifts one of them (ADR 106).
+"""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 
@@ -73,7 +79,37 @@ def functions(
             # a command with a sign of its own, or one that acts against the sign of what is read
             sides = [None, *(b for b in names if b not in commands)]
             found += [_late(a, units[a], b, spread.get(b or "", 1.0), T) for T in LATE_S for b in sides]
+    for a, b in combinations(names, 2):
+        if units[a] != "1" and parse_unit(units[a]).same_quantity(parse_unit(units[b])):
+            found += _of_difference(a, b, {name: units[name] for name in names})
     return found
+
+
+def _of_difference(a: str, b: str, units: Mapping[str, str]) -> list[Function]:
+    """Functions of the difference of two signals of one quantity, and its products with the other signals; units: of all signals."""
+    unit, text = parse_unit(units[a]), f"({a} - {b})"
+
+    def make(said: str, of_unit: Unit, complexity: int, of: Callable[[Array], Array]) -> Function:
+        return Function(
+            said, of_unit, complexity, (a, b), lambda s, _: of(s[a] - s[b]), of_readings=complexity == 2
+        )
+
+    def scaled(other: str) -> Function:
+        return Function(
+            f"{text}·{other}",
+            unit * parse_unit(units[other]),
+            4,
+            (a, b, other),
+            lambda s, _: (s[a] - s[b]) * s[other],
+            of_readings=False,
+        )
+
+    return [
+        make(text, unit, 2, lambda x: x),
+        make(f"{text}·|{text[1:-1]}|", unit**2, 3, lambda x: x * np.abs(x)),
+        make(f"sign{text}·√|{text[1:-1]}|", unit ** Fraction(1, 2), 3, lambda x: np.sign(x) * np.sqrt(np.abs(x))),
+        *(scaled(other) for other in units if other not in (a, b)),
+    ]
 
 
 def _played(command: str, its_unit: str, factor: str, unit: str, width: float) -> Function:

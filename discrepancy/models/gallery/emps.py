@@ -34,6 +34,11 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
     return {"position": _compiled(force, window.step_s, values["mass"], *friction, *start)}
 
 
+def _first_speed(window: Window) -> float:
+    """The slope of the first readings, 20 ms [m/s]."""
+    return float(np.polyfit(window.time_s[:6], window["position"][:6], 1)[0])
+
+
 def _friction(name: str, sentence: str, equation: str, parameter: Parameter) -> Effect:
     return Effect(
         name=name, sentence=sentence, equation=equation, parameters=(parameter,), kind="physics", place="screw and guides",
@@ -53,7 +58,7 @@ model = Model(
         Parameter(
             name="start", unit="m", typical=0.001, scope="window", guess=lambda window: window.at_start("position")
         ),
-        Parameter(name="start_speed", unit="m/s", typical=0.01, scope="window"),
+        Parameter(name="start_speed", unit="m/s", typical=0.01, scope="window", guess=_first_speed),
     ),
     effects=(
         _friction(

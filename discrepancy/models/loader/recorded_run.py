@@ -95,7 +95,7 @@ def _signals(found: Columns, wanted: Signals, first: float) -> dict[str, Signal]
             # where one is not available the machine has a value of its own, which nobody recorded: the last one stands in for it
             there = np.isfinite(values)
             # obeyed from the machine's next tick on, and until the next limit comes
-            signals[name] = signal(time_s[there] + 0.5 * TICK_S, values[there], unit, held=True)
+            signals[name] = signal(time_s[there] + TICK_S, values[there], unit, held=True)
         else:
             kept = thinned(time_s, values) if name in CHANNELS else (time_s, values)
             signals[name] = signal(*kept, unit.replace("s2", "s^2"))

@@ -47,7 +47,7 @@ def test_a_leak_is_named_beside_a_pump_that_acts_late(seed: int) -> None:
     # the equation is part of what explains the recording, not of the baseline's parameters
     assert not [n.name for n in found.nuisances if n.name.startswith("equation")]
     (level,) = found.adequacy
-    assert level.simulated < 0.2 * level.simulated_before
+    assert level.simulated < 0.25 * level.simulated_before
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from discrepancy.model.sensors import delayed, lagged, sensor_effects, through_sensors
-from discrepancy.signals.recording import changes_only
+from discrepancy.model.sensors import delayed, lagged, sensor_effects, shown, through_sensors
+from discrepancy.signals.recording import changes_only, signal
 
 
 @given(st.floats(0.02, 1.0), st.floats(0.1, 3.0))
@@ -44,3 +44,17 @@ def test_a_hold_is_a_mean_delay_of_half_its_length() -> None:
 def test_every_trial_step_of_a_sensor_effect_is_within_its_bounds(delay_s: float, bias: float) -> None:
     for p in (p for e in sensor_effects("y", "m", bias=bias, delay_s=delay_s) for p in e.parameters):
         assert all(p.lower <= value <= p.upper for value in p.trial_values), p.name
+
+
+def test_a_late_reading_within_a_recording_shows_what_was_before() -> None:
+    t = 5.0 + 0.01 * np.arange(400)
+    stamps = np.arange(0.0, 12.0, 0.05)
+    value = 2.0 * stamps + 7.0  # with a bias
+    value[85] += 5.0  # and a wrong reading
+    readings = shown({"y": signal(stamps, value, "m")}, ("y", "z"))
+    for late in ({"y.delay": 0.3}, {"y.lag": 0.1}, {"y.delay": 0.2, "y.lag": 0.05}, {"y.delay": -0.2}):
+        seen = through_sensors({"y": 2.0 * t, "z": t}, late, t, 0.01, 0.0, {}, readings)["y"]
+        # 1 % of what was before the time from which the lag starts is left
+        np.testing.assert_allclose(seen, 2.0 * (t - sum(late.values())), atol=2e-3)
+    constant = through_sensors({"y": 2.0 * t}, {"y.delay": 0.3}, t, 0.01, 0.0, {})["y"]
+    assert np.all(constant[:30] == 10.0)

@@ -1,0 +1,48 @@
+"""Inputs on the grid of a window."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from discrepancy.model.windows import resampled
+from discrepancy.signals.recording import signal
+
+GRID = 3.0 + 0.1 * np.arange(50)
+
+
+def test_a_held_input_on_the_grid_is_taken_as_it_is() -> None:
+    values = np.random.default_rng(0).normal(size=50)
+    assert np.array_equal(resampled(signal(GRID, values, "N", held=True), GRID), values)
+
+
+@given(st.floats(0.0, 1.0), st.integers(1, 30), st.integers(0, 2**32 - 1))
+def test_a_held_input_keeps_its_impulse(offset: float, changes: int, seed: int) -> None:
+    """Whenever a command comes, what it adds up to over the steps is what it was: it acts neither late nor early."""
+    rng = np.random.default_rng(seed)
+    stamps = np.concatenate([[GRID[0] - 0.2 * offset], np.sort(rng.uniform(GRID[0], GRID[-1], changes))])
+    stamps = np.unique(stamps)
+    values = rng.normal(size=stamps.size)
+    fine = np.linspace(GRID[0], GRID[-1] + 0.1, 50_001)[:-1]
+    truth = values[np.searchsorted(stamps, fine, side="right") - 1]
+    found = resampled(signal(stamps, values, "N", held=True), GRID)
+    # a value a thousandth of a step beside a grid point counts as on it
+    np.testing.assert_allclose(found, truth.reshape(50, -1).mean(axis=1), atol=6e-3 * np.ptp(values) + 1e-9)
+
+
+def test_before_its_first_stamp_a_held_input_has_its_first_value() -> None:
+    late = signal(np.array([GRID[10] + 0.05, GRID[20]]), np.array([2.0, 5.0]), "N", held=True)
+    found = resampled(late, GRID)
+    assert np.all(found[:20] == 2.0)
+    assert np.all(found[20:] == 5.0)
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.03, 0.07])
+def test_a_command_beside_the_grid_is_not_late(late_s: float) -> None:
+    """A mass pushed by commands that come beside the grid is where it truly is at the grid's points."""
+    stamps = GRID[0] - 0.1 + late_s + 0.1 * np.arange(52)
+    values = np.random.default_rng(1).normal(size=52)
+    force = resampled(signal(stamps, values, "N", held=True), GRID)
+    fine = np.linspace(GRID[0], GRID[-1], 4901)
+    exact = np.cumsum(values[np.searchsorted(stamps, fine + 1e-9, side="right") - 1])[99::100] * 1e-3
+    np.testing.assert_allclose(np.cumsum(0.1 * force)[:-1], exact, atol=2e-3)
