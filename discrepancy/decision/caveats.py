@@ -1,11 +1,13 @@
 """Caveats: reasons why an accepted effect is not named as the cause. An effect without any is named."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from discrepancy import gates
 from discrepancy.decision.drop_one import DropOneTest
 from discrepancy.decision.groups import in_between
-from discrepancy.decision.summary import beyond_prior, estimate, estimated
+from discrepancy.decision.summary import beyond_prior, edge_of_sheet, estimate, estimated
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
 from discrepancy.estimation.normal_equations import inverse
@@ -158,6 +160,41 @@ def prior_conflicts(problem: Problem, fitted: Fit, noise: Noise) -> list[str]:
             found.append(
                 f"the fit moved the nuisance {p.name} to {pushed}, {distance:.1f} standard deviations from its prior"
             )
+    return found
+
+
+def hangs_on(
+    values: Sequence[f.BaselineValue], sheet: Problem, effect: Effect, fitted: Fit
+) -> list[f.BaselineValue]:
+    """Of values that contradict their sheet, those at whose sheet's edge the effect would change by more than its own size.
+
+    A value that is wrong and an effect that is there only with it are two causes for what one unknown law may do.
+    """
+    found = []
+    own, names, covariance = effect.amplitude_parameters, fitted.names, fitted.covariance
+    typical = np.array([p.typical for p in own])
+    size = np.array([fitted.values.shared[p.name] - p.value for p in own]) / typical
+    for value in values:
+        i = names.index(value.estimate.name)
+        if value.away <= gates.PRIOR_CONFLICT.threshold or covariance[i, i] == 0.0:
+            continue
+        edge = edge_of_sheet(sheet.model.parameter(value.estimate.name), fitted.values)
+        back = edge - fitted.values.shared[value.estimate.name]
+        moved = covariance[[names.index(p.name) for p in own], i] / covariance[i, i] * back / typical
+        if np.linalg.norm(moved) > gates.HANGS_ON_A_VALUE.threshold * np.linalg.norm(size):
+            found.append(value)
+    return found
+
+
+def hanging(values: Sequence[f.BaselineValue], sheet: Problem, fitted: Fit) -> list[str]:
+    """A caveat for each value on which an effect hangs."""
+    found = []
+    for value in values:
+        name = value.estimate.name
+        edge = quantity(edge_of_sheet(sheet.model.parameter(name), fitted.values), value.estimate.unit, 4)
+        found.append(
+            f"hangs on the baseline's {name}, which contradicts its sheet: with {edge}, the edge of what the sheet allows, its size would change by more than itself"
+        )
     return found
 
 

@@ -6,13 +6,13 @@ the best proxy and the cause is unknown. All thresholds are in discrepancy.gates
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from discrepancy.decision import summary
 from discrepancy.decision.adequacy import adequacy, first_look
 from discrepancy.decision.beside import Beside, beside_equation
-from discrepancy.decision.caveats import caveats_of
+from discrepancy.decision.caveats import caveats_of, hanging, hangs_on
 from discrepancy.decision.drop_one import DropOneTest, backward, drop_one_tests
 from discrepancy.decision.groups import Alternative, alternatives, separation
 from discrepancy.decision.judgement import Judgement
@@ -89,12 +89,16 @@ def _judged(
     state, left = compared.state, compared.left
     # without an effect the second verdict says no more than the first, and nobody reads its equation
     equation = beside.equation(problem, state, left, settings) if beside and state.accepted else left
-    found = list[f.Finding]()
+    found, unsure = list[f.Finding](), set[str]()
+    wrong = summary.baseline_values(sheet, state, adequate=False)
     for test, rivals in zip(compared.tests, compared.rivals, strict=True):
         caveats = caveats_of(
             problem, state, test, problem.model.effect(rivals[0].effect), rivals[0].fit, left, settings
         )
         caveats += beside.caveats(problem, state, test, equation) if beside else []
+        hung = hangs_on(wrong, sheet, problem.model.effect(rivals[0].effect), rivals[0].fit)
+        caveats += hanging(hung, sheet, rivals[0].fit)
+        unsure |= {value.estimate.name for value in hung}
         if not caveats:  # costs two fits for each candidate that was not accepted
             caveats += taken_over(problem, state, history[-1].trials, test)
         found.append(_finding(problem, state, history[0], test, rivals, caveats))
@@ -107,6 +111,7 @@ def _judged(
     # an equation stands for physics that the library has not: with it the model is known to be wrong
     adequate = all(c.adequate for c in channels) and not equation.terms
     values = summary.baseline_values(sheet, state, adequate=adequate)
+    values = [replace(v, sure=v.sure and v.estimate.name not in unsure) for v in values]
     values = with_stand_ins(sheet, state, values, settings)
     status, reasons = verdict(
         problem,

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from discrepancy.decision.summary import SHEET_ALLOWS
+from discrepancy.decision.summary import SHEET_ALLOWS, edge_of_sheet
 from discrepancy.estimation.effort import CACHED
 from discrepancy.estimation.fit import fit
 from discrepancy.estimation.normal_equations import inverse
@@ -42,7 +42,7 @@ def stand_ins(problem: Problem, state: State, name: str, settings: Settings) -> 
     values = state.fit.values
     columns = sensitivities(problem, values, problem.predict(values), rest, cached=True)
     projector = Projector(problem, state.noise, state.fit)
-    edge = _edge(nuisance, values)
+    edge = edge_of_sheet(nuisance, values)
     found = []
     for of_effect, seen in zip(columns, projected(state.noise, projector, columns), strict=True):
         names = free_names(problem, (*state.accepted, of_effect.effect.name))
@@ -55,12 +55,6 @@ def stand_ins(problem: Problem, state: State, name: str, settings: Settings) -> 
                 found.append(of_effect.effect.name)
                 break
     return found
-
-
-def _edge(nuisance: Parameter, values: Values) -> float:
-    """The end of what the sheet allows on the side of the fitted value."""
-    reach = SHEET_ALLOWS * (nuisance.prior_sd or 0.0)
-    return float(np.clip(values.shared[nuisance.name], nuisance.value - reach, nuisance.value + reach))
 
 
 def _start(

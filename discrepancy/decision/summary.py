@@ -16,7 +16,7 @@ from discrepancy.decision.sizes.detectability import in_a_valley, left_by_refit
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
 from discrepancy.estimation.normal_equations import inverse
-from discrepancy.estimation.problem import Problem
+from discrepancy.estimation.problem import Problem, Values
 from discrepancy.model.description import Effect, Parameter
 from discrepancy.selection.open_ended import OpenEnded
 from discrepancy.selection.screen import (
@@ -317,6 +317,12 @@ def beyond_prior(nuisance: Parameter, e: f.Estimate) -> bool:
     reach = SHEET_ALLOWS * (nuisance.prior_sd or 0.0)
     low, high = (-np.inf if e.low is None else e.low), (np.inf if e.high is None else e.high)
     return bool(low > nuisance.value + reach or high < nuisance.value - reach)
+
+
+def edge_of_sheet(nuisance: Parameter, values: Values) -> float:
+    """The end of what the sheet allows on the side of the fitted value."""
+    reach = SHEET_ALLOWS * (nuisance.prior_sd or 0.0)
+    return float(np.clip(values.shared[nuisance.name], nuisance.value - reach, nuisance.value + reach))
 
 
 def channel_noise(problem: Problem, state: State) -> list[f.ChannelNoise]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from discrepancy.estimation.effort import Costs
 from discrepancy.estimation.jacobian_cache import JacobianCache
+from discrepancy.estimation.jumps import Commands, Held, jumping
 from discrepancy.model.description import Model, Parameter, Window
 from discrepancy.model.failure import BadModel
 from discrepancy.model.sensors import Shown, shown, through_sensors
@@ -135,6 +136,7 @@ class Problem:
         complaints: list[Complaint] = []
         self._groups: dict[tuple[str, ...], int] = {}
         self._shown: dict[str, Shown] = {}
+        self._held: dict[str, Held] = {}
         measured: list[Array] = []
         rows = 0
         for recording in recordings:
@@ -145,6 +147,7 @@ class Problem:
                 continue
             outputs, interval = found
             self._shown[clean.name] = shown(clean.signals, outputs)
+            self._held[clean.name] = {n: clean.signals[n] for n in model.held if n in clean.signals}
             before = len(self.windows)
             scored: list[tuple[float, float]] = []
             for window in cut(model, clean, interval):
@@ -263,18 +266,56 @@ class Problem:
         return replace(values, warm_up={**by.shared, **by.off}) if self.model.warms_up else values
 
     def _sensed(
-        self, index: int, true: Mapping[str, Array], parameters: dict[str, float]
+        self, index: int, true: Mapping[str, Array], parameters: Mapping[str, float]
     ) -> dict[str, Array]:
-        """Readings of one window."""
+        """Readings of one window on its grid."""
         window = self.windows[index]
+        known = self._with_common_delays(window, parameters)
+        return self._read(window, true, known, self._shown[window.recording])
+
+    def _with_common_delays(self, window: Window, parameters: Mapping[str, float]) -> dict[str, float]:
+        """The parameters, with delays of devices and clocks in those of their readings."""
+        known = dict(parameters)
         for delay, channels, recording in self._common_delays:
-            if parameters[delay] and recording in (None, window.recording):
+            if known[delay] and recording in (None, window.recording):
                 for name in channels:
-                    late = parameters.get(f"{name}.delay", 0.0) + parameters[delay]
-                    parameters[f"{name}.delay"] = late
+                    known[f"{name}.delay"] = known.get(f"{name}.delay", 0.0) + known[delay]
+        return known
+
+    def _read(
+        self, window: Window, true: Mapping[str, Array], parameters: Mapping[str, float], shown: Shown
+    ) -> dict[str, Array]:
+        """Readings of sensors with these faults, on the grid of a window."""
         since_s, lags = self.windows[0].start_s, self.model.lags
-        readings = self._shown[window.recording]
-        return through_sensors(true, parameters, window.time_s, window.step_s, since_s, lags, readings)
+        return through_sensors(true, parameters, window.time_s, window.step_s, since_s, lags, shown)
+
+    @cached_property
+    def _jumping(self) -> frozenset[str]:
+        """Outputs that follow a held input at once and are read between grid points."""
+        between = {
+            name
+            for block, place in zip(self.blocks, self._places, strict=True)
+            if place.part is not None
+            for name in block.channels
+            if name not in self.model.lags
+        }
+        if self.model.costly or not between or not self.model.held:
+            return frozenset()
+        start = self.start()
+
+        def simulated(index: int, window: Window) -> Mapping[str, Array]:
+            return self._simulated(window, start.in_window(index), {})
+
+        return jumping(self.model.held, self.windows, between, simulated)
+
+    @cached_property
+    def _commands(self) -> list[Commands]:
+        """The held inputs of every window."""
+        found = []
+        for window in self.windows:
+            held = self._held[window.recording]
+            found.append(Commands.of(window, {name: held[name] for name in held if window.has(name)}))
+        return found
 
     def predict(self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None) -> Array:
         """Predicted rows (N,), read-only because they are kept; extra: by window, signals that are added at the model's ports."""
@@ -306,11 +347,32 @@ class Problem:
         rows = np.empty(self.measured.size)
         # A model that diverges at some values overflows; that is no fault of its code, and no value of a warning.
         with np.errstate(over="ignore", invalid="ignore"):
-            seen = self.all_outputs(values, extra)
+            motions = self._motions(values, extra)
+            seen = [self._sensed(i, true, values.in_window(i)) for i, true in enumerate(motions)]
             for block, place in zip(self.blocks, self._places, strict=True):
                 outputs = np.stack([seen[block.window][name] for name in block.channels])
                 rows[block.start : block.stop] = means_of(place.of(outputs), block.averaged).T.ravel()
+            if self._jumping:
+                self._put_jumping(rows, motions, values)
         return rows
+
+    def _put_jumping(self, rows: Array, motions: Sequence[Mapping[str, Array]], values: Values) -> None:
+        """Rows of outputs that jump, in the place of those on a straight line between grid points."""
+        # faults of sensors are linear, so that they act on both parts of such an output; only the bias is of one
+        for block, place in zip(self.blocks, self._places, strict=True):
+            window, commands = self.windows[block.window], self._commands[block.window]
+            parameters = self._with_common_delays(window, values.in_window(block.window))
+            for k, name in enumerate(block.channels):
+                if name not in self._jumping:
+                    continue
+                smooth, gains = commands.split(motions[block.window][name])
+                seen = self._read(window, {name: smooth}, parameters, {})[name]
+                late = parameters.get(f"{name}.delay", 0.0)
+                jump = commands.at(block.sample_s - late, gains, parameters.get(f"{name}.lag", 0.0))
+                scale = 1.0 + parameters.get(f"{name}.scale", 0.0)
+                sign = 1.0 - 2.0 * parameters.get(f"{name}.sign", 0.0)
+                read = means_of(place.of(seen) + scale * sign * jump, block.averaged)
+                rows[block.start + k : block.stop : len(block.channels)] = read
 
     def _within_reach(self, rows: Array) -> Array:
         """The rows, each at most FAR times the largest value of its channel from what was measured.
@@ -355,14 +417,17 @@ class Problem:
         self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None
     ) -> list[dict[str, Array]]:
         """Sensor outputs on the grid of every window, recorded or not; extra: as of `predict`."""
-        if extra:
-            windows = [_warmed(window, values) for window in self.windows]
-            motions: Sequence[Mapping[str, Array]] = [
-                self._simulated(window, values.in_window(i), extra[i]) for i, window in enumerate(windows)
-            ]
-        else:
-            motions = self.motions(self.windows, values)
+        motions = self._motions(values, extra)
         return [self._sensed(i, true, values.in_window(i)) for i, true in enumerate(motions)]
+
+    def _motions(
+        self, values: Values, extra: Sequence[Mapping[str, Array]] | None
+    ) -> Sequence[Mapping[str, Array]]:
+        """True outputs of every window; extra: as of `predict`."""
+        if not extra:
+            return self.motions(self.windows, values)
+        windows = [_warmed(window, values) for window in self.windows]
+        return [self._simulated(w, values.in_window(i), extra[i]) for i, w in enumerate(windows)]
 
 
 def _left_out(

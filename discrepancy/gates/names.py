@@ -180,6 +180,16 @@ LEFT_BESIDE_EQUATION: Final = _gate(
     otherwise="best proxy, cause unknown",
     module="decision.caveats, decision.beside",
 )
+HANGS_ON_A_VALUE: Final = _gate(
+    name="own size beside a value of the sheet",
+    of="name",
+    statistic="change of an effect's size, over that size, if a baseline value that contradicts its sheet is put at the edge of what the sheet allows",
+    threshold=1.0,
+    passes="below",
+    source="itself: beyond it even the effect's sign is that of the wrong value; a leak beside a wrong area changes by 0.5 to 0.9, a bias that stands for natural convection by 2.5 to 5.6",
+    otherwise="best proxy, cause unknown, and the value is not sure",
+    module="decision.caveats",
+)
 LEFT_BESIDE_UNACCEPTED: Final = _gate(
     name="evidence left beside an effect that was not accepted",
     of="name",

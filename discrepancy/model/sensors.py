@@ -18,7 +18,9 @@ from discrepancy.signals.units import parse_unit
 
 KINDS = ("bias", "scale", "delay", "lag", "sign", "drift")
 LINEAR = ("bias", "scale", "sign", "drift")  # linear in their size, so one trial step is enough
-LAGS_KEPT = 5.0  # time constants before the window from which a lag starts: less than 1 % is left of what was before
+LAGS_KEPT = (
+    5.0  # time constants before the window from which a lag starts: less than 1 % is left of what was before
+)
 LONGEST_DELAY_S = 0.5  # of a sensor; a larger shift is another clock (checks.clocks)
 SLOWEST_LAG_S = 2.0
 
@@ -207,9 +209,7 @@ def shown(signals: Mapping[str, Signal], outputs: Iterable[str]) -> Shown:
     }
 
 
-def _as_shown(
-    readings: tuple[Array, Array] | None, edge: float, at_s: float, time_s: Array
-) -> Array:
+def _as_shown(readings: tuple[Array, Array] | None, edge: float, at_s: float, time_s: Array) -> Array:
     """An output beside a window (n,): it moves as the readings do, and is `edge` at the time `at_s`, where the window begins or ends."""
     if readings is None:
         return np.full(time_s.size, edge)

@@ -107,7 +107,12 @@ def _of_difference(a: str, b: str, units: Mapping[str, str]) -> list[Function]:
     return [
         make(text, unit, 2, lambda x: x),
         make(f"{text}·|{text[1:-1]}|", unit**2, 3, lambda x: x * np.abs(x)),
-        make(f"sign{text}·√|{text[1:-1]}|", unit ** Fraction(1, 2), 3, lambda x: np.sign(x) * np.sqrt(np.abs(x))),
+        make(
+            f"sign{text}·√|{text[1:-1]}|",
+            unit ** Fraction(1, 2),
+            3,
+            lambda x: np.sign(x) * np.sqrt(np.abs(x)),
+        ),
         *(scaled(other) for other in units if other not in (a, b)),
     ]
 

@@ -27,6 +27,7 @@ from discrepancy.signals.quantities import quantity
 from discrepancy.signals.recording import Array
 from discrepancy.signals.units import parse_unit
 
+IMITATED = 1e-5  # share of the energy of a function below which it is imitated: 0.3 % of its size
 MOST_TERMS = 3  # of an equation; in the benchmark further terms only followed the noise
 MOST_EQUALLY_GOOD = 5  # alternatives that are listed for a term
 WIDTHS = np.geomspace(0.125, 4.0, 11)  # multiples of the first width at which a chosen play is tried
@@ -82,8 +83,8 @@ def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
     white = np.stack([noise.whiten(c.raw) for c in made], axis=1)
     X = projector.off(white)
     size, before = np.sum(X**2, axis=0), np.sum(white**2, axis=0)
-    # a function that nuisances or initial states imitate (a constant beside a bias) leaves only rounding
-    visible = size > 1e-6 * np.maximum(before, 1e-30)
+    # a function that effects, nuisances or initial states imitate leaves no more than the steps of a port differ from those of the model
+    visible = size > IMITATED * np.maximum(before, 1e-30)
     threshold = penalty(1, len(made), settings.alpha)
     chosen: list[int] = []
     equally: list[tuple[str, ...]] = []
@@ -101,22 +102,27 @@ def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
         # Within `same` of the best the likelihoods do not differ: report the simplest of them, which a reader can check best.
         close = np.flatnonzero(reductions > reductions[best] - settings.same).tolist()
         rivals: list[int] = [i for i in close if i not in chosen]
-        simplest = min(rivals, key=lambda i: (made[i].function.complexity, -reductions[i]))
-        fitting = _fitting(
-            simulated, made[simplest], partial(_reduction, noise, projector, X[:, chosen], left)
-        )
-        if fitting is not None:
-            made[simplest] = fitting
-            white[:, simplest] = noise.whiten(fitting.raw)
-            X[:, simplest] = projector.off(white[:, [simplest]])[:, 0]
-        confirmed = _held_out(problem, state, white[:, [*chosen, simplest]], settings)
-        taken = np.bincount(noise.row_channel, confirmed, len(problem.channels)) / np.maximum(whole, 1e-300)
-        if float(np.sum(confirmed)) < settings.held_out + reduction * settings.confirmed:
+        rivals.sort(key=lambda i: (made[i].function.complexity, -reductions[i]))
+        taken = None
+        # one that is nearly hidden may fit as well as others and still predict nothing
+        for i in rivals[:MOST_EQUALLY_GOOD]:
+            fitting = _fitting(simulated, made[i], partial(_reduction, noise, projector, X[:, chosen], left))
+            if fitting is not None:
+                made[i] = fitting
+                white[:, i] = noise.whiten(fitting.raw)
+                X[:, i] = projector.off(white[:, [i]])[:, 0]
+            confirmed = _held_out(problem, state, white[:, [*chosen, i]], settings)
+            shares = np.bincount(noise.row_channel, confirmed, len(problem.channels)) / np.maximum(
+                whole, 1e-300
+            )
+            enough = float(np.sum(confirmed)) >= settings.held_out + reduction * settings.confirmed
+            if enough and float(np.max(shares)) >= problem.model.least_explained:
+                taken = i
+                break
+        if taken is None:
             break
-        if float(np.max(taken)) < problem.model.least_explained:
-            break
-        equally.append(tuple(_place(made[i]) for i in rivals if i != simplest))
-        chosen.append(simplest)
+        equally.append(tuple(_place(made[i]) for i in rivals if i != taken))
+        chosen.append(taken)
         c = np.linalg.lstsq(X[:, chosen], fitted.residual, rcond=None)[0]
         left = fitted.residual - X[:, chosen] @ c
         reduction = float(np.sum(fitted.residual**2) - np.sum(left**2))

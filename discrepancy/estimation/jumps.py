@@ -1,0 +1,102 @@
+"""Outputs that jump with a command: a voltage with a current, an acceleration with a thrust.
+
+Between grid points an output is read on a straight line. One that follows a held input at once would rise for a whole step instead of jumping, and its sensor
+would seem early or late. Here it is split into a part that is continuous and one that is the command's own, which is known at any time.
+"""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from discrepancy.model.description import Window
+from discrepancy.signals.recording import Array, Signal
+
+JUMPS: Final = 1e-3  # of an output's spread: a smaller jump is none
+Held = Mapping[str, Signal]
+"""Held inputs of a recording by name."""
+
+
+def jumping(
+    inputs: Collection[str],
+    windows: Sequence[Window],
+    outputs: Collection[str],
+    simulated: Callable[[int, Window], Mapping[str, Array]],
+) -> frozenset[str]:
+    """The outputs that jump where one of these held inputs does. simulated: by number of a window and the window.
+
+    A single value of the input is changed, by its largest jump; what changes at the same grid point follows it at once.
+    """
+    found = set[str]()
+    for name in inputs:
+        sizes = [np.max(np.abs(np.diff(w[name])), initial=0.0) if w.has(name) else 0.0 for w in windows]
+        i = int(np.argmax(sizes))
+        if sizes[i] == 0.0:
+            continue
+        window, at = windows[i], int(np.argmax(np.abs(np.diff(windows[i][name])))) + 1
+        changed = window[name].copy()
+        changed[at] = changed[at - 1]
+        before = simulated(i, window)
+        after = simulated(i, replace(window, known={**window.known, name: changed}))
+        found |= {
+            output
+            for output in outputs
+            if abs(after[output][at] - before[output][at]) > JUMPS * np.std(before[output])
+        }
+    return frozenset(found)
+
+
+@dataclass(frozen=True, slots=True)
+class Commands:
+    """The held inputs of one window, and their squares: as the model has them on its grid, and as they were recorded."""
+
+    grid: Array  # (n, k)
+    stamps: Sequence[Array]  # of each input and of its square
+    values: Sequence[Array]
+
+    @classmethod
+    def of(cls, window: Window, held: Held) -> "Commands":
+        """Those of a window; held: the inputs that its recording has."""
+        grid = np.stack([window[name] for name in held], axis=1)
+        stamps, values = [s.time_s for s in held.values()], [s.value for s in held.values()]
+        return cls(np.hstack([grid, grid**2]), stamps * 2, [*values, *(v**2 for v in values)])
+
+    def split(self, output: Array) -> tuple[Array, Array]:
+        """An output (n,) without what it owes to the commands at once, and how it follows each of them (k,)."""
+        gains = self._gains(output)
+        return output - self.grid @ gains, gains
+
+    def at(self, time_s: Array, gains: Array, lag_s: float) -> Array:
+        """What commands with these gains do at any times (m,), behind a first-order lag."""
+        found = np.zeros(time_s.size)
+        for stamps, values, gain in zip(self.stamps, self.values, gains.tolist(), strict=True):
+            last = np.clip(np.searchsorted(stamps, time_s, side="right") - 1, 0, None)
+            reached = values[last]
+            if lag_s > 0.0:
+                left = np.exp(-np.maximum(time_s - stamps[last], 0.0) / lag_s)
+                reached = reached + left * (_followed(stamps, values, lag_s)[last] - reached)
+            found += gain * reached
+        return found
+
+    def _gains(self, output: Array) -> Array:
+        """How the output follows the inputs at once (k,), by least squares over the steps of the window."""
+        # what changes within a step is the jump of the inputs, and what they, the state and a constant drive
+        jumps = np.diff(self.grid, axis=0)
+        if not np.isfinite(output).all():
+            return np.zeros(jumps.shape[1])
+        driven = np.hstack([self.grid[:-1], output[:-1, None], np.ones((output.size - 1, 1))])
+        columns = np.hstack([jumps, driven])
+        size = np.linalg.norm(columns, axis=0)
+        size[size == 0.0] = 1.0
+        found = np.linalg.lstsq(columns / size, np.diff(output), rcond=1e-9)[0] / size
+        return np.asarray(found[: jumps.shape[1]], float)
+
+
+def _followed(stamps: Array, values: Array, lag_s: float) -> Array:
+    """Where a first-order lag behind a held input is when the input changes (m,); in its steady state at the first stamp."""
+    left = np.exp(-np.diff(stamps) / lag_s).tolist()
+    found = [float(values[0])]
+    for share, value in zip(left, values[:-1].tolist(), strict=True):
+        found.append(value + share * (found[-1] - value))
+    return np.array(found)
