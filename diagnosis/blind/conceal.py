@@ -44,7 +44,7 @@ def conceal(
         typer.Option(
             "--noise",
             metavar="CHANNEL=SD",
-            help="Standard deviation of the noise in the channel's unit; default: 1 % of its spread.",
+            help="Standard deviation of the noise in the channel's unit; default: the model's sensor_noise, else 1 % of its spread.",
         ),
     ] = None,
     memory: Annotated[

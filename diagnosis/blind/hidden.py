@@ -133,7 +133,7 @@ def concealed(
     for name, signal in _simulated(model, basis, truth, initial or {}).items():
         # a constant output has no spread; its level then sets the scale, so that the noise is not zero
         spread = float(np.std(signal.value)) or float(np.mean(np.abs(signal.value)))
-        sd = truth.noise.get(name, DEFAULT_NOISE * spread)
+        sd = truth.noise.get(name, model.sensor_noise.get(name, DEFAULT_NOISE * spread))
         noisy = signal.value + _noise(rng, signal.value.size, sd, truth.memory)
         faults = [f for f in truth.faults if f.channel == name]
         _check_times(faults, signal)

@@ -208,5 +208,7 @@ def _synchrony(problem: Problem, part: _Part, base: Array, local: Array) -> Comp
 
 def _longest_delay(problem: Problem, channel: str) -> float:
     """Longest delay that an effect of the library can explain [s]."""
-    bounds = [p.upper for p in problem.model.parameters if p.name == f"{channel}.delay"]
+    devices = {e.parameters[0].name for e in problem.model.effects if channel in e.readings}
+    names = {f"{channel}.delay", *devices}
+    bounds = [p.upper for p in problem.model.parameters if p.name in names]
     return max([b for b in bounds if np.isfinite(b)], default=LONGEST_DELAY_S)

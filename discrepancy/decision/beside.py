@@ -52,6 +52,7 @@ class Beside:
             merged((*refitted(self.terms, state.fit), *left.terms)),
             without.sse - state.fit.sse + left.sse_reduction,
             left.threshold,
+            left.unconfirmed,
             {
                 name: float(own) + left.held_out_sse_reductions.get(name, 0.0)
                 for name, own in zip(problem.channels, gained, strict=True)

@@ -89,27 +89,16 @@ def _judged(
     state, left = compared.state, compared.left
     # without an effect the second verdict says no more than the first, and nobody reads its equation
     equation = beside.equation(problem, state, left, settings) if beside and state.accepted else left
-    found, unsure = list[f.Finding](), set[str]()
-    wrong = summary.baseline_values(sheet, state, adequate=False)
-    for test, rivals in zip(compared.tests, compared.rivals, strict=True):
-        caveats = caveats_of(
-            problem, state, test, problem.model.effect(rivals[0].effect), rivals[0].fit, left, settings
-        )
-        caveats += beside.caveats(problem, state, test, equation) if beside else []
-        hung = hangs_on(wrong, sheet, problem.model.effect(rivals[0].effect), rivals[0].fit)
-        caveats += hanging(hung, sheet, rivals[0].fit)
-        unsure |= {value.estimate.name for value in hung}
-        if not caveats:  # costs two fits for each candidate that was not accepted
-            caveats += taken_over(problem, state, history[-1].trials, test)
-        found.append(_finding(problem, state, history[0], test, rivals, caveats))
+    found, unsure = _findings(sheet, problem, compared, history, beside, equation, settings)
     found, at_rates = at_both_rates(problem, state, found, at_models_rate(problem, state, settings))
     # the order of acceptance is not that of the evidence
     found.sort(key=lambda finding: -finding.sse_reduction)
     candidates = summary.candidates(problem, state, history[0], found, settings)
     progress("comparing errors with their budgets")
     channels = adequacy(problem, baseline, state)
-    # an equation stands for physics that the library has not: with it the model is known to be wrong
-    adequate = all(c.adequate for c in channels) and not equation.terms
+    # an equation or a proxy stands for physics that the library has not: with it the model is known to be wrong
+    known = not (equation.terms or left.unconfirmed) and all(finding.named for finding in found)
+    adequate = known and all(c.adequate for c in channels)
     values = summary.baseline_values(sheet, state, adequate=adequate)
     values = [replace(v, sure=v.sure and v.estimate.name not in unsure) for v in values]
     values = with_stand_ins(sheet, state, values, settings)
@@ -149,6 +138,34 @@ def _judged(
     return Judgement(
         findings, problem, sheet, baseline, state, left, {r[0].effect: r for r in compared.rivals}
     )
+
+
+def _findings(
+    sheet: Problem,
+    problem: Problem,
+    compared: "_Compared",
+    history: Sequence[State],
+    beside: Beside | None,
+    equation: OpenEnded,
+    settings: Settings,
+) -> tuple[list[f.Finding], set[str]]:
+    """The accepted effects as findings, and values that contradict their sheet but are not sure, because a finding hangs on them."""
+    state, left = compared.state, compared.left
+    found, unsure = list[f.Finding](), set[str]()
+    # where nothing at all is left to explain, the two causes are the best there is
+    more = left.terms or left.unconfirmed
+    wrong = summary.baseline_values(sheet, state, adequate=False) if more else []
+    for test, rivals in zip(compared.tests, compared.rivals, strict=True):
+        effect, fitted = problem.model.effect(rivals[0].effect), rivals[0].fit
+        caveats = caveats_of(problem, state, test, effect, fitted, left, settings)
+        caveats += beside.caveats(problem, state, test, equation) if beside else []
+        hung = hangs_on(wrong, sheet, effect, fitted)
+        caveats += hanging(hung, sheet, fitted)
+        unsure |= {value.estimate.name for value in hung}
+        if not caveats:  # costs two fits for each candidate that was not accepted
+            caveats += taken_over(problem, state, history[-1].trials, test)
+        found.append(_finding(problem, state, history[0], test, rivals, caveats))
+    return found, unsure
 
 
 def _searched(

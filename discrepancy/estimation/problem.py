@@ -251,10 +251,19 @@ class Problem:
     def guesses(self) -> dict[str, Array]:
         """Initial states of every window (windows,) as the model guesses them from the recording."""
         return {
-            p.name: np.array([p.guess(w) if p.guess else p.value for w in self.windows])
+            p.name: np.array([self._guess(p, w) for w in self.windows])
             for p in self.model.nuisances
             if p.scope == "window"
         }
+
+    def _guess(self, parameter: Parameter, window: Window) -> float:
+        """The guess of an initial state. Raises BadModel."""
+        if parameter.guess is None:
+            return parameter.value
+        try:
+            return parameter.guess(window)
+        except Exception as error:
+            raise BadModel.guessing(self.model, parameter, error) from error
 
     def start(self) -> Values:
         """The baseline: every effect off, initial states at their guess."""

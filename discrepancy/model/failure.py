@@ -4,7 +4,7 @@ import traceback
 from typing import Self
 
 from bus.user_error import UserError
-from discrepancy.model.description import Model
+from discrepancy.model.description import Model, Parameter
 
 
 class BadModel(UserError, ValueError):
@@ -17,6 +17,13 @@ class BadModel(UserError, ValueError):
         if isinstance(error, UserError):
             return cls(f"model {model.name}: {error}")
         return cls(f"model {model.name}: its simulate fails{_place(model.simulate, error)}")
+
+    @classmethod
+    def guessing(cls, model: Model, parameter: Parameter, error: Exception) -> Self:
+        """The guess of an initial state raised this."""
+        if isinstance(error, UserError):
+            return cls(f"model {model.name}: {error}")
+        return cls(f"model {model.name}: the guess of {parameter.name} fails{_place(parameter.guess, error)}")
 
 
 def _place(simulate: object, error: Exception) -> str:

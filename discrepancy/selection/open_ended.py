@@ -49,6 +49,7 @@ class OpenEnded:
     terms: tuple[FittedTerm, ...] = ()
     sse_reduction: float = 0.0  # by all terms
     threshold: float = 0.0  # of the reduction by one term
+    unconfirmed: bool = False  # whether a further term has the evidence, which held-out data do not confirm
     held_out_sse_reductions: Mapping[str, float] = field(default_factory=dict)  # by channel
     # by fitted parameter: how far it would move with the terms in the fit, and its standard deviation there
     parameter_shifts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -88,7 +89,7 @@ def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
     threshold = penalty(1, len(made), settings.alpha)
     chosen: list[int] = []
     equally: list[tuple[str, ...]] = []
-    left, reduction = fitted.residual, 0.0
+    left, reduction, unconfirmed = fitted.residual, 0.0, False
     while len(chosen) < MOST_TERMS:
         free = X - X[:, chosen] @ np.linalg.lstsq(X[:, chosen], X, rcond=None)[0] if chosen else X
         power = np.sum(free**2, axis=0)
@@ -120,6 +121,7 @@ def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
                 taken = i
                 break
         if taken is None:
+            unconfirmed = True
             break
         equally.append(tuple(_place(made[i]) for i in rivals if i != taken))
         chosen.append(taken)
@@ -127,12 +129,13 @@ def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
         left = fitted.residual - X[:, chosen] @ c
         reduction = float(np.sum(fitted.residual**2) - np.sum(left**2))
     if not chosen:
-        return OpenEnded(threshold=threshold)
+        return OpenEnded(threshold=threshold, unconfirmed=unconfirmed)
     confirmed = _held_out(problem, state, white[:, chosen], settings)
     return OpenEnded(
         tuple(_terms(made, chosen, equally, X, fitted.residual)),
         reduction,
         threshold,
+        unconfirmed,
         {name: float(np.sum(confirmed[noise.row_channel == i])) for i, name in enumerate(problem.channels)},
         _parameter_shifts(fitted, projector.states.off(white[:, chosen]), X[:, chosen]),
     )

@@ -1,5 +1,7 @@
 """A model that diverges at values which a search tries: they lose, and nothing breaks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -84,6 +86,18 @@ def test_an_error_in_the_models_code_is_no_divergence():
         BadModel, match=r"its simulate fails, .*test_divergence\.py, line .*ZeroDivisionError"
     ):
         problem.predict(problem.start().having(cubic=0.1))
+
+
+def test_an_error_in_a_guess_names_its_place():
+    def guess(window):
+        return window["slope"][0]
+
+    plain = model()
+    faulty = replace(plain, nuisances=tuple(replace(p, guess=guess) for p in plain.nuisances))
+    with pytest.raises(
+        BadModel, match=r"the guess of \w+ fails, .*test_divergence\.py, line .*no signal 'slope'"
+    ):
+        Problem(faulty, [recording(0.0)]).start()
 
 
 @pytest.mark.parametrize("window_s", [5.0, 10.0, 20.0])

@@ -65,3 +65,18 @@ def test_a_late_device_is_one_finding(seed: int, level_s: float, outflow_s: floa
         assert half < 0.01
         assert late.value == pytest.approx(0.2, abs=1.5 * half), "three standard deviations"
         assert finding.group == []
+
+
+def test_a_device_may_be_late_by_more_than_a_sensor() -> None:
+    """Half a second is another clock for one reading; for a device whose library says so it is a delay."""
+    slow = gauged()
+    slow = replace(
+        slow,
+        effects=(
+            *(e for e in slow.effects if "delay" not in e.name),
+            device_delay("gauge", BOTH, delay_s=0.5),
+        ),
+    )
+    result = examine(slow, [gauge(1, dict.fromkeys(BOTH, 1.5))], Settings())
+    assert result.named == ["gauge delay"]
+    assert not [c for c in result.complaints if c.fatal]
