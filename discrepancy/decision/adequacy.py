@@ -231,3 +231,18 @@ def _ranges(problem: Problem, noise: Noise) -> Iterator[_Part]:
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+
+
+def certain(problem: Problem, channels: Sequence[ChannelAdequacy]) -> bool:
+    """Whether the model is right enough to call a value of its sheet wrong: within what disturbances are stated to do, else as good as a reading.
+
+    What is granted for disturbances that nobody stated may be another law, for which the value stands.
+    """
+    return all(
+        c.adequate
+        and (
+            c.channel in problem.model.disturbances
+            or c.simulated <= gates.CERTAIN_VALUE.threshold * max(c.budget, c.one_step)
+        )
+        for c in channels
+    )

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from discrepancy.decision import summary
-from discrepancy.decision.adequacy import adequacy, first_look
+from discrepancy.decision.adequacy import adequacy, certain, first_look
 from discrepancy.decision.beside import Beside, beside_equation
 from discrepancy.decision.caveats import caveats_of, hanging, hangs_on
 from discrepancy.decision.drop_one import DropOneTest, backward, drop_one_tests
@@ -98,7 +98,7 @@ def _judged(
     channels = adequacy(problem, baseline, state)
     # an equation or a proxy stands for physics that the library has not: with it the model is known to be wrong
     known = not (equation.terms or left.unconfirmed) and all(finding.named for finding in found)
-    adequate = known and all(c.adequate for c in channels)
+    adequate = known and certain(problem, channels)
     values = summary.baseline_values(sheet, state, adequate=adequate)
     values = [replace(v, sure=v.sure and v.estimate.name not in unsure) for v in values]
     values = with_stand_ins(sheet, state, values, settings)

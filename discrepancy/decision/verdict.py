@@ -50,11 +50,11 @@ def verdict(
             *reasons,
         ]
     said = [*map(contradicted, values)]
-    if status == "nothing missing" and any(b.or_effects for b in values):
-        status, reasons, said = "inconclusive", [*said, *reasons], []
-    elif status == "nothing missing" and any(b.sure for b in values):
-        # what was missing is known: it is no effect but a value
-        status, reasons, said = "explained", [*said, *reasons], []
+    contradict = [b for b in values if b.away > gates.PRIOR_CONFLICT.threshold]
+    if status == "nothing missing" and contradict:
+        # what was missing is no effect but a value, if that is certain
+        status = "explained" if all(b.sure for b in contradict) else "inconclusive"
+        reasons, said = [*said, *reasons], []
     cut_short = accepted >= settings.most_effects
     unnamed = named_share(found, equation) < gates.NAMED_SHARE.threshold
     open_question = any(b.or_effects for b in values)
