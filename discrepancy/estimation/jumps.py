@@ -13,6 +13,7 @@ import numpy as np
 from discrepancy.model.description import Window
 from discrepancy.signals.recording import Array, Signal
 
+ROUNDING: Final = 1e-9  # of the largest singular value, below which a direction is left out
 JUMPS: Final = 1e-3  # of an output's spread: a smaller jump is none
 Held = Mapping[str, Signal]
 """Held inputs of a recording by name."""
@@ -54,43 +55,55 @@ class Commands:
     grid: Array  # (n, k)
     stamps: Sequence[Array]  # of each input and of its square
     values: Sequence[Array]
+    # least squares over the steps, but for the output itself: orthonormal columns (n - 1, r) and what makes gains of them (k, r)
+    driven: Array
+    back: Array
 
     @classmethod
     def of(cls, window: Window, held: Held) -> "Commands":
         """Those of a window; held: the inputs that its recording has."""
         grid = np.stack([window[name] for name in held], axis=1)
         stamps, values = [s.time_s for s in held.values()], [s.value for s in held.values()]
-        return cls(np.hstack([grid, grid**2]), stamps * 2, [*values, *(v**2 for v in values)])
+        return cls.made(np.hstack([grid, grid**2]), stamps * 2, [*values, *(v**2 for v in values)])
+
+    @classmethod
+    def made(cls, grid: Array, stamps: Sequence[Array], values: Sequence[Array]) -> "Commands":
+        """With what least squares need beforehand."""
+        # what changes within a step is the jump of the inputs, and what they, the state and a constant drive
+        columns = np.hstack([np.diff(grid, axis=0), grid[:-1], np.ones((len(grid) - 1, 1))])
+        size = np.linalg.norm(columns, axis=0)
+        size[size == 0.0] = 1.0
+        U, s, Vt = np.linalg.svd(columns / size, full_matrices=False)
+        sound = s > ROUNDING * s[0]
+        back = (Vt[sound].T / s[sound])[: grid.shape[1]] / size[: grid.shape[1], None]
+        return cls(grid, stamps, values, U[:, sound], back)
 
     def split(self, output: Array) -> tuple[Array, Array]:
         """An output (n,) without what it owes to the commands at once, and how it follows each of them (k,)."""
         gains = self._gains(output)
         return output - self.grid @ gains, gains
 
-    def at(self, time_s: Array, gains: Array, lag_s: float) -> Array:
-        """What commands with these gains do at any times (m,), behind a first-order lag."""
-        found = np.zeros(time_s.size)
-        for stamps, values, gain in zip(self.stamps, self.values, gains.tolist(), strict=True):
+    def at(self, time_s: Array, lag_s: float = 0.0) -> Array:
+        """The commands at any times (m, k), behind a first-order lag."""
+        found = np.empty((time_s.size, len(self.stamps)))
+        for i, (stamps, values) in enumerate(zip(self.stamps, self.values, strict=True)):
             last = np.clip(np.searchsorted(stamps, time_s, side="right") - 1, 0, None)
-            reached = values[last]
+            found[:, i] = values[last]
             if lag_s > 0.0:
                 left = np.exp(-np.maximum(time_s - stamps[last], 0.0) / lag_s)
-                reached = reached + left * (_followed(stamps, values, lag_s)[last] - reached)
-            found += gain * reached
+                found[:, i] += left * (_followed(stamps, values, lag_s)[last] - found[:, i])
         return found
 
     def _gains(self, output: Array) -> Array:
         """How the output follows the inputs at once (k,), by least squares over the steps of the window."""
-        # what changes within a step is the jump of the inputs, and what they, the state and a constant drive
-        jumps = np.diff(self.grid, axis=0)
         if not np.isfinite(output).all():
-            return np.zeros(jumps.shape[1])
-        driven = np.hstack([self.grid[:-1], output[:-1, None], np.ones((output.size - 1, 1))])
-        columns = np.hstack([jumps, driven])
-        size = np.linalg.norm(columns, axis=0)
-        size[size == 0.0] = 1.0
-        found = np.linalg.lstsq(columns / size, np.diff(output), rcond=1e-9)[0] / size
-        return np.asarray(found[: jumps.shape[1]], float)
+            return np.zeros(self.grid.shape[1])
+        change, state = np.diff(output), output[:-1]
+        of_change, of_state = self.driven.T @ change, self.driven.T @ state
+        own = state - self.driven @ of_state
+        size = float(own @ own)
+        by_state = float(own @ change) / size if size > ROUNDING**2 * float(state @ state) else 0.0
+        return np.asarray(self.back @ (of_change - by_state * of_state), float)
 
 
 def _followed(stamps: Array, values: Array, lag_s: float) -> Array:

@@ -326,6 +326,11 @@ class Problem:
             found.append(Commands.of(window, {name: held[name] for name in held if window.has(name)}))
         return found
 
+    @cached_property
+    def _commands_at_rows(self) -> list[Array]:
+        """The commands at the samples of every block."""
+        return [self._commands[block.window].at(block.sample_s) for block in self.blocks]
+
     def predict(self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None) -> Array:
         """Predicted rows (N,), read-only because they are kept; extra: by window, signals that are added at the model's ports."""
         if extra is not None:
@@ -368,7 +373,8 @@ class Problem:
     def _put_jumping(self, rows: Array, motions: Sequence[Mapping[str, Array]], values: Values) -> None:
         """Rows of outputs that jump, in the place of those on a straight line between grid points."""
         # faults of sensors are linear, so that they act on both parts of such an output; only the bias is of one
-        for block, place in zip(self.blocks, self._places, strict=True):
+        at_once = self._commands_at_rows
+        for i, (block, place) in enumerate(zip(self.blocks, self._places, strict=True)):
             window, commands = self.windows[block.window], self._commands[block.window]
             parameters = self._with_common_delays(window, values.in_window(block.window))
             for k, name in enumerate(block.channels):
@@ -377,10 +383,11 @@ class Problem:
                 smooth, gains = commands.split(motions[block.window][name])
                 seen = self._read(window, {name: smooth}, parameters, {})[name]
                 late = parameters.get(f"{name}.delay", 0.0)
-                jump = commands.at(block.sample_s - late, gains, parameters.get(f"{name}.lag", 0.0))
+                lag = parameters.get(f"{name}.lag", 0.0)
+                there = at_once[i] if late == lag == 0.0 else commands.at(block.sample_s - late, lag)
                 scale = 1.0 + parameters.get(f"{name}.scale", 0.0)
                 sign = 1.0 - 2.0 * parameters.get(f"{name}.sign", 0.0)
-                read = means_of(place.of(seen) + scale * sign * jump, block.averaged)
+                read = means_of(place.of(seen) + scale * sign * (there @ gains), block.averaged)
                 rows[block.start + k : block.stop : len(block.channels)] = read
 
     def _within_reach(self, rows: Array) -> Array:

@@ -153,12 +153,12 @@ def test_squares_of_a_command_are_known() -> None:
 def test_a_lag_behind_a_command_is_exact_at_any_time() -> None:
     rng = np.random.default_rng(3)
     stamps, values = np.sort(rng.uniform(0.0, 5.0, 20)), rng.normal(size=20)
-    commands = Commands(np.zeros((2, 1)), [stamps], [values])
+    commands = Commands.made(np.zeros((3, 1)), [stamps], [values])
     fine = np.arange(stamps[0], 5.0, 1e-4)
     held = values[np.searchsorted(stamps, fine, side="right") - 1]
     share = np.exp(-1e-4 / 0.2)
     slow = lfilter([0.0, 1.0 - share], [1.0, -share], held, zi=[held[0]])[0]
-    np.testing.assert_allclose(commands.at(fine, np.ones(1), 0.2), slow, atol=2e-3)
+    np.testing.assert_allclose(commands.at(fine, 0.2)[:, 0], slow, atol=2e-3)
 
 
 def test_an_expensive_model_is_left_as_it_is() -> None:
