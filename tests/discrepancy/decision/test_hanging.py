@@ -1,15 +1,19 @@
 """A convex law of cooling behind a model with a linear one: neither a bias of the thermometer nor a wrong sheet."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from discrepancy.decision.caveats import hangs_on
+from discrepancy.estimation.fit import Fit
+from discrepancy.estimation.problem import Problem
 from discrepancy.examine import examine
 from discrepancy.model.description import Effect, Model, Parameter, Port, Window
 from discrepancy.model.sensors import sensor_effects
 from discrepancy.selection.state import Settings
-from discrepancy.signals.findings import Findings
+from discrepancy.signals.findings import BaselineValue, Estimate, Findings
 from discrepancy.signals.recording import Array, Recording, signal
 
 STEP_S, CAPACITY, LOSS = 1.0, 80.0, 0.6
@@ -63,6 +67,11 @@ def body() -> Model:
 
 
 def verdict(seed: int, *, convex: bool = False, loss: float = LOSS, bias: float = 0.0) -> Findings:
+    """What is said of an hour."""
+    return examine(body(), [an_hour(seed, convex=convex, loss=loss, bias=bias)], Settings())
+
+
+def an_hour(seed: int, *, convex: bool = False, loss: float = LOSS, bias: float = 0.0) -> Recording:
     """An hour in which heater and air change; the truth at a tenth of the model's step."""
     rng = np.random.default_rng(seed)
     n, fine = 3600, 10
@@ -82,7 +91,7 @@ def verdict(seed: int, *, convex: bool = False, loss: float = LOSS, bias: float 
         "ambient": signal(time_s, ambient, "K"),
         "temperature": signal(time_s, seen + bias + rng.normal(0.0, 0.05, n), "K"),
     }
-    return examine(body(), [Recording("hour", signals)], Settings())
+    return Recording("hour", signals)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -100,3 +109,26 @@ def test_a_bias_is_still_one(seed: int) -> None:
         assert result.named == ["temperature bias"]
         [size] = result.findings[0].parameters
         assert size.value == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.parametrize(("per_loss", "hangs"), [(2.0, False), (20.0, True)])
+def test_an_effect_hangs_on_a_value_with_which_it_would_be_another(per_loss: float, hangs: bool) -> None:
+    """A bias of 0.5 K beside a loss that was pushed from 0.6 to 0.75 W/K: at 0.66, the edge of its sheet, it changes by per_loss times 0.09 W/K."""
+    problem = Problem(body(), [an_hour(0)])
+    effect = problem.model.effect("temperature bias")
+    start = problem.start()
+    values = start.with_shared({"loss": 0.75, "temperature.bias": 0.5})
+    # the covariance in which the bias goes with the loss at that rate
+    covariance = np.array([[1e-6, per_loss * 1e-6], [per_loss * 1e-6, 1.0 + per_loss**2 * 1e-6]])
+    nothing = np.zeros((1, 2))
+    fitted = Fit(
+        ("loss", "temperature.bias"), values, 0.0, 0.0, nothing[:, 0], nothing, np.linalg.inv(covariance)
+    )
+    contradicting = BaselineValue(
+        estimate=Estimate(name="loss", value=0.75, low=0.74, high=0.76, unit="W/K", baseline=0.6),
+        prior_sd=0.03,
+        away=5.0,
+        sure=True,
+    )
+    assert bool(hangs_on([contradicting], problem, effect, fitted)) is hangs
+    assert not hangs_on([replace(contradicting, away=2.0)], problem, effect, fitted)
