@@ -383,6 +383,8 @@ def page(session: Session, figures: Sequence[Figure]) -> str:
             "Medians and ranges over the repeats of one run. A floor is what the machine needs for the unavoidable part alone. "
             "*Before* is what the same benchmark gave on a quiet machine with 2 processors before "
             "[decisions 48](../adr/0048-references-not-counted.md) and [49](../adr/0049-lockstep-core-and-lanes.md), in a run of its own.",
+            "One aim is missed: the ECU on columns was to do half a million samples a second. [Decisions 56](../adr/0056-outlook-beside-the-present.md) and "
+            "[81](../adr/0081-predictions-side-by-side.md) say what was tried.",
             "",
             head,
             "|---|---:|---:|---:|---|---:|---|---:|",
