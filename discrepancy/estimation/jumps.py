@@ -14,6 +14,7 @@ from discrepancy.model.description import Window
 from discrepancy.signals.recording import Array, Signal
 
 ROUNDING: Final = 1e-9  # of the largest singular value, below which a direction is left out
+FORGOTTEN: Final = 20.0  # time constants after which a lag has forgotten, to 2e-9
 JUMPS: Final = 1e-3  # of an output's spread: a smaller jump is none
 Held = Mapping[str, Signal]
 """Held inputs of a recording by name."""
@@ -84,14 +85,17 @@ class Commands:
         return output - self.grid @ gains, gains
 
     def at(self, time_s: Array, lag_s: float = 0.0) -> Array:
-        """The commands at any times (m, k), behind a first-order lag."""
+        """The commands at times in order (m, k), behind a first-order lag."""
         found = np.empty((time_s.size, len(self.stamps)))
         for i, (stamps, values) in enumerate(zip(self.stamps, self.values, strict=True)):
             last = np.clip(np.searchsorted(stamps, time_s, side="right") - 1, 0, None)
             found[:, i] = values[last]
             if lag_s > 0.0:
+                first = max(int(np.searchsorted(stamps, time_s[0] - FORGOTTEN * lag_s)) - 1, 0)
+                upto = slice(first, int(last[-1]) + 1)
+                reached = _followed(stamps[upto], values[upto], lag_s)[last - first]
                 left = np.exp(-np.maximum(time_s - stamps[last], 0.0) / lag_s)
-                found[:, i] += left * (_followed(stamps, values, lag_s)[last] - found[:, i])
+                found[:, i] += left * (reached - found[:, i])
         return found
 
     def _gains(self, output: Array) -> Array:
