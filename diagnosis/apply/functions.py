@@ -41,13 +41,25 @@ _FORMS: _Forms = (
         "(lagged({a}, {n}, step) - {a}) * np.tanh({b} / (0.05 * np.std({b}) + 1e-300))",
         "",
     ),
+    (r"\((?P<a>\w+) - (?P<b>\w+)\)", "({a} - {b})", "({a} - {b})"),
+    (
+        r"\((?P<a>\w+) - (?P<b>\w+)\)·\|(?P=a) - (?P=b)\|",
+        "({a} - {b}) * np.abs({a} - {b})",
+        "({a} - {b}) * abs({a} - {b})",
+    ),
+    (
+        r"sign\((?P<a>\w+) - (?P<b>\w+)\)·√\|(?P=a) - (?P=b)\|",
+        "np.sign({a} - {b}) * np.sqrt(np.abs({a} - {b}))",
+        "({a} - {b}) / max(abs({a} - {b}) ** 0.5, 1e-150)",
+    ),
+    (r"\((?P<a>\w+) - (?P<b>\w+)\)·(?P<c>\w+)", "({a} - {b}) * {c}", "({a} - {b}) * {c}"),
     (r"(?P<a>\w+)·\|(?P=a)\|", "{a} * np.abs({a})", "{a} * abs({a})"),
     (r"(?P<a>\w+)²", "{a}**2", "{a}**2"),
     (r"(?P<a>\w+)³", "{a}**3", "{a}**3"),
     (r"(?P<a>\w+)·(?P<b>\w+)", "{a} * {b}", "{a} * {b}"),
     (r"(?P<a>\w+)", "{a}", "{a}"),
 )
-"""Pattern of the text with signals a and b and number n; code over arrays; code over numbers."""
+"""Pattern of the text with signals a, b and c and number n; code over arrays; code over numbers."""
 
 
 def read_function(text: str) -> Function:
@@ -57,7 +69,7 @@ def read_function(text: str) -> Function:
         if match is None:
             continue
         found = match.groupdict()
-        signals = {key: found[key] for key in ("a", "b") if key in found}
+        signals = {key: found[key] for key in ("a", "b", "c") if key in found}
         width = {"n": found["n"]} if "n" in found else {}
         held = {key: f's["{name}"]' for key, name in signals.items()}
         return Function(tuple(signals.values()), arrays.format(**held, **width), numbers.format(**signals))

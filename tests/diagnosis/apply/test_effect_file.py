@@ -64,12 +64,11 @@ def test_what_was_unknown_has_a_name_after_one_command(
 
 
 TIME = 0.01 * np.arange(2000)
-SIGNALS = {"a": np.sin(TIME), "b": np.cos(3.0 * TIME) + 0.5}
+SIGNALS = {"a": np.sin(TIME), "b": np.cos(3.0 * TIME) + 0.5, "c": np.sin(2.0 * TIME) - 0.3}
+UNITS = {"a": "m", "b": "s", "c": "m"}  # two of one quantity, whose difference counts
 
 
-@pytest.mark.parametrize(
-    "text", [f.text for f in functions({"a": "m", "b": "s"}, {"a": 0.7, "b": 0.7}, {"a"})]
-)
+@pytest.mark.parametrize("text", [f.text for f in functions(UNITS, dict.fromkeys(UNITS, 0.7), {"a"})])
 def test_every_function_of_the_search_becomes_code(text: str) -> None:
     """The written code gives what the search used, but for the digits of a width in its text."""
     from discrepancy.model.operators import play
@@ -77,7 +76,7 @@ def test_every_function_of_the_search_becomes_code(text: str) -> None:
 
     # a sign's width is the signal's own spread; that of a play stands in its text
     spread = {n: float(np.std(v)) if "sign" in text else 0.7 for n, v in SIGNALS.items()}
-    found = {f.text: f for f in functions({"a": "m", "b": "s"}, spread, {"a"})}
+    found = {f.text: f for f in functions(UNITS, spread, {"a"})}
     searched = found[text].of(SIGNALS, 0.01)
     read = read_function(text)
     names: dict[str, object] = {"np": np, "s": SIGNALS, "step": 0.01, "play": play, "lagged": lagged}
