@@ -63,7 +63,7 @@ class Commands:
     @classmethod
     def of(cls, window: Window, held: Held) -> "Commands":
         """Those of a window; held: the inputs that its recording has."""
-        grid = np.stack([window[name] for name in held], axis=1)
+        grid = np.array([window[name] for name in held]).reshape(-1, window.time_s.size).T
         stamps, values = [s.time_s for s in held.values()], [s.value for s in held.values()]
         return cls.made(np.hstack([grid, grid**2]), stamps * 2, [*values, *(v**2 for v in values)])
 

@@ -20,7 +20,7 @@ from discrepancy.estimation.jacobian_cache import JacobianCache
 from discrepancy.estimation.jumps import Commands, Held, jumping
 from discrepancy.model.description import Model, Parameter, Window
 from discrepancy.model.failure import BadModel
-from discrepancy.model.sensors import Shown, shown, through_sensors
+from discrepancy.model.sensors import Shown, gain, shown, through_sensors
 from discrepancy.model.windows import (
     FEWEST_SAMPLES,
     OUTPUTS,
@@ -147,7 +147,9 @@ class Problem:
                 continue
             outputs, interval = found
             self._shown[clean.name] = shown(clean.signals, outputs)
-            self._held[clean.name] = {n: clean.signals[n] for n in model.held if n in clean.signals}
+            self._held[clean.name] = {
+                n: clean.signals[n] for n in model.held if n in model.driving and n in clean.signals
+            }
             before = len(self.windows)
             scored: list[tuple[float, float]] = []
             for window in cut(model, clean, interval):
@@ -263,7 +265,7 @@ class Problem:
         try:
             return parameter.guess(window)
         except Exception as error:
-            raise BadModel.guessing(self.model, parameter, error) from error
+            raise BadModel.failing(self.model, error, parameter) from error
 
     def start(self) -> Values:
         """The baseline: every effect off, initial states at their guess."""
@@ -301,21 +303,26 @@ class Problem:
     @cached_property
     def _jumping(self) -> frozenset[str]:
         """Outputs that follow a held input at once and are read between grid points."""
+        # the axes of a misaligned sensor are turned together, and a filtered output does not jump
+        turned = {
+            name for p in self.model.parameters for name in p.name.split(".turn.") if ".turn." in p.name
+        }
         between = {
             name
             for block, place in zip(self.blocks, self._places, strict=True)
             if place.part is not None
             for name in block.channels
-            if name not in self.model.lags
         }
-        if self.model.costly or not between or not self.model.held:
+        between -= {*self.model.lags, *turned}
+        held = [name for name in self.model.held if name in self.model.driving]
+        if self.model.costly or not between or not held:
             return frozenset()
         start = self.start()
 
         def simulated(index: int, window: Window) -> Mapping[str, Array]:
             return self._simulated(window, start.in_window(index), {})
 
-        return jumping(self.model.held, self.windows, between, simulated)
+        return jumping(held, self.windows, between, simulated)
 
     @cached_property
     def _commands(self) -> list[Commands]:
@@ -327,9 +334,13 @@ class Problem:
         return found
 
     @cached_property
-    def _commands_at_rows(self) -> list[Array]:
-        """The commands at the samples of every block."""
-        return [self._commands[block.window].at(block.sample_s) for block in self.blocks]
+    def _commands_at_rows(self) -> dict[int, Array]:
+        """The commands at the samples of every block that has an output which jumps, by its number."""
+        return {
+            i: self._commands[block.window].at(block.sample_s)
+            for i, block in enumerate(self.blocks)
+            if self._jumping.intersection(block.channels)
+        }
 
     def predict(self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None) -> Array:
         """Predicted rows (N,), read-only because they are kept; extra: by window, signals that are added at the model's ports."""
@@ -373,8 +384,8 @@ class Problem:
     def _put_jumping(self, rows: Array, motions: Sequence[Mapping[str, Array]], values: Values) -> None:
         """Rows of outputs that jump, in the place of those on a straight line between grid points."""
         # faults of sensors are linear, so that they act on both parts of such an output; only the bias is of one
-        at_once = self._commands_at_rows
-        for i, (block, place) in enumerate(zip(self.blocks, self._places, strict=True)):
+        for number, at_once in self._commands_at_rows.items():
+            block, place = self.blocks[number], self._places[number]
             window, commands = self.windows[block.window], self._commands[block.window]
             parameters = self._with_common_delays(window, values.in_window(block.window))
             for k, name in enumerate(block.channels):
@@ -382,12 +393,9 @@ class Problem:
                     continue
                 smooth, gains = commands.split(motions[block.window][name])
                 seen = self._read(window, {name: smooth}, parameters, {})[name]
-                late = parameters.get(f"{name}.delay", 0.0)
-                lag = parameters.get(f"{name}.lag", 0.0)
-                there = at_once[i] if late == lag == 0.0 else commands.at(block.sample_s - late, lag)
-                scale = 1.0 + parameters.get(f"{name}.scale", 0.0)
-                sign = 1.0 - 2.0 * parameters.get(f"{name}.sign", 0.0)
-                read = means_of(place.of(seen) + scale * sign * (there @ gains), block.averaged)
+                late, lag = parameters.get(f"{name}.delay", 0.0), parameters.get(f"{name}.lag", 0.0)
+                there = at_once if late == lag == 0.0 else commands.at(block.sample_s - late, lag)
+                read = means_of(place.of(seen) + gain(name, parameters) * (there @ gains), block.averaged)
                 rows[block.start + k : block.stop : len(block.channels)] = read
 
     def _within_reach(self, rows: Array) -> Array:

@@ -19,7 +19,7 @@ from discrepancy.signals.units import parse_unit
 KINDS = ("bias", "scale", "delay", "lag", "sign", "drift")
 LINEAR = ("bias", "scale", "sign", "drift")  # linear in their size, so one trial step is enough
 LAGS_KEPT = (
-    5.0  # time constants before the window from which a lag starts: less than 1 % is left of what was before
+    5.0  # time constants before a window from which a lag starts: less than 1 % of what was before is left
 )
 LONGEST_DELAY_S = 0.5  # of a sensor; a larger shift is another clock (checks.clocks)
 SLOWEST_LAG_S = 2.0
@@ -216,6 +216,34 @@ def _as_shown(readings: tuple[Array, Array] | None, edge: float, at_s: float, ti
     return np.asarray(np.interp(time_s, *readings) - np.interp(at_s, *readings) + edge, float)
 
 
+def gain(name: str, values: Mapping[str, float]) -> float:
+    """By what a sensor multiplies: its scale and sign."""
+    return (1.0 + values.get(f"{name}.scale", 0.0)) * (1.0 - 2.0 * values.get(f"{name}.sign", 0.0))
+
+
+def _late(
+    name: str,
+    true: Array,
+    values: Mapping[str, float],
+    time_s: Array,
+    step_s: float,
+    own_lag_s: float,
+    readings: tuple[Array, Array] | None,
+) -> Array:
+    """An output (n,) behind lag and delay of its sensor; own_lag_s: the lag that it contains already [s]; readings: of it."""
+    lag, delay = values.get(f"{name}.lag", 0.0), values.get(f"{name}.delay", 0.0)
+    if lag == delay == 0.0:
+        return true
+    memory = LAGS_KEPT * (lag + own_lag_s) if lag > 0.0 else 0.0
+    before, behind = (int(np.ceil(max(d, 0.0) / step_s)) for d in (delay + memory, -delay))
+    there = time_s[0] + step_s * np.arange(-before, true.size + behind)
+    first = _as_shown(readings, true[0], time_s[0], there[:before])
+    last = _as_shown(readings, true[-1], time_s[-1], there[before + true.size :])
+    y = np.concatenate([first, true, last])
+    y = lagged_more(y, lag, own_lag_s, step_s) if own_lag_s else lagged(y, lag, step_s)
+    return delayed(y, delay, there)[before : before + true.size]
+
+
 def through_sensors(
     outputs: Mapping[str, Array],
     values: Mapping[str, float],
@@ -242,16 +270,8 @@ def through_sensors(
     for name, true in seen.items():
         if name not in faulty:
             continue
-        lag, delay = values.get(f"{name}.lag", 0.0), values.get(f"{name}.delay", 0.0)
-        memory = LAGS_KEPT * (lag + lags.get(name, 0.0)) if lag > 0.0 else 0.0
-        before, behind = (int(np.ceil(max(d, 0.0) / step_s)) for d in (delay + memory, -delay))
-        there = time_s[0] + step_s * np.arange(-before, true.size + behind)
-        first = _as_shown(readings.get(name), true[0], time_s[0], there[:before])
-        last = _as_shown(readings.get(name), true[-1], time_s[-1], there[before + true.size :])
-        y = np.concatenate([first, true, last])
-        y = lagged_more(y, lag, lags[name], step_s) if name in lags else lagged(y, lag, step_s)
-        y = delayed(y, delay, there)[before : before + true.size]
-        y = y * (1.0 + values.get(f"{name}.scale", 0.0)) * (1.0 - 2.0 * values.get(f"{name}.sign", 0.0))
+        y = _late(name, true, values, time_s, step_s, lags.get(name, 0.0), readings.get(name))
+        y = y * gain(name, values)
         seen[name] = (
             y + values.get(f"{name}.bias", 0.0) + values.get(f"{name}.drift", 0.0) * (time_s - since_s)
         )

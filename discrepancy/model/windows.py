@@ -16,9 +16,7 @@ from discrepancy.signals.units import parse_unit
 GAP = 3.5  # in usual pauses between samples: a longer one starts a new block of the whitening filter
 OUTPUTS = "outputs"  # in place of a channel's name, in complaints about all of them
 MILLI = 3e-3  # of the model's step or its inverse, beyond which stamps are likely in ms or in s by mistake
-HOLD_TOLERANCE = (
-    1e-3  # of a grid step, by which a held value may be stamped beside a grid point and still be of it
-)
+HOLD_TOLERANCE = 1e-3  # of a grid step, by which a held value may be stamped beside a grid point and be of it
 FEWEST_SAMPLES: Final = int(gates.SAMPLES_IN_A_BLOCK.threshold)  # of a channel in a window
 
 
@@ -199,9 +197,8 @@ def resampled(source: Signal, grid: Array) -> Array:
     if grid.size < 2:
         return source.value[_last_before(source.time_s, grid)]
     # A command that comes within a step acts for the rest of it. Its value at the grid point would act up to a step late.
-    step = (grid[-1] - grid[0]) / (
-        grid.size - 1
-    )  # by many steps: stamps that count from 1970 are rounded to 0.24 µs
+    # by many steps: stamps that count from 1970 are rounded to 0.24 µs
+    step = (grid[-1] - grid[0]) / (grid.size - 1)
     places = (source.time_s - grid[0]) / step
     # no value may stand a step too long for such rounding
     whole = np.round(places)

@@ -11,7 +11,7 @@ from discrepancy.estimation.jumps import Commands
 from discrepancy.estimation.problem import Problem
 from discrepancy.examine import examine
 from discrepancy.model.description import Effect, Model, Parameter, Window
-from discrepancy.model.sensors import sensor_effects
+from discrepancy.model.sensors import misalignment, sensor_effects
 from discrepancy.selection.state import Settings
 from discrepancy.signals.recording import Array, Recording, signal
 
@@ -128,6 +128,42 @@ def test_what_is_there_is_still_found() -> None:
         assert result.named == [name]
         [found] = result.findings[0].parameters
         assert found.value == pytest.approx(size, rel=0.05)
+
+
+def test_a_recording_without_the_command_is_read_too() -> None:
+    """A second, optional current that only one of two recordings has, and that the voltage follows as the first."""
+
+    def both(window: Window, values: Mapping[str, float], extra: Mapping[str, Array]) -> dict[str, Array]:
+        total = window["current"] + (window["heater"] if window.has("heater") else 0.0)
+        return simulate(replace(window, known={**window.known, "current": total}), values, extra)
+
+    plain = replace(record(1, noise=0.0), name="plain")
+    current = plain.signals["current"]
+    on = replace(current, value=2.0 * (np.arange(current.value.size) % 3 == 0))
+    heated = replace(record(1, noise=0.0), name="heated", signals={**plain.signals, "heater": on})
+    model = replace(
+        cell(), inputs={}, optional={"current": "A", "heater": "A"}, held=("heater",), simulate=both
+    )
+    without = Problem(model, [plain])
+    together = Problem(model, [heated, plain])
+    alone = np.isin(
+        together.row_window, [i for i, w in enumerate(together.windows) if w.recording == "plain"]
+    )
+    np.testing.assert_allclose(
+        together.predict(together.start())[alone], without.predict(without.start()), atol=1e-9
+    )
+
+
+def test_axes_that_may_be_turned_are_read_together() -> None:
+    """A misalignment mixes two outputs, jumps and all."""
+    turned = misalignment("voltage", "charge")
+    model = replace(cell(), effects=(*cell().effects, turned))
+    problem = Problem(model, [record(1, noise=0.0)])
+    start = problem.start()
+    straight, mixed = problem.predict(start), problem.predict(start.with_shared({turned.names[0]: 0.1}))
+    volts, charge = (problem.row_channel == problem.channels.index(n) for n in ("voltage", "charge"))
+    expected = np.cos(0.1) * straight[volts] + np.sin(0.1) * straight[charge]
+    np.testing.assert_allclose(mixed[volts], expected, atol=1e-9)
 
 
 def test_squares_of_a_command_are_known() -> None:
