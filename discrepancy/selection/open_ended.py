@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from discrepancy.estimation.fit import Fit, WindowStates, differences
@@ -83,9 +84,7 @@ def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
     projector = Projector(problem, noise, fitted)
     white = np.stack([noise.whiten(c.raw) for c in made], axis=1)
     X = projector.off(white)
-    size, before = np.sum(X**2, axis=0), np.sum(white**2, axis=0)
-    # a function that effects, nuisances or initial states imitate leaves no more than the steps of a port differ from those of the model
-    visible = size > IMITATED * np.maximum(before, 1e-30)
+    size, visible = np.sum(X**2, axis=0), not_imitated(white, X)
     threshold = penalty(1, len(made), settings.alpha)
     chosen: list[int] = []
     equally: list[tuple[str, ...]] = []
@@ -139,6 +138,13 @@ def explore(problem: Problem, state: State, settings: Settings) -> OpenEnded:
         {name: float(np.sum(confirmed[noise.row_channel == i])) for i, name in enumerate(problem.channels)},
         _parameter_shifts(fitted, projector.states.off(white[:, chosen]), X[:, chosen]),
     )
+
+
+def not_imitated(white: Array, projected: Array) -> NDArray[np.bool_]:
+    """Which functions (k,) the fit does not imitate; white: what they do (n, k), projected: what the fit leaves of it."""
+    # a function that effects, nuisances or initial states imitate leaves no more than the steps of a port differ from those of the model
+    whole = np.maximum(np.sum(white**2, axis=0), 1e-30)
+    return np.asarray(np.sum(projected**2, axis=0) > IMITATED * whole, bool)
 
 
 def _reduction(noise: Noise, projector: Projector, chosen: Array, left: Array, candidate: Candidate) -> float:

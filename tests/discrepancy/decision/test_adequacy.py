@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from discrepancy import gates
+from discrepancy.decision.adequacy import certain
 from discrepancy.decision.location import fraction
 from discrepancy.decision.verdict import named_share
+from discrepancy.estimation.problem import Problem
 from discrepancy.examine import examine
 from discrepancy.model.sensors import sensor_effects
 from discrepancy.selection.open_ended import OpenEnded
 from discrepancy.selection.state import Settings
-from discrepancy.signals.adequacy import ErrorPart, left
+from discrepancy.signals.adequacy import ChannelAdequacy, ErrorPart, left
 from discrepancy.signals.findings import Finding, Findings
 from tests.diagnosis.cases import finding
 from tests.discrepancy.toys import record, struck, tank
@@ -243,3 +245,17 @@ def test_a_reading_that_is_set_aside_is_no_error_of_the_model() -> None:
     (right,), (mended,) = whole.adequacy, without.adequacy
     assert mended.one_step == pytest.approx(right.one_step, rel=0.02)
     assert mended.simulated == pytest.approx(right.simulated, rel=0.02)
+
+
+def test_a_value_is_certain_only_where_the_model_is_as_good_as_a_reading() -> None:
+    """A tenth of the movement is granted for disturbances that nobody stated; another law may hide in it."""
+    problem = Problem(tank("leak"), [record(1)])
+    stated = problem.of(replace(problem.model, disturbances={"level": 0.1}))
+    for simulated, alone in ((0.019, True), (0.021, False), (0.09, False)):
+        level = ChannelAdequacy(
+            channel="level", unit="m", budget=0.01, source="sensor sheet", movement=1.0, one_step_budget=0.012, simulated_budget=0.1,
+            one_step_before=0.05, one_step=0.01, simulated_before=0.8, simulated=simulated, adequate=True,
+        )  # fmt: skip
+        assert certain(problem, [level]) is alone
+        assert certain(stated, [level])
+        assert not certain(stated, [replace(level, adequate=False)])
