@@ -55,6 +55,13 @@ def test_noise_has_the_size_and_memory_asked_for() -> None:
     assert np.corrcoef(noise[1:], noise[:-1])[0, 1] == pytest.approx(0.7, abs=0.04)
 
 
+def test_a_model_that_knows_its_sensors_gets_their_noise() -> None:
+    model, basis = replace(tank(), sensor_noise={"level": 0.07}), record(1)
+    clean = concealed(model, basis, quiet(), {"level": 0.5}).signals["level"].value
+    noisy = concealed(model, basis, replace(quiet(), noise={}), {"level": 0.5}).signals["level"].value
+    assert np.std(noisy - clean) == pytest.approx(0.07, rel=0.1)
+
+
 def test_a_seed_gives_the_same_recording_and_another_one_another() -> None:
     model, basis, loud = tank(), record(1), quiet(noise={"level": 0.2})
     texts = [csv_text(concealed(model, basis, replace(loud, seed=seed))) for seed in (3, 3, 4)]
