@@ -13,6 +13,7 @@ from discrepancy.signals.findings import (
     GroupMember,
     MissingChannel,
     Separation,
+    Where,
 )
 from discrepancy.signals.quantities import figures, quantity, readable
 from discrepancy.signals.units import shown
@@ -75,14 +76,36 @@ def expected_evidence(separation: Separation) -> str:
     return f" (expected evidence {evidence(separation.expected_difference)})"
 
 
-def alternatives(f: Finding) -> str:
-    """'leak, or drift, or scale': the finding and the effects that these recordings cannot distinguish from it."""
-    return ", or ".join(f.members)
+def alternatives(f: Finding, *, several: bool = False) -> str:
+    """'leak, or drift, only from 12.0 to 40.0 s': the finding, the effects that these recordings cannot distinguish from it, and when they act.
+
+    several: times name their recording.
+    """
+    return ", or ".join(f.members) + only_at(f.where, several=several)
+
+
+def only_at(where: Where, *, several: bool) -> str:
+    """', only from 12.0 to 40.0 s' of an effect that acts for a part of the time, else empty; several: with the recording's name."""
+    if not where.temporary:
+        return ""
+    spans = [
+        f"{f'{i.recording} ' if several else ''}from {i.start_s:.1f} to {i.end_s:.1f} s"
+        for i in where.intervals
+    ]
+    return f", only {' and '.join(spans)}"
 
 
 def error_ratio(ratio: float) -> str:
     """The ratio of two errors: '× 0.18', 'below × 0.01'."""
     return f"× {ratio:.2f}" if ratio >= SMALLEST_RATIO else f"below × {SMALLEST_RATIO}"
+
+
+def share(part: float) -> str:
+    """'18 %'; what is nearly nothing is 'under 1 %' and what is nearly all 'over 99 %', never '0 %' or '100 %'."""
+    whole = round(100 * part)
+    if whole == 0 and part > 0.0:
+        return "under 1 %"
+    return "over 99 %" if whole == 100 and part < 1.0 else f"{whole} %"
 
 
 def most_improved(error: Mapping[str, float], count: int) -> tuple[dict[str, float], int]:

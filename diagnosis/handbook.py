@@ -70,6 +70,7 @@ MEANING: Mapping[str, str] = {
     "Where.channels": "share of the evidence by channel, largest first",
     "Where.throughout": "true where no interval of time stands out",
     "Where.intervals": "the interval of each recording with the densest evidence",
+    "Where.temporary": "true where the effect acts in these intervals only; else they are where most of its evidence is",
     "Where.regimes": "ranges of known signals with the densest evidence",
     "Interval.recording": "its name",
     "Interval.start_s": "in the recording's own time",

@@ -20,7 +20,9 @@ from diagnosis.describe import (
     expected_evidence,
     missing_channel,
     most_improved,
+    only_at,
     remaining,
+    share,
     smallest_detectable,
     verdict,
     wrong_values,
@@ -71,7 +73,9 @@ def render(result: Findings, console: Console, *, all_candidates: bool = False) 
 def _headline(result: Findings) -> Panel:
     """The verdict with every named effect and its indistinguishable alternatives, the reasons, and how much is still wrong."""
     colour = COLOUR[result.status]
-    named = "; ".join([*(alternatives(f) for f in result.findings if f.named), *wrong_values(result)])
+    several = len(result.recordings) > 1
+    causes = [alternatives(f, several=several) for f in result.findings if f.named]
+    named = "; ".join([*causes, *wrong_values(result)])
     head = f"[bold {colour}]{result.status}{': ' if named else ''}{escape(named)}[/]\n"
     title = f"{result.model}: {', '.join(result.recordings)}"
     return Panel(
@@ -109,14 +113,16 @@ def _improvement(f: Finding) -> str:
     best, others = most_improved(changed, SHOWN_CHANNELS)
     errors = ", ".join(f"{c} error {error_ratio(ratio)}" for c, ratio in best.items())
     more = f", and {others} more channels" if others else ""
-    return f"{errors or 'no error of a channel changes'}{more}; closes {f.gap_closed:.0%} of the gap to the best prediction"
+    return f"{errors or 'no error of a channel changes'}{more}; closes {share(f.gap_closed)} of the gap to the best prediction found"
 
 
 def _where(f: Finding, *, several: bool) -> str:
     """Channels, times and range of a signal where the finding shows; several: times name their recording."""
     channels = ", ".join(f"{c} {s:.0%}" for c, s in f.where.channels.items() if s > SHARE_SHOWN)
     text = f"{channels}"
-    if f.where.throughout:
+    if f.where.temporary:
+        text += only_at(f.where, several=several)
+    elif f.where.throughout:
         text += ", throughout"
     else:
         spans = [

@@ -13,7 +13,7 @@ from typing import Final
 from bus.user_error import UserError
 from configuration import ConfigurationError, read_toml
 from diagnosis.apply.toml_text import Line, with_values
-from diagnosis.describe import evidence, rounded
+from diagnosis.describe import evidence, rounded, share
 from discrepancy.model.description import Effect, Model, Parameter
 from discrepancy.signals.adequacy import STILL_WRONG
 from discrepancy.signals.findings import Estimate, Finding, Findings
@@ -83,13 +83,17 @@ def not_applied(result: Findings) -> list[str]:
 def _summary(f: Finding, recordings: Sequence[str]) -> list[str]:
     """Comment lines: the effect, where its evidence lies, and how strong it is."""
     # channels below 5 % of the evidence would only make the line long
-    where = ", ".join(f"{channel} {share:.0%}" for channel, share in f.where.channels.items() if share > 0.05)
+    where = ", ".join(f"{channel} {part:.0%}" for channel, part in f.where.channels.items() if part > 0.05)
     spans = "; ".join(f"{i.recording} {i.start_s:.1f} to {i.end_s:.1f} s" for i in f.where.intervals[:3])
     lines = [
         f"{f.sentence.rstrip('.')}: {f.equation}".rstrip(": "),
         f"found in {', '.join(recordings)}; seen in {where}, "
-        + ("throughout" if f.where.throughout or not spans else f"mostly at {spans}"),
-        f"evidence {evidence(f.sse_reduction)} (threshold {f.threshold:.0f}), {evidence(f.held_out_sse_reduction)} on held-out data; closes {f.gap_closed:.0%} of the gap",
+        + (
+            "throughout"
+            if f.where.throughout or not spans
+            else f"{'only' if f.where.temporary else 'mostly'} at {spans}"
+        ),
+        f"evidence {evidence(f.sse_reduction)} (threshold {f.threshold:.0f}), {evidence(f.held_out_sse_reduction)} on held-out data; closes {share(f.gap_closed)} of the gap",
     ]
     if f.group:
         lines.append(

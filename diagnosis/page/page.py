@@ -86,7 +86,7 @@ def page(
 def _heading(result: Findings) -> str:
     if result.named:
         part = "; not all of it" if result.status == "explained in part" else ""
-        return f"Left out: {'; '.join(describe.alternatives(f) for f in result.findings if f.named)}{part}"
+        return f"Left out: {'; '.join(describe.alternatives(f, several=len(result.recordings) > 1) for f in result.findings if f.named)}{part}"
     if result.status.startswith("explained"):
         return f"A value of the baseline is wrong: {'; '.join(describe.wrong_values(result))}"
     return {
@@ -141,7 +141,7 @@ def _finding(number: int, f: Finding) -> str:
         "size": "; ".join(describe.estimate(e) for e in f.parameters[:MOST_VALUES])
         + (f"; and {len(f.parameters) - MOST_VALUES} more" if len(f.parameters) > MOST_VALUES else ""),
         "where": where_text(f.where),
-        "on held-out data": f"{better(f.held_out_error)}; closes {percent(f.gap_closed)} of the gap to the best prediction",
+        "on held-out data": f"{better(f.held_out_error)}; closes {percent(f.gap_closed)} of the gap to the best prediction found",
         "evidence": f"{describe.evidence(f.sse_reduction)} (threshold {f.threshold:.0f}); on held-out data {describe.evidence(f.held_out_sse_reduction)}; "
         f"the baseline's parameters can imitate {percent(f.confounded_share)} of the effect",
         "not the cause because": "; ".join(f.caveats),
@@ -308,7 +308,7 @@ _TERMS = definitions(
         "evidence": "twice the logarithm of the likelihood ratio of two fits; the threshold is the value that chance exceeds too rarely to matter",
         "best proxy": "an effect that improves the prediction and is not the cause: it leaves more of the gap than it closes, its value is at a "
         "physical bound, or an equation of known signals does as well",
-        "gap": "difference of the baseline's error on held-out data to the smallest error that the library or a function of the known signals reaches",
+        "gap": "difference of the baseline's error on held-out data to the smallest error that the library or a function of the known signals reaches; another law that was not tried may do better",
         "interval": "95 % confidence, with all other parameters refitted; by linearisation at the fitted values",
     }
 )

@@ -18,12 +18,13 @@ SHARE_SHOWN = 0.05  # of the evidence, below which a channel is not listed
 
 def headline(result: Findings) -> str:
     """The first paragraph of the page: the result in one or two sentences."""
-    named = [f for f in result.findings if f.named]
+    named, several = [f for f in result.findings if f.named], len(result.recordings) > 1
     if named:
         either = describe.value_or_effect(result)
         rest = " That does not explain all of the difference." if result.status == "explained in part" else ""
         rest = f" {either}." if either else rest
-        return f"The model leaves out {'; '.join(map(_left_out, named))}.{_error_falls(named)}{rest}"
+        left_out = "; ".join(_left_out(f, several=several) for f in named)
+        return f"The model leaves out {left_out}.{_error_falls(named)}{rest}"
     if result.status.startswith("explained"):
         wrong = "; ".join(describe.wrong_values(result))
         return f"A value of the baseline is wrong: {wrong}. Apart from that, no effect and no function of the known signals improves the prediction of held-out data."
@@ -42,11 +43,11 @@ def headline(result: Findings) -> str:
     return f"No verdict is possible: {result.reasons[0].rstrip('.')}."
 
 
-def _left_out(f: Finding) -> str:
+def _left_out(f: Finding, *, several: bool) -> str:
     """'leak: water is lost in proportion to the level', with the effects that could be in its place."""
     rivals = [m.effect for m in f.group]
     instead = f" (or {', or '.join(rivals)}: these recordings cannot distinguish them)" if rivals else ""
-    return f"{f.effect}: {clause(f.sentence)}{instead}"
+    return f"{f.effect}: {clause(f.sentence)}{instead}{describe.only_at(f.where, several=several)}"
 
 
 def _error_falls(named: Sequence[Finding]) -> str:
@@ -101,12 +102,8 @@ def where_over(part: ErrorPart, *, several: bool) -> str:
 
 
 def percent(share: float) -> str:
-    """'18 %' with a space that does not break; a small share is 'under 1 %', never '0 %'."""
-    whole = round(100 * share)
-    text = (
-        "under 1" if whole == 0 and share > 0.0 else "over 99" if whole == 100 and share < 1.0 else f"{whole}"
-    )
-    return f"{text} %".replace(" ", "\N{NO-BREAK SPACE}")
+    """As `describe.share`, with spaces that do not break."""
+    return describe.share(share).replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def kind_and_place(f: Finding) -> str:
@@ -148,7 +145,11 @@ def where_text(where: Where) -> str:
     spans = "; ".join(
         f"{i.recording} {i.start_s:.1f} to {i.end_s:.1f} s ({percent(i.share)})" for i in where.intervals[:3]
     )
-    time = "throughout" if where.throughout or not spans else f"mostly in {spans}"
+    time = (
+        "throughout"
+        if where.throughout or not spans
+        else f"{'only' if where.temporary else 'mostly'} in {spans}"
+    )
     regime = (
         f"; strongest where {where.regimes[0].text} ({where.regimes[0].density:.1f} times the average)"
         if where.regimes

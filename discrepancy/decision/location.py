@@ -43,6 +43,7 @@ def locate(
         throughout=active is None and covered > MOSTLY * length,
         intervals=intervals,
         regimes=_regimes(problem, noise, share),
+        temporary=active is not None,
     )
 
 

@@ -57,16 +57,28 @@ def verdict(
         reasons, said = [*said, *reasons], []
     cut_short = accepted >= settings.most_effects
     unnamed = named_share(found, equation) < gates.NAMED_SHARE.threshold
-    open_question = any(b.or_effects for b in values)
+    # a value that is not certain to be wrong may stand for something that has no name
+    open_question = not all(b.sure for b in contradict)
     if status == "explained" and (wrong or left_over or cut_short or unnamed or open_question):
         status = "explained in part"
     reasons += [*said, *wrong]
     if cut_short:
         reasons.append(f"the search ended at its limit of {settings.most_effects} effects; there may be more")
     reasons += disagreements(problem, state, [x.effect for x in found if x.named])
+    reasons += _not_looked_for(problem)
     return status, reasons + [
         f"the search ended at {settings.most_simulations} simulations although {t.effect} would still help: the model is far from the recordings, or wrong in many ways"
         for t in left_over
+    ]
+
+
+def _not_looked_for(problem: Problem) -> list[str]:
+    """A sentence where the recordings are too short to look for effects that act for a part of the time."""
+    count, least = len(problem.windows), gates.BLOCKS_TO_COMPARE.threshold
+    if problem.costs.costly or count >= least:
+        return []
+    return [
+        f"effects that act for a part of the time were not looked for: that needs {least:.0f} windows or more, and there are {count}"
     ]
 
 
@@ -83,6 +95,9 @@ def contradicted(b: f.BaselineValue) -> str:
     if b.or_effects:
         effects = ", ".join(b.or_effects[:SHOWN])
         return f"either the baseline's {e.name} is {size}, not {assumed} ({away}), or an effect acts that these recordings cannot distinguish from it: {effects}"
+    if e.at_bound:
+        bound = quantity((e.low if e.at_bound == "lower" else e.high) or 0.0, e.unit, 4)
+        size = f"its bound, {bound}"
     return f"the baseline's {e.name} was pushed from {assumed} to {size}, {away}: it may stand in for something else"
 
 
@@ -143,7 +158,7 @@ def _status(
         )
     wrong = [c.described for c in complaints if c.fatal and c.signal in problem.missing]
     if any(x.named for x in found):
-        enough = "with it, no other effect and no function of the known signals improves the prediction of held-out data"
+        enough = "with it, no other effect of the library and no function of the known signals that was tried improves the prediction of held-out data"
         return "explained in part" if inconsistent else "explained", [*(reasons or [enough]), *wrong]
     if found or equation.terms or inconsistent:
         return "unknown", [*reasons, *wrong]
@@ -159,7 +174,9 @@ def _nothing_found(
     undetectable = [c for c in candidates if c.verdict == "could not be judged"]
     if candidates and len(undetectable) == len(candidates):
         return "inconclusive", ["these recordings would show no effect of the library at its typical size"]
-    reasons = ["no effect and no function of the known signals improves the prediction of held-out data"]
+    reasons = [
+        "no effect of the library and no function of the known signals that was tried improves the prediction of held-out data"
+    ]
     if undetectable:
         more = len(undetectable) - SHOWN
         ending = f" and {more} more of {len(candidates)}" if more > 0 else ""

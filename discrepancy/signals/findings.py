@@ -98,6 +98,9 @@ class Where:
     throughout: bool  # no interval stands out
     intervals: list[Interval]
     regimes: list[Regime]
+    temporary: bool = (
+        False  # the effect acts in the intervals only, and not where most of the evidence happens to be
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,6 +23,7 @@ DERIVED = {
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
 }
 READABLE = ("N", "W", "Pa", "V")  # derived units in which others are written; no J, because a torque is none
+HEAT = ("W", "J")  # beside a kelvin: a heat capacity is no torque, and a heat transfer no force
 # units in headings of recordings: name -> SI unit, and its size in that unit
 FOREIGN = {
     "km": ("m", 1e3), "cm": ("m", 1e-2), "mm": ("m", 1e-3), "um": ("m", 1e-6), "µm": ("m", 1e-6), "l": ("m^3", 1e-3),
@@ -81,7 +82,8 @@ class Unit:
     def _with_fewest_factors(self) -> dict[str, Fraction]:
         """Exponents by base unit, or beside one derived unit where that is shorter: 'N.m' instead of 'kg.m^2/s^2'."""
         ways = [dict(zip(BASE, self.exponents, strict=True))]
-        for name in READABLE if self.exponents[BASE.index("kg")] else ():
+        readable = READABLE if self.exponents[BASE.index("kg")] else ()
+        for name in (*HEAT, *readable) if self.exponents[BASE.index("K")] else readable:
             for power in (Fraction(1), Fraction(-1)):
                 rest = (self / _si(name) ** power).exponents
                 ways.append({name: power, **dict(zip(BASE, rest, strict=True))})

@@ -15,6 +15,7 @@ from diagnosis.describe import (
     most_improved,
     remaining,
     rounded,
+    share,
     smallest_detectable,
     verdict,
 )
@@ -104,3 +105,13 @@ def test_a_detectable_size_is_a_change_from_the_baseline(off: float, on: float, 
     limit = Estimate(name="x", value=on, low=None, high=None, unit=unit, baseline=off)
     assert smallest_detectable(replace(candidate, smallest_detectable=[limit])) == text
     assert smallest_detectable(replace(candidate, smallest_detectable=[])) == "–"
+
+
+def test_nearly_all_is_not_all() -> None:
+    assert [share(part) for part in (0.0, 0.001, 0.185, 0.996, 1.0)] == [
+        "0 %",
+        "under 1 %",
+        "18 %",
+        "over 99 %",
+        "100 %",
+    ]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from diagnosis.describe import alternatives
 from discrepancy.examine import examine
 from discrepancy.selection.state import Settings
 from discrepancy.signals.findings import Findings
@@ -53,6 +54,10 @@ def test_an_effect_that_comes_again_is_found_in_each_of_its_intervals(seed: int,
     assert (first.start_s, first.end_s) == pytest.approx((40.0, 100.0), abs=0.2)
     assert (again.start_s, again.end_s) == pytest.approx((180.0, 260.0), abs=0.2)
     assert not found.where.throughout
+    assert found.where.temporary
+    spans = [f"from {spell.start_s:.1f} to {spell.end_s:.1f} s" for spell in (first, again)]
+    assert alternatives(found) == f"leak, only {' and '.join(spans)}"
+    assert alternatives(found, several=True).startswith(f"leak, only tank {spans[0]}")
 
 
 def test_an_effect_that_acts_for_a_while_is_found_in_its_windows_with_its_size() -> None:

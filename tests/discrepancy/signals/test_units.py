@@ -39,6 +39,9 @@ def test_a_force_per_speed_squared_is_mass_per_length() -> None:
         ("kg/s", "kg/s"),
         ("kg.m^2", "kg.m^2"),
         ("m/s^2", "m/s^2"),
+        ("kg.m^2/(s^2.K)", "J/K"),
+        ("m^2/(s^2.K)", "J/(kg.K)"),
+        ("kg/(s^3.K)", "W/(m^2.K)"),
     ],
 )
 def test_a_unit_is_written_with_few_factors(made: str, text: str) -> None:
