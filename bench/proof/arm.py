@@ -44,6 +44,7 @@ class Arm:
     what: str = ""  # name of the case where no effect of the library is hidden
     start_s: float | None = None
     end_s: float | None = None
+    stamps: str = ""  # of bench.proof.stamps.KINDS; empty: on the model's grid
 
     @property
     def key(self) -> str:
@@ -54,6 +55,7 @@ class Arm:
             self.kind,
             hidden,
             self.noise,
+            self.stamps,
             f"{self.strength:g}" if self.strength else "",
             str(self.seed),
         )
@@ -129,6 +131,7 @@ def row(arm: Arm, truth: Truth, found: Findings, seconds: float) -> Row:
         "seed": arm.seed,
         "start_s": arm.start_s,
         "end_s": arm.end_s,
+        "stamps": arm.stamps,
         "what": arm.what,
         "status": found.status,
         "named": ", ".join(found.named),
@@ -155,6 +158,7 @@ def read(kept: Row) -> Done:
         what=str(kept["what"]),
         start_s=_number(kept["start_s"]),
         end_s=_number(kept["end_s"]),
+        stamps=str(kept.get("stamps") or ""),
     )
     truth = Truth(
         values=json.loads(str(kept["truth"])),

@@ -6,11 +6,13 @@ from scipy.signal import lfilter
 
 from bench.proof.arm import Arm
 from bench.proof.body import Body
+from bench.proof.stamps import rows
 from discrepancy.models.ball import model
 from discrepancy.signals.recording import Recording, signal
 
 G, AIR, VISCOSITY = 9.81, 1.2, 1.8e-5
 PICTURES_HZ = 60.0
+FINER = 20  # steps of the truth to a picture
 PIXEL_M = 0.01
 NOISE_M = 0.01
 THROWS = ((45.0, 0.0, 2.6), (2.0, 18.0, 3.2), (30.0, 8.0, 3.0))  # height [m], speed [m/s], duration [s]
@@ -52,12 +54,13 @@ def _throw(
         )
         return y[1], force / inertia
 
-    time_s = np.arange(0.0, duration, 1.0 / pictures_hz)
     # twenty times finer than the pictures: the linear interpolation between is then below the noise
-    fine = np.linspace(0.0, duration, 20 * time_s.size)
+    fine = np.arange(0.0, duration, 1.0 / (FINER * pictures_hz))
+    (own,) = rng.spawn(1)  # other stamps have the same noise
+    time_s = fine[rows(fine.size, FINER, arm.stamps, own)]
     z = solve_ivp(rates, (0.0, duration), (height, speed), "DOP853", t_eval=fine, rtol=1e-9, atol=1e-9).y[0]
-    seen = np.interp(np.maximum(time_s - values.get("release", 0.0), 0.0), fine, z)
-    seen = _low_passed(seen, values.get("height.lag", 0.0), pictures_hz) * camera
+    seen = np.interp(np.maximum(fine - values.get("release", 0.0), 0.0), fine, z)
+    seen = np.interp(time_s, fine, _low_passed(seen, values.get("height.lag", 0.0), fine[1])) * camera
     seen = _filmed(values, rng, time_s, seen)
     noise = NOISE_M * rng.normal(size=seen.size)
     if arm.noise == "coloured":
@@ -82,14 +85,12 @@ def _filmed(values, rng: np.random.Generator, time_s: np.ndarray, seen: np.ndarr
     return seen
 
 
-def _low_passed(values: np.ndarray, time_constant_s: float, pictures_hz: float) -> np.ndarray:
-    """First-order lag by fine Euler steps, settled at the start."""
+def _low_passed(values: np.ndarray, time_constant_s: float, step_s: float) -> np.ndarray:
+    """First-order lag by the trapezoidal rule, settled at the start."""
     if time_constant_s <= 0.0:
         return values
-    fine = np.interp(np.arange(0.0, values.size - 1 + 1e-9, 0.02), np.arange(values.size), values)
-    a = 0.02 / pictures_hz / time_constant_s
-    out = lfilter([a], [1.0, a - 1.0], fine, zi=[(1.0 - a) * fine[0]])[0]
-    return np.interp(np.arange(values.size), np.arange(0.0, values.size - 1 + 1e-9, 0.02), out)
+    a = step_s / (2.0 * time_constant_s + step_s)
+    return lfilter([a, a], [1.0, 2.0 * a - 1.0], values, zi=[(1.0 - a) * values[0]])[0]
 
 
 BALL = Body(

@@ -10,6 +10,7 @@ from scipy.signal import lfilter, lsim
 
 from bench.proof.arm import Arm
 from bench.proof.body import Body
+from bench.proof.stamps import rows
 from discrepancy.models.car import WHEELBASE_M, model
 from discrepancy.signals.recording import Recording, signal
 
@@ -77,11 +78,18 @@ def recorded(values, arm: Arm, rng: np.random.Generator) -> list[Recording]:
         values.get("play", 0.0),
     )
     yaw, encoded = _wild(values, rng, time_s, yaw, speed, throttle)
+    (own,) = rng.spawn(1)  # other stamps have the same drive and noise
+    gyro_rows, encoder_rows, reference, command = (
+        rows(n, every, arm.stamps, own)
+        for every in (GYRO_EVERY, ENCODER_EVERY, REFERENCE_EVERY, COMMAND_EVERY)
+    )
+    # a held command is logged when it changes, too: else it would come up to a period late
+    held = np.union1d(command, 1 + np.flatnonzero(np.diff(throttle))) if arm.stamps else command
     gyro = _sensed(
         yaw + values.get("g_sensitivity", 0.0) * yaw * speed,
         "gyro",
         values,
-        GYRO_EVERY,
+        gyro_rows,
         _noise(rng, n, GYRO_SD, arm),
         GYRO_BIT if arm.noise == "quantised" else 0.0,
     )
@@ -89,22 +97,20 @@ def recorded(values, arm: Arm, rng: np.random.Generator) -> list[Recording]:
         encoded,
         "encoder",
         values,
-        ENCODER_EVERY,
+        encoder_rows,
         _noise(rng, n, ENCODER_SD, arm),
         ENCODER_BIT if arm.noise == "quantised" else 0.0,
     )
     if "outliers" in values:
         wrong = rng.random(encoder.size) < values["outliers"]
         encoder = np.where(wrong, encoder + rng.normal(0.0, 1.0, encoder.size), encoder)
-    rows = slice(0, n, COMMAND_EVERY)
-    gyro_s = time_s[::GYRO_EVERY] * (1.0 + values.get("drift", 0.0))
-    reference = slice(0, n, REFERENCE_EVERY)
+    gyro_s = time_s[gyro_rows] * (1.0 + values.get("drift", 0.0))
     signals = {
-        "steering": signal(time_s[rows], steering[rows], "1"),
-        "throttle": signal(time_s[rows], throttle[rows], "1", held=True),
-        "speed_reference": signal(time_s[rows], speed[rows], "m/s"),
+        "steering": signal(time_s[command], steering[command], "1"),
+        "throttle": signal(time_s[held], throttle[held], "1", held=True),
+        "speed_reference": signal(time_s[command], speed[command], "m/s"),
         "gyro": signal(gyro_s, gyro, "rad/s"),
-        "encoder": signal(time_s[::ENCODER_EVERY], encoder, "m/s"),
+        "encoder": signal(time_s[encoder_rows], encoder, "m/s"),
         "yaw_rate_reference": signal(
             time_s[reference], (yaw + REFERENCE_SD * rng.normal(size=n))[reference], "rad/s"
         ),
@@ -156,10 +162,12 @@ def _noise(rng: np.random.Generator, n: int, sd: float, arm: Arm) -> np.ndarray:
     return lfilter([np.sqrt(1.0 - a * a)], [1.0, -a], white)
 
 
-def _sensed(true: np.ndarray, name: str, values, every: int, noise: np.ndarray, bit: float) -> np.ndarray:
+def _sensed(
+    true: np.ndarray, name: str, values, read: np.ndarray, noise: np.ndarray, bit: float
+) -> np.ndarray:
     seen = _late(_lagged(true, values.get(f"{name}.lag", 0.0)), values.get(f"{name}.delay", 0.0))
     seen = seen * (1.0 + values.get(f"{name}.scale", 0.0)) * (1.0 - 2.0 * values.get(f"{name}.sign", 0.0))
-    seen = (seen + values.get(f"{name}.bias", 0.0) + noise)[::every]
+    seen = (seen + values.get(f"{name}.bias", 0.0) + noise)[read]
     # last: a converter rounds what bias, scale and noise have made
     return np.round(seen / bit) * bit if bit else seen
 
@@ -184,5 +192,6 @@ CAR = Body(
     noises=("white", "coloured", "quantised"),
     nulls=100,
     outside={"steering play 0.01 rad": {"play": 0.01}, "steering play 0.03 rad": {"play": 0.03}},
+    moving=("steering",),
     pairs=(("servo lag", "encoder delay"), ("understeer", "gyro scale"), ("gyro delay", "encoder scale")),
 )

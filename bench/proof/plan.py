@@ -40,11 +40,11 @@ def carried_out(arm: Arm) -> Row:
 
 
 def sampled(arms: list[Arm], share: float) -> list[Arm]:
-    """An even sample of the arms of each body and kind: at least one, and FEWEST_NULLS nulls, because a rate over fewer has no meaning."""
+    """An even sample of the arms of each body, kind and way of stamping: at least one, and FEWEST_NULLS nulls, because a rate over fewer has no meaning."""
     kept = []
-    for body, kind in dict.fromkeys((a.body, a.kind) for a in arms):
-        some = [a for a in arms if (a.body, a.kind) == (body, kind)]
-        least = FEWEST_NULLS if kind == "null" else 1
+    for sort in dict.fromkeys((a.body, a.kind, a.stamps) for a in arms):
+        some = [a for a in arms if (a.body, a.kind, a.stamps) == sort]
+        least = FEWEST_NULLS if "null" in sort else 1
         count = min(max(least, round(share * len(some))), len(some))
         # evenly over the plan, not its first arms
         kept += [some[int((i + 0.5) * len(some) / count)] for i in range(count)]

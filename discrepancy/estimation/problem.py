@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from discrepancy.estimation.effort import Costs
 from discrepancy.estimation.jacobian_cache import JacobianCache
-from discrepancy.estimation.jumps import Commands, Held, jumping
+from discrepancy.estimation.jumps import Commands, Held, a_step_late, jumping
 from discrepancy.model.description import Model, Parameter, Window
 from discrepancy.model.failure import BadModel
 from discrepancy.model.sensors import Shown, gain, shown, through_sensors
@@ -325,21 +325,30 @@ class Problem:
         return jumping(held, self.windows, between, simulated)
 
     @cached_property
-    def _commands(self) -> list[Commands]:
-        """The held inputs of every window."""
-        found = []
-        for window in self.windows:
-            held = self._held[window.recording]
-            found.append(Commands.of(window, {name: held[name] for name in held if window.has(name)}))
+    def _commands(self) -> list[dict[str, Commands]]:
+        """What each output that jumps follows, in every window."""
+        found, start = [], self.start()
+        for i, window in enumerate(self.windows):
+            held = {n: s for n, s in self._held[window.recording].items() if window.has(n)}
+            values = start.in_window(i)
+            as_given = self._simulated(window, values, {})
+            late = {n: self._simulated(a_step_late(window, n), values, {}) for n in held}
+            found.append(
+                {
+                    output: Commands.of(window, held, {n: as_given[output] - late[n][output] for n in held})
+                    for output in self._jumping
+                }
+            )
         return found
 
     @cached_property
-    def _commands_at_rows(self) -> dict[int, Array]:
-        """The commands at the samples of every block that has an output which jumps, by its number."""
+    def _commands_at_rows(self) -> dict[tuple[int, str], Array]:
+        """The commands at the samples of every block that has an output which jumps, by its number and the output."""
         return {
-            i: self._commands[block.window].at(block.sample_s)
+            (i, name): self._commands[block.window][name].at(block.sample_s)
             for i, block in enumerate(self.blocks)
-            if self._jumping.intersection(block.channels)
+            for name in block.channels
+            if name in self._jumping
         }
 
     def predict(self, values: Values, extra: Sequence[Mapping[str, Array]] | None = None) -> Array:
@@ -384,19 +393,16 @@ class Problem:
     def _put_jumping(self, rows: Array, motions: Sequence[Mapping[str, Array]], values: Values) -> None:
         """Rows of outputs that jump, in the place of those on a straight line between grid points."""
         # faults of sensors are linear, so that they act on both parts of such an output; only the bias is of one
-        for number, at_once in self._commands_at_rows.items():
+        for (number, name), at_once in self._commands_at_rows.items():
             block, place = self.blocks[number], self._places[number]
-            window, commands = self.windows[block.window], self._commands[block.window]
+            window, commands = self.windows[block.window], self._commands[block.window][name]
             parameters = self._with_common_delays(window, values.in_window(block.window))
-            for k, name in enumerate(block.channels):
-                if name not in self._jumping:
-                    continue
-                smooth, gains = commands.split(motions[block.window][name])
-                seen = self._read(window, {name: smooth}, parameters, {})[name]
-                late, lag = parameters.get(f"{name}.delay", 0.0), parameters.get(f"{name}.lag", 0.0)
-                there = at_once if late == lag == 0.0 else commands.at(block.sample_s - late, lag)
-                read = means_of(place.of(seen) + gain(name, parameters) * (there @ gains), block.averaged)
-                rows[block.start + k : block.stop : len(block.channels)] = read
+            smooth, gains = commands.split(motions[block.window][name])
+            seen = self._read(window, {name: smooth}, parameters, {})[name]
+            late, lag = parameters.get(f"{name}.delay", 0.0), parameters.get(f"{name}.lag", 0.0)
+            there = at_once if late == lag == 0.0 else commands.at(block.sample_s - late, lag)
+            read = means_of(place.of(seen) + gain(name, parameters) * (there @ gains), block.averaged)
+            rows[block.start + block.channels.index(name) : block.stop : len(block.channels)] = read
 
     def _within_reach(self, rows: Array) -> Array:
         """The rows, each at most FAR times the largest value of its channel from what was measured.

@@ -10,6 +10,7 @@ from scipy.stats import binomtest
 from bench.proof import car, report, score
 from bench.proof.arm import Arm, Done, Truth, read, row
 from bench.proof.plan import BODIES, GROUPS, plan, sampled
+from bench.proof.stamps import KINDS, rows
 from diagnosis.fleet.store import Store
 from discrepancy.estimation.fit import fit
 from discrepancy.estimation.noise import white_noise
@@ -212,7 +213,20 @@ def test_the_report_lists_failures_and_what_did_not_finish() -> None:
     assert "commit abc" in text
 
 
-def test_the_straight_truth_is_the_model_where_nothing_is_hidden() -> None:
+@pytest.mark.parametrize("kind", ["", *KINDS])
+@pytest.mark.parametrize("every", [7, 8, 20, 50])
+def test_stamps_are_as_dense_as_on_the_grid_and_off_it(kind: str, every: int) -> None:
+    found = rows(20_000, every, kind, np.random.default_rng(1))
+    pauses = np.diff(found)
+    assert found[0] >= 0
+    assert found[-1] < 20_000
+    assert np.mean(pauses) == pytest.approx(every, rel=0.15)
+    assert bool(np.ptp(pauses) > 0) == (kind == "irregular")
+    assert bool(np.all(found % every == 0)) == (kind == "")
+
+
+@pytest.mark.parametrize("stamps", ["", *KINDS])
+def test_the_straight_truth_is_the_model_where_nothing_is_hidden(stamps: str) -> None:
     """Without noise the model predicts the truth, by another integrator, within a thousandth; with an effect in an interval it does not, there only."""
     from bench.proof.straight_truth import Noise, record
     from discrepancy.models.straight import MASS_KG, model
@@ -221,7 +235,8 @@ def test_the_straight_truth_is_the_model_where_nothing_is_hidden() -> None:
     machine = {"mass": MASS_KG, "viscous": 400.0}
     late = {}
     for name, values, interval in (("none", {}, None), ("hill", {"slope": 0.02}, (40.0, 60.0))):
-        drive = record({**machine, **values}, quiet, np.random.default_rng(1), interval=interval)
+        rng = np.random.default_rng(1)
+        drive = record({**machine, **values}, quiet, rng, interval=interval, stamps=stamps)
         problem = Problem(model(), [drive])
         wrong = np.abs(problem.measured - problem.predict(problem.start()))
         force = problem.row_channel == problem.channels.index("acceleration")
@@ -235,14 +250,16 @@ def test_the_straight_truth_is_the_model_where_nothing_is_hidden() -> None:
 
 def test_bodies_record_what_their_models_read() -> None:
     for body in BODIES.values():
-        arm = next(a for a in body.arms(1) if a.kind == "null")
-        recordings = body.record({}, arm, np.random.default_rng(arm.seed))
-        model = body.model()
-        for recording in recordings:
-            assert set(model.inputs) <= set(recording.signals)
-            assert set(recording.signals) <= {*model.inputs, *model.optional, *model.outputs}
+        for stamps in ("", *KINDS):
+            arm = next(a for a in body.arms(1) if a.kind == "null" and a.stamps == stamps)
+            recordings = body.record({}, arm, np.random.default_rng(arm.seed))
+            model = body.model_of(arm)
+            for recording in recordings:
+                assert set(model.inputs) <= set(recording.signals)
+                assert set(recording.signals) <= {*model.inputs, *model.optional, *model.outputs}
 
 
+@pytest.mark.parametrize("stamps", ["", *KINDS])
 @pytest.mark.parametrize(
     "hidden",
     [
@@ -258,21 +275,27 @@ def test_bodies_record_what_their_models_read() -> None:
     ],
     ids=str,
 )
-def test_the_car_truth_is_the_model_with_what_was_hidden_at_its_own_size(monkeypatch, hidden) -> None:
+def test_the_car_truth_is_the_model_with_what_was_hidden_at_its_own_size(monkeypatch, hidden, stamps) -> None:
     """Without noise and with the hidden parameters known: the steering's map is fitted, all that is left is integration."""
     for name in ("GYRO_SD", "ENCODER_SD", "REFERENCE_SD"):
         monkeypatch.setattr(car, name, 1e-12)
-    arm = Arm(body="car", kind="effect", seed=1, noise="white")
-    problem = Problem(car.model(), car.recorded(hidden, arm, np.random.default_rng(1)))
+    arm = Arm(body="car", kind="effect", seed=1, noise="white", stamps=stamps)
+    problem = Problem(car.CAR.model_of(arm), car.recorded(hidden, arm, np.random.default_rng(1)))
     start = problem.start().with_shared(hidden)
     # in units of what is wrong at the start, so that the fit goes on until next to nothing of that is left
     noise = white_noise(problem, problem.measured - problem.predict(start))
     fitted = fit(problem, noise, problem.nuisance_names, start)
     left = np.abs(problem.measured - problem.predict(fitted.values))
-    for name, limit in (("gyro", 0.02), ("encoder", 0.02), ("yaw_rate_reference", 0.003)):
-        rows = problem.row_channel == problem.channels.index(name)
-        assert np.max(left[rows]) < limit
-        assert np.sqrt(np.mean(left[rows] ** 2)) < 0.1 * limit
+    # a line between samples is off by the square of their distance, and at the end the gyro goes on when motion capture has ended
+    wider, whole = (1.8, problem.row_time < 59.95) if stamps else (1.0, problem.row_time < np.inf)
+    for name, limit in (
+        ("gyro", 0.02 * wider),
+        ("encoder", 0.02 * wider),
+        ("yaw_rate_reference", 0.003 * wider),
+    ):
+        own = left[whole & (problem.row_channel == problem.channels.index(name))]
+        assert np.max(own) < limit
+        assert np.sqrt(np.mean(own**2)) < 0.1 * limit
 
 
 def test_an_effect_is_sized_until_it_has_its_lambda_even_if_that_grows_with_the_fourth_power() -> None:
@@ -317,3 +340,19 @@ def test_what_is_there_or_not_is_hidden_whole_and_counts_at_any_lambda() -> None
     sized = BODIES["car"].sized(BODIES["car"].model().effect("gyro sign"), arms[0])
     assert sized.values == {"gyro.sign": 1.0}
     assert replace(done(), arm=arms[0], truth=sized).reached
+
+
+def test_arms_off_the_grid_have_lines_of_their_own() -> None:
+    """A wrong name there must not hide among the others, nor count twice."""
+    runs = [
+        done("null", (), found=()),
+        done("null", (), found=(B,), stamps="beside"),
+        done(found=(A,), values={"a": 0.5}),
+        done(found=(B,), values={"a": 0.5}, stamps="irregular"),
+    ]
+    lines = {line.metric: line.measured for line in score.table(runs)}
+    assert lines["false findings on nulls"].startswith("0 of 1 ")
+    assert lines["stamps between the grid's points: false findings on nulls"].startswith("1 of 1 ")
+    assert lines["truth in the reported group, lambda >= 50"].startswith("1 of 1 ")
+    assert lines["stamps at irregular times: truth in the reported group"].startswith("0 of 1 ")
+    assert lines["stamps at irregular times: a further, false name beside the truth"].startswith("1 of 1 ")
