@@ -17,6 +17,7 @@ GAP = 3.5  # in usual pauses between samples: a longer one starts a new block of
 OUTPUTS = "outputs"  # in place of a channel's name, in complaints about all of them
 MILLI = 3e-3  # of the model's step or its inverse, beyond which stamps are likely in ms or in s by mistake
 HOLD_TOLERANCE = 1e-3  # of a grid step, by which a held value may be stamped beside a grid point and be of it
+IN_STEP: Final = 0.9  # length of the mean of unit vectors at the phases of commands, from which they have one: they scatter by 7 % of a step
 FEWEST_SAMPLES: Final = int(gates.SAMPLES_IN_A_BLOCK.threshold)  # of a channel in a window
 
 
@@ -152,6 +153,7 @@ def odd_stamps(model: Model, of: Signal) -> str:
 
 def cut(model: Model, recording: Recording, interval: tuple[float, float]) -> Iterable[Window]:
     """Windows of equal length near model.window_s, each with its lead-in as far as the recording has one."""
+    interval = _in_step(model, recording, interval)
     start = interval[0]
     names = {**model.driving, **model.outputs}
     for low, high in _spans(model, recording, interval):
@@ -172,6 +174,30 @@ def cut(model: Model, recording: Recording, interval: tuple[float, float]) -> It
             known=known,
             constants=recording.constants,
         )
+
+
+def _in_step(model: Model, recording: Recording, interval: tuple[float, float]) -> tuple[float, float]:
+    """The interval from where grid points fall on the changes of held inputs; unchanged where these have no common phase.
+
+    A command that comes within a step is known to the model by its mean alone, which bends what follows between grid points.
+    """
+    if model.segments is not None:
+        return interval
+    turns = np.zeros(0, complex)
+    for name in [n for n in model.held if n in model.driving and n in recording.signals]:
+        source = recording.signals[name]
+        jumps = np.abs(np.diff(source.value))
+        at = np.flatnonzero(jumps)
+        if at.size:
+            phase = (source.time_s[1 + at] - interval[0]) / model.step_s
+            turns = np.append(turns, jumps[at] / np.mean(jumps[at]) * np.exp(2j * np.pi * phase))
+    size = float(np.sum(np.abs(turns)))
+    if size == 0.0 or abs(np.sum(turns)) < IN_STEP * size:
+        return interval
+    part = float(np.angle(np.sum(turns))) / (2.0 * np.pi) % 1.0
+    if min(part, 1.0 - part) < HOLD_TOLERANCE:
+        return interval
+    return interval[0] + part * model.step_s, interval[1]
 
 
 def _spans(model: Model, recording: Recording, interval: tuple[float, float]) -> list[tuple[float, float]]:

@@ -1,12 +1,16 @@
 """Inputs on the grid of a window."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from discrepancy.model.windows import resampled
-from discrepancy.signals.recording import signal
+from discrepancy.model.windows import cut, resampled, usable
+from discrepancy.signals.recording import Recording, signal
+from tests.discrepancy.toys import tank
 
 GRID = 3.0 + 0.1 * np.arange(50)
 
@@ -46,3 +50,42 @@ def test_a_command_beside_the_grid_is_not_late(late_s: float) -> None:
     fine = np.linspace(GRID[0], GRID[-1], 4901)
     exact = np.cumsum(values[np.searchsorted(stamps, fine + 1e-9, side="right") - 1])[99::100] * 1e-3
     np.testing.assert_allclose(np.cumsum(0.1 * force)[:-1], exact, atol=2e-3)
+
+
+def starts_at(*inputs: tuple[Sequence[float], Sequence[float]], first_s: float = 0.0) -> float:
+    """Where the grid of a tank begins whose second input is there from first_s on; inputs: stamps and values of held ones."""
+    names = ("inflow", "drain")[: len(inputs)]
+    signals = {
+        name: signal(np.array(stamps), np.array(values), "m/s", held=True)
+        for name, (stamps, values) in zip(names, inputs, strict=True)
+    }
+    at = np.arange(first_s, 60.0, 0.1)
+    signals |= {"wind": signal(at, np.sin(at), "m/s"), "level": signal(at, np.sin(at), "m")}
+    model = replace(tank("leak"), inputs={**dict.fromkeys(names, "m/s"), "wind": "m/s"}, held=names)
+    (interval,) = [found[1] for found in [usable(model, Recording("r", signals), [])] if found]
+    return next(iter(cut(model, Recording("r", signals), interval))).time_s[0]
+
+
+EVERY_MINUTE = np.arange(0.0, 60.0, 3.0)
+UP_AND_DOWN = (np.arange(20) % 3).astype(float)
+
+
+def test_the_grid_falls_on_commands() -> None:
+    """The wind is there from 0.03 s on; commands come at whole tenths, which are steps of the model."""
+    assert starts_at((EVERY_MINUTE, UP_AND_DOWN), first_s=0.03) == pytest.approx(0.1)
+    late = EVERY_MINUTE + 0.047
+    assert starts_at((late, UP_AND_DOWN)) == pytest.approx(0.047)
+
+
+def test_commands_without_a_common_phase_leave_the_grid_where_it_is() -> None:
+    scattered = EVERY_MINUTE + np.random.default_rng(1).uniform(0.0, 0.1, 20)
+    scattered[0] = 0.0
+    assert starts_at((scattered, UP_AND_DOWN), first_s=0.03) == 0.03
+    # of two inputs that disagree, neither is served
+    assert starts_at((EVERY_MINUTE, UP_AND_DOWN), (EVERY_MINUTE + 0.05, UP_AND_DOWN), first_s=0.07) == 0.07
+    assert starts_at((EVERY_MINUTE, np.zeros(20)), first_s=0.03) == 0.03
+
+
+def test_commands_that_jitter_a_little_have_a_phase() -> None:
+    scattered = EVERY_MINUTE + 0.05 + np.random.default_rng(1).normal(0.0, 0.002, 20)
+    assert starts_at((scattered, UP_AND_DOWN)) % 0.1 == pytest.approx(0.05, abs=0.003)
