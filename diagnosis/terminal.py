@@ -113,7 +113,9 @@ def _improvement(f: Finding) -> str:
     best, others = most_improved(changed, SHOWN_CHANNELS)
     errors = ", ".join(f"{c} error {error_ratio(ratio)}" for c, ratio in best.items())
     more = f", and {others} more channels" if others else ""
-    return f"{errors or 'no error of a channel changes'}{more}; closes {share(f.gap_closed)} of the gap to the best prediction found"
+    if not errors:
+        return "no error of a channel changes noticeably"
+    return f"{errors}{more}; closes {share(f.gap_closed)} of the gap to the best prediction found"
 
 
 def _where(f: Finding, *, several: bool) -> str:

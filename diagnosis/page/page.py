@@ -297,7 +297,7 @@ def _recordings(result: Findings, shown: Evidence | None) -> str:
 
 _TERMS = definitions(
     {
-        "explained": "at least one effect passed every test, or a value of the baseline is wrong for certain, and the errors of all channels are within their budgets",
+        "explained": "at least one effect passed every test, or a value of the baseline is wrong for certain, and the errors of all channels are within their budgets and about those of readings, or of disturbances that the model states",
         "explained in part": "at least one effect passed every test, and something is left that has no name: how much and where is stated",
         "unknown": "model and recordings differ, and no effect of the library passed the tests of a cause",
         "nothing missing": "no effect of the library and no function of the known signals improves the prediction of held-out data, and the errors of all channels are within their budgets",

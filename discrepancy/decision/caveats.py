@@ -8,7 +8,7 @@ from discrepancy import gates
 from discrepancy.decision.drop_one import DropOneTest
 from discrepancy.decision.groups import in_between
 from discrepancy.decision.summary import beyond_prior, edge_of_sheet, estimate, estimated
-from discrepancy.estimation.fit import Fit
+from discrepancy.estimation.fit import Fit, fit
 from discrepancy.estimation.noise import Noise
 from discrepancy.estimation.normal_equations import inverse
 from discrepancy.estimation.problem import Problem
@@ -40,16 +40,51 @@ def caveats_of(
             f"and {_evidence(test.held_out_sse_reduction)} on held-out data"
         )
     found += _own_reading(effect, test)
+    found += _mirrored(problem, state, test, effect)
     found += _in_between(problem, state, fitted)
     kept = _present(problem, effect, fitted, state.noise)
     found += _at_bounds(effect, kept)
-    found += _at_baseline(kept, fitted, effect)
+    found += at_baseline(kept, fitted, effect)
     found += _cancelled(problem, state, test)
     found += prior_conflicts(problem, fitted, state.noise)
-    found += _superseded(problem, state, test, equation)
+    found += _superseded(problem, state, test, effect, equation)
     if active_interval_of(problem.model.effect(test.effect), state.fit.values) is not None:
         found += _changing_baseline(problem, state, test, settings)
     return found
+
+
+def beside_rest(test: DropOneTest, confounded_share: float) -> list[str]:
+    """Caveats of an effect of a model that is further from the recordings than its sensors are wrong, where what is left over may do as much.
+
+    confounded_share: of the effect, that nuisances can do. What is left of it is compared with the recordings' errors of every kind.
+    """
+    gained = max(test.gained, 0.0)
+    further = "in a model that is further from the recordings than its sensors are wrong: what is left may do as much (state `disturbances` if that is chance)"
+    if gained < gates.SEEN_BESIDE_REST.threshold and test.sse_reduction < gates.CLEAR_BESIDE_REST.threshold:
+        return [f"takes {gained:.1%} off the squared error of the channel that it improves most, {further}"]
+    imitated = confounded_share > gates.IMITATED_BESIDE_REST.threshold
+    if imitated and gained < gates.MUCH_BESIDE_REST.threshold:
+        return [
+            f"can be imitated by the baseline's own parameters to {confounded_share:.1%}, and takes {gained:.0%} off the squared error of the channel that it improves most, {further}"
+        ]
+    return []
+
+
+def _mirrored(problem: Problem, state: State, test: DropOneTest, effect: Effect) -> list[str]:
+    """A caveat if a delay of the other sign explains half as much: what helps is then the mean of neighbours of a noisy input, not the shift."""
+    name = effect.parameters[0].name
+    if not name.endswith(".delay") or effect.name != test.effect or problem.costs.costly:
+        return []
+    size = state.fit.values.shared[name]
+    names = tuple(n for n in state.fit.names if n != name)
+    other = fit(problem, state.noise, names, state.fit.values.with_shared({name: -size}))
+    share = (test.without.sse - other.sse) / test.sse_reduction
+    if share < gates.DELAY_MIRRORED.threshold:
+        return []
+    opposite = quantity(-size, effect.parameters[0].unit)
+    return [
+        f"a delay of {opposite} explains {share:.0%} of that: the noise of an input is averaged between its samples"
+    ]
 
 
 def _own_reading(effect: Effect, test: DropOneTest) -> list[str]:
@@ -91,7 +126,7 @@ def _at_bounds(effect: Effect, present: Estimated) -> list[str]:
     return []
 
 
-def _at_baseline(present: Estimated, fitted: Fit, effect: Effect) -> list[str]:
+def at_baseline(present: Estimated, fitted: Fit, effect: Effect) -> list[str]:
     """Amplitude parameters whose interval, at this shape, contains the baseline. Profiles are exempt."""
     if effect.is_profile:
         return []
@@ -102,7 +137,8 @@ def _at_baseline(present: Estimated, fitted: Fit, effect: Effect) -> list[str]:
         sd = fitted.sd(p.name)
         low, high = e.low or 0.0, e.high or 0.0
         if sd > 0.0:
-            reach = 0.5 * (high - low) * held[p.name] / sd
+            # the side that no bound cuts off
+            reach = max(high - e.value, e.value - low) * held[p.name] / sd
             undecided = abs(e.value - p.value) < gates.OFF_BASELINE.threshold * reach
         else:
             undecided = low <= p.value <= high
@@ -198,19 +234,25 @@ def hanging(values: Sequence[f.BaselineValue], sheet: Problem, fitted: Fit) -> l
     return found
 
 
-def _superseded(problem: Problem, state: State, test: DropOneTest, equation: OpenEnded) -> list[str]:
-    """A caveat if the effect's size depends on the open-ended equation: with it in the fit, less than half of the size is left."""
+def _superseded(
+    problem: Problem, state: State, test: DropOneTest, shown: Effect, equation: OpenEnded
+) -> list[str]:
+    """A caveat if the effect's size depends on the open-ended equation: with it in the fit, less than half of the size is left.
+
+    shown: the member of the group whose name is given.
+    """
     effect = problem.model.effect(test.effect)
     if effect.size != 1 or not equation.terms:
         return []
     p = effect.parameters[0]
+    whose = "its" if shown.name == effect.name else f"{effect.name}'s"
     size = state.fit.values.shared[p.name] - p.value
     shift, _ = equation.parameter_shifts[p.name]
     left = size + shift  # the effect's size when the equation is in the fit as well
     if left / size > gates.LEFT_BESIDE_EQUATION.threshold:
         return []
     before, after = figures(p.value + size), quantity(p.value + left, p.unit)
-    return [f"beside {equation.equation()} its {p.name} would change from {before} to {after}"]
+    return [f"beside {equation.equation()} {whose} {p.name} would change from {before} to {after}"]
 
 
 def _changing_baseline(problem: Problem, state: State, test: DropOneTest, settings: Settings) -> list[str]:

@@ -1,6 +1,6 @@
 """Drop-one tests: loss of fit and of held-out prediction when one accepted effect is removed and the rest is refitted."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,8 +8,8 @@ import numpy as np
 from discrepancy import gates
 from discrepancy.estimation.effort import AS_IT_IS, CACHED
 from discrepancy.estimation.fit import Fit, fit
-from discrepancy.estimation.problem import Problem, Values
-from discrepancy.selection.active_intervals import sse_threshold
+from discrepancy.estimation.problem import Mask, Problem, Values
+from discrepancy.selection.active_intervals import active_interval_of, sse_threshold
 from discrepancy.selection.assess import assess
 from discrepancy.selection.candidate_fits import curves, held_out_residual, size_of
 from discrepancy.selection.open_ended import OpenEnded
@@ -31,6 +31,8 @@ class DropOneTest:
     held_out_sse_reduction: float
     gap_closed: float  # share of the gap, on held-out rows, between the model without the effect and the best prediction
     error_ratio: dict[str, float]  # held-out error with the effect over that without, by channel
+    # share of the squared held-out error of the channel that it improves most, while it acts
+    gained: float
 
 
 def backward(
@@ -141,4 +143,21 @@ def _drop_one(
         held_out_sse_reduction=reduction,
         gap_closed=float(np.clip(reduction / gap, 0.0, 1.0)) if gap > 0.0 else 0.0,
         error_ratio=ratio,
+        gained=_gained(before, after, rows.values(), _acting(problem, state, name)),
     )
+
+
+def _acting(problem: Problem, state: State, name: str) -> Mask:
+    """Whitened rows (n,) at which an accepted effect acts."""
+    windows = active_interval_of(problem.model.effect(name), state.fit.values)
+    rows = state.noise.row_window
+    return np.ones(rows.size, bool) if windows is None else np.isin(rows, windows)
+
+
+def _gained(before: Array, after: Array, channels: Iterable[Mask], acting: Mask) -> float:
+    """The largest share over channels of the squares (n,) before that is gone after, of rows at which the effect acts; 0 or more."""
+    sums = [
+        (float(np.sum(before[own & acting] ** 2)), float(np.sum(after[own & acting] ** 2)))
+        for own in channels
+    ]
+    return max((1.0 - with_it / without for without, with_it in sums if without > 0.0), default=0.0)

@@ -12,7 +12,7 @@ from typing import Final
 from discrepancy.decision import summary
 from discrepancy.decision.adequacy import adequacy, certain, first_look
 from discrepancy.decision.beside import Beside, beside_equation
-from discrepancy.decision.caveats import caveats_of, hanging, hangs_on
+from discrepancy.decision.caveats import beside_rest, caveats_of, hanging, hangs_on
 from discrepancy.decision.drop_one import DropOneTest, backward, drop_one_tests
 from discrepancy.decision.groups import Alternative, alternatives, separation
 from discrepancy.decision.judgement import Judgement
@@ -27,6 +27,7 @@ from discrepancy.decision.verdict import verdict
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
 from discrepancy.estimation.problem import Problem, Unusable, Values, Windows
+from discrepancy.model.description import Effect
 from discrepancy.selection.active_intervals import active_interval_of, restricted_to
 from discrepancy.selection.assess import screen
 from discrepancy.selection.open_ended import OpenEnded, explore
@@ -89,19 +90,20 @@ def _judged(
     state, left = compared.state, compared.left
     # without an effect the second verdict says no more than the first, and nobody reads its equation
     equation = beside.equation(problem, state, left, settings) if beside and state.accepted else left
-    found, unsure = _findings(sheet, problem, compared, history, beside, equation, settings)
+    progress("comparing errors with their budgets")
+    channels = adequacy(problem, baseline, state)
+    exact = certain(problem, channels)
+    found, unsure = _findings(sheet, problem, compared, history, beside, equation, exact, settings)
     found, at_rates = at_both_rates(problem, state, found, at_models_rate(problem, state, settings))
     # the order of acceptance is not that of the evidence
     found.sort(key=lambda finding: -finding.sse_reduction)
     candidates = summary.candidates(problem, state, history[0], found, settings)
-    progress("comparing errors with their budgets")
-    channels = adequacy(problem, baseline, state)
     # an equation or a proxy stands for physics that the library has not: with it the model is known to be wrong
     known = not (equation.terms or left.unconfirmed) and all(finding.named for finding in found)
-    adequate = known and certain(problem, channels)
-    values = summary.baseline_values(sheet, state, adequate=adequate)
+    values = summary.baseline_values(sheet, state, adequate=known and exact)
     values = [replace(v, sure=v.sure and v.estimate.name not in unsure) for v in values]
     values = with_stand_ins(sheet, state, values, settings)
+    candidates = summary.beside_values(candidates, values)
     status, reasons = verdict(
         problem,
         state,
@@ -147,9 +149,13 @@ def _findings(
     history: Sequence[State],
     beside: Beside | None,
     equation: OpenEnded,
+    exact: bool,
     settings: Settings,
 ) -> tuple[list[f.Finding], set[str]]:
-    """The accepted effects as findings, and values that contradict their sheet but are not sure, because a finding hangs on them."""
+    """The accepted effects as findings, and values that contradict their sheet but are not sure, because a finding hangs on them.
+
+    exact: whether the model simulates as well as its sensors read.
+    """
     state, left = compared.state, compared.left
     found, unsure = list[f.Finding](), set[str]()
     # where nothing at all is left to explain, the two causes are the best there is
@@ -159,6 +165,7 @@ def _findings(
         effect, fitted = problem.model.effect(rivals[0].effect), rivals[0].fit
         caveats = caveats_of(problem, state, test, effect, fitted, left, settings)
         caveats += beside.caveats(problem, state, test, equation) if beside else []
+        caveats += beside_rest(test, _confounded(history[0], effect)) if not exact else []
         hung = hangs_on(wrong, sheet, effect, fitted)
         caveats += hanging(hung, sheet, fitted)
         unsure |= {value.estimate.name for value in hung}
@@ -269,7 +276,6 @@ def _finding(
     """One finding; rivals: it and its group, best first."""
     best, *rest = rivals
     effect = problem.model.effect(best.effect)
-    confounded = next((s.confounded_share for s in baseline.scores if s.effect == effect.name), 0.0)
     separations = [separation(problem, state.noise, best, other) for other in rest]
     return f.Finding(
         effect=effect.name,
@@ -284,7 +290,7 @@ def _finding(
         threshold=test.threshold,
         held_out_sse_reduction=test.held_out_sse_reduction,
         gap_closed=test.gap_closed,
-        confounded_share=confounded,
+        confounded_share=_confounded(baseline, effect),
         held_out_error=test.error_ratio,
         group=[_member(problem, state, best, other) for other in rest],
         separate_by=[s for s in separations if s is not None],
@@ -292,6 +298,11 @@ def _finding(
             problem, state.noise, test.without, best.fit, active_interval_of(effect, best.fit.values)
         ),
     )
+
+
+def _confounded(baseline: State, effect: Effect) -> float:
+    """The share of an effect that nuisances can do."""
+    return next((s.confounded_share for s in baseline.scores if s.effect == effect.name), 0.0)
 
 
 def _member(problem: Problem, state: State, best: Alternative, other: Alternative) -> f.GroupMember:

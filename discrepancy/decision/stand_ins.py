@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from discrepancy import gates
 from discrepancy.decision.summary import SHEET_ALLOWS, edge_of_sheet
 from discrepancy.estimation.effort import CACHED
 from discrepancy.estimation.fit import fit
@@ -24,11 +25,36 @@ from discrepancy.signals.recording import Array
 def with_stand_ins(
     problem: Problem, state: State, values: Sequence[BaselineValue], settings: Settings
 ) -> list[BaselineValue]:
-    """The values; one that surely contradicts the sheet is no longer sure where an effect may act in its place."""
+    """The values; one that contradicts the sheet is no longer sure where an effect may act in its place."""
+    wrong = [v.estimate.name for v in values if v.away > gates.PRIOR_CONFLICT.threshold]
+    together = at_once(problem, state, wrong, settings)
     found = []
     for value in values:
-        effects = stand_ins(problem, state, value.estimate.name, settings) if value.sure else []
+        name = value.estimate.name
+        effects = stand_ins(problem, state, name, settings) if name in wrong else []
+        effects = list(dict.fromkeys([*together.get(name, []), *effects]))
         found.append(replace(value, sure=value.sure and not effects, or_effects=effects))
+    return found
+
+
+def at_once(problem: Problem, state: State, wrong: Sequence[str], settings: Settings) -> dict[str, list[str]]:
+    """By nuisance: effects, not accepted, with which it and at least one more of several wrong ones return to what their sheets allow.
+
+    Where one effect is behind several wrong values, none of them can return alone: the others would have to stay where they are.
+    """
+    found: dict[str, list[str]] = {}
+    if len(wrong) < 2:
+        return found
+    known = {name: problem.model.parameter(name) for name in wrong}
+    sheet = state.fit.values.with_shared({name: p.value for name, p in known.items()})
+    for effect in [e for e in problem.model.effects if e.name not in state.accepted]:
+        names = free_names(problem, (*state.accepted, effect.name))
+        start = sheet.with_shared(effect.shapes_at_typical)
+        other = fit(problem, state.noise, names, start, effort=CACHED)
+        back = [n for n, p in known.items() if other.values.shared[n] == edge_of_sheet(p, other.values)]
+        if len(back) > 1 and other.sse - state.fit.sse <= settings.rival:
+            for name in back:
+                found.setdefault(name, []).append(effect.name)
     return found
 
 

@@ -121,6 +121,19 @@ def candidates(
     return sorted(rows, key=lambda c: (c.p_value, -c.statistic))
 
 
+def beside_values(candidates: Sequence[f.Candidate], values: Sequence[f.BaselineValue]) -> list[f.Candidate]:
+    """The candidates; one that may act in place of a value of the baseline is neither ruled out nor needless."""
+    found = []
+    for c in candidates:
+        instead = [v.estimate.name for v in values if c.effect in v.or_effects]
+        if instead and c.verdict not in ("found", "confusable with a finding"):
+            names = ", ".join(instead)
+            reason = f"these recordings cannot distinguish it from another {names}; needs {names} measured by itself"
+            c = replace(c, verdict="could not be judged", reason=reason)
+        found.append(c)
+    return found
+
+
 def _power(critical: float, freedom: int, seen: float) -> float:
     """Probability that a noncentral chi-square exceeds the threshold; 0 for an effect without any trace."""
     return float(ncx2.sf(critical, freedom, seen)) if seen > 0.0 else 0.0

@@ -3,9 +3,10 @@
 *Explained* and *nothing missing* need a model that is adequate: every channel within its error budget (discrepancy.decision.adequacy).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from discrepancy import gates
+from discrepancy.decision.adequacy import granted, reading_error
 from discrepancy.decision.agreement import disagreements
 from discrepancy.estimation.problem import Problem
 from discrepancy.selection.candidate_fits import confirm
@@ -49,7 +50,7 @@ def verdict(
             "the model misses something that no effect of the library and no known signal explains",
             *reasons,
         ]
-    said = [*map(contradicted, values)]
+    said = [*_contradicted_together(values)]
     contradict = [b for b in values if b.away > gates.PRIOR_CONFLICT.threshold]
     if status == "nothing missing" and contradict:
         # what was missing is no effect but a value, if that is certain
@@ -59,9 +60,10 @@ def verdict(
     unnamed = named_share(found, equation) < gates.NAMED_SHARE.threshold
     # a value that is not certain to be wrong may stand for something that has no name
     open_question = not all(b.sure for b in contradict)
-    if status == "explained" and (wrong or left_over or cut_short or unnamed or open_question):
+    further = granted(problem, channels)
+    if status == "explained" and (wrong or left_over or cut_short or unnamed or open_question or further):
         status = "explained in part"
-    reasons += [*said, *wrong]
+    reasons += [*said, *wrong, *(_granted(c) for c in further[:1])]
     if cut_short:
         reasons.append(f"the search ended at its limit of {settings.most_effects} effects; there may be more")
     reasons += disagreements(problem, state, [x.effect for x in found if x.named])
@@ -80,6 +82,24 @@ def _not_looked_for(problem: Problem) -> list[str]:
     return [
         f"effects that act for a part of the time were not looked for: that needs {least:.0f} windows or more, and there are {count}"
     ]
+
+
+def _contradicted_together(values: Sequence[f.BaselineValue]) -> Iterator[str]:
+    """A sentence for each value, or one for all that the same effects may be behind."""
+    by_effects: dict[tuple[str, ...], list[f.BaselineValue]] = {}
+    for b in values:
+        by_effects.setdefault(tuple(b.or_effects) or (b.estimate.name,), []).append(b)
+    for effects, those in by_effects.items():
+        if len(those) == 1:
+            yield contradicted(those[0])
+            continue
+        wrong = ", ".join(
+            f"{e.name} {quantity(e.value, e.unit, 4)}, not {quantity(e.baseline or 0.0, e.unit, 4)}"
+            for e in (b.estimate for b in those)
+        )
+        yield (
+            f"either {len(those)} values of the baseline are wrong ({wrong}), or one effect acts that these recordings cannot distinguish from them: {', '.join(effects[:SHOWN])}"
+        )
 
 
 def contradicted(b: f.BaselineValue) -> str:
@@ -101,6 +121,15 @@ def contradicted(b: f.BaselineValue) -> str:
     return f"the baseline's {e.name} was pushed from {assumed} to {size}, {away}: it may stand in for something else"
 
 
+def _granted(c: ChannelAdequacy) -> str:
+    """'motor_speed is simulated to 1.37 rad/s, 12 times what a reading is off by: ...'."""
+    times = figures(c.simulated / reading_error(c), 2)
+    return (
+        f"{c.channel} is simulated to {quantity(c.simulated, c.unit, 2)}, {times} times what a reading is off by: that is within a tenth of its movement, "
+        "which is granted for disturbances that were not recorded; with `disturbances` in the model it is judged by what they can do"
+    )
+
+
 def named_share(found: Sequence[f.Finding], equation: OpenEnded) -> float:
     """Of what is known to be missing, the share that has a name, from 0 to 1."""
     named, rest = (
@@ -120,7 +149,8 @@ def still_wrong(channels: Sequence[ChannelAdequacy], *, several: bool) -> list[s
 
 def _inconsistent(problem: Problem, state: State, settings: Settings) -> CandidateFit | None:
     """The effect that clearly improves held-out data although blocks of time disagree on its size; None if there is none."""
-    likely = max(state.trials, key=lambda t: t.margin, default=None)
+    others = [t for t in state.trials if t.effect not in state.accepted]
+    likely = max(others, key=lambda t: t.margin, default=None)
     if likely is None or likely.raw_sse_reduction < max(gates.CLEAR.threshold, likely.threshold):
         return None
     tried = confirm(problem, likely.reference or state, likely, settings)

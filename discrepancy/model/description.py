@@ -52,7 +52,7 @@ class Parameter:
         object.__setattr__(self, "scope", OLD_SCOPES.get(self.scope, self.scope))
         if not self.lower <= self.value <= self.upper:
             raise ValueError(
-                f"parameter {self.name}={self.value} {self.unit} is outside [{self.lower}, {self.upper}]"
+                f"parameter {self.name}={self.value} {self.unit} is outside [{self.lower}, {self.upper}]{'' if self.value else '; 0 is the default: give value=...'}"
             )
         if self.typical == 0.0:
             raise ValueError(

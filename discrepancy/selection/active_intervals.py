@@ -18,7 +18,7 @@ from discrepancy.estimation.effort import BRIEF
 from discrepancy.estimation.fit import Fit, differences, fit, held_out
 from discrepancy.estimation.noise import Noise, estimate_noise
 from discrepancy.estimation.problem import Mask, Problem, Values, Windows
-from discrepancy.model.description import Effect
+from discrepancy.model.description import Effect, Parameter
 from discrepancy.selection.screen import (
     FEWEST_BLOCKS,
     Columns,
@@ -33,6 +33,9 @@ from discrepancy.selection.unexplained import unexplained
 from discrepancy.signals.recording import Array
 
 FEWEST_WINDOWS: Final = int(gates.WINDOWS_OF_INTERVAL.threshold)
+# standard deviations of its prior, by which a nuisance may be another for a while: a load may be taken up, but twenty times what a sheet may be wrong by is
+# another law
+MOST_CHANGED: Final = 10.0
 ROUNDS = 6  # alternations between range and noise, at most
 ROUNDING = 1e-6  # share of a column's power; less is left by a projection of what nuisances can do
 MOST_RANGES = 4  # of one effect: the choice of the windows left out at their ends doubles with every end
@@ -261,20 +264,33 @@ def best_ranges(reduction: Array, among: Sequence[range], least: float) -> Windo
 def time_varying_nuisance(
     problem: Problem, noise: Noise, without: Fit, active: Windows
 ) -> tuple[str, float, Windows] | None:
-    """The nuisance that would reduce the SSE most with another value in one range of windows, or in `active`: name, SSE reduction, windows; or None."""
+    """The nuisance that would reduce the SSE most with another value in one range of windows, or in `active`: name, SSE reduction, windows; or None.
+
+    Values that its bounds or its sheet exclude are none: a resistance does not grow by twenty standard deviations for a minute.
+    """
     base = problem.predict(without.values)
     raw = differences(problem, without.values, base, problem.nuisance_names)
     projector, among = Projector(problem, noise, without), window_ranges(problem)
     acts = np.isin(problem.row_window, active)
     found: list[tuple[str, float, Windows]] = []
     for name, column in zip(problem.nuisance_names, raw.T, strict=True):
-        if (best := best_interval(noise, projector, without.residual, column, among)) is not None:
+        nuisance, value = problem.model.parameter(name), without.values.shared[name]
+        best = best_interval(noise, projector, without.residual, column, among)
+        if best is not None and _possible(nuisance, value + best.size):
             found.append((name, best.statistic, tuple(best.windows)))
         free = projector.off(noise.whiten(column * acts)[:, None])[:, 0]
-        power = float(free @ free)
-        if power > ROUNDING * float(np.sum(noise.whiten(column) ** 2)):
-            found.append((name, float(free @ without.residual) ** 2 / power, active))
+        power, pull = float(free @ free), float(free @ without.residual)
+        # a power of rounding's size, or a value that cannot be
+        seen = power > ROUNDING * float(np.sum(noise.whiten(column) ** 2))
+        if seen and _possible(nuisance, value + pull / power):
+            found.append((name, pull**2 / power, active))
     return max(found, key=lambda f: f[1], default=None)
+
+
+def _possible(nuisance: Parameter, value: float) -> bool:
+    """Whether a nuisance may have this value for a while."""
+    known = nuisance.prior_sd or np.inf
+    return nuisance.lower <= value <= nuisance.upper and abs(value - nuisance.value) <= MOST_CHANGED * known
 
 
 def _scatter(

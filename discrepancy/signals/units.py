@@ -169,7 +169,7 @@ def _unreadable(text: str, part: str, *more: str) -> ValueError:
 def shown(unit: str) -> str:
     """A unit for readers: 'm/s²', 'N·m' for 'N.m' and 'N m'; empty for a plain number."""
     raised = _POWER.sub(lambda power: "²" if power[1] == "2" else "³", unit)
-    return "" if unit == "1" else raised.replace(".", "·").replace(" ", "·")
+    return "" if unit == "1" else raised.replace(".", "·").replace("*", "·").replace(" ", "·")
 
 
 CONFUSED = (

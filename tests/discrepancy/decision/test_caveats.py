@@ -6,14 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from discrepancy.decision.caveats import caveats_of, prior_conflicts
-from discrepancy.decision.drop_one import drop_one_tests
-from discrepancy.estimation.problem import Problem
+from discrepancy.decision import caveats
+from discrepancy.decision.caveats import beside_rest, caveats_of, prior_conflicts
+from discrepancy.decision.drop_one import DropOneTest, drop_one_tests
+from discrepancy.estimation.fit import Fit
+from discrepancy.estimation.problem import Problem, Values
 from discrepancy.examine import examine
-from discrepancy.model.description import Model, Window
+from discrepancy.model.description import Model, Parameter, Window
+from discrepancy.model.sensors import sensor_effects
 from discrepancy.selection.open_ended import OpenEnded, explore
 from discrepancy.selection.search import search
 from discrepancy.selection.state import Settings
+from discrepancy.signals.findings import Estimate
 from discrepancy.signals.recording import Array, Recording, signal
 from tests.discrepancy.toys import record, simulate, tank
 
@@ -77,6 +81,85 @@ def test_a_nuisance_conflicts_with_its_prior_where_its_interval_does() -> None:
     away, caveats = moved_area(np.where(4 * np.arange(rows) // rows % 2 == 0, 0.75, 1.0))
     assert away > 3.0
     assert caveats == []
+
+
+def a_test(*, gained: float, evidence: float) -> DropOneTest:
+    problem = Problem(tank("leak"), [record(3, leak=0.05)])
+    state, _ = search(problem, STRICT)
+    [test] = drop_one_tests(problem, state, {}, OpenEnded(), STRICT)
+    return replace(test, gained=gained, sse_reduction=evidence)
+
+
+@pytest.mark.parametrize(
+    ("gained", "evidence", "confounded", "count"),
+    [
+        (0.006, 17.0, 0.1, 1),  # hardly seen
+        (0.006, 120.0, 0.1, 0),  # a long recording shows it clearly
+        (0.02, 17.0, 0.1, 0),
+        (0.08, 244.0, 0.9999, 1),  # nuisances do all but a hundredth of it
+        (0.28, 953.0, 0.991, 0),
+        (0.08, 244.0, 0.9, 0),
+    ],
+)
+def test_a_little_beside_what_is_left_over_is_no_cause(
+    gained: float, evidence: float, confounded: float, count: int
+) -> None:
+    found = beside_rest(a_test(gained=gained, evidence=evidence), confounded)
+    assert len(found) == count
+
+
+def measured_speed(seed: int, late_s: float = 0.0) -> Recording:
+    """A speed that one sensor reads with much noise, and another one with little."""
+    rng, time_s = np.random.default_rng(seed), 0.1 * np.arange(1200)
+
+    def true(at: Array) -> Array:
+        return np.asarray(np.sin(0.5 * at) + 0.5 * np.sin(1.3 * at), float)
+
+    return Recording(
+        "walk",
+        {
+            "wheel": signal(time_s, true(time_s) + 0.05 * rng.normal(size=time_s.size), "m/s"),
+            "speed": signal(time_s, true(time_s - late_s) + 0.01 * rng.normal(size=time_s.size), "m/s"),
+        },
+    )
+
+
+def passed_on() -> Model:
+    return Model(
+        name="walk",
+        sentence="a speed that two sensors read",
+        inputs={"wheel": "m/s"},
+        outputs={"speed": "m/s"},
+        effects=sensor_effects("speed", "m/s", bias=0.1, kinds=("bias", "delay"), delay_s=0.1),
+        simulate=lambda window, values, extra: {"speed": window["wheel"]},
+        step_s=0.1,
+        window_s=10.0,
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_mean_of_two_noisy_samples_is_no_delay(seed: int) -> None:
+    """Half a sample late or early, an input's noise is averaged over two of them: either way the error falls by a third."""
+    result = examine(passed_on(), [measured_speed(seed)], Settings(open_ended=False))
+    assert result.named == []
+    assert any("the noise of an input is averaged" in c for x in result.findings for c in x.caveats)
+
+
+def test_a_delay_beside_a_noisy_input_is_still_one() -> None:
+    result = examine(passed_on(), [measured_speed(1, late_s=0.35)], Settings(open_ended=False))
+    assert result.named == ["speed delay"]
+    assert result.findings[0].parameters[0].value == pytest.approx(0.35, abs=0.02)
+
+
+def test_an_interval_that_a_bound_cuts_off_is_as_wide_as_its_other_side() -> None:
+    """A head wind of 17 m/s, from 0 to 20, where 20 is the bound."""
+    wind = Parameter(name="wind", unit="m/s", lower=-20.0, upper=20.0, typical=3.0)
+    effect = replace(tank("leak").effects[0], parameters=(wind,))
+    values = Values({"wind": 17.0}, {})
+    fitted = Fit(("wind",), values, 0.0, 0.0, np.zeros(1), np.zeros((1, 1)), np.array([[1.0 / 9.0**2]]))
+    seen = Estimate(name="wind", value=17.0, low=-0.7, high=20.0, unit="m/s", at_bound=None, baseline=0.0)
+    assert caveats.at_baseline([(wind, seen)], fitted, effect) != []
+    assert caveats.at_baseline([(wind, replace(seen, low=8.0))], fitted, effect) == []
 
 
 SIDES = ("left", "right")
