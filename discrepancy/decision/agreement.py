@@ -34,7 +34,8 @@ def disagreements(problem: Problem, state: State, effects: Sequence[str]) -> lis
         changes = _changes_of_groups(change, weight, groups)
         if changes is None or np.ptp(changes) < gates.RECORDINGS_APART.threshold * abs(size - own[0].value):
             continue
-        sizes = dict(zip(names, (size + changes).tolist(), strict=True))
+        # to first order a size may pass the bounds that a fit would keep to
+        sizes = dict(zip(names, np.clip(size + changes, own[0].lower, own[0].upper).tolist(), strict=True))
         ends = [min(sizes, key=lambda n: sizes[n]), max(sizes, key=lambda n: sizes[n])]
         shown = names if len(names) <= SHOWN else ends
         each = ", ".join(f"{quantity(sizes[name], own[0].unit)} in {name}" for name in shown)

@@ -7,6 +7,7 @@ import numpy as np
 from discrepancy import gates
 from discrepancy.decision.drop_one import DropOneTest
 from discrepancy.decision.groups import in_between
+from discrepancy.decision.sizes.half_step import HalfStep
 from discrepancy.decision.summary import beyond_prior, edge_of_sheet, estimate, estimated
 from discrepancy.estimation.fit import Fit, fit
 from discrepancy.estimation.noise import Noise
@@ -68,6 +69,22 @@ def beside_rest(test: DropOneTest, confounded_share: float) -> list[str]:
             f"can be imitated by the baseline's own parameters to {confounded_share:.1%}, and takes {gained:.0%} off the squared error of the channel that it improves most, {further}"
         ]
     return []
+
+
+def of_the_step(problem: Problem, state: State, effect: Effect, half: HalfStep | None) -> list[str]:
+    """A caveat if small steps would change the effect's size by half of itself."""
+    p = effect.amplitude_parameters[0]
+    if half is None or not half.of_integration or p.name not in half.shifts:
+        return []
+    value, shift = state.fit.values.shared[p.name], half.shifts[p.name]
+    if half.evidence <= gates.HALF_STEP.threshold or abs(shift) < (
+        1.0 - gates.LEFT_BESIDE_EQUATION.threshold
+    ) * abs(value - p.value):
+        return []
+    step = quantity(problem.model.step_s, "s")
+    return [
+        f"in smaller steps than the model's {step} its {p.name} would be about {quantity(value + shift, p.unit, 2)} and not {figures(value)}: it may be an error of the integration"
+    ]
 
 
 def _mirrored(problem: Problem, state: State, test: DropOneTest, effect: Effect) -> list[str]:

@@ -12,7 +12,7 @@ from typing import Final
 from discrepancy.decision import summary
 from discrepancy.decision.adequacy import adequacy, certain, first_look
 from discrepancy.decision.beside import Beside, beside_equation
-from discrepancy.decision.caveats import beside_rest, caveats_of, hanging, hangs_on
+from discrepancy.decision.caveats import beside_rest, caveats_of, hanging, hangs_on, of_the_step
 from discrepancy.decision.drop_one import DropOneTest, backward, drop_one_tests
 from discrepancy.decision.groups import Alternative, alternatives, separation
 from discrepancy.decision.judgement import Judgement
@@ -22,6 +22,7 @@ from discrepancy.decision.namesakes import without_namesakes
 from discrepancy.decision.not_accepted import taken_over
 from discrepancy.decision.not_understood import complaints_of, intervals_not_understood
 from discrepancy.decision.rates import at_both_rates, at_models_rate
+from discrepancy.decision.sizes.half_step import HalfStep, at_half_step
 from discrepancy.decision.stand_ins import with_stand_ins
 from discrepancy.decision.verdict import verdict
 from discrepancy.estimation.fit import Fit
@@ -93,7 +94,8 @@ def _judged(
     progress("comparing errors with their budgets")
     channels = adequacy(problem, baseline, state)
     exact = certain(problem, channels)
-    found, unsure = _findings(sheet, problem, compared, history, beside, equation, exact, settings)
+    half = at_half_step(problem, state.noise, state.fit)
+    found, unsure = _findings(sheet, problem, compared, history, beside, equation, exact, half, settings)
     found, at_rates = at_both_rates(problem, state, found, at_models_rate(problem, state, settings))
     # the order of acceptance is not that of the evidence
     found.sort(key=lambda finding: -finding.sse_reduction)
@@ -117,7 +119,7 @@ def _judged(
         settings,
         len(history[-1].accepted),
     )
-    reasons += at_rates
+    reasons += [*at_rates, *(half.said(problem.model.step_s) if half else [])]
     if unclear := intervals_not_understood(problem, history[0]):
         status, reasons = f.LESS_SURE.get(status, status), [*unclear, *reasons]
     findings = f.Findings(
@@ -150,11 +152,12 @@ def _findings(
     beside: Beside | None,
     equation: OpenEnded,
     exact: bool,
+    half: HalfStep | None,
     settings: Settings,
 ) -> tuple[list[f.Finding], set[str]]:
     """The accepted effects as findings, and values that contradict their sheet but are not sure, because a finding hangs on them.
 
-    exact: whether the model simulates as well as its sensors read.
+    exact: whether the model simulates as well as its sensors read; half: what half of its step changes.
     """
     state, left = compared.state, compared.left
     found, unsure = list[f.Finding](), set[str]()
@@ -166,6 +169,7 @@ def _findings(
         caveats = caveats_of(problem, state, test, effect, fitted, left, settings)
         caveats += beside.caveats(problem, state, test, equation) if beside else []
         caveats += beside_rest(test, _confounded(history[0], effect)) if not exact else []
+        caveats += of_the_step(problem, state, effect, half)
         hung = hangs_on(wrong, sheet, effect, fitted)
         caveats += hanging(hung, sheet, fitted)
         unsure |= {value.estimate.name for value in hung}

@@ -125,7 +125,9 @@ class Problem:
         model: Model,
         recordings: Sequence[Recording],
         row_period_s: Mapping[tuple[str, ...], float] | None = None,
+        finer: int = 1,
     ) -> None:
+        # finer: steps of the grid in one of the model, whose windows and rows stay the same
         self.model = model
         self.recordings = tuple(recordings)
         # the same filter for recorded and predicted samples: a mean over neighbours biases nothing
@@ -152,7 +154,7 @@ class Problem:
             }
             before = len(self.windows)
             scored: list[tuple[float, float]] = []
-            for window in cut(model, clean, interval):
+            for window in cut(model, clean, interval, finer):
                 scored.append((window.start_s, window.end_s))
                 index = len(self.windows)
                 parts = list(sample_blocks(window, {name: clean.signals[name] for name in outputs}))

@@ -162,3 +162,13 @@ BLOCKS_TO_COMPARE: Final = _gate(
     otherwise="intervals are not widened by the disagreement of blocks; temporary effects are not searched",
     module="selection.screen",
 )
+HALF_STEP: Final = _gate(
+    name="a step that is fine enough",
+    of="recording",
+    statistic="squared whitened change of the predictions by half of the model's step, nuisances and initial states apart; cheap models",
+    threshold=20,
+    passes="below",
+    source="an outside engineer's nine machines: -4 to 5 where the integration is right, 16 to 559 where it is coarse or takes an input at the wrong end of a step",
+    otherwise="a sentence says so, and an effect whose size small steps would change by half of itself is the best proxy",
+    module="decision.sizes.half_step, decision.caveats",
+)

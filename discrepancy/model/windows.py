@@ -151,15 +151,17 @@ def odd_stamps(model: Model, of: Signal) -> str:
     return f"; samples are {apart:.3g} s apart, the model steps by {model.step_s:g} s: is the time in another unit than its heading says?"
 
 
-def cut(model: Model, recording: Recording, interval: tuple[float, float]) -> Iterable[Window]:
-    """Windows of equal length near model.window_s, each with its lead-in as far as the recording has one."""
+def cut(
+    model: Model, recording: Recording, interval: tuple[float, float], finer: int = 1
+) -> Iterable[Window]:
+    """Windows of equal length near model.window_s, each with its lead-in as far as the recording has one; finer: steps of the grid in one of the model."""
     interval = _in_step(model, recording, interval)
     start = interval[0]
     names = {**model.driving, **model.outputs}
     for low, high in _spans(model, recording, interval):
         lead = max(low - model.step_s * round(model.lead_s / model.step_s), start)
         count = int(np.ceil((high - lead) / model.step_s - 1e-9)) + 1
-        grid: Array = lead + model.step_s * np.arange(count, dtype=np.float64)
+        grid: Array = lead + model.step_s / finer * np.arange(finer * (count - 1) + 1, dtype=np.float64)
         known = {
             name: resampled(s, grid)
             for name, s in recording.signals.items()
@@ -170,7 +172,7 @@ def cut(model: Model, recording: Recording, interval: tuple[float, float]) -> It
             start_s=float(low),
             end_s=float(high),
             time_s=grid,
-            step_s=model.step_s,
+            step_s=model.step_s / finer,
             known=known,
             constants=recording.constants,
         )
