@@ -26,8 +26,11 @@ def with_stand_ins(
     problem: Problem, state: State, values: Sequence[BaselineValue], settings: Settings
 ) -> list[BaselineValue]:
     """The values; one that contradicts the sheet is no longer sure where an effect may act in its place."""
-    wrong = [v.estimate.name for v in values if v.away > gates.PRIOR_CONFLICT.threshold]
-    together = at_once(problem, state, wrong, settings)
+    # of an expensive model only those that would otherwise be certain: each costs fits of the whole library
+    costly = problem.costs.costly
+    far = [v for v in values if v.away > gates.PRIOR_CONFLICT.threshold]
+    wrong = [v.estimate.name for v in far if v.sure or not costly]
+    together = {} if costly else at_once(problem, state, wrong, settings)
     found = []
     for value in values:
         name = value.estimate.name
