@@ -6,6 +6,7 @@ from dataclasses import replace
 from discrepancy.checks.channel_checks import failing_channels
 from discrepancy.checks.model_check import check_model
 from discrepancy.checks.spikes import spikes
+from discrepancy.checks.wrapped import wrapped
 from discrepancy.decision.judge import judge, nothing_usable
 from discrepancy.decision.judgement import Judgement
 from discrepancy.estimation.problem import Problem, Unusable
@@ -44,7 +45,7 @@ def investigate(
     except Unusable as error:
         names = list(dict.fromkeys([*(r.name for r in recordings), *(c.recording for c in complaints)]))
         return nothing_usable(model.name, names, Unusable([*complaints, *error.complaints]))
-    jumps = [c for recording in recordings for c in spikes(model, recording)]
+    jumps = [c for recording in recordings for find in (spikes, wrapped) for c in find(model, recording)]
     return judge(problem, settings, progress, [*complaints, *failed, *fast, *jumps])
 
 

@@ -72,6 +72,10 @@ def stand_ins(problem: Problem, state: State, name: str, settings: Settings) -> 
     columns = sensitivities(problem, values, problem.predict(values), rest, cached=True)
     projector = Projector(problem, state.noise, state.fit)
     edge = edge_of_sheet(nuisance, values)
+    own = [n for n in free_names(problem, state.accepted) if n != name]
+    bare = fit(problem, state.noise, own, values.with_shared({name: edge}), effort=CACHED)
+    if bare.sse + SHEET_ALLOWS**2 - state.fit.sse <= settings.rival:
+        return []  # it can be there without any effect
     found = []
     for of_effect, seen in zip(columns, projected(state.noise, projector, columns), strict=True):
         names = free_names(problem, (*state.accepted, of_effect.effect.name))
