@@ -236,8 +236,8 @@ def _rms(values: Array) -> float:
 def certain(problem: Problem, channels: Sequence[ChannelAdequacy]) -> bool:
     """Whether the model is right enough to call a value of its sheet wrong: within what disturbances are stated to do, else as good as a reading.
 
-    What is granted for disturbances that nobody stated may be another law, for which the value stands. A reading is as good as its sheet says, else as it is predicted
-    one step ahead: a budget that was measured may hold more than the sensor's noise.
+    What is granted for disturbances that nobody stated may be another law, for which the value stands. Nor may a budget by standstill, under
+    constant commands, hold more than the sensor's noise.
     """
     return all(c.adequate for c in channels) and not granted(problem, channels)
 
@@ -255,5 +255,5 @@ def granted(problem: Problem, channels: Sequence[ChannelAdequacy]) -> list[Chann
 
 
 def reading_error(c: ChannelAdequacy) -> float:
-    """What a reading is off by: by its sheet, else by what is left of it one step ahead."""
-    return max(c.budget, c.one_step) if c.one_step_budget is not None else c.one_step
+    """What a reading is off by: its budget; what is left of it one step ahead where that is more, or where something slow was taken for a standstill."""
+    return c.one_step if c.source == "standstill" else max(c.budget, c.one_step)
