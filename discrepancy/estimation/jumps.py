@@ -19,6 +19,8 @@ from discrepancy.signals.recording import Array, Signal
 
 ROUNDING: Final = 1e-9  # of the largest singular value, below which a direction is left out
 FORGOTTEN: Final = 20.0  # time constants after which a lag has forgotten, to 2e-9
+WINDOWS_BEFORE: Final = 10.0  # and no less than so many seconds, for which a lag may look back
+SECONDS_BEFORE: Final = 60.0
 JUMPS: Final = 1e-3  # of an output's spread: a smaller jump is none
 LAST: Final = 1e-3  # weight of inputs in jumps beside the inputs themselves
 SEEN: Final = 1e-3  # of the largest jump of an input in a window, or of a jump's share in a step: at a smaller one no response is measured
@@ -87,6 +89,15 @@ def in_jumps(source: Signal, window: Window, held: Array, response: Array) -> Si
     return replace(source, value=np.cumsum(jumps * does))
 
 
+def _near(source: Signal, window: Window) -> Signal:
+    """The part of an input that a window and a lag in it may see: of an hour, every window would keep all."""
+    start, end = float(window.time_s[0]), float(window.time_s[-1])
+    before = start - max(WINDOWS_BEFORE * (end - start), SECONDS_BEFORE)
+    first = max(int(np.searchsorted(source.time_s, before, side="right")) - 1, 0)
+    stop = max(int(np.searchsorted(source.time_s, end + window.step_s, side="right")), first + 1)
+    return replace(source, time_s=source.time_s[first:stop], value=source.value[first:stop])
+
+
 @dataclass(frozen=True, slots=True)
 class Commands:
     """What one output follows in one window: the held inputs, their squares, and them in jumps; on the model's grid, and as they were recorded."""
@@ -101,6 +112,7 @@ class Commands:
     @classmethod
     def of(cls, window: Window, held: Held, responses: Mapping[str, Array]) -> "Commands":
         """Those of a window; held: the inputs that its recording has; responses: of the output to each of them, as of `in_jumps`."""
+        held = {name: _near(source, window) for name, source in held.items()}
         grid = np.array([window[name] for name in held]).reshape(-1, window.time_s.size).T
         own = [in_jumps(s, window, window[name], responses[name]) for name, s in held.items()]
         on_grid = np.array([resampled(s, window.time_s) for s in own]).reshape(-1, window.time_s.size).T

@@ -118,6 +118,8 @@ class Problem:
 
     A prediction depends on its arguments alone. What is kept (recent predictions, Jacobian columns of expensive models) saves
     simulations; a column that is reused from a nearby point changes how a fit proceeds, never what is predicted.
+
+    row_period_s: time between rows of channels that come faster; finer: steps of the grid in one of the model's, with the same windows and rows.
     """
 
     def __init__(
@@ -127,7 +129,6 @@ class Problem:
         row_period_s: Mapping[tuple[str, ...], float] | None = None,
         finer: int = 1,
     ) -> None:
-        # finer: steps of the grid in one of the model, whose windows and rows stay the same
         self.model = model
         self.recordings = tuple(recordings)
         # the same filter for recorded and predicted samples: a mean over neighbours biases nothing

@@ -201,3 +201,25 @@ def test_a_lag_behind_a_command_is_exact_at_any_time() -> None:
 def test_an_expensive_model_is_left_as_it_is() -> None:
     problem = Problem(replace(cell(), jacobian_reach=0.5), [record(1, noise=0.0)])
     assert np.max(np.abs(starting_right(problem) - problem.measured)) > 0.1
+
+
+def test_a_window_keeps_only_what_it_may_see() -> None:
+    """Of an hour of commands, each of hundreds of windows would keep all of them."""
+    time_s = STEP_S * np.arange(36_000)
+    source = signal(time_s, np.random.default_rng(2).normal(size=time_s.size), "A", held=True)
+    grid = STEP_S * np.arange(20_000, 20_200)
+    window = Window(
+        recording="hour",
+        start_s=2000.0,
+        end_s=2019.9,
+        time_s=grid,
+        step_s=STEP_S,
+        known={"current": source.value[20_000:20_200]},
+        constants={},
+    )
+    commands = Commands.of(window, {"current": source}, {"current": np.zeros(200)})
+    assert max(stamps.size for stamps in commands.stamps) < 2_300
+    # what it keeps is enough for a lag of 2 s
+    late = commands.at(grid, lag_s=2.0)[:, 0]
+    whole = Commands.made(np.zeros((3, 1)), [source.time_s], [source.value]).at(grid, lag_s=2.0)[:, 0]
+    np.testing.assert_allclose(late, whole, atol=1e-12)
