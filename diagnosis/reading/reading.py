@@ -1,5 +1,6 @@
 """Reads all recordings of one diagnosis, of any kind. A recording that cannot be read becomes a complaint."""
 
+import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -113,7 +114,9 @@ def _run(
     tables = {file: _with_computed(table, formulas) for file, table in tables.items()}
     columns = [c for table in tables.values() for c in table.columns]
     if unknown := unknown_columns(columns, options.renamed):
-        raise Unreadable(f"{name}: has no column {', '.join(unknown)}; it has {named(columns)}")
+        near = difflib.get_close_matches(unknown[0], [c.name for c in columns], n=1)
+        hint = f" (did you mean {near[0]!r}?)" if near else ""
+        raise Unreadable(f"{name}: has no column {', '.join(unknown)}{hint}; it has {named(columns)}")
     parts = []
     for file, table in tables.items():
         part, said = to_recording(table, file, channels, options.renamed, options.units)

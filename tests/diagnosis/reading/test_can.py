@@ -148,6 +148,10 @@ def test_what_is_missing_to_read_a_log_is_said(loaderhil: Call, tmp_path: Path) 
             (file, "--dbc", tmp_path / "tank.dbc", "--channel", "level=Depth"),
             "has no column Depth; it has the columns Pump.inflow",
         ),
+        (
+            (file, "--dbc", tmp_path / "tank.dbc", "--channel", "inflow=pump.Inflow"),
+            "has no column pump.Inflow (did you mean 'Pump.inflow'?); it has",
+        ),
         ((tmp_path / "junk.bin", "--dbc", tmp_path / "tank.dbc"), "junk.bin"),
     ):
         ended = loaderhil("diagnose", *words, "--model", model)
