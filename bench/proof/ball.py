@@ -57,7 +57,8 @@ def _throw(
     # twenty times finer than the pictures: the linear interpolation between is then below the noise
     fine = np.arange(0.0, duration, 1.0 / (FINER * pictures_hz))
     (own,) = rng.spawn(1)  # other stamps have the same noise
-    time_s = fine[rows(fine.size, FINER, arm.stamps, own)]
+    at = rows(fine.size, FINER, arm.stamps, own)
+    time_s = fine[at - at[0]]  # the first picture is of the release, by which a late one is measured
     z = solve_ivp(rates, (0.0, duration), (height, speed), "DOP853", t_eval=fine, rtol=1e-9, atol=1e-9).y[0]
     seen = np.interp(np.maximum(fine - values.get("release", 0.0), 0.0), fine, z)
     seen = np.interp(time_s, fine, _low_passed(seen, values.get("height.lag", 0.0), fine[1])) * camera

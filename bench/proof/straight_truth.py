@@ -175,9 +175,10 @@ def record(
     rows = stamped(n, keep, stamps, times)
     given = np.flatnonzero(controlled) if stamps else rows
     wheel = np.interp(time_s - truth.get("speed.delay", 0.0), time_s, out[1]) * (1.0 + sense[0]) + reading
-    # The accelerometer averages over 10 ms from its stamp on, as the model does in a step; between the steps' edges over 5, lest a command come
-    # within: an output that jumps with a command is read at one instant.
-    acceleration = out[2] if stamps else 0.5 * (out[2] + np.append(out[2, 1:], out[2, -1]))
+    # The accelerometer averages over 10 ms from its stamp on, as the model does in a step. It stops at a command that comes within: an output that
+    # jumps with a command is read at one instant.
+    later = np.append(out[2, 1:], out[2, -1])
+    acceleration = np.where(np.append(controlled[1:], False), out[2], 0.5 * (out[2] + later))
     force = acceleration + G * np.sin(acts[:, ORDER.index("slope")] * truth.get("slope", 0.0))
     force = force * (1.0 + truth.get("acceleration.scale", 0.0)) + truth.get("acceleration.bias", 0.0)
     force = force + rng.normal(0.0, noise.acceleration_sd, n)
