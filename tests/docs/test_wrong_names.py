@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from scipy.stats import beta
 
+from bench.proof.stamps import KINDS
+
 ROOT = Path(__file__).parents[2]
 NULLS, CLEAR = "false findings on nulls", "a further, false name beside the truth"
 
@@ -14,8 +16,11 @@ def counted(row: str) -> tuple[int, int]:
     """Wrong names and recordings in all tables of both pages."""
     pages = (ROOT / "docs" / "results" / name for name in ("proof.md", "proof-loader.md"))
     page = "\n".join(file.read_text(encoding="utf-8") for file in pages)
-    found = re.findall(rf"^\| {re.escape(row)} \|.*?\| (\d+) of (\d+) ", page, re.MULTILINE)
-    assert len(found) == 5  # straight, ball, car, loader, loader by MuJoCo
+    found = re.findall(
+        rf"^\| (?:stamps [^|:]*: )?{re.escape(row)} \|.*?\| (\d+) of (\d+) ", page, re.MULTILINE
+    )
+    # straight, ball, car, loader, loader by MuJoCo; and the first three with two kinds of stamps beside the grid
+    assert len(found) == 5 + 3 * len(KINDS)
     return sum(int(wrong) for wrong, _ in found), sum(int(count) for _, count in found)
 
 
