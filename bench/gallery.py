@@ -64,7 +64,7 @@ def _page(exhibit: Exhibit, found: Findings, seconds: float) -> str:
     if exhibit.prepare:
         commands.insert(0, f"    python -m {exhibit.prepare.__module__} FOLDER/{exhibit.name} {files}")
     rows = [
-        f"| {describe.alternatives(f)} | {'cause' if f.named else 'best proxy'} | {'; '.join(map(describe.estimate, f.parameters[:2]))} |"
+        f"| {describe.alternatives(f, several=len(found.recordings) > 1)} | {'cause' if f.named else 'best proxy'} | {'; '.join(map(describe.estimate, f.parameters[:2]))} |"
         for f in found.findings
     ]
     table = ["| effect | found as | size |", "|---|---|---|", *rows, ""] if rows else []
