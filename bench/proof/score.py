@@ -7,6 +7,7 @@ import numpy as np
 from scipy.stats import beta, norm
 
 from bench.proof.arm import EXACT, LAMBDAS, LOADERS, STRONG, Done
+from bench.proof.stamps import KINDS
 from discrepancy.signals.adequacy import inadequate
 
 COIN = 1.0  # likelihood difference below which a coin may as well decide
@@ -162,7 +163,7 @@ def table(done: Sequence[Done]) -> Iterator[Line]:
             f"{np.median(closed):.2f}",
             bool(np.median(closed) >= 0.9),
         )
-    for kind, how in {"beside": "between the grid's points", "irregular": "at irregular times"}.items():
+    for kind, how in KINDS.items():
         yield from _stamped([d for d in done if d.arm.stamps == kind], how)
     seconds = [d.seconds for d in done]
     yield Line("time of a diagnosis", "", f"median {np.median(seconds):.1f} s, longest {max(seconds):.0f} s")
@@ -177,8 +178,8 @@ def _stamped(done: Sequence[Done], how: str) -> Iterator[Line]:
         yield Line(
             f"stamps {how}: false findings on nulls", "<= 3 %", str(false), false.hits <= 0.03 * false.of
         )
-        right = share(nulls, lambda d: d.findings.status == "nothing missing")
-        yield Line(f"stamps {how}: nulls called 'nothing missing'", "", str(right))
+        clean = share(nulls, lambda d: d.findings.status == "nothing missing")
+        yield Line(f"stamps {how}: nulls called 'nothing missing'", "", str(clean))
     if strong:
         hits = share(strong, found)
         yield Line(

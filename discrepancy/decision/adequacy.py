@@ -24,6 +24,7 @@ from discrepancy.signals.recording import Array
 
 PARTS: Final = 20  # of a recording's time, at most
 SHOWN_REGIMES: Final = 3  # of a channel: those with the largest errors
+LEAST: Final = 1e-300  # error of a reading, in place of none at all
 Mask = NDArray[np.bool_]
 
 
@@ -251,9 +252,9 @@ def granted(problem: Problem, channels: Sequence[ChannelAdequacy]) -> list[Chann
         and c.channel not in problem.model.disturbances
         and c.simulated > gates.CERTAIN_VALUE.threshold * reading_error(c)
     ]
-    return sorted(found, key=lambda c: -c.simulated / max(reading_error(c), 1e-300))
+    return sorted(found, key=lambda c: -c.simulated / reading_error(c))
 
 
 def reading_error(c: ChannelAdequacy) -> float:
     """What a reading is off by: its budget; what is left of it one step ahead where that is more, or where something slow was taken for a standstill."""
-    return c.one_step if c.source == "standstill" else max(c.budget, c.one_step)
+    return max(c.one_step, LEAST if c.source == "standstill" else c.budget)

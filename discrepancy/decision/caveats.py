@@ -59,7 +59,7 @@ def beside_rest(test: DropOneTest, confounded_share: float) -> list[str]:
 
     confounded_share: of the effect, that nuisances can do. What is left of it is compared with the recordings' errors of every kind.
     """
-    gained = max(test.gained, 0.0)
+    gained = test.gained
     further = "in a model that is further from the recordings than its sensors are wrong: what is left may do as much (state `disturbances` if that is chance)"
     if gained < gates.SEEN_BESIDE_REST.threshold and test.sse_reduction < gates.CLEAR_BESIDE_REST.threshold:
         return [f"takes {gained:.1%} off the squared error of the channel that it improves most, {further}"]

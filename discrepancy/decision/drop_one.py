@@ -160,4 +160,4 @@ def _gained(before: Array, after: Array, channels: Iterable[Mask], acting: Mask)
         (float(np.sum(before[own & acting] ** 2)), float(np.sum(after[own & acting] ** 2)))
         for own in channels
     ]
-    return max((1.0 - with_it / without for without, with_it in sums if without > 0.0), default=0.0)
+    return max((1.0 - with_it / without for without, with_it in sums if without > with_it), default=0.0)

@@ -12,11 +12,11 @@ import numpy as np
 from discrepancy import gates
 from discrepancy.decision.summary import SHEET_ALLOWS, edge_of_sheet
 from discrepancy.estimation.effort import CACHED
-from discrepancy.estimation.fit import fit
+from discrepancy.estimation.fit import Fit, fit
 from discrepancy.estimation.normal_equations import inverse
 from discrepancy.estimation.problem import Problem, Values
 from discrepancy.model.description import Parameter
-from discrepancy.selection.screen import Columns, Projector, allowed, projected, sensitivities
+from discrepancy.selection.screen import Columns, Projector, allowed, penalty, projected, sensitivities
 from discrepancy.selection.state import Settings, State, free_names
 from discrepancy.signals.findings import BaselineValue
 from discrepancy.signals.recording import Array
@@ -30,34 +30,11 @@ def with_stand_ins(
     costly = problem.costs.costly
     far = [v for v in values if v.away > gates.PRIOR_CONFLICT.threshold]
     wrong = [v.estimate.name for v in far if v.sure or not costly]
-    together = {} if costly else at_once(problem, state, wrong, settings)
     found = []
     for value in values:
         name = value.estimate.name
         effects = stand_ins(problem, state, name, settings) if name in wrong else []
-        effects = list(dict.fromkeys([*together.get(name, []), *effects]))
         found.append(replace(value, sure=value.sure and not effects, or_effects=effects))
-    return found
-
-
-def at_once(problem: Problem, state: State, wrong: Sequence[str], settings: Settings) -> dict[str, list[str]]:
-    """By nuisance: effects, not accepted, with which it and at least one more of several wrong ones return to what their sheets allow.
-
-    Where one effect is behind several wrong values, none of them can return alone: the others would have to stay where they are.
-    """
-    found: dict[str, list[str]] = {}
-    if len(wrong) < 2:
-        return found
-    known = {name: problem.model.parameter(name) for name in wrong}
-    sheet = state.fit.values.with_shared({name: p.value for name, p in known.items()})
-    for effect in [e for e in problem.model.effects if e.name not in state.accepted]:
-        names = free_names(problem, (*state.accepted, effect.name))
-        start = sheet.with_shared(effect.shapes_at_typical)
-        other = fit(problem, state.noise, names, start, effort=CACHED)
-        back = [n for n, p in known.items() if other.values.shared[n] == edge_of_sheet(p, other.values)]
-        if len(back) > 1 and other.sse - state.fit.sse <= settings.rival:
-            for name in back:
-                found.setdefault(name, []).append(effect.name)
     return found
 
 
@@ -67,15 +44,12 @@ def stand_ins(problem: Problem, state: State, name: str, settings: Settings) -> 
     The linearised model proposes them; a fit with the nuisance at that edge confirms each.
     """
     nuisance = problem.model.parameter(name)
-    rest = [e for e in problem.model.effects if e.name not in state.accepted]
     values = state.fit.values
+    edge = edge_of_sheet(nuisance, values)
+    most = _by_the_sheet(problem, state.fit, name, settings) + settings.rival - SHEET_ALLOWS**2
+    rest = [e for e in problem.model.effects if e.name not in state.accepted]
     columns = sensitivities(problem, values, problem.predict(values), rest, cached=True)
     projector = Projector(problem, state.noise, state.fit)
-    edge = edge_of_sheet(nuisance, values)
-    own = [n for n in free_names(problem, state.accepted) if n != name]
-    bare = fit(problem, state.noise, own, values.with_shared({name: edge}), effort=CACHED)
-    if bare.sse + SHEET_ALLOWS**2 - state.fit.sse <= settings.rival:
-        return []  # it can be there without any effect
     found = []
     for of_effect, seen in zip(columns, projected(state.noise, projector, columns), strict=True):
         names = free_names(problem, (*state.accepted, of_effect.effect.name))
@@ -84,10 +58,25 @@ def stand_ins(problem: Problem, state: State, name: str, settings: Settings) -> 
             if start is None:
                 continue
             other = fit(problem, state.noise, [n for n in names if n != name], start, effort=CACHED)
-            if other.sse + SHEET_ALLOWS**2 - state.fit.sse <= settings.rival:
+            if other.sse <= most:
                 found.append(of_effect.effect.name)
                 break
     return found
+
+
+def _by_the_sheet(problem: Problem, fitted: Fit, name: str, settings: Settings) -> float:
+    """The SSE of a fit by the sheet's priors on all that is fitted, of which the nuisance `name` costs no more than the search asks of a parameter.
+
+    The fit may have trusted the sheet less. Where one effect is behind several wrong values, those that stay wrong beside this one have to be paid for, or
+    no effect could ever be a rival that puts them right. That one value of a sheet is wrong is as likely whether it is by five standard deviations or by
+    twenty: it costs what the choice of one among all values and effects costs.
+    """
+    known = [problem.model.parameter(n) for n in fitted.names]
+    shared = fitted.values.shared
+    costs = {p.name: ((shared[p.name] - p.value) / p.prior_sd) ** 2 for p in known if p.prior_sd}
+    among = len(problem.model.nuisances) + len(problem.model.effects)
+    costs[name] = min(costs[name], penalty(1, among, settings.alpha))
+    return fitted.data_sse + sum(costs.values())
 
 
 def _start(

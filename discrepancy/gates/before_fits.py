@@ -168,7 +168,7 @@ HALF_STEP: Final = _gate(
     statistic="squared whitened change of the predictions by half of the model's step, nuisances and initial states apart; cheap models",
     threshold=20,
     passes="below",
-    source="an outside engineer's nine machines: -4 to 5 where the integration is right, 16 to 559 where it is coarse or takes an input at the wrong end of a step",
+    source="an effect of a library of a hundred needs 17 to be accepted; exact integrations come to 6 at most (bodies of the proof), a pressure chamber in steps of 10 ms with a false lag to 24",
     otherwise="a sentence says so, and an effect whose size small steps would change by half of itself is the best proxy",
     module="decision.sizes.half_step, decision.caveats",
 )

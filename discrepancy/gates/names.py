@@ -167,8 +167,8 @@ RATES_AGREE: Final = _gate(
     statistic="difference of a size by single samples and by rows at the model's bandwidth, over the root of the difference of their variances (Hausman 1978); only where eight samples or more make a row",
     threshold=2.0,
     passes="below",
-    source="95 %; an interval that is widened in vain costs little",
-    otherwise="the interval holds both, and a sentence says so",
+    source="95 %",
+    otherwise="a sentence says so; the interval holds both in any case",
     module="decision.rates",
 )
 LEFT_BESIDE_EQUATION: Final = _gate(
@@ -245,6 +245,16 @@ LEFT_BESIDE_UNACCEPTED: Final = _gate(
     source="half: what another law would mostly do is not determined, although held-out data contradict that law or the search ended before it",
     otherwise="best proxy, cause unknown",
     module="decision.not_accepted",
+)
+NUISANCE_CHANGED: Final = _gate(
+    name="a nuisance that may have changed",
+    of="name",
+    statistic="distance from its prior, in standard deviations, of the value that a nuisance would need for a while",
+    threshold=10.0,
+    passes="below",
+    source="a load may be taken up that the sheet does not know; twenty times what a sheet is wrong by is another law",
+    otherwise="above, or beyond its bounds, it is no rival of a temporary effect",
+    module="selection.active_intervals",
 )
 NUISANCE_IN_TIME: Final = _gate(
     name="no nuisance that changes in time",

@@ -33,9 +33,6 @@ from discrepancy.selection.unexplained import unexplained
 from discrepancy.signals.recording import Array
 
 FEWEST_WINDOWS: Final = int(gates.WINDOWS_OF_INTERVAL.threshold)
-# standard deviations of its prior, by which a nuisance may be another for a while: a load may be taken up, but twenty times what a sheet may be wrong by is
-# another law
-MOST_CHANGED: Final = 10.0
 ROUNDS = 6  # alternations between range and noise, at most
 ROUNDING = 1e-6  # share of a column's power; less is left by a projection of what nuisances can do
 MOST_RANGES = 4  # of one effect: the choice of the windows left out at their ends doubles with every end
@@ -290,7 +287,10 @@ def time_varying_nuisance(
 def _possible(nuisance: Parameter, value: float) -> bool:
     """Whether a nuisance may have this value for a while."""
     known = nuisance.prior_sd or np.inf
-    return nuisance.lower <= value <= nuisance.upper and abs(value - nuisance.value) <= MOST_CHANGED * known
+    return (
+        nuisance.lower <= value <= nuisance.upper
+        and abs(value - nuisance.value) <= gates.NUISANCE_CHANGED.threshold * known
+    )
 
 
 def _scatter(

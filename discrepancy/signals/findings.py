@@ -98,9 +98,8 @@ class Where:
     throughout: bool  # no interval stands out
     intervals: list[Interval]
     regimes: list[Regime]
-    temporary: bool = (
-        False  # the effect acts in the intervals only, and not where most of the evidence happens to be
-    )
+    # the effect acts in the intervals only; else they are where most of its evidence happens to be
+    temporary: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

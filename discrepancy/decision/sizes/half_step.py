@@ -23,9 +23,8 @@ class HalfStep:
     evidence: float  # squared whitened change that nuisances and initial states cannot do
     channel: str  # that changes most, of its movement
     share: float  # of the movement of that channel
-    shifts: Mapping[
-        str, float
-    ]  # of the fitted parameters in infinitely small steps, by Richardson's extrapolation
+    # of the fitted parameters in infinitely small steps, by Richardson's extrapolation
+    shifts: Mapping[str, float]
 
     @property
     def of_integration(self) -> bool:

@@ -258,4 +258,7 @@ def test_a_value_is_certain_only_where_the_model_is_as_good_as_a_reading() -> No
         )  # fmt: skip
         assert certain(problem, [level]) is alone
         assert certain(stated, [level])
+        # a slow machine seems to stand still under constant commands: that budget may hold its motion
+        slow = replace(level, source="standstill", one_step_budget=None, budget=1.0)
+        assert certain(problem, [slow]) is alone
         assert not certain(stated, [replace(level, adequate=False)])

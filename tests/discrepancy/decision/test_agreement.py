@@ -12,12 +12,15 @@ from tests.discrepancy.toys import record, tank
 SETTINGS = Settings(open_ended=False)
 
 
-def disagreements(*leaks: float, first: int = 100) -> list[str]:
-    """What is said of disagreement on recordings with these leaks, called a, b, ..."""
+def disagreements(*leaks: float, first: int = 100, most: float = 1.0) -> list[str]:
+    """What is said of disagreement on recordings with these leaks, called a, b, ...; most: bound of a leak in the model."""
     recordings = [
         replace(record(first + i, leak=leak), name=chr(ord("a") + i)) for i, leak in enumerate(leaks)
     ]
-    result = examine(tank("leak"), recordings, SETTINGS)
+    plain = tank("leak")
+    [leak] = plain.effects
+    bounded = replace(leak, parameters=(replace(leak.parameters[0], upper=most),))
+    result = examine(replace(plain, effects=(bounded,)), recordings, SETTINGS)
     assert result.named == ["leak"]
     return [reason for reason in result.reasons if "do not agree" in reason]
 
@@ -31,6 +34,12 @@ def test_recordings_that_disagree_are_reported_with_both_sizes() -> None:
     [text] = disagreements(0.08, 0.03)
     sizes = [float(size) for size in re.findall(r"([.\d]+) 1/s in", text)]
     assert sizes == pytest.approx([0.08, 0.03], rel=0.15)  # to first order
+
+
+def test_a_size_of_one_recording_keeps_to_its_bounds() -> None:
+    """To first order one passes the bound that a fit of that recording would keep to."""
+    [text] = disagreements(0.08, 0.03, most=0.07)
+    assert "0.07 1/s in a" in text
 
 
 def test_of_many_recordings_only_the_extremes_are_reported() -> None:

@@ -14,6 +14,7 @@ from discrepancy.estimation.problem import Problem, Values
 from discrepancy.examine import examine
 from discrepancy.model.description import Model, Parameter, Window
 from discrepancy.model.sensors import sensor_effects
+from discrepancy.selection.active_intervals import active_interval_of
 from discrepancy.selection.open_ended import OpenEnded, explore
 from discrepancy.selection.search import search
 from discrepancy.selection.state import Settings
@@ -106,6 +107,21 @@ def test_a_little_beside_what_is_left_over_is_no_cause(
 ) -> None:
     found = beside_rest(a_test(gained=gained, evidence=evidence), confounded)
     assert len(found) == count
+
+
+def test_what_acts_for_a_while_is_judged_by_what_it_gains_then() -> None:
+    """A small leak for 60 of 240 s takes more off the error of these than off that of the whole recording."""
+    drained, tight = (record(9, duration_s=240.0, leak=leak) for leak in (0.01, 0.0))
+    when = (tight.signals["level"].time_s >= 100.0) & (tight.signals["level"].time_s < 160.0)
+    mixed = np.where(when, drained.signals["level"].value, tight.signals["level"].value)
+    level = replace(tight.signals["level"], value=mixed)
+    problem = Problem(tank("leak"), [replace(tight, signals={**tight.signals, "level": level})])
+    state, _ = search(problem, STRICT)
+    [test] = drop_one_tests(problem, state, {}, OpenEnded(), STRICT)
+    everywhere = 1.0 - test.error_ratio["level"] ** 2
+    windows = active_interval_of(problem.model.effects[0], state.fit.values)
+    assert windows is not None
+    assert test.gained > everywhere + 0.1
 
 
 def measured_speed(seed: int, late_s: float = 0.0) -> Recording:

@@ -52,6 +52,25 @@ def test_halving_an_explicit_step_again_halves_what_it_changes() -> None:
     assert coarse.evidence / fine.evidence == pytest.approx(4.0, rel=0.1)
 
 
+def test_what_small_steps_would_change_is_what_they_change() -> None:
+    """By explicit steps of 0.1 s a leak of 0.1 1/s is 4 % too small, by exact ones it is right to 0.5 %."""
+    drive = record(1, noise=0.001, leak=0.1)
+    sizes = {}
+    for name, model in (
+        ("explicit", euler("leak", step_s=0.1)),
+        ("exact", replace(euler("leak", step_s=0.1), simulate=tank().simulate)),
+    ):
+        problem = Problem(model, [drive])
+        state = assess(problem, ("leak",), problem.start(), QUICK)
+        sizes[name] = state.fit.values.shared["leak"]
+        if name == "explicit":
+            half = at_half_step(problem, state.noise, state.fit)
+    assert half is not None
+    off = sizes["exact"] - sizes["explicit"]
+    assert sizes["exact"] == pytest.approx(0.1, rel=0.01)
+    assert half.shifts["leak"] == pytest.approx(off, rel=0.2)
+
+
 def test_an_error_of_the_integration_is_no_effect() -> None:
     """An explicit step of 0.4 s loses 4 % of the outflow's rate."""
     result = examine(euler("leak", "level delay", step_s=0.4), [record(1, noise=0.01)], QUICK)

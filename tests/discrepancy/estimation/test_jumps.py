@@ -166,19 +166,23 @@ def test_axes_that_may_be_turned_are_read_together() -> None:
     np.testing.assert_allclose(mixed[volts], expected, atol=1e-9)
 
 
+def window_of(time_s: Array, **known: Array) -> Window:
+    return Window(
+        recording="r",
+        start_s=float(time_s[0]),
+        end_s=float(time_s[-1]),
+        time_s=time_s,
+        step_s=STEP_S,
+        known=known,
+        constants={},
+    )
+
+
 def test_squares_of_a_command_are_known() -> None:
     """Lift goes with the square of a speed of rotation."""
     time_s = STEP_S * np.arange(100)
     turns = np.random.default_rng(2).uniform(1.0, 3.0, 100)
-    window = Window(
-        recording="rotor",
-        start_s=0.0,
-        end_s=9.9,
-        time_s=time_s,
-        step_s=STEP_S,
-        known={"turns": turns},
-        constants={},
-    )
+    window = window_of(time_s, turns=turns)
     nothing = {"turns": np.zeros(100)}
     commands = Commands.of(window, {"turns": signal(time_s, turns, "rad/s", held=True)}, nothing)
     slow = np.sin(time_s / 10.0)
@@ -208,15 +212,7 @@ def test_a_window_keeps_only_what_it_may_see() -> None:
     time_s = STEP_S * np.arange(36_000)
     source = signal(time_s, np.random.default_rng(2).normal(size=time_s.size), "A", held=True)
     grid = STEP_S * np.arange(20_000, 20_200)
-    window = Window(
-        recording="hour",
-        start_s=2000.0,
-        end_s=2019.9,
-        time_s=grid,
-        step_s=STEP_S,
-        known={"current": source.value[20_000:20_200]},
-        constants={},
-    )
+    window = window_of(grid, current=source.value[20_000:20_200])
     commands = Commands.of(window, {"current": source}, {"current": np.zeros(200)})
     assert max(stamps.size for stamps in commands.stamps) < 2_300
     # what it keeps is enough for a lag of 2 s

@@ -53,7 +53,7 @@ def test_a_command_beside_the_grid_is_not_late(late_s: float) -> None:
 
 
 def starts_at(*inputs: tuple[Sequence[float], Sequence[float]], first_s: float = 0.0) -> float:
-    """Where the grid of a tank begins whose second input is there from first_s on; inputs: stamps and values of held ones."""
+    """Where the grid begins in a recording with a wind that is there from first_s on; inputs: stamps and values of held ones."""
     names = ("inflow", "drain")[: len(inputs)]
     signals = {
         name: signal(np.array(stamps), np.array(values), "m/s", held=True)
@@ -62,8 +62,10 @@ def starts_at(*inputs: tuple[Sequence[float], Sequence[float]], first_s: float =
     at = np.arange(first_s, 60.0, 0.1)
     signals |= {"wind": signal(at, np.sin(at), "m/s"), "level": signal(at, np.sin(at), "m")}
     model = replace(tank("leak"), inputs={**dict.fromkeys(names, "m/s"), "wind": "m/s"}, held=names)
-    (interval,) = [found[1] for found in [usable(model, Recording("r", signals), [])] if found]
-    return next(iter(cut(model, Recording("r", signals), interval))).time_s[0]
+    recording = Recording("r", signals)
+    found = usable(model, recording, [])
+    assert found is not None
+    return next(iter(cut(model, recording, found[1]))).time_s[0]
 
 
 EVERY_MINUTE = np.arange(0.0, 60.0, 3.0)

@@ -86,11 +86,16 @@ def test_noise_is_not_taken_for_what_acts_for_a_while_nor_a_rival_in_the_same_wi
     assert result.findings[0].parameters[0].value == pytest.approx(0.2, rel=0.3)
 
 
-@pytest.mark.parametrize(("upper", "may"), [(2.0, True), (1.1, False)])
+@pytest.mark.parametrize(
+    ("upper", "known", "may"), [(2.0, 0.02, True), (1.1, 0.02, False), (2.0, 0.01, False)]
+)
 def test_what_acts_for_a_while_is_no_cause_where_the_baseline_may_have_changed(
-    upper: float, may: bool
+    upper: float, known: float, may: bool
 ) -> None:
-    """The tank is 1.15 times as wide from 60 to 120 s: its scale seems to be wrong there, which the nuisance would explain as well, if it can be so large."""
+    """The tank is 1.15 times as wide from 60 to 120 s: its scale seems to be wrong there, which the nuisance would explain as well.
+
+    Not where its bound excludes that, nor where the area is known to a hundredth: fifteen standard deviations are another tank.
+    """
     narrow = record(9, duration_s=200.0)
     inflow, level = narrow.signals["inflow"], narrow.signals["level"]
     now, true = 0.5, np.empty(level.time_s.size)
@@ -102,7 +107,8 @@ def test_what_acts_for_a_while_is_no_cause_where_the_baseline_may_have_changed(
     changed = replace(narrow, signals={"inflow": inflow, "level": signal(level.time_s, seen, "m")})
     model = tank("leak", "level scale")
     area, state = model.nuisances
-    result = examine(replace(model, nuisances=(replace(area, upper=upper), state)), [changed], STRICT)
+    area = replace(area, upper=upper, prior_sd=known)
+    result = examine(replace(model, nuisances=(area, state)), [changed], STRICT)
     assert (result.status == "unknown") is may
     assert (result.named == []) is may
     assert any("nuisance area" in caveat for f in result.findings for caveat in f.caveats) is may
