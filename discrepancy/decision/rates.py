@@ -4,7 +4,7 @@ One-step errors weigh every frequency by its noise (ADR 27). If the model is rig
 a little more scatter. If not, the two differ by more than that, and the data do not say which of them is the machine's (Hausman 1978).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -62,35 +62,37 @@ def _of_rows(aside: SetAside, slow: Problem) -> SetAside:
 def at_both_rates(
     problem: Problem, state: State, found: Sequence[Finding], slow: AtModelsRate | None
 ) -> tuple[list[Finding], list[str]]:
-    """The findings with intervals that hold the sizes at both rates where these contradict each other, and a sentence on each."""
+    """The findings with intervals that hold the sizes at both rates, and a sentence on each size where the two contradict each other."""
     if slow is None:
         return [*found], []
     widened, said = [], []
     for finding in found:
-        own = {e.name: e for e in finding.parameters}
-        for name, other in _contradictions(problem, state, finding, slow):
-            own[name] = _both(own[name], other)
-            said.append(
-                f"{name} is {quantity(own[name].value, own[name].unit)} by single samples and {quantity(other.value, other.unit)} by means of {slow.samples}: "
-                "the model is not right at every frequency of the recording, and the interval holds both"
-            )
-        widened.append(replace(finding, parameters=list(own.values())))
+        parameters = []
+        for here in finding.parameters:
+            there = _at_models_rate(problem, state, here, slow)
+            if there is not None and _contradict(here, there):
+                said.append(
+                    f"{here.name} is {quantity(here.value, here.unit)} by single samples and {quantity(there.value, there.unit)} by means of {slow.samples}: "
+                    "the model is not right at every frequency of the recording, and the interval holds both"
+                )
+            # not only where they contradict each other: whether they do hangs on the last digits, and a right model has both in one place
+            parameters.append(here if there is None else _both(here, there))
+        widened.append(replace(finding, parameters=parameters))
     return widened, said
 
 
-def _contradictions(
-    problem: Problem, state: State, finding: Finding, slow: AtModelsRate
-) -> Iterator[tuple[str, Estimate]]:
-    """Parameters of a finding whose two estimates are further apart than their scatter, and the one at the model's rate."""
-    for here in finding.parameters:
-        # a rival in the place of an accepted effect was not fitted at the other rate
-        if here.low is None or here.name not in slow.fit.names or here.name not in state.fit.names:
-            continue
-        there = estimate(problem.model.parameter(here.name), slow.fit, slow.noise)
-        # both are of the same data: of an efficient and a less efficient estimate, the variance of the difference is the difference of the variances
-        scatter = np.sqrt(max(_sd(there) ** 2 - _sd(here) ** 2, (LEAST_APART * _sd(there)) ** 2))
-        if abs(here.value - there.value) > gates.RATES_AGREE.threshold * scatter:
-            yield here.name, there
+def _at_models_rate(problem: Problem, state: State, here: Estimate, slow: AtModelsRate) -> Estimate | None:
+    """The estimate of the same parameter at the model's rate; None for one without an interval, or of a rival that was not fitted there."""
+    if here.low is None or here.name not in slow.fit.names or here.name not in state.fit.names:
+        return None
+    return estimate(problem.model.parameter(here.name), slow.fit, slow.noise)
+
+
+def _contradict(here: Estimate, there: Estimate) -> bool:
+    """Whether two estimates are further apart than their scatter."""
+    # both are of the same data: of an efficient and a less efficient estimate, the variance of the difference is the difference of the variances
+    scatter = np.sqrt(max(_sd(there) ** 2 - _sd(here) ** 2, (LEAST_APART * _sd(there)) ** 2))
+    return bool(abs(here.value - there.value) > gates.RATES_AGREE.threshold * scatter)
 
 
 def _ends(e: Estimate) -> tuple[float, float]:
