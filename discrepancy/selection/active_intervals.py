@@ -4,8 +4,9 @@ All ranges of windows of a recording are scanned; sums over windows give the sco
 ranges by dynamic programming. The threshold of the SSE reduction grows with every range by the number of those that were tried (Bonferroni).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from typing import Final
 
@@ -155,8 +156,11 @@ def temporary_effects(
         active_intervals = [
             (interval, interval.size * tried)
             for raw, tried in zip(c.raw, c.changes, strict=True)
-            if (interval := best_interval(noise, projector, fitted.residual, raw[:, 0], among)) is not None
-            and allowed(c.effect.amplitude_parameters, interval.size * tried)
+            if (
+                interval := best_interval(
+                    noise, projector, fitted.residual, raw[:, 0], among, _allowing(c, tried)
+                )
+            )
         ]
         if not active_intervals:
             continue
@@ -272,20 +276,23 @@ def time_varying_nuisance(
     found: list[tuple[str, float, Windows]] = []
     for name, column in zip(problem.nuisance_names, raw.T, strict=True):
         nuisance, value = problem.model.parameter(name), without.values.shared[name]
-        best = best_interval(noise, projector, without.residual, column, among)
-        if best is not None and _possible(nuisance, value + best.size):
+        best = best_interval(
+            noise, projector, without.residual, column, among, partial(_possible, nuisance, value)
+        )
+        if best is not None:
             found.append((name, best.statistic, tuple(best.windows)))
         free = projector.off(noise.whiten(column * acts)[:, None])[:, 0]
         power, pull = float(free @ free), float(free @ without.residual)
         # a power of rounding's size, or a value that cannot be
         seen = power > ROUNDING * float(np.sum(noise.whiten(column) ** 2))
-        if seen and _possible(nuisance, value + pull / power):
+        if seen and _possible(nuisance, value, pull / power):
             found.append((name, pull**2 / power, active))
     return max(found, key=lambda f: f[1], default=None)
 
 
-def _possible(nuisance: Parameter, value: float) -> bool:
-    """Whether a nuisance may have this value for a while."""
+def _possible(nuisance: Parameter, value: float, change: float) -> bool:
+    """Whether a nuisance may be another by this change for a while."""
+    value += change
     known = nuisance.prior_sd or np.inf
     return (
         nuisance.lower <= value <= nuisance.upper
@@ -338,10 +345,24 @@ def _evenness(noise: Noise, direction: Array, residual: Array, inside: Mask) -> 
     return float(f_dist.sf(scatter / usual, freedom, outside))
 
 
+def _allowing(columns: Columns, tried: Array) -> Callable[[float], bool]:
+    """Whether an effect may have a size, which is given in this trial step."""
+    return lambda size: allowed(columns.effect.amplitude_parameters, size * tried)
+
+
 def best_interval(
-    noise: Noise, projector: Projector, residual: Array, raw: Array, among: Sequence[range]
+    noise: Noise,
+    projector: Projector,
+    residual: Array,
+    raw: Array,
+    among: Sequence[range],
+    possible: Callable[[float], bool] = lambda _: True,
 ) -> ActiveInterval | None:
-    """The range in which one column of raw sensitivities (N,) scores best, nuisances and initial states projected out."""
+    """The range in which one column of raw sensitivities (N,) scores best, nuisances and initial states projected out.
+
+    possible: whether it may have a size, in units of the column. What acts from the middle on is also what acts until then, the other way round, beside
+    another value of a nuisance: both score the same, and only one of them may be.
+    """
     if not among:
         return None
     white = projector.states.off(noise.whiten(raw))
@@ -362,7 +383,10 @@ def best_interval(
     power = own[stop] - own[first] - np.einsum("ri,ij,rj->r", cross, inverse, cross)
     score = seen[stop] - seen[first] - cross @ pull
     statistic = np.where(power > ROUNDING * max(own[-1], 1e-300), score**2 / np.maximum(power, 1e-300), 0.0)
-    best = int(np.argmax(statistic))
-    if statistic[best] == 0.0:
-        return None
-    return ActiveInterval(among[best], float(statistic[best]), float(score[best] / power[best]))
+    size = score / np.where(statistic > 0.0, power, 1.0)
+    for best in np.argsort(-statistic).tolist():
+        if statistic[best] == 0.0:
+            break
+        if possible(float(size[best])):
+            return ActiveInterval(among[best], float(statistic[best]), float(size[best]))
+    return None

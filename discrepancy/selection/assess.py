@@ -86,6 +86,7 @@ def assess(
         fitted = fit(problem, noise, names, fitted.values, effort=effort)
         if last and accepted:
             fitted = from_guesses(problem, noise, fitted)
+            fitted = from_typical_shapes(problem, noise, fitted, accepted)
         at = fitted.values
     scores = screen(problem, noise, fitted, columns, settings)
     temporary, basis = _temporary_effects(problem, noise, fitted, columns, settings)
@@ -110,11 +111,15 @@ def _temporary_effects(
 ) -> tuple[list[tuple[Score, Windows]], tuple[Noise, Fit] | None]:
     """Effects that may act in one interval only, and the noise and fit under which they were scored."""
     # The noise of `assess` has candidates projected out that act throughout. It still contains an effect that acts in one interval, so
-    # here the candidates are projected out window by window.
+    # here the candidates are projected out window by window. It is done under white noise: a noise that has taken what begins half-way
+    # for a long memory of its own sees nothing else in it any more.
     if not window_ranges(problem):
         return [], None
     raw = problem.measured - problem.predict(fitted.values)
-    noise = estimate_noise(problem, *unexplained_by_window(problem, noise, fitted, raw, columns), noise)
+    white = white_noise(problem, raw, noise.initial_uncertainty, noise.set_aside)
+    plain = fit(problem, white, fitted.names, fitted.values)
+    raw = problem.measured - problem.predict(plain.values)
+    noise = estimate_noise(problem, *unexplained_by_window(problem, white, plain, raw, columns), white)
     fitted = fit(problem, noise, fitted.names, fitted.values)
     scores = screen(problem, noise, fitted, columns, settings)
     return temporary_effects(problem, noise, fitted, scores, columns, settings.alpha), (noise, fitted)
@@ -133,6 +138,25 @@ def from_guesses(problem: Problem, noise: Noise, fitted: Fit) -> Fit:
         return fitted
     other = fit(problem, noise, fitted.names, fitted.values.starting_as(problem.guesses))
     return other if other.sse < fitted.sse - CLEARLY else fitted
+
+
+def from_typical_shapes(problem: Problem, noise: Noise, fitted: Fit, accepted: Sequence[str]) -> Fit:
+    """The fit, or a better one that begins with the shapes of accepted effects where these were scored.
+
+    The place of a pile has a minimum wherever its force would set in beside something else. The noise has changed since the fit chose among them.
+    """
+    shapes = [p for name in accepted for p in problem.model.effect(name).parameters if p.shape]
+    begin = {p.name: p.value + p.typical for p in shapes if p.name in fitted.names}
+    typical = {p.name: abs(p.typical) for p in shapes}
+    shared = fitted.values.shared
+    if all(abs(shared[name] - value) <= typical[name] for name, value in begin.items()):
+        return fitted
+    start = fitted.values.with_shared(begin)
+    other = fit(problem, noise, fitted.names, problem.warmed_up(start, start))
+    if other.sse >= fitted.sse - CLEARLY:
+        return fitted
+    # at a wrong place the size has gone to nothing, and beside a size of nothing the shape has no slope: now it has
+    return fit(problem, noise, fitted.names, other.values)
 
 
 def _at_prior(problem: Problem, fitted: Fit) -> Values | None:

@@ -1,11 +1,16 @@
 """Where a search begins its next round."""
 
+from collections.abc import Mapping
+
+import numpy as np
 import pytest
 
-from discrepancy.estimation.fit import fit
-from discrepancy.estimation.noise import white_noise
+from discrepancy.estimation.fit import Fit, fit
+from discrepancy.estimation.noise import Noise, white_noise
 from discrepancy.estimation.problem import Problem
-from discrepancy.selection.assess import from_prior
+from discrepancy.model.description import Effect, Model, Parameter, Window
+from discrepancy.selection.assess import from_prior, from_typical_shapes
+from discrepancy.signals.recording import Array, Recording, signal
 from tests.discrepancy.decision.test_detectability import recorded, swinging
 
 TRUE, OTHER = 0.0, 0.23  # of the spring; at the other one swing more, and the fit is caught
@@ -20,3 +25,46 @@ def test_a_fit_returns_to_priors_only_where_that_is_better(fitted_at: float, hom
     assert abs(fitted.values.shared["spring"] - home.values.shared["spring"]) > 0.02
     found = from_prior(problem, noise, fitted, home.values)
     assert found.values.shared["spring"] == pytest.approx(TRUE, abs=1e-3)
+
+
+WAVES, ELSEWHERE = (
+    1.0,
+    0.85,
+)  # wavelength of a rough road: beside it a fit matches it over a part of the way only
+
+
+def rough(window: Window, values: Mapping[str, float], _: Mapping[str, Array]) -> dict[str, Array]:
+    """A road that rises and falls by the sine of the way."""
+    return {"height": values["high"] * np.sin(2.0 * np.pi * window.time_s / values["wavelength"])}
+
+
+def fitted_to_rough_ground(begun_at: float, scored_at: float) -> tuple[Problem, Noise, Fit]:
+    """The problem of a recording of waves, and a fit of height and wavelength; both wavelengths are starts."""
+    high = Parameter(name="high", unit="m", lower=0.0, upper=1.0, typical=0.1)
+    shape = Parameter(
+        name="wavelength", unit="m", value=scored_at - 0.02, lower=0.2, upper=5.0, typical=0.02, shape=True
+    )
+    waves = Effect(name="waves", sentence="", equation="", parameters=(high, shape), kind="physics", place="")
+    model = Model(name="road", sentence="", inputs={}, outputs={"height": "m"}, nuisances=(), effects=(waves,),
+                  simulate=rough, step_s=0.02, window_s=10.0)  # fmt: skip
+    way = 0.02 * np.arange(500)
+    seen = 0.2 * np.sin(2.0 * np.pi * way / WAVES) + np.random.default_rng(3).normal(0.0, 0.02, way.size)
+    problem = Problem(model, [Recording("road", {"height": signal(way, seen, "m")})])
+    noise = white_noise(problem, np.random.default_rng(4).normal(0.0, 0.02, problem.measured.size))
+    start = problem.start().having(high=0.1, wavelength=begun_at)
+    return problem, noise, fit(problem, noise, ("high", "wavelength"), start)
+
+
+@pytest.mark.parametrize("begun_at", [ELSEWHERE, WAVES])
+def test_a_shape_returns_to_where_it_was_scored_if_that_leads_to_a_better_minimum(begun_at: float) -> None:
+    problem, noise, fitted = fitted_to_rough_ground(begun_at, scored_at=0.99 * WAVES)
+    assert (abs(fitted.values.shared["wavelength"] - WAVES) > 0.05) == (begun_at == ELSEWHERE)
+    found = from_typical_shapes(problem, noise, fitted, ["waves"])
+    assert found.values.shared["wavelength"] == pytest.approx(WAVES, abs=2e-3)
+    assert found.values.shared["high"] == pytest.approx(0.2, abs=0.01)
+    assert found.sse <= fitted.sse
+
+
+def test_a_shape_stays_where_the_fit_from_its_typical_value_is_the_worse_one() -> None:
+    problem, noise, fitted = fitted_to_rough_ground(WAVES, scored_at=ELSEWHERE)
+    assert from_typical_shapes(problem, noise, fitted, ["waves"]) is fitted

@@ -11,6 +11,7 @@ from discrepancy.examine import examine
 from discrepancy.selection.state import Settings
 from discrepancy.signals.findings import Findings
 from discrepancy.signals.recording import Recording, signal
+from tests.discrepancy.room import KNOWN, STEP_S, evening, room
 from tests.discrepancy.toys import record, tank
 
 STRICT = Settings()
@@ -112,6 +113,24 @@ def test_what_acts_for_a_while_is_no_cause_where_the_baseline_may_have_changed(
     assert (result.status == "unknown") is may
     assert (result.named == []) is may
     assert any("nuisance area" in caveat for f in result.findings for caveat in f.caveats) is may
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+@pytest.mark.parametrize("leak", [20.0, 40.0])
+def test_what_opens_half_way_is_no_noise_with_a_long_memory(seed: int, leak: float) -> None:
+    """A thermometer that reads too much until then, or none at all, was said: to a noise that remembers hours, the leak was no surprise.
+
+    With the heat that the walls lose until then, another value of the sheet does as much; but not where that would be 13 standard deviations.
+    """
+    recording = evening(seed, leak=leak, leak_from=720, off=KNOWN)
+    result = examine(room("leak", "weak heater"), [recording], Settings(open_ended=False))
+    [found] = result.findings
+    assert found.effect == "leak"
+    assert found.parameters[0].value == pytest.approx(leak, rel=0.05)
+    [spell] = found.where.intervals
+    assert found.where.temporary
+    assert (spell.start_s, spell.end_s) == pytest.approx((720 * STEP_S, 1439 * STEP_S), abs=2.0 * STEP_S)
+    assert found.named or "the nuisance loss would explain as much" in found.caveats[0]
 
 
 def test_an_effect_that_acts_always_is_given_no_spell() -> None:
