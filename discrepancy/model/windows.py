@@ -118,12 +118,19 @@ def usable(
         recording.signals[name] for name in outputs
     ]
     start = max(s.time_s[0] for s in driving) if model.inputs else min(s.time_s[0] for s in driving)
-    end = min(s.time_s[-1] for s in driving) if model.inputs else max(s.time_s[-1] for s in driving)
+    last = max(recording.signals[name].time_s[-1] for name in outputs)
+    end = min(min(_known_until(s), max(s.time_s[-1], last)) for s in driving) if model.inputs else last
     if end - start < FEWEST_SAMPLES * model.step_s:
         text = _apart(recording, driving, start, end) + odd_stamps(model, driving[0])
         complain("inputs", text, fatal=True)
         return None
     return outputs, (float(start), float(end))
+
+
+def _known_until(source: Signal) -> float:
+    """The last time at which a signal is known: what is held stays for as long as it has stayed before."""
+    # not longer: a message of every 20 ms that comes no more is a node that has failed
+    return float(source.time_s[-1] + (np.max(np.diff(source.time_s)) if source.held else 0.0))
 
 
 def _apart(recording: Recording, driving: Sequence[Signal], start: float, end: float) -> str:

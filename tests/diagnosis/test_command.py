@@ -165,7 +165,7 @@ BROKEN = {
     "millimetres under metres": "level in mm under a heading of m",
     "litres under cubic metres": "inflow in m/s under a heading of mm/s",
     "other clock": "another clock",
-    "no common time": "samples in a row from 0 to 59.9 s, where all inputs exist",
+    "no common time": "samples in a row from 0 to 60 s, where all inputs exist",
     "other quantity": "the model tank needs m/s",
     "unknown unit": "cannot read 'furlong'",
     "input missing": "cannot be driven without this input",

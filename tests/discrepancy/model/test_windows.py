@@ -91,3 +91,16 @@ def test_commands_without_a_common_phase_leave_the_grid_where_it_is() -> None:
 def test_commands_that_jitter_a_little_have_a_phase() -> None:
     scattered = EVERY_MINUTE + 0.05 + np.random.default_rng(1).normal(0.0, 0.002, 20)
     assert starts_at((scattered, UP_AND_DOWN)) % 0.1 == pytest.approx(0.05, abs=0.003)
+
+
+@pytest.mark.parametrize(("every_s", "until_s"), [(3.0, 59.9), (0.1, 57.1)])
+def test_a_command_is_known_for_as_long_as_it_has_stood_before(every_s: float, until_s: float) -> None:
+    """Its last stamp is at 57 s, the level's at 59.9 s. A command that came every tenth of a second has ended there."""
+    at, level = np.arange(0.0, 57.05, every_s), np.arange(0.0, 60.0, 0.1)
+    signals = {
+        "inflow": signal(at, np.sin(at), "m/s", held=True),
+        "level": signal(level, np.cos(level), "m"),
+    }
+    found = usable(tank("leak"), Recording("r", signals), [])
+    assert found is not None
+    assert found[1] == pytest.approx((0.0, until_s))
