@@ -10,6 +10,8 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Final
 
+import numpy as np
+
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.problem import Problem
 from discrepancy.model.description import Model, Parameter, Window
@@ -24,7 +26,7 @@ NEAR: Final = 0.3  # of a size or a width: a change that matters
 
 KEPT: Final = 8  # values of each term's width for which its function of a window is kept
 
-Key = tuple[str, float, int]
+Key = tuple[str, float, float]
 
 
 def built_in(problem: Problem, state: State, terms: Sequence[FittedTerm]) -> Model:
@@ -32,16 +34,24 @@ def built_in(problem: Problem, state: State, terms: Sequence[FittedTerm]) -> Mod
     model, inner = problem.model, problem.model.simulate
     known = driven(model, problem.windows, lambda blind: problem.motions(blind, state.fit.values))
     settled = {_key(window): signals for window, signals in zip(problem.windows, known, strict=True)}
+    grids = {_key(window): window.time_s for window in problem.windows}
 
     @lru_cache(KEPT * len(terms) * len(problem.windows))
     def again(number: int, width: float, key: Key, step_s: float) -> Array:
         # most simulations move neither the signals nor a width
         return _function(terms[number], width).of(settled[key], step_s)
 
+    def on_grid_of(window: Window, key: Key) -> Mapping[str, Array]:
+        """The signals of a window on another grid of it."""
+        between = {name: np.interp(window.time_s, grids[key], s) for name, s in settled[key].items()}
+        return {**between, **{name: window[name] for name in model.driving if window.has(name)}}
+
     def added(number: int, width: float, window: Window, values: Mapping[str, float]) -> Array:
         key = _key(window)
-        if key in settled:
+        if key in settled and grids[key].size == window.time_s.size:
             return again(number, width, key, window.step_s)
+        if key in settled:
+            return _function(terms[number], width).of(on_grid_of(window, key), window.step_s)
         # another manoeuvre: to first order, the signals without the equation
         signals = driven(model, [window], lambda blind: [inner(w, values, {}) for w in blind])[0]
         return _function(terms[number], width).of(signals, window.step_s)
@@ -77,7 +87,7 @@ def width_name(number: int) -> str:
 
 
 def _key(window: Window) -> Key:
-    return window.recording, window.start_s, window.time_s.size
+    return window.recording, window.start_s, window.end_s
 
 
 def _parameters(number: int, term: FittedTerm) -> list[Parameter]:

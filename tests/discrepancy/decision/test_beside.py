@@ -8,10 +8,11 @@ import pytest
 from discrepancy.decision.beside import Beside, merged
 from discrepancy.decision.drop_one import drop_one_tests
 from discrepancy.decision.judge import judge
+from discrepancy.decision.sizes.half_step import at_half_step
 from discrepancy.estimation.problem import Problem
 from discrepancy.examine import examine
 from discrepancy.selection.assess import assess
-from discrepancy.selection.beside_equation import built_in, switched_off
+from discrepancy.selection.beside_equation import built_in, size_name, switched_off
 from discrepancy.selection.functions import functions
 from discrepancy.selection.open_ended import FittedTerm, OpenEnded
 from discrepancy.selection.state import Settings, State
@@ -115,6 +116,15 @@ def test_a_size_that_the_equation_changes_by_half_is_not_determined() -> None:
         caveats = replace(beside, first=first).caveats(grown, state, test, OpenEnded())
         assert len(caveats) == count
         assert all("beside the equation its leak is" in caveat for caveat in caveats)
+
+
+def test_the_equation_acts_on_a_finer_grid_of_the_same_windows() -> None:
+    """With the signals that it was found beside, not with those of a tank without it: these are a step of the integration apart, not a drain."""
+    _, _, grown, state, _ = with_a_drain()
+    drained = grown.start().having(leak=0.0, **{size_name(0): -0.1})
+    half = at_half_step(grown, state.noise, replace(state.fit, values=drained))
+    assert half is not None
+    assert half.share < 5e-3
 
 
 def test_without_its_terms_the_model_is_the_plain_one() -> None:
