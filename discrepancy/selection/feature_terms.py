@@ -1,17 +1,19 @@
 """Candidates of the open-ended search: functions of known signals, simulated at the ports of a model or added to its readings."""
 
 import heapq
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from discrepancy.estimation.problem import Problem
 from discrepancy.model.equations import READING, driven
 from discrepancy.selection.functions import Function, functions
-from discrepancy.selection.state import State
+from discrepancy.selection.state import State, switched_off
 from discrepancy.signals.recording import Array
 
+COPY = 0.1  # of a function's size: what is left of it without the accepted effects, below which it is one of them
 MOST_READINGS = 200  # functions of readings that are whitened; with many channels there are thousands
 
 
@@ -41,6 +43,7 @@ class Simulated:
     def __init__(self, problem: Problem, state: State) -> None:
         model, values = problem.model, state.fit.values
         self._problem, self._values = problem, values
+        self._accepted = [model.effect(name) for name in state.accepted]
         self._base = problem.predict(values)
         self._known = driven(model, problem.windows, lambda blind: problem.motions(blind, values))
         units = {**model.inputs, **model.optional, **model.outputs}
@@ -54,6 +57,31 @@ class Simulated:
         series = [function.of(k, w.step_s) for k, w in zip(self._known, windows, strict=True)]
         rms = float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
         return Shape(function, series, rms) if rms >= 1e-12 and np.isfinite(rms) else None
+
+    def of_effects(self, function: Function) -> bool:
+        """Whether a function is there only because of the accepted effects, and hardly without them."""
+        if not self._accepted:
+            return False
+        windows = self._problem.windows
+        size, without = (
+            float(
+                np.mean(
+                    np.concatenate([function.of(k, w.step_s) for k, w in zip(known, windows, strict=True)])
+                    ** 2
+                )
+            )
+            for known in (self._known, self._without)
+        )
+        return without < COPY**2 * size
+
+    @cached_property
+    def _without(self) -> Sequence[Mapping[str, Array]]:
+        """The known signals of the same fit, the accepted effects off."""
+        off = {name: size for effect in self._accepted for name, size in switched_off(effect).items()}
+        values = self._values.with_shared(off)
+        return driven(
+            self._problem.model, self._problem.windows, lambda blind: self._problem.motions(blind, values)
+        )
 
     def at(self, place: str, shape: "Shape") -> Candidate:
         """The candidate of a function at a port (simulated) or on a reading (added)."""
@@ -96,7 +124,8 @@ def candidates(problem: Problem, state: State, simulated: Simulated) -> list[Can
         for channel in problem.channels:
             if function.of_readings and channel in simulated.units and function.text != channel:
                 readings.consider(channel, simulated.at(READING + channel, shape))
-    return found + readings.best()
+    # What two sensors differ by through the slip alone is the slip once more, a step earlier: added to a reading, it would take its place.
+    return found + [c for c in readings.best() if not simulated.of_effects(c.function)]
 
 
 class _Readings:

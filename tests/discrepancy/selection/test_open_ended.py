@@ -1,13 +1,17 @@
 """Equations outside the library: a play of what is commanded, with the width that it has."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from discrepancy.estimation.problem import Problem
-from discrepancy.model.description import Model
+from discrepancy.model.description import Effect, Model, Parameter, Port, Window
+from discrepancy.model.equations import READING
 from discrepancy.selection import open_ended
+from discrepancy.selection.assess import assess
 from discrepancy.selection.feature_terms import Simulated, candidates
 from discrepancy.selection.functions import functions, play
 from discrepancy.selection.open_ended import explore, not_imitated
@@ -195,3 +199,49 @@ def test_where_held_out_data_refuse_one_function_the_next_is_asked(monkeypatch: 
     none = explore(problem, state, alike)
     assert not none.terms
     assert none.unconfirmed
+
+
+def spinning(window: Window, values: Mapping[str, float], extra: Mapping[str, Array]) -> dict[str, Array]:
+    """dv/dt = thrust - 0.3 v, exact for what is held; the wheel is faster by what the thrust makes it slip."""
+    thrust = window["thrust"] + extra.get("thrust", 0.0)
+    kept = np.exp(-0.3 * window.step_s)
+    speed = lfilter([0.0, (1.0 - kept) / 0.3], [1.0, -kept], thrust, zi=[values["speed"]])[0]
+    return {"wheel": speed + values.get("slip", 0.0) * thrust, "gps": speed}
+
+
+def test_what_is_there_through_an_effect_alone_does_not_stand_beside_it() -> None:
+    """The wheel's speed less that of the satellites is the slip, which is accepted."""
+    known = {"thrust": "m/s^2"}
+    slip = Effect(name="slip", sentence="", equation="", kind="physics", place="wheel",
+                  parameters=(Parameter(name="slip", unit="s", lower=0.0, upper=1.0, typical=0.02),))  # fmt: skip
+    start = Parameter(
+        name="speed", unit="m/s", typical=0.1, scope="window", guess=lambda w: w.at_start("gps")
+    )
+    model = Model(name="spin", sentence="", inputs=known, held=("thrust",), outputs={"wheel": "m/s", "gps": "m/s"},
+                  nuisances=(start,), effects=(slip,), simulate=spinning, step_s=0.1, window_s=20.0,
+                  ports=(Port(name="thrust", unit="m/s^2", typical=0.1, sentence=""),))  # fmt: skip
+    rng, time_s = np.random.default_rng(1), 0.1 * np.arange(1200)
+    thrust = np.repeat(rng.uniform(-1.0, 1.0, 60), 20)
+    window = Window(
+        recording="r",
+        start_s=0.0,
+        end_s=119.9,
+        time_s=time_s,
+        step_s=0.1,
+        known={"thrust": thrust},
+        constants={},
+    )
+    true = spinning(window, {"speed": 0.0, "slip": 0.05}, {})
+    seen = {
+        name: signal(time_s, values + 0.01 * rng.normal(size=1200), "m/s") for name, values in true.items()
+    }
+    recording = Recording("r", {"thrust": signal(time_s, thrust, "m/s^2", held=True), **seen})
+    problem = Problem(model, [recording])
+    state = assess(problem, ("slip",), problem.start(), Settings())
+    simulated = Simulated(problem, state)
+    every = functions(simulated.units, simulated.spread, {"thrust"})
+    [apart] = [f for f in every if f.text == "(wheel - gps)"]
+    assert simulated.shape(apart) is not None
+    made = [c.function.text for c in candidates(problem, state, simulated) if c.place == READING + "wheel"]
+    assert "gps" in made
+    assert not any(apart.text in text for text in made)
