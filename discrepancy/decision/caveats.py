@@ -54,13 +54,15 @@ def caveats_of(
     return found
 
 
-def beside_rest(test: DropOneTest, confounded_share: float) -> list[str]:
+def beside_rest(test: DropOneTest, confounded_share: float, *, stated: bool) -> list[str]:
     """Caveats of an effect of a model that is further from the recordings than its sensors are wrong, where what is left over may do as much.
 
-    confounded_share: of the effect, that nuisances can do. What is left of it is compared with the recordings' errors of every kind.
+    confounded_share: of the effect, that nuisances can do. What is left of it is compared with the recordings' errors of every kind. stated: whether the
+    model says what disturbances do to every channel.
     """
     gained = test.gained
-    further = "in a model that is further from the recordings than its sensors are wrong: what is left may do as much (state `disturbances` if that is chance)"
+    further = "in a model that is further from the recordings than its sensors are wrong: what is left may do as much"
+    further += "" if stated else " (state `disturbances` if that is chance)"
     if gained < gates.SEEN_BESIDE_REST.threshold and test.sse_reduction < gates.CLEAR_BESIDE_REST.threshold:
         return [f"takes {gained:.1%} off the squared error of the channel that it improves most, {further}"]
     imitated = confounded_share > gates.IMITATED_BESIDE_REST.threshold

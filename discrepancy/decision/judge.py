@@ -164,11 +164,12 @@ def _findings(
     # where nothing at all is left to explain, the two causes are the best there is
     more = left.terms or left.unconfirmed
     wrong = summary.baseline_values(sheet, state, adequate=False) if more else []
+    stated = set(problem.channels) <= set(problem.model.disturbances)
     for test, rivals in zip(compared.tests, compared.rivals, strict=True):
         effect, fitted = problem.model.effect(rivals[0].effect), rivals[0].fit
         caveats = caveats_of(problem, state, test, effect, fitted, left, settings)
         caveats += beside.caveats(problem, state, test, equation) if beside else []
-        caveats += beside_rest(test, _confounded(history[0], effect)) if not exact else []
+        caveats += beside_rest(test, _confounded(history[0], effect), stated=stated) if not exact else []
         caveats += of_the_step(problem, state, effect, half)
         hung = hangs_on(wrong, sheet, effect, fitted)
         caveats += hanging(hung, sheet, fitted)

@@ -13,7 +13,7 @@ from discrepancy.selection.candidate_fits import confirm
 from discrepancy.selection.open_ended import OpenEnded
 from discrepancy.selection.state import CandidateFit, Settings, State
 from discrepancy.signals import findings as f
-from discrepancy.signals.adequacy import STILL_WRONG, ChannelAdequacy, inadequate, left
+from discrepancy.signals.adequacy import STILL_WRONG, ChannelAdequacy, ErrorPart, inadequate, left
 from discrepancy.signals.quantities import figures, quantity
 from discrepancy.signals.recording import Complaint
 
@@ -57,13 +57,14 @@ def verdict(
         status = "explained" if all(b.sure for b in contradict) else "inconclusive"
         reasons, said = [*said, *reasons], []
     cut_short = accepted >= settings.most_effects
-    unnamed = named_share(found, equation) < gates.NAMED_SHARE.threshold
+    # what has an equation has no name, however little it is
+    unnamed = bool(equation.terms) or named_share(found, equation) < gates.NAMED_SHARE.threshold
     # a value that is not certain to be wrong may stand for something that has no name
     open_question = not all(b.sure for b in contradict)
     further = granted(problem, channels)
     if status == "explained" and (wrong or left_over or cut_short or unnamed or open_question or further):
         status = "explained in part"
-    reasons += [*said, *wrong, *(_granted(c) for c in further[:1])]
+    reasons += [*said, *wrong, *(_at_an_end(problem, found, channels)), *(_granted(c) for c in further[:1])]
     if cut_short:
         reasons.append(f"the search ended at its limit of {settings.most_effects} effects; there may be more")
     reasons += disagreements(problem, state, [x.effect for x in found if x.named])
@@ -82,6 +83,26 @@ def _not_looked_for(problem: Problem) -> list[str]:
     return [
         f"effects that act for a part of the time were not looked for: that needs {least:.0f} windows or more, and there are {count}"
     ]
+
+
+def _at_an_end(
+    problem: Problem, found: Sequence[f.Finding], channels: Sequence[ChannelAdequacy]
+) -> Iterator[str]:
+    """A sentence where all errors beyond their budgets lie at the ends of what acts for a while: these are known to a window only."""
+    over = [p for c in channels for p in c.parts if p.over]
+    longest = max(w.end_s - w.start_s for w in problem.windows)
+
+    def ends_in(x: f.Finding, p: ErrorPart) -> bool:
+        ends = [t for i in x.where.intervals if i.recording == p.recording for t in (i.start_s, i.end_s)]
+        return any((p.start_s or 0.0) - longest <= t <= (p.end_s or 0.0) + longest for t in ends)
+
+    brief = [x for x in found if x.named and x.where.temporary]
+    there = [x.effect for x in brief if any(ends_in(x, p) for p in over)]
+    if over and all(any(ends_in(x, p) for x in brief) for p in over):
+        yield (
+            f"that is where {' and '.join(there)} begins or ends: its times are known to a window of {quantity(longest, 's', 2)}, and in the window "
+            "between it is simulated throughout or not at all; a shorter --window narrows them"
+        )
 
 
 def _contradicted_together(values: Sequence[f.BaselineValue]) -> Iterator[str]:

@@ -123,6 +123,15 @@ AT_BOUND: Final = _gate(
     otherwise="best proxy, cause unknown, if an amplitude parameter is at a bound other than its baseline",
     module="decision.summary",
 )
+AT_BOUND_SD: Final = _gate(
+    name="inside the physical bounds, beside its scatter",
+    of="name",
+    statistic="distance of a parameter from its bound, in standard deviations",
+    threshold=0.1,
+    source="a fit that ends at 0.99996 of a bound stops there; 4 % of right values come as near by chance, if the truth itself is beside the bound",
+    otherwise="as above",
+    module="decision.summary",
+)
 OFF_BASELINE: Final = _gate(
     name="off the baseline",
     of="name",

@@ -105,8 +105,12 @@ def a_test(*, gained: float, evidence: float) -> DropOneTest:
 def test_a_little_beside_what_is_left_over_is_no_cause(
     gained: float, evidence: float, confounded: float, count: int
 ) -> None:
-    found = beside_rest(a_test(gained=gained, evidence=evidence), confounded)
-    assert len(found) == count
+    test = a_test(gained=gained, evidence=evidence)
+    for stated in (True, False):
+        found = beside_rest(test, confounded, stated=stated)
+        assert len(found) == count
+        # nobody is asked for what the model already has
+        assert not any("state `disturbances`" in caveat for caveat in found) or not stated
 
 
 def test_what_acts_for_a_while_is_judged_by_what_it_gains_then() -> None:

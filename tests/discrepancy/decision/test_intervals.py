@@ -57,3 +57,13 @@ def test_the_jackknife_is_that_of_refitting_without_each_window() -> None:
     found = estimate(leak, fitted, noise)
     assert width(found) == pytest.approx(2.0 * reach, rel=0.15)
     assert width(found) > 1.5 * width(estimate(leak, fitted))
+
+
+@pytest.mark.parametrize(("sds", "at"), [(0.05, "upper"), (0.5, None)])
+def test_a_fit_that_ends_within_its_scatter_of_a_bound_stops_there(sds: float, at: str | None) -> None:
+    """A bound at so many standard deviations above the fitted size: the last digits of a fit do not decide."""
+    problem = Problem(tank("leak"), [record(50, leak=0.05)])
+    state, _ = search(problem, STRICT)
+    bound = state.fit.values.shared["leak"] + sds * state.fit.sd("leak")
+    found = estimate(replace(problem.model.parameter("leak"), upper=bound), state.fit)
+    assert found.at_bound == at

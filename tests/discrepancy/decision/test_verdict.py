@@ -9,6 +9,7 @@ from discrepancy.decision.verdict import contradicted
 from discrepancy.examine import examine
 from discrepancy.selection.state import Settings
 from discrepancy.signals.findings import BaselineValue, Estimate
+from tests.discrepancy.room import evening, room
 from tests.discrepancy.toys import record, tank
 
 DAMPING = BaselineValue(
@@ -58,3 +59,22 @@ def test_a_value_that_may_stand_in_for_something_leaves_a_question_open() -> Non
     assert any(
         "times what a reading is off by: that is within a tenth of its movement" in r for r in result.reasons
     )
+
+
+def test_beside_an_equation_nothing_is_explained_but_in_part() -> None:
+    """A leak, and a slight curvature of the gauge that no effect here is: little of the difference, but without a name."""
+    recording = record(5, leak=0.1, square=0.004, noise=0.005, duration_s=240.0)
+    result = examine(tank("leak"), [recording], Settings())
+    assert result.named == ["leak"]
+    assert result.open_ended is not None
+    assert result.status == "explained in part"
+
+
+@pytest.mark.parametrize(("opened_at", "said"), [(720, False), (770, True)])
+def test_an_error_where_an_effect_begins_is_said_to_be_there(opened_at: int, said: bool) -> None:
+    """A window has 120 samples: the leak opens at the edge of one, or within it."""
+    recording = evening(2, leak=60.0, leak_from=opened_at)
+    result = examine(room("leak"), [recording], Settings(open_ended=False))
+    assert result.named == ["leak"]
+    assert any("that is where leak begins or ends" in reason for reason in result.reasons) is said
+    assert result.status == ("explained in part" if said else "explained")
