@@ -42,6 +42,7 @@ def caveats_of(
         )
     found += _own_reading(effect, test)
     found += _mirrored(problem, state, test, effect)
+    found += _early_beside_lag(state, effect)
     found += _in_between(problem, state, fitted)
     kept = _present(problem, effect, fitted, state.noise)
     found += _at_bounds(effect, kept)
@@ -103,6 +104,18 @@ def _mirrored(problem: Problem, state: State, test: DropOneTest, effect: Effect)
     opposite = quantity(-size, effect.parameters[0].unit)
     return [
         f"a delay of {opposite} explains {share:.0%} of that: the noise of an input is averaged between its samples"
+    ]
+
+
+def _early_beside_lag(state: State, effect: Effect) -> list[str]:
+    """A caveat of a reading that comes early beside a lag of its own: no sensor reads ahead, and each of the two is as large as the other makes it."""
+    delay, lag = f"{effect.reading}.delay", f"{effect.reading}.lag"
+    shared = state.fit.values.shared
+    own = effect.reading and delay in effect.names and lag in state.fit.names
+    if not own or shared[delay] >= 0.0:
+        return []
+    return [
+        f"comes early by {quantity(-shared[delay], 's')} beside a lag of {quantity(shared[lag], 's')} of the same reading: together they are a filter that the library does not have"
     ]
 
 

@@ -79,7 +79,7 @@ model = Model(
         ),
         _effect(
             "cable of the encoder", "the cable pulls the arm back", "... - k angle", "cable", "large angles",
-            Parameter(name="cable", unit="1/s^2", lower=-100.0, upper=100.0, typical=5.0),
+            Parameter(name="cable", unit="1/s^2", lower=0.0, upper=100.0, typical=5.0),
         ),
         *sensor_effects("arm", "rad", bias=0.01, kinds=("delay",)),
     ),

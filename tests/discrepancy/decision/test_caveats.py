@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from discrepancy.decision import caveats
 from discrepancy.decision.caveats import beside_rest, caveats_of, prior_conflicts
@@ -20,7 +21,7 @@ from discrepancy.selection.search import search
 from discrepancy.selection.state import Settings
 from discrepancy.signals.findings import Estimate
 from discrepancy.signals.recording import Array, Recording, signal
-from tests.discrepancy.toys import record, simulate, tank
+from tests.discrepancy.toys import STEP_S, record, simulate, tank
 
 STRICT = Settings()
 
@@ -249,3 +250,24 @@ def test_a_sensors_fault_that_helps_every_reading_but_its_own_is_a_proxy() -> No
     elsewhere = replace(test, error_ratio={"level": 1.01, "flow": 0.5})
     said = [caveats_of(problem, state, t, delay, state.fit, OpenEnded(), STRICT) for t in (test, elsewhere)]
     assert said == [[], ["does not improve the prediction of level, the reading that it is to change"]]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(("straight", "time_constant_s"), [(0.3, 1.5), (0.5, 1.0)])
+def test_a_reading_that_is_early_beside_its_own_lag_is_no_clock(
+    seed: int, straight: float, time_constant_s: float
+) -> None:
+    """A gauge of which a part answers at once and the rest with a lag: a lag of another size, and a third of a second too early."""
+    exact = record(seed, noise=1e-9, duration_s=240.0)
+    level = exact.signals["level"]
+    kept = np.exp(-STEP_S / time_constant_s)
+    late = lfilter([1.0 - kept], [1.0, -kept], level.value, zi=[kept * level.value[0]])[0]
+    seen = straight * level.value + (1.0 - straight) * late
+    seen += np.random.default_rng(seed).normal(0.0, 0.005, seen.size)
+    recording = replace(exact, signals={**exact.signals, "level": replace(level, value=seen)})
+    result = examine(tank("level lag", "level delay", "leak", "level scale"), [recording], STRICT)
+    early = result.finding("level delay")
+    assert early.parameters[0].value < -0.2
+    assert not early.named
+    assert "beside a lag of" in early.caveats[0]
+    assert "level delay" not in result.named
