@@ -52,7 +52,7 @@ EXHIBITS = (
         "A linear drive with a ball screw, 500 Hz. The model: a mass that a motor's force pushes.",
         "Published: viscous friction 203.5 N s/m, dry friction 20.4 N, offset of the force -3.2 N, mass 95.1 kg.",
         "Right: viscous and dry friction are named, as is the offset, and all three intervals hold the published sizes; friction is also right at 250 Hz and on the second recording of the drive. "
-        "Until every value of the force counted over its own 2 ms, not every second one over 4, the reading seemed to come 1.4 ms early. Without `--average` viscous friction is 260 N s/m by single samples, and its interval of 190 to 279 holds the 222 by means of 16 as well: the drive moves far slower than it is sampled.",
+        "Until every value of the force counted over its own 2 ms, not every second one over 4, the reading seemed to come 1.4 ms early. Without `--average` viscous friction is some 255 N s/m by single samples, and its interval of 184 to 279 holds the 222 by means of 16 as well: the drive moves far slower than it is sampled.",
         average=True,
     ),
     Exhibit(
@@ -79,8 +79,9 @@ EXHIBITS = (
         "Two arms driven at both joints, 500 Hz. The model: rigid arms on frictionless joints, with the masses known to a tenth.",
         "Identified by its makers: dry friction of 0.093 N m at the shoulder and 0.078 N m at the elbow, viscous friction of 0.001 N m s/rad "
         "at both; another of their models has 0.186 N m at the elbow.",
-        "Dry friction is right in both joints: the two intervals hold the published sizes. Beside it a zero of the shoulder's angle of 1.3 degrees and a viscous "
-        "friction of the elbow of 0.007 N m s/rad are named, which nothing published confirms; an equation of the angles is left, so that the verdict is in part.",
+        "Half right: the dry friction of both joints is named, and the shoulder's interval holds the published size. "
+        "The elbow's is a fifth too small with an interval that misses the makers' 0.078 N m, beside a viscous "
+        "friction of 0.009 N m s/rad that nothing published confirms: the two share one resistance. An equation of the torques is left, so that the verdict is in part.",
     ),
     Exhibit(
         "qube_pendulum",
