@@ -331,7 +331,10 @@ def test_friction_that_acts_for_a_while_is_seen_in_its_windows_though_noise_coul
     body = BODIES["straight"]
     problem = Problem(body.model(), body.record({"rolling": 0.037}, arm, np.random.default_rng(seed)))
     state = assess(problem, (), problem.start(), Settings())
-    assert ("rolling resistance", (4, 5, 6, 7)) in {(s.effect, windows) for s, windows in state.temporary}
+    best, windows = state.temporary[0]
+    assert best.effect == "rolling resistance"
+    # whole windows from 32 to 64 s; of those before and behind, it acts in a part
+    assert {4, 5, 6, 7} <= {*windows} <= {3, 4, 5, 6, 7, 8}
 
 
 def test_what_is_there_or_not_is_hidden_whole_and_counts_at_any_lambda() -> None:
