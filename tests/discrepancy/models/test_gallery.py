@@ -71,6 +71,7 @@ def test_friction_of_the_linear_drive_has_its_published_size_at_500_hz(recording
 
 @pytest.mark.data
 @pytest.mark.slow
+@pytest.mark.timeout(1200)  # 65 500 readings: minutes on a slow machine
 def test_a_spring_that_stiffens_is_the_one_cause_named_in_the_silverbox(recordings: Path) -> None:
     """Published: the cubic term alone takes the multisine's simulated error from 6.87 to 1.06 mV, by 85 %."""
     found = found_in("silverbox", recordings, Settings())
