@@ -52,7 +52,7 @@ EXHIBITS = (
         "A linear drive with a ball screw, 500 Hz. The model: a mass that a motor's force pushes.",
         "Published: viscous friction 203.5 N s/m, dry friction 20.4 N, offset of the force -3.2 N, mass 95.1 kg.",
         "Right: viscous and dry friction are named, as is the offset, and all three intervals hold the published sizes; friction is also right at 250 Hz and on the second recording of the drive. "
-        "Until every value of the force counted over its own 2 ms, not every second one over 4, the reading seemed to come 1.4 ms early. Without `--average` viscous friction is some 255 N s/m by single samples, and its interval of 184 to 279 holds the 222 by means of 16 as well: the drive moves far slower than it is sampled.",
+        "Until every value of the force counted over its own 2 ms, not every second one over 4, the reading seemed to come 1.4 ms early. Without `--average` viscous friction is 254 N s/m by single samples, and its interval of 184 to 273 holds the 221 by means of 16 as well (another processor: 260, 190 to 279): the drive moves far slower than it is sampled.",
         average=True,
     ),
     Exhibit(

@@ -8,10 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-KINDS: Final = {
-    "beside": "between the grid's points",
-    "irregular": "at irregular times",
-}  # and how a page says it
+# and how a page says it
+KINDS: Final = {"beside": "between the grid's points", "irregular": "at irregular times"}
 FIRST = 0.4  # of a period, at which the first reading beside the grid is taken
 LONGER = 0.1  # share by which a period beside the grid is longer: later stamps drift over the grid
 SCATTER = 0.3  # of a period, by which an irregular one is shorter or longer at most

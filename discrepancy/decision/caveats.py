@@ -151,7 +151,9 @@ def _present(problem: Problem, effect: Effect, fitted: Fit, noise: Noise) -> Est
 
 def _at_bounds(effect: Effect, present: Estimated) -> list[str]:
     """Amplitude parameters at a physical bound; for a profile only if all are. A fit at a bound would go on: something else is missing."""
-    at_bound = [e for p, e in present if e.at_bound is not None and e.value != p.value]
+    stops = {p.name: p.lower if e.at_bound == "lower" else p.upper for p, e in present if e.at_bound}
+    # a bound at the baseline is none: what ends there may be absent, which is said as such
+    at_bound = [e for p, e in present if stops.get(p.name, p.value) != p.value]
     if at_bound and (not effect.is_profile or len(at_bound) == len(present)):
         first = at_bound[0]
         return [f"{first.name} stops at its physical bound, {quantity(first.value, first.unit)}"]

@@ -64,7 +64,9 @@ def estimate(parameter: Parameter, fitted: Fit, noise: Noise | None = None) -> f
         if variance > 0.0:
             # Student: the variance is itself estimated from a few blocks. The larger of both, as few blocks may agree by chance.
             reach = max(reach, float(student.ppf(0.975, int(blocks.max())) * np.sqrt(variance)))
-    close = max(gates.AT_BOUND.threshold * abs(parameter.typical), gates.AT_BOUND_SD.threshold * reach / 1.96)
+    typical = abs(parameter.typical)
+    # of what the recordings do not determine, a standard deviation is no distance
+    close = max(gates.AT_BOUND.threshold * typical, gates.AT_BOUND_SD.threshold * min(sd, typical))
     at = "lower" if value - parameter.lower < close else "upper" if parameter.upper - value < close else None
     return f.Estimate(
         name=parameter.name,

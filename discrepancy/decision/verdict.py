@@ -57,8 +57,8 @@ def verdict(
         status = "explained" if all(b.sure for b in contradict) else "inconclusive"
         reasons, said = [*said, *reasons], []
     cut_short = accepted >= settings.most_effects
-    # what has an equation has no name, however little it is
-    unnamed = bool(equation.terms) or named_share(found, equation) < gates.NAMED_SHARE.threshold
+    # what has only an equation has no name, however little it is
+    unnamed = bool(equation.terms) or named_share(found) < gates.NAMED_SHARE.threshold
     # a value that is not certain to be wrong may stand for something that has no name
     open_question = not all(b.sure for b in contradict)
     further = granted(problem, channels)
@@ -151,13 +151,13 @@ def _granted(c: ChannelAdequacy) -> str:
     )
 
 
-def named_share(found: Sequence[f.Finding], equation: OpenEnded) -> float:
-    """Of what is known to be missing, the share that has a name, from 0 to 1."""
-    named, rest = (
-        [max(x.held_out_sse_reduction, 0.0) for x in found if x.named is wanted] for wanted in (True, False)
+def named_share(found: Sequence[f.Finding]) -> float:
+    """Of what the findings explain, the share that has a name, from 0 to 1."""
+    named, proxies = (
+        sum(max(x.held_out_sse_reduction, 0.0) for x in found if x.named is wanted)
+        for wanted in (True, False)
     )
-    unnamed = sum(rest) + max(equation.held_out_sse_reduction, 0.0)
-    return sum(named) / (sum(named) + unnamed) if unnamed else 1.0
+    return named / (named + proxies) if proxies else 1.0
 
 
 def still_wrong(channels: Sequence[ChannelAdequacy], *, several: bool) -> list[str]:

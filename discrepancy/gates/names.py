@@ -124,11 +124,11 @@ AT_BOUND: Final = _gate(
     module="decision.summary",
 )
 AT_BOUND_SD: Final = _gate(
-    name="inside the physical bounds, beside its scatter",
+    name="inside the physical bounds, beside the accuracy of a fit",
     of="name",
-    statistic="distance of a parameter from its bound, in standard deviations",
+    statistic="distance of a parameter from its bound, in standard deviations; where that is less than a tenth of a typical change",
     threshold=0.1,
-    source="a fit that ends at 0.99996 of a bound stops there; 4 % of right values come as near by chance, if the truth itself is beside the bound",
+    source="a fit ends where a step promises less than 0.01 in SSE, which is a tenth of a standard deviation",
     otherwise="as above",
     module="decision.summary",
 )
@@ -261,7 +261,7 @@ NUISANCE_CHANGED: Final = _gate(
     statistic="distance from its prior, in standard deviations, of the value that a nuisance would need for a while",
     threshold=10.0,
     passes="below",
-    source="a load may be taken up that the sheet does not know; twenty times what a sheet is wrong by is another law",
+    source="a load may be taken up that the sheet does not know; ten times what a sheet is wrong by is another law",
     otherwise="above, or beyond its bounds, it is no rival of a temporary effect",
     module="selection.active_intervals",
 )

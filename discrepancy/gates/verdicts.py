@@ -64,9 +64,9 @@ PART_OVER: Final = _gate(
 NAMED_SHARE: Final = _gate(
     name="nine tenths have a name",
     of="verdict",
-    statistic="held-out reduction by named effects over that by all findings and the open-ended equation together",
+    statistic="held-out reduction by named effects over that by all findings; an equation that is left has no name, however little it is",
     threshold=0.9,
-    source="the gap that a named effect has to close in the benchmark, median; a tenth is what an equation of first order leaves of a strong effect",
+    source="the gap that a named effect has to close in the benchmark, median",
     otherwise="*explained* becomes *explained in part*",
     module="decision.verdict",
 )

@@ -292,11 +292,10 @@ def time_varying_nuisance(
 
 def _possible(nuisance: Parameter, value: float, change: float) -> bool:
     """Whether a nuisance may be another by this change for a while."""
-    value += change
-    known = nuisance.prior_sd or np.inf
+    known, then = nuisance.prior_sd or np.inf, value + change
     return (
-        nuisance.lower <= value <= nuisance.upper
-        and abs(value - nuisance.value) <= gates.NUISANCE_CHANGED.threshold * known
+        nuisance.lower <= then <= nuisance.upper
+        and abs(then - nuisance.value) <= gates.NUISANCE_CHANGED.threshold * known
     )
 
 

@@ -53,26 +53,20 @@ class Simulated:
 
     def shape(self, function: Function) -> "Shape | None":
         """The function on the grid of every window; None where it is zero or not finite."""
-        windows = self._problem.windows
-        series = [function.of(k, w.step_s) for k, w in zip(self._known, windows, strict=True)]
-        rms = float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
+        series = self._series(function, self._known)
+        rms = _rms(series)
         return Shape(function, series, rms) if rms >= 1e-12 and np.isfinite(rms) else None
 
     def of_effects(self, function: Function) -> bool:
         """Whether a function is there only because of the accepted effects, and hardly without them."""
         if not self._accepted:
             return False
-        windows = self._problem.windows
-        size, without = (
-            float(
-                np.mean(
-                    np.concatenate([function.of(k, w.step_s) for k, w in zip(known, windows, strict=True)])
-                    ** 2
-                )
-            )
-            for known in (self._known, self._without)
-        )
-        return without < COPY**2 * size
+        here, without = (_rms(self._series(function, known)) for known in (self._known, self._without))
+        return without < COPY * here
+
+    def _series(self, function: Function, known: Sequence[Mapping[str, Array]]) -> list[Array]:
+        """The function of these signals on the grid of every window."""
+        return [function.of(k, w.step_s) for k, w in zip(known, self._problem.windows, strict=True)]
 
     @cached_property
     def _without(self) -> Sequence[Mapping[str, Array]]:
@@ -113,6 +107,10 @@ class Simulated:
         return raw
 
 
+def _rms(series: Sequence[Array]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
+
+
 def candidates(problem: Problem, state: State, simulated: Simulated) -> list[Candidate]:
     """All functions at all ports, and the most promising ones on readings."""
     model, readings, found = problem.model, _Readings(problem, state), list[Candidate]()
@@ -124,8 +122,11 @@ def candidates(problem: Problem, state: State, simulated: Simulated) -> list[Can
         for channel in problem.channels:
             if function.of_readings and channel in simulated.units and function.text != channel:
                 readings.consider(channel, simulated.at(READING + channel, shape))
+    best = readings.best()
     # What two sensors differ by through the slip alone is the slip once more, a step earlier: added to a reading, it would take its place.
-    return found + [c for c in readings.best() if not simulated.of_effects(c.function)]
+    by_text = {c.function.text: c.function for c in best}
+    copies = {text for text, function in by_text.items() if simulated.of_effects(function)}
+    return found + [c for c in best if c.function.text not in copies]
 
 
 class _Readings:

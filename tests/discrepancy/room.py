@@ -4,9 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from discrepancy.model.description import Effect, Model, Parameter, Window
+from discrepancy.model.description import Model, Parameter, Window
 from discrepancy.model.sensors import sensor_effects
 from discrepancy.signals.recording import Array, Recording, signal
+from tests.discrepancy.toys import physics
 
 SHEET = {
     "capacity": ("J/K", 3e4),
@@ -39,22 +40,9 @@ def room(*effects: str) -> Model:
         Parameter(name=name, unit=unit, value=value, lower=0.1 * value, upper=10.0 * value, typical=KNOWN * value, prior_sd=KNOWN * value)
         for name, (unit, value) in SHEET.items()
     ]  # fmt: skip
-    weak = Effect(
-        name="weak heater",
-        sentence="the heater gives less than it should",
-        equation="",
-        parameters=(Parameter(name="weak", unit="1", lower=0.0, upper=0.9, typical=0.1),),
-        kind="physics",
-        place="heater",
-    )
-    leak = Effect(
-        name="leak",
-        sentence="warm air leaves",
-        equation="",
-        parameters=(Parameter(name="leak", unit="W/K", lower=0.0, upper=200.0, typical=10.0),),
-        kind="physics",
-        place="wall",
-    )
+    share = Parameter(name="weak", unit="1", lower=0.0, upper=0.9, typical=0.1)
+    open_by = Parameter(name="leak", unit="W/K", lower=0.0, upper=200.0, typical=10.0)
+    library = (physics("weak heater", share, "heater"), physics("leak", open_by, "wall"))
     warm = Parameter(
         name="warm", unit="K", typical=1.0, scope="window", guess=lambda w: w.at_start("temperature")
     )
@@ -66,7 +54,7 @@ def room(*effects: str) -> Model:
         outputs={"temperature": "K"},
         nuisances=(*known, warm),
         effects=(
-            *(e for e in (weak, leak) if e.name in effects),
+            *(e for e in library if e.name in effects),
             *sensor_effects("temperature", "K", bias=1.0, kinds=("bias", "delay")),
         ),
         simulate=warmed,

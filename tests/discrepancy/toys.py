@@ -21,23 +21,24 @@ def simulate(window: Window, values: Mapping[str, float], extra: Mapping[str, Ar
     return {"level": moved + values.get("offset", 0.0)}
 
 
-def _effect(name: str, parameter: Parameter) -> Effect:
+def physics(name: str, parameter: Parameter, place: str = "tank") -> Effect:
+    """An effect of one parameter."""
     return Effect(
         name=name,
         sentence=name,
         equation="",
         parameters=(parameter,),
         kind="physics",
-        place="tank",
+        place=place,
         excited_by="filling",
     )
 
 
 def tank(*effects: str) -> Model:
     library = (
-        _effect("leak", Parameter(name="leak", unit="1/s", lower=0.0, upper=1.0, typical=0.05)),
+        physics("leak", Parameter(name="leak", unit="1/s", lower=0.0, upper=1.0, typical=0.05)),
         # the same column as the sensor's bias: an exact twin
-        _effect("offset", Parameter(name="offset", unit="m", lower=-2.0, upper=2.0, typical=0.1)),
+        physics("offset", Parameter(name="offset", unit="m", lower=-2.0, upper=2.0, typical=0.1)),
         *sensor_effects("level", "m", bias=0.1, kinds=("bias", "scale", "delay", "lag", "sign")),
     )
     return Model(

@@ -21,7 +21,7 @@ from discrepancy.selection.search import search
 from discrepancy.selection.state import Settings
 from discrepancy.signals.findings import Estimate
 from discrepancy.signals.recording import Array, Recording, signal
-from tests.discrepancy.toys import STEP_S, record, simulate, tank
+from tests.discrepancy.toys import STEP_S, physics, record, simulate, tank
 
 STRICT = Settings()
 
@@ -271,3 +271,17 @@ def test_a_reading_that_is_early_beside_its_own_lag_is_no_clock(
     assert not early.named
     assert "beside a lag of" in early.caveats[0]
     assert "level delay" not in result.named
+
+
+@pytest.mark.parametrize(
+    ("lower", "size_at", "stops"), [(0.0, "lower", False), (-0.3, "lower", True), (0.0, "upper", True)]
+)
+def test_a_bound_at_the_baseline_is_no_bound_at_which_a_size_stops(
+    lower: float, size_at: str, stops: bool
+) -> None:
+    """A leak of nothing is no leak, which another caveat says."""
+    leak = Parameter(name="leak", unit="1/s", lower=lower, upper=1.0, typical=0.05)
+    value = leak.lower if size_at == "lower" else leak.upper
+    seen = Estimate(name="leak", value=value, low=None, high=None, unit="1/s", at_bound=size_at, baseline=0.0)
+    found = caveats._at_bounds(physics("leak", leak), [(leak, seen)])
+    assert any("stops at its physical bound" in text for text in found) is stops

@@ -65,5 +65,8 @@ def test_a_fit_that_ends_within_its_scatter_of_a_bound_stops_there(sds: float, a
     problem = Problem(tank("leak"), [record(50, leak=0.05)])
     state, _ = search(problem, STRICT)
     bound = state.fit.values.shared["leak"] + sds * state.fit.sd("leak")
-    found = estimate(replace(problem.model.parameter("leak"), upper=bound), state.fit)
-    assert found.at_bound == at
+    leak = replace(problem.model.parameter("leak"), upper=bound)
+    assert estimate(leak, state.fit).at_bound == at
+    # with hardly any information every bound is within the scatter, and the fit stops at none
+    hardly = replace(state.fit, information=1e-9 * state.fit.information)
+    assert estimate(replace(leak, upper=bound + leak.typical), hardly).at_bound is None

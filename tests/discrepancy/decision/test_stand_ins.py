@@ -53,7 +53,8 @@ def test_effects_of_another_shape_leave_the_value_alone(seed: int) -> None:
 def test_one_effect_behind_several_wrong_values_is_said_once() -> None:
     """A heater that gives 0.83 of its power: capacity and losses are all 1.2 times as large, four standard deviations.
 
-    Recorded by a thermometer that reads 1 K too much: beside a finding the search goes on without the sheet's pull. With one of the values at the edge of its sheet the others have to go there too, which costs them more than a likelihood ratio of 100.
+    Recorded by a thermometer that reads 1 K too much: beside a finding the search goes on without the sheet's pull. With one of the values at the edge
+    of its sheet the others have to go there too, which costs them more than a likelihood ratio of 100.
     """
     result = examine(room("weak heater"), [evening(1, weak=0.17, bias=1.0)], Settings(open_ended=False))
     assert [v.or_effects for v in result.baseline_values] == [["weak heater"]] * len(SHEET)

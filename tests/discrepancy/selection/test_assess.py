@@ -27,10 +27,8 @@ def test_a_fit_returns_to_priors_only_where_that_is_better(fitted_at: float, hom
     assert found.values.shared["spring"] == pytest.approx(TRUE, abs=1e-3)
 
 
-WAVES, ELSEWHERE = (
-    1.0,
-    0.85,
-)  # wavelength of a rough road: beside it a fit matches it over a part of the way only
+WAVES = 1.0  # wavelength of a rough road
+ELSEWHERE = 0.85  # there a fit matches it over a part of the way only
 
 
 def rough(window: Window, values: Mapping[str, float], _: Mapping[str, Array]) -> dict[str, Array]:
