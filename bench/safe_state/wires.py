@@ -78,8 +78,8 @@ class SerialWire:
     def __exit__(self, *_: object) -> None:
         self._stop.set()
         self._thread.join(5.0)
+        self._adapter.unplug()  # before the bus: until then the driver's frames go to it
         self._bus.close()
-        self._adapter.unplug()
 
     def _to_the_ecu(self) -> None:
         while not self._stop.is_set():

@@ -1,6 +1,5 @@
 """Finds the silences of a node from the stamps of its frames, for `attend` and for the verdict after the run. Pure."""
 
-import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -19,15 +18,16 @@ class Silence:
     """An interval without frames of a node, on the clock of the run."""
 
     from_s: float  # last frame before it [s]
-    until_s: float | None  # first frame after it [s]; None: silent until the end
+    until_s: float  # first frame after it, or the end of what was observed [s]
+    ended: bool = True  # whether a frame ended it; False: silent when the observation ended
 
     @property
     def lasts_s(self) -> float:
-        """How long it lasts [s]; infinite for a node that never came back."""
-        return math.inf if self.until_s is None else self.until_s - self.from_s
+        """How long it lasts [s]; at least this, if no frame ended it."""
+        return self.until_s - self.from_s
 
     def __str__(self) -> str:
-        return f"{self.from_s:.2f} s " + ("on" if self.until_s is None else f"to {self.until_s:.2f} s")
+        return f"{self.from_s:.2f} s " + (f"to {self.until_s:.2f} s" if self.ended else "on")
 
 
 def silences(time_s: ArrayLike, *, end_s: float, silent_s: float = SILENT_NS * 1e-9) -> list[Silence]:
@@ -37,7 +37,7 @@ def silences(time_s: ArrayLike, *, end_s: float, silent_s: float = SILENT_NS * 1
     inside = np.concatenate(([0.0], np.sort(times[(times >= 0) & (times <= end_s)]), [end_s]))
     gaps = np.flatnonzero(np.diff(inside) > silent_s)
     return [
-        Silence(float(inside[gap]), None if gap == inside.size - 2 else float(inside[gap + 1]))
+        Silence(float(inside[gap]), float(inside[gap + 1]), ended=gap < inside.size - 2)
         for gap in gaps.tolist()
     ]
 
@@ -46,7 +46,7 @@ def judge_presence(node: str, time_s: ArrayLike, *, end_s: float, host_s: float 
     """Whether a foreign node was there throughout the run.
 
     host_s: how long the host may have kept the node waiting [s], if it is a process of the bench's own computer. Silences that
-    this explains are inconclusive; a node that stays silent has failed in any case.
+    this explains are inconclusive, and so is one that had lasted no longer than that when the run ended.
     """
     question = f"{node} is there throughout"
     times = np.asarray(time_s, float)
