@@ -8,7 +8,7 @@ BIN    := $(VENV)/bin
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test compiled check fast slow-tests real-time socketcan fuzz kills safe-state debian-root bench shape wheel speed scaling proof wild wild-loader switched next-experiment resampling identification microcontroller results pages clean lock
+.PHONY: help demo test compiled check fast slow-tests slow-beside-socketcan slow-after-socketcan socketcan-and-slow real-time socketcan fuzz kills safe-state debian-root bench shape wheel speed scaling proof wild wild-loader switched next-experiment resampling identification microcontroller results pages clean lock
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
@@ -32,10 +32,10 @@ demo: $(BIN)/.run ## roll-over with the ECU's limits off and on; writes out/demo
 	$(BIN)/loaderhil compile
 	$(BIN)/loaderhil demo --out out/demo
 
-# User-mode Linux has one processor: beside it the long computations have the other. Tests in real time run alone.
+# User-mode Linux has one processor: beside it long computations have the other. Tests in real time run alone.
 test: check fast ## every test, linter and import contract
 	@echo "== long tests and SocketCAN beside each other; each prints when it is through, in some twenty minutes"
-	$(MAKE) --no-print-directory --jobs=2 --output-sync=target WORKERS=1 slow-tests socketcan
+	$(MAKE) --no-print-directory --jobs=2 --output-sync=target WORKERS=1 slow-beside-socketcan socketcan-and-slow
 	$(MAKE) --no-print-directory real-time
 
 fuzz: $(BIN)/.test ## 10^5 mutated files through every reader, 10^7 frames through ECU, gateway and hub, into docs/results/fuzz.md (hours; run again to take up)
@@ -65,13 +65,25 @@ compiled: $(BIN)/.test # two workers of pytest would compile the same functions,
 	$(BIN)/loaderhil compile --all
 
 # the files with these marks: to collect all of them takes half a minute
-marked = $$(grep -rlE 'mark\.($(1))' tests --include='test_*.py')
+marked = $$(grep -rlE 'mark\.($(1))' tests --include='test_*.py' $(2))
+# about as long as SocketCAN and the slow tests elsewhere
+BESIDE_SOCKETCAN = tests/(discrepancy|identify|bench|walks)/
+pytest-slow = $(BIN)/pytest -n $(WORKERS) --dist loadfile --timeout-method=thread -m 'slow and not processes and not browser'
 
 fast: compiled ## tests that need no real time, browser or CAN in the kernel
 	$(BIN)/pytest -n $(WORKERS) --dist loadfile --timeout-method=thread -m 'not processes and not browser and not socketcan and not slow'
 
 slow-tests: compiled ## tests that compute for long
-	$(BIN)/pytest -n $(WORKERS) --dist loadfile --timeout-method=thread -m 'slow and not processes and not browser' $(call marked,slow)
+	$(pytest-slow) $(call marked,slow)
+
+slow-beside-socketcan: compiled
+	$(pytest-slow) $(call marked,slow,| grep -E '$(BESIDE_SOCKETCAN)')
+
+slow-after-socketcan: compiled
+	$(pytest-slow) $(call marked,slow,| grep -vE '$(BESIDE_SOCKETCAN)')
+
+socketcan-and-slow: compiled
+	$(MAKE) socketcan; failed=$$?; $(MAKE) slow-after-socketcan && exit $$failed
 
 real-time: compiled ## tests with processes in real time, and in a real browser
 	$(BIN)/pytest -m 'processes or browser' $(call marked,processes|browser)
