@@ -32,6 +32,7 @@ from discrepancy.model.description import Effect
 from discrepancy.selection.active_intervals import active_interval_of, restricted_to
 from discrepancy.selection.assess import screen
 from discrepancy.selection.open_ended import OpenEnded, explore
+from discrepancy.selection.other_way import other_ways
 from discrepancy.selection.own_noise import under_own_noise
 from discrepancy.selection.screen import Score, sensitivities
 from discrepancy.selection.search import best_confirmed, over_budget, search, searched_on
@@ -55,6 +56,12 @@ def judge(
     Content of recordings never raises here; Unusable is raised when the Problem is built.
     """
     first = _judged(problem, settings, progress, complaints)
+    first = _other_way(
+        first,
+        lambda state: _judged(problem, settings, progress, complaints, begin=state),
+        settings,
+        progress,
+    )
     return beside_equation(
         first, lambda grown, beside: _judged(grown, settings, progress, complaints, beside), progress
     )
@@ -66,8 +73,9 @@ def _judged(
     progress: Progress,
     complaints: Sequence[Complaint],
     beside: Beside | None = None,
+    begin: tuple[State, State] | None = None,
 ) -> Judgement:
-    """The verdict of one search; beside: an equation in the problem's baseline."""
+    """The verdict of one search. beside: an equation in the problem's baseline; begin: the baseline's state and one to search on from."""
     complaints = [*complaints, *problem.complaints]
 
     def look(noise: Noise, fitted: Fit) -> None:
@@ -75,7 +83,7 @@ def _judged(
             progress(first_look(problem, noise, fitted))
 
     sheet = problem
-    problem, state, history = _searched(sheet, settings, progress, look, beside is None)
+    problem, state, history = _searched(sheet, settings, progress, look, beside is None, begin)
     baseline = beside.before() if beside else history[0]
     complaints += complaints_of(problem, history[0])
     left_over = best_confirmed(problem, state, settings)
@@ -144,6 +152,23 @@ def _judged(
     )
 
 
+def _other_way(
+    first: Judgement,
+    judged: Callable[[tuple[State, State]], Judgement],
+    settings: Settings,
+    progress: Progress,
+) -> Judgement:
+    """The first verdict, or one that explains everything with other effects. judged: searches on from a state beside the baseline's."""
+    problem = first.sheet
+    if problem.costs.costly or first.findings.status not in ("explained in part", "unknown"):
+        return first
+    for _, state in other_ways(problem, first.state, first.state.accepted, settings, progress):
+        second = judged((first.baseline, state))
+        if second.findings.status == "explained":
+            return second
+    return first
+
+
 def _findings(
     sheet: Problem,
     problem: Problem,
@@ -186,9 +211,14 @@ def _searched(
     progress: Progress,
     look: Callable[[Noise, Fit], None],
     doubting: bool,
+    begin: tuple[State, State] | None = None,
 ) -> tuple[Problem, State, list[State]]:
     """The problem of the last state, that state, and those on the way; doubting: where a value of the sheet is wrong, the problem trusts it less."""
-    state, history = search(sheet, settings, progress, look)
+    if begin is None:
+        state, history = search(sheet, settings, progress, look)
+    else:
+        state, history = searched_on(sheet, begin[1], settings, progress)
+        history = [begin[0], *history]
     while found := _hidden_by_noise(sheet, state, history, settings, progress):
         state, more = searched_on(sheet, state, settings, progress, found)
         history += more

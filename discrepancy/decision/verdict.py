@@ -5,6 +5,8 @@
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from discrepancy import gates
 from discrepancy.decision.adequacy import granted, reading_error
 from discrepancy.decision.agreement import disagreements
@@ -67,6 +69,7 @@ def verdict(
     reasons += [*said, *wrong, *(_at_an_end(problem, found, channels)), *(_granted(c) for c in further[:1])]
     if cut_short:
         reasons.append(f"the search ended at its limit of {settings.most_effects} effects; there may be more")
+    reasons += _late_alike(problem, found)
     reasons += disagreements(problem, state, [x.effect for x in found if x.named])
     reasons += _not_looked_for(problem)
     return status, reasons + [
@@ -103,6 +106,21 @@ def _at_an_end(
             f"that is where {' and '.join(there)} begins or ends: its times are known to a window of {quantity(longest, 's', 2)}, and in the window "
             "between it is simulated throughout or not at all; a shorter --window narrows them"
         )
+
+
+def _late_alike(problem: Problem, found: Sequence[f.Finding]) -> Iterator[str]:
+    """A sentence where all readings come late alike: from these recordings, their inputs may as well act late."""
+    late: dict[str, f.Estimate] = {}
+    for x in found:
+        effect, first = problem.model.effect(x.effect), x.parameters[0]
+        if first.name.endswith(".delay") and first.value > 0.0:
+            late |= dict.fromkeys(effect.readings or (effect.reading,), first)
+    times = [late[c] for c in problem.channels if c in late]
+    alike = all(one.overlaps(other) for one in times for other in times)
+    if problem.model.inputs and len(times) == len(problem.channels) and alike:
+        shift = quantity(float(np.mean([t.value for t in times])), times[0].unit, 2)
+        all_of = "the only reading comes" if len(times) == 1 else "all readings come"
+        yield f"{all_of} late by {shift}: {', '.join(problem.model.inputs)} acting late by that, or stamped early, would look the same"
 
 
 def _contradicted_together(values: Sequence[f.BaselineValue]) -> Iterator[str]:

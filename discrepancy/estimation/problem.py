@@ -120,6 +120,7 @@ class Problem:
     simulations; a column that is reused from a nearby point changes how a fit proceeds, never what is predicted.
 
     row_period_s: time between rows of channels that come faster; finer: steps of the grid in one of the model's, with the same windows and rows.
+    edges: by recording, times at which windows are cut beside their own ends [s].
     """
 
     def __init__(
@@ -128,8 +129,10 @@ class Problem:
         recordings: Sequence[Recording],
         row_period_s: Mapping[tuple[str, ...], float] | None = None,
         finer: int = 1,
+        edges: Mapping[str, Sequence[float]] | None = None,
     ) -> None:
         self.model = model
+        self.edges = dict(edges or {})
         self.recordings = tuple(recordings)
         # the same filter for recorded and predicted samples: a mean over neighbours biases nothing
         self.row_period_s = dict(row_period_s or {})
@@ -155,7 +158,7 @@ class Problem:
             }
             before = len(self.windows)
             scored: list[tuple[float, float]] = []
-            for window in cut(model, clean, interval, finer):
+            for window in cut(model, clean, interval, finer, self.edges.get(clean.name, ())):
                 scored.append((window.start_s, window.end_s))
                 index = len(self.windows)
                 parts = list(sample_blocks(window, {name: clean.signals[name] for name in outputs}))
@@ -214,13 +217,29 @@ class Problem:
         return sum(block.sample_s.size * len(block.channels) for block in self.blocks)
 
     def of(self, model: Model) -> "Problem":
-        """The same recordings, averaged in the same way, for another model."""
-        return Problem(model, self.recordings, self.row_period_s)
+        """The same recordings, averaged and cut in the same way, for another model."""
+        return Problem(model, self.recordings, self.row_period_s, edges=self.edges)
+
+    def finer(self, steps: int) -> "Problem":
+        """The same with so many steps of the grid in one of the model's."""
+        return Problem(self.model, self.recordings, self.row_period_s, steps, self.edges)
+
+    def cut_at(self, edges: Mapping[str, Sequence[float]]) -> "Problem":
+        """The same with windows that are cut at these times as well, by recording [s]."""
+        names = {*self.edges, *edges}
+        both = {name: (*self.edges.get(name, ()), *edges.get(name, ())) for name in names}
+        return Problem(self.model, self.recordings, self.row_period_s, edges=both)
 
     def measuring(self, values: Values) -> "Problem":
         """A copy whose measured rows are the model's prediction at these values, without noise; it shares the cached Jacobian columns."""
         other = copy(self)
         other.measured = self.predict(values)
+        return other
+
+    def barring(self, effect: str) -> "Problem":
+        """A copy whose library has not this effect; it shares the cached Jacobian columns."""
+        other = copy(self)
+        other.model = replace(self.model, effects=tuple(e for e in self.model.effects if e.name != effect))
         return other
 
     def trusting_less(self, names: Collection[str], factor: float) -> "Problem":
