@@ -24,6 +24,7 @@ from discrepancy.decision.not_understood import complaints_of, intervals_not_und
 from discrepancy.decision.rates import at_both_rates, at_models_rate
 from discrepancy.decision.sizes.half_step import HalfStep, at_half_step
 from discrepancy.decision.stand_ins import with_stand_ins
+from discrepancy.decision.times import with_times
 from discrepancy.decision.verdict import verdict
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
@@ -56,9 +57,10 @@ def judge(
     Content of recordings never raises here; Unusable is raised when the Problem is built.
     """
     first = _judged(problem, settings, progress, complaints)
+    first = with_times(first, lambda cut: _judged(cut, settings, progress, complaints), progress)
     first = _other_way(
         first,
-        lambda state: _judged(problem, settings, progress, complaints, begin=state),
+        lambda state: _judged(first.sheet, settings, progress, complaints, begin=state),
         settings,
         progress,
     )

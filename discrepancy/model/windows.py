@@ -159,13 +159,20 @@ def odd_stamps(model: Model, of: Signal) -> str:
 
 
 def cut(
-    model: Model, recording: Recording, interval: tuple[float, float], finer: int = 1
+    model: Model,
+    recording: Recording,
+    interval: tuple[float, float],
+    finer: int = 1,
+    edges: Sequence[float] = (),
 ) -> Iterable[Window]:
-    """Windows of equal length near model.window_s, each with its lead-in as far as the recording has one; finer: steps of the grid in one of the model."""
+    """Windows of equal length near model.window_s, each with its lead-in as far as the recording has one.
+
+    finer: steps of the grid in one of the model. edges: times at which windows are cut beside their own ends [s].
+    """
     interval = _in_step(model, recording, interval)
     start = interval[0]
     names = {**model.driving, **model.outputs}
-    for low, high in _spans(model, recording, interval):
+    for low, high in _spans(model, recording, interval, edges):
         lead = max(low - model.step_s * round(model.lead_s / model.step_s), start)
         count = int(np.ceil((high - lead) / model.step_s - 1e-9)) + 1
         grid: Array = lead + model.step_s / finer * np.arange(finer * (count - 1) + 1, dtype=np.float64)
@@ -209,7 +216,9 @@ def _in_step(model: Model, recording: Recording, interval: tuple[float, float]) 
     return interval[0] + part * model.step_s, interval[1]
 
 
-def _spans(model: Model, recording: Recording, interval: tuple[float, float]) -> list[tuple[float, float]]:
+def _spans(
+    model: Model, recording: Recording, interval: tuple[float, float], more: Sequence[float]
+) -> list[tuple[float, float]]:
     """From when to when each window is scored, on one grid through the recording: even sampling then meets even steps."""
     start, end = interval
 
@@ -218,11 +227,18 @@ def _spans(model: Model, recording: Recording, interval: tuple[float, float]) ->
 
     if model.segments is not None:
         chosen = np.array(model.segments(recording, interval))
-        return [(low, high) for low, high in np.clip(on_grid(chosen), start, end).tolist()]
+        whole = [(low, high) for low, high in np.clip(on_grid(chosen), start, end).tolist()]
+        return [part for span in whole for part in _split(span, on_grid(np.array(more)))]
     count = max(1, round((end - start) / model.window_s)) if model.window_s else 1
     edges = np.linspace(start, end, count + 1)
     edges[1:-1] = on_grid(edges[1:-1])
-    return list(pairwise(edges.tolist()))
+    return [part for span in pairwise(edges.tolist()) for part in _split(span, on_grid(np.array(more)))]
+
+
+def _split(span: tuple[float, float], at: Array) -> list[tuple[float, float]]:
+    """A span in parts, cut at the times that lie within it."""
+    low, high = span
+    return list(pairwise([low, *np.unique(at[(at > low) & (at < high)]).tolist(), high]))
 
 
 def resampled(source: Signal, grid: Array) -> Array:

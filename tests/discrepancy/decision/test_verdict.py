@@ -70,11 +70,22 @@ def test_beside_an_equation_nothing_is_explained_but_in_part() -> None:
     assert result.status == "explained in part"
 
 
-@pytest.mark.parametrize(("opened_at", "said"), [(720, False), (770, True)])
+@pytest.mark.parametrize(("opened_at", "said"), [(720, False), (730, True), (775, False)])
 def test_an_error_where_an_effect_begins_is_said_to_be_there(opened_at: int, said: bool) -> None:
-    """A window has 120 samples: the leak opens at the edge of one, or within it."""
+    """A window has 120 samples, and 30 where the leak begins: it opens at the edge of one, or 10 or 5 samples beside it."""
     recording = evening(2, leak=60.0, leak_from=opened_at)
     result = examine(room("leak"), [recording], Settings(open_ended=False))
     assert result.named == ["leak"]
     assert any("that is where leak begins or ends" in reason for reason in result.reasons) is said
     assert result.status == ("explained in part" if said else "explained")
+
+
+@pytest.mark.parametrize(("delay_s", "said"), [(0.35, True), (0.0, False)])
+def test_a_reading_that_is_the_only_one_and_late_may_be_an_input_that_acts_late(
+    delay_s: float, said: bool
+) -> None:
+    late = record(2, delay_s=delay_s, bias=0.0 if delay_s else 0.3)
+    result = examine(tank("level delay", "level bias"), [late], Settings(open_ended=False))
+    assert result.named == ["level delay" if said else "level bias"]
+    expected = "the only reading comes late by 0.35 s: inflow acting late by that, or stamped early, would look the same"
+    assert (expected in result.reasons) is said
