@@ -11,20 +11,21 @@ from typing import Final
 
 from discrepancy.decision import summary
 from discrepancy.decision.adequacy import adequacy, certain, first_look
-from discrepancy.decision.beside import Beside, beside_equation
+from discrepancy.decision.again.beside import Beside, beside_equation
+from discrepancy.decision.again.namesakes import without_namesakes
+from discrepancy.decision.again.other_way import other_way
+from discrepancy.decision.again.times import with_times
 from discrepancy.decision.caveats import beside_rest, caveats_of, hanging, hangs_on, of_the_step
 from discrepancy.decision.drop_one import DropOneTest, backward, drop_one_tests
 from discrepancy.decision.groups import Alternative, alternatives, separation
 from discrepancy.decision.judgement import Judgement
 from discrepancy.decision.location import locate
 from discrepancy.decision.missing_channels import missing_channels
-from discrepancy.decision.namesakes import without_namesakes
 from discrepancy.decision.not_accepted import taken_over
 from discrepancy.decision.not_understood import complaints_of, intervals_not_understood
 from discrepancy.decision.rates import at_both_rates, at_models_rate
 from discrepancy.decision.sizes.half_step import HalfStep, at_half_step
 from discrepancy.decision.stand_ins import with_stand_ins
-from discrepancy.decision.times import with_times
 from discrepancy.decision.verdict import verdict
 from discrepancy.estimation.fit import Fit
 from discrepancy.estimation.noise import Noise
@@ -33,7 +34,6 @@ from discrepancy.model.description import Effect
 from discrepancy.selection.active_intervals import active_interval_of, restricted_to
 from discrepancy.selection.assess import screen
 from discrepancy.selection.open_ended import OpenEnded, explore
-from discrepancy.selection.other_way import other_ways
 from discrepancy.selection.own_noise import under_own_noise
 from discrepancy.selection.screen import Score, sensitivities
 from discrepancy.selection.search import best_confirmed, over_budget, search, searched_on
@@ -58,7 +58,7 @@ def judge(
     """
     first = _judged(problem, settings, progress, complaints)
     first = with_times(first, lambda cut: _judged(cut, settings, progress, complaints), progress)
-    first = _other_way(
+    first = other_way(
         first,
         lambda state: _judged(first.sheet, settings, progress, complaints, begin=state),
         settings,
@@ -152,23 +152,6 @@ def _judged(
     return Judgement(
         findings, problem, sheet, baseline, state, left, {r[0].effect: r for r in compared.rivals}
     )
-
-
-def _other_way(
-    first: Judgement,
-    judged: Callable[[tuple[State, State]], Judgement],
-    settings: Settings,
-    progress: Progress,
-) -> Judgement:
-    """The first verdict, or one that explains everything with other effects. judged: searches on from a state beside the baseline's."""
-    problem = first.sheet
-    if problem.costs.costly or first.findings.status not in ("explained in part", "unknown"):
-        return first
-    for _, state in other_ways(problem, first.state, first.state.accepted, settings, progress):
-        second = judged((first.baseline, state))
-        if second.findings.status == "explained":
-            return second
-    return first
 
 
 def _findings(

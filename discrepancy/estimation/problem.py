@@ -226,20 +226,13 @@ class Problem:
 
     def cut_at(self, edges: Mapping[str, Sequence[float]]) -> "Problem":
         """The same with windows that are cut at these times as well, by recording [s]."""
-        names = {*self.edges, *edges}
-        both = {name: (*self.edges.get(name, ()), *edges.get(name, ())) for name in names}
+        both = {name: (*self.edges.get(name, ()), *edges.get(name, ())) for name in {*self.edges, *edges}}
         return Problem(self.model, self.recordings, self.row_period_s, edges=both)
 
     def measuring(self, values: Values) -> "Problem":
         """A copy whose measured rows are the model's prediction at these values, without noise; it shares the cached Jacobian columns."""
         other = copy(self)
         other.measured = self.predict(values)
-        return other
-
-    def barring(self, effect: str) -> "Problem":
-        """A copy whose library has not this effect; it shares the cached Jacobian columns."""
-        other = copy(self)
-        other.model = replace(self.model, effects=tuple(e for e in self.model.effects if e.name != effect))
         return other
 
     def trusting_less(self, names: Collection[str], factor: float) -> "Problem":

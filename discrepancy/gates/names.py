@@ -83,7 +83,7 @@ EQUATION_ERROR: Final = _gate(
     threshold=0.1,
     source="a tenth is what an equation of first order leaves of a strong effect",
     otherwise="best proxy, cause unknown: it may be what the equation leaves of its own",
-    module="decision.beside",
+    module="decision.again.beside",
 )
 CHANNEL_TOUCHED: Final = _gate(
     name="channel acted on",
@@ -187,7 +187,7 @@ LEFT_BESIDE_EQUATION: Final = _gate(
     threshold=0.5,
     source="half: a size that another cause would halve is not determined; where both sizes were fitted, one that changes by half of itself, either way",
     otherwise="best proxy, cause unknown",
-    module="decision.caveats, decision.beside",
+    module="decision.caveats, decision.again.beside",
 )
 HANGS_ON_A_VALUE: Final = _gate(
     name="own size beside a value of the sheet",

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from discrepancy.decision.beside import Beside, merged
+from discrepancy.decision.again.beside import Beside, merged
 from discrepancy.decision.drop_one import drop_one_tests
 from discrepancy.decision.judge import judge
 from discrepancy.decision.sizes.half_step import at_half_step

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from discrepancy.decision.again.namesakes import without_namesakes
 from discrepancy.decision.drop_one import drop_one_tests
 from discrepancy.decision.judge import alternatives_of
-from discrepancy.decision.namesakes import without_namesakes
 from discrepancy.estimation.problem import Problem
 from discrepancy.model import Array, Effect, Model, Parameter, Recording, Window, signal
 from discrepancy.selection.assess import assess

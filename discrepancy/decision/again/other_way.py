@@ -4,13 +4,32 @@ The search takes one effect after the other, so that one which does a part of th
 equal delays leaves both of them too little to be seen.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from dataclasses import replace
 
+from discrepancy.decision.judgement import Judgement
 from discrepancy.estimation.fit import Fit, fit
 from discrepancy.estimation.problem import Problem, Values
 from discrepancy.selection.search import searched_on
 from discrepancy.selection.state import Progress, Settings, State, free_names, switched_off
+
+
+def other_way(
+    first: Judgement,
+    judged: Callable[[tuple[State, State]], Judgement],
+    settings: Settings,
+    progress: Progress,
+) -> Judgement:
+    """The verdict, or one that explains everything with other effects. judged: searches on from a state, beside that of the baseline."""
+    problem = first.sheet
+    if problem.costs.costly or first.findings.status not in ("explained in part", "unknown"):
+        return first
+    for _, state in other_ways(problem, first.state, first.state.accepted, settings, progress):
+        second = judged((first.baseline, state))
+        if second.findings.status == "explained":
+            return second
+    return first
 
 
 def other_ways(
@@ -29,7 +48,7 @@ def other_ways(
         progress(f"searching again without {name}")
         others = tuple(n for n in state.accepted if n != name)
         off = state.fit.values.with_shared(switched_off(problem.model.effect(name)))
-        less = problem.barring(name)
+        less = _barring(problem, name)
         without = _fitted(less, state, others, off)
         found, _ = searched_on(less, _of(state, others, without), brief, progress)
         if set(found.accepted) <= set(others):
@@ -41,6 +60,13 @@ def other_ways(
         )
         if other.sse + settings.same * max(more, 0) < state.fit.sse:
             yield name, found
+
+
+def _barring(problem: Problem, effect: str) -> Problem:
+    """A copy whose library has not this effect; it shares the cached Jacobian columns."""
+    less = copy(problem)
+    less.model = replace(problem.model, effects=tuple(e for e in problem.model.effects if e.name != effect))
+    return less
 
 
 def _fitted(problem: Problem, state: State, accepted: Sequence[str], values: Values) -> Fit:

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from discrepancy.decision.again.other_way import other_ways
 from discrepancy.decision.judge import judge
 from discrepancy.estimation.problem import Problem
 from discrepancy.model.description import Model, Parameter
 from discrepancy.model.sensors import sensor_effects
-from discrepancy.selection.other_way import other_ways
 from discrepancy.selection.search import search
 from discrepancy.selection.state import Settings
 from discrepancy.signals.recording import Recording, signal
