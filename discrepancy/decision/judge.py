@@ -57,7 +57,7 @@ def judge(
     Content of recordings never raises here; Unusable is raised when the Problem is built.
     """
     first = _judged(problem, settings, progress, complaints)
-    first = with_times(first, lambda cut: _judged(cut, settings, progress, complaints), progress)
+    first = with_times(first, lambda cut: _judged(cut, settings, progress, complaints), settings, progress)
     first = other_way(
         first,
         lambda state: _judged(first.sheet, settings, progress, complaints, begin=state),

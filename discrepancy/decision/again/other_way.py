@@ -7,12 +7,15 @@ equal delays leaves both of them too little to be seen.
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import replace
+from typing import Final
 
 from discrepancy.decision.judgement import Judgement
 from discrepancy.estimation.fit import Fit, fit
 from discrepancy.estimation.problem import Problem, Values
 from discrepancy.selection.search import searched_on
 from discrepancy.selection.state import Progress, Settings, State, free_names, switched_off
+
+FIRST: Final = 3  # effects that are barred: what was accepted first had the most to stand in for
 
 
 def other_way(
@@ -25,7 +28,7 @@ def other_way(
     problem = first.sheet
     if problem.costs.costly or first.findings.status not in ("explained in part", "unknown"):
         return first
-    for _, state in other_ways(problem, first.state, first.state.accepted, settings, progress):
+    for _, state in other_ways(problem, first.state, first.state.accepted[:FIRST], settings, progress):
         second = judged((first.baseline, state))
         if second.findings.status == "explained":
             return second
