@@ -28,6 +28,8 @@ NODE_OF = {process: node for node, process in NODES.items()}
 # Above the share of the first ticks, in which every ECU is still in INIT.
 REMARKABLE_SHARE = 0.01
 """Share of a run that the ECU spent outside *running* from which on the summary mentions it."""
+FULL = 0.98
+"""Share of the processors' time, in the busiest second, from which on none of them counts as ever idle."""
 _REMARKABLE = ("init", "degraded", "fault", "not_available")
 
 
@@ -92,7 +94,10 @@ def _verdicts(run: RunDirectory, seen: RunVerdict | None) -> Iterator[Verdict]:
 
 
 def _kept_waiting(run: RunDirectory) -> float:
-    """How long the host kept a process of the run from its processor within one second [s]."""
+    """How long the host may have kept a process of this computer from its processor within one second [s]."""
+    # the waits of a process that is not ours are not known: where no processor was ever idle, it may have waited all the time
+    if run.record.vitals is not None and run.record.vitals.most_busy >= FULL:
+        return 1.0
     timing = timing_of(run)
     shares = (timing.worst_stolen, *timing.worst_waited.values())
     return max(share for share in shares if math.isfinite(share))

@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 from dbc.database import Database
 from hil.verdict import Result, Verdict
 
-SILENT_NS: Final = 100_000_000
-"""A node without any frame for this time is silent [ns]: ten cycles of the fastest messages of loader.dbc."""
+SILENT_NS: Final = 100_000_000  # without any frame: ten cycles of the fastest messages of loader.dbc
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,14 +31,12 @@ class Silence:
 
 def silences(time_s: ArrayLike, *, end_s: float, silent_s: float = SILENT_NS * 1e-9) -> list[Silence]:
     """The silences of a node between time zero and `end_s`, from the times of all its frames [s]."""
-    times = np.asarray(time_s, float)
+    times = np.sort(np.asarray(time_s, float))
     # begin and end of the run count as frames: a node that starts late or stops early is silent there
-    inside = np.concatenate(([0.0], np.sort(times[(times >= 0) & (times <= end_s)]), [end_s]))
+    inside = np.concatenate(([0.0], times[(times >= 0) & (times <= end_s)], [end_s]))
     gaps = np.flatnonzero(np.diff(inside) > silent_s)
-    return [
-        Silence(float(inside[gap]), float(inside[gap + 1]), ended=gap < inside.size - 2)
-        for gap in gaps.tolist()
-    ]
+    ends = zip(inside[gaps].tolist(), inside[gaps + 1].tolist(), gaps < inside.size - 2, strict=True)
+    return [Silence(begin, end, bool(ended)) for begin, end, ended in ends]
 
 
 def judge_presence(node: str, time_s: ArrayLike, *, end_s: float, host_s: float = 0.0) -> Verdict:
@@ -48,23 +45,19 @@ def judge_presence(node: str, time_s: ArrayLike, *, end_s: float, host_s: float 
     host_s: how long the host may have kept the node waiting [s], if it is a process of the bench's own computer. Silences that
     this explains are inconclusive, and so is one that had lasted no longer than that when the run ended.
     """
-    question = f"{node} is there throughout"
-    times = np.asarray(time_s, float)
-    if end_s <= 0:
-        return Verdict(question=question, result=Result.INCONCLUSIVE, reason="nothing was recorded")
+    times, permitted_s = np.asarray(time_s, float), SILENT_NS * 1e-9 + host_s
     found = silences(times, end_s=end_s)
-    if not found:
-        count = int(np.count_nonzero((times >= 0) & (times <= end_s)))
-        return Verdict(
-            question=question, result=Result.PASSED, reason=f"{count} frames, never silent for 100 ms"
-        )
     shown = ", ".join(map(str, found[:3])) + (f" and {len(found) - 3} times more" if len(found) > 3 else "")
-    if all(each.lasts_s <= SILENT_NS * 1e-9 + host_s for each in found):
-        reason = (
-            f"silent from {shown}; the host kept processes of this computer waiting for up to {host_s:.2f} s"
-        )
-        return Verdict(question=question, result=Result.INCONCLUSIVE, reason=reason)
-    return Verdict(question=question, result=Result.FAILED, reason=f"silent from {shown}")
+    result, reason = Result.FAILED, f"silent from {shown}"
+    if end_s <= 0:
+        result, reason = Result.INCONCLUSIVE, "nothing was recorded"
+    elif not found:
+        frames = ((times >= 0) & (times <= end_s)).sum()
+        result, reason = Result.PASSED, f"{frames} frames, never silent for 100 ms"
+    elif all(each.lasts_s <= permitted_s for each in found):
+        result = Result.INCONCLUSIVE
+        reason += f"; the host may have kept processes of this computer waiting for up to {host_s:.2f} s"
+    return Verdict(question=f"{node} is there throughout", result=result, reason=reason)
 
 
 def identifiers_of(node: str, database: Database) -> frozenset[int]:

@@ -14,6 +14,7 @@ from pathlib import Path
 from bus.closing import Closing
 
 CLOCK_TICK_NS = 1_000_000_000 // os.sysconf("SC_CLK_TCK")
+IDLE = slice(3, 5)  # idle and iowait
 STEAL = 7  # field of the cpu line after its name: user nice system idle iowait irq softirq steal
 LEAST_WAIT_NS = 1_000_000
 """Shorter waits [ns] occur in every period and excuse nothing."""
@@ -30,17 +31,21 @@ class HostClock:
 
     total: int
     stolen: int
+    busy: int = 0  # not idle, nor waiting for a disk
 
     @classmethod
     def read(cls, file: Path = Path("/proc/stat")) -> "HostClock":
         """Now."""
         fields = [int(word) for word in file.read_text().split("\n", 1)[0].split()[1 : FIELDS + 1]]
-        return cls(sum(fields), fields[STEAL])
+        return cls(sum(fields), fields[STEAL], sum(fields) - sum(fields[IDLE]))
 
     def stolen_since(self, before: "HostClock") -> float:
         """Share of the machine's processor time that went to other guests since `before`, 0..1."""
-        total = self.total - before.total
-        return (self.stolen - before.stolen) / total if total > 0 else 0.0
+        return (self.stolen - before.stolen) / max(self.total - before.total, 1)
+
+    def busy_since(self, before: "HostClock") -> float:
+        """Share of the machine's processor time in which a processor was not idle since `before`, 0..1."""
+        return (self.busy - before.busy) / max(self.total - before.total, 1)
 
 
 def waited_ns(pid: int | None = None) -> int:

@@ -61,6 +61,7 @@ class Vitals:
     stolen: float  # share of the machine's processor time given to other guests, 0 to 1
     worst_stolen: float  # the same in the worst second
     lives: tuple[Life, ...]
+    most_busy: float = 0.0  # share of the processors' time that was not idle, in the busiest second
 
 
 def read(pid: int) -> Reading | None:
@@ -135,7 +136,7 @@ class Watch:
         self._read, self._read_host = read, read_host
         self._watched: dict[tuple[str, int], _Watched] = {}
         self._host_first = self._host_last = read_host()
-        self._worst_stolen = 0.0
+        self._worst_stolen = self._most_busy = 0.0
 
     def sample(self, processes: Iterable[tuple[str, int]], now_ns: int) -> None:
         """Sample the processes (name, pid) that are ready; now_ns: monotonic clock."""
@@ -149,6 +150,7 @@ class Watch:
                 self._watched[name, pid] = _Watched(name, pid, reading, now_ns)
         host = self._read_host()
         self._worst_stolen = max(self._worst_stolen, host.stolen_since(self._host_last))
+        self._most_busy = max(self._most_busy, host.busy_since(self._host_last))
         self._host_last = host
 
     def vitals(self) -> Vitals:
@@ -157,6 +159,7 @@ class Watch:
             stolen=self._host_last.stolen_since(self._host_first),
             worst_stolen=self._worst_stolen,
             lives=tuple(watched.life() for watched in self._watched.values()),
+            most_busy=self._most_busy,
         )
 
 

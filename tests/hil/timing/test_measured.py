@@ -121,6 +121,7 @@ def test_steal_is_a_share_of_all_processor_time(tmp_path):
     before = HostClock.read(stat)
     stat.write_text("cpu  150 0 50 840 10 0 5 45 999 0\ncpu0 1 1\n")
     assert HostClock.read(stat).stolen_since(before) == pytest.approx(10 / 100)
+    assert HostClock.read(stat).busy_since(before) == pytest.approx(60 / 100)
     assert before.stolen_since(before) == 0.0
 
 

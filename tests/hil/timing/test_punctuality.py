@@ -12,12 +12,14 @@ from hil import rundir
 from hil.check.command import as_json
 from hil.check.observed import ECU_BUS, PLANT_BUS, check_observed, observed, punctuality_of
 from hil.compose import Choice, lockstep
+from hil.ending import Ending
 from hil.faults.record import Injected, write_faults
 from hil.rundir import RunDirectory
+from hil.runs import RunResult
 from hil.timing.vitals import Life, Vitals
 from hil.verdict import Result
 from plant.unit.scenario import load_scenario
-from testbench.conclusion import timing_verdicts
+from testbench.conclusion import conclude, timing_verdicts
 
 TICKS = 200
 PERIOD = 10_000_000
@@ -277,3 +279,24 @@ def test_it_stands_in_the_record_and_is_read_back(run):
     assert timing_verdicts(back) == [kept.frames, kept.ticks]
     plain = json.loads((run / rundir.RECORD).read_text(), parse_constant=pytest.fail)  # no NaN
     assert plain["punctuality"]["frames"]["result"] == "PASSED"
+
+
+@pytest.mark.parametrize(("most_busy", "result"), [(0.6, Result.FAILED), (1.0, Result.INCONCLUSIVE)])
+def test_a_silence_of_a_process_beside_the_bench_is_open_where_no_processor_was_idle(
+    run, frames, most_busy, result
+):
+    """Our own processes waited 0.01 s; that of the foreign ECU is not ours, and may have waited for all of a second."""
+    ours = {codec.can_id for codec in loader_database().by_name.values() if "EstimatorEcu" in codec.senders}
+    silent = [f for f in frames if f.can_id not in ours or not 0.5e9 < f.at_ns - START < 1.1e9]
+    write(run / rundir.BUS, silent)
+    change(
+        run,
+        duration_s=2.0,
+        foreign={"ecu": "hub:/tmp/some.hub"},
+        vitals=replace(vitals(), most_busy=most_busy),
+    )
+    concluded = conclude(
+        "run", Choice(scenario="standstill"), run, RunResult(Ending.PASSED, "", rundir.read_record(run))
+    )
+    (verdict,) = [v for v in concluded.verdicts if v.question == "EstimatorEcu is there throughout"]
+    assert verdict.result is result, verdict

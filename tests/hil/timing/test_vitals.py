@@ -77,6 +77,15 @@ def test_stolen_time_over_the_run_and_in_the_worst_second():
     assert watch.vitals().worst_stolen == pytest.approx(50 / 200)
 
 
+def test_the_busiest_second_is_the_one_with_the_least_idle_time():
+    busy = [0, 50, 240, 240, 240]  # of 200 ticks a second
+    ticks = count()
+    watch = Watch(lambda _: None, lambda: (lambda k: HostClock(200 * k, 0, busy[k]))(next(ticks)))
+    for second in range(1, 5):
+        watch.sample([], second * SECOND)
+    assert watch.vitals().most_busy == pytest.approx(190 / 200)
+
+
 def test_a_process_started_again_has_two_lives():
     watch = Watch(lambda pid: Reading(pid * MIB, 0), lambda: HostClock(0, 0))
     watch.sample([("ecu", 1)], 0)
