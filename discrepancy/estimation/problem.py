@@ -216,18 +216,19 @@ class Problem:
         """Recorded samples of all channels, before any were averaged."""
         return sum(block.sample_s.size * len(block.channels) for block in self.blocks)
 
-    def of(self, model: Model) -> "Problem":
-        """The same recordings, averaged and cut in the same way, for another model."""
-        return Problem(model, self.recordings, self.row_period_s, edges=self.edges)
-
-    def finer(self, steps: int) -> "Problem":
-        """The same with so many steps of the grid in one of the model's."""
-        return Problem(self.model, self.recordings, self.row_period_s, steps, self.edges)
-
-    def cut_at(self, edges: Mapping[str, Sequence[float]]) -> "Problem":
-        """The same with windows that are cut at these times as well, by recording [s]."""
-        both = {name: (*self.edges.get(name, ()), *edges.get(name, ())) for name in {*self.edges, *edges}}
-        return Problem(self.model, self.recordings, self.row_period_s, edges=both)
+    def again(
+        self,
+        *,
+        model: Model | None = None,
+        row_period_s: Mapping[tuple[str, ...], float] | None = None,
+        finer: int = 1,
+        edges: Mapping[str, Sequence[float]] | None = None,
+    ) -> "Problem":
+        """The same recordings, averaged and cut in the same way where nothing else is given; edges: further ones."""
+        further = edges or {}
+        both = {n: (*self.edges.get(n, ()), *further.get(n, ())) for n in {*self.edges, *further}}
+        rows = self.row_period_s if row_period_s is None else row_period_s
+        return Problem(model or self.model, self.recordings, rows, finer, both)
 
     def measuring(self, values: Values) -> "Problem":
         """A copy whose measured rows are the model's prediction at these values, without noise; it shares the cached Jacobian columns."""

@@ -27,6 +27,16 @@ DISTURBANCE_SHARE: Final = _gate(
     otherwise="as for the next test",
     module="decision.adequacy, checks.budgets",
 )
+SIMULATED_WORSE: Final = _gate(
+    name="simulated no worse",
+    of="verdict",
+    statistic="simulated error of a channel with windows cut where effects begin and end, over that with whole windows",
+    threshold=1.05,
+    passes="below",
+    source="the root mean square of 200 errors scatters by 5 %",
+    otherwise="the verdict with whole windows stays",
+    module="decision.again.times",
+)
 CERTAIN_VALUE: Final = _gate(
     name="simulated as well as measured",
     of="verdict",

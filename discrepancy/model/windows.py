@@ -225,20 +225,23 @@ def _spans(
     def on_grid(time_s: Array) -> Array:
         return np.asarray(start + model.step_s * np.round((time_s - start) / model.step_s), float)
 
+    at = on_grid(np.array(more))
     if model.segments is not None:
         chosen = np.array(model.segments(recording, interval))
-        whole = [(low, high) for low, high in np.clip(on_grid(chosen), start, end).tolist()]
-        return [part for span in whole for part in _split(span, on_grid(np.array(more)))]
+        return _split(np.clip(on_grid(chosen), start, end).tolist(), at)
     count = max(1, round((end - start) / model.window_s)) if model.window_s else 1
     edges = np.linspace(start, end, count + 1)
     edges[1:-1] = on_grid(edges[1:-1])
-    return [part for span in pairwise(edges.tolist()) for part in _split(span, on_grid(np.array(more)))]
+    return _split(pairwise(edges.tolist()), at)
 
 
-def _split(span: tuple[float, float], at: Array) -> list[tuple[float, float]]:
-    """A span in parts, cut at the times that lie within it."""
-    low, high = span
-    return list(pairwise([low, *np.unique(at[(at > low) & (at < high)]).tolist(), high]))
+def _split(spans: Iterable[Sequence[float]], at: Array) -> list[tuple[float, float]]:
+    """Spans in parts: each is cut at the times that lie within it."""
+    return [
+        part
+        for low, high in spans
+        for part in pairwise([low, *np.unique(at[(at > low) & (at < high)]).tolist(), high])
+    ]
 
 
 def resampled(source: Signal, grid: Array) -> Array:

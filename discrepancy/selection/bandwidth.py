@@ -39,7 +39,7 @@ def at_bandwidth(problem: Problem) -> tuple[Problem, list[Complaint]]:
     periods = row_periods(problem)
     if not periods:
         return problem, []
-    decimated = Problem(problem.model, problem.recordings, periods)
+    decimated = problem.again(row_period_s=periods)
     return decimated, [*_oversampled(decimated)]
 
 

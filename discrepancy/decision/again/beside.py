@@ -143,7 +143,7 @@ def beside_equation(
     names = "; ".join(first.findings.named)
     so_far = first.findings.status + (f": {names}" if names else "")
     progress(f"so far {so_far}; searching beside {first.left.equation()}")
-    grown = problem.of(built_in(problem, first.state, terms))
+    grown = problem.again(model=built_in(problem, first.state, terms))
     second = judged(grown, Beside(problem, first.baseline, first.state, terms))
     if not _says_more(first.findings, second.findings):
         return first

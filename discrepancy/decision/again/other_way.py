@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Final
 
 from discrepancy.decision.judgement import Judgement
-from discrepancy.estimation.fit import Fit, fit
+from discrepancy.estimation.fit import fit
 from discrepancy.estimation.problem import Problem, Values
 from discrepancy.selection.search import searched_on
 from discrepancy.selection.state import Progress, Settings, State, free_names, switched_off
@@ -25,10 +25,10 @@ def other_way(
     progress: Progress,
 ) -> Judgement:
     """The verdict, or one that explains everything with other effects. judged: searches on from a state, beside that of the baseline."""
-    problem = first.sheet
-    if problem.costs.costly or first.findings.status not in ("explained in part", "unknown"):
+    if first.sheet.costs.costly or first.findings.status not in ("explained in part", "unknown"):
         return first
-    for _, state in other_ways(problem, first.state, first.state.accepted[:FIRST], settings, progress):
+    # the problem that the state was fitted to: its priors count in what the two explain
+    for _, state in other_ways(first.problem, first.state, first.state.accepted[:FIRST], settings, progress):
         second = judged((first.baseline, state))
         if second.findings.status == "explained":
             return second
@@ -50,19 +50,23 @@ def other_ways(
     for name in barred:
         progress(f"searching again without {name}")
         others = tuple(n for n in state.accepted if n != name)
-        off = state.fit.values.with_shared(switched_off(problem.model.effect(name)))
-        less = _barring(problem, name)
-        without = _fitted(less, state, others, off)
-        found, _ = searched_on(less, _of(state, others, without), brief, progress)
+        begin = replace(state, accepted=others, fit=replace(state.fit, values=_off(problem, state, name)))
+        found, _ = searched_on(_barring(problem, name), begin, brief, progress)
         if set(found.accepted) <= set(others):
             continue
         # under one noise: that of the state, which counts as noise what it does not explain
-        other = _fitted(problem, state, found.accepted, found.fit.values)
-        more = sum(problem.model.effect(n).size for n in found.accepted) - sum(
-            problem.model.effect(n).size for n in state.accepted
-        )
-        if other.sse + settings.same * max(more, 0) < state.fit.sse:
+        other = fit(problem, state.noise, free_names(problem, found.accepted), found.fit.values)
+        # a further parameter has to bring what two equally good fits may differ by
+        further = len(other.names) - len(state.fit.names)
+        if other.sse + settings.same * max(further, 0) < state.fit.sse:
             yield name, found
+
+
+def _off(problem: Problem, state: State, name: str) -> Values:
+    """The values without an effect: it may come again, and act at another time."""
+    off, values = switched_off(problem.model.effect(name)), state.fit.values
+    elsewhere = {n: windows for n, windows in values.active_intervals.items() if n not in off}
+    return replace(values.with_shared(off), active_intervals=elsewhere)
 
 
 def _barring(problem: Problem, effect: str) -> Problem:
@@ -70,12 +74,3 @@ def _barring(problem: Problem, effect: str) -> Problem:
     less = copy(problem)
     less.model = replace(problem.model, effects=tuple(e for e in problem.model.effects if e.name != effect))
     return less
-
-
-def _fitted(problem: Problem, state: State, accepted: Sequence[str], values: Values) -> Fit:
-    return fit(problem, state.noise, free_names(problem, accepted), values)
-
-
-def _of(state: State, accepted: tuple[str, ...], fitted: Fit) -> State:
-    """What a search goes on from."""
-    return State(state.noise, fitted, accepted, (), aside=state.aside)

@@ -10,8 +10,9 @@ from typing import Final
 
 import numpy as np
 
+from discrepancy import gates
 from discrepancy.decision.judgement import Judgement
-from discrepancy.estimation.problem import Problem
+from discrepancy.estimation.problem import Problem, Windows
 from discrepancy.model.windows import FEWEST_SAMPLES
 from discrepancy.selection.active_intervals import active_interval_of, runs
 from discrepancy.selection.search import search
@@ -20,7 +21,6 @@ from discrepancy.signals import findings as f
 
 # Shorter parts do not narrow it further: the initial state of each is free, and takes up the step that would show.
 PARTS: Final = 4  # of a window, where an effect may begin or end
-WORSE: Final = 1.05  # ratio of simulated errors, above which the later verdict simulates worse
 ORDER: Final[tuple[f.Status, ...]] = ("inconclusive", "nothing missing", "unknown", "explained in part", "explained")  # fmt: skip
 
 Edges = dict[str, list[float]]
@@ -36,17 +36,16 @@ def with_times(
     what distinguishes two effects. An effect that was there only for what a wrong time left over may be gone.
     """
     problem = first.sheet
-    beside = _in_parts(first.problem, _limits(first.problem, first.state))
-    if problem.costs.costly or not beside:
+    beside = {} if problem.costs.costly else _in_parts(problem, _limits(problem, first.state))
+    if not beside:
         return first
-    names = " and ".join(x.effect for x in first.findings.findings if x.where.temporary)
-    progress(f"narrowing down when {names} begins and ends")
-    finer = problem.cut_at(beside)
+    progress(f"narrowing down when {' and '.join(_temporary(problem, first.state))} begins and ends")
+    finer = problem.again(edges=beside)
     state, _ = search(finer, settings, progress)
     times: Edges = {}
     for limit in _limits(finer, state):
         times.setdefault(finer.windows[limit].recording, []).append(finer.windows[limit].start_s)
-    cut = problem.cut_at(times)
+    cut = problem.again(edges=times)
     if len(cut.windows) == len(problem.windows):
         return first
     second = judged(cut)
@@ -55,13 +54,16 @@ def with_times(
     return replace(kept, findings=replace(kept.findings, simulations=cost))
 
 
+def _temporary(problem: Problem, state: State) -> dict[str, Windows]:
+    """Accepted effects that act for a part of the time, and the windows in which they do."""
+    acting = {n: active_interval_of(problem.model.effect(n), state.fit.values) for n in state.accepted}
+    return {name: windows for name, windows in acting.items() if windows is not None}
+
+
 def _limits(problem: Problem, state: State) -> list[int]:
     """The windows with which accepted effects begin to act, or to act no more, other than the first of a recording."""
-    found: set[int] = set()
-    for name in state.accepted:
-        active = active_interval_of(problem.model.effect(name), state.fit.values)
-        found |= {limit for run in runs(problem, active or ()) for limit in (run.start, run.stop)}
-    return sorted(limit for limit in found if _within(problem, limit))
+    spells = [run for windows in _temporary(problem, state).values() for run in runs(problem, windows)]
+    return sorted({i for run in spells for i in (run.start, run.stop) if _within(problem, i)})
 
 
 def _within(problem: Problem, limit: int) -> bool:
@@ -86,7 +88,9 @@ def _says_less(second: f.Findings, first: f.Findings) -> bool:
     """Whether the verdict is a weaker one, a channel is simulated worse, or an effect is in a larger group."""
     weaker = ORDER.index(second.status) < ORDER.index(first.status)
     before = {c.channel: c.simulated for c in first.adequacy}
-    worse = any(c.simulated > WORSE * before.get(c.channel, np.inf) for c in second.adequacy)
+    worse = any(
+        c.simulated > gates.SIMULATED_WORSE.threshold * before.get(c.channel, np.inf) for c in second.adequacy
+    )
     return weaker or worse or _less_distinct(second.findings, first.findings)
 
 

@@ -50,7 +50,7 @@ def at_half_step(problem: Problem, noise: Noise, fitted: Fit) -> HalfStep | None
     if problem.costs.costly:
         return None
     try:
-        finer = problem.finer(2)
+        finer = problem.again(finer=2)
         after = finer.predict(fitted.values)
     except (BadModel, ValueError):
         return None

@@ -238,7 +238,7 @@ def test_a_reading_that_is_set_aside_is_no_error_of_the_model() -> None:
 def test_a_value_is_certain_only_where_the_model_is_as_good_as_a_reading() -> None:
     """A tenth of the movement is granted for disturbances that nobody stated; another law may hide in it."""
     problem = Problem(tank("leak"), [record(1)])
-    stated = problem.of(replace(problem.model, disturbances={"level": 0.1}))
+    stated = problem.again(model=replace(problem.model, disturbances={"level": 0.1}))
     for simulated, alone in ((0.019, True), (0.021, False), (0.09, False)):
         level = ChannelAdequacy(
             channel="level", unit="m", budget=0.01, source="sensor sheet", movement=1.0, one_step_budget=0.012, simulated_budget=0.1,

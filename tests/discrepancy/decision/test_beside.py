@@ -75,7 +75,7 @@ def with_a_drain() -> tuple[Problem, State, Problem, State, Beside]:
         equally_good=[],
     )
     terms = (FittedTerm(reported, level),)
-    grown = problem.of(built_in(problem, baseline, terms))
+    grown = problem.again(model=built_in(problem, baseline, terms))
     state = assess(grown, ("leak",), grown.start().having(leak=0.03), SETTINGS)
     return problem, baseline, grown, state, Beside(problem, baseline, baseline, terms)
 
