@@ -80,11 +80,19 @@ def record(seed, *, lag_s=0.0, delay_s=0.0, duration_s=100.0):
     return Recording("drive", signals)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_two_delays_in_place_of_one_lag(seed):
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_two_delays_explain_more_than_the_lag_that_was_taken_first(seed):
     problem = Problem(drive(), [record(seed, delay_s=DELAY_S)])
-    state, _ = search(problem, Settings())
-    assert state.accepted[0] == "motor lag"  # the search takes the best single effect first
+    state, _ = search(problem, Settings(most_effects=1))
+    assert state.accepted == ("motor lag",)  # the best single effect
+    ((barred, other),) = other_ways(problem, state, state.accepted, Settings())
+    assert barred == "motor lag"
+    assert set(other.accepted) == {"speed delay", "position delay"}
+
+
+def test_the_verdict_is_theirs():
+    """A seed in which the search keeps the lag beside a delay; in five others a delay makes it needless by itself."""
+    problem = Problem(drive(), [record(2, delay_s=DELAY_S)])
     found = judge(problem, Settings()).findings
     assert found.status == "explained", found.reasons
     assert set(found.named) == {"speed delay", "position delay"}
