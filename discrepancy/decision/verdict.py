@@ -227,7 +227,8 @@ def _status(
         )
     wrong = [c.described for c in complaints if c.fatal and c.signal in problem.missing]
     if any(x.named for x in found):
-        enough = "with it, no other effect of the library and no function of the known signals that was tried improves the prediction of held-out data"
+        whom = "it" if len(found) == 1 else "them"
+        enough = f"with {whom}, no other effect of the library and no function of the known signals that was tried improves the prediction of held-out data"
         return "explained in part" if inconsistent else "explained", [*(reasons or [enough]), *wrong]
     if found or equation.terms or inconsistent:
         return "unknown", [*reasons, *wrong]

@@ -99,6 +99,7 @@ def test_the_verdict_is_theirs():
     for each in found.findings:
         (delay,) = each.parameters
         assert delay.low < DELAY_S < delay.high
+    assert found.reasons[0].startswith("with them, no other effect")
     assert any("all readings come late by 0.17 s: command acting late by that" in r for r in found.reasons)
     # what was barred is in the library again for the verdict
     assert {c.effect for c in found.candidates} == {e.name for e in drive().effects}
