@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 
 from discrepancy.model.description import Window
-from discrepancy.model.windows import resampled
 from discrepancy.signals.recording import Array, Signal
+from discrepancy.signals.resampling import resampled
 
 ROUNDING: Final = 1e-9  # of the largest singular value, below which a direction is left out
 FORGOTTEN: Final = 20.0  # time constants after which a lag has forgotten, to 2e-9

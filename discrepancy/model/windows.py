@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from discrepancy import gates
 from discrepancy.model.description import Model, Window
 from discrepancy.signals.recording import Array, Complaint, Recording, Signal
+from discrepancy.signals.resampling import GAP, HOLD_TOLERANCE, course
 from discrepancy.signals.units import parse_unit
 
-GAP = 3.5  # in usual pauses between samples: a longer one starts a new block of the whitening filter
 OUTPUTS = "outputs"  # in place of a channel's name, in complaints about all of them
 MILLI = 3e-3  # of the model's step or its inverse, beyond which stamps are likely in ms or in s by mistake
-HOLD_TOLERANCE = 1e-3  # of a grid step, by which a held value may be stamped beside a grid point and be of it
 IN_STEP: Final = 0.9  # length of the mean of unit vectors at the phases of commands, from which they have one: they scatter by 7 % of a step
 FEWEST_SAMPLES: Final = int(gates.SAMPLES_IN_A_BLOCK.threshold)  # of a channel in a window
 
@@ -172,22 +171,18 @@ def cut(
     interval = _in_step(model, recording, interval)
     start = interval[0]
     names = {**model.driving, **model.outputs}
+    courses = {n: course(s) for n, s in recording.signals.items() if n in names and s.time_s.size > 1}
     for low, high in _spans(model, recording, interval, edges):
         lead = max(low - model.step_s * round(model.lead_s / model.step_s), start)
         count = int(np.ceil((high - lead) / model.step_s - 1e-9)) + 1
         grid: Array = lead + model.step_s / finer * np.arange(finer * (count - 1) + 1, dtype=np.float64)
-        known = {
-            name: resampled(s, grid)
-            for name, s in recording.signals.items()
-            if name in names and s.time_s.size > 1
-        }
         yield Window(
             recording=recording.name,
             start_s=float(low),
             end_s=float(high),
             time_s=grid,
             step_s=model.step_s / finer,
-            known=known,
+            known={name: values(grid) for name, values in courses.items()},
             constants=recording.constants,
         )
 
@@ -242,30 +237,6 @@ def _split(spans: Iterable[Sequence[float]], at: Array) -> list[tuple[float, flo
         for low, high in spans
         for part in pairwise([low, *np.unique(at[(at > low) & (at < high)]).tolist(), high])
     ]
-
-
-def resampled(source: Signal, grid: Array) -> Array:
-    """Values on the grid: linear between samples; of held signals the mean over the step that begins there."""
-    if not source.held:
-        return np.interp(grid, source.time_s, source.value)
-    if grid.size < 2:
-        return source.value[_last_before(source.time_s, grid)]
-    # A command that comes within a step acts for the rest of it. Its value at the grid point would act up to a step late.
-    # by many steps: stamps that count from 1970 are rounded to 0.24 µs
-    step = (grid[-1] - grid[0]) / (grid.size - 1)
-    places = (source.time_s - grid[0]) / step
-    # no value may stand a step too long for such rounding
-    whole = np.round(places)
-    places = np.where(np.abs(places - whole) < HOLD_TOLERANCE, whole, places)
-    changes = places[(places > 0.0) & (places < grid.size)]
-    points = np.union1d(np.arange(grid.size + 1.0), changes)
-    values = source.value[_last_before(places, points[:-1])]
-    return np.asarray(np.bincount(points[:-1].astype(np.intp), np.diff(points) * values, grid.size), float)
-
-
-def _last_before(places: Array, points: Array) -> NDArray[np.intp]:
-    """Index of the last value at or before each point; the first one where there is none."""
-    return np.clip(np.searchsorted(places, points, side="right") - 1, 0, None)
 
 
 def sample_blocks(

@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from discrepancy.model.windows import resampled
 from discrepancy.signals.recording import Array, Recording, Signal, cleaned
+from discrepancy.signals.resampling import resampled
 from ecu.calibration import load_calibration
 from ecu.estimators.inclination import Slope, lean_at_start, leaned, without
 from ecu.estimators.tyres.wheels import radius

@@ -24,7 +24,7 @@ class Signal:
     time_s: Array  # stamps (n,)
     value: Array  # (n,)
     unit: str
-    held: bool = False  # a value holds until the next one (commands, gear), else it is linear in between
+    held: bool = False  # a value holds until the next one (commands, gear), else see signals.resampling
 
     def __post_init__(self) -> None:
         if self.time_s.shape != self.value.shape or self.time_s.ndim != 1:

@@ -10,11 +10,12 @@ from discrepancy.signals.findings import Estimate, Finding, Findings, GroupMembe
 
 @pytest.mark.parametrize(
     ("body", "name", "finest", "coarsest"),
-    # the straight drive at 200 Hz would cost half a minute (python -m bench.resampling); of every eighth command the car's steering can no longer be estimated
+    # the straight drive at 200 Hz would cost half a minute (python -m bench.resampling)
     [
         ("ball", "quadratic drag", 1, 8),
         ("ball", "height lag", 1, 8),
-        ("car", "gyro delay", 1, 4),
+        ("car", "gyro delay", 1, 8),
+        ("car", "servo lag", 1, 8),
     ],
 )
 def test_few_and_many_samples_give_the_same_name_and_interval(

@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from discrepancy.model.windows import resampled
 from discrepancy.signals.recording import Array, Recording
+from discrepancy.signals.resampling import resampled
 
 SCORED_S: Final = 4.0  # length of a segment, without its lead-in
 SHORTEST_S: Final = 2.0  # of a segment: a shorter one is mostly initial state

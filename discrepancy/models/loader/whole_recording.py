@@ -7,12 +7,12 @@ from typing import Final
 import numpy as np
 
 from discrepancy.model.description import Window
-from discrepancy.model.windows import resampled
 from discrepancy.models.loader.channels import CHANNELS, INPUTS, LIMITS, OPTIONAL, SPEEDS
 from discrepancy.models.loader.contact_detection import contact_position
 from discrepancy.models.loader.replay_inputs import ReplayInputs, replay_inputs
 from discrepancy.models.loader.warm_up import STANDING
 from discrepancy.signals.recording import Array, Recording, cleaned
+from discrepancy.signals.resampling import resampled
 from plant.replay import M_SPEED
 from plant.sheets.machine import Machine
 from plant.unit.actuators import Abilities

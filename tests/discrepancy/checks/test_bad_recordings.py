@@ -9,11 +9,11 @@ import pytest
 from diagnosis.blind.hidden import Truth, concealed, staged
 from discrepancy.checks.clocks import join
 from discrepancy.examine import examine
-from discrepancy.model.windows import resampled
 from discrepancy.models import straight
 from discrepancy.selection.state import Settings
 from discrepancy.signals.findings import Findings
 from discrepancy.signals.recording import Recording, Signal, cleaned
+from discrepancy.signals.resampling import resampled
 from tests.discrepancy.toys import record, tank
 
 

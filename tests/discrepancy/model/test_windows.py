@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from discrepancy.model.windows import cut, resampled, usable
+from discrepancy.model.windows import cut, usable
 from discrepancy.signals.recording import Recording, signal
+from discrepancy.signals.resampling import resampled
 from tests.discrepancy.toys import tank
 
 GRID = 3.0 + 0.1 * np.arange(50)

@@ -8,7 +8,6 @@ import pytest
 from bench.loader_truth import Arm, record
 from dbc import loader_database
 from discrepancy.model.description import Window
-from discrepancy.model.windows import resampled
 from discrepancy.models.loader.channels import INPUTS, LIMITS, OPTIONAL, SPEEDS, TORQUES
 from discrepancy.models.loader.recorded_run import load_run
 from discrepancy.models.loader.replay_inputs import (
@@ -22,6 +21,7 @@ from discrepancy.models.loader.replay_inputs import (
     wheel_speeds,
     without_sensor_errors,
 )
+from discrepancy.signals.resampling import resampled
 from hil.compose import Choice
 from hil.rundir import RunDirectory
 from hil.runs import run_lockstep
