@@ -47,6 +47,8 @@ class AnotherClock(Complaint):
     """A channel whose stamps may be of another clock."""
 
     left: float  # share of its variance that the prediction leaves at the best shift
+    late_s: float  # the best shift
+    step_s: float  # between the shifts that were tried
 
 
 def failing_channels(problem: Problem) -> list[Complaint]:
@@ -203,7 +205,9 @@ def _synchrony(problem: Problem, part: _Part, base: Array, local: Array) -> Comp
         f"fits the inputs {abs(late):.2f} s {'later' if late > 0 else 'earlier'} than its stamps say (correlation {alike:.2f} against "
         f"{inner:.2f}): recorded with another clock? Left out; try again with --shift {part.channel}={-late:.2f}"
     )
-    return AnotherClock(part.recording, part.channel, text, fatal=True, left=1.0 - alike**2)
+    return AnotherClock(
+        part.recording, part.channel, text, fatal=True, left=1.0 - alike**2, late_s=late, step_s=step
+    )
 
 
 def _longest_delay(problem: Problem, channel: str) -> float:

@@ -15,7 +15,7 @@ from discrepancy.estimation.normal_equations import inverse
 from discrepancy.estimation.problem import Problem
 from discrepancy.model.description import Effect, Parameter
 from discrepancy.selection.active_intervals import active_interval_of, runs, time_varying_nuisance
-from discrepancy.selection.candidate_fits import shapes_held
+from discrepancy.selection.candidate_fits import SURE, shapes_held
 from discrepancy.selection.open_ended import OpenEnded
 from discrepancy.selection.state import Settings, State, switched_off
 from discrepancy.signals import findings as f
@@ -45,7 +45,7 @@ def caveats_of(
     found += _early_beside_lag(state, effect)
     found += _in_between(problem, state, fitted)
     kept = _present(problem, effect, fitted, state.noise)
-    found += _at_bounds(effect, kept)
+    found += _at_bounds(effect, fitted, kept)
     found += at_baseline(kept, fitted, effect)
     found += _cancelled(problem, state, test)
     found += prior_conflicts(problem, fitted, state.noise)
@@ -108,14 +108,16 @@ def _mirrored(problem: Problem, state: State, test: DropOneTest, effect: Effect)
 
 
 def _early_beside_lag(state: State, effect: Effect) -> list[str]:
-    """A caveat of a reading that comes early beside a lag of its own: no sensor reads ahead, and each of the two is as large as the other makes it."""
+    """A caveat of a reading that comes early beside a lag of its own: no sensor reads ahead, and each of the two is as large as the other makes it. Of the lag, too, if half of it or more is made good."""
     delay, lag = f"{effect.reading}.delay", f"{effect.reading}.lag"
     shared = state.fit.values.shared
-    own = effect.reading and delay in effect.names and lag in state.fit.names
-    if not own or shared[delay] >= 0.0:
+    if not effect.reading or not {delay, lag} <= set(state.fit.names) or shared[delay] >= 0.0:
+        return []
+    undone = -shared[delay] > gates.LAG_UNDONE.threshold * shared[lag]
+    if not (delay in effect.names or (lag in effect.names and undone)):
         return []
     return [
-        f"comes early by {quantity(-shared[delay], 's')} beside a lag of {quantity(shared[lag], 's')} of the same reading: together they are a filter that the library does not have"
+        f"{effect.reading} comes early by {quantity(-shared[delay], 's')} beside a lag of {quantity(shared[lag], 's')}: together they are a filter that the library does not have"
     ]
 
 
@@ -149,15 +151,27 @@ def _present(problem: Problem, effect: Effect, fitted: Fit, noise: Noise) -> Est
     return [(p, e) for p, e in own if farthest(p, e) >= gates.ABSENT_PART.threshold * largest]
 
 
-def _at_bounds(effect: Effect, present: Estimated) -> list[str]:
-    """Amplitude parameters at a physical bound; for a profile only if all are. A fit at a bound would go on: something else is missing."""
+def _at_bounds(effect: Effect, fitted: Fit, present: Estimated) -> list[str]:
+    """Amplitude parameters at a physical bound, or with intervals that reach it; for a profile only if all are. A fit at a bound would go on: something else is missing."""
     stops = {p.name: p.lower if e.at_bound == "lower" else p.upper for p, e in present if e.at_bound}
     # a bound at the baseline is none: what ends there may be absent, which is said as such
     at_bound = [e for p, e in present if stops.get(p.name, p.value) != p.value]
     if at_bound and (not effect.is_profile or len(at_bound) == len(present)):
         first = at_bound[0]
         return [f"{first.name} stops at its physical bound, {quantity(first.value, first.unit)}"]
-    return []
+    if effect.is_profile:
+        return []
+    # by one fit of all recordings: where they disagree, their scatter does not make the bound a limit of what they show
+    open_ends = [
+        (e, bound)
+        for p, e in present
+        for bound, beyond in ((p.lower, p.lower - e.value), (p.upper, e.value - p.upper))
+        if bound != p.value and beyond + SURE * fitted.sd(p.name) > 0.0
+    ]
+    return [
+        f"the recordings leave open how large {e.name} is: its interval ends at its physical bound, {quantity(bound, e.unit)}"
+        for e, bound in open_ends[:1]
+    ]
 
 
 def at_baseline(present: Estimated, fitted: Fit, effect: Effect) -> list[str]:

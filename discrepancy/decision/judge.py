@@ -12,8 +12,8 @@ from typing import Final
 from discrepancy.decision import summary
 from discrepancy.decision.adequacy import adequacy, certain, first_look
 from discrepancy.decision.again.beside import Beside, beside_equation
-from discrepancy.decision.again.namesakes import without_namesakes
-from discrepancy.decision.again.other_way import other_way
+from discrepancy.decision.again.namesakes import apart, without_namesakes
+from discrepancy.decision.again.other_way import doubted, other_way
 from discrepancy.decision.again.times import with_times
 from discrepancy.decision.caveats import beside_rest, caveats_of, hanging, hangs_on, of_the_step
 from discrepancy.decision.drop_one import DropOneTest, backward, drop_one_tests
@@ -58,15 +58,16 @@ def judge(
     """
     first = _judged(problem, settings, progress, complaints)
     first = with_times(first, lambda cut: _judged(cut, settings, progress, complaints), settings, progress)
-    first = other_way(
+    first, better = other_way(
         first,
         lambda state: _judged(first.sheet, settings, progress, complaints, begin=state),
         settings,
         progress,
     )
-    return beside_equation(
+    last = beside_equation(
         first, lambda grown, beside: _judged(grown, settings, progress, complaints, beside), progress
     )
+    return doubted(last, better)
 
 
 def _judged(
@@ -98,6 +99,7 @@ def _judged(
             break
         progress(f"one effect is the best name twice; trying {', '.join(swapped.accepted)}")
         compared = _compared(problem, swapped, history, settings, progress)
+    compared = replace(compared, rivals=apart(compared.rivals))
     state, left = compared.state, compared.left
     # without an effect the second verdict says no more than the first, and nobody reads its equation
     equation = beside.equation(problem, state, left, settings) if beside and state.accepted else left

@@ -60,7 +60,7 @@ def verdict(
         reasons, said = [*said, *reasons], []
     cut_short = accepted >= settings.most_effects
     # what has only an equation has no name, however little it is
-    unnamed = bool(equation.terms) or named_share(found) < gates.NAMED_SHARE.threshold
+    unnamed = bool(equation.terms) or not all(x.named for x in found)
     # a value that is not certain to be wrong may stand for something that has no name
     open_question = not all(b.sure for b in contradict)
     further = granted(problem, channels)
@@ -113,7 +113,7 @@ def _late_alike(problem: Problem, found: Sequence[f.Finding]) -> Iterator[str]:
     late: dict[str, f.Estimate] = {}
     for x in found:
         effect, first = problem.model.effect(x.effect), x.parameters[0]
-        if first.name.endswith(".delay") and first.value > 0.0:
+        if x.named and first.name.endswith(".delay") and first.value > 0.0:
             late |= dict.fromkeys(effect.readings or (effect.reading,), first)
     times = [late[c] for c in problem.channels if c in late]
     alike = all(one.overlaps(other) for one in times for other in times)
@@ -167,15 +167,6 @@ def _granted(c: ChannelAdequacy) -> str:
         f"{c.channel} is simulated to {quantity(c.simulated, c.unit, 2)}, {times} times what a reading is off by: that is within a tenth of its movement, "
         "which is granted for disturbances that were not recorded; with `disturbances` in the model it is judged by what they can do"
     )
-
-
-def named_share(found: Sequence[f.Finding]) -> float:
-    """Of what the findings explain, the share that has a name, from 0 to 1."""
-    named, proxies = (
-        sum(max(x.held_out_sse_reduction, 0.0) for x in found if x.named is wanted)
-        for wanted in (True, False)
-    )
-    return named / (named + proxies) if proxies else 1.0
 
 
 def still_wrong(channels: Sequence[ChannelAdequacy], *, several: bool) -> list[str]:

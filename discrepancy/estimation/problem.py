@@ -33,7 +33,7 @@ from discrepancy.model.windows import (
     samples_per_row,
     usable,
 )
-from discrepancy.signals.recording import Array, Complaint, Recording, cleaned
+from discrepancy.signals.recording import Array, Complaint, Recording, cleaned, longest
 
 Mask = NDArray[np.bool_]
 Windows = tuple[int, ...]
@@ -131,7 +131,7 @@ class Problem:
         finer: int = 1,
         edges: Mapping[str, Sequence[float]] | None = None,
     ) -> None:
-        self.model = model
+        self.model = model.in_recordings_of(longest(recordings))
         self.edges = dict(edges or {})
         self.recordings = tuple(recordings)
         # the same filter for recorded and predicted samples: a mean over neighbours biases nothing

@@ -44,16 +44,6 @@ RIVAL_KEEPS: Final = _gate(
     otherwise="the rival is no member of the group",
     module="decision.groups",
 )
-BOTH_NEEDED: Final = _gate(
-    name="a rival makes the finding needless",
-    of="group",
-    statistic="reduction in SSE by both together beyond the better of the two, over the threshold of one effect",
-    threshold=1.0,
-    passes="below",
-    source="two names of one cause add nothing to one another",
-    otherwise="the rival is no member of the group: both may be there",
-    module="decision.groups",
-)
 MANOEUVRE_DECIDES: Final = _gate(
     name="a manoeuvre decides",
     of="group",
@@ -120,7 +110,7 @@ AT_BOUND: Final = _gate(
     statistic="distance of a parameter from its bound, in typical changes",
     threshold=1e-3,
     source="the accuracy of a fit",
-    otherwise="best proxy, cause unknown, if an amplitude parameter is at a bound other than its baseline",
+    otherwise="best proxy, cause unknown, if an amplitude parameter is at a bound other than its baseline; or if the 95 % interval of one fit of all recordings reaches beyond it",
     module="decision.summary",
 )
 AT_BOUND_SD: Final = _gate(
@@ -297,4 +287,14 @@ EQUATION_HELD_OUT: Final = _gate(
     source="as for an effect",
     otherwise="no term is added",
     module="selection.open_ended",
+)
+LAG_UNDONE: Final = _gate(
+    name="a lag that is undone",
+    of="name",
+    statistic="early stamp of a reading over the lag of the same reading, where both are accepted",
+    threshold=0.5,
+    passes="below",
+    source="of a lag that is half made good, the size is the early stamp's as much as its own",
+    otherwise="the lag is the best proxy, as the early stamp is in any case",
+    module="decision.caveats",
 )

@@ -71,15 +71,6 @@ PART_OVER: Final = _gate(
 
 # 9 verdict
 
-NAMED_SHARE: Final = _gate(
-    name="nine tenths have a name",
-    of="verdict",
-    statistic="held-out reduction by named effects over that by all findings; an equation that is left has no name, however little it is",
-    threshold=0.9,
-    source="the gap that a named effect has to close in the benchmark, median",
-    otherwise="*explained* becomes *explained in part*",
-    module="decision.verdict",
-)
 
 SAMPLES_TO_JUDGE: Final = _gate(
     name="samples to judge",

@@ -8,8 +8,8 @@ with free initial states (`scope='window'`) limit them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import InitVar, dataclass, field
-from typing import Literal, Protocol
+from dataclasses import InitVar, dataclass, field, replace
+from typing import Final, Literal, Protocol
 
 import numpy as np
 
@@ -42,6 +42,8 @@ class Parameter:
     trial_steps: tuple[float, ...] = ()  # finite changes at which an effect is scored; none: the typical one
     small: bool = True  # scored at nearly no change too
     guess: Callable[["Window"], float] | None = None  # start of the fit in each window, for scope 'window'
+    # of a rate: what matters as a change over a whole recording [unit s]; typical and bounds then follow from the length of the longest one
+    over_recording: float | None = None
     whole: InitVar[bool] = False  # old name of discrete
     probes: InitVar[tuple[float, ...]] = ()  # old name of trial_steps
 
@@ -66,6 +68,9 @@ class Parameter:
         return tuple(
             self.value + size for size in ((*sizes, NEARLY_NONE * self.typical) if self.small else sizes)
         )
+
+
+MOST_OVER: Final = 20.0  # of what matters: bound of a change over a recording, as that of a constant error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -294,6 +299,20 @@ class Model:
 
     def parameter(self, name: str) -> Parameter:
         return next(p for p in self.parameters if p.name == name)
+
+    def in_recordings_of(self, duration_s: float) -> "Model":
+        """The model with rates (a drift) whose typical size and bounds matter in recordings of this length [s]."""
+
+        def scaled(p: Parameter) -> Parameter:
+            if p.over_recording is None or duration_s <= 0.0:
+                return p
+            typical = p.over_recording / duration_s
+            return replace(p, typical=typical, lower=-MOST_OVER * typical, upper=MOST_OVER * typical)
+
+        if all(p.over_recording is None for e in self.effects for p in e.parameters):
+            return self
+        effects = tuple(replace(e, parameters=tuple(scaled(p) for p in e.parameters)) for e in self.effects)
+        return replace(self, effects=effects)
 
     def effect(self, name: str) -> Effect:
         for effect in self.effects:

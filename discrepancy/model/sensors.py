@@ -36,7 +36,10 @@ REVERSE = {
 def sensor_effects(
     output: str, unit: str, *, bias: float, kinds: Iterable[str] = KINDS, delay_s: float = 0.05
 ) -> tuple[Effect, ...]:
-    """Effects for the faults of one output channel. bias: an offset that matters [unit]; delay_s: a delay that matters [s]."""
+    """Effects for the faults of one output channel. bias: an offset that matters [unit], also as a drift over a recording; delay_s: a delay that matters [s].
+
+    Bounds: 20 biases either way, as a drift over the longest recording too; scale 0.3; delay 0.5 s or five times delay_s either way, lag 2 s or ten times delay_s.
+    """
     library = _faults(output, unit, bias, delay_s)
     if unknown := set(kinds) - set(library):
         raise ValueError(
@@ -85,6 +88,7 @@ def _faults(
         size: float,
         *trial_steps: float,
         discrete: bool = False,
+        over_recording: float | None = None,
     ) -> Parameter:
         low, high = value_range
         small = kind not in LINEAR
@@ -97,6 +101,7 @@ def _faults(
             trial_steps=trial_steps,
             small=small,
             discrete=discrete,
+            over_recording=over_recording,
         )
 
     # trial steps reach to four times delay_s and have to lie within the bounds, also where a slow sensor has delays of seconds
@@ -135,7 +140,13 @@ def _faults(
         "drift": (
             f"{output} drifts in proportion to time",
             "y = y_true + d (t - t0)",
-            parameter("drift", str(parse_unit(unit) / parse_unit("s")), (-bias, bias), bias / 60.0),
+            parameter(
+                "drift",
+                str(parse_unit(unit) / parse_unit("s")),
+                (-bias, bias),
+                bias / 60.0,
+                over_recording=bias,
+            ),
             "a long recording",
         ),
     }

@@ -2,7 +2,7 @@
 
 A strong effect that the baseline lacks may look like stamps of another clock: on a bank the roll angle follows the heading, and the
 prediction without the bank, shifted by some seconds, follows it too. The clock is blamed only where no effect explains the channel
-better at its own stamps.
+better at its own stamps, alone or with others.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,16 +13,19 @@ from scipy.optimize import lsq_linear
 from discrepancy.checks.channel_checks import AnotherClock
 from discrepancy.estimation.fit import WindowStates, differences
 from discrepancy.estimation.problem import Problem
-from discrepancy.model.description import Effect
+from discrepancy.model.description import Parameter
 from discrepancy.selection.screen import sensitivities
 from discrepancy.signals.recording import Array, Complaint
 
 
 def still_blamed(problem: Problem, complaints: Sequence[Complaint]) -> list[Complaint]:
-    """The complaints, without those on clocks of channels that an effect of the library explains better than the shift does."""
-    suspected = [c for c in complaints if isinstance(c, AnotherClock)]
+    """The complaints, without those on clocks of channels that the library explains better than the shift does, by one effect or by all at once, or that would need two clocks for one column of stamps."""
+    clocks = [c for c in complaints if isinstance(c, AnotherClock)]
+    at_odds = {c for c in clocks if any(_of_two_clocks(problem, c, other) for other in clocks)}
+    complaints = [c for c in complaints if c not in at_odds]
+    suspected = [c for c in clocks if c not in at_odds]
     if not suspected:
-        return list(complaints)  # without the cost of trying every effect
+        return complaints  # without the cost of trying every effect
     start = problem.start()
     base = problem.predict(start)
     local = differences(problem, start, base, problem.local_names)
@@ -37,22 +40,36 @@ def still_blamed(problem: Problem, complaints: Sequence[Complaint]) -> list[Comp
         measured, predicted = states.off(problem.measured[rows]), states.off(base[rows])
         for columns in tried:
             for raw, change in zip(columns.raw, columns.changes, strict=True):
-                yield _left(columns.effect, change, measured, predicted, states.off(raw[rows]))
+                own = columns.effect.amplitude_parameters
+                yield _left(own, change, measured, predicted, states.off(raw[rows]))
+        # a joint that has dry and viscous friction is late by neither alone
+        every = [p for columns in tried for p in columns.effect.amplitude_parameters]
+        first = np.concatenate([columns.changes[0] for columns in tried])
+        changed = np.hstack([states.off(columns.raw[0][rows]) for columns in tried])
+        yield _left(every, first, measured, predicted, changed)
 
     cleared = {c for c in suspected if any(share < c.left for share in left(c))}
     return [c for c in complaints if c not in cleared]
 
 
-def _left(effect: Effect, change: Array, measured: Array, predicted: Array, changed: Array) -> float:
-    """Share of the channel's variance (n,) that the prediction and the effect leave, at the size within its bounds that fits best.
+def _of_two_clocks(problem: Problem, one: AnotherClock, other: AnotherClock) -> bool:
+    """Whether two channels with the same stamps fit at different shifts: their stamps have one clock, so that it is not wrong by both."""
+    together = any({one.signal, other.signal} <= {*b.channels} for b in problem.blocks)
+    apart = abs(one.late_s - other.late_s) > one.step_s + other.step_s
+    return one.recording == other.recording and together and apart
 
-    changed: what the trial step `change` of each amplitude parameter (k,) does to the channel (n, k). As for the shift, the size of the
+
+def _left(
+    parameters: Sequence[Parameter], change: Array, measured: Array, predicted: Array, changed: Array
+) -> float:
+    """Share of the channel's variance (n,) that the prediction and one effect or several leave, at the sizes within their bounds that fit best.
+
+    parameters: their k amplitudes; changed: what the trial step `change` of each (k,) does to the channel (n, k). As for the shift, the size of the
     prediction and a zero point are free.
     """
     A = np.column_stack((predicted, changed))
     A, y = A - A.mean(axis=0), measured - measured.mean()
-    own = effect.amplitude_parameters
-    ends = np.array([[p.lower - p.value, p.upper - p.value] for p in own]) / change[:, None]
+    ends = np.array([[p.lower - p.value, p.upper - p.value] for p in parameters]) / change[:, None]
     bounds = np.vstack(([-np.inf, np.inf], np.sort(ends, axis=1)))
     fitted = lsq_linear(A, y, (bounds[:, 0], bounds[:, 1]))
     return float(2.0 * fitted.cost / (y @ y))

@@ -4,7 +4,7 @@ Damaged samples are removed, and every removal becomes a complaint. A fatal comp
 exception from within the computation.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -41,6 +41,13 @@ class Recording:
     signals: Mapping[str, Signal]
     # numbers that are valid for the whole run (mass on that day, diameter of the ball), SI
     constants: Mapping[str, float] = field(default_factory=dict)
+
+
+def longest(recordings: Iterable[Recording]) -> float:
+    """Time from the first to the last sample of the longest recording [s]; 0 without samples. Stamps may be in no order, or no numbers."""
+    stamps = [np.concatenate([s.time_s for s in r.signals.values()] or [np.zeros(0)]) for r in recordings]
+    good = [s[np.isfinite(s)] for s in stamps]
+    return max((float(np.ptp(s)) for s in good if s.size), default=0.0)
 
 
 @dataclass(frozen=True, slots=True)

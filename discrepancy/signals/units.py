@@ -21,6 +21,14 @@ DERIVED = {
     "Pa": {"kg": 1, "m": -1, "s": -2},
     "Hz": {"s": -1},
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+    "ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
+    "Ω": {"kg": 1, "m": 2, "s": -3, "A": -2},
+    "S": {"kg": -1, "m": -2, "s": 3, "A": 2},
+    "C": {"s": 1, "A": 1},
+    "F": {"kg": -1, "m": -2, "s": 4, "A": 2},
+    "H": {"kg": 1, "m": 2, "s": -2, "A": -2},
+    "Wb": {"kg": 1, "m": 2, "s": -2, "A": -1},
+    "T": {"kg": 1, "s": -2, "A": -1},
 }
 READABLE = ("N", "W", "Pa", "V")  # derived units in which others are written; no J, because a torque is none
 HEAT = ("W", "J")  # beside a kelvin: a heat capacity is no torque, and a heat transfer no force

@@ -31,3 +31,15 @@ def without_namesakes(
     accepted = tuple(best.effect if name == replaced else name for name in state.accepted)
     swapped = assess(problem, accepted, best.fit.values, settings, state.aside)
     return backward(problem, replace(swapped, trials=state.trials), settings)
+
+
+def apart(rivals: Sequence[Sequence[Alternative]]) -> list[list[Alternative]]:
+    """The alternatives of each finding, with another one first where the best name is that of a finding that it suits better."""
+    found = [list(ranked) for ranked in rivals]
+    taken = set[str]()
+    for ranked in sorted(found, key=lambda ranked: ranked[0].difference):
+        # what was accepted is there once, so that every finding keeps a name
+        own = next(i for i, a in enumerate(ranked) if a.effect not in taken)
+        taken.add(ranked[own].effect)
+        ranked[:] = ranked[own:]
+    return found

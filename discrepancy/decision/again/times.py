@@ -30,13 +30,14 @@ Edges = dict[str, list[float]]
 def with_times(
     first: Judgement, judged: Callable[[Problem], Judgement], settings: Settings, progress: Progress
 ) -> Judgement:
-    """The verdict, or that of windows that are cut where temporary effects begin and end, unless it says less or simulates worse.
+    """The verdict, or that of windows that are cut where temporary effects begin and end, unless it says less or simulates worse. Where none of them is named, its times are not worth a search.
 
     The times are those of a search in quarters of the windows beside. These are whole again for the verdict: the initial state of a short window is free and hides
     what distinguishes two effects. An effect that was there only for what a wrong time left over may be gone.
     """
     problem = first.sheet
-    beside = {} if problem.costs.costly else _in_parts(problem, _limits(problem, first.state))
+    named = any(x.named and x.where.temporary for x in first.findings.findings)
+    beside = _in_parts(problem, _limits(problem, first.state)) if named and not problem.costs.costly else {}
     if not beside:
         return first
     progress(f"narrowing down when {' and '.join(_temporary(problem, first.state))} begins and ends")

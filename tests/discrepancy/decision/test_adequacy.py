@@ -7,14 +7,12 @@ import pytest
 
 from discrepancy.decision.adequacy import certain
 from discrepancy.decision.location import fraction
-from discrepancy.decision.verdict import named_share
 from discrepancy.estimation.problem import Problem
 from discrepancy.examine import examine
 from discrepancy.model.sensors import sensor_effects
 from discrepancy.selection.state import Settings
 from discrepancy.signals.adequacy import ChannelAdequacy, ErrorPart, left
-from discrepancy.signals.findings import Finding, Findings
-from tests.diagnosis.cases import finding
+from discrepancy.signals.findings import Findings
 from tests.discrepancy.toys import record, struck, tank
 
 QUICK = Settings(open_ended=False)
@@ -200,16 +198,6 @@ def test_stated_disturbances_also_count_one_step_ahead() -> None:
     """Beside a sheet of 10 mm, 50 mm of waves are stated: 20 mm of noise are then no error of the model."""
     rough = replace(tank("leak"), sensor_noise={"level": 0.01}, disturbances={"level": 0.05})
     assert examine(rough, [record(16, noise=0.02)], QUICK).status == "nothing missing"
-
-
-@pytest.mark.parametrize(("proxy", "share"), [(0.0, 1.0), (5.0, 100 / 105), (100.0, 0.5), (-50.0, 1.0)])
-def test_a_best_proxy_has_no_name(proxy: float, share: float) -> None:
-    """Beside a name with evidence of 100 on held-out data; a proxy that makes these worse takes nothing from it."""
-    assert named_share([leak(100.0), replace(leak(proxy), named=False)]) == pytest.approx(share)
-
-
-def leak(held_out: float) -> Finding:
-    return replace(finding("leak", "physics", {"leak": 0.1}), held_out_sse_reduction=held_out)
 
 
 def test_an_error_of_a_part_alone_is_given_with_its_size() -> None:

@@ -283,5 +283,28 @@ def test_a_bound_at_the_baseline_is_no_bound_at_which_a_size_stops(
     leak = Parameter(name="leak", unit="1/s", lower=lower, upper=1.0, typical=0.05)
     value = leak.lower if size_at == "lower" else leak.upper
     seen = Estimate(name="leak", value=value, low=None, high=None, unit="1/s", at_bound=size_at, baseline=0.0)
-    found = caveats._at_bounds(physics("leak", leak), [(leak, seen)])
+    found = caveats._at_bounds(physics("leak", leak), known_to(0.0), [(leak, seen)])
     assert any("stops at its physical bound" in text for text in found) is stops
+
+
+@pytest.mark.parametrize(
+    ("value", "lower", "open_ended"),
+    [(0.27, -0.3, True), (-0.27, -0.3, True), (0.2, -0.3, False), (0.03, 0.0, False)],
+)
+def test_an_interval_that_reaches_a_bound_leaves_the_size_open(
+    value: float, lower: float, open_ended: bool
+) -> None:
+    """A scale of 0.27 with a standard deviation of 0.02, of 0.3 at most; a bound at the baseline is none."""
+    scale = Parameter(name="scale", unit="1", lower=lower, upper=0.3, typical=0.03)
+    seen = Estimate(name="scale", value=value, low=None, high=None, unit="1", at_bound=None, baseline=0.0)
+    found = caveats._at_bounds(physics("scale", scale), known_to(0.02), [(scale, seen)])
+    assert any("its interval ends at its physical bound" in text for text in found) is open_ended
+
+
+def known_to(sd: float) -> Fit:
+    """A fit of one parameter with this standard deviation."""
+    none = np.zeros((0, 1))
+    information = np.array([[1.0 / max(sd, 1e-12) ** 2]])
+    return Fit(
+        ("leak",) if sd == 0.0 else ("scale",), Values({}, {}), 0.0, 0.0, none[:, 0], none, information
+    )

@@ -4,10 +4,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from discrepancy.decision.again.namesakes import without_namesakes
+from discrepancy.decision.again.namesakes import apart, without_namesakes
 from discrepancy.decision.drop_one import drop_one_tests
+from discrepancy.decision.groups import Alternative
 from discrepancy.decision.judge import alternatives_of
-from discrepancy.estimation.problem import Problem
+from discrepancy.estimation.fit import Fit
+from discrepancy.estimation.problem import Problem, Values
 from discrepancy.model import Array, Effect, Model, Parameter, Recording, Window, signal
 from discrepancy.selection.assess import assess
 from discrepancy.selection.open_ended import OpenEnded
@@ -71,3 +73,22 @@ def test_two_effects_that_one_replaces_become_that_one() -> None:
 
 def test_effects_of_different_names_stay() -> None:
     assert judged(("whole",)) is None
+
+
+def ranked(*members: tuple[str, float]) -> list[Alternative]:
+    """A finding's alternatives: name, and difference in SSE from what was accepted."""
+    fitted = Fit((), Values({}, {}), 0.0, 0.0, np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)))
+    return [Alternative(name, difference, 1.0, fitted) for name, difference in members]
+
+
+def test_no_two_findings_have_one_name() -> None:
+    """A delay of the unit is the best name of both; it stays with the finding that it improves more."""
+    front, rear = ranked(("unit", -8.0), ("front", 0.0)), ranked(("unit", -3.0), ("rear", 0.0), ("hub", 2.0))
+    assert [[a.effect for a in found] for found in apart([front, rear])] == [
+        ["unit", "front"],
+        ["rear", "hub"],
+    ]
+    assert [[a.effect for a in found] for found in apart([rear, ranked(("front", 0.0), ("unit", 1.0))])] == [
+        ["unit", "rear", "hub"],
+        ["front", "unit"],
+    ]

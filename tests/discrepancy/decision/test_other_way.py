@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from discrepancy.decision.again.other_way import other_ways
+from discrepancy.decision.again.other_way import OtherWay, doubted, other_ways
 from discrepancy.decision.judge import judge
 from discrepancy.estimation.problem import Problem
 from discrepancy.model.description import Model, Parameter
@@ -85,9 +85,10 @@ def test_two_delays_explain_more_than_the_lag_that_was_taken_first(seed):
     problem = Problem(drive(), [record(seed, delay_s=DELAY_S)])
     state, _ = search(problem, Settings(most_effects=1))
     assert state.accepted == ("motor lag",)  # the best single effect
-    ((barred, other),) = other_ways(problem, state, state.accepted, Settings())
-    assert barred == "motor lag"
-    assert set(other.accepted) == {"speed delay", "position delay"}
+    (way,) = other_ways(problem, state, state.accepted, Settings())
+    assert way.barred == "motor lag"
+    assert set(way.state.accepted) == set(way.instead) == {"speed delay", "position delay"}
+    assert way.clearly_better
 
 
 def test_the_verdict_is_theirs():
@@ -118,3 +119,18 @@ def test_without_another_effect_there_is_no_other_way():
     found = judge(problem, Settings()).findings
     assert found.status != "explained"
     assert [x.effect for x in found.findings] == ["motor lag"]
+
+
+@pytest.mark.parametrize(("sd", "kept"), [(20.0, []), (80.0, ["motor lag"])])
+def test_what_others_explain_better_without_is_a_proxy(sd, kept):
+    """By evidence 100: five standard deviations, or one and a quarter."""
+    problem = Problem(drive(), [record(1, lag_s=DELAY_S)])
+    first = judge(problem, Settings())
+    assert first.findings.named == ["motor lag"]
+    way = OtherWay("motor lag", first.state, ("speed delay", "position delay"), 100.0, sd)
+    ways = [w for w in (way,) if w.clearly_better]
+    found = doubted(first, ways).findings
+    assert found.named == kept
+    assert (found.status == "unknown") is (kept == [])
+    said = "motor lag is only the best proxy, the cause is unknown: without it, speed delay and position delay explain the recordings better, by evidence 100"
+    assert (said in found.reasons) is (kept == [])

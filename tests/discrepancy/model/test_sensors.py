@@ -1,5 +1,7 @@
 """Faults of sensors, and stamps of held values."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,6 +9,7 @@ from hypothesis import strategies as st
 
 from discrepancy.model.sensors import delayed, lagged, sensor_effects, shown, through_sensors
 from discrepancy.signals.recording import changes_only, signal
+from tests.discrepancy.toys import tank
 
 
 @given(st.floats(0.02, 1.0), st.floats(0.1, 3.0))
@@ -58,3 +61,14 @@ def test_a_late_reading_within_a_recording_shows_what_was_before() -> None:
         np.testing.assert_allclose(seen, 2.0 * (t - sum(late.values())), atol=2e-3)
     constant = through_sensors({"y": 2.0 * t}, {"y.delay": 0.3}, t, 0.01, 0.0, {})["y"]
     assert np.all(constant[:30] == 10.0)
+
+
+def test_a_drift_matters_by_what_it_adds_up_to_over_the_longest_recording() -> None:
+    """Of a thermometer that is logged for a week, 0.3 K in a minute is no drift that anybody would ask about."""
+    model = replace(tank(), effects=sensor_effects("level", "m", bias=0.3, kinds=("drift",)))
+    for duration_s in (60.0, 6e5):
+        (effect,) = model.in_recordings_of(duration_s).effects
+        (drift,) = effect.parameters
+        assert drift.typical * duration_s == pytest.approx(0.3)
+        assert drift.upper * duration_s == pytest.approx(20 * 0.3)
+    assert model.in_recordings_of(0.0) == model

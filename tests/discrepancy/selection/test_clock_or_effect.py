@@ -10,6 +10,7 @@ from discrepancy.estimation.problem import Problem, Unusable
 from discrepancy.examine import usable
 from discrepancy.model.description import Effect, Model, Parameter
 from discrepancy.model.sensors import sensor_effects
+from discrepancy.selection.clock_or_effect import still_blamed
 from discrepancy.signals.recording import Recording, signal
 
 TIME_S = 0.1 * np.arange(2_000)
@@ -84,3 +85,22 @@ def test_an_effect_beyond_its_bounds_explains_nothing() -> None:
 def test_another_clock_is_no_effect(late_s: float, noise: float) -> None:
     with pytest.raises(Unusable, match="another clock"):
         usable(plate(ACROSS), [recorded(0.0, late_s, noise)])
+
+
+@pytest.mark.parametrize(("second_s", "asked"), [(4.0, ["tilt", "turn"]), (6.0, [])])
+def test_one_column_of_stamps_is_not_wrong_by_two_times(second_s: float, asked: list[str]) -> None:
+    """Two readings that fit at different shifts have one clock, so that it is the model that is wrong."""
+    one = plate()
+    both = replace(
+        one,
+        outputs={"tilt": "rad", "turn": "rad"},
+        simulate=lambda window, values, extra: dict.fromkeys(
+            ("tilt", "turn"), window["turned"] + values["zero"]
+        ),
+    )
+    drive = recorded(0.0, 4.0)
+    other = recorded(0.0, second_s).signals["tilt"]
+    problem = Problem(both, [replace(drive, signals={**drive.signals, "turn": other})])
+    suspected = failing_channels(problem)
+    assert [c.signal for c in suspected] == ["tilt", "turn"]
+    assert [c.signal for c in still_blamed(problem, suspected)] == asked

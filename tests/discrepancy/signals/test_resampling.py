@@ -43,7 +43,8 @@ def test_a_coarse_smooth_command_is_not_late(offset_s: float) -> None:
         pytest.param(sampled(0.1, noise=0.1), id="noise"),
         pytest.param(signal(sampled(0.1).time_s, np.sign(hand(sampled(0.1).time_s)), "1"), id="steps"),
         pytest.param(
-            signal(sampled(0.1).time_s, np.repeat(hand(sampled(0.1).time_s)[::5], 5)[:201], "1"), id="repeated"
+            signal(sampled(0.1).time_s, np.repeat(hand(sampled(0.1).time_s)[::5], 5)[:201], "1"),
+            id="repeated",
         ),
         pytest.param(signal(np.arange(0.0, 20.0, 0.1), np.full(200, 3.0), "1"), id="constant"),
         pytest.param(signal(np.array([0.0, 20.0]), np.array([1.0, 2.0]), "1"), id="two samples"),

@@ -96,3 +96,11 @@ def test_a_power_of_many_digits_is_no_unit() -> None:
             parse_scaled(text)
         assert len(str(error.value)) < 1000
     assert parse_scaled("km^-2").factor == pytest.approx(1e-6)
+
+
+@pytest.mark.parametrize(
+    ("unit", "same"),
+    [("ohm", "V/A"), ("Ω", "ohm"), ("S", "A/V"), ("F", "A.s/V"), ("C", "A.s"), ("H", "V.s/A"), ("Wb", "V.s"), ("T", "Wb/m^2"), ("ohm.F", "s")],
+)  # fmt: skip
+def test_electrical_units(unit: str, same: str) -> None:
+    assert parse_unit(unit) == parse_unit(same)
