@@ -101,7 +101,8 @@ def _cards(result: Findings) -> str:
     if result.adequacy:
         kind = "warned" if inadequate(result.adequacy) else "good"
         cards.append(_card(kind, "what is left", *still_wrong(result)))
-    for finding in result.findings[:SHOWN_CARDS]:
+    ranked = sorted(result.findings, key=lambda finding: not finding.named)  # stable: by evidence
+    for finding in ranked[:SHOWN_CARDS]:
         kind = "good" if finding.named else "warned"
         what = kind_and_place(finding)
         name = describe.alternatives(finding) if finding.named else f"Best proxy: {finding.effect}"
@@ -116,6 +117,10 @@ def _cards(result: Findings) -> str:
         more = f", and in {others} more channels" if others else ""
         improvement = f"Error on held-out data lower by: {lower}{more}." if lower else ""
         cards.append(_card(kind, what, name, f"{size}{'. ' if size else ''}{improvement}"))
+    if further := ranked[SHOWN_CARDS:]:
+        kind = "good" if any(finding.named for finding in further) else "warned"
+        names = "; ".join(f.effect if f.named else f"best proxy: {f.effect}" for f in further)
+        cards.append(_card(kind, "below", f"{len(further)} more", names))
     return f'<div class="cards">{"".join(cards)}</div>'
 
 

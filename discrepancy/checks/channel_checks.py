@@ -202,8 +202,8 @@ def _synchrony(problem: Problem, part: _Part, base: Array, local: Array) -> Comp
     if abs(late) <= allowed + step or not alike >= ALIKE or 1.0 - alike**2 > OTHER_CLOCK * (1.0 - inner**2):
         return None
     text = (
-        f"fits the inputs {abs(late):.2f} s {'later' if late > 0 else 'earlier'} than its stamps say (correlation {alike:.2f} against "
-        f"{inner:.2f}): recorded with another clock? Left out; try again with --shift {part.channel}={-late:.2f}"
+        f"fits the inputs with stamps {abs(late):.2f} s {'earlier' if late > 0 else 'later'} (correlation {alike:.2f}, and {inner:.2f} within the "
+        f"delay of a sensor): recorded with another clock? Left out; try again with --shift {part.channel}={-late:.2f}"
     )
     return AnotherClock(
         part.recording, part.channel, text, fatal=True, left=1.0 - alike**2, late_s=late, step_s=step

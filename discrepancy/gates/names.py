@@ -189,6 +189,16 @@ HANGS_ON_A_VALUE: Final = _gate(
     otherwise="best proxy, cause unknown, and the value is not sure",
     module="decision.caveats",
 )
+HANGS_ON_A_PROXY: Final = _gate(
+    name="a size of its own beside proxies",
+    of="name",
+    statistic="change of an effect's size, over that size, to first order, if the best proxies are taken out",
+    threshold=1.0,
+    passes="below",
+    source="itself: beyond it even the effect's sign is that of the proxies; a bias of an accelerometer of -2.2 m/s² (true 1.0) beside a scale at its bound changes by 1.8",
+    otherwise="best proxy, cause unknown",
+    module="decision.sizes.without_proxies",
+)
 SEEN_BESIDE_REST: Final = _gate(
     name="seen beside what is left over",
     of="name",
